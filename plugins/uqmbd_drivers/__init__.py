@@ -1,0 +1,14 @@
+"""Drivers: motion prescribed as a function of time."""
+
+from __future__ import annotations
+
+import uqmbd
+from uqmbd_drivers.rotation import RotationDriver
+
+__all__ = ["RotationDriver"]
+
+
+@uqmbd.hookimpl
+def uqmbd_components() -> list[type[uqmbd.Component]]:
+    """Return the drivers of this package."""
+    return [RotationDriver]

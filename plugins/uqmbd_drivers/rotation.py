@@ -1,0 +1,48 @@
+"""The rotational driver."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import sympy
+
+import uqmbd
+
+__all__ = ["RotationDriver"]
+
+
+class RotationDriver(uqmbd.Component):
+    """The rotation of body j relative to body i, about a common axis, follows a function of time.
+
+    With the relative quaternion ``r`` and the angle ``a`` it is ``r0 sin(a/2) - r3 cos(a/2) = 0``: the trigonometric
+    functions are of time alone, there is no ``atan2``, and any number of turns may be made.
+
+    Examples
+    --------
+    >>> RotationDriver.signature()
+    '(name, body_i, body_j, angle, axis_i, axis_j)'
+    """
+
+    spaces = (uqmbd.Spatial, uqmbd.Planar)
+    angle = uqmbd.Parameter("rad", "angle, an expression in uqmbd.t; zero where the two frames coincide")
+    axis_i = uqmbd.Parameter("1", "axis, frame of body i (left out in the plane)", kind="turning_axis")
+    axis_j = uqmbd.Parameter("1", "axis, frame of body j (left out in the plane)", kind="turning_axis")
+
+    def prepare(self) -> dict[str, Any]:
+        """Lay a frame on each axis."""
+        if not self.axis_i:
+            return {}
+        frame_i, frame_j = uqmbd.joint_frames(self.axis_i, self.axis_j)
+        return {"frame_i": frame_i, "frame_j": frame_j}
+
+    def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.Constraint]:
+        """Yield the geometry."""
+        turned = (
+            [f.attitude(frame) for f, frame in ((p.body_i, p.frame_i), (p.body_j, p.frame_j))]
+            if p.axis_i
+            else [p.body_i.quaternion, p.body_j.quaternion]
+        )
+        relative = uqmbd.relative_quaternion(*turned)
+        half = p.angle / 2
+        yield uqmbd.Constraint(relative[0] * sympy.sin(half) - relative[-1] * sympy.cos(half), "angle")

@@ -1,0 +1,28 @@
+"""The distance joint."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import uqmbd
+
+__all__ = ["Distance"]
+
+
+class Distance(uqmbd.Component):
+    """A massless rod: two points keep their distance.  Spherical at both ends; in the plane revolute at both.
+
+    Examples
+    --------
+    >>> Distance.signature()
+    '(name, body_i, body_j, point_i, point_j, length)'
+    """
+
+    point_i = uqmbd.Parameter("m", "end of the rod, frame of body i", kind="point")
+    point_j = uqmbd.Parameter("m", "end of the rod, frame of body j", kind="point")
+    length = uqmbd.Parameter("m", "length of the rod")
+
+    def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.Constraint]:
+        """Yield the geometry."""
+        offset = p.body_j.point(p.point_j) - p.body_i.point(p.point_i)
+        yield uqmbd.Constraint(offset.dot(offset) - p.length**2, "length")

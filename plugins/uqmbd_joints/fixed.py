@@ -1,0 +1,39 @@
+"""The fixed joint."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import uqmbd
+
+__all__ = ["Fixed"]
+
+
+class Fixed(uqmbd.Component):
+    """Two bodies as one: two points coincide, and body j keeps its rotation relative to body i.
+
+    The vector part of the relative quaternion vanishes, which no mirror image shares.
+
+    Examples
+    --------
+    >>> Fixed.signature()
+    '(name, body_i, body_j, point_i, point_j, rotation=None)'
+    """
+
+    point_i = uqmbd.Parameter("m", "joint point, frame of body i", kind="point")
+    point_j = uqmbd.Parameter("m", "joint point, frame of body j", kind="point")
+    rotation = uqmbd.Parameter(
+        "1", "rotation of body j relative to body i; None: as drawn", kind="rotation", default=None
+    )
+
+    def prepare(self) -> dict[str, Any]:
+        """Take the relative rotation from the drawing unless it is given."""
+        return {"turn": self.drawn_quaternion() if self.rotation is None else self.rotation}
+
+    def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.Constraint]:
+        """Yield the geometry."""
+        i, j = p.body_i, p.body_j
+        yield uqmbd.Constraint(j.point(p.point_j) - i.point(p.point_i), "point")
+        if p.space.turns:
+            yield uqmbd.Constraint(uqmbd.relative_quaternion(i.attitude(p.turn), j.quaternion)[1:], "rotation")

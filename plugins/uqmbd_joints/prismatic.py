@@ -1,0 +1,46 @@
+"""The prismatic joint."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import sympy
+
+import uqmbd
+
+__all__ = ["Prismatic"]
+
+
+class Prismatic(uqmbd.Component):
+    """A slide: the point on body j stays on a line fixed in body i, and nothing turns.
+
+    The relative rotation is the drawn one, turned by as little as makes the two axes parallel.
+
+    Examples
+    --------
+    >>> Prismatic.signature()
+    '(name, body_i, body_j, point_i, point_j, axis_i, axis_j)'
+    """
+
+    point_i = uqmbd.Parameter("m", "a point of the line, frame of body i", kind="point")
+    point_j = uqmbd.Parameter("m", "the point on the line, frame of body j", kind="point")
+    axis_i = uqmbd.Parameter("1", "direction of the line, frame of body i", kind="axis")
+    axis_j = uqmbd.Parameter("1", "direction of the line, frame of body j", kind="axis")
+
+    def prepare(self) -> dict[str, Any]:
+        """Find the normals of the line and the rotation to keep."""
+        if len(self.axis_i) == 3:
+            normals = [*uqmbd.perpendiculars(self.axis_i)[0], *uqmbd.perpendiculars(self.axis_i)[1]]
+        else:
+            normals = [-self.axis_i[1], self.axis_i[0]]
+        return {"normals": normals, "turn": uqmbd.aligned(self.drawn_quaternion(), self.axis_i, self.axis_j)}
+
+    def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.Constraint]:
+        """Yield the geometry."""
+        i, j, d = p.body_i, p.body_j, p.space.dimension
+        offset = j.point(p.point_j) - i.point(p.point_i)
+        normals = [i.direction(p.normals[k : k + d]) for k in range(0, len(p.normals), d)]
+        yield uqmbd.Constraint(sympy.Matrix([n.dot(offset) for n in normals]), "line")
+        if p.space.turns:
+            yield uqmbd.Constraint(uqmbd.relative_quaternion(i.attitude(p.turn), j.quaternion)[1:], "rotation")

@@ -1,0 +1,46 @@
+"""The revolute joint."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import uqmbd
+
+__all__ = ["Revolute"]
+
+
+class Revolute(uqmbd.Component):
+    """A hinge: two points coincide, and in space two axes are parallel.
+
+    The axes are held through the quaternion of joint frame j relative to joint frame i, whose first two vector
+    components vanish: quadratic in the coordinates, and without the mirror image of the usual dot products.
+
+    Examples
+    --------
+    >>> import uqmbd
+    >>> mechanism = uqmbd.Mechanism("pendulum", uqmbd.Planar(gravity=(0, -9.81)))
+    >>> rod = mechanism.body("rod", mass=1, inertia=1 / 12, position=(0.5, 0))
+    >>> mechanism.add(Revolute("pivot", mechanism.ground, rod, point_i=(0, 0), point_j=(-0.5, 0)))
+    <Revolute 'pivot': ground, rod>
+    """
+
+    point_i = uqmbd.Parameter("m", "joint point, frame of body i", kind="point")
+    point_j = uqmbd.Parameter("m", "joint point, frame of body j", kind="point")
+    axis_i = uqmbd.Parameter("1", "joint axis, frame of body i (left out in the plane)", kind="turning_axis")
+    axis_j = uqmbd.Parameter("1", "joint axis, frame of body j (left out in the plane)", kind="turning_axis")
+
+    def prepare(self) -> dict[str, Any]:
+        """Lay a frame on each axis."""
+        if not self.axis_i:
+            return {}
+        frame_i, frame_j = uqmbd.joint_frames(self.axis_i, self.axis_j)
+        return {"frame_i": frame_i, "frame_j": frame_j}
+
+    def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.Constraint]:
+        """Yield the geometry."""
+        i, j = p.body_i, p.body_j
+        yield uqmbd.Constraint(j.point(p.point_j) - i.point(p.point_i), "point")
+        if p.space.dimension == 3:
+            relative = uqmbd.relative_quaternion(i.attitude(p.frame_i), j.attitude(p.frame_j))
+            yield uqmbd.Constraint(relative[1:3], "axis")

@@ -1,0 +1,14 @@
+"""Monte Carlo: the reference that every other method is measured against."""
+
+from __future__ import annotations
+
+import uqmbd
+from uqmbd_montecarlo.propagator import MonteCarlo
+
+__all__ = ["MonteCarlo"]
+
+
+@uqmbd.hookimpl
+def uqmbd_propagators() -> list[type[uqmbd.Propagator]]:
+    """Return the propagator of this package."""
+    return [MonteCarlo]

@@ -1,0 +1,39 @@
+"""The spring-damper between two points."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import sympy
+
+import uqmbd
+
+__all__ = ["SpringDamper"]
+
+
+class SpringDamper(uqmbd.Component):
+    """A linear spring and damper along the line between two points.
+
+    The length is ``sqrt(d . d + (1e-9 m)^2)``, so that a start at zero length is defined.
+
+    Examples
+    --------
+    >>> SpringDamper.signature()
+    '(name, body_i, body_j, point_i, point_j, stiffness, damping=0, free_length=0)'
+    """
+
+    point_i = uqmbd.Parameter("m", "end, frame of body i", kind="point")
+    point_j = uqmbd.Parameter("m", "end, frame of body j", kind="point")
+    stiffness = uqmbd.Parameter("N/m", "spring rate")
+    damping = uqmbd.Parameter("N s/m", "damper rate", default=0)
+    free_length = uqmbd.Parameter("m", "length without force", default=0)
+
+    def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.Potential | uqmbd.VirtualWork]:
+        """Yield energy and dissipation."""
+        d = p.body_j.point(p.point_j) - p.body_i.point(p.point_i)
+        length = sympy.sqrt(d.dot(d) + sympy.Float(1e-18))
+        # without a free length the energy is a polynomial: no root
+        yield uqmbd.Potential(p.stiffness * (d.dot(d) if p.free_length == 0 else (length - p.free_length) ** 2) / 2)
+        if p.damping != 0:
+            rate = d.dot(p.body_j.point_velocity(p.point_j) - p.body_i.point_velocity(p.point_i)) / length
+            yield uqmbd.VirtualWork(-p.damping * rate, rate)

@@ -1,0 +1,198 @@
+"""Components: what may be added, and what a message says of what may not."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import chaospy
+import numpy as np
+import pytest
+import sympy
+
+import uqmbd
+from uqmbd_drivers import RotationDriver
+from uqmbd_joints import Distance, Fixed, Prismatic, Revolute
+from uqmbd_springs import PointForce, SpringDamper, Torque, TorsionSpringDamper
+
+LENGTH = uqmbd.RandomVariable("length", chaospy.Uniform(0.9, 1.1), units="m")
+
+
+class Gadget(uqmbd.Component):
+    """A plugin's component that does no checks of its own and computes with what it is given."""
+
+    bodies: ClassVar[tuple[str, ...]] = ("body",)
+    point = uqmbd.Parameter("m", "where it is", kind="point")
+    rate = uqmbd.Parameter("N/m", "how stiff it is", default=1)
+    axis = uqmbd.Parameter("1", "where to", kind="axis", default=(1, 0))
+    turn = uqmbd.Parameter("1", "how it is turned", kind="rotation", default=None)
+    mode = uqmbd.Parameter("", "what it does", kind="option", default="push", choices=("push", "pull"))
+
+    def prepare(self):
+        return {"twice": 2 * self.rate, "moved": [x + 1 for x in self.point]}
+
+    def terms(self, p):
+        yield uqmbd.Potential(p.twice * p.body.point(p.point)[0])
+
+
+NONSENSE = {
+    "a text": ("abc", "point is the text 'abc'; expected 2 numbers (where it is, m)"),
+    "texts": (("1", "2"), "with the text '1' in it"),
+    "None": (None, "point is missing; expected 2 numbers"),
+    "complex": ((1j, 0), "1j in it, which is not real"),
+    "too few": (1, "point has 1 number, expected 2 (where it is, m)"),
+    "too many": ((1, 2, 3), "point has 3 numbers, expected 2 (where it is, m); it is (1, 2, 3)"),
+    "a matrix": (np.eye(2), "which is nested"),
+    "ragged": ((1, (2,)), "point is (1, (2,)), which is nested"),
+    "a truth": ((True, 0), "with True in it"),
+    "a function": ((len, 0), "no number or expression"),
+    "a class": ((int, 0), "with the class int in it"),
+    "a condition": ((sympy.Symbol("x") > 0, 0), "which is a StrictGreaterThan"),
+    "not finite": ((np.nan, 0), "which is not finite"),
+    "a set": ({1, 2}, "point has 1 number, expected 2"),
+    "a stranger": ((sympy.Symbol("a"), 0), "the symbol a, which is neither a random variable"),
+    "another t": ((sympy.Symbol("t"), 0), "time is uqmbd.t"),
+}
+
+
+def refused(make, *words):
+    with pytest.raises(uqmbd.StudyError) as caught:
+        make()
+    for word in words:
+        assert word in str(caught.value), f"{word!r} not in {caught.value}"
+
+
+@pytest.mark.parametrize(("value", "words"), NONSENSE.values(), ids=NONSENSE)
+def test_nonsense_in_a_plugins_parameter_is_a_study_error(plane, value, words):
+    refused(lambda: plane.add(Gadget("g", plane.bodies["rod"], point=value)), "Gadget 'g'", "point", words)
+    assert not plane.components
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"rate": "hard"}, "rate is the text 'hard'; expected a number (how stiff it is, N/m)"),
+        ({"rate": (1, 2)}, "rate has 2 numbers, expected 1"),
+        ({"rate": [[1, 2], [3, 4]]}, "which is nested"),
+        ({"rate": None}, "rate is missing; expected a number"),
+        ({"rate": {}}, "which is a Dict"),
+        ({"axis": (0, 0)}, "axis: the vector (0, 0) has no length"),
+        ({"axis": (0, 0, 1)}, "axis has 3 numbers, expected 2"),
+        ({"turn": (1, 0, 0, 0)}, "turn has 4 numbers, expected 1 (how it is turned, 1: the angle in rad)"),
+        ({"turn": "left"}, "turn is the text 'left'"),
+        ({"mode": "hold"}, "mode is the text 'hold'; expected one of 'push', 'pull'"),
+        ({"mode": np.zeros(2)}, "expected one of 'push', 'pull'"),
+    ],
+)
+def test_what_is_wrong_with_a_value(plane, given, words):
+    refused(lambda: plane.add(Gadget("g", plane.bodies["rod"], point=(0, 0), **given)), "Gadget 'g'", words)
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda rod: Revolute(), "name"),
+        (lambda rod: Revolute("A"), "'body_i' is missing; give a body or mechanism.ground"),
+        (lambda rod: Revolute("A", rod), "'body_j' is missing"),
+        (lambda rod: Revolute("A", rod, rod, pointi=(0, 0)), "there is no argument 'pointi'. Usage: Revolute(name, body_i"),
+        (lambda rod: Revolute("A", rod, rod, body_j=rod), "'body_j' is given twice"),
+        (lambda rod: Revolute("A", *[rod] * 9), "10 arguments given by position, at most 7 fit"),
+        (lambda rod: Revolute(rod, rod), "expected a text. The name is the first argument"),
+    ],
+)  # fmt: skip
+def test_arguments(plane, make, words):
+    with pytest.raises((uqmbd.StudyError, TypeError)) as caught:
+        make(plane.bodies["rod"])
+    assert words in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda g, rod: Revolute("A", g, rod), ["'point_i' is missing (joint point, frame of body i, m)", "Usage: "]),
+        (lambda g, rod: Revolute("A", g, rod, (0, 0), (0, 0, 0)), ["point_j has 3 numbers, expected 2"]),
+        (lambda g, rod: Revolute("A", g, rod, (0, 0), (0, 0), (0, 0, 1)), ["axis_i is given", "leave it out"]),
+        (lambda g, rod: Revolute("A", g, None, (0, 0), (0, 0)), ["body_j is None, which is no body", "ground, rod"]),
+        (lambda g, rod: Revolute("A", g, "rod", (0, 0), (0, 0)), ["body_j is the text 'rod', which is no body"]),
+        (lambda g, rod: Revolute("A", rod, rod, (0, 0), (0, 0)), ["body_i and body_j are the same body 'rod'"]),
+        (lambda g, rod: Revolute("A", g, g, (0, 0), (0, 0)), ["body_i and body_j are the ground", "no effect"]),
+        (lambda g, rod: PointForce("F", g, (0, 0), (1, 0)), ["body is the ground", "no effect", "bodies of 'machine'"]),
+        (lambda g, rod: Torque("T", rod, torque=1, frame="top"), ["frame is the text 'top'", "'world', 'body'"]),
+        (lambda g, rod: Torque("T", rod, torque=(0, 0, 1)), ["torque has 3 numbers, expected 1 (the torque, N m)"]),
+        (lambda g, rod: Prismatic("P", g, rod, (0, 0), (0, 0), (0, 0), (1, 0)), ["axis_i: the vector", "has no length"]),
+        (lambda g, rod: PointForce("F", rod, (0, 0), (rod.acceleration[0], 0)), ["depends on rod.x''", "may depend on"]),
+        (lambda g, rod: PointForce("F", rod, (0, 0), (rod.angle, 0)), ["depends on rod.angle"]),
+        (lambda g, rod: Revolute, ["given the class Revolute", "made as Revolute(name, body_i"]),
+        (lambda g, rod: rod, ["add() was given <body 'rod'>", "expected a component"]),
+        (lambda g, rod: None, ["add() was given None"]),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_added(plane, make, words):
+    refused(lambda: plane.add(make(plane.ground, plane.bodies["rod"])), *words)
+    assert not plane.components
+
+
+@pytest.mark.parametrize("kind", [RotationDriver, TorsionSpringDamper, Torque])
+def test_rotations_make_no_sense_for_point_masses(kind):
+    mechanism = uqmbd.Mechanism("points", uqmbd.Translational())
+    bodies = [mechanism.body("a", mass=1), mechanism.body("b", mass=1)][: len(kind.bodies)]
+    refused(lambda: mechanism.add(kind("c", *bodies, 1)), "makes no sense in Translational space", "Spatial, Planar")
+
+
+def test_relative_rotation_is_none_of_a_point_masses(plane):
+    mechanism = uqmbd.Mechanism("points", uqmbd.Translational())
+    a, b = mechanism.body("a", mass=1), mechanism.body("b", mass=1)
+    refused(lambda: mechanism.add(Fixed("F", a, b, (0, 0), (0, 0), rotation=1)), "rotation is given", "do not turn")
+    mechanism.add(Fixed("F", a, b, (0, 0), (0, 0)))
+
+
+def test_bodies_and_grounds_of_other_mechanisms(plane):
+    other = uqmbd.Mechanism("other", uqmbd.Planar())
+    rod, stranger = plane.bodies["rod"], other.body("rod", mass=1, inertia=1)
+    refused(lambda: plane.add(Distance("D", plane.ground, stranger, (0, 0), (0, 0), 1)), "of another mechanism")
+    refused(lambda: plane.add(Distance("D", other.ground, rod, (0, 0), (0, 0), 1)), "ground of another mechanism")
+    force = (stranger.velocity[0], 0)
+    refused(lambda: plane.add(PointForce("F", rod, (0, 0), force)), "body 'rod' is not in mechanism 'machine'")
+
+
+def test_reactions_are_for_outputs(plane):
+    rod = plane.bodies["rod"]
+    pivot = plane.add(Revolute("pivot", plane.ground, rod, (0, 0), (0, 0)))
+    refused(lambda: plane.add(PointForce("F", rod, (0, 0), pivot.reaction_force)), "depends on pivot.reaction_force[0]")
+
+
+def test_names_are_shared_by_bodies_and_components(plane):
+    rod = plane.bodies["rod"]
+    force = plane.add(PointForce("F", rod, (0, 0), (1, 0)))
+    refused(lambda: plane.add(force), "has been added to mechanism 'machine' already")
+    refused(lambda: plane.add(PointForce("F", rod, (0, 0), (1, 0))), "the name is taken by PointForce 'F'")
+    refused(lambda: plane.add(PointForce("rod", rod, (0, 0), (1, 0))), "the name is taken by body 'rod'")
+    refused(lambda: plane.body("F", mass=1, inertia=1), "the name is taken by PointForce 'F'")
+
+
+def test_add_returns_the_component_with_its_values(plane):
+    rod = plane.bodies["rod"]
+    spring = SpringDamper("S", plane.ground, rod, (0, 0), [1, 0], stiffness=2 * LENGTH)
+    assert plane.add(spring) is spring
+    assert spring.stiffness == 2 * LENGTH and spring.damping == 0 and tuple(spring.point_j) == (1, 0)
+    assert plane.inputs.names == ("length",)
+
+
+def test_values_in_states_and_time_are_laws(plane):
+    rod = plane.bodies["rod"]
+    law = (-3 * rod.velocity[0] + sympy.sin(uqmbd.t), LENGTH * rod.angular_velocity)
+    assert plane.add(PointForce("F", rod, (0, 0), law)).force == law
+
+
+def test_choice_may_be_anything_that_compares_oddly(plane):
+    """An array compares entry by entry, which must not escape as numpy's error."""
+    refused(lambda: plane.add(Torque("T", plane.bodies["rod"], 1, frame=np.zeros(3))), "expected one of")
+
+
+def test_signature_is_what_help_shows():
+    import inspect
+
+    assert list(inspect.signature(Fixed).parameters) == ["name", "body_i", "body_j", "point_i", "point_j", "rotation"]
+
+
+def test_parameter_reads_as_its_declaration_on_the_class():
+    assert Revolute.point_i.units == "m" and Revolute.parameters()["point_i"] is Revolute.point_i

@@ -1,0 +1,175 @@
+"""Study scripts: what a user gets wrong in one is told in the script's own lines."""
+
+from __future__ import annotations
+
+import pickle
+import subprocess
+import sys
+import textwrap
+
+import pytest
+
+import uqmbd
+from uqmbd.propagation.script import load_study
+
+
+class FakeStudy:
+    """Stands for a study; scripts make one without a mechanism."""
+
+    def __init__(self, name="fake", function=None):
+        self.name = name
+        self.function = function
+
+
+@pytest.fixture(autouse=True)
+def fake_study(monkeypatch):
+    """Take any `FakeStudy` for a study, and forget modules and folders of scripts after the test."""
+    monkeypatch.setattr(uqmbd, "Study", FakeStudy, raising=False)
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    before = set(sys.modules)
+    yield
+    for name in set(sys.modules) - before:
+        if getattr(sys.modules[name], "__file__", None) and "pytest-of" in str(sys.modules[name].__file__):
+            del sys.modules[name]
+
+
+@pytest.fixture
+def script(tmp_path):
+    """Write a script of this text and return its path."""
+
+    def write(text, name="my_script.py"):
+        path = tmp_path / name
+        path.write_text(textwrap.dedent(text).lstrip())
+        return path
+
+    return write
+
+
+def message(path):
+    with pytest.raises(uqmbd.StudyError) as caught:
+        load_study(path)
+    return str(caught.value)
+
+
+def test_study_is_returned(script):
+    path = script("import uqmbd\nstudy = uqmbd.Study('a')\n")
+    assert load_study(path).name == "a"
+
+
+def test_functions_of_the_script_can_be_pickled(script):
+    path = script("""
+        import uqmbd
+
+        def double(x):
+            return 2 * x
+
+        study = uqmbd.Study(function=double)
+        """)
+    function = load_study(path).function
+    assert pickle.loads(pickle.dumps(function)) is function
+
+
+def test_functions_of_the_script_reach_a_process_that_was_not_forked(script):
+    """Such a process has the path of its parent, and imports the module by its name."""
+    source = "def double(x):\n    return 2 * x\n"
+    path = script(source + "import uqmbd\nstudy = uqmbd.Study(function=double)\n")
+    pickled = pickle.dumps(load_study(path).function).hex()
+    path.write_text(source)  # the fake study is unknown in the other process
+    code = "import pickle, sys; sys.path[:] = eval(sys.argv[1]); print(pickle.loads(bytes.fromhex(sys.argv[2]))(21))"
+    command = [sys.executable, "-c", code, repr(sys.path), pickled]
+    run = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert run.stdout.strip() == "42", run.stderr
+
+
+def test_neighbouring_modules_can_be_imported(script):
+    script("VALUE = 'from the neighbour'\n", name="script_neighbour.py")
+    path = script("import uqmbd, script_neighbour\nstudy = uqmbd.Study(script_neighbour.VALUE)\n")
+    assert load_study(path).name == "from the neighbour"
+
+
+def test_script_named_like_a_library_does_not_replace_it(script):
+    import json
+
+    path = script("import uqmbd\nstudy = uqmbd.Study(__name__)\n", name="json.py")
+    assert load_study(path).name.startswith("uqmbd_study_json_")
+    assert sys.modules["json"] is json
+
+
+def test_script_is_read_again_when_it_changed(script):
+    load_study(script("import uqmbd\nstudy = uqmbd.Study('first')\n"))
+    assert load_study(script("import uqmbd\nstudy = uqmbd.Study('second')\n")).name == "second"
+
+
+def test_missing_file_lists_its_neighbours(script, tmp_path):
+    script("", name="crank.py")
+    text = message(tmp_path / "krank.py")
+    assert "There is no file" in text and "krank.py" in text and "crank.py" in text.split("Python files in")[1]
+
+
+def test_folder_and_other_files(tmp_path):
+    assert "is a folder" in message(tmp_path)
+    other = tmp_path / "study.txt"
+    other.write_text("")
+    assert "is not a Python file" in message(other)
+
+
+def test_no_study(script):
+    assert "has no module-level `study`" in message(script("x = 1\n"))
+    hinted = message(script("import uqmbd\nproblem = uqmbd.Study()\n"))
+    assert "It holds a study named 'problem': rename it." in hinted
+
+
+def test_study_of_another_type(script):
+    text = message(script("study = 3\n"))
+    assert "`study` is 3 (of type int); a uqmbd.Study is expected" in text
+
+
+def test_script_that_raises_shows_its_own_line(script):
+    path = script("""
+        def ratio(a, b):
+            return a / b
+
+        study = ratio(1, 0)
+        """)
+    text = message(path)
+    assert text == f"{path}, line 2, in ratio:\n    return a / b\nZeroDivisionError: division by zero"
+
+
+def test_script_that_raises_inside_a_library_shows_the_line_that_called_it(script):
+    path = script("import json\nstudy = json.loads('{')\n")
+    text = message(path)
+    assert text.startswith(f"{path}, line 2:\n    study = json.loads('{{')\n") and "JSONDecodeError" in text
+    assert "decoder.py" not in text
+
+
+def test_message_of_a_study_error_is_not_decorated(script):
+    path = script("import uqmbd\nraise uqmbd.StudyError('the mass is negative')\n")
+    assert message(path).endswith("\nthe mass is negative")
+
+
+def test_statement_over_several_lines_is_shown_whole(script):
+    path = script("study = dict(\n    [1],\n)\n")
+    assert "    study = dict(\n        [1],\n    )\nTypeError" in message(path)
+
+
+def test_syntax_error(script):
+    path = script("x = 1\nstudy = (1,\n")
+    text = message(path)
+    assert text.startswith(f"{path}, line 2:\n    study = (1,") and "SyntaxError: '(' was never closed" in text
+
+
+def test_missing_module(script):
+    path = script("import no_such_module_at_all\n")
+    text = message(path)
+    assert "line 1:" in text and "No module named 'no_such_module_at_all'" in text
+
+
+def test_script_that_exits(script):
+    assert "ended itself (SystemExit: 3)" in message(script("import sys\nsys.exit(3)\n"))
+
+
+def test_failure_leaves_nothing_behind(script):
+    path_before = list(sys.path)
+    message(script("raise ValueError('no')\n", name="script_that_fails.py"))
+    assert "script_that_fails" not in sys.modules
+    assert sys.path == path_before

@@ -1,0 +1,185 @@
+"""The report: one offline file that says everything once, escapes everything, and survives broken plugins."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from uqmbd import report, results
+from uqmbd.errors import StudyError
+
+VOID = {"meta", "img", "br", "link", "input", "hr"}
+
+
+class Page(HTMLParser):
+    """Collects tags, attributes and text, and checks that every element is closed."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.tags: list[tuple[str, dict[str, str | None]]] = []
+        self.text = ""
+        self.open: list[str] = []
+        self.feed(text)
+        assert self.open == []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append((tag, dict(attrs)))
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        if "style" not in self.open:
+            self.text += data
+
+
+class Extra:
+    """A section as a plugin gives it."""
+
+    title = "Extra & more"
+
+    def render(self, tree: xr.DataTree) -> str:
+        """Return a fragment."""
+        return f"<p>From <b>{len(tree.children)}</b> nodes.</p>"
+
+
+class Broken:
+    """A section that raises."""
+
+    title = "Broken <section>"
+
+    def render(self, tree: xr.DataTree) -> str:
+        """Raise."""
+        raise RuntimeError("no <data>")
+
+
+class Wrong:
+    """A section that returns no text."""
+
+    title = "Wrong"
+
+    def render(self, tree: xr.DataTree) -> str:
+        """Return a number."""
+        return 3  # type: ignore[return-value]
+
+
+@pytest.fixture(scope="module")
+def source(study: xr.DataTree, tmp_path_factory: pytest.TempPathFactory) -> str:
+    """Return the report of the study with three plugin sections."""
+    path = tmp_path_factory.mktemp("report") / "new" / "report.html"
+    assert report.write_report(study, path, sections=[Extra(), Broken(), Wrong()]) == path
+    assert [p.name for p in path.parent.iterdir()] == ["report.html"]
+    return path.read_text(encoding="utf-8")
+
+
+def test_it_is_self_contained(source: str) -> None:
+    """No scripts, no fonts, no links to anywhere: every address is inside the file."""
+    page = Page(source)
+    names = {tag for tag, _ in page.tags}
+    assert not names & {"script", "link", "iframe", "object"}
+    for _, attrs in page.tags:
+        for key in ("src", "href"):
+            value = attrs.get(key) or "#"
+            assert value.startswith(("#", "data:image/svg+xml;base64,"))
+        assert not any(key.startswith("on") for key in attrs)
+    assert "url(" not in source and "@import" not in source
+    targets = {attrs["id"] for _, attrs in page.tags if "id" in attrs}
+    assert {attrs["href"][1:] for tag, attrs in page.tags if tag == "a"} <= targets
+
+
+def test_it_is_accessible(source: str) -> None:
+    """Language, viewport, a text for every image, a scope for every table header."""
+    page = Page(source)
+    assert ("html", {"lang": "en"}) in page.tags
+    assert any(attrs.get("name") == "viewport" for _, attrs in page.tags)
+    images = [attrs for tag, attrs in page.tags if tag == "img"]
+    assert len(images) == 9 and all(attrs["alt"] for attrs in images)
+    assert all(attrs.get("scope") in ("col", "row") for tag, attrs in page.tags if tag == "th")
+
+
+def test_it_says_everything(source: str, study: xr.DataTree) -> None:
+    """Study, outputs, inputs, failures with reasons, cost, comparison, provenance and the command are there."""
+    text = " ".join(Page(source).text.split())
+    for expected in (
+        "crank <1>",
+        "Mechanism: oscillator",
+        "2 inputs",
+        "4 outputs",
+        "3 methods",
+        "Normal(mu=40, sigma=2)",
+        r"$F_{pin} \frac <b>&",
+        "2 of 60 realisations (3.33 %) failed",
+        "integration failed",
+        "step too small at 'pin' <img src=x>",
+        "No realisation failed: all 60 entered",
+        "12345",
+        "Differences from second, the reference",
+        "uqmbd run 'a & b.py'",
+        "option samples",
+    ):
+        assert expected in text, expected
+    assert "could not be drawn" not in text
+    mean = float(study["monte-carlo/statistics/mean"].sel(output="slider_x", time=2.0))
+    assert f"{mean:.3f} ± " in text
+    k = float(study["monte-carlo/samples/inputs"][0, 0])
+    assert f"{k:.6g}" in text
+
+
+def test_user_text_is_escaped(source: str) -> None:
+    """Names and messages are text, never markup."""
+    assert "<script" not in source and "<img src=x" not in source
+    assert "&lt;script&gt;alert(1)" in source
+
+
+def test_plugin_sections(source: str) -> None:
+    """A section is shown as it renders; one that raises is a note with its name and the reason."""
+    assert "<p>From <b>4</b> nodes.</p>" in source
+    text = " ".join(Page(source).text.split())
+    assert "The section “Broken <section>” could not be made: RuntimeError: no <data>" in text
+    assert "The section “Wrong” could not be made: TypeError: render() returned a int" in text
+
+
+def test_one_method_and_no_failures(make_node: Callable[..., xr.DataTree], tmp_path: Path) -> None:
+    """A single method has no comparison; success is said in a sentence; equal results give equal files."""
+    tree = results.study_tree([make_node("only", failing=0)], study="s", mechanism="m")
+    pages = [report.write_report(tree, tmp_path / f"{k}.html").read_text(encoding="utf-8") for k in "ab"]
+    assert pages[0] == pages[1]
+    assert "No realisation failed" in pages[0] and "Comparison of methods" not in pages[0]
+    assert not re.search(r"<th[^>]*>Method</th><th[^>]*>Mean", pages[0])
+
+
+def test_from_a_file(study: xr.DataTree, tmp_path: Path) -> None:
+    """The report of a stored result is that of the result."""
+    loaded = results.load(results.save(study, tmp_path / "r.nc"))
+    one = report.write_report(study, tmp_path / "a.html").read_text(encoding="utf-8")
+    assert report.write_report(loaded, tmp_path / "b.html").read_text(encoding="utf-8") == one
+
+
+def test_odd_nodes_do_not_end_the_report(make_node: Callable[..., xr.DataTree], tmp_path: Path) -> None:
+    """A single time, all quantiles unknown, or unreadable options still make a report."""
+    axes = results.labels(["x"], [], [1.0])
+    statistics = results.statistics_dataset(axes, mean=[[1.0]], std=[[0.1]])
+    node = results.propagator_node("one", statistics, propagator="p", realisations=0, wall_time=np.nan)
+    node.attrs["options"] = "not JSON"
+    tree = results.study_tree([node], study="s", mechanism="m")
+    text = report.write_report(tree, tmp_path / "a.html").read_text(encoding="utf-8")
+    assert "could not be drawn" not in text and "not JSON" in text and "unknown" in text
+
+
+def test_unusable_targets_are_named(study: xr.DataTree, tmp_path: Path) -> None:
+    """A path that cannot be written, and a tree without results, are one message each."""
+    (tmp_path / "file").write_text("")
+    with pytest.raises(StudyError, match="cannot be written"):
+        report.write_report(
+            results.study_tree([study["galerkin $3"].copy()], study="s", mechanism="m"), tmp_path / "file" / "a.html"
+        )
+    with pytest.raises(StudyError, match="at least one propagator"):
+        report.write_report(xr.DataTree(), tmp_path / "a.html")

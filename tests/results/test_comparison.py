@@ -1,0 +1,78 @@
+"""The comparison of methods: differences known in closed form, and the choice of the reference."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from uqmbd import results
+from uqmbd.errors import StudyError
+
+MakeNode = Callable[..., xr.DataTree]
+
+TIMES = np.linspace(0.0, 2 * np.pi, 2001)
+
+
+def _node(label: str, mean: np.ndarray, realisations: int = 10, **more: object) -> xr.DataTree:
+    axes = results.labels([("x", "m")], [], TIMES[: len(mean)])
+    statistics = results.statistics_dataset(axes, mean=[mean], std=[0.1 + 0.0 * mean], **more)
+    return results.propagator_node(label, statistics, propagator="p", realisations=realisations, wall_time=2.0)
+
+
+def test_differences_in_closed_form() -> None:
+    """The difference a sin t has the maximum a and the root mean square a / sqrt(2) over its period."""
+    nodes = {"a": _node("a", 0.0 * TIMES), "b": _node("b", 0.3 * np.sin(TIMES))}
+    found = results.compare(nodes, reference="a").sel({"method": "b"})
+    assert found["mean_difference_max"].item() == pytest.approx(0.3, rel=1e-6)
+    assert found["mean_difference_l2"].item() == pytest.approx(0.3 / np.sqrt(2), rel=1e-6)
+    assert found["std_difference_max"].item() == 0.0
+    assert found["wall_time"].item() == 2.0
+
+
+def test_single_method_is_well_formed(make_node: MakeNode) -> None:
+    """With one method the comparison exists, and nothing differs."""
+    found = results.study_tree([make_node("only")], study="s", mechanism="m")["comparison"].to_dataset()
+    assert found.attrs["reference"] == "only"
+    assert found.sizes == {"method": 1, "output": 3}
+    assert float(abs(found["mean_difference_max"]).max()) == 0.0
+
+
+def test_reference_rule() -> None:
+    """Methods with standard errors come first, then more successes, then the order; the user may override."""
+    errors = {"std_error_mean": [0.0 * TIMES], "std_error_std": [0.0 * TIMES]}
+    few = _node("few", TIMES, 5, **errors)
+    many, more = _node("many", TIMES, 1000), _node("more", TIMES, 1000)
+    assert results.choose_reference({"many": many, "few": few}) == "few"
+    assert results.choose_reference({"many": many, "more": more}) == "many"
+    assert results.compare({"many": many, "few": few}, reference="many").attrs["reference"] == "many"
+    with pytest.raises(StudyError, match="'nobody' is not among the methods 'many'"):
+        results.compare({"many": many}, reference="nobody")
+
+
+def test_different_axes_are_refused(make_node: MakeNode) -> None:
+    """Other outputs or other times cannot be compared."""
+    with pytest.raises(StudyError, match="same times"):
+        results.compare({"a": _node("a", TIMES), "b": _node("b", TIMES[:10])})
+    with pytest.raises(StudyError, match="same outputs"):
+        results.compare({"a": _node("a", TIMES), "b": make_node("b")})
+
+
+def test_one_time_and_no_time() -> None:
+    """A single time, or none, is its own maximum and root mean square."""
+    for times, shape in (([1.0], (1, 1)), (None, (1,))):
+        axes = results.labels(["x"], [], times)
+        nodes = {
+            k: results.propagator_node(
+                k,
+                results.statistics_dataset(axes, mean=np.full(shape, value), std=np.zeros(shape)),
+                propagator="p",
+                realisations=1,
+                wall_time=0.0,
+            )
+            for k, value in {"a": 1.0, "b": 3.0}.items()
+        }
+        found = results.compare(nodes).sel({"method": "b"})
+        assert found["mean_difference_l2"].item() == found["mean_difference_max"].item() == 2.0

@@ -1,0 +1,122 @@
+"""Statistics against scipy.stats, closed-form moments, and the spread of repeated estimates."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import scipy.stats
+
+from uqmbd.errors import StudyError
+from uqmbd.results import DEFAULT_PROBABILITIES, labels, sample_dataset, sample_statistics, statistics_of_samples
+
+
+def test_statistics_agree_with_scipy_and_numpy() -> None:
+    """All moments and quantiles are those of independent libraries."""
+    x = np.random.default_rng(3).gamma(2.0, size=(137, 3, 5))
+    found = sample_statistics(x)
+    np.testing.assert_allclose(found["mean"], x.mean(axis=0), rtol=1e-14)
+    np.testing.assert_allclose(found["std"], x.std(axis=0, ddof=1), rtol=1e-13)
+    np.testing.assert_allclose(found["variance"], x.var(axis=0, ddof=1), rtol=1e-13)
+    np.testing.assert_allclose(found["skewness"], scipy.stats.skew(x, axis=0), rtol=1e-12)
+    np.testing.assert_allclose(found["kurtosis"], scipy.stats.kurtosis(x, axis=0, fisher=False), rtol=1e-12)
+    np.testing.assert_allclose(found["std_error_mean"], scipy.stats.sem(x, axis=0), rtol=1e-13)
+    np.testing.assert_allclose(found["quantile"], np.quantile(x, DEFAULT_PROBABILITIES, axis=0), rtol=1e-13)
+    assert found["quantile"].shape == (7, 3, 5)
+
+
+@pytest.mark.parametrize("shape", [(9,), (9, 4), (9, 2, 3)])
+def test_any_number_of_axes(shape: tuple[int, ...]) -> None:
+    """Outputs without a time, or a single output, are served as well, extreme probabilities included."""
+    x = np.random.default_rng(0).normal(size=shape)
+    found = sample_statistics(x, [0.0, 1.0])
+    np.testing.assert_array_equal(found["quantile"], [x.min(axis=0), x.max(axis=0)])
+    assert found["mean"].shape == shape[1:]
+
+
+@pytest.mark.parametrize(
+    "distribution", [scipy.stats.norm(), scipy.stats.expon(), scipy.stats.uniform(), scipy.stats.t(9)]
+)
+def test_standard_errors_are_the_spread_of_the_estimates(distribution: scipy.stats.rv_continuous) -> None:
+    """Repeated means and deviations scatter by their stated errors: Var(s^2) = (mu4 - (n-3)/(n-1) s^4)/n."""
+    n, repetitions = 400, 4000
+    x = distribution.rvs(size=(n, repetitions), random_state=np.random.default_rng(5))
+    found = sample_statistics(x)
+    sigma = distribution.std()
+    kurtosis = float(distribution.stats("k")) + 3
+    exact = sigma * np.sqrt((kurtosis - (n - 3) / (n - 1)) / n) / 2
+    assert np.median(found["std_error_std"]) == pytest.approx(exact, rel=0.12)
+    assert np.std(found["std"]) == pytest.approx(exact, rel=0.05)
+    assert np.std(found["mean"]) == pytest.approx(np.mean(found["std_error_mean"]), rel=0.05)
+
+
+@pytest.mark.parametrize("distribution", [scipy.stats.norm(), scipy.stats.expon(), scipy.stats.uniform()])
+def test_standard_errors_cover_the_truth(distribution: scipy.stats.rv_continuous) -> None:
+    """The interval of two standard errors holds the true value about 95 times in 100 (less where tails are heavy)."""
+    x = distribution.rvs(size=(1000, 3000), random_state=np.random.default_rng(7))
+    found = sample_statistics(x)
+    for name in ("mean", "std"):
+        covered = np.abs(found[name] - getattr(distribution, name)()) < 1.96 * found[f"std_error_{name}"]
+        assert 0.925 < covered.mean() < 0.965
+
+
+@pytest.mark.parametrize(("offset", "scale"), [(0.0, 1e-100), (1e5, 1e-3), (-1e9, 1.0), (0.0, 1e120)])
+def test_no_digits_are_lost(offset: float, scale: float) -> None:
+    """A large offset does not cancel, and tiny or huge scales neither under- nor overflow in the fourth power."""
+    x = np.random.default_rng(1).normal(size=(300, 2))
+    plain, found = sample_statistics(x), sample_statistics(offset + scale * x)
+    precision = 1e-12 + 10 * abs(offset) / scale * np.finfo(float).eps
+    for name in ("skewness", "kurtosis"):
+        np.testing.assert_allclose(found[name], plain[name], rtol=precision, atol=precision)
+    for name in ("std", "std_error_mean", "std_error_std"):
+        np.testing.assert_allclose(found[name], scale * plain[name], rtol=precision)
+
+
+@pytest.mark.parametrize("value", [0.0, 0.1, -3.7e200, 5e-324])
+def test_a_constant_is_a_constant(value: float) -> None:
+    """Without spread the deviation is exactly 0, the skewness 0, the kurtosis 3."""
+    found = sample_statistics(np.full((7, 2, 3), value))
+    assert np.all(found["mean"] == value)
+    for name in ("std", "variance", "skewness", "std_error_mean", "std_error_std"):
+        assert np.all(found[name] == 0), name
+    assert np.all(found["kurtosis"] == 3)
+    assert np.all(found["quantile"] == value)
+
+
+def test_rounding_has_no_shape() -> None:
+    """A spread of one unit in the last place is noise: no skewness of 20 comes from it."""
+    x = np.full((500, 1), 0.3)
+    x[0] = np.nextafter(0.3, 1)
+    found = sample_statistics(x)
+    assert (found["skewness"].item(), found["kurtosis"].item()) == (0.0, 3.0)
+
+
+def test_two_samples() -> None:
+    """The smallest set: s = |a - b| / sqrt(2), and Var(s^2) from the formula at n = 2."""
+    found = sample_statistics([[1.0], [4.0]])
+    assert found["std"].item() == pytest.approx(3 / np.sqrt(2))
+    assert np.isfinite(found["std_error_std"].item())
+
+
+def test_failed_samples_never_enter() -> None:
+    """Statistics of samples with failures are those of the rest alone."""
+    x = np.random.default_rng(2).normal(size=(20, 2, 3))
+    axes = labels(["a", "b"], ["k"], [0.0, 1.0, 2.0])
+    broken = x.copy()
+    broken[4, 1, 2] = np.inf
+    samples = sample_dataset(broken, np.zeros((20, 1)), axes, status=np.where(np.arange(20) == 7, 1, 0))
+    found = statistics_of_samples(samples)
+    np.testing.assert_allclose(found["mean"], np.delete(x, [4, 7], axis=0).mean(axis=0), rtol=1e-12, atol=1e-15)
+    assert found["output"].values.tolist() == ["a", "b"]
+
+
+def test_bad_input_is_named() -> None:
+    """Too few samples, a hidden NaN, and unusable probabilities are errors that say what to do."""
+    with pytest.raises(StudyError, match="at least two samples that succeeded; 1 of 3 did"):
+        sample_statistics(np.ones((3, 1)), status=[0, 1, 2])
+    with pytest.raises(StudyError, match="give it a status other than 0"):
+        sample_statistics([[1.0], [np.nan]])
+    for wrong in ([0.5, 0.5], [-0.1], [0.5, 1.1], []):
+        with pytest.raises(StudyError, match="increase between 0 and 1"):
+            sample_statistics([[1.0], [2.0]], wrong)
+    with pytest.raises(StudyError, match="one number for each of the 2 samples"):
+        sample_statistics([[1.0], [2.0]], status=[0])

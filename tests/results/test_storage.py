@@ -1,0 +1,163 @@
+"""Round trips through netCDF and Zarr, and what happens when one goes wrong."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from uqmbd import results
+from uqmbd.errors import StudyError
+from uqmbd.results import storage
+
+MakeNode = Callable[..., xr.DataTree]
+
+ENDINGS = [".nc", ".zarr"]
+
+
+def _same_types(a: xr.DataTree, b: xr.DataTree) -> None:
+    for one, other in zip(a.subtree, b.subtree, strict=True):
+        assert one.path == other.path
+        left, right = one.to_dataset(inherit=False), other.to_dataset(inherit=False)
+        assert {k: v.dtype for k, v in left.variables.items()} == {k: v.dtype for k, v in right.variables.items()}
+        assert set(left.coords) == set(right.coords)
+        assert {k: type(v) for k, v in left.attrs.items()} == {k: type(v) for k, v in right.attrs.items()}
+
+
+@pytest.mark.parametrize("ending", ENDINGS)
+def test_round_trip_is_exact(study: xr.DataTree, tmp_path: Path, ending: str) -> None:
+    """Numbers, NaN, text, units, attributes and their types come back; what was read can be saved again."""
+    once = results.load(results.save(study, tmp_path / f"a{ending}"))
+    assert once.identical(study)
+    _same_types(once, study)
+    results.validate(once)
+    twice = results.load(results.save(once, tmp_path / f"a{ending}"))
+    assert twice.identical(study)
+    assert [p.name for p in tmp_path.iterdir()] == [f"a{ending}"]
+
+
+@pytest.mark.parametrize("ending", ENDINGS)
+def test_round_trip_of_awkward_things(tmp_path: Path, ending: str) -> None:
+    """Empty text, unicode, empty arrays, huge integers, lists, truth values, None and long attributes survive."""
+    attrs = {
+        "empty": "",
+        "unicode": "Größe ° µ 力 \n second line",
+        "seed": 2**127 + 1,
+        "flag": True,
+        "nothing": None,
+        "nan": float("nan"),
+        "number": 3,
+        "real": 1.5,
+        "one": [1],
+        "many": [1.0, 2.0],
+        "texts": ["a", "ü"],
+        "nested": {"a": [1, {"b": ""}]},
+        "long": "x" * 200_000,
+        "array": np.array([1, 2, 3]),
+    }
+    data = xr.Dataset(
+        {
+            "text": ("sample", np.array(["", "ü 力", " space "])),
+            "all_empty": ("sample", np.array(["", "", ""])),
+            "none": ("nobody", np.zeros(0)),
+            "truth": ("sample", np.array([True, False, True])),
+            "big": (("sample", "time"), np.random.default_rng(0).normal(size=(3, 5000))),
+            "single": ((), 2.5),
+            "inf": ("sample", np.array([np.inf, -np.inf, np.nan])),
+            "small": ("sample", np.array([1, 2, 3], dtype=np.int16), {"flag_values": np.array([0, 1, 2])}),
+        },
+        coords={
+            "output_units": ("sample", np.array(["m", "", "s"])),
+            "time": ("time", np.arange(5000.0), {"units": "s"}),
+        },
+        attrs=attrs,
+    )
+    tree = xr.DataTree.from_dict({"/": xr.Dataset(attrs={"study": "ü"}), "monte carlo $1/statistics": data})
+    back = results.load(results.save(tree, tmp_path / f"a{ending}"))
+    found = back["monte carlo $1/statistics"].to_dataset()
+    xr.testing.assert_equal(found, data)
+    assert {k: v.dtype for k, v in found.variables.items()} == {k: v.dtype for k, v in data.variables.items()}
+    assert np.isnan(found.attrs.pop("nan")) and np.isnan(attrs.pop("nan"))
+    np.testing.assert_array_equal(found.attrs.pop("array"), attrs.pop("array"))
+    assert found.attrs == attrs
+    np.testing.assert_array_equal(found["small"].attrs["flag_values"], [0, 1, 2])
+
+
+@pytest.mark.parametrize("ending", ENDINGS)
+def test_units_in_words_stay_numbers(tmp_path: Path, ending: str) -> None:
+    """A duration in seconds is no time stamp: it comes back as the number it was."""
+    tree = xr.DataTree(xr.Dataset({"wall": ("method", [1.5, 2.5], {"units": "seconds"})}))
+    assert results.load(results.save(tree, tmp_path / f"a{ending}")).identical(tree)
+
+
+def test_python_text_becomes_fixed_width(tmp_path: Path) -> None:
+    """Text held as Python objects is stored; other objects are refused by name."""
+    tree = xr.DataTree(xr.Dataset({"m": ("sample", np.array(["", "b"], dtype=object))}))
+    assert results.load(results.save(tree, tmp_path / "a.nc")).equals(tree)
+    with pytest.raises(StudyError, match="Variable 'm' holds Python objects"):
+        results.save(xr.DataTree(xr.Dataset({"m": ("sample", np.array([{}], dtype=object))})), tmp_path / "b.nc")
+    with pytest.raises(StudyError, match="Attribute 'a' of the dataset is a object"):
+        results.save(xr.DataTree(xr.Dataset(attrs={"a": object()})), tmp_path / "b.nc")
+
+
+@pytest.mark.parametrize("ending", ENDINGS)
+def test_a_failing_write_leaves_the_old_result(
+    make_node: MakeNode, study: xr.DataTree, tmp_path: Path, ending: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """If writing stops half-way the earlier file is untouched and nothing else is left behind."""
+    path = results.save(study, tmp_path / f"a{ending}")
+
+    def half(tree: xr.DataTree, target: Path) -> None:
+        target.mkdir() if ending == ".zarr" else target.write_bytes(b"half")
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(storage, "_write_netcdf" if ending == ".nc" else "_write_zarr", half)
+    with pytest.raises(StudyError, match="cannot be written .* No space left"):
+        results.save(make_node("x"), path)
+    assert results.load(path).identical(study)
+    assert [p.name for p in tmp_path.iterdir()] == [f"a{ending}"]
+
+
+def test_file_is_closed_after_loading(study: xr.DataTree, tmp_path: Path) -> None:
+    """The data lives in memory: the file can go."""
+    path = results.save(study, tmp_path / "deep" / "er" / "a.nc")
+    tree = results.load(path)
+    path.unlink()
+    assert tree.identical(study)
+
+
+def test_unusable_paths_are_named(tmp_path: Path, study: xr.DataTree, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Missing, damaged and unknown files, and a missing Zarr, are each one clear message."""
+    with pytest.raises(StudyError, match="There is no result at"):
+        results.load(tmp_path / "none.nc")
+    with pytest.raises(StudyError, match="ends in neither"):
+        results.save(study, tmp_path / "a.csv")
+    (tmp_path / "bad.nc").write_bytes(b"not HDF5 at all")
+    with pytest.raises(StudyError, match="damaged or no result"):
+        results.load(tmp_path / "bad.nc")
+    (tmp_path / "bad.zarr").mkdir()
+    with pytest.raises(StudyError, match="damaged or no result"):
+        results.load(tmp_path / "bad.zarr")
+    whole = results.save(study, tmp_path / "a.nc").read_bytes()
+    (tmp_path / "cut.nc").write_bytes(whole[: len(whole) // 2])
+    with pytest.raises(StudyError, match="damaged or no result"):
+        results.load(tmp_path / "cut.nc")
+    (tmp_path / "file").write_text("")
+    with pytest.raises(StudyError, match="cannot be written"):
+        results.save(study, tmp_path / "file" / "a.nc")
+    monkeypatch.setattr(storage, "find_spec", lambda name: None)
+    with pytest.raises(StudyError, match=r'pip install "uqmbd\[distributed\]"'):
+        results.save(study, tmp_path / "a.zarr")
+
+
+def test_import_is_light() -> None:
+    """Reading results loads neither Matplotlib nor Jinja."""
+    code = (
+        "import sys, uqmbd.results; sys.exit(bool({'matplotlib', 'jinja2', 'zarr', 'scipy.stats'} & set(sys.modules)))"
+    )
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

@@ -1,0 +1,438 @@
+"""The command line: a user's mistake is one clear message and an exit status, never a traceback."""
+
+from __future__ import annotations
+
+import dataclasses
+import io
+import json
+import os
+import subprocess
+import sys
+import textwrap
+import time
+import types
+import warnings
+from pathlib import Path
+from typing import ClassVar, Literal
+
+import numpy as np
+import pytest
+
+import uqmbd
+import uqmbd.report
+from uqmbd import plugins, results
+from uqmbd.cli import main, progress, tables
+from uqmbd.cli.settings import apply_settings, parse_value
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class FakeMonteCarlo:
+    """Stands for a propagator: options as fields."""
+
+    name: ClassVar[str] = "monte-carlo"
+    samples: int = 100
+    seed: int | None = None
+    rule: Literal["random", "sobol"] = "random"
+    label: str | None = None
+
+    def __post_init__(self):
+        if self.samples < 2:
+            raise ValueError(f"samples is {self.samples}; at least 2 are needed")
+
+    @property
+    def node_name(self):
+        return self.label or self.name
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class FakeStudy:
+    """Stands for a study: its results are numbers that say which options arrived."""
+
+    propagators: tuple = (FakeMonteCarlo(),)
+    name: str = "fake"
+    mechanism: object = dataclasses.field(default_factory=lambda: types.SimpleNamespace(name="machine"))
+    times: object = dataclasses.field(default_factory=lambda: np.array([0.0, 1.0]))
+    error: BaseException | None = None
+    failures: int = 0
+
+    def with_propagators(self, propagators):
+        return dataclasses.replace(self, propagators=tuple(propagators))
+
+    def run(self, workers=1, *, only=None, progress=None, folder=None, resume=False):
+        if self.error is not None:
+            raise self.error
+        warnings.warn("the second crank hangs in the air", uqmbd.RedundantConstraintWarning, stacklevel=1)
+        nodes = []
+        for one in self.propagators:
+            if only and one.node_name not in only:
+                continue
+            progress.start(one.node_name, one.samples)
+            progress.advance(one.node_name, one.samples)
+            progress.finish(one.node_name)
+            axes = results.labels([("slider_x", "m"), ("angle [1]", "")], [("length", "m", "Normal")], self.times)
+            mean, std = np.full((2, 2), float(one.samples)), np.full((2, 2), 0.031)
+            statistics = results.statistics_dataset(axes, mean=mean, std=std)
+            nodes.append(
+                results.propagator_node(
+                    one.node_name,
+                    statistics,
+                    propagator=one.name,
+                    realisations=one.samples,
+                    wall_time=1.5,
+                    failures=self.failures,
+                )
+            )
+        return results.study_tree(nodes, study=self.name, mechanism="machine")
+
+
+def fake_report(tree, path, *, sections=()):
+    path.write_text("<html>" + "".join(section.render(tree) for section in sections))
+    return path
+
+
+class Friction:
+    """A report section of a plugin."""
+
+    title = "Friction"
+
+    def render(self, tree):
+        return "<p>so much friction</p>"
+
+
+class Unmade:
+    """A report section that cannot be made."""
+
+    def __init__(self):
+        raise RuntimeError("no colours left")
+
+
+@pytest.fixture
+def cli(monkeypatch, tmp_path, capsys):
+    """Run the command line in an empty folder with fakes for what takes long; return status, output and errors."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    monkeypatch.setattr(uqmbd, "Study", FakeStudy, raising=False)
+    monkeypatch.setattr(plugins, "_registry", lambda: plugins.load([]))
+    monkeypatch.setitem(sys.modules, "fakes", sys.modules[__name__])
+    monkeypatch.setattr(uqmbd.report, "write_report", fake_report, raising=False)
+
+    def run(*words):
+        # In the tests warnings are errors; users see them as text.
+        with pytest.raises(SystemExit) as left, warnings.catch_warnings():
+            warnings.simplefilter("default", UserWarning)
+            main(list(words))
+        captured = capsys.readouterr()
+        return left.value.code, captured.out, captured.err
+
+    yield run
+    sys.modules.pop("my_study", None)
+
+
+@pytest.fixture
+def study(cli, tmp_path):
+    """Write a study script of this text and return its name."""
+
+    def write(text="study = FakeStudy()"):
+        (tmp_path / "my_study.py").write_text("from fakes import FakeMonteCarlo, FakeStudy\n" + textwrap.dedent(text))
+        return "my_study.py"
+
+    return write
+
+
+def test_run_writes_results_and_report(cli, study, tmp_path):
+    status, out, err = cli("run", study(), "--out", "new/folder")
+    assert (status, err) == (0, err), err
+    tree = results.load(tmp_path / "new" / "folder" / "results.nc")
+    assert list(results.propagator_nodes(tree)) == ["monte-carlo"]
+    assert (tmp_path / "new" / "folder" / "report.html").exists()
+    assert "mean ± standard deviation at t = 1 s" in out
+    assert "slider_x" in out and "100.000 ± 0.031" in out and "0 of 100" in out and "1.5 s" in out
+    assert "angle [1]" in out  # square brackets are no markup here
+    assert "new/folder/report.html" in out
+    assert "monte-carlo: 0 of 100" in err  # no terminal: progress by lines
+    assert "Warning: the second crank hangs in the air" in err and "RedundantConstraintWarning" not in err
+
+
+def test_options_reach_the_study(cli, study, tmp_path):
+    script = study("study = FakeStudy(propagators=(FakeMonteCarlo(), FakeMonteCarlo(label='b.2')))")
+    status, _, _ = cli(
+        "run", script, "--set", "b.2.samples=1e3", "--set", "b.2.rule=sobol", "--only", "b.2", "--out", "r"
+    )
+    assert status == 0
+    tree = results.load(tmp_path / "r" / "results.nc")
+    assert list(results.propagator_nodes(tree)) == ["b.2"]
+    assert tree["b.2"].attrs["realisations"] == 1000
+
+
+@pytest.mark.parametrize(
+    ("words", "parts"),
+    [
+        (["--only", "galerkin"], ["--only galerkin", "no propagator", "monte-carlo (FakeMonteCarlo)", "samples: int"]),
+        (["--set", "galerkin.order=3"], ["no propagator 'galerkin'", "monte-carlo (FakeMonteCarlo)"]),
+        (
+            ["--set", "monte-carlo.sample=3"],
+            [
+                "no option 'sample'",
+                "samples: int, default 100",
+                "seed: int or none, default None",
+                "'random' or 'sobol'",
+            ],
+        ),
+        (["--set", "monte-carlo.samples=many"], ["samples cannot be 'many'; expected int"]),
+        (["--set", "monte-carlo.rule=halton"], ["rule cannot be 'halton'; expected 'random' or 'sobol'"]),
+        (["--set", "samples=3"], ["expected LABEL.option=value, such as monte-carlo.samples=100"]),
+        (["--set", "monte-carlo.samples=1"], ["--set monte-carlo.samples=1: samples is 1; at least 2 are needed"]),
+        (["--out", "my_study.py"], ["--out my_study.py is a file; a folder is expected"]),
+        (["--workers", "0"], ["--workers", "1"]),
+        (["--workers", "2", "--dask", "tcp://x:1"], ["either --workers or --dask"]),
+        (["--sampels", "3"], ["No such option", "--sampels"]),
+    ],
+)
+def test_mistakes_on_the_command_line(cli, study, words, parts):
+    status, out, err = cli("run", study(), *words)
+    assert status == 2
+    assert "Traceback" not in err and out == ""
+    for part in parts:
+        assert part in err
+
+
+@pytest.mark.parametrize(
+    ("text", "parts"),
+    [
+        ("study = 1 / 0", ["my_study.py, line 2:\n    study = 1 / 0\nZeroDivisionError: division by zero"]),
+        ("problem = 1", ["my_study.py has no module-level `study`"]),
+        ("study = FakeStudy(propagators=())", ["the study has no propagators"]),
+    ],
+)
+def test_mistakes_in_the_script(cli, study, text, parts):
+    status, _, err = cli("run", study(text))
+    assert status == 2
+    assert err.startswith("Error: ") and "Traceback" not in err
+    for part in parts:
+        assert part in err
+
+
+def test_missing_script(cli):
+    status, _, err = cli("run", "nowhere.py")
+    assert status == 2
+    assert err.startswith("Error: There is no file nowhere.py")
+
+
+@pytest.mark.parametrize("place", ["before", "after"])
+def test_debug_shows_the_traceback(cli, study, place):
+    words = ["run", study("study = 1 / 0")]
+    status, _, err = cli(*(["--debug", *words] if place == "before" else [*words, "--debug"]))
+    assert status == 2
+    assert "Traceback" in err and "ZeroDivisionError" in err
+
+
+@pytest.mark.parametrize(
+    ("error", "status", "text"),
+    [
+        ("uqmbd.AssemblyError('joint A: 0.1 m')", 1, "Error: joint A: 0.1 m"),
+        ("uqmbd.IntegrationError('stopped at 0.3 s')", 1, "Error: stopped at 0.3 s"),
+        ("uqmbd.StudyError('no such integrator')", 2, "Error: no such integrator"),
+        (
+            "KeyError('x')",
+            1,
+            "Error: KeyError: 'x'\nThis is a mistake in uqmbd, in a plugin or in the study. Run it again with --",
+        ),
+        ("MemoryError()", 1, "out of memory"),
+        ("OSError(28, 'No space left on device', 'results.nc')", 2, "Error: results.nc: No space left on device"),
+        ("KeyboardInterrupt()", 130, "Interrupted."),
+    ],
+)
+def test_exit_status_of_failures(cli, study, error, status, text):
+    found, _, err = cli("run", study(f"import uqmbd\nstudy = FakeStudy(error={error})"))
+    assert found == status
+    assert text in err and "Traceback" not in err
+
+
+def test_failed_samples_are_counted(cli, study):
+    _, out, _ = cli("run", study("study = FakeStudy(failures=3)"))
+    assert "3 of 100" in out
+
+
+def test_report_is_written_again(cli, study, tmp_path):
+    cli("run", study())
+    (tmp_path / "results" / "report.html").unlink()
+    for argument in ("results", "results/results.nc"):
+        status, out, _ = cli("report", argument)
+        assert status == 0 and "results/report.html" in out
+        assert (tmp_path / "results" / "report.html").exists()
+
+
+def test_report_has_the_sections_of_plugins(cli, study, tmp_path, monkeypatch):
+    monkeypatch.setattr(plugins, "report_sections", lambda: {"Friction": Friction, "Unmade": Unmade})
+    status, _, err = cli("run", study())
+    assert status == 0
+    assert "so much friction" in (tmp_path / "results" / "report.html").read_text()
+    assert "Warning: report section 'Unmade' of" in err and "RuntimeError: no colours left" in err
+
+
+def test_report_without_results(cli):
+    status, _, err = cli("report", "nowhere")
+    assert status == 2
+    assert "There is no nowhere/results.nc; give the folder that `uqmbd run" in err.replace(os.sep, "/")
+
+
+def test_compare(cli, study):
+    script = study()
+    cli("run", script, "--out", "a")
+    cli("run", script, "--out", "b", "--set", "monte-carlo.samples=101")
+    status, out, err = cli("compare", "a/results.nc", "b/results.nc")
+    assert status == 0, err
+    assert "slider_x" in out and "1 (3.23e+03 %)" in out
+    status, _, err = cli("compare", "a/results.nc", "c.nc")
+    assert status == 2 and "c.nc" in err
+
+
+def test_check(cli, study, monkeypatch):
+    found = types.SimpleNamespace(
+        bodies=("crank", "rod"),
+        components=(("A", "Revolute", 2), ("B", "Revolute", 2)),
+        coordinates=8,
+        equations=6,
+        rank=5,
+        redundant=("B.point[1]",),
+        mobility=1,
+        inputs=(("length", "Normal(mu=1, sigma=0.02)", "m"), ("mass", "Uniform(1, 2)", "kg")),
+        unused_inputs=("mass",),
+    )
+    monkeypatch.setattr(uqmbd, "check", lambda mechanism: found, raising=False)
+    status, out, _ = cli("check", study())
+    assert status == 0
+    for part in (
+        "bodies      2: crank, rod",
+        "6 constraint equations, 5 of them independent",
+        "1 degree of freedom",
+        "B.point[1] (follow from the others",
+        "Normal(mu=1, sigma=0.02)",
+        "Enters nothing: mass",
+        "samples=100, seed=None",
+    ):
+        assert part in out
+
+
+def test_plugins_as_json_and_table(cli, monkeypatch):
+    info = plugins.PluginInfo("magnets", "uqmbd-magnets", "0.1", components=("Magnet",), hooks=("uqmbd_components",))
+    broken = plugins.PluginInfo(
+        "bad", "uqmbd-bad", "0.2", status="failed", errors=("it cannot be loaded: ValueError: no",)
+    )
+    registry = plugins.Registry((info, broken), plugins.load([]).classes)
+    monkeypatch.setattr(plugins, "_registry", lambda: registry)
+    status, out, _ = cli("plugins", "--json")
+    assert status == 0
+    assert json.loads(out)[0]["components"] == ["Magnet"] and json.loads(out)[1]["status"] == "failed"
+    status, out, _ = cli("plugins")
+    assert status == 0
+    assert "Magnet" in out and "bad: it cannot be loaded: ValueError: no" in out
+
+
+def test_no_plugins_at_all(cli):
+    assert "No plugins are installed" in cli("plugins")[1]
+
+
+def test_version(cli):
+    assert cli("--version") == (0, f"uqmbd {uqmbd.__version__}\n", "")
+
+
+def test_help_answers_within_half_a_second():
+    """The best of some tries: what is measured is the program, not a busy machine."""
+    times = []
+    for _ in range(5):
+        begin = time.perf_counter()
+        run = subprocess.run([sys.executable, "-m", "uqmbd.cli", "--help"], capture_output=True, text=True, check=True)
+        times.append(time.perf_counter() - begin)
+        if times[-1] < 0.5:
+            break
+    assert "compare" in run.stdout
+    assert min(times) < 0.5
+
+
+def test_help_imports_nothing_heavy():
+    code = """
+import sys
+from uqmbd.cli import main
+try:
+    main(["--help"])
+except SystemExit:
+    pass
+print(sorted({"numpy", "sympy", "xarray", "rich", "pluggy", "matplotlib"} & set(sys.modules)))
+"""
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert run.stdout.splitlines()[-1] == "[]"
+
+
+def test_interrupt_from_the_keyboard(tmp_path):
+    """A real signal, while a script is being loaded."""
+    import signal
+
+    script = tmp_path / "slow.py"
+    script.write_text("import time\nprint('here', flush=True)\ntime.sleep(60)\n")
+    with subprocess.Popen(
+        [sys.executable, "-m", "uqmbd.cli", "check", str(script)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    ) as process:
+        assert process.stdout.readline() == "here\n"
+        process.send_signal(signal.SIGINT)
+        _, err = process.communicate(timeout=30)
+    assert process.returncode == 130
+    assert err == "Interrupted.\n"
+
+
+def test_settings_leave_the_study_as_it_was():
+    before = (FakeMonteCarlo(seed=1), FakeMonteCarlo(label="other"))
+    after = apply_settings(["other.seed=none", "monte-carlo.seed=7", "monte-carlo.seed=8"], before)
+    assert after == (FakeMonteCarlo(seed=8), FakeMonteCarlo(label="other"))
+    assert before[0].seed == 1
+
+
+@pytest.mark.parametrize(
+    ("text", "annotation"), [("1.5", int), ("x", float), ("maybe", bool), ("x", int | None), ("c", Literal["a", "b"])]
+)
+def test_values_of_another_type_are_refused(text, annotation):
+    with pytest.raises(ValueError):
+        parse_value(text, annotation)
+
+
+def test_bar_on_a_terminal():
+    class Terminal(io.StringIO):
+        def isatty(self):
+            return True
+
+    screen = Terminal()
+    with progress.shown_progress(screen) as shown:
+        shown.start("monte-carlo", 4)
+        shown.advance("monte-carlo", 3)
+        shown.finish("monte-carlo")
+    assert "monte-carlo" in screen.getvalue() and "4/4" in screen.getvalue()
+
+
+@pytest.mark.parametrize(
+    ("mean", "std", "text"),
+    [
+        (0.0, 0.0123, "0.000 ± 0.012"),
+        (9.999, 0.0999, "9.999 ± 0.100"),
+        (1e8, 2e5, "1.0000e+08 ± 2.0e+05"),
+        (3.0, 1e-12, "3.000000000000e+00 ± 1.0e-12"),
+    ],
+)
+def test_digits_follow_the_spread(mean, std, text):
+    assert tables.with_spread(mean, std) == text
+
+
+def test_example_of_the_readme_runs(tmp_path):
+    """The first Python fence of the README is a study script, and the command line does what it says of it."""
+    readme = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
+    (tmp_path / "pendulum.py").write_text(readme.split("```python\n")[1].split("```")[0])
+    command = [sys.executable, "-m", "uqmbd.cli", "run", "pendulum.py", "--set", "monte-carlo.samples=8"]
+    run = subprocess.run(command, capture_output=True, text=True, check=False, cwd=tmp_path)
+    assert run.returncode == 0, run.stderr
+    assert "tip_height" in run.stdout and "0 of 8" in run.stdout
+    statistics = results.load(tmp_path / "results" / "results.nc")["monte-carlo/statistics"].to_dataset()
+    assert statistics["mean"].dims == ("output", "time") and statistics.sizes["time"] == 201
+    assert float(statistics["std"].max()) > 0
+    assert "</html>" in (tmp_path / "results" / "report.html").read_text(encoding="utf-8")

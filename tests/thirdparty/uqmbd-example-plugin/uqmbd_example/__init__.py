@@ -1,0 +1,21 @@
+"""An example of a plugin package: one component and one propagator, on the public interface of uqmbd only."""
+
+from __future__ import annotations
+
+import uqmbd
+from uqmbd_example.magnet import Magnet
+from uqmbd_example.mean_value import MeanValue
+
+__all__ = ["Magnet", "MeanValue"]
+
+
+@uqmbd.hookimpl
+def uqmbd_components() -> list[type[uqmbd.Component]]:
+    """Return the components of this package."""
+    return [Magnet]
+
+
+@uqmbd.hookimpl
+def uqmbd_propagators() -> list[type[uqmbd.Propagator]]:
+    """Return the propagators of this package."""
+    return [MeanValue]

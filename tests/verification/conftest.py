@@ -1,0 +1,107 @@
+"""What all verification tests share: vector outputs, the energy along a motion, and comparison at a scale."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import uqmbd
+from uqmbd.dynamics import Ensemble, build, integrate
+
+
+@pytest.fixture(scope="session")
+def observe():
+    """Record every entry of a vector (or scalar) of a mechanism under one name."""
+
+    def record(mechanism, **quantities):
+        for name, vector in quantities.items():
+            entries = list(vector) if hasattr(vector, "__getitem__") else [vector]
+            for k, entry in enumerate(entries):
+                mechanism.output(f"{name}[{k}]", entry)
+
+    return record
+
+
+@pytest.fixture(scope="session")
+def series():
+    """Stack the entries that `observe` recorded: an array (time, entry)."""
+
+    def stack(data, name):
+        found = [v for v in data.data_vars if v.startswith(f"{name}[")]
+        return np.stack([data[f"{name}[{k}]"].values for k in range(len(found))], axis=1)
+
+    return stack
+
+
+@pytest.fixture(scope="session")
+def close():
+    """Compare at a fraction of the quantity's own scale (its largest expected value unless it is given)."""
+
+    def compare(actual, expected, relative=1e-4, scale=None, what=""):
+        actual, expected = np.asarray(actual, dtype=float), np.asarray(expected, dtype=float)
+        size = float(np.abs(expected).max()) if scale is None else scale
+        np.testing.assert_allclose(actual, expected, rtol=0, atol=relative * size, err_msg=what)
+
+    return compare
+
+
+@pytest.fixture(scope="session")
+def same_rotation():
+    """Compare quaternions, which are known up to their sign."""
+
+    def compare(actual, expected, atol=1e-4):
+        actual, expected = np.atleast_2d(actual), np.atleast_2d(expected)
+        sign = np.sign(np.sum(actual * expected, axis=1, keepdims=True))
+        np.testing.assert_allclose(actual * sign, expected, rtol=0, atol=atol)
+
+    return compare
+
+
+@pytest.fixture(scope="session")
+def unknowns():
+    """Integrate at the means: the ensemble and its unknowns (time, n)."""
+
+    def run(mechanism, times, rtol=1e-8):
+        times = np.asarray(times, dtype=float)
+        ensemble = Ensemble(build(mechanism, float(times[0])), mechanism.inputs.means[None, :])
+        found = integrate(ensemble, times, rtol)
+        assert not found.messages[0]
+        return ensemble, found.y
+
+    return run
+
+
+@pytest.fixture(scope="session")
+def energy(unknowns):
+    """Kinetic and potential energy along the motion at the means, J: two arrays (time,)."""
+
+    def along(mechanism, times, rtol=1e-8):
+        if not mechanism.outputs:
+            mechanism.output("clock", uqmbd.t)
+        ensemble, y = unknowns(mechanism, times, rtol)
+        return ensemble.energies(np.asarray(times, dtype=float), y)[0]
+
+    return along
+
+
+@pytest.fixture(scope="session")
+def turn():
+    """Quaternion of a rotation about an axis."""
+
+    def quaternion(axis, angle):
+        axis = np.asarray(axis, dtype=float)
+        return (np.cos(angle / 2), *(np.sin(angle / 2) * axis / np.linalg.norm(axis)))
+
+    return quaternion
+
+
+@pytest.fixture(scope="session")
+def matrix():
+    """Rotation matrix of a quaternion, scalar first."""
+
+    def rotation(q):
+        a, b = q[0], np.asarray(q[1:], dtype=float)
+        cross = np.array([[0, -b[2], b[1]], [b[2], 0, -b[0]], [-b[1], b[0], 0]])
+        return np.eye(3) + 2 * a * cross + 2 * cross @ cross
+
+    return rotation

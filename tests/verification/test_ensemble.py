@@ -1,0 +1,144 @@
+"""Behaviour of many realisations (cases.md, "Behaviour")."""
+
+from __future__ import annotations
+
+import chaospy
+import numpy as np
+import pytest
+import sympy
+
+import uqmbd
+from uqmbd.dynamics.kernels import compilations
+from uqmbd_drivers import RotationDriver
+from uqmbd_joints import Distance, Prismatic, Revolute
+from uqmbd_montecarlo import MonteCarlo
+from uqmbd_springs import SpringDamper
+
+
+def driven_slider_crank(rod_length):
+    """Crank 0.15 m that turns at 2 rad/s from 0; the rod may be too short to let it pass."""
+    mechanism = uqmbd.Mechanism("slider_crank", uqmbd.Planar())
+    ground = mechanism.ground
+    crank = mechanism.body("crank", mass=1, inertia=0.01)
+    rod = mechanism.body("rod", mass=1, inertia=0.01, position=(0.15, 0))
+    slider = mechanism.body("slider", mass=1, inertia=0.01, position=(0.15 + rod_length, 0))
+    mechanism.add(Revolute("A", ground, crank, (0, 0), (0, 0)))
+    mechanism.add(Revolute("B", crank, rod, (0.15, 0), (0, 0)))
+    mechanism.add(Revolute("C", rod, slider, (rod_length, 0), (0, 0)))
+    mechanism.add(Prismatic("D", ground, slider, (0, 0), (0, 0), (1, 0), (1, 0)))
+    mechanism.add(RotationDriver("drive", ground, crank, 2 * uqmbd.t))
+    mechanism.output("x", slider.position[0], units="m")
+    return mechanism
+
+
+def test_samples_compile_nothing_twice(tmp_path, monkeypatch):
+    """200 parameter samples of one model; the second study takes every kernel from the cache."""
+    monkeypatch.setenv("UQMBD_CACHE", str(tmp_path))
+    length = uqmbd.RandomVariable("rod_length", chaospy.Uniform(0.3, 0.4), units="m")
+    times = np.linspace(0, 0.2, 5)
+
+    def study():
+        return uqmbd.Study("study", driven_slider_crank(length), times, [MonteCarlo(samples=200, seed=1)])
+
+    first = study()
+    first.model  # noqa: B018 - compiled when first needed
+    compiled = compilations[0]
+    node = first.propagate(MonteCarlo(samples=200, seed=1))
+    assert int((node["samples"]["status"] != 0).sum()) == 0
+    second = study()
+    second.propagate(MonteCarlo(samples=10, seed=2))
+    uqmbd.simulate(second.mechanism, times, values={"rod_length": 0.31})
+    assert compilations[0] == compiled
+
+
+def test_failing_samples_are_reported_and_the_others_stand(close):
+    """A rod shorter than the crank locks on the way: a status with a reason, and closed-form results elsewhere."""
+    length = uqmbd.RandomVariable("rod_length", chaospy.Uniform(0.14, 0.25), units="m")
+    mechanism = driven_slider_crank(length)
+    times = np.linspace(0, np.pi / 2, 9)
+    study = uqmbd.Study("study", mechanism, times, [MonteCarlo(samples=100, seed=4)])
+    samples = study.propagate(MonteCarlo(samples=100, seed=4))["samples"]
+    lengths = samples["inputs"].sel(input="rod_length").values
+    status = samples["status"].values
+    locked = lengths < 0.15
+    assert 2 < locked.sum() < 30
+    np.testing.assert_array_equal(status != 0, locked)
+    assert set(status[locked]) == {2}
+    x = samples["response"].sel(output="x").values
+    good, phi = lengths[~locked, None], 2 * times
+    root = np.sqrt(np.maximum(good**2 - (0.15 * np.sin(phi)) ** 2, 0))
+    close(x[~locked], 0.15 * np.cos(phi) + root, relative=1e-4)
+
+
+def test_samples_that_cannot_be_assembled_are_reported_and_the_others_stand(close):
+    """A lever of 1 m and a strut from a point 3 m away: nothing shorter than 2 m reaches."""
+    length = uqmbd.RandomVariable("strut_length", chaospy.Uniform(1.95, 2.5), units="m")
+    mechanism = uqmbd.Mechanism("triangle", uqmbd.Planar())
+    lever = mechanism.body("lever", mass=1, inertia=1, angle=0.4)
+    mechanism.add(Revolute("pivot", mechanism.ground, lever, (0, 0), (0, 0)))
+    mechanism.add(Distance("strut", mechanism.ground, lever, (3, 0), (1, 0), length=length))
+    mechanism.output("angle", lever.angle, units="rad")
+    study = uqmbd.Study("study", mechanism, [0, 0.1, 0.2], [MonteCarlo(samples=100, seed=2)])
+    node = study.propagate(MonteCarlo(samples=100, seed=2))
+    samples = node["samples"]
+    lengths, status = samples["inputs"].values[:, 0], samples["status"].values
+    short = lengths < 2
+    assert 2 < short.sum() < 30
+    np.testing.assert_array_equal(status, np.where(short, 1, 0))
+    messages = samples["message"].values[short]
+    assert all("strut" in str(m) for m in messages)
+    exact = np.arccos((10 - lengths[~short] ** 2) / 6)
+    close(samples["response"].values[~short, 0, 0], exact, relative=1e-6)
+    assert np.isfinite(node["statistics"]["mean"].values).all()
+    close(node["statistics"]["mean"].values[0, 0], exact.mean(), relative=1e-6)
+
+
+def test_single_failing_sample_leaves_the_others_as_they_are_alone(close):
+    """The same realisation, computed with a failing one beside it and by itself."""
+    length = uqmbd.RandomVariable("rod_length", chaospy.Uniform(0.14, 0.25), units="m")
+    times = np.linspace(0, np.pi / 2, 9)
+    mechanism = driven_slider_crank(length)
+    study = uqmbd.Study("study", mechanism, times, [MonteCarlo(samples=2, seed=1)])
+    found = study.problem(MonteCarlo(samples=2, seed=1)).realise(np.array([[0.2], [0.145], [0.24]]))
+    assert list(found.status != 0) == [False, True, False]
+    assert found.messages[1]
+    for k, value in ((0, 0.2), (2, 0.24)):
+        alone = uqmbd.simulate(mechanism, times, values={"rod_length": value})
+        close(found.response[k, 0], alone.x, relative=1e-4)
+
+
+@pytest.mark.parametrize("space", [uqmbd.Translational(gravity=(0, -9.81)), uqmbd.Planar(gravity=(0, -9.81))])
+def test_random_mass_changes_weight_and_inertia(space, close):
+    """y = -(m g / k) (1 - cos(sqrt(k / m) t)): the sag shows the weight, the period the inertia."""
+    mass = uqmbd.RandomVariable("mass", chaospy.Uniform(1, 5), units="kg")
+    mechanism = uqmbd.Mechanism("hanging", space)
+    inertia = {} if space.name == "translational" else {"inertia": 0.1}
+    body = mechanism.body("weight", mass=mass, **inertia)
+    mechanism.add(SpringDamper("spring", mechanism.ground, body, (0, 0), (0, 0), stiffness=40))
+    mechanism.output("y", body.position[1])
+    times = np.linspace(0, 3, 31)
+    for m in (1.0, 3.0, 5.0):
+        data = uqmbd.simulate(mechanism, times, values={"mass": m}, rtol=1e-8)
+        close(data.y, -(m * 9.81 / 40) * (1 - np.cos(np.sqrt(40 / m) * times)), relative=1e-5)
+
+
+def test_random_mass_and_length_change_a_pendulum(close):
+    """Small swings of a rod with a bob: w^2 = (M l + m l / 2) g / (M l^2 + m l^2 / 3)."""
+    bob = uqmbd.RandomVariable("bob", chaospy.Uniform(0.5, 2), units="kg")
+    length = uqmbd.RandomVariable("length", chaospy.Uniform(0.5, 1.5), units="m")
+    mechanism = uqmbd.Mechanism("clock", uqmbd.Spatial(gravity=(0, -9.81, 0)))
+    rod_mass, total = 0.6, 0.6 + bob
+    centre = (bob * length + rod_mass * length / 2) / total  # below the pivot
+    about = bob * length**2 + rod_mass * length**2 / 3 - total * centre**2
+    angle = 0.002
+    rod = mechanism.body(
+        "rod", mass=total, inertia=(about, sympy.Float(1e-3), about + 1e-3), com=(0, -centre, 0),
+        quaternion=(np.cos(angle / 2), np.sin(angle / 2), 0, 0),
+    )  # fmt: skip
+    mechanism.add(Revolute("pivot", mechanism.ground, rod, (0, 0, 0), (0, 0, 0), (1, 0, 0), (1, 0, 0)))
+    mechanism.output("sine", rod.rotation[2, 1])
+    times = np.linspace(0, 4, 41)
+    for m, l in ((0.5, 1.5), (2.0, 0.5)):  # noqa: E741
+        data = uqmbd.simulate(mechanism, times, values={"bob": m, "length": l}, rtol=1e-8)
+        w = np.sqrt((m * l + rod_mass * l / 2) * 9.81 / (m * l**2 + rod_mass * l**2 / 3))
+        close(data.sine, angle * np.cos(w * times), relative=1e-3)

@@ -1,0 +1,113 @@
+"""uqmbd: how uncertainty in lengths, masses, stiffnesses and loads spreads through a multi-body mechanism.
+
+A study script describes a mechanism and its random variables once; every propagator runs on that one description and
+the results come back as xarray data that can be laid side by side.  Everything below is loaded when it is first used,
+so that ``import uqmbd`` costs next to nothing.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+__version__ = "0.1.0"
+
+# name -> the module that defines it; the modules themselves are private, these names are the public interface
+_WHERE = {
+    "Mechanism": "uqmbd.mechanism",
+    "Spatial": "uqmbd.mechanism",
+    "Planar": "uqmbd.mechanism",
+    "Translational": "uqmbd.mechanism",
+    "Component": "uqmbd.mechanism",
+    "Parameter": "uqmbd.mechanism",
+    "Kinetic": "uqmbd.mechanism",
+    "Potential": "uqmbd.mechanism",
+    "VirtualWork": "uqmbd.mechanism",
+    "Constraint": "uqmbd.mechanism",
+    "Auxiliary": "uqmbd.mechanism",
+    "Upright": "uqmbd.mechanism",
+    "Local": "uqmbd.mechanism",
+    "Frame": "uqmbd.mechanism",
+    "aligned": "uqmbd.mechanism",
+    "joint_frames": "uqmbd.mechanism",
+    "nominal": "uqmbd.mechanism",
+    "quaternion_product": "uqmbd.mechanism",
+    "relative_quaternion": "uqmbd.mechanism",
+    "smallest_rotation": "uqmbd.mechanism",
+    "perpendiculars": "uqmbd.mechanism",
+    "t": "uqmbd.mechanism",
+    "step": "uqmbd.mechanism",
+    "RandomVariable": "uqmbd.randomness",
+    "random_vector": "uqmbd.randomness",
+    "simulate": "uqmbd.propagation",
+    "check": "uqmbd.dynamics",
+    "Study": "uqmbd.propagation",
+    "Propagator": "uqmbd.propagation",
+    "Problem": "uqmbd.propagation",
+    "Progress": "uqmbd.propagation",
+    "Realisations": "uqmbd.propagation",
+    "hookimpl": "uqmbd.plugins",
+    "AssemblyError": "uqmbd.errors",
+    "IntegrationError": "uqmbd.errors",
+    "PluginWarning": "uqmbd.errors",
+    "RedundantConstraintWarning": "uqmbd.errors",
+    "StudyError": "uqmbd.errors",
+    "UnusedInputWarning": "uqmbd.errors",
+    "UqmbdError": "uqmbd.errors",
+}
+
+if TYPE_CHECKING:
+    from uqmbd.dynamics import check as check
+    from uqmbd.errors import AssemblyError as AssemblyError
+    from uqmbd.errors import IntegrationError as IntegrationError
+    from uqmbd.errors import PluginWarning as PluginWarning
+    from uqmbd.errors import RedundantConstraintWarning as RedundantConstraintWarning
+    from uqmbd.errors import StudyError as StudyError
+    from uqmbd.errors import UnusedInputWarning as UnusedInputWarning
+    from uqmbd.errors import UqmbdError as UqmbdError
+    from uqmbd.mechanism import Auxiliary as Auxiliary
+    from uqmbd.mechanism import Component as Component
+    from uqmbd.mechanism import Constraint as Constraint
+    from uqmbd.mechanism import Frame as Frame
+    from uqmbd.mechanism import Kinetic as Kinetic
+    from uqmbd.mechanism import Local as Local
+    from uqmbd.mechanism import Mechanism as Mechanism
+    from uqmbd.mechanism import Parameter as Parameter
+    from uqmbd.mechanism import Planar as Planar
+    from uqmbd.mechanism import Potential as Potential
+    from uqmbd.mechanism import Spatial as Spatial
+    from uqmbd.mechanism import Translational as Translational
+    from uqmbd.mechanism import Upright as Upright
+    from uqmbd.mechanism import VirtualWork as VirtualWork
+    from uqmbd.mechanism import aligned as aligned
+    from uqmbd.mechanism import joint_frames as joint_frames
+    from uqmbd.mechanism import nominal as nominal
+    from uqmbd.mechanism import perpendiculars as perpendiculars
+    from uqmbd.mechanism import quaternion_product as quaternion_product
+    from uqmbd.mechanism import relative_quaternion as relative_quaternion
+    from uqmbd.mechanism import smallest_rotation as smallest_rotation
+    from uqmbd.mechanism import step as step
+    from uqmbd.mechanism import t as t
+    from uqmbd.plugins import hookimpl as hookimpl
+    from uqmbd.propagation import Problem as Problem
+    from uqmbd.propagation import Progress as Progress
+    from uqmbd.propagation import Propagator as Propagator
+    from uqmbd.propagation import Realisations as Realisations
+    from uqmbd.propagation import Study as Study
+    from uqmbd.propagation import simulate as simulate
+    from uqmbd.randomness import RandomVariable as RandomVariable
+    from uqmbd.randomness import random_vector as random_vector
+
+__all__ = [*sorted(_WHERE), "__version__"]
+
+
+def __getattr__(name: str) -> Any:  # noqa: ANN401 - whatever the public name stands for
+    if name in _WHERE:
+        value = getattr(importlib.import_module(_WHERE[name]), name)
+        globals()[name] = value
+        return value
+    raise AttributeError(f"module 'uqmbd' has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return __all__

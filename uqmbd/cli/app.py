@@ -1,0 +1,124 @@
+"""The commands and their options; what they do is imported when it is asked for, so that `--help` answers at once."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from uqmbd.cli.failures import explained
+
+__all__ = ["app", "main"]
+
+# Plain help instead of rich panels: rich's markup alone would double the time until the help appears.
+app = typer.Typer(
+    name="uqmbd",
+    help="How uncertainty in lengths, masses, stiffnesses and loads spreads through a mechanism.",
+    epilog="Exit status: 0 done, 1 the computation failed, 2 the input cannot be used.",
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+    add_completion=False,
+    no_args_is_help=True,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+Script = Annotated[Path, typer.Argument(metavar="STUDY.py", help="Study script: a Python file with a `study`.")]
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run the command line and leave by `SystemExit` with the status 0, 1, 2, or 130 after Ctrl-C."""
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    # Taken out here because it may stand anywhere, before the command and after it.
+    debug = "--debug" in words
+    with explained(debug=debug):
+        app(args=[word for word in words if word != "--debug"], prog_name="uqmbd")
+
+
+def _show_version(asked: bool) -> None:
+    if asked:
+        import uqmbd
+
+        typer.echo(f"uqmbd {uqmbd.__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_show_version, is_eager=True, help="Show the version and exit.")
+    ] = False,
+    debug: Annotated[bool, typer.Option("--debug", help="Show the Python traceback of an error.")] = False,
+) -> None:
+    """Declare the options that stand before the command; `main` has taken `--debug` already."""
+
+
+@app.command()
+def run(
+    script: Script,
+    only: Annotated[
+        list[str] | None, typer.Option("--only", metavar="LABEL", help="Run this propagator only (may be repeated).")
+    ] = None,
+    set_: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="LABEL.option=value", help="Change an option of a propagator (may be repeated)."),
+    ] = None,
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the results.")] = Path("results"),
+    workers: Annotated[
+        int | None, typer.Option("--workers", metavar="N", min=1, help="Number of processes (default: 1).")
+    ] = None,
+    dask: Annotated[
+        str | None, typer.Option("--dask", metavar="ADDRESS", help="Scheduler of a Dask cluster that does the work.")
+    ] = None,
+    resume: Annotated[bool, typer.Option("--resume", help="Continue an unfinished run in DIR.")] = False,
+) -> None:
+    """Run a study; write DIR/results.nc and DIR/report.html."""
+    from uqmbd.cli.run import run_study
+
+    if workers is not None and dask is not None:
+        raise typer.BadParameter("give either --workers or --dask, not both")
+    run_study(script, only=only or (), settings=set_ or (), out=out, workers=workers or 1, dask=dask, resume=resume)
+
+
+@app.command()
+def check(script: Script) -> None:
+    """Show what a study computes, without running it.
+
+    Its bodies, equations, rank, redundant equations, mobility, inputs and propagators.
+    """
+    from uqmbd.cli.check import show_check
+
+    show_check(script)
+
+
+@app.command()
+def plugins(
+    as_json: Annotated[bool, typer.Option("--json", help="Write JSON instead of a table.")] = False,
+) -> None:
+    """List the installed plugins and what each offers."""
+    from uqmbd.cli.plugins import show_plugins
+
+    show_plugins(as_json=as_json)
+
+
+@app.command()
+def report(
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder that holds a results.nc.")],
+) -> None:
+    """Write DIR/report.html again from DIR/results.nc."""
+    from uqmbd.cli.report import rewrite_report
+
+    rewrite_report(folder)
+
+
+@app.command()
+def compare(
+    first: Annotated[Path, typer.Argument(metavar="A.nc", help="Results of one run.")],
+    second: Annotated[Path, typer.Argument(metavar="B.nc", help="Results of another run.")],
+) -> None:
+    """Show how far two results are apart."""
+    from uqmbd.cli.compare import show_comparison
+
+    show_comparison(first, second)

@@ -1,0 +1,87 @@
+"""Errors and warnings as someone at a terminal should see them: one message, and an exit status for scripts."""
+
+from __future__ import annotations
+
+import sys
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TextIO
+
+from uqmbd.errors import StudyError, UqmbdError
+
+__all__ = ["FAILED", "INTERRUPTED", "UNUSABLE", "explained", "warnings_as_lines"]
+
+FAILED = 1
+UNUSABLE = 2
+INTERRUPTED = 130  # 128 + SIGINT, as shells have it
+
+
+@contextmanager
+def explained(*, debug: bool) -> Iterator[None]:
+    """Turn an exception into a message on the standard error stream and an exit status; `debug` adds the traceback."""
+    try:
+        with warnings_as_lines():
+            yield
+    except SystemExit as error:
+        # The command-line library turns Ctrl-C into this status, without a word.
+        if error.code == INTERRUPTED:
+            print("Interrupted.", file=sys.stderr, flush=True)
+        raise
+    except KeyboardInterrupt as error:
+        _leave(error, "Interrupted.", INTERRUPTED, debug=debug)
+    except StudyError as error:
+        _leave(error, f"Error: {error}", UNUSABLE, debug=debug)
+    except UqmbdError as error:
+        _leave(error, f"Error: {error}", FAILED, debug=debug)
+    except OSError as error:
+        # Files that cannot be read or written, ports that cannot be reached: a matter of the command's input.
+        _leave(error, f"Error: {_os_error(error)}", UNUSABLE, debug=debug)
+    except MemoryError as error:
+        _leave(error, "Error: out of memory; try fewer samples, outputs, times or workers.", FAILED, debug=debug)
+    except Exception as error:
+        hint = "" if debug else " Run it again with --debug to see where it comes from, and please report it."
+        message = f"Error: {type(error).__name__}: {error}\nThis is a mistake in uqmbd, in a plugin or in the study."
+        _leave(error, message + hint, FAILED, debug=debug)
+
+
+@contextmanager
+def warnings_as_lines() -> Iterator[None]:
+    """Show warnings as `Warning: text` while the context lasts, each text once."""
+    seen: set[str] = set()
+
+    def show(
+        message: Warning | str,
+        category: type[Warning],
+        filename: str,
+        lineno: int,
+        file: TextIO | None = None,
+        line: str | None = None,
+    ) -> None:
+        ours = category.__module__.partition(".")[0] == "uqmbd" or category is UserWarning
+        text = f"Warning: {message}" if ours else f"Warning: {category.__name__}: {message} ({filename}, line {lineno})"
+        if text not in seen:
+            seen.add(text)
+            print(text, file=file or sys.stderr, flush=True)
+
+    before = warnings.showwarning
+    warnings.showwarning = show
+    try:
+        yield
+    finally:
+        warnings.showwarning = before
+
+
+def _leave(error: BaseException, message: str, status: int, *, debug: bool) -> None:
+    if debug:
+        import traceback
+
+        traceback.print_exception(error, file=sys.stderr)
+    print(message, file=sys.stderr, flush=True)
+    raise SystemExit(status) from None
+
+
+def _os_error(error: OSError) -> str:
+    if error.filename is not None and error.strerror:
+        return f"{error.filename}: {error.strerror}"
+    return str(error) or type(error).__name__

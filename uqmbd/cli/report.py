@@ -1,0 +1,47 @@
+"""`uqmbd report`: write the report of stored results."""
+
+from __future__ import annotations
+
+import warnings
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from uqmbd import plugins
+from uqmbd.errors import PluginWarning, StudyError
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from uqmbd.report import Section
+
+__all__ = ["rewrite_report", "write"]
+
+
+def rewrite_report(folder: Path) -> None:
+    """Write ``report.html`` into a folder from the ``results.nc`` in it."""
+    from uqmbd.results import load
+
+    # Someone who names the file itself means its folder.
+    source = folder if folder.is_file() else folder / "results.nc"
+    if not source.exists():
+        raise StudyError(f"There is no {source}; give the folder that `uqmbd run STUDY.py --out DIR` wrote.")
+    print(f"report   {write(load(source), source.parent / 'report.html')}")
+
+
+def write(tree: xr.DataTree, path: Path) -> Path:
+    """Write a report with the sections that plugins add, and return its path."""
+    from uqmbd.report import write_report
+
+    return write_report(tree, path, sections=_sections())
+
+
+def _sections() -> list[Section]:
+    """Make the sections of plugins; one that cannot be made is a warning, not the end of the report."""
+    sections = []
+    for name, section in plugins.report_sections().items():
+        try:
+            sections.append(section())
+        except Exception as error:
+            text = f"report section {name!r} of {section.__module__} is left out: {type(error).__name__}: {error}"
+            warnings.warn(text, PluginWarning, stacklevel=2)
+    return sections

@@ -1,0 +1,98 @@
+"""Tables for the terminal: numbers with as many digits as they deserve, and outputs beside their units."""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from uqmbd.cli.progress import seconds
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+__all__ = ["console", "plain_table", "show_summary", "units_of", "with_spread"]
+
+LINES = 20  # outputs in a table on the terminal; the report has all of them
+
+
+def console() -> Console:
+    """Return a console for the standard output; a pipe or file gets lines that are not cut at 80 columns."""
+    return Console(file=sys.stdout, highlight=False, width=None if sys.stdout.isatty() else 160)
+
+
+def plain_table(*columns: str, right: int = 0) -> Table:
+    """Return an empty table without a frame; the last `right` columns hold numbers."""
+    table = Table(box=None, pad_edge=False, header_style="bold")
+    for number, column in enumerate(columns):
+        table.add_column(Text(column), justify="right" if number >= len(columns) - right else "left")
+    return table
+
+
+def with_spread(mean: float, std: float) -> str:
+    """Write a mean and its standard deviation, the latter with two digits, the former to the same place.
+
+    >>> with_spread(0.349613, 0.003121), with_spread(-12345.6, 250.0), with_spread(1.5, 0.0)
+    ('0.3496 ± 0.0031', '-12346 ± 250', '1.5 ± 0')
+    >>> with_spread(2.5e-7, 1.1e-9), with_spread(float("nan"), 1.0)
+    ('2.500e-07 ± 1.1e-09', 'not known')
+    """
+    if not (math.isfinite(mean) and math.isfinite(std)):
+        return "not known"
+    if std == 0.0:
+        return f"{mean:.6g} ± 0"
+    place = 1 - math.floor(math.log10(abs(std)))
+    largest = max(abs(mean), abs(std))
+    if largest >= 1e6 or place > 8 or largest < 1e-4:
+        digits = max(place + math.floor(math.log10(abs(mean))) if mean else 2, 1)
+        return f"{mean:.{min(digits, 12)}e} ± {std:.1e}"
+    decimals = max(place, 0)
+    return f"{mean:.{decimals}f} ± {std:.{decimals}f}"
+
+
+def show_summary(tree: xr.DataTree, *, files: Mapping[str, Path], title: str = "") -> None:
+    """Print each output at the end time, failures, wall times and where the files are."""
+    from uqmbd.results import propagator_nodes
+
+    nodes = propagator_nodes(tree)
+    first = next(iter(nodes.values()))["statistics"].to_dataset()
+    names = [str(name) for name in first["output"].values]
+    units = units_of(first)
+    end = f" at t = {float(first['time'].values[-1]):g} s" if "time" in first.coords else ""
+    screen = console()
+    screen.print(Text(f"\n{title}mean ± standard deviation{end}", style="bold"))
+    table = plain_table("output", "units", *nodes, right=len(nodes))
+    for number, (name, unit) in enumerate(zip(names[:LINES], units, strict=False)):
+        table.add_row(Text(name), Text(unit), *(_final(node, number) for node in nodes.values()))
+    table.add_section()
+    counts = [(int(node.attrs.get("failures", 0)), int(node.attrs.get("realisations", 0))) for node in nodes.values()]
+    failed = (Text(f"{bad} of {all_}", style="bold red" if bad else "") for bad, all_ in counts)
+    table.add_row("failed realisations", "", *failed)
+    table.add_row("wall time", "", *(seconds(float(node.attrs.get("wall_time", 0.0))) for node in nodes.values()))
+    screen.print(table)
+    if len(names) > LINES:
+        screen.print(f"... and {len(names) - LINES} more outputs; the report has all of them.")
+    width = max(map(len, files), default=0)
+    for kind, path in files.items():
+        # Not through rich, which would wrap a long path where it cannot be copied any more.
+        print(f"{kind:<{width}}  {path}")
+
+
+def units_of(statistics: xr.Dataset) -> list[str]:
+    """Return the units of the outputs; empty where none are stated."""
+    if "output_units" not in statistics.coords:
+        return [""] * statistics.sizes["output"]
+    return [str(unit) for unit in statistics["output_units"].values]
+
+
+def _final(node: xr.DataTree, output: int) -> str:
+    statistics = node["statistics"].to_dataset().isel(output=output)
+    if "time" in statistics.dims:
+        statistics = statistics.isel(time=-1)
+    return with_spread(float(statistics["mean"]), float(statistics["std"]))

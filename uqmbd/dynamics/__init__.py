@@ -1,0 +1,25 @@
+"""What is solved: derivation, kernels, model, ensemble, assembly, integration.
+
+The only place that imports scikit-sundae and compiles with SymEngine.
+"""
+
+from __future__ import annotations
+
+from uqmbd.dynamics.build import build, kinematic_model
+from uqmbd.dynamics.check import Check, check
+from uqmbd.dynamics.ensemble import Ensemble
+from uqmbd.dynamics.integration import Counters, Trajectories, integrate
+from uqmbd.dynamics.model import Layout, Model
+
+__all__ = [
+    "Check",
+    "Counters",
+    "Ensemble",
+    "Layout",
+    "Model",
+    "Trajectories",
+    "build",
+    "check",
+    "integrate",
+    "kinematic_model",
+]

@@ -1,0 +1,219 @@
+"""From a mechanism to a model: derive, compile, assemble at the means, and decide which equations are independent."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import replace
+
+import numpy as np
+import sympy
+from numpy.typing import NDArray
+
+from uqmbd.dynamics.assembly import independent_rows, positions
+from uqmbd.dynamics.block import TIME, Instance, instances_of
+from uqmbd.dynamics.index1 import index1_system, massless_direction, state_arguments
+from uqmbd.dynamics.model import (
+    FUSED_LIMIT,
+    Layout,
+    Model,
+    Statement,
+    break_times,
+    csc_pattern,
+    evaluator,
+    place,
+)
+from uqmbd.dynamics.outputs import angle_counters, output_map
+from uqmbd.dynamics.parameters import ParameterMap
+from uqmbd.errors import AssemblyError, RedundantConstraintWarning, StudyError
+from uqmbd.mechanism import Mechanism
+
+__all__ = ["build", "kinematic_model"]
+
+Array = NDArray[np.float64]
+
+
+def kinematic_model(mechanism: Mechanism, time: float = 0.0) -> Model:
+    """Make the part of a model that assembly needs, with the independent equations chosen at the means.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        What to model.
+    time : float
+        Initial time, s.
+
+    Returns
+    -------
+    Model
+        Without residual, Jacobian and outputs.
+
+    Raises
+    ------
+    uqmbd.AssemblyError
+        If it cannot be assembled at the means.
+    """
+    return _kinematics(mechanism, time)[0]
+
+
+def _kinematics(mechanism: Mechanism, time: float) -> tuple[Model, list[Instance]]:
+    if not mechanism.bodies:
+        raise StudyError(f"mechanism {mechanism.name!r} has no bodies; add one with mechanism.body(...).")
+    instances = instances_of([*mechanism.all_components(), *angle_counters(mechanism)], mechanism.space)
+    order = {name: k for k, name in enumerate(mechanism.bodies)}
+    inputs = mechanism.inputs
+    size, n = mechanism.space.size, mechanism.space.size * len(order)
+    equations = tuple(f"{i.component.name}: {label}" for i in instances for label in i.type.labels)
+    owners = tuple(i.component.name for i in instances for _ in i.type.labels)
+    cosines = tuple(f"{i.component.name}: {label}" for i in instances for label in i.type.cosine_labels)
+
+    expressions: list[sympy.Expr] = [p for i in instances for p in i.parameters]
+    blocks = len(expressions)
+    expressions += [x for body in mechanism.bodies.values() for x in body.pose.q]
+    drawn = np.arange(blocks, blocks + n)
+    statements: list[Statement] = []
+    held: list[int] = []
+    for k, body in enumerate(mechanism.bodies.values()):
+        if body.pose.hold:
+            held += range(k * size, (k + 1) * size)
+        d = mechanism.space.dimension
+        parts = (
+            ("velocity", body.pose.velocity, range(d)),
+            ("angular_velocity", body.pose.angular_velocity, range(d, size)),
+        )
+        for quantity, stated, coordinates in parts:
+            if stated is not None:
+                where = np.arange(len(expressions), len(expressions) + len(stated))
+                statements.append(Statement(body.name, quantity, np.array(coordinates) + k * size, where))
+                expressions += stated
+    breaks = np.arange(len(expressions), len(expressions) + len(_breaks(instances)))
+    expressions += _breaks(instances)
+
+    layout = Layout(
+        coordinates=n,
+        states=sum(len(i.type.states) for i in instances),
+        constraints=len(equations),
+        kept=np.arange(len(equations), dtype=np.int64),
+    )
+    kinds = ("position", "velocity", "initial", "acceleration", "energy")
+    model = Model(
+        name=mechanism.name,
+        layout=layout,
+        bodies=tuple(mechanism.bodies),
+        size=size,
+        dimension=mechanism.space.dimension,
+        equations=equations,
+        owners=owners,
+        cosines=cosines,
+        inputs=inputs.names,
+        parameters=ParameterMap.of(expressions, inputs.variables),
+        drawn=drawn,
+        statements=tuple(statements),
+        held=np.array(held, dtype=np.int64),
+        breaks=breaks,
+        evaluators={kind: evaluator(kind, instances, order, layout, blocks, fuse=False) for kind in kinds},
+    )
+    parameters = model.parameters(inputs.means[None, :])
+    if not np.isfinite(parameters).all():
+        raise StudyError(f"mechanism {mechanism.name!r}: a parameter is not finite at the means of the inputs.")
+    q, messages = positions(model, parameters[:, drawn], time, parameters)
+    if messages[0]:
+        raise AssemblyError(f"mechanism {mechanism.name!r} cannot be assembled: {messages[0]}")
+    still = np.zeros((1, layout.states))
+    position = model.evaluators["position"]
+    values = position(state_arguments(q, still, np.zeros_like(q), time), parameters)
+    gradient = np.zeros((layout.constraints, n))
+    if "phi_q" in position.index:
+        columns, entries = position.index["phi_q"]
+        gradient[entries] = values[0, columns]
+    norms = np.array([k for k, name in enumerate(equations) if name.endswith(": unit quaternion")], dtype=np.int64)
+    kept, _ = independent_rows(gradient, norms)
+    return replace(model, layout=replace(layout, kept=kept)), instances
+
+
+def _breaks(instances: list[Instance]) -> list[sympy.Expr]:
+    found: list[sympy.Expr] = []
+    for instance in instances:
+        block = instance.type
+        parts = [block.kinetic, block.potential, *block.constraints, *block.rates, *(x for w in block.work for x in w)]
+        timed = [e for e in parts if e.has(sympy.Piecewise) and e.has(TIME)]
+        values = {sympy.Symbol(f"_p{k}", real=True): p for k, p in enumerate(instance.parameters)}
+        for root in break_times(timed, TIME):
+            value = root.xreplace(values)
+            if value not in found and not any(str(s).startswith("_") for s in value.free_symbols):
+                found.append(value)
+    return found
+
+
+def build(mechanism: Mechanism, time: float = 0.0, *, fuse: bool | None = None) -> Model:
+    """Make the complete model of a mechanism.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        What to model.
+    time : float
+        Initial time, s.
+    fuse : bool, optional
+        Compile residual and Jacobian as one kernel each; by default up to `FUSED_LIMIT` unknowns.
+
+    Returns
+    -------
+    Model
+
+    Warns
+    -----
+    uqmbd.RedundantConstraintWarning
+        If equations depend on others; names them.
+
+    Raises
+    ------
+    uqmbd.AssemblyError, uqmbd.StudyError
+        If it cannot be assembled at the means, or a body can be accelerated by no force.
+    """
+    model, instances = _kinematics(mechanism, time)
+    layout = model.layout
+    redundant = np.setdiff1d(np.arange(layout.constraints), layout.kept)
+    if len(redundant):
+        names = ", ".join(repr(model.equations[k]) for k in redundant[:12])
+        more = f" and {len(redundant) - 12} more" if len(redundant) > 12 else ""
+        warnings.warn(
+            f"mechanism {mechanism.name!r}: {len(redundant)} of {layout.constraints} constraint equations "
+            f"are redundant and are dropped: {names}{more}. The motion is not affected; "
+            "the reactions of these joints are not unique.",
+            RedundantConstraintWarning,
+            stacklevel=3,
+        )
+    order = {name: k for k, name in enumerate(mechanism.bodies)}
+    blocks = model.block_parameters
+    fuse = layout.unknowns <= FUSED_LIMIT if fuse is None else fuse
+    evaluators = dict(model.evaluators)
+    for kind in ("residual", "jacobian"):
+        evaluators[kind] = evaluator(kind, instances, order, layout, blocks, fuse=fuse)
+    outputs = output_map(
+        list(mechanism.outputs.values()),
+        instances,
+        place(instances, order),
+        order,
+        mechanism.inputs.variables,
+        (layout.coordinates, layout.states, layout.constraints),
+    )
+    model = replace(
+        model, evaluators=evaluators, outputs=outputs, pattern=csc_pattern(evaluators["jacobian"], layout.unknowns)
+    )
+    parameters = model.parameters(mechanism.inputs.means[None, :])
+    q, _ = positions(model, parameters[:, model.drawn], time, parameters, layout.kept)
+    model = replace(model, system=index1_system(model, _typical(model, q, time, parameters)))
+    body = massless_direction(model, q, np.zeros((1, layout.states)), time, parameters)
+    if body:
+        raise StudyError(
+            f"body {body!r} can be accelerated without any force: its mass or inertia is zero in a direction "
+            "in which it is free to move. Give it mass and inertia, or hold it with a joint."
+        )
+    return model
+
+
+def _typical(model: Model, q: Array, time: float, parameters: Array) -> Array:
+    """Results of the ``acceleration`` evaluator where no entry vanishes by chance: near the pose, and moving."""
+    shift = np.random.default_rng(0).uniform(0.1, 0.3, (2, *q.shape))
+    still = np.zeros((1, model.layout.states))
+    return model.evaluators["acceleration"](state_arguments(q + shift[0], still, shift[1], time), parameters)

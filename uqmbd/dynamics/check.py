@@ -1,0 +1,88 @@
+"""What can be said of a mechanism without moving it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from uqmbd.dynamics.build import kinematic_model
+from uqmbd.mechanism import Mechanism
+
+__all__ = ["Check", "check"]
+
+
+@dataclass(frozen=True)
+class Check:
+    """Bodies, equations, rank, redundancy, mobility and inputs of a mechanism.
+
+    Attributes
+    ----------
+    bodies : tuple of str
+    components : tuple of (name, type, number of constraint equations)
+    coordinates, equations, rank, mobility : int
+        Equations include the unit norm of each quaternion; ``mobility = coordinates - rank``.
+    redundant : tuple of str
+        Equations that follow from the others.
+    inputs : tuple of (name, distribution, units)
+    unused_inputs : tuple of str
+        Declared, but entering nothing.
+    """
+
+    bodies: tuple[str, ...]
+    components: tuple[tuple[str, str, int], ...]
+    coordinates: int
+    equations: int
+    rank: int
+    redundant: tuple[str, ...]
+    mobility: int
+    inputs: tuple[tuple[str, str, str], ...]
+    unused_inputs: tuple[str, ...]
+
+
+def check(mechanism: Mechanism, time: float = 0.0) -> Check:
+    """Assemble a mechanism at the means of its inputs, and count.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        What to check.
+    time : float
+        Initial time, s.
+
+    Returns
+    -------
+    Check
+
+    Raises
+    ------
+    uqmbd.AssemblyError
+        If it cannot be assembled.
+
+    Examples
+    --------
+    >>> import uqmbd
+    >>> from uqmbd_joints import Revolute
+    >>> mechanism = uqmbd.Mechanism("pendulum", uqmbd.Planar(gravity=(0, -9.81)))
+    >>> rod = mechanism.body("rod", mass=1, inertia=1 / 12, position=(0.5, 0))
+    >>> pivot = mechanism.add(Revolute("pivot", mechanism.ground, rod, (0, 0), (-0.5, 0)))
+    >>> uqmbd.check(mechanism).mobility
+    1
+    """
+    model = kinematic_model(mechanism, time)
+    layout = model.layout
+    redundant = np.setdiff1d(np.arange(layout.constraints), layout.kept)
+    inputs = mechanism.inputs
+    owners = list(model.owners)
+    used = mechanism.used_inputs()
+    return Check(
+        bodies=model.bodies,
+        components=tuple((c.name, type(c).__name__, owners.count(c.name)) for c in mechanism.components.values()),
+        coordinates=layout.coordinates,
+        equations=layout.constraints,
+        rank=layout.multipliers,
+        redundant=tuple(model.equations[k] for k in redundant),
+        mobility=layout.coordinates - layout.multipliers,
+        inputs=tuple((v.name, v.description, v.units) for v in inputs.variables),
+        unused_inputs=tuple(n for n in inputs.names if n not in used),
+    )

@@ -1,0 +1,228 @@
+"""The index-1 system: accelerations, multipliers and everything else that a state determines."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import scipy.linalg
+from numpy.typing import NDArray
+
+from uqmbd.dynamics.elimination import Elimination, plan
+from uqmbd.dynamics.evaluator import Evaluator
+from uqmbd.dynamics.model import Model
+
+__all__ = [
+    "RANK_TOLERANCE",
+    "System",
+    "accelerations",
+    "dense",
+    "index1_system",
+    "massless_direction",
+    "state_arguments",
+]
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+ELIMINATION_LIMIT = 160
+"""Unknowns of the index-1 system up to which a fixed order of elimination is planned."""
+
+RANK_TOLERANCE = 1e-8
+"""Relative size below which a singular value of the constraint Jacobian counts as zero."""
+
+
+def dense(model: Model, kind: str, arguments: Array, parameters: Array) -> dict[str, Array]:
+    """Results of an evaluator as dense arrays by name."""
+    e = model.evaluators[kind]
+    values = e(arguments, parameters)
+    n, m, k = model.layout.coordinates, model.layout.constraints, model.layout.states
+    shapes = {
+        "phi": (m,),
+        "phi_q": (m, n),
+        "cos": (len(model.cosines),),
+        "phi_t": (m,),
+        "d": (m, n),
+        "mass": (n, n),
+        "force": (n,),
+        "gamma": (m,),
+        "s": (k,),
+        "energy": (2,),
+    }
+    wanted = {
+        "position": ("phi", "phi_q", "cos"),
+        "velocity": ("phi_t", "d"),
+        "initial": ("s",),
+        "acceleration": ("mass", "force", "d", "gamma", "s"),
+        "energy": ("energy",),
+    }[kind]
+    result: dict[str, Array] = {}
+    for name in wanted:
+        array: Any = np.zeros((len(values), *shapes[name]))
+        if name in e.index:
+            columns, where = e.index[name]
+            array[(slice(None), *where)] = values[:, columns]
+        result[name] = array
+    return result
+
+
+def state_arguments(q: Array, s: Array, v: Array, time: Array | float) -> Array:
+    """Arguments of the state kinds: ``(q, s, v, t, 0)``, shape (K, ...)."""
+    t = np.broadcast_to(np.asarray(time, dtype=float), (len(q),))[:, None]
+    return np.concatenate([q, s, v, t, np.zeros_like(t)], axis=1)
+
+
+def accelerations(
+    model: Model, q: Array, s: Array, v: Array, time: Array | float, parameters: Array
+) -> tuple[Array, Array, Array]:
+    """Solve the index-1 system ``[M D^T; D 0] [a; lambda] = [Q - h; gamma]``.
+
+    Parameters
+    ----------
+    model : Model
+        With its ``acceleration`` evaluator.
+    q, s, v : array, shape (K, ...)
+        Consistent states.
+    time : array, shape (K,), or float
+        Times.
+    parameters : array, shape (K, parameter)
+        Of each state.
+
+    Returns
+    -------
+    a, multipliers, rates : array, shape (K, ...)
+        Accelerations, multipliers of the kept equations, and rates of the auxiliary states.
+    """
+    evaluator = model.evaluators["acceleration"]
+    values = evaluator(state_arguments(q, s, v, time), parameters)
+    rates = _columns(evaluator, values, "s", model.layout.states)
+    a, multipliers = _solve(model, values)
+    return a, multipliers, rates
+
+
+def _columns(evaluator: Evaluator, values: Array, letter: str, count: int) -> Array:
+    result = np.zeros((len(values), count))
+    if letter in evaluator.index:
+        columns, (where,) = evaluator.index[letter]
+        result[:, where] = values[:, columns]
+    return result
+
+
+@dataclass(frozen=True)
+class System:
+    """Where the results of the ``acceleration`` evaluator stand in the symmetric index-1 system.
+
+    Attributes
+    ----------
+    rows, columns, source : array of int, shape (nnz,)
+        Place of each entry, sorted by rows, and the result that it is.
+    starts : array of int
+        First entry of each row.
+    """
+
+    rows: Index
+    columns: Index
+    source: Index
+    starts: Index
+    size: int
+    elimination: Elimination | None
+
+
+def index1_system(model: Model, typical: Array | None) -> System:
+    """Lay out the index-1 system of a model.
+
+    Parameters
+    ----------
+    model : Model
+        With its kept equations.
+    typical : array, shape (1, argument), or None
+        State arguments with which the order of elimination is chosen; None: systems are solved by LAPACK.
+    """
+    index = model.evaluators["acceleration"].index
+    n, kept = model.layout.coordinates, model.layout.kept
+    number = np.full(model.layout.constraints, -1, dtype=np.int64)
+    number[kept] = np.arange(len(kept))
+    rows, columns, source = [], [], []
+    if "mass" in index:
+        results, (i, k) = index["mass"]
+        rows, columns, source = [i], [k], [results]
+    if "d" in index:
+        results, (i, k) = index["d"]
+        used = number[i] >= 0
+        row = n + number[i][used]
+        rows += [row, k[used]]
+        columns += [k[used], row]
+        source += [results[used], results[used]]
+    all_rows, all_columns = np.concatenate(rows), np.concatenate(columns)
+    order = np.lexsort((all_columns, all_rows))
+    size = n + len(kept)
+    system = System(
+        all_rows[order],
+        all_columns[order],
+        np.concatenate(source)[order],
+        np.searchsorted(all_rows[order], np.arange(size)),
+        size,
+        None,
+    )
+    # a row without entries would break the sums over rows; such a system is singular anyhow
+    if typical is None or size > ELIMINATION_LIMIT or len(np.unique(system.rows)) < size:
+        return system
+    matrix = np.zeros((size, size))
+    matrix[system.rows, system.columns] = typical[0, system.source]
+    return replace(system, elimination=plan(system.rows, system.columns, matrix))
+
+
+def _solve(model: Model, values: Array) -> tuple[Array, Array]:
+    """Solve the index-1 systems whose entries are results of the ``acceleration`` evaluator."""
+    evaluator, layout = model.evaluators["acceleration"], model.layout
+    system = model.system or index1_system(model, None)
+    n = layout.coordinates
+    right = np.zeros((system.size, len(values)))
+    right[:n] = _columns(evaluator, values, "force", n).T
+    right[n:] = _columns(evaluator, values, "gamma", layout.constraints)[:, layout.kept].T
+    entries = np.ascontiguousarray(values.T[system.source])
+    if system.elimination is None:
+        solution = _lapack(system, entries, right)
+    else:
+        where = system.elimination.slots[system.rows, system.columns]
+        solution = system.elimination.solve(entries, where, right.copy())
+        poor = np.flatnonzero(~_accurate(system, entries, right, solution))
+        if len(poor):
+            solution[:, poor] = _lapack(system, entries[:, poor], right[:, poor])
+    return solution[:n].T, solution[n:].T
+
+
+def _accurate(system: System, entries: Array, right: Array, solution: Array) -> NDArray[np.bool_]:
+    """Whether each solution satisfies its system to rounding."""
+    with np.errstate(all="ignore"):
+        product = entries * solution[system.columns]
+        residual = np.abs(np.add.reduceat(product, system.starts, axis=0) - right)
+        size = np.add.reduceat(np.abs(product), system.starts, axis=0) + np.abs(right)
+        good: NDArray[np.bool_] = np.asarray((residual <= 1e-10 * size + 1e-300).all(axis=0))
+    return good
+
+
+def _lapack(system: System, entries: Array, right: Array) -> Array:
+    matrix = np.zeros((entries.shape[1], system.size, system.size))
+    matrix[:, system.rows, system.columns] = entries.T
+    # rows of light bodies are scaled up: the pivots of the factorisation see comparable numbers
+    scale = np.abs(matrix).max(axis=2)
+    scale = np.where(scale > 0, scale, 1.0)
+    solution: Array = np.linalg.solve(matrix / scale[:, :, None], (right.T / scale)[:, :, None])[:, :, 0]
+    return solution.T
+
+
+def massless_direction(model: Model, q: Array, s: Array, time: float, parameters: Array) -> str:
+    """Name a body that could be accelerated without any force, or nothing: one realisation."""
+    found = dense(model, "acceleration", state_arguments(q, s, np.zeros_like(q), time), parameters)
+    null = scipy.linalg.null_space(found["d"][0], rcond=RANK_TOLERANCE)
+    if not null.shape[1]:
+        return ""
+    # compare a translation with a rotation through the size of the coordinates: only zero counts
+    reduced = null.T @ found["mass"][0] @ null
+    values, vectors = np.linalg.eigh(reduced)
+    if values[0] > 1e-13 * max(values[-1], 1e-300):
+        return ""
+    share = np.abs(null @ vectors[:, 0])
+    return model.bodies[int(np.argmax(share)) // model.size]

@@ -1,0 +1,324 @@
+"""Integration of the stabilised index-2 form by IDA (SUNDIALS, through scikit-sundae), many realisations in one stack.
+
+Realisations of a stack share the steps.  The error norm of IDA averages over them, so that a realisation that is much
+harder than the others would get less accuracy than it would alone: its *defect* (by how much ``q' - v + D^T mu`` misses
+zero between the steps) tells, and it is taken out and integrated alone.
+"""
+
+from __future__ import annotations
+
+import time as clock
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uqmbd.dynamics.ensemble import Ensemble
+from uqmbd.dynamics.index1 import accelerations
+from uqmbd.dynamics.model import Model
+
+__all__ = ["Counters", "Trajectories", "integrate"]
+
+Array = NDArray[np.float64]
+Callbacks = tuple[Callable[..., None], Callable[..., None]]
+
+RELAXED = 1e8
+"""Absolute tolerance of multipliers: the error test must not see them, the Newton iteration hardly."""
+
+SPARSE_FROM = 150
+"""Unknowns from which a sparse factorisation wins."""
+
+STACK = 64
+"""Realisations of a stack."""
+
+OUTLIER = 2.5
+"""A realisation whose defect exceeds the root mean square of its stack by this factor is integrated alone."""
+
+STEPS = 200_000
+"""Most steps between two output times."""
+
+
+@dataclass(frozen=True)
+class Counters:
+    """What an integration cost.
+
+    Attributes
+    ----------
+    residuals, jacobians : int
+        Evaluations, each for a whole stack.
+    integrations : int
+        Starts of the integrator.
+    alone : int
+        Realisations that were taken out of their stack.
+    seconds : float
+        Wall time.
+    """
+
+    residuals: int = 0
+    jacobians: int = 0
+    integrations: int = 0
+    alone: int = 0
+    seconds: float = 0.0
+
+    def __add__(self, other: Counters) -> Counters:
+        return Counters(
+            self.residuals + other.residuals,
+            self.jacobians + other.jacobians,
+            self.integrations + other.integrations,
+            self.alone + other.alone,
+            self.seconds + other.seconds,
+        )
+
+
+@dataclass(frozen=True)
+class Trajectories:
+    """Unknowns of K realisations at the output times.
+
+    Attributes
+    ----------
+    times : array, shape (T,)
+        s.
+    y : array, shape (K, T, n)
+        NaN from the time on at which a realisation failed, everywhere if it could not be assembled.
+    messages : tuple of str
+        Reason of failure of each realisation, or empty.
+    counters : Counters
+        Cost.
+    """
+
+    times: Array
+    y: Array
+    messages: tuple[str, ...]
+    counters: Counters = field(default_factory=Counters)
+
+
+@dataclass(frozen=True)
+class _Run:
+    """One integration of a stack: states, defects, and the reason if it stopped early."""
+
+    y: Array
+    defect: Array
+    message: str
+    counters: Counters
+
+
+def integrate(ensemble: Ensemble, times: Array, rtol: float = 1e-6, stack: int = STACK) -> Trajectories:
+    """Assemble and integrate every realisation of an ensemble.
+
+    Parameters
+    ----------
+    ensemble : Ensemble
+        K realisations.
+    times : array, shape (T,)
+        Output times, strictly increasing; the first is the start.
+    rtol : float
+        Relative tolerance.
+    stack : int
+        Most realisations that are integrated together.
+
+    Returns
+    -------
+    Trajectories
+        A realisation that fails does not disturb the others.
+    """
+    model = ensemble.model
+    start = ensemble.start(float(times[0]))
+    y = np.full((len(ensemble), len(times), model.layout.unknowns), np.nan)
+    messages = list(start.messages)
+    where = model.layout.slices
+    y0 = np.zeros((len(ensemble), model.layout.unknowns))
+    yp0 = np.zeros_like(y0)
+    y0[:, where["q"]], y0[:, where["s"]], y0[:, where["v"]] = start.q, start.s, start.v
+    y0[:, where["l"]] = start.multipliers
+    yp0[:, where["q"]], yp0[:, where["s"]], yp0[:, where["v"]] = start.v, start.rates, start.a
+    counters = Counters()
+    assembled = np.flatnonzero(start.ok)
+    todo = [assembled[k : k + stack] for k in range(0, len(assembled), stack)]
+    while todo:
+        members = todo.pop(0)
+        run = _integrate_stack(ensemble.select(members), y0[members], yp0[members], times, rtol)
+        counters = counters + run.counters
+        if run.message and len(members) > 1:
+            # which one failed is not known: halve until it is alone
+            half = len(members) // 2
+            todo = [members[:half], members[half:], *todo]
+            continue
+        y[members] = run.y
+        if run.message:
+            messages[members[0]] = run.message
+        if len(members) > 1:
+            mean = np.sqrt(np.mean(run.defect**2))
+            hard = members[run.defect > OUTLIER * mean]
+            todo = [*(np.array([k]) for k in hard), *todo]
+            counters = counters + Counters(alone=len(hard))
+    return Trajectories(times, y, tuple(messages), counters)
+
+
+def _integrate_stack(ensemble: Ensemble, y0: Array, yp0: Array, times: Array, rtol: float) -> _Run:
+    """Integrate a stack through all its break times."""
+    model = ensemble.model
+    result = np.full((len(ensemble), len(times), model.layout.unknowns), np.nan)
+    result[:, 0] = y0
+    squares, count = np.zeros(len(ensemble)), 0
+    counters = Counters()
+    callbacks = _callbacks(ensemble)
+    end = float(times[-1])
+    breaks = np.unique(ensemble.breaks)
+    now, y, yp = float(times[0]), y0, yp0
+    for stop in [*breaks[(breaks > now) & (breaks < end)].tolist(), end]:
+        inside = np.flatnonzero((times > now) & (times <= stop))
+        grid = np.unique(np.concatenate([[now], times[inside], [stop]]))
+        if len(grid) == 2:  # with two times the integrator returns its own steps instead
+            grid = np.array([now, 0.5 * (now + stop), stop])
+        if len(breaks):
+            y, yp = _consistent(ensemble, now, y)
+        begin = clock.perf_counter()
+        solution = _solver(ensemble, callbacks, y, rtol).solve(grid, y.ravel(), yp.ravel())
+        spent = clock.perf_counter() - begin
+        counters = counters + Counters(int(solution.nfev), int(solution.njev), 1, 0, spent)
+        states = np.asarray(solution.y).reshape(len(solution.t), len(ensemble), -1)
+        reached = len(states) if solution.success else len(states) - 1
+        where = np.searchsorted(grid, times[inside])
+        done = where < reached
+        result[:, inside[done]] = states[where[done]].transpose(1, 0, 2)
+        squares += _defects(ensemble, solution, states, rtol)
+        count += len(states)
+        if not solution.success or reached < len(grid):
+            last = float(solution.t[-1]) if len(solution.t) else now
+            return _Run(result, np.sqrt(squares / max(1, count)), _diagnosis(solution, last, rtol), counters)
+        now, y = stop, states[-1].copy()
+    return _Run(result, np.sqrt(squares / max(1, count)), "", counters)
+
+
+def _consistent(ensemble: Ensemble, time: float, y: Array) -> tuple[Array, Array]:
+    """Multipliers and rates at the start of a segment: those an instant later, as a force may jump at the start."""
+    model = ensemble.model
+    where = model.layout.slices
+    instant = time + 1e-12 * max(1.0, abs(time))
+    q, s, v = (y[:, where[x]] for x in "qsv")
+    a, multipliers, rates = accelerations(model, q, s, v, instant, ensemble.block)
+    y, yp = y.copy(), np.zeros_like(y)
+    yp[:, where["q"]], yp[:, where["s"]], yp[:, where["v"]] = v, rates, a
+    y[:, where["l"]], y[:, where["m"]] = multipliers, 0.0
+    return y, yp
+
+
+def _defects(ensemble: Ensemble, solution: Any, states: Array, rtol: float) -> Array:
+    """Sum over time of the squared weighted ``q' - v``, for each realisation of a stack.
+
+    The term ``D^T mu`` is left out: it is of the same order as the error itself.
+    """
+    if len(ensemble) == 1:
+        return np.zeros(1)
+    where = ensemble.model.layout.slices
+    rates = np.asarray(solution.yp).reshape(states.shape)
+    difference = rates[:, :, where["q"]] - states[:, :, where["v"]]
+    weight = np.abs(states[:, :, where["q"]]) + 1.0
+    defect: Array = np.nansum(np.mean((difference / (rtol * weight)) ** 2, axis=2), axis=0)
+    return defect
+
+
+def _solver(ensemble: Ensemble, callbacks: Callbacks, y: Array, rtol: float) -> Any:
+    from sksundae.ida import IDA
+
+    model = ensemble.model
+    residual, jacobian = callbacks
+    length = max(1e-3, float(np.abs(y[:, : model.layout.coordinates]).max(initial=0.0)))
+    atol = np.full(model.layout.unknowns, rtol * min(1.0, length))
+    atol[model.layout.differential :] = RELAXED
+    options: dict[str, Any] = {"linsolver": "dense"}
+    if y.size >= SPARSE_FROM:
+        options = {"linsolver": "sparse", "sparsity": _sparsity(model, len(ensemble))}
+    with warnings.catch_warnings():
+        # it takes the pattern for an approximation of its own, which the exact Jacobian replaces
+        warnings.filterwarnings("ignore", message="Custom sparse Jacobian")
+        return IDA(
+            residual, jacfn=jacobian, rtol=rtol, atol=np.tile(atol, len(ensemble)), max_num_steps=STEPS, **options
+        )
+
+
+def _callbacks(ensemble: Ensemble) -> Callbacks:
+    """Residual and Jacobian as IDA wants them."""
+    count, n = len(ensemble), ensemble.model.layout.unknowns
+    rows, pointers = ensemble.model.pattern
+    columns = np.repeat(np.arange(n), np.diff(pointers))
+    if count == 1 and (single := _single(ensemble)) is not None:
+        residual, values = single
+    else:
+
+        def residual(t: float, y: Array, yp: Array, res: Array) -> None:
+            res[:] = ensemble.residual(t, y.reshape(count, n), yp.reshape(count, n)).ravel()
+
+        def values(t: float, y: Array, yp: Array, c: float) -> Array:
+            return ensemble.jacobian(t, y.reshape(count, n), yp.reshape(count, n), c).ravel()
+
+    if count * n >= SPARSE_FROM:
+
+        def jacobian(t: float, y: Array, yp: Array, res: Array, c: float, jac: Array) -> None:
+            jac[:] = values(t, y, yp, c)
+    elif count == 1:
+
+        def jacobian(t: float, y: Array, yp: Array, res: Array, c: float, jac: Array) -> None:
+            jac[rows, columns] = values(t, y, yp, c)
+    else:
+        offsets = n * np.arange(count)[:, None]
+        all_rows, all_columns = (rows + offsets).ravel(), (columns + offsets).ravel()
+
+        def jacobian(t: float, y: Array, yp: Array, res: Array, c: float, jac: Array) -> None:
+            jac[all_rows, all_columns] = values(t, y, yp, c)
+
+    return residual, jacobian
+
+
+def _single(ensemble: Ensemble) -> tuple[Callable[..., None], Callable[..., Array]] | None:
+    """One realisation with fused kernels: called with as little Python as possible."""
+    model = ensemble.model
+    kernels = [k for kind in ("residual", "jacobian") if (k := model.evaluators[kind].fused_kernel) is not None]
+    if len(kernels) < 2:
+        return None
+    n, d = model.layout.unknowns, model.layout.differential
+    width = n + d + 2
+    arguments = np.concatenate([np.zeros(width), ensemble.block[0]])
+    arguments_j = np.concatenate([np.zeros(width + 1), ensemble.block[0]])
+    entries = np.empty(len(model.pattern[0]))
+    call, call_j = (k.function.unsafe_real for k in kernels)
+
+    def residual(t: float, y: Array, yp: Array, res: Array) -> None:
+        arguments[:n] = y
+        arguments[n : n + d] = yp[:d]
+        arguments[n + d] = t
+        call(arguments, res)
+
+    def values(t: float, y: Array, yp: Array, c: float) -> Array:
+        arguments_j[:n] = y
+        arguments_j[n : n + d] = yp[:d]
+        arguments_j[n + d] = t
+        arguments_j[n + d + 1] = c
+        call_j(arguments_j, entries)
+        return entries
+
+    return residual, values
+
+
+def _sparsity(model: Model, copies: int) -> Any:
+    """Structural pattern of `copies` realisations side by side, compressed by columns."""
+    from scipy import sparse
+
+    rows, pointers = model.pattern
+    one = sparse.csc_matrix((np.ones(len(rows)), rows, pointers), shape=(model.layout.unknowns,) * 2)
+    return one if copies == 1 else sparse.block_diag([one] * copies, format="csc")
+
+
+def _diagnosis(solution: Any, time: float, rtol: float) -> str:
+    text = str(solution.message).strip().rstrip(".")
+    if "max" in text.lower() and "step" in text.lower():
+        cause = "too many steps: the motion is very stiff or very fast for the output times"
+    else:
+        cause = "the steps became too small: a singular pose, a stop or an impact, or a force that jumps"
+    return (
+        f"the integration stopped at t = {time:.6g} s ({text}); probably {cause}. "
+        f"Try another rtol (now {rtol:g}), or look at the motion up to that time."
+    )

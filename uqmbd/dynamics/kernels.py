@@ -1,0 +1,127 @@
+"""Compiled kernels (SymEngine with LLVM) and their cache on disk."""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import os
+import pickle
+import platform
+import tempfile
+from collections.abc import Callable, Sequence
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["Kernel", "cache_folder", "cached", "compile_kernel", "compilations"]
+
+Array = NDArray[np.float64]
+
+compilations = [0]
+"""Number of kernels compiled by this process, for tests and provenance."""
+
+
+class Kernel:
+    """A compiled vector function that broadcasts over rows.
+
+    Parameters
+    ----------
+    function : symengine.LLVMDouble or None
+        None where there is nothing to compute.
+    inputs, outputs : int
+        Number of arguments and results.
+    """
+
+    def __init__(self, function: Any, inputs: int, outputs: int) -> None:
+        self.function = function
+        self.inputs = inputs
+        self.outputs = outputs
+
+    def __call__(self, arguments: Array, out: Array | None = None) -> Array:
+        """Evaluate.
+
+        Parameters
+        ----------
+        arguments : array, shape (..., inputs)
+            C-contiguous.
+        out : array, shape (..., outputs), optional
+            Where to write.
+
+        Returns
+        -------
+        array, shape (..., outputs)
+        """
+        if self.function is None:
+            return np.zeros((*arguments.shape[:-1], self.outputs))
+        result: Array = self.function(arguments, out=out) if out is not None else self.function(arguments)
+        return result.reshape(*arguments.shape[:-1], self.outputs)
+
+
+def compile_kernel(arguments: Sequence[Any], expressions: Sequence[Any], *, opt_level: int = 0) -> Kernel:
+    """Compile SymEngine expressions in SymEngine symbols."""
+    if not expressions:
+        return Kernel(None, len(arguments), 0)
+    import symengine as se
+
+    compilations[0] += 1
+    # LLVM wants at least one argument
+    symbols = list(arguments) or [se.Symbol("_none")]
+    function = se.Lambdify(symbols, list(expressions), backend="llvm", cse=True, opt_level=opt_level)
+    return Kernel(function, len(symbols), len(expressions))
+
+
+def cache_folder() -> Path:
+    """Folder of cached kernels: ``UQMBD_CACHE`` if set, else in the user's cache folder."""
+    import platformdirs
+
+    return Path(os.environ.get("UQMBD_CACHE") or platformdirs.user_cache_path("uqmbd") / "kernels")
+
+
+@cache
+def _machine() -> bytes:
+    """Describe what compiled code depends on: library versions and processor features."""
+    import symengine
+
+    features = platform.processor()
+    with contextlib.suppress(OSError):
+        for line in Path("/proc/cpuinfo").read_text().splitlines():
+            if line.startswith(("flags", "Features")):
+                features = line
+                break
+    from uqmbd.dynamics.derivation import source_digest
+
+    text = f"{symengine.__version__} {platform.python_version()} {platform.machine()} {features}".encode()
+    return text + source_digest() + Path(__file__).read_bytes()
+
+
+def cached(key: object, make: Callable[[], Any]) -> Any:  # noqa: ANN401 - whatever `make` returns
+    """Return what `make` returns, from the cache on disk if it is there.
+
+    A damaged entry is made again; a folder that cannot be written costs only time.
+
+    Parameters
+    ----------
+    key : object
+        Its ``repr`` is hashed together with library versions and processor features.
+    make : callable
+        Makes the value; it must survive pickling.
+    """
+    name = hashlib.sha256(repr(key).encode() + _machine()).hexdigest()
+    path = cache_folder() / f"{name}.pickle"
+    try:
+        return pickle.loads(path.read_bytes())  # noqa: S301 - the user's own cache
+    except FileNotFoundError:
+        pass
+    except Exception:  # noqa: BLE001 - damaged in whatever way: made again
+        with contextlib.suppress(OSError):
+            path.unlink()
+    value = make()
+    with contextlib.suppress(OSError):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.NamedTemporaryFile(dir=path.parent, delete=False) as file:
+            file.write(pickle.dumps(value))
+        os.replace(file.name, path)
+    return value

@@ -1,0 +1,239 @@
+"""The model: index maps and compiled equations of a mechanism; numbers only, so that it travels to worker processes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import sympy
+from numpy.typing import NDArray
+
+from uqmbd.dynamics.block import Instance
+from uqmbd.dynamics.derivation import Kind
+from uqmbd.dynamics.evaluator import Evaluator, Placement, fused, typed
+from uqmbd.dynamics.parameters import ParameterMap
+from uqmbd.errors import StudyError
+
+__all__ = ["FUSED_LIMIT", "Layout", "Model", "Statement"]
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+FUSED_LIMIT = 130
+"""Unknowns up to which residual and Jacobian are one kernel: beyond, compilation costs more than it saves."""
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Sizes, and where everything is in ``y = (q, s, v, lambda, mu)``."""
+
+    coordinates: int
+    states: int
+    constraints: int
+    kept: Index
+    """Indices of the independent constraint equations."""
+
+    @property
+    def multipliers(self) -> int:
+        """Number of independent constraint equations."""
+        return len(self.kept)
+
+    @property
+    def differential(self) -> int:
+        """Number of unknowns whose derivative occurs: the first of ``y``."""
+        return 2 * self.coordinates + self.states
+
+    @property
+    def unknowns(self) -> int:
+        """Length of ``y``."""
+        return self.differential + 2 * self.multipliers
+
+    @property
+    def slices(self) -> dict[str, slice]:
+        """Parts of ``y`` by letter: q, s, v, l, m."""
+        n, k, m = self.coordinates, self.states, self.multipliers
+        ends = np.cumsum([0, n, k, n, m, m])
+        return {x: slice(int(a), int(b)) for x, a, b in zip("qsvlm", ends[:-1], ends[1:], strict=True)}
+
+    def columns(self, kind: Kind) -> dict[tuple[str, int], int]:
+        """Column of each variable among the arguments of a kind."""
+        n, k = self.coordinates, self.states
+        parts = [("q", n), ("s", k), ("v", n)]
+        if kind in ("residual", "jacobian"):
+            parts += [("l", self.multipliers), ("m", self.multipliers), ("dq", n), ("ds", k), ("dv", n)]
+        parts += [("t", 1), ("c", 1)] if kind == "jacobian" else [("t", 1)]
+        names = [(letter, i) for letter, count in parts for i in range(count)]
+        return {name: column for column, name in enumerate(names)}
+
+
+@dataclass(frozen=True)
+class Statement:
+    """A stated initial velocity or angular velocity of a body, or its held pose."""
+
+    body: str
+    quantity: str
+    coordinates: Index
+    parameters: Index
+
+
+@dataclass(frozen=True)
+class Model:
+    """Everything numeric about a mechanism.
+
+    Attributes
+    ----------
+    layout : Layout
+        Sizes and kept rows.
+    bodies : tuple of str
+        Names, in the order of their coordinates.
+    size, dimension : int
+        Coordinates of a body, and dimension of its position.
+    equations : tuple of str
+        Name of every constraint equation ("A: point x").
+    owners : tuple of str
+        Component of every constraint equation.
+    parameters : ParameterMap
+        All parameters of all instances, then the drawn pose, statements and break times.
+    """
+
+    name: str
+    layout: Layout
+    bodies: tuple[str, ...]
+    size: int
+    dimension: int
+    equations: tuple[str, ...]
+    owners: tuple[str, ...]
+    cosines: tuple[str, ...]
+    inputs: tuple[str, ...]
+    parameters: ParameterMap
+    drawn: Index
+    statements: tuple[Statement, ...]
+    held: Index
+    breaks: Index
+    evaluators: dict[str, Evaluator] = field(repr=False)
+    outputs: Any = field(default=None, repr=False)
+    system: Any = field(default=None, repr=False)
+    pattern: tuple[Index, Index] = field(default=(np.zeros(0, int), np.zeros(0, int)), repr=False)
+    """Row indices and column pointers of the Jacobian, compressed by columns."""
+
+    @property
+    def block_parameters(self) -> int:
+        """How many parameters belong to the blocks (the first ones)."""
+        return int(self.drawn[0]) if len(self.drawn) else len(self.parameters.constants)
+
+    def quaternions(self) -> Index:
+        """Coordinates of each body's quaternion, shape (body, 2 or 4); empty in translational space."""
+        first = np.arange(len(self.bodies)) * self.size + self.dimension
+        return first[:, None] + np.arange(self.size - self.dimension)[None, :]
+
+
+def place(instances: list[Instance], order: dict[str, int], kept: Index | None = None) -> list[Placement]:
+    """Give every local variable its global index.
+
+    Parameters
+    ----------
+    instances : list of Instance
+        All blocks.
+    order : dict
+        Index of each body by name.
+    kept : array of int, optional
+        Independent equations; all by default.
+    """
+    total = sum(len(i.type.constraints) for i in instances)
+    number = np.full(total, -1, dtype=np.int64)
+    kept = np.arange(total) if kept is None else kept
+    number[kept] = np.arange(len(kept))
+    rows = states = cosines = parameters = 0
+    placements = []
+    for instance in instances:
+        block = instance.type
+        size = block.space.size
+        q = np.concatenate([np.arange(size) + order[b.name] * size for b in instance.bodies] or [np.zeros(0, int)])
+        row = np.arange(rows, rows + len(block.constraints))
+        state = np.arange(states, states + len(block.states))
+        multipliers = number[row]
+        one = np.zeros(1, dtype=np.int64)
+        placements.append(
+            Placement(
+                {
+                    "q": q,
+                    "v": q,
+                    "dq": q,
+                    "dv": q,
+                    "s": state,
+                    "ds": state,
+                    "l": multipliers,
+                    "m": multipliers,
+                    "t": one,
+                    "c": one,
+                    "row": row,
+                    "state": state,
+                    "cos": np.arange(cosines, cosines + len(block.cosines)),
+                },  # fmt: skip
+                np.arange(parameters, parameters + block.parameters),
+            )
+        )
+        rows, states = rows + len(block.constraints), states + len(block.states)
+        cosines, parameters = cosines + len(block.cosines), parameters + block.parameters
+    return placements
+
+
+def residual_places(places: list[Placement], layout: Layout) -> list[Placement]:
+    """Placements whose letters are rows of ``y``: what residual and Jacobian targets need."""
+    slices = layout.slices
+    result = []
+    for p in places:
+        letters = dict(p.letters)
+        for letter in "qsvlm":
+            index = p.letters[letter]
+            letters[letter] = np.where(index < 0, -1, index + slices[letter].start)
+        result.append(Placement(letters, p.parameters))
+    return result
+
+
+def evaluator(
+    kind: Kind, instances: list[Instance], order: dict[str, int], layout: Layout, parameters: int, *, fuse: bool
+) -> Evaluator:
+    """Compile one kind of equations."""
+    blocks = [i.type for i in instances]
+    if kind in ("residual", "jacobian"):
+        places = residual_places(place(instances, order, layout.kept), layout)
+        # in y the columns of q, s, v, l, m are their own indices
+        columns = {
+            (x, i + (layout.slices[x].start if x in "qsvlm" else 0)): c for (x, i), c in layout.columns(kind).items()
+        }
+    else:
+        places = place(instances, order)
+        columns = layout.columns(kind)
+    if fuse:
+        return fused(kind, blocks, places, columns, parameters)
+    return typed(kind, blocks, places, columns)
+
+
+def csc_pattern(jacobian: Evaluator, unknowns: int) -> tuple[Index, Index]:
+    """Row indices and column pointers from the targets of a Jacobian, which are sorted by column and row."""
+    columns = np.array([x[1] for x in jacobian.targets], dtype=np.int64)
+    rows = np.array([x[2] for x in jacobian.targets], dtype=np.int64)
+    pointers = np.searchsorted(columns, np.arange(unknowns + 1))
+    return rows, pointers.astype(np.int64)
+
+
+def break_times(expressions: list[sympy.Expr], time: sympy.Symbol) -> list[sympy.Expr]:
+    """Find the times at which expressions may change branch: roots of conditions that are linear in time."""
+    found: list[sympy.Expr] = []
+    for e in expressions:
+        for condition in e.atoms(sympy.core.relational.Relational):
+            difference = condition.lhs - condition.rhs
+            slope = difference.diff(time)
+            if slope != 0 and not slope.has(time):
+                root = sympy.simplify(-difference.subs(time, 0) / slope) if slope != 1 else -difference.subs(time, 0)
+                if not root.has(time) and root not in found:
+                    found.append(root)
+    return found
+
+
+def require(condition: bool, message: str) -> None:
+    """Raise a `StudyError` unless a condition holds."""
+    if not condition:
+        raise StudyError(message)

@@ -1,0 +1,240 @@
+"""Outputs: the user's expressions, compiled for states, accelerations and multipliers."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import sympy
+from numpy.typing import NDArray
+
+from uqmbd.dynamics.block import Instance, plain
+from uqmbd.dynamics.derivation import derive
+from uqmbd.dynamics.evaluator import Placement
+from uqmbd.dynamics.kernels import Kernel, cached, compile_kernel
+from uqmbd.errors import StudyError
+from uqmbd.mechanism import Mechanism, Output
+from uqmbd.mechanism.body import Body, StateSymbol
+from uqmbd.mechanism.component import Auxiliary, Component, Local, Parameter, ReactionSymbol
+from uqmbd.mechanism.time import t
+from uqmbd.randomness import RandomVariable
+
+__all__ = ["AngleCounter", "OutputMap", "angle_counters", "output_map"]
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+
+class AngleCounter(Component):
+    """Counts the turns of a body in the plane: a state that integrates its angular velocity.
+
+    Its value only picks the branch of the angle; the angle itself comes from the coordinates.
+    """
+
+    bodies = ("body",)
+    drawn = Parameter("rad", "angle as drawn")
+
+    def terms(self, p: Local) -> list[Auxiliary]:
+        """Start at the angle of the assembled pose that is nearest to the drawn one."""
+        e = p.body.quaternion
+        raw = 2 * sympy.atan2(e[1], e[0])
+        start = raw + 4 * sympy.pi * sympy.floor((p.drawn - raw) / (4 * sympy.pi) + sympy.Rational(1, 2))
+        return [Auxiliary(p.state("angle"), p.body.angular_velocity[0], start)]
+
+
+def angle_counters(mechanism: Mechanism) -> list[Component]:
+    """Make a counter for every body whose angle is an output."""
+    owners: dict[str, Body] = {}
+    for output in mechanism.outputs.values():
+        for symbol in output.expression.free_symbols:
+            if isinstance(symbol, StateSymbol) and symbol.quantity == "angle":
+                owners[symbol.owner.name] = symbol.owner
+    counters: list[Component] = []
+    for name in sorted(owners):
+        counter = AngleCounter(f"{name}.angle", owners[name], drawn=owners[name].pose.angle)
+        counter.values["drawn"] = owners[name].pose.angle
+        counters.append(counter)
+    return counters
+
+
+@dataclass(frozen=True)
+class OutputMap:
+    """Compiled outputs.
+
+    Attributes
+    ----------
+    names, units : tuple of str
+        As the user wrote them.
+    accelerates : bool
+        Whether accelerations or multipliers are needed.
+    kernel : Kernel
+        Of ``(q, s, v, a, lambda, t, inputs, parameters[needed])``; lambda of all constraint equations.
+    """
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    accelerates: bool
+    kernel: Kernel
+    needed: Index
+
+    def __call__(self, state: Array, inputs: Array, parameters: Array) -> Array:
+        """Evaluate at ``state = (q, s, v, a, lambda, t)``; all arguments have the same leading shape."""
+        arguments = np.concatenate([state, inputs, parameters[..., self.needed]], axis=-1)
+        return self.kernel(np.ascontiguousarray(arguments))
+
+
+def output_map(
+    outputs: Sequence[Output],
+    instances: list[Instance],
+    places: list[Placement],
+    order: dict[str, int],
+    inputs: Sequence[RandomVariable],
+    sizes: tuple[int, int, int],
+) -> OutputMap:
+    """Compile outputs.
+
+    Parameters
+    ----------
+    outputs : sequence of Output
+        What to compile.
+    instances, places : list
+        All blocks, and where they are (all equations kept).
+    order : dict
+        Index of each body by name.
+    inputs : sequence of RandomVariable
+        Columns of the inputs.
+    sizes : tuple
+        Numbers of coordinates, auxiliary states and constraint equations.
+    """
+    n, k, m = sizes
+    start = {"q": 0, "s": n, "v": n + k, "a": 2 * n + k, "l": 3 * n + k, "t": 3 * n + k + m}
+
+    def column(letter: str, index: int) -> str:
+        return f"_y{start[letter] + index}"
+
+    symbols: dict[Any, sympy.Expr] = {t: sympy.Symbol(column("t", 0), real=True)}
+    symbols |= {v: sympy.Symbol(f"_x{i}", real=True) for i, v in enumerate(inputs)}
+    holders: dict[str, tuple[str, Any]] = {}
+    pending = [plain(o.expression) for o in outputs]
+    free = sorted({s for e in pending for s in e.free_symbols}, key=str)
+    for symbol in free:
+        if isinstance(symbol, ReactionSymbol):
+            holder = f"_R{len(holders)}"
+            holders[holder] = ("reaction", symbol)
+            symbols[symbol] = sympy.Symbol(holder, real=True)
+        elif isinstance(symbol, StateSymbol):
+            if symbol.quantity in ("kinetic_energy", "potential_energy"):
+                holder = f"_R{len(holders)}"
+                holders[holder] = (symbol.quantity, symbol)
+                symbols[symbol] = sympy.Symbol(holder, real=True)
+            elif symbol.quantity == "angle":
+                symbols[symbol] = _angle(symbol, instances, places, order, column)
+            elif symbol.quantity in ("q", "v", "a"):
+                symbols[symbol] = _coordinate(symbol, order, column)
+            else:
+                inner = symbol.owner.expand(symbol)
+                swap = {s: _coordinate(s, order, column) for s in inner.free_symbols}
+                symbols[symbol] = inner.xreplace(swap)
+    local = [e.xreplace(symbols) for e in pending]
+    used = [(i, p) for i, p in zip(instances, places, strict=True) if _uses(i, holders)]
+    layout = [
+        (
+            i.type.digest,
+            i.component.name,
+            (i.type.reaction_on, i.type.reaction_sign, sympy.srepr(sympy.Tuple(*i.type.reaction_point))),
+            {x: tuple(map(int, y)) for x, y in p.letters.items()},
+            tuple(map(int, p.parameters)),
+        )
+        for i, p in used
+    ]
+    wanted = [(h, kind, str(s)) for h, (kind, s) in holders.items()]
+    width = 3 * n + k + m + 1
+
+    def make() -> tuple[Kernel, Index, bool]:
+        import symengine as se
+
+        swap = {
+            se.Symbol(h): _reaction(used, s, column) if kind == "reaction" else _energy(used, kind, column)
+            for h, (kind, s) in holders.items()
+        }
+        expressions = [se.sympify(e).xreplace(swap) for e in local]
+        names = {str(s) for e in expressions for s in e.free_symbols}
+        needed = sorted(int(x[2:]) for x in names if x.startswith("_g"))
+        late = any(x.startswith("_y") and start["a"] <= int(x[2:]) < start["t"] for x in names)
+        arguments = [se.Symbol(f"_y{c}") for c in range(width)] + [se.Symbol(f"_x{c}") for c in range(len(inputs))]
+        arguments += [se.Symbol(f"_g{c}") for c in needed]
+        return compile_kernel(arguments, expressions), np.array(needed, dtype=np.int64), late
+
+    key = ("outputs", width, len(inputs), layout, wanted, sympy.srepr(sympy.Tuple(*local)))
+    kernel, needed, late = cached(key, make)
+    return OutputMap(tuple(o.name for o in outputs), tuple(o.units for o in outputs), late, kernel, needed)
+
+
+def _coordinate(symbol: Any, order: dict[str, int], column: Any) -> sympy.Symbol:
+    index = order[symbol.owner.name] * symbol.owner.space.size + symbol.index
+    return sympy.Symbol(column(symbol.quantity, index), real=True)
+
+
+def _angle(
+    symbol: Any, instances: list[Instance], places: list[Placement], order: dict[str, int], column: Any
+) -> sympy.Expr:
+    body = symbol.owner
+    first = order[body.name] * body.space.size + body.space.dimension
+    e0, e1 = (sympy.Symbol(column("q", first + i), real=True) for i in (0, 1))
+    for instance, place in zip(instances, places, strict=True):
+        if isinstance(instance.component, AngleCounter) and instance.bodies[0] is body:
+            counted = sympy.Symbol(column("s", int(place.letters["s"][0])), real=True)
+            raw = 2 * sympy.atan2(e1, e0)
+            return raw + 4 * sympy.pi * sympy.floor((counted - raw) / (4 * sympy.pi) + sympy.Rational(1, 2))
+    raise StudyError(f"the angle of body {body.name!r} is not counted; record it with mechanism.output(...).")
+
+
+def _uses(instance: Instance, holders: dict[str, tuple[str, Any]]) -> bool:
+    return any(kind != "reaction" or s.component is instance.component for kind, s in holders.values())
+
+
+def _global(instance: Instance, place: Placement, column: Any) -> dict[Any, Any]:
+    import symengine as se
+
+    derived = derive(instance.type)
+    swap = {derived.t: se.Symbol(column("t", 0))}
+    for letter, symbols in (("q", derived.q), ("s", derived.s), ("v", derived.v)):
+        swap |= {x: se.Symbol(column(letter, int(g))) for x, g in zip(symbols, place.letters[letter], strict=True)}
+    swap |= {x: se.Symbol(column("l", int(g))) for x, g in zip(derived.l, place.letters["row"], strict=True)}
+    return swap | {x: se.Symbol(f"_g{int(g)}") for x, g in zip(derived.p, place.parameters, strict=True)}
+
+
+def _reaction(used: list[tuple[Instance, Placement]], symbol: Any, column: Any) -> Any:
+    """One component of the force or moment on body j (``E Q / 2`` moved from body origin to the component's point)."""
+    import symengine as se
+
+    instance, place = next((i, p) for i, p in used if i.component is symbol.component)
+    block = instance.type
+    space, derived = block.space, derive(block)
+    d, first = space.dimension, block.reaction_on * space.size
+    q = [sympy.Symbol(f"_q{first + i}", real=True) for i in range(space.size)]
+    load = [sympy.Symbol(f"_Q{first + i}", real=True) for i in range(space.size)]
+    if symbol.quantity == "reaction_force":
+        e = load[symbol.index]
+    else:
+        arm = sympy.Matrix(q[:d]) - sympy.Matrix(block.reaction_point)
+        force = sympy.Matrix(load[:d])
+        moment = space.moment(q[d:], load[d:])
+        extra = arm.cross(force) if d == 3 else sympy.Matrix([arm[0] * force[1] - arm[1] * force[0]])
+        e = (moment + extra)[symbol.index]
+    loads = {se.Symbol(f"_Q{i}"): x for i, x in enumerate(derived.generalised_force())}
+    return (se.sympify(block.reaction_sign * e).xreplace(loads)).xreplace(_global(instance, place, column))
+
+
+def _energy(used: list[tuple[Instance, Placement]], kind: str, column: Any) -> Any:
+    import symengine as se
+
+    total = se.Integer(0)
+    for instance, place in used:
+        derived = derive(instance.type)
+        total = total + (derived.kinetic if kind == "kinetic_energy" else derived.potential).xreplace(
+            _global(instance, place, column)
+        )
+    return total

@@ -1,0 +1,59 @@
+"""What a user describes: mechanism, bodies, components, outputs.  Symbolic and declarative; no numbers are crunched."""
+
+from __future__ import annotations
+
+from uqmbd.mechanism.body import Body, Ground
+from uqmbd.mechanism.component import (
+    Auxiliary,
+    Component,
+    Constraint,
+    Kinetic,
+    Local,
+    Parameter,
+    Potential,
+    Upright,
+    VirtualWork,
+)
+from uqmbd.mechanism.frame import Frame
+from uqmbd.mechanism.geometry import (
+    aligned,
+    joint_frames,
+    nominal,
+    perpendiculars,
+    quaternion_product,
+    relative_quaternion,
+    smallest_rotation,
+)
+from uqmbd.mechanism.mechanism import Mechanism, Output
+from uqmbd.mechanism.space import Planar, Space, Spatial, Translational
+from uqmbd.mechanism.time import step, t
+
+__all__ = [
+    "Auxiliary",
+    "Body",
+    "Component",
+    "Constraint",
+    "Frame",
+    "Ground",
+    "Kinetic",
+    "Local",
+    "Mechanism",
+    "Output",
+    "Parameter",
+    "Planar",
+    "Potential",
+    "Space",
+    "Spatial",
+    "Translational",
+    "Upright",
+    "VirtualWork",
+    "aligned",
+    "joint_frames",
+    "nominal",
+    "perpendiculars",
+    "quaternion_product",
+    "relative_quaternion",
+    "smallest_rotation",
+    "step",
+    "t",
+]

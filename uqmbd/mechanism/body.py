@@ -1,0 +1,163 @@
+"""Bodies and the ground."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import sympy
+
+from uqmbd.mechanism.component import Component, Constraint, Kinetic, Local, Parameter, Potential, Term
+from uqmbd.mechanism.frame import Frame
+from uqmbd.mechanism.space import Space
+
+__all__ = ["Body", "Ground", "StateSymbol"]
+
+
+class StateSymbol(sympy.Symbol):
+    """A coordinate, rate or acceleration of a body, or its unwrapped angle, in output expressions."""
+
+    owner: Any
+    quantity: str
+    index: int
+
+    def __new__(cls, owner: Any, quantity: str, index: int, name: str) -> StateSymbol:
+        """Name it, and remember what it stands for."""
+        self: StateSymbol = sympy.Symbol.__xnew__(cls, name, real=True)
+        self.owner, self.quantity, self.index = owner, quantity, index
+        return self
+
+    def __init__(self, *args: Any) -> None:
+        """Accept the arguments of ``__new__``."""
+
+    def _hashable_content(self) -> tuple[Any, ...]:
+        return (*super()._hashable_content(), id(self.owner))
+
+
+class PlaneScalar(StateSymbol):
+    """A rotation in the plane: one number, which may also be written with ``[0]`` like a vector."""
+
+    _iterable = False  # SymPy shall not take it for a sequence
+
+    def __getitem__(self, index: int) -> PlaneScalar:
+        if index not in (0, -1):
+            raise IndexError(f"{self.name} has one component in the plane")
+        return self
+
+
+class Ground(Frame):
+    """The world: a body that does not move.  Points and axes on it are in world coordinates."""
+
+    name = "ground"
+
+    def __init__(self, space: Space) -> None:
+        super().__init__(space)
+
+
+@dataclass(frozen=True)
+class Pose:
+    """How a body is drawn: expressions in random variables."""
+
+    q: tuple[sympy.Expr, ...]
+    velocity: tuple[sympy.Expr, ...] | None
+    angular_velocity: tuple[sympy.Expr, ...] | None
+    hold: bool
+    angle: sympy.Expr
+
+
+class Body(Frame):
+    """A rigid body (in translational space a point mass).
+
+    Made by `Mechanism.body`.  Its properties (`position`, `velocity`, `acceleration`, `rotation`, `quaternion`,
+    `angle`, `angular_velocity`, `angular_acceleration`, `point(local)`, `point_velocity(local)`) are SymPy
+    expressions for outputs.
+    """
+
+    def __init__(self, name: str, space: Space, inertia: BodyTerms, pose: Pose) -> None:
+        self.name = name
+        self.terms = inertia
+        self.pose = pose
+        marks = {"q": "", "v": "'", "a": "''"}
+        symbols = {
+            kind: [StateSymbol(self, kind, i, f"{name}.{c}{mark}") for i, c in enumerate(space.coordinates)]
+            for kind, mark in marks.items()
+        }
+        super().__init__(space, symbols["q"], symbols["v"], symbols["a"])
+
+    @property
+    def angle(self) -> sympy.Symbol:
+        """Angle in the plane, rad, counted over any number of turns."""
+        if self.space.dimension != 2 or not self.space.turns:
+            raise AttributeError(
+                f"body {self.name!r} has no .angle: only bodies in Planar space do; use .quaternion or .rotation."
+            )
+        return StateSymbol(self, "angle", 0, f"{self.name}.angle")
+
+    @property
+    def angular_velocity(self) -> Any:
+        """Angular velocity, rad/s, world axes; in the plane a scalar."""
+        if self.space.dimension == 2 and self.space.turns:
+            return PlaneScalar(self, "angular_velocity", 0, f"{self.name}.angular_velocity")
+        return super().angular_velocity
+
+    @property
+    def angular_acceleration(self) -> Any:
+        """Angular acceleration, rad/s^2, world axes; in the plane a scalar."""
+        if self.space.dimension == 2 and self.space.turns:
+            return PlaneScalar(self, "angular_acceleration", 0, f"{self.name}.angular_acceleration")
+        return super().angular_acceleration
+
+    def expand(self, symbol: StateSymbol) -> sympy.Expr:
+        """Write a derived symbol of this body (`PlaneScalar`) in coordinates."""
+        plain = Frame(self.space, self.q, self.v, self._a)
+        return getattr(plain, symbol.quantity)[0]
+
+    @property
+    def mass(self) -> sympy.Expr:
+        """The mass, kg: a number or an expression in random variables."""
+        return sympy.sympify(self.terms.values["mass"])
+
+    @property
+    def com(self) -> Sequence[Any]:
+        """Centre of mass, body frame, m."""
+        com: Sequence[Any] = self.terms.values["com"]
+        return com
+
+    def __repr__(self) -> str:
+        return f"<body {self.name!r}>"
+
+
+class BodyTerms(Component):
+    """Inertia, weight and unit-norm condition of a body, written as a component like any other."""
+
+    bodies = ("body",)
+    mass = Parameter("kg", "mass")
+    com = Parameter("m", "centre of mass, body frame", kind="point")
+    inertia = Parameter("kg m^2", "inertia about the centre of mass, body axes", kind="option")
+    gravity = Parameter("m/s^2", "acceleration of free fall", kind="vector")
+
+    def prepare(self) -> dict[str, Any]:
+        """Hand the inertia entries on as numbers: one in the plane, six in space."""
+        return {"moments": self.inertia} if self.inertia else {}
+
+    def terms(self, p: Local) -> list[Term]:
+        """Kinetic energy through ``d/dt(A c)``, weight, unit norm."""
+        v, w = p.body.point_velocity(p.com), p.body.body_angular_velocity
+        energy = p.mass * v.dot(v) / 2
+        terms: list[Term] = []
+        if p.space.turns:
+            m = list(p.moments) if p.space.dimension == 3 else [p.moments[0]]
+            if p.space.dimension == 3:
+                xx, yy, zz, xy, xz, yz = m
+                tensor = sympy.Matrix([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+            else:
+                tensor = sympy.Matrix([m])
+            energy += (w.T * tensor * w)[0] / 2
+            e = p.body.quaternion
+            terms.append(Constraint(sum(x * x for x in e) - 1, "unit quaternion"))
+        return [
+            Kinetic(energy),
+            Potential(-p.mass * sympy.Matrix(p.gravity).dot(p.body.point(p.com))),
+            *terms,
+        ]

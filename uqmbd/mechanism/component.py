@@ -1,0 +1,343 @@
+"""Components: what a joint, driver, spring or force says of itself."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
+
+import sympy
+
+from uqmbd.errors import StudyError
+from uqmbd.mechanism.frame import Frame
+from uqmbd.mechanism.geometry import relative_quaternion
+from uqmbd.mechanism.numbers import flatten
+from uqmbd.mechanism.reaction import PlaneReaction, ReactionSymbol
+from uqmbd.mechanism.space import Planar, Space, Spatial, Translational
+from uqmbd.names import check_name
+
+if TYPE_CHECKING:
+    from uqmbd.mechanism.body import Body, Ground
+
+__all__ = [
+    "Auxiliary",
+    "Component",
+    "Constraint",
+    "Kinetic",
+    "Local",
+    "Parameter",
+    "Potential",
+    "ReactionSymbol",
+    "Term",
+    "Upright",
+    "VirtualWork",
+    "flatten",
+]
+
+
+@dataclass(frozen=True)
+class Kinetic:
+    """Kinetic energy, J, in coordinates and velocities."""
+
+    energy: Any
+
+
+@dataclass(frozen=True)
+class Potential:
+    """Potential energy, J, in coordinates (and auxiliary states whose rate is linear in the velocities)."""
+
+    energy: Any
+
+
+@dataclass(frozen=True)
+class VirtualWork:
+    """A force and the velocity it acts along: generalised force ``Q_i = force . d velocity / d v_i``.
+
+    Both are scalars, or both are vectors of one length.
+    """
+
+    force: Any
+    velocity: Any
+
+
+@dataclass(frozen=True)
+class Constraint:
+    """Holonomic equations ``phi(q, t) = 0``.
+
+    Parameters
+    ----------
+    equations : expression, or vector of them
+        Polynomials in the coordinates wherever the geometry allows.
+    label : str
+        What they hold together ("point", "axis"), for messages; numbered where there are several.
+    """
+
+    equations: Any
+    label: str = ""
+
+
+@dataclass(frozen=True)
+class Auxiliary:
+    """A differential state of the component's own, ``state' = rate``.
+
+    Parameters
+    ----------
+    state : symbol
+        From ``Local.state(name)``.
+    rate : expression
+        In coordinates, velocities, states and time.
+    initial : expression
+        Its value at the start, in coordinates.
+    """
+
+    state: sympy.Symbol
+    rate: Any
+    initial: Any
+
+
+@dataclass(frozen=True)
+class Upright:
+    """An expression that is positive in the intended assembly and negative in its mirror image.
+
+    The cosine between two axes that are to be parallel, for example: the dot products that make them so vanish as well
+    when one of them points the other way.
+    """
+
+    cosine: Any
+    label: str = "axis"
+
+
+Term = Kinetic | Potential | VirtualWork | Constraint | Auxiliary | Upright
+
+_REQUIRED: Any = type("Required", (), {"__repr__": lambda self: "required"})()
+
+Kind = Literal["scalar", "point", "axis", "turning_axis", "vector", "moment", "rotation", "option"]
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A declared number, vector or option of a component.
+
+    Parameters
+    ----------
+    units : str
+        Units of the value.
+    description : str
+        What it is, for people.
+    kind : str
+        ``scalar``; ``point``, ``axis``, ``vector`` (as many numbers as the space has dimensions);
+        ``turning_axis`` (three numbers in space, left out in the plane); ``moment`` (three numbers in space, one in the
+        plane); ``rotation`` (quaternion or matrix); ``option`` (anything that is no number, handed through as it is).
+    default : object
+        Value when left out; required without it.
+    choices : tuple
+        Allowed values of an option.
+    example : object
+        A value to try the component with, where any numbers will not do; `uqmbd.testing.check_component` uses it.
+
+    Examples
+    --------
+    >>> Parameter("N/m", "spring rate").units
+    'N/m'
+    """
+
+    units: str = ""
+    description: str = ""
+    kind: Kind = "scalar"
+    default: Any = _REQUIRED
+    choices: tuple[Any, ...] = ()
+    example: Any = None
+    name: str = field(default="", compare=False)
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        object.__setattr__(self, "name", name)
+
+    def __get__(self, instance: Component | None, owner: type) -> Any:  # noqa: ANN401 - the value as it was given
+        return self if instance is None else instance.values[self.name]
+
+    @property
+    def required(self) -> bool:
+        """Whether there is no default."""
+        return self.default is _REQUIRED
+
+    def size(self, space: Space) -> int:
+        """Return how many numbers the parameter has in a space."""
+        if self.kind in ("point", "axis", "vector"):
+            return space.dimension
+        if self.kind in ("turning_axis", "moment"):
+            return 3 if space.dimension == 3 else (1 if self.kind == "moment" else 0)
+        return 0 if self.kind == "option" else 1
+
+
+class Local:
+    """What `Component.terms` works with: frames for bodies, symbols for parameters, and the time.
+
+    Attributes have the names of the component's body arguments (a `Frame` each), parameters and prepared values
+    (an expression or a column of them).  Numbers are symbols here: one derivation serves all instances and values.
+    """
+
+    def __init__(
+        self, space: Space, frames: Mapping[str, Frame], values: Mapping[str, Any], time: sympy.Symbol
+    ) -> None:
+        self.space = space
+        self.time = time
+        self._names = {**frames, **values}
+        self.states: dict[str, sympy.Symbol] = {}
+
+    def __getattr__(self, name: str) -> Any:  # noqa: ANN401 - a frame, an expression, a vector or an option
+        try:
+            return self.__dict__["_names"][name]
+        except KeyError:
+            raise AttributeError(
+                f"nothing named {name!r} here; there are {sorted(self.__dict__.get('_names', ()))}"
+            ) from None
+
+    def state(self, name: str) -> sympy.Symbol:
+        """Return the symbol of an auxiliary differential state; yield `Auxiliary` for it as well."""
+        return self.states.setdefault(name, sympy.Symbol(f"_s{len(self.states)}", real=True))
+
+
+class Component:
+    """Base of joints, drivers, springs and forces.
+
+    A subclass names its body arguments in `bodies` and the spaces it makes sense in in `spaces`, declares each
+    `Parameter` as a class attribute, and yields terms.  Everything else (equations of motion, Jacobians, reactions) is
+    derived.
+
+    Parameters
+    ----------
+    name : str
+        Unique in its mechanism.
+    *arguments, **keywords
+        The bodies, then the parameters in the order of their declaration, by position or by name.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If an argument is missing, unknown or given twice.
+
+    Examples
+    --------
+    A particle held on a circle about the world's origin:
+
+    >>> import uqmbd
+    >>> class Circle(uqmbd.Component):
+    ...     bodies = ("body",)
+    ...     radius = uqmbd.Parameter("m", "radius of the circle")
+    ...     def terms(self, p):
+    ...         r = p.body.position
+    ...         yield uqmbd.Constraint(r.dot(r) - p.radius**2)
+    >>> Circle.signature()
+    '(name, body, radius)'
+    """
+
+    bodies: ClassVar[tuple[str, ...]] = ("body_i", "body_j")
+    spaces: ClassVar[tuple[type[Space], ...]] = (Spatial, Planar, Translational)
+
+    def __init__(self, name: str, *arguments: Any, **keywords: Any) -> None:
+        kind = type(self).__name__
+        self.name = check_name(name, kind)
+        names = [*self.bodies, *self.parameters()]
+        where = f"{kind} {name!r}"
+        usage = f"Usage: {kind}{self.signature()}."
+        if len(arguments) > len(names):
+            raise StudyError(
+                f"{where}: {len(arguments) + 1} arguments given by position, at most {len(names) + 1} fit. {usage}"
+            )
+        given = dict(zip(names, arguments, strict=False))
+        for key, value in keywords.items():
+            if key not in names:
+                raise StudyError(f"{where}: there is no argument {key!r}. {usage}")
+            if key in given:
+                raise StudyError(f"{where}: {key!r} is given twice. {usage}")
+            given[key] = value
+        for key in self.bodies:
+            if key not in given:
+                raise StudyError(f"{where}: {key!r} is missing; give a body or mechanism.ground. {usage}")
+        self.attached: dict[str, Body | Ground] = {key: given.pop(key) for key in self.bodies}
+        self.given = given
+        self.values: dict[str, Any] = {}
+
+    @classmethod
+    def parameters(cls) -> dict[str, Parameter]:
+        """Return the declared parameters by name, in the order of their declaration."""
+        found: dict[str, Parameter] = {}
+        for base in reversed(cls.__mro__):
+            found.update({k: v for k, v in vars(base).items() if isinstance(v, Parameter)})
+        return found
+
+    @classmethod
+    def signature(cls) -> str:
+        """Return the argument list as text."""
+        words = ["name", *cls.bodies]
+        words += [k if p.required else f"{k}={p.default!r}" for k, p in cls.parameters().items()]
+        return f"({', '.join(words)})"
+
+    def __init_subclass__(cls, **keywords: Any) -> None:
+        super().__init_subclass__(**keywords)
+        kind = inspect.Parameter.POSITIONAL_OR_KEYWORD
+        parts = [inspect.Parameter(n, kind) for n in ("name", *cls.bodies)]
+        rest = sorted(cls.parameters().items(), key=lambda item: not item[1].required)
+        parts += [
+            inspect.Parameter(n, kind, default=inspect.Parameter.empty if p.required else p.default) for n, p in rest
+        ]
+        cls.__signature__ = inspect.Signature(parts)  # type: ignore[attr-defined]  # what help() shows
+
+    def prepare(self) -> Mapping[str, Any]:
+        """Return further parameters, computed from the given ones (`self.point_i` and so on).
+
+        Called once, when the component is added; expressions in random variables are welcome, and are evaluated once
+        for each realisation.
+        """
+        return {}
+
+    def terms(self, p: Local) -> Iterable[Term]:
+        """Yield the terms, written in what `p` offers (never in `self`)."""
+        raise NotImplementedError
+
+    def reaction_point(self, p: Local) -> sympy.Matrix:
+        """World position of the point about which `reaction_moment` is taken: `point_i` if there is one."""
+        first = getattr(p, self.bodies[0])
+        if isinstance(first, Frame):
+            local = p.__dict__["_names"].get("point_i", p.__dict__["_names"].get("point"))
+            return first.position if local is None else first.point(local)
+        raise TypeError(f"{self.bodies[0]} is no frame")
+
+    # -- outputs -----------------------------------------------------------------------------------------------------
+    @property
+    def reaction_force(self) -> tuple[sympy.Symbol, ...]:
+        """Force exerted on body j by body i, world axes, N: symbols for outputs."""
+        return tuple(ReactionSymbol(self, "reaction_force", k) for k in range(self._space().dimension))
+
+    @property
+    def reaction_moment(self) -> Any:
+        """Moment exerted on body j by body i about the component's point on body i, world axes, N m.
+
+        Three symbols; in the plane one.
+        """
+        if self._space().dimension == 2:
+            return PlaneReaction(self, "reaction_moment", 0)
+        return tuple(ReactionSymbol(self, "reaction_moment", k) for k in range(3))
+
+    def drawn_quaternion(self, body_i: str = "body_i", body_j: str = "body_j") -> tuple[sympy.Expr, ...]:
+        """Quaternion of one body relative to another in the drawn pose, ``conj(e_i) e_j``, for `prepare`."""
+        return relative_quaternion(*(_drawn(self.attached[b]) for b in (body_i, body_j)))
+
+    def _space(self) -> Space:
+        for body in self.attached.values():
+            space = getattr(body, "space", None)
+            if isinstance(space, Space):
+                return space
+        raise StudyError(f"{type(self).__name__} {self.name!r}: none of its bodies belongs to a mechanism.")
+
+    def __repr__(self) -> str:
+        where = ", ".join(getattr(b, "name", repr(b)) for b in self.attached.values())
+        return f"<{type(self).__name__} {self.name!r}: {where}>"
+
+
+def _drawn(body: Any) -> tuple[sympy.Expr, ...]:
+    """Quaternion of a body as drawn; of the ground, the identity."""
+    pose = getattr(body, "pose", None)
+    q = body.q if pose is None else pose.q
+    return tuple(q[body.space.dimension :])

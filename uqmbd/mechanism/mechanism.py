@@ -1,0 +1,325 @@
+"""The mechanism: bodies, components and outputs, declared once."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, TypeVar
+
+import sympy
+
+from uqmbd.errors import StudyError
+from uqmbd.mechanism.body import Body, BodyTerms, Ground, Pose
+from uqmbd.mechanism.component import Component
+from uqmbd.mechanism.frame import Frame
+from uqmbd.mechanism.numbers import flatten, numbers, random_variables, shown
+from uqmbd.mechanism.rigid_body import inertia_entries, mass_number, orientation
+from uqmbd.mechanism.space import Space
+from uqmbd.mechanism.symbols import require_known
+from uqmbd.mechanism.values import settle
+from uqmbd.names import check_name, check_units
+from uqmbd.randomness import JointInput, RandomVariable
+
+__all__ = ["Mechanism", "Output"]
+
+C = TypeVar("C", bound=Component)
+
+
+@dataclass(frozen=True)
+class Output:
+    """A named scalar that a study records at every time."""
+
+    name: str
+    expression: sympy.Expr
+    units: str
+
+
+class Mechanism:
+    """Bodies that are joined, driven and loaded, and what is to be observed of them.
+
+    Parameters
+    ----------
+    name : str
+        What appears in data and reports.
+    space : Spatial, Planar or Translational
+        What the bodies move in, with the gravity.
+
+    Examples
+    --------
+    >>> import uqmbd
+    >>> mechanism = uqmbd.Mechanism("falling", uqmbd.Planar(gravity=(0, -9.81)))
+    >>> stone = mechanism.body("stone", mass=1, inertia=0.1, position=(0, 10))
+    >>> mechanism.output("height", stone.position[1], units="m")
+    >>> list(mechanism.outputs)
+    ['height']
+    """
+
+    def __init__(self, name: str, space: Space) -> None:
+        self.name = check_name(name, "mechanism")
+        self.bodies: dict[str, Body] = {}
+        self.components: dict[str, Component] = {}
+        if not isinstance(space, Space):
+            raise StudyError(
+                f"mechanism {name!r}: the space is {shown(space)}; expected uqmbd.Spatial(gravity=(0, 0, -9.81)), "
+                "uqmbd.Planar(gravity=(0, -9.81)) or uqmbd.Translational(...), called."
+            )
+        require_known(self, f"mechanism {name!r}: gravity", space.gravity, "law")
+        self.space = space
+        self.ground = Ground(space)
+        self.outputs: dict[str, Output] = {}
+
+    def body(
+        self,
+        name: str,
+        mass: Any = None,
+        inertia: Any = None,
+        com: Sequence[Any] | None = None,
+        position: Sequence[Any] | None = None,
+        angle: Any = None,
+        quaternion: Sequence[Any] | None = None,
+        rotation: Any = None,
+        velocity: Sequence[Any] | None = None,
+        angular_velocity: Any = None,
+        hold: bool = False,
+    ) -> Body:
+        """Add a rigid body, as drawn.
+
+        Every number may be an expression in random variables.
+
+        Parameters
+        ----------
+        name : str
+            Unique among bodies and components.
+        mass : number
+            kg.
+        inertia : number or sequence
+            About the centre of mass, body axes, kg m^2: one number in the plane; in space a 3 x 3 matrix or
+            ``(Jxx, Jyy, Jzz[, Jxy, Jxz, Jyz])``, all tensor entries; none for point masses.
+        com : sequence
+            Centre of mass in the body frame, m; default its origin.
+        position : sequence
+            Of the body frame's origin, world axes, m; default the world's origin.
+        angle, quaternion, rotation : number, four numbers, 3 x 3 matrix
+            Orientation, body to world: `angle` (rad) in the plane, one of the others in space.
+        velocity, angular_velocity : sequence or number, optional
+            Initial velocity of the origin (world axes) and initial angular velocity (body axes).  None: solved for,
+            with the smallest norm; stated: held.
+        hold : bool
+            Keep the drawn pose when the mechanism is assembled.
+
+        Returns
+        -------
+        Body
+
+        Raises
+        ------
+        uqmbd.StudyError
+            If a value is missing, of the wrong dimension, or physically impossible.
+        """
+        where = f"body {check_name(name, 'body')!r}"
+        self._require_free(name, where)
+        space = self.space
+        d, origin = space.dimension, (0,) * space.dimension
+        turning = 3 if d == 3 else 1
+        if not isinstance(hold, bool):
+            raise StudyError(f"{where}: hold is {shown(hold)}; expected True or False.")
+        if angular_velocity is not None and not space.turns:
+            raise StudyError(
+                f"{where}: angular_velocity is given, but bodies in {type(space).__name__} space do not turn; "
+                "leave it out."
+            )
+        stated = {
+            "mass": mass, "inertia": inertia, "com": com, "position": position, "angle": angle, "rotation": rotation,
+            "quaternion": quaternion, "velocity": velocity, "angular_velocity": angular_velocity,
+        }  # fmt: skip
+        for key, value in stated.items():
+            require_known(self, f"{where}: {key}", value, "number")
+        moments = inertia_entries(where, space, inertia)
+        heavy = mass_number(where, mass)
+        turned = orientation(where, space, angle, quaternion, rotation)
+        pose = Pose(
+            q=(*numbers(where, "position", origin if position is None else position, d, "world axes, m"), *turned),
+            velocity=None if velocity is None else tuple(numbers(where, "velocity", velocity, d, "world axes, m/s")),
+            angular_velocity=None
+            if angular_velocity is None
+            else tuple(numbers(where, "angular_velocity", angular_velocity, turning, "body axes, rad/s")),
+            hold=hold,
+            angle=sympy.sympify(0 if angle is None else angle),
+        )
+        centre = numbers(where, "com", origin if com is None else com, d, "centre of mass, body frame, m")
+        terms = BodyTerms(name, self.ground, mass=heavy, com=centre, inertia=moments, gravity=space.gravity)
+        body = Body(name, space, terms, pose)
+        terms.attached = {"body": body}
+        settle(where, terms, space)
+        self.bodies[name] = body
+        return body
+
+    def add(self, component: C) -> C:
+        """Add a joint, driver, spring or force.
+
+        Parameters
+        ----------
+        component : Component
+            Its bodies must be of this mechanism (or `ground`).
+
+        Returns
+        -------
+        Component
+            The same object, so that its reactions can be made outputs.
+
+        Raises
+        ------
+        uqmbd.StudyError
+            If its name is taken, a body is unknown, or a parameter has the wrong dimension.
+        """
+        given: Any = component
+        if isinstance(given, type) and issubclass(given, Component):
+            raise StudyError(
+                f"mechanism {self.name!r}: add() was given the class {given.__name__}; "
+                f"give it an object, made as {given.__name__}{given.signature()}."
+            )
+        if not isinstance(component, Component):
+            raise StudyError(
+                f"mechanism {self.name!r}: add() was given {shown(component)}; "
+                "expected a component such as a joint, a spring or a force."
+            )
+        where = f"{type(component).__name__} {component.name!r}"
+        if self.components.get(component.name) is component:
+            raise StudyError(f"{where}: it has been added to mechanism {self.name!r} already.")
+        self._require_free(component.name, where)
+        if not isinstance(self.space, component.spaces):
+            fitting = ", ".join(space.__name__ for space in component.spaces)
+            raise StudyError(
+                f"{where}: it makes no sense in {type(self.space).__name__} space, "
+                f"which mechanism {self.name!r} is in; it works in: {fitting}."
+            )
+        self._require_bodies(where, component)
+        for key, value in settle(where, component, self.space).items():
+            declared = component.parameters().get(key)
+            if declared is None or declared.kind != "option":
+                require_known(self, f"{where}: {key}", value, "law")
+        self.components[component.name] = component
+        return component
+
+    def output(self, name: str, expression: Any, units: str = "") -> None:
+        """Record a scalar expression at every time of a study.
+
+        Parameters
+        ----------
+        name : str
+            What appears in data, plots and messages.
+        expression : SymPy expression
+            In positions, velocities, accelerations, reactions, random variables and `uqmbd.t`.
+        units : str
+            Its units.
+
+        Raises
+        ------
+        uqmbd.StudyError
+            If it is no scalar, depends on nothing, or speaks of another mechanism.
+        """
+        where = f"output {check_name(name, 'output')!r}"
+        if name in self.outputs:
+            raise StudyError(f"{where}: there is an output of that name already; every output needs its own.")
+        value = _scalar(where, expression)
+        if not value.free_symbols:
+            raise StudyError(
+                f"{where}: the expression is the constant {value}; it depends on nothing. "
+                "Use a body's position, velocity, a reaction, ..."
+            )
+        require_known(self, where, value, "output")
+        self.outputs[name] = Output(name, value, check_units(units, where))
+
+    @property
+    def inputs(self) -> JointInput:
+        """All random variables that enter anything, ordered by name, with their joint distribution."""
+        return JointInput.of(self._used())
+
+    def used_inputs(self) -> frozenset[str]:
+        """Return the names of random variables that enter something; dependent ones may be inputs without that."""
+        return frozenset(v.name for v in self._used())
+
+    def all_components(self) -> list[Component]:
+        """Return the bodies' own terms, then the components, in the order in which they were added."""
+        return [*(b.terms for b in self.bodies.values()), *self.components.values()]
+
+    def _used(self) -> set[RandomVariable]:
+        values: list[Any] = [value for c in self.all_components() for value in c.values.values()]
+        values += [part for b in self.bodies.values() for part in (b.pose.q, b.pose.velocity, b.pose.angular_velocity)]
+        values += [output.expression for output in self.outputs.values()]
+        values.append(self.space.gravity)
+        return {variable for value in values for variable in random_variables(value)}
+
+    def _require_free(self, name: str, where: str) -> None:
+        if name == "ground":
+            raise StudyError(f"{where}: that name belongs to the ground; choose another.")
+        taken = self.bodies.get(name) or self.components.get(name)
+        if taken is not None:
+            kind = "body" if isinstance(taken, Body) else type(taken).__name__
+            raise StudyError(
+                f"{where}: the name is taken by {kind} {name!r}; bodies and components need names of their own."
+            )
+
+    def _require_bodies(self, where: str, component: Component) -> None:
+        """Raise unless a component is attached to bodies of this mechanism, each once, and not to the ground alone."""
+        known = f"The bodies of {self.name!r} are: {', '.join(['ground', *self.bodies])}."
+        roles: dict[str, str] = {}
+        for role, body in component.attached.items():
+            if isinstance(body, Ground) and body is not self.ground:
+                raise StudyError(
+                    f"{where}: {role} is the ground of another mechanism; use the ground of {self.name!r}."
+                )
+            if isinstance(body, Body) and self.bodies.get(body.name) is not body:
+                raise StudyError(f"{where}: {role} is body {body.name!r} of another mechanism. {known}")
+            if not isinstance(body, (Body, Ground)):
+                raise StudyError(
+                    f"{where}: {role} is {shown(body)}, which is no body; "
+                    f"give what mechanism.body(...) returned, or mechanism.ground. {known}"
+                )
+            if isinstance(body, Body) and body.name in roles:
+                raise StudyError(
+                    f"{where}: {roles[body.name]} and {role} are the same body {body.name!r}; "
+                    "it can act between two different bodies, or a body and the ground."
+                )
+            roles[body.name] = role
+        if component.attached and all(body is self.ground for body in component.attached.values()):
+            named = " and ".join(component.attached)
+            verb = "is" if len(component.attached) == 1 else "are"
+            raise StudyError(
+                f"{where}: {named} {verb} the ground, which does not move, so that it has no effect; "
+                f"at least one must be a body. {known}"
+            )
+
+    def __repr__(self) -> str:
+        return (
+            f"<mechanism {self.name!r}: {len(self.bodies)} bodies, {len(self.components)} components, "
+            f"{len(self.outputs)} outputs>"
+        )
+
+
+def _scalar(where: str, expression: Any) -> sympy.Expr:
+    """Return what an output records, or say what to write instead."""
+    if isinstance(expression, Frame):
+        name = getattr(expression, "name", "body")
+        raise StudyError(
+            f"{where}: the expression is {shown(expression)} itself; record one of its quantities, "
+            f"e.g. {name}.position[0] or {name}.velocity[1]."
+        )
+    if isinstance(expression, Component):
+        raise StudyError(
+            f"{where}: the expression is {shown(expression)} itself; record a reaction of it, "
+            f"e.g. {expression.name}.reaction_force[0]."
+        )
+    if callable(expression) and not isinstance(expression, sympy.Basic):
+        name = getattr(expression, "__name__", "it")
+        raise StudyError(
+            f"{where}: the expression is the function {name}; record what it returns, e.g. body.{name}(...)[0]."
+        )
+    if isinstance(expression, sympy.logic.boolalg.Boolean) and not isinstance(expression, sympy.Expr):
+        raise StudyError(f"{where}: the expression {expression} is true or false; expected one that is a number.")
+    parts = flatten(expression)
+    if len(parts) > 1:
+        raise StudyError(
+            f"{where}: the expression has {len(parts)} components; record them one by one, e.g. body.position[0]."
+        )
+    return numbers(where, "the expression", expression, 1, "in quantities of bodies and components")[0]

@@ -1,0 +1,43 @@
+"""Symbols that stand for the reactions of components in output expressions."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import sympy
+
+if TYPE_CHECKING:
+    from uqmbd.mechanism.component import Component
+
+__all__ = ["PlaneReaction", "ReactionSymbol"]
+
+
+class ReactionSymbol(sympy.Symbol):
+    """One number of a component's reaction, a placeholder in output expressions."""
+
+    component: Component
+    quantity: str
+    index: int
+
+    def __new__(cls, component: Component, quantity: str, index: int) -> ReactionSymbol:
+        """Name it after the component and the quantity."""
+        self: ReactionSymbol = sympy.Symbol.__xnew__(cls, f"{component.name}.{quantity}[{index}]", real=True)
+        self.component, self.quantity, self.index = component, quantity, index
+        return self
+
+    def __init__(self, *args: Any) -> None:
+        """Accept the arguments of ``__new__``."""
+
+    def _hashable_content(self) -> tuple[Any, ...]:
+        return (*super()._hashable_content(), id(self.component))
+
+
+class PlaneReaction(ReactionSymbol):
+    """A moment in the plane: one number, which may also be written with ``[0]``."""
+
+    _iterable = False  # SymPy shall not take it for a sequence
+
+    def __getitem__(self, index: int) -> PlaneReaction:
+        if index not in (0, -1):
+            raise IndexError(f"{self.name} has one component in the plane")
+        return self

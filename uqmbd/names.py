@@ -1,0 +1,65 @@
+"""Names and units that users give: one rule for bodies, components, outputs, random variables, propagators."""
+
+from __future__ import annotations
+
+from uqmbd.errors import StudyError
+
+__all__ = ["check_name", "check_units"]
+
+
+def check_name(name: object, what: str) -> str:
+    """Return `name` if it can be one, else raise.
+
+    Parameters
+    ----------
+    name : object
+        What the user gave.
+    what : str
+        What it is to name, for the message.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If it is not a text, empty, contains ``/`` or is ``time``.
+
+    Examples
+    --------
+    >>> check_name("crank", "body")
+    'crank'
+    """
+    if not isinstance(name, str):
+        raise StudyError(
+            f"{what}: the name is {name!r} ({type(name).__name__}); expected a text. The name is the first argument."
+        )
+    if not name.strip():
+        raise StudyError(f"{what}: the name is empty; give it one that you will recognise in plots and tables.")
+    if "/" in name:
+        raise StudyError(f"{what} {name!r}: a name cannot contain '/', which separates groups in result files.")
+    if name == "time":
+        raise StudyError(f"{what} 'time': that name is taken by the time axis of the results; choose another.")
+    return name
+
+
+def check_units(units: object, where: str) -> str:
+    """Return units if they are a text, else raise.
+
+    Parameters
+    ----------
+    units : object
+        What the user gave; an empty text where there are none.
+    where : str
+        What they belong to, for the message.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If they are no text.
+
+    Examples
+    --------
+    >>> check_units("kg m^2", "output 'inertia'")
+    'kg m^2'
+    """
+    if not isinstance(units, str):
+        raise StudyError(f"{where}: units is {units!r} ({type(units).__name__}); expected a text such as 'm' or 'N m'.")
+    return units

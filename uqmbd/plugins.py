@@ -1,0 +1,351 @@
+"""Plugins: the hooks that a plugin package may implement, and the manager that finds, loads and isolates the packages.
+
+A plugin package names a module (or an object) in the entry-point group ``uqmbd``, and that module implements any of
+four hooks, each of which returns classes::
+
+    import uqmbd
+
+    class Magnet(uqmbd.Component):
+        ...
+
+    @uqmbd.hookimpl
+    def uqmbd_components():
+        return [Magnet]
+
+A plugin that fails is a `uqmbd.PluginWarning` with its name and the reason; the others are not affected. The
+environment variable ``UQMBD_DISABLE_PLUGINS`` lists entry points or distributions (by comma) that are not loaded.
+"""
+
+from __future__ import annotations
+
+import functools
+import importlib
+import importlib.metadata
+import inspect
+import os
+import re
+import traceback
+import warnings
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal, NamedTuple
+
+import pluggy
+
+from uqmbd.errors import PluginWarning, StudyError
+
+__all__ = [
+    "PluginInfo",
+    "component",
+    "components",
+    "hookimpl",
+    "installed",
+    "integrator",
+    "integrators",
+    "propagator",
+    "propagators",
+    "report_sections",
+]
+
+GROUP = "uqmbd"
+DISABLE = "UQMBD_DISABLE_PLUGINS"
+
+hookimpl = pluggy.HookimplMarker("uqmbd")
+_hookspec = pluggy.HookspecMarker("uqmbd")
+
+
+class _Hooks:
+    """What a plugin may offer: each hook returns a sequence of classes, which may be empty."""
+
+    @_hookspec
+    def uqmbd_components(self) -> Sequence[type]:  # type: ignore[empty-body]
+        """Offer joints, drivers, springs: subclasses of `uqmbd.Component`, known by the name of the class."""
+
+    @_hookspec
+    def uqmbd_propagators(self) -> Sequence[type]:  # type: ignore[empty-body]
+        """Offer subclasses of `uqmbd.Propagator`, known by their class attribute ``name``."""
+
+    @_hookspec
+    def uqmbd_integrators(self) -> Sequence[type]:  # type: ignore[empty-body]
+        """Offer time integrators, known by their class attribute ``name``."""
+
+    @_hookspec
+    def uqmbd_report_sections(self) -> Sequence[type]:  # type: ignore[empty-body]
+        """Offer sections of the HTML report, as `uqmbd.report.Section` says, made without arguments."""
+
+
+class _Kind(NamedTuple):
+    """What the classes of one hook have in common."""
+
+    hook: str
+    noun: str
+    base: str | None
+    by_attribute: bool
+
+
+_KINDS = {
+    "components": _Kind("uqmbd_components", "component", "Component", False),
+    "propagators": _Kind("uqmbd_propagators", "propagator", "Propagator", True),
+    "integrators": _Kind("uqmbd_integrators", "integrator", None, True),
+    "report_sections": _Kind("uqmbd_report_sections", "report section", None, False),
+}
+
+
+@dataclass(frozen=True)
+class PluginInfo:
+    """One entry point of the group ``uqmbd``, and what became of it.
+
+    Attributes
+    ----------
+    name : str
+        Name of the entry point.
+    distribution, version : str
+        The installed package that declares it; empty if the package does not say.
+    status : {"loaded", "incomplete", "failed", "disabled"}
+        ``"incomplete"``: something that the plugin offers could not be used, the rest is there.
+    hooks : tuple of str
+        Hooks that the plugin implements.
+    components, propagators, integrators, report_sections : tuple of str
+        Names that the plugin registered.
+    errors : tuple of str
+        Why the plugin, or a part of it, cannot be used.
+    """
+
+    name: str
+    distribution: str
+    version: str
+    status: Literal["loaded", "incomplete", "failed", "disabled"] = "loaded"
+    hooks: tuple[str, ...] = ()
+    components: tuple[str, ...] = ()
+    propagators: tuple[str, ...] = ()
+    integrators: tuple[str, ...] = ()
+    report_sections: tuple[str, ...] = ()
+    errors: tuple[str, ...] = ()
+
+    @property
+    def title(self) -> str:
+        """The plugin's name and where it comes from, for messages."""
+        source = f"{self.distribution} {self.version}".strip() or "an unknown distribution"
+        return f"plugin {self.name!r} of {source}"
+
+
+@dataclass(frozen=True)
+class Registry:
+    """Everything that the installed plugins offer, by kind and registered name."""
+
+    plugins: tuple[PluginInfo, ...]
+    classes: dict[str, dict[str, type]]
+
+
+def components() -> dict[str, type]:
+    """Return the installed component classes by class name."""
+    return dict(_registry().classes["components"])
+
+
+def propagators() -> dict[str, type]:
+    """Return the installed propagator classes by registered name."""
+    return dict(_registry().classes["propagators"])
+
+
+def integrators() -> dict[str, type]:
+    """Return the integrator classes that plugins offer by registered name; those of the core are not among them."""
+    return dict(_registry().classes["integrators"])
+
+
+def report_sections() -> dict[str, type]:
+    """Return the report sections that plugins offer by class name, in the order of registration."""
+    return dict(_registry().classes["report_sections"])
+
+
+def component(name: str) -> type:
+    """Return the component class of this name; a `uqmbd.StudyError` lists those that are installed."""
+    return _find("components", name)
+
+
+def propagator(name: str) -> type:
+    """Return the propagator class of this name; a `uqmbd.StudyError` lists those that are installed."""
+    return _find("propagators", name)
+
+
+def integrator(name: str) -> type:
+    """Return the integrator class of this name; a `uqmbd.StudyError` lists those that are installed."""
+    return _find("integrators", name)
+
+
+def installed() -> tuple[PluginInfo, ...]:
+    """Return every entry point of the group ``uqmbd``, whether it could be used or not."""
+    return _registry().plugins
+
+
+def _find(kind: str, name: str) -> type:
+    found = _registry().classes[kind]
+    if name in found:
+        return found[name]
+    noun = _KINDS[kind].noun
+    offered = ", ".join(sorted(found)) or "none"
+    broken = [info.title for info in installed() if info.status in ("failed", "incomplete")]
+    hint = f" Could not be loaded completely: {', '.join(broken)} (see `uqmbd plugins`)." if broken else ""
+    raise StudyError(f"There is no {noun} named {name!r}. Installed: {offered}.{hint}")
+
+
+@functools.cache
+def _registry() -> Registry:
+    """Load the plugins, once per process, and warn of what cannot be used."""
+    disabled = tuple(part.strip() for part in os.environ.get(DISABLE, "").split(",") if part.strip())
+    registry = load(importlib.metadata.entry_points(group=GROUP), disabled=disabled)
+    for info in registry.plugins:
+        for error in info.errors:
+            warnings.warn(f"{info.title}: {error}", PluginWarning, stacklevel=2)
+    return registry
+
+
+def load(entry_points: Iterable[importlib.metadata.EntryPoint], disabled: Sequence[str] = ()) -> Registry:
+    """Load plugins from entry points; whatever fails becomes an entry of `PluginInfo.errors`.
+
+    Parameters
+    ----------
+    entry_points : iterable of importlib.metadata.EntryPoint
+        The plugins. Those of uqmbd itself are registered first, then the others by distribution and name, so that it
+        does not depend on the order of installation who keeps a name that two plugins want.
+    disabled : sequence of str
+        Names of entry points or distributions that are not loaded.
+    """
+    manager = pluggy.PluginManager("uqmbd")
+    manager.add_hookspecs(_Hooks)
+    classes: dict[str, dict[str, type]] = {kind: {} for kind in _KINDS}
+    owners: dict[tuple[str, str], str] = {}
+    skip = {_normalised(name) for name in disabled}
+    described = [(_describe(entry_point), entry_point) for entry_point in entry_points]
+    described.sort(key=lambda pair: (pair[0].distribution != "uqmbd", pair[0].distribution, pair[0].name))
+    plugins = []
+    for info, entry_point in described:
+        if skip & {_normalised(info.name), _normalised(info.distribution)}:
+            plugins.append(_replace(info, status="disabled"))
+        else:
+            plugins.append(_load_one(manager, info, entry_point, classes, owners))
+    return Registry(tuple(plugins), classes)
+
+
+def _load_one(
+    manager: pluggy.PluginManager,
+    info: PluginInfo,
+    entry_point: importlib.metadata.EntryPoint,
+    classes: dict[str, dict[str, type]],
+    owners: dict[tuple[str, str], str],
+) -> PluginInfo:
+    """Register one plugin and add what it offers to `classes`; a plugin's failure stays its own."""
+    try:
+        plugin = entry_point.load()
+    except (Exception, SystemExit) as error:
+        return _replace(info, status="failed", errors=(f"it cannot be loaded: {_last_line(error)}",))
+    try:
+        # The distribution is part of the key: two packages may call their entry points alike.
+        manager.register(plugin, name=f"{info.distribution}:{info.name}")
+    except Exception as error:
+        return _replace(info, status="failed", errors=(f"it is not a valid plugin: {_last_line(error)}",))
+    names = tuple(sorted(caller.name for caller in manager.get_hookcallers(plugin) or ()))
+    known = {kind.hook for kind in _KINDS.values()}
+    hooks = tuple(name for name in names if name in known)
+    errors = [
+        f"it implements the hook {name}, which does not exist; there are {', '.join(sorted(known))}"
+        for name in names
+        if name not in known
+    ]
+    if not names:
+        wanted = ", ".join(sorted(known))
+        errors.append(f"{entry_point.value} implements no hook; decorate its functions ({wanted}) with uqmbd.hookimpl")
+    registered: dict[str, tuple[str, ...]] = {}
+    for kind_name, kind in _KINDS.items():
+        if kind.hook not in hooks:
+            continue
+        offered, problems = _call(manager, plugin, kind)
+        errors.extend(problems)
+        accepted = []
+        for name, cls in offered:
+            owner = owners.setdefault((kind_name, name), info.title)
+            if name in classes[kind_name]:
+                errors.append(f"the {kind.noun} name {name!r} is already taken by the {owner}")
+            else:
+                classes[kind_name][name] = cls
+                accepted.append(name)
+        registered[kind_name] = tuple(accepted)
+    usable = any(registered.values())
+    status = "loaded" if not errors else ("incomplete" if usable else "failed")
+    return _replace(info, status=status, hooks=hooks, errors=tuple(errors), **registered)
+
+
+def _call(manager: pluggy.PluginManager, plugin: object, kind: _Kind) -> tuple[list[tuple[str, type]], list[str]]:
+    """Call one hook of one plugin: the named classes that can be used, and what is wrong with the others."""
+    others = [other for other in manager.get_plugins() if other is not plugin]
+    try:
+        results = manager.subset_hook_caller(kind.hook, remove_plugins=others)()
+    except (Exception, SystemExit) as error:
+        return [], [f"its hook {kind.hook} raised {_last_line(error)}"]
+    result = results[0] if results else ()
+    if not isinstance(result, (list, tuple, set, frozenset)):
+        return [], [f"its hook {kind.hook} returned {_short(result)}; a sequence of classes is expected"]
+    offered, problems = [], []
+    for cls in result:
+        name, problem = _registered_name(cls, kind)
+        if problem:
+            problems.append(f"its hook {kind.hook} returned {_short(cls)}, {problem}")
+        else:
+            offered.append((name, cls))
+    return offered, problems
+
+
+def _registered_name(cls: Any, kind: _Kind) -> tuple[str, str]:
+    """Return the name by which a class is registered, or what keeps it from being registered."""
+    if not inspect.isclass(cls):
+        return "", "which is not a class"
+    if kind.base is not None:
+        # Looked up only here: whoever offers such a class has imported the base already, so this costs nothing.
+        base = getattr(importlib.import_module("uqmbd"), kind.base)
+        if not issubclass(cls, base):
+            return "", f"which is not a subclass of uqmbd.{kind.base}"
+        if inspect.isabstract(cls):
+            missing = ", ".join(sorted(getattr(cls, "__abstractmethods__", ())))
+            return "", f"which is abstract: it does not define {missing}"
+    if not kind.by_attribute:
+        return cls.__name__, ""
+    name = getattr(cls, "name", None)
+    if not isinstance(name, str) or not name or "/" in name:
+        return "", "whose class attribute `name` is not a string without '/', such as \"monte-carlo\""
+    return name, ""
+
+
+def _describe(entry_point: importlib.metadata.EntryPoint) -> PluginInfo:
+    """Name a plugin and its distribution; the metadata of a damaged installation may be missing."""
+    distribution = version = ""
+    try:
+        if entry_point.dist is not None:
+            distribution = entry_point.dist.metadata["Name"] or ""
+            version = entry_point.dist.metadata["Version"] or ""
+    except Exception:  # a plugin is described with what there is
+        pass
+    return PluginInfo(entry_point.name, distribution, version)
+
+
+def _replace(info: PluginInfo, **changes: Any) -> PluginInfo:
+    return PluginInfo(**{**vars(info), **changes})
+
+
+def _normalised(name: str) -> str:
+    """Spell the name of a distribution in one way, as package indices do.
+
+    >>> _normalised("Uqmbd_Example.Plugin")
+    'uqmbd-example-plugin'
+    """
+    return re.sub(r"[-_.]+", "-", name).lower()
+
+
+def _last_line(error: BaseException) -> str:
+    """Return the last line of the traceback: the type of the error and its text."""
+    line = traceback.format_exception_only(error)[-1].strip()
+    frames = traceback.extract_tb(error.__traceback__)
+    return f"{line} ({frames[-1].filename}, line {frames[-1].lineno})" if frames else line
+
+
+def _short(value: object) -> str:
+    text = repr(value)
+    return text if len(text) <= 80 else text[:77] + "..."

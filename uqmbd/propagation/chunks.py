@@ -1,0 +1,81 @@
+"""Chunks of realisations: computed anywhere, in any order, always the same."""
+
+from __future__ import annotations
+
+import pickle
+from dataclasses import asdict, dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uqmbd.dynamics import Ensemble, Model, integrate
+
+__all__ = ["ASSEMBLY_FAILED", "CHUNK", "INTEGRATION_FAILED", "OK", "Chunk", "compute_chunk"]
+
+Array = NDArray[np.float64]
+
+CHUNK = 64
+"""Realisations of a chunk: fixed by sample index, so that results depend neither on workers nor on their number."""
+
+OK, ASSEMBLY_FAILED, INTEGRATION_FAILED = 0, 1, 2
+
+
+@dataclass(frozen=True)
+class Chunk:
+    """Results of one chunk.
+
+    Attributes
+    ----------
+    response : array, shape (K, output, time)
+        NaN where a realisation failed.
+    status : array of int, shape (K,)
+        0: fine, 1: not assembled, 2: integration failed.
+    messages : tuple of str
+        Reasons.
+    counters : dict
+        Solver counters.
+    """
+
+    response: Array
+    status: NDArray[np.int64]
+    messages: tuple[str, ...]
+    counters: dict[str, float]
+
+
+@lru_cache(maxsize=4)
+def _model(data: bytes) -> Model:
+    model: Model = pickle.loads(data)  # noqa: S301 - made by the same program
+    return model
+
+
+def compute_chunk(data: bytes, values: Array, times: Array, rtol: float) -> Chunk:
+    """Assemble, integrate and observe some realisations.
+
+    Parameters
+    ----------
+    data : bytes
+        The pickled model.
+    values : array, shape (K, input)
+        Inputs.
+    times : array, shape (T,)
+        Output times, s.
+    rtol : float
+        Relative tolerance.
+    """
+    from threadpoolctl import threadpool_limits
+
+    model = _model(data)
+    # threads on blocks of some dozen rows cost a factor, and their number would change the last bits
+    with threadpool_limits(limits=1):
+        ensemble = Ensemble(model, values)
+        trajectories = integrate(ensemble, times, rtol)
+        status = np.zeros(len(values), dtype=np.int64)
+        for k, message in enumerate(trajectories.messages):
+            if message:
+                status[k] = INTEGRATION_FAILED if np.isfinite(trajectories.y[k, 0]).all() else ASSEMBLY_FAILED
+        response = np.full((len(values), len(model.outputs.names), len(times)), np.nan)
+        good = np.flatnonzero(status == OK)
+        if len(good):
+            response[good] = ensemble.select(good).outputs(times, trajectories.y[good])
+    return Chunk(response, status, trajectories.messages, asdict(trajectories.counters))

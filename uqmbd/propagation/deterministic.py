@@ -1,0 +1,127 @@
+"""One motion without any uncertainty."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from uqmbd.errors import AssemblyError, IntegrationError, StudyError
+from uqmbd.propagation.options import check_integrator, check_rtol, check_times
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from uqmbd.dynamics import Model
+    from uqmbd.mechanism import Mechanism
+
+__all__ = ["observed_model", "simulate"]
+
+
+def simulate(
+    mechanism: Mechanism,
+    times: ArrayLike,
+    values: Mapping[str, float] | None = None,
+    rtol: float = 1e-6,
+    integrator: str = "ida",
+) -> xr.Dataset:
+    """Compute one motion: at the means of the random variables, or at given values.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        With at least one output.
+    times : array_like, shape (T,)
+        Output times, s, strictly increasing; the first is the start.
+    values : mapping, optional
+        Values of random variables by name; the others are at their means.
+    rtol : float
+        Relative tolerance.
+    integrator : str
+        As for `Study`.
+
+    Returns
+    -------
+    xarray.Dataset
+        One variable for each output, with its units, over the dimension ``time``.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If something cannot be used.
+    uqmbd.AssemblyError, uqmbd.IntegrationError
+        If there is no such motion.
+
+    Examples
+    --------
+    >>> import numpy as np, uqmbd
+    >>> mechanism = uqmbd.Mechanism("fall", uqmbd.Translational(gravity=(0, -10)))
+    >>> stone = mechanism.body("stone", mass=1)
+    >>> mechanism.output("height", stone.position[1], units="m")
+    >>> round(float(simulate(mechanism, [0, 1, 2])["height"][-1]), 6)
+    -20.0
+    """
+    import xarray as xr
+
+    from uqmbd.dynamics import Ensemble, integrate
+    from uqmbd.mechanism import Mechanism
+
+    if not isinstance(mechanism, Mechanism):
+        raise StudyError(f"simulate: the mechanism is {mechanism!r}; expected a uqmbd.Mechanism.")
+    where = f"simulate {mechanism.name!r}"
+    grid, rtol = check_times(times, where), check_rtol(rtol, where)
+    check_integrator(integrator, where)
+    point = _point(where, mechanism, values)
+    model = observed_model(mechanism, float(grid[0]))
+    ensemble = Ensemble(model, np.array([list(point.values())]))
+    trajectories = integrate(ensemble, grid, rtol)
+    if trajectories.messages[0]:
+        message = f"mechanism {mechanism.name!r}: {trajectories.messages[0]}"
+        raise (IntegrationError if np.isfinite(trajectories.y[0, 0]).all() else AssemblyError)(message)
+    response = ensemble.outputs(grid, trajectories.y)[0]
+    variables = {
+        name: ("time", response[k], {"units": units})
+        for k, (name, units) in enumerate(zip(model.outputs.names, model.outputs.units, strict=True))
+    }
+    counters = trajectories.counters
+    attrs = {
+        "mechanism": mechanism.name,
+        "rtol": rtol,
+        "integrator": integrator,
+        "residual_evaluations": counters.residuals,
+        "jacobian_evaluations": counters.jacobians,
+    }
+    return xr.Dataset(variables, coords={"time": ("time", grid, {"units": "s"})}, attrs=attrs)
+
+
+def _point(where: str, mechanism: Mechanism, values: Mapping[str, float] | None) -> dict[str, float]:
+    """Return the value of each random variable, in order: the stated one, else the mean."""
+    inputs = mechanism.inputs
+    point = {name: float(mean) for name, mean in zip(inputs.names, inputs.means, strict=True)}
+    if values is not None and not isinstance(values, Mapping):
+        raise StudyError(f"{where}: values is {values!r}; expected numbers by name, e.g. values={{'length': 0.15}}.")
+    for name, value in (values or {}).items():
+        if name not in point:
+            listed = ", ".join(inputs.names) or "none"
+            raise StudyError(f"{where}: there is no random variable {str(name)!r} in values; there are: {listed}.")
+        try:
+            point[name] = float(value)
+        except (TypeError, ValueError):
+            point[name] = float("nan")
+        if not np.isfinite(point[name]):
+            raise StudyError(f"{where}: the value of {name!r} is {value!r}; expected a finite number.")
+    return point
+
+
+def observed_model(mechanism: Mechanism, time: float) -> Model:
+    """Build a mechanism that has something to observe."""
+    from uqmbd.dynamics import build
+
+    if not mechanism.outputs:
+        raise StudyError(
+            f"mechanism {mechanism.name!r} has no outputs; say what to observe, "
+            "e.g. mechanism.output('x', body.position[0], units='m')."
+        )
+    return build(mechanism, time)

@@ -1,0 +1,60 @@
+"""Options that studies and simulations share, checked."""
+
+from __future__ import annotations
+
+from numbers import Real
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from uqmbd.errors import StudyError
+
+__all__ = ["check_integrator", "check_rtol", "check_times"]
+
+Array = NDArray[np.float64]
+
+
+def check_times(times: ArrayLike, where: str) -> Array:
+    """Return output times as an array, or say what is wrong with them."""
+    try:
+        grid = np.array(times, dtype=float)
+    except (TypeError, ValueError):
+        raise StudyError(
+            f"{where}: times are {times!r}; expected numbers in s, e.g. numpy.linspace(0, 2, 401)."
+        ) from None
+    if grid.ndim != 1 or len(grid) < 2:
+        raise StudyError(
+            f"{where}: times have shape {grid.shape}; expected at least two numbers in a row, "
+            "e.g. numpy.linspace(0, 2, 401)."
+        )
+    if not np.isfinite(grid).all():
+        raise StudyError(f"{where}: times[{int(np.argmin(np.isfinite(grid)))}] is not finite; expected numbers in s.")
+    wrong = np.flatnonzero(np.diff(grid) <= 0)
+    if len(wrong):
+        k = int(wrong[0])
+        raise StudyError(
+            f"{where}: times do not increase: times[{k}] = {grid[k]:g} is followed by times[{k + 1}] = "
+            f"{grid[k + 1]:g}; every output time must be later than the one before."
+        )
+    grid.setflags(write=False)
+    return grid
+
+
+def check_rtol(rtol: Any, where: str) -> float:
+    """Return a usable relative tolerance, or say what is wrong with it."""
+    if not isinstance(rtol, Real) or not 1e-13 <= float(rtol) <= 1e-1:
+        raise StudyError(f"{where}: rtol is {rtol!r}; expected a number between 1e-13 and 0.1, e.g. 1e-6.")
+    return float(rtol)
+
+
+def check_integrator(integrator: str, where: str) -> str:
+    """Return the name of an integrator that is there, or name those that are."""
+    if integrator == "ida":
+        return integrator
+    from uqmbd import plugins
+
+    known = ["ida", *plugins.integrators()]
+    if integrator not in known:
+        raise StudyError(f"{where}: there is no integrator {integrator!r}; there are: {', '.join(known)}.")
+    return integrator

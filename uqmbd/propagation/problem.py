@@ -1,0 +1,265 @@
+"""The problem that a propagator is given."""
+
+from __future__ import annotations
+
+import hashlib
+import pickle
+import time as clock
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
+from dataclasses import dataclass, field, fields
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uqmbd.dynamics import Ensemble, Model
+from uqmbd.errors import StudyError
+from uqmbd.propagation.checkpoint import Checkpoint
+from uqmbd.propagation.chunks import CHUNK, Chunk, compute_chunk
+from uqmbd.propagation.progress import Progress, Silent
+from uqmbd.randomness import JointInput
+from uqmbd.results import InputInfo, Labels, OutputInfo, labels, propagator_node
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from uqmbd.propagation.propagator import Propagator
+
+__all__ = ["Problem", "Realisations"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Realisations:
+    """Responses of a mechanism to given inputs.
+
+    Attributes
+    ----------
+    values : array, shape (K, input)
+        The inputs.
+    response : array, shape (K, output, time)
+        NaN where a realisation failed.
+    status : array of int, shape (K,)
+        0: fine; `uqmbd.results.STATUS_MEANINGS` names the others.
+    messages : tuple of str
+        Reason of each failure, else empty.
+    counters : dict
+        Solver counters, summed.
+    wall_time : float
+        s.
+    """
+
+    values: Array
+    response: Array
+    status: NDArray[np.int64]
+    messages: tuple[str, ...]
+    counters: dict[str, float]
+    wall_time: float
+
+    @property
+    def failures(self) -> int:
+        """How many failed."""
+        return int(np.count_nonzero(self.status))
+
+    def most_frequent_reason(self) -> str:
+        """Return the reason that most failures share (numbers aside), in its first wording."""
+        reasons = [m for m in self.messages if m]
+        if not reasons:
+            return ""
+        shapes = ["".join(c for c in m if not c.isdigit()) for m in reasons]
+        return reasons[shapes.index(Counter(shapes).most_common(1)[0][0])]
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Inputs, outputs and times of a study, and the means to compute realisations.
+
+    Attributes
+    ----------
+    study, mechanism, label : str
+        Names; `label` is that of the propagator at work.
+    inputs : JointInput
+        Random variables with their joint distribution.
+    times : array, shape (T,)
+        Output times, s.
+    rtol : float
+        Relative tolerance of the integration.
+    integrator : str
+        Name of the integrator.
+    """
+
+    study: str
+    mechanism: str
+    label: str
+    inputs: JointInput
+    times: Array
+    rtol: float
+    integrator: str
+    model: Model = field(repr=False)
+    executor: Executor | None = field(default=None, repr=False)
+    progress: Progress = field(default_factory=Silent, repr=False)
+    checkpoint: Checkpoint | None = field(default=None, repr=False)
+
+    @property
+    def labels(self) -> Labels:
+        """Names and units of outputs, inputs and times, for `uqmbd.results`."""
+        outputs = [OutputInfo(n, u) for n, u in zip(self.model.outputs.names, self.model.outputs.units, strict=True)]
+        variables = self.inputs.variables
+        return labels(outputs, [InputInfo(v.name, v.units, v.description) for v in variables], self.times)
+
+    @cached_property
+    def _packed(self) -> bytes:
+        return pickle.dumps(self.model)
+
+    def ensemble(self, values: Array) -> Ensemble:
+        """Make the ensemble of some realisations, for methods that solve them together.
+
+        Parameters
+        ----------
+        values : array, shape (K, input)
+            Inputs, in the order of ``inputs.names``.
+        """
+        return Ensemble(self.model, self._checked(values))
+
+    def realise(self, values: Array) -> Realisations:
+        """Compute the response to each row of inputs, on all workers.
+
+        Parameters
+        ----------
+        values : array, shape (K, input)
+            Inputs, in the order of ``inputs.names``.
+
+        Returns
+        -------
+        Realisations
+            The same bits for any number of workers.  Failures are a status, never an exception.
+        """
+        values = self._checked(values)
+        begin = clock.perf_counter()
+        count, shape = len(values), (len(self.model.outputs.names), len(self.times))
+        response = np.full((count, *shape), np.nan)
+        status = np.zeros(count, dtype=np.int64)
+        messages = [""] * count
+        counters: Counter[str] = Counter()
+        self.progress.start(self.label, count)
+        for first, chunk in self._chunks(values):
+            last = first + len(chunk.status)
+            response[first:last], status[first:last] = chunk.response, chunk.status
+            messages[first:last] = chunk.messages
+            counters.update(chunk.counters)
+            self.progress.advance(self.label, last - first)
+        self.progress.finish(self.label)
+        return Realisations(values, response, status, tuple(messages), dict(counters), clock.perf_counter() - begin)
+
+    def _chunks(self, values: Array) -> Iterator[tuple[int, Chunk]]:
+        todo: list[tuple[int, Array, str]] = []
+        for first in range(0, len(values), CHUNK):
+            part = np.ascontiguousarray(values[first : first + CHUNK])
+            key = self._key(part)
+            found = self.checkpoint.load(key) if self.checkpoint else None
+            if found is not None:
+                yield first, found
+            else:
+                todo.append((first, part, key))
+        for first, key, chunk in self._compute(todo):
+            if self.checkpoint:
+                self.checkpoint.save(key, chunk)
+            yield first, chunk
+
+    def _compute(self, todo: list[tuple[int, Array, str]]) -> Iterator[tuple[int, str, Chunk]]:
+        if self.executor is None:
+            for first, part, key in todo:
+                yield first, key, compute_chunk(self._packed, part, self.times, self.rtol)
+            return
+        queue = iter(todo)
+        running: dict[Future[Chunk], tuple[int, str]] = {}
+        try:
+            while True:
+                # some in reserve for every worker, but never all at once: results must not pile up
+                while len(running) < 64 and (task := next(queue, None)) is not None:
+                    first, part, key = task
+                    running[self.executor.submit(compute_chunk, self._packed, part, self.times, self.rtol)] = (
+                        first,
+                        key,
+                    )
+                if not running:
+                    return
+                for future in wait(running, return_when=FIRST_COMPLETED).done:
+                    first, key = running.pop(future)
+                    yield first, key, future.result()
+        finally:
+            for future in running:
+                future.cancel()
+
+    def _key(self, part: Array) -> str:
+        text = hashlib.sha256()
+        text.update(part.tobytes())
+        text.update(self._fingerprint)
+        return text.hexdigest()[:32]
+
+    @cached_property
+    def _fingerprint(self) -> bytes:
+        """What the numbers of a chunk depend on besides its inputs: equations, parameters, times and tolerance."""
+        model = self.model
+        parts = (
+            model.layout.unknowns, model.outputs.names, model.equations, self.rtol, self.integrator,
+            self.times.tobytes(), model.parameters.constants.tobytes(), self.inputs.names, self.inputs.descriptions,
+            model.parameters(self.inputs.means[None, :]).tobytes(),
+            model.evaluators["residual"].targets,
+        )  # fmt: skip
+        return hashlib.sha256(repr(parts).encode()).digest()
+
+    def _checked(self, values: Array) -> Array:
+        array = np.atleast_2d(np.asarray(values, dtype=float))
+        if array.ndim != 2 or array.shape[1] != len(self.inputs):
+            raise StudyError(
+                f"{self.label}: inputs have shape {np.shape(values)}; expected (realisations, {len(self.inputs)}), "
+                f"the columns being {', '.join(self.inputs.names)}."
+            )
+        return array
+
+    def node(
+        self,
+        propagator: Propagator,
+        statistics: xr.Dataset,
+        samples: xr.Dataset | None = None,
+        *,
+        realisations: int,
+        wall_time: float,
+        counters: Mapping[str, Any] | None = None,
+        children: Mapping[str, xr.Dataset] | None = None,
+        attrs: Mapping[str, Any] | None = None,
+    ) -> xr.DataTree:
+        """Make the node of a propagator, with its options as provenance.
+
+        Parameters
+        ----------
+        propagator : Propagator
+            The method at work.
+        statistics, samples : xarray.Dataset
+            From `uqmbd.results`.
+        realisations : int
+            How many were computed.
+        wall_time : float
+            s.
+        counters, children, attrs : mapping, optional
+            Solver counters, further datasets, further attributes.
+        """
+        options = {f.name: getattr(propagator, f.name) for f in fields(propagator) if f.name != "label"}
+        return propagator_node(
+            self.label,
+            statistics,
+            samples,
+            propagator=propagator.name,
+            realisations=realisations,
+            wall_time=wall_time,
+            seed=options.get("seed"),
+            options=options,
+            solver_counters=counters,
+            children=children,
+            attrs=attrs,
+        )

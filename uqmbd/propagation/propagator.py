@@ -1,0 +1,66 @@
+"""What a method of propagation is."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar
+
+from uqmbd.names import check_name
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from uqmbd.propagation.problem import Problem
+    from uqmbd.propagation.study import Study
+
+__all__ = ["Propagator"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Propagator(ABC):
+    """A method that turns a problem into results; its options are its fields.
+
+    A subclass is a frozen dataclass with keyword-only fields and a class attribute `name`.
+
+    Parameters
+    ----------
+    label : str, optional
+        Name of its results; default the registered name of the method.
+
+    Examples
+    --------
+    >>> from uqmbd_montecarlo import MonteCarlo
+    >>> MonteCarlo(samples=100, seed=1, label="reference").node_name
+    'reference'
+    """
+
+    name: ClassVar[str]
+    label: str | None = None
+
+    @property
+    def node_name(self) -> str:
+        """The label, or the registered name."""
+        return check_name(self.name if self.label is None else self.label, "label")
+
+    def obstacle(self, study: Study) -> str | None:
+        """Return why this method cannot do a study, in one sentence, or None: `uqmbd check` shows it.
+
+        A method may override it; it must not compute anything.
+        """
+        return None
+
+    @abstractmethod
+    def propagate(self, problem: Problem) -> xr.DataTree:
+        """Compute.
+
+        Parameters
+        ----------
+        problem : Problem
+            Inputs, outputs, times, and the means to compute realisations.
+
+        Returns
+        -------
+        xarray.DataTree
+            A node as `uqmbd.results.propagator_node` makes it.
+        """

@@ -1,0 +1,174 @@
+"""Study scripts: a Python file with a module-level `study`; what goes wrong in it is told in its own lines."""
+
+from __future__ import annotations
+
+import hashlib
+import importlib
+import importlib.machinery
+import importlib.util
+import linecache
+import re
+import sys
+import traceback
+from pathlib import Path
+from types import ModuleType
+from typing import TYPE_CHECKING
+
+from uqmbd.errors import StudyError
+
+if TYPE_CHECKING:
+    from uqmbd.propagation import Study
+
+__all__ = ["load_study"]
+
+
+def load_study(path: str | Path) -> Study:
+    """Run a study script and return its module-level ``study``.
+
+    The script runs as a module named like the file, with its folder first on ``sys.path``, as if it had been started by
+    Python; afterwards the folder stays last on ``sys.path``, so that worker processes can import the functions that the
+    script defines. A file that is named like an installed module gets another module name, and what it defines can then
+    be used by worker processes only where these are forked.
+
+    Parameters
+    ----------
+    path : str or Path
+        The script, a ``.py`` file.
+
+    Returns
+    -------
+    Study
+        The object that the script calls ``study``.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If there is no such file, it is not a Python file, it raises, or its ``study`` is missing or is no study. If the
+        script raises, the message shows the line of the script and the error, and the error is the cause.
+    """
+    file = Path(path)
+    if file.is_dir():
+        raise StudyError(f"{path} is a folder; a study script (a .py file) is expected.{_alternatives(file)}")
+    if not file.exists():
+        raise StudyError(f"There is no file {path} (looked in {Path.cwd()}).{_alternatives(file.parent)}")
+    if file.suffix != ".py":
+        raise StudyError(f"{path} is not a Python file; a study script is a .py file with a module-level `study`.")
+    return _take_study(_run(file.resolve(), shown=str(path)), shown=str(path))
+
+
+def _run(file: Path, shown: str) -> ModuleType:
+    """Run the script as a module of its own; on failure nothing of it stays behind."""
+    folder = str(file.parent)
+    sys.path.insert(0, folder)
+    name = _module_name(file)
+    previous = sys.modules.pop(name, None)
+    loader = importlib.machinery.SourceFileLoader(name, str(file))
+    spec = importlib.util.spec_from_file_location(name, file, loader=loader)
+    assert spec is not None  # there is a loader
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module
+    linecache.checkcache(str(file))
+    try:
+        # Compiled from the text, not by the loader: a stale or unwritable __pycache__ then has no say.
+        exec(compile(file.read_bytes(), str(file), "exec"), module.__dict__)
+    except (Exception, SystemExit) as error:
+        del sys.modules[name]
+        if previous is not None:
+            sys.modules[name] = previous
+        raise StudyError(_explain(error, file, shown)) from error
+    finally:
+        if folder in sys.path:
+            sys.path.remove(folder)
+    if folder not in sys.path:
+        sys.path.append(folder)
+    return module
+
+
+def _module_name(file: Path) -> str:
+    """Name the script's module after the file, unless that name belongs to something else already."""
+    name = file.stem
+    existing = sys.modules.get(name)
+    if existing is not None:
+        free = _same_file(getattr(existing, "__file__", None), file)
+    else:
+        try:
+            elsewhere = importlib.machinery.PathFinder.find_spec(
+                name, [entry for entry in sys.path if not _same_file(entry, file.parent)]
+            )
+        except (ImportError, ValueError):
+            elsewhere = None
+        free = elsewhere is None and name not in sys.builtin_module_names
+    if free and "." not in name:
+        return name
+    digest = hashlib.sha256(str(file).encode()).hexdigest()[:8]
+    return f"uqmbd_study_{re.sub(r'[^A-Za-z0-9_]', '_', name)}_{digest}"
+
+
+def _same_file(one: str | None, other: Path) -> bool:
+    return one is not None and Path(one).resolve() == other
+
+
+def _take_study(module: ModuleType, shown: str) -> Study:
+    """Return the module's `study` after a look at what it is."""
+    study_type = importlib.import_module("uqmbd").Study
+    if not hasattr(module, "study"):
+        others = [name for name, value in vars(module).items() if isinstance(value, study_type)]
+        hint = f" It holds a study named {others[0]!r}: rename it." if others else ""
+        raise StudyError(
+            f"{shown} has no module-level `study`.{hint} Expected a line such as\n"
+            "    study = uqmbd.Study(name, mechanism, times, propagators=[...])\n"
+            "outside of every function and of `if __name__ == ...`."
+        )
+    study = module.study
+    if not isinstance(study, study_type):
+        raise StudyError(f"In {shown}, `study` is {_described(study)}; a uqmbd.Study is expected.")
+    result: Study = study
+    return result
+
+
+def _explain(error: BaseException, file: Path, shown: str) -> str:
+    """Tell where in the script an error came up, and which."""
+    if isinstance(error, SyntaxError) and error.filename:
+        where = shown if _same_file(error.filename, file) else error.filename
+        line = (error.text or "").strip()
+        return f"{where}, line {error.lineno}:\n    {line}\n{type(error).__name__}: {error.msg}"
+    text = traceback.format_exception_only(error)[-1].strip()
+    if isinstance(error, StudyError):
+        text = str(error)
+    elif isinstance(error, SystemExit):
+        text = f"the script ended itself (SystemExit: {error.code}) before it could be used"
+    notes = "".join(f"\n{note}" for note in getattr(error, "__notes__", ()))
+    frames = [frame for frame in traceback.extract_tb(error.__traceback__) if _same_file(frame.filename, file)]
+    if not frames:
+        return f"{shown} cannot be run: {text}{notes}"
+    frame = frames[-1]
+    inside = "" if frame.name == "<module>" else f", in {frame.name}"
+    return f"{shown}, line {frame.lineno}{inside}:\n    {_statement(frame)}\n{text}{notes}"
+
+
+def _statement(frame: traceback.FrameSummary) -> str:
+    """Return the source of a frame's statement; of one over many lines the first and the last."""
+    first = frame.lineno or 0
+    last = frame.end_lineno or first
+    lines = [linecache.getline(frame.filename, number).rstrip() for number in range(first, last + 1)]
+    if len(lines) > 6:
+        lines = [*lines[:4], "        ...", lines[-1]]
+    indent = min((len(line) - len(line.lstrip()) for line in lines if line.strip()), default=0)
+    return "\n    ".join(line[indent:] for line in lines)
+
+
+def _described(value: object) -> str:
+    kind = "a class" if isinstance(value, type) else f"of type {type(value).__name__}"
+    text = repr(value)
+    return f"{text if len(text) <= 60 else text[:57] + '...'} ({kind})"
+
+
+def _alternatives(folder: Path) -> str:
+    """Name the Python files of a folder, for someone who mistyped one of them."""
+    if not folder.is_dir():
+        return ""
+    names = sorted(found.name for found in folder.glob("*.py"))
+    if not names:
+        return ""
+    listed = ", ".join(names[:8]) + (", ..." if len(names) > 8 else "")
+    return f" Python files in {folder}: {listed}."

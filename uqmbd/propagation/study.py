@@ -1,0 +1,235 @@
+"""Studies: one mechanism, some times, and the methods that are to be laid side by side."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Iterable, Sequence
+from concurrent.futures import Executor
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from numpy.typing import ArrayLike
+
+from uqmbd.errors import StudyError
+from uqmbd.names import check_name
+from uqmbd.propagation.deterministic import observed_model
+from uqmbd.propagation.options import check_integrator, check_rtol, check_times
+from uqmbd.propagation.progress import Progress, Silent
+from uqmbd.propagation.propagator import Propagator
+from uqmbd.propagation.workers import pool
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from uqmbd.dynamics import Model
+    from uqmbd.mechanism import Mechanism
+    from uqmbd.propagation.problem import Problem
+
+__all__ = ["Study"]
+
+
+class Study:
+    """A mechanism, output times, and propagators.
+
+    Parameters
+    ----------
+    name : str
+        What appears in data and reports.
+    mechanism : Mechanism
+        With at least one output.
+    times : array_like, shape (T,)
+        Output times, s, strictly increasing; the first is the start.
+    propagators : sequence of Propagator
+        Methods, each with a label of its own.
+    rtol : float
+        Relative tolerance of the integration.
+    integrator : str
+        ``ida``, or one that a plugin registers.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If something cannot be used; the message says what was expected.
+
+    Examples
+    --------
+    >>> import chaospy, numpy as np, uqmbd
+    >>> from uqmbd_montecarlo import MonteCarlo
+    >>> mechanism = uqmbd.Mechanism("fall", uqmbd.Translational(gravity=(0, -9.81)))
+    >>> speed = uqmbd.RandomVariable("speed", chaospy.Normal(3, 0.2), units="m/s")
+    >>> stone = mechanism.body("stone", mass=1, velocity=(0, speed))
+    >>> mechanism.output("height", stone.position[1], units="m")
+    >>> study = Study("fall", mechanism, np.linspace(0, 1, 3), [MonteCarlo(samples=50, seed=1)])
+    >>> sorted(study.run().children)
+    ['comparison', 'monte-carlo']
+    """
+
+    def __init__(
+        self,
+        name: str,
+        mechanism: Mechanism,
+        times: ArrayLike,
+        propagators: Sequence[Propagator] = (),
+        rtol: float = 1e-6,
+        integrator: str = "ida",
+    ) -> None:
+        from uqmbd.mechanism import Mechanism
+
+        self.name = check_name(name, "study")
+        if not isinstance(mechanism, Mechanism):
+            raise StudyError(f"study {name!r}: the mechanism is {mechanism!r}; expected a uqmbd.Mechanism.")
+        self.mechanism = mechanism
+        self.times = check_times(times, f"study {name!r}")
+        self.rtol = check_rtol(rtol, f"study {name!r}")
+        self.integrator = check_integrator(integrator, f"study {name!r}")
+        self.propagators = self._checked(propagators)
+
+    def _checked(self, propagators: Any) -> tuple[Propagator, ...]:
+        if isinstance(propagators, (Propagator, type)):
+            propagators = (propagators,)
+        if isinstance(propagators, (str, bytes)) or not isinstance(propagators, Iterable):
+            raise StudyError(
+                f"study {self.name!r}: propagators is {propagators!r}; expected a list such as "
+                "[MonteCarlo(samples=500, seed=1)]."
+            )
+        seen: set[str] = set()
+        checked = tuple(propagators)
+        for propagator in checked:
+            if isinstance(propagator, type):
+                raise StudyError(
+                    f"study {self.name!r}: propagators holds the class {propagator.__name__}; "
+                    f"give it an object, as in {propagator.__name__}(...)."
+                )
+            if not isinstance(propagator, Propagator):
+                raise StudyError(
+                    f"study {self.name!r}: {propagator!r} is no propagator; "
+                    "expected objects such as MonteCarlo(samples=500, seed=1)."
+                )
+            if propagator.node_name in seen:
+                raise StudyError(
+                    f"study {self.name!r}: two propagators are called {propagator.node_name!r}; give each a label of "
+                    f"its own, e.g. {type(propagator).__name__}(..., label='{propagator.node_name}-2')."
+                )
+            seen.add(propagator.node_name)
+        return checked
+
+    def with_propagators(self, propagators: Iterable[Propagator]) -> Study:
+        """Make a copy with other propagators."""
+        other = copy.copy(self)
+        other.propagators = self._checked(propagators)
+        return other
+
+    @cached_property
+    def model(self) -> Model:
+        """The compiled model (made when first needed)."""
+        return observed_model(self.mechanism, float(self.times[0]))
+
+    def problem(
+        self,
+        propagator: Propagator,
+        executor: Executor | None = None,
+        progress: Progress | None = None,
+        folder: Path | None = None,
+    ) -> Problem:
+        """Make the problem that a propagator is given."""
+        from uqmbd.propagation.checkpoint import Checkpoint
+        from uqmbd.propagation.problem import Problem
+
+        return Problem(
+            study=self.name,
+            mechanism=self.mechanism.name,
+            label=propagator.node_name,
+            inputs=self.mechanism.inputs,
+            times=self.times,
+            rtol=self.rtol,
+            integrator=self.integrator,
+            model=self.model,
+            executor=executor,
+            progress=progress or Silent(),
+            checkpoint=Checkpoint(folder, propagator.node_name) if folder else None,
+        )
+
+    def propagate(
+        self, propagator: Propagator, workers: int | Executor = 1, progress: Progress | None = None
+    ) -> xr.DataTree:
+        """Run one propagator, which need not be among those of the study.
+
+        Returns
+        -------
+        xarray.DataTree
+            The node of this propagator.
+        """
+        self._checked([propagator])
+        with pool(workers) as executor:
+            return propagator.propagate(self.problem(propagator, executor, progress))
+
+    def run(
+        self,
+        workers: int | Executor = 1,
+        *,
+        only: Sequence[str] | None = None,
+        progress: Progress | None = None,
+        folder: Path | None = None,
+        resume: bool = False,
+    ) -> xr.DataTree:
+        """Run all propagators.
+
+        Parameters
+        ----------
+        workers : int or concurrent.futures.Executor
+            Number of processes, or who does the work.  Results do not depend on it.
+        only : sequence of str, optional
+            Labels of the propagators to run; all by default.
+        progress : Progress, optional
+            Whom to tell.
+        folder : Path, optional
+            Where to keep finished chunks while it runs.
+        resume : bool
+            Go on with the chunks that an interrupted run left in `folder`.
+
+        Returns
+        -------
+        xarray.DataTree
+            One node for each propagator, named by its label, and ``comparison``.
+        """
+        from uqmbd.propagation.checkpoint import clear
+        from uqmbd.results import study_tree
+
+        if not self.propagators:
+            raise StudyError(
+                f"study {self.name!r} has no propagators; give it some, "
+                "as in propagators=[MonteCarlo(samples=500, seed=1)]."
+            )
+        chosen = self.propagators if only is None else self._chosen(only)
+        folder = None if folder is None else Path(folder)
+        if folder and not resume:
+            clear(folder)
+        with pool(workers) as executor:
+            nodes = [p.propagate(self.problem(p, executor, progress, folder)) for p in chosen]
+        tree = study_tree(
+            nodes,
+            study=self.name,
+            mechanism=self.mechanism.name,
+            attrs={"rtol": self.rtol, "integrator": self.integrator},
+        )
+        if folder:
+            clear(folder)
+        return tree
+
+    def _chosen(self, only: Sequence[str]) -> tuple[Propagator, ...]:
+        wanted = [only] if isinstance(only, str) else list(only)
+        known = {p.node_name: p for p in self.propagators}
+        unknown = [label for label in wanted if label not in known]
+        if unknown:
+            raise StudyError(
+                f"study {self.name!r} has no propagator {unknown[0]!r}; its propagators are: {', '.join(known)}."
+            )
+        return tuple(p for label, p in known.items() if label in wanted)
+
+    def __repr__(self) -> str:
+        names = ", ".join(p.node_name for p in self.propagators) or "no propagators"
+        return (
+            f"<study {self.name!r} of mechanism {self.mechanism.name!r}: "
+            f"{len(self.times)} times to {self.times[-1]:g} s; {names}>"
+        )

@@ -1,0 +1,184 @@
+"""Random variables that enter expressions: SymPy symbols which carry a distribution."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import sympy
+
+from uqmbd.errors import StudyError
+from uqmbd.names import check_name, check_units
+
+if TYPE_CHECKING:
+    import chaospy
+
+__all__ = ["Joint", "RandomVariable", "random_vector"]
+
+
+@dataclass(frozen=True, eq=False)
+class Joint:
+    """A distribution of one or more dependent variables, with their names: what members of one group share."""
+
+    distribution: Any
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+
+    def members(self) -> tuple[RandomVariable, ...]:
+        """All variables of the group."""
+        return tuple(RandomVariable._member(self, i) for i in range(len(self.names)))
+
+
+class RandomVariable(sympy.Symbol):
+    """A scalar that is not known exactly, usable in any SymPy expression.
+
+    Parameters
+    ----------
+    name : str
+        What appears in data, plots and messages.
+    distribution : chaospy.Distribution
+        Its distribution, of one dimension.
+    units : str
+        Its units, for people; nothing is converted.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If the name is unusable or the distribution is not a chaospy distribution of one dimension.
+
+    Examples
+    --------
+    >>> import chaospy, uqmbd
+    >>> length = uqmbd.RandomVariable("length", chaospy.Uniform(0.9, 1.1), units="m")
+    >>> (2 * length).diff(length)
+    2
+    >>> round(length.mean, 12)
+    1.0
+    """
+
+    units: str
+    distribution: Any
+    joint: Joint
+    component: int
+
+    def __new__(cls, name: str, distribution: chaospy.Distribution, units: str = "") -> RandomVariable:
+        """Check what is given."""
+        where = f"random variable {check_name(name, 'random variable')!r}"
+        _require_distribution(where, distribution, 1)
+        check_units(units, where)
+        return cls._member(Joint(distribution, (name,), (units,)), 0)
+
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        """Accept the arguments of ``__new__``; a symbol is made there."""
+
+    @classmethod
+    def _member(cls, joint: Joint, component: int) -> RandomVariable:
+        self: RandomVariable = sympy.Symbol.__xnew__(cls, joint.names[component], real=True)
+        self.units = joint.units[component]
+        self.joint = joint
+        self.component = component
+        self.distribution = joint.distribution if len(joint.names) == 1 else joint.distribution[component]
+        return self
+
+    def _hashable_content(self) -> tuple[Any, ...]:
+        # Two variables of one name but different distributions must not be exchanged by SymPy's cache.
+        return (*super()._hashable_content(), id(self.joint), self.component)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return (RandomVariable._member, (self.joint, self.component))
+
+    @property
+    def mean(self) -> float:
+        """The expectation of the distribution: the value at which deterministic simulations run."""
+        return float(np.ravel(mean_of(self.joint.distribution))[self.component])
+
+    @property
+    def description(self) -> str:
+        """The distribution as text, e.g. ``Normal(mu=0.15, sigma=0.003)`` or ``component 1 of MvNormal(...)``."""
+        if len(self.joint.names) == 1:
+            return str(self.distribution)
+        return f"component {self.component + 1} of {self.joint.distribution}"
+
+
+def random_vector(
+    names: Sequence[str], distribution: chaospy.Distribution, units: str | Sequence[str] = ""
+) -> tuple[RandomVariable, ...]:
+    """Make dependent random variables from one joint distribution.
+
+    Parameters
+    ----------
+    names : sequence of str
+        One name for each dimension of the distribution.
+    distribution : chaospy.Distribution
+        A joint distribution, e.g. ``chaospy.MvNormal(mean, covariance)``.
+    units : str or sequence of str
+        Units of all, or of each.
+
+    Returns
+    -------
+    tuple of RandomVariable
+        In the order of `names`.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If the number of names is not the dimension of the distribution.
+
+    Examples
+    --------
+    >>> import chaospy, uqmbd
+    >>> k, c = uqmbd.random_vector(["k", "c"], chaospy.MvNormal([10, 1], [[1, 0.05], [0.05, 0.01]]), ["N/m", "N s/m"])
+    >>> k.mean, c.units
+    (10.0, 'N s/m')
+    """
+    if isinstance(names, str):
+        raise StudyError(f"random_vector: names is the text {names!r}; expected a sequence of names, one each.")
+    names = tuple(check_name(name, "random variable") for name in names)
+    where = f"random_vector {names}"
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        raise StudyError(f"{where}: the name {twice[0]!r} occurs twice; every random variable needs its own.")
+    _require_distribution(where, distribution, len(names))
+    unit = (units,) * len(names) if isinstance(units, str) else tuple(check_units(x, where) for x in units)
+    if len(unit) != len(names):
+        raise StudyError(f"{where}: {len(unit)} units given for {len(names)} names; give one each, or one for all.")
+    return Joint(distribution, names, unit).members()
+
+
+def _require_distribution(where: str, distribution: Any, dimension: int) -> None:
+    import chaospy
+
+    if isinstance(distribution, type) and issubclass(distribution, chaospy.Distribution):
+        kind = f"chaospy.{distribution.__name__}"
+        raise StudyError(
+            f"{where}: the distribution is the class {kind}; give it its parameters, as in chaospy.Normal(0.15, 0.003)."
+        )
+    if not isinstance(distribution, chaospy.Distribution):
+        raise StudyError(
+            f"{where}: the distribution is {distribution!r} ({type(distribution).__name__}); "
+            "expected a chaospy distribution, e.g. chaospy.Normal(0.15, 0.003)."
+        )
+    if len(distribution) != dimension:
+        count = f"{len(distribution)} dimension{'s' * (len(distribution) != 1)}"
+        remedy = (
+            "for dependent variables use uqmbd.random_vector(names, distribution)"
+            if dimension == 1
+            else "give one name for each dimension"
+        )
+        raise StudyError(f"{where}: the distribution has {count}, expected {dimension}; {remedy}.")
+
+
+def mean_of(distribution: Any) -> np.ndarray:
+    """Return the expectation of a chaospy distribution, shape ``(dimension,)``.
+
+    Known moments first, then the median of each marginal for those that have none (their tails are too heavy).
+    """
+    import chaospy
+
+    with np.errstate(all="ignore"):
+        value = np.atleast_1d(np.asarray(chaospy.E(distribution), dtype=float))
+    if not np.all(np.isfinite(value)):
+        value = np.atleast_1d(np.asarray(distribution.inv(np.full(len(distribution), 0.5)), dtype=float))
+    return np.ravel(value)

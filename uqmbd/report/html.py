@@ -1,0 +1,185 @@
+"""One self-contained HTML file with everything a study found: it opens offline, prints, and reads on a phone."""
+
+from __future__ import annotations
+
+import base64
+import io
+import os
+import tempfile
+import warnings
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Protocol
+
+import xarray as xr
+
+from uqmbd.errors import StudyError
+from uqmbd.report import content, figures
+from uqmbd.results import propagator_nodes
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = ["Section", "write_report"]
+
+
+class Section(Protocol):
+    """A section that a plugin adds to the report."""
+
+    @property
+    def title(self) -> str:
+        """Heading of the section, plain text."""
+
+    def render(self, tree: xr.DataTree) -> str:
+        """Return an HTML fragment; what it quotes from the data it must escape itself."""
+
+
+def write_report(tree: xr.DataTree, path: str | os.PathLike[str], *, sections: Sequence[Section] = ()) -> Path:
+    """Write the report of a study.
+
+    Parameters
+    ----------
+    tree : xarray.DataTree
+        The result of a study.
+    path : path-like
+        Of the HTML file; folders on the way are made. An earlier report is replaced only by a complete one.
+    sections : sequence of Section
+        Sections of plugins, shown after the outputs. One that raises becomes a note with its name and the reason.
+
+    Returns
+    -------
+    pathlib.Path
+        The path.
+
+    Raises
+    ------
+    StudyError
+        If the tree holds no propagator, or the file cannot be written.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from uqmbd.results import labels, propagator_node, statistics_dataset, study_tree
+    >>> axes = labels([("x", "m")], [], [0.0, 1.0])
+    >>> node = propagator_node("mine", statistics_dataset(axes, mean=[[0.0, 1.0]], std=[[0.0, 0.1]]),
+    ...                        propagator="p", realisations=1, wall_time=0.0)
+    >>> tree = study_tree([node], study="crank", mechanism="crank")
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     "<title>crank" in write_report(tree, folder + "/report.html").read_text(encoding="utf-8")
+    True
+    """
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    nodes = propagator_nodes(tree)
+    if not nodes:
+        raise StudyError("A report needs the result of at least one propagator; there is none.")
+    environment = Environment(
+        loader=PackageLoader("uqmbd.report"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    page = environment.get_template("report.html.j2").render(
+        heading=content.heading(tree),
+        summary=content.summary(tree, nodes),
+        statistics=content.output_rows(nodes),
+        inputs=content.input_rows(nodes),
+        inputs_figure=_inputs_figure(nodes),
+        outputs=[_output(tree, nodes, name) for name in content.output_names(nodes)],
+        sections=[_section(section, tree) for section in sections],
+        failures=[content.failures(label, node) for label, node in nodes.items()],
+        costs=[content.cost(label, node) for label, node in nodes.items()],
+        comparison=content.comparison(tree),
+        provenance=[content.provenance(label, node) for label, node in nodes.items()],
+        study_attributes=content.study_attributes(tree),
+        command=tree.attrs.get("command"),
+        several=len(nodes) > 1,
+    )
+    return _write(page, Path(path))
+
+
+def _output(tree: xr.DataTree, nodes: Mapping[str, xr.DataTree], name: str) -> dict[str, Any]:
+    holders = {label: node for label, node in nodes.items() if content.has_output(node, name)}
+    drawn = [
+        _image(
+            lambda: figures.bands(holders, name),
+            f"Mean of {name} over time, with the bands that hold 50 % and 95 % of the realisations. "
+            + content.in_words(next(iter(holders.values())), name),
+            "Mean, and bands that hold 50 % and 95 % of the realisations.",
+        )
+    ]
+    if not any(content.varies(node, name) for node in holders.values()):
+        return {"name": name, "figures": drawn, "note": "The inputs have no influence on this output."}
+    sampled = next((node for node in holders.values() if content.has_histograms(node)), None)
+    if sampled is not None:
+        drawn.append(
+            _image(
+                lambda: figures.histograms(sampled, name),
+                f"Histograms of {name} at chosen times.",
+                f"How the samples of {sampled.attrs['label']} are distributed at chosen times; dashed: their mean.",
+            )
+        )
+    drawn.append(
+        _image(
+            lambda: figures.std_over_time(holders, name),
+            f"Standard deviation of {name} over time.",
+            "Standard deviation; the shaded band is plus and minus two standard errors, where they are known.",
+        )
+    )
+    return {"name": name, "figures": drawn, "note": ""}
+
+
+def _inputs_figure(nodes: Mapping[str, xr.DataTree]) -> dict[str, str] | None:
+    holders = (node for node in nodes.values() if "samples" in node.children)
+    sampled = next((node for node in holders if node.children["samples"].sizes.get("input", 0)), None)
+    if sampled is None:
+        return None
+    caption = f"The inputs as {sampled.attrs['label']} sampled them."
+    return _image(lambda: figures.inputs(sampled), "Histograms of the sampled inputs.", caption)
+
+
+def _section(section: Section, tree: xr.DataTree) -> dict[str, str]:
+    from markupsafe import Markup
+
+    title = str(getattr(section, "title", type(section).__name__))
+    try:
+        fragment = section.render(tree)
+        if not isinstance(fragment, str):
+            raise TypeError(f"render() returned a {type(fragment).__name__}; a text of HTML is expected")
+    except Exception as error:  # noqa: BLE001 - a plugin may raise anything; the rest of the report must stand
+        return {"title": title, "html": "", "problem": f"{type(error).__name__}: {error}"}
+    return {"title": title, "html": Markup(fragment), "problem": ""}
+
+
+def _image(draw: Callable[[], Figure], alt: str, caption: str) -> dict[str, str]:
+    """Return a figure as a data URI; one that cannot be drawn is a note in its place."""
+    try:
+        return {"source": _svg(draw()), "alt": alt, "caption": caption, "problem": ""}
+    except Exception as error:  # noqa: BLE001 - results of other packages may hold surprises; the tables must stand
+        return {"source": "", "alt": alt, "caption": caption, "problem": f"{type(error).__name__}: {error}"}
+
+
+def _svg(figure: Figure) -> str:
+    import matplotlib
+
+    buffer = io.BytesIO()
+    # An image of its own (not inline markup), so that identifiers of many figures never clash, and text as outlines,
+    # so that it looks the same without the font. The fixed salt makes equal results equal files.
+    with warnings.catch_warnings(), matplotlib.rc_context({"svg.fonttype": "path", "svg.hashsalt": "uqmbd"}):
+        warnings.filterwarnings("ignore", message="Glyph .* missing from font")
+        figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
+    return "data:image/svg+xml;base64," + base64.b64encode(buffer.getvalue()).decode("ascii")
+
+
+def _write(page: str, target: Path) -> Path:
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(dir=target.parent, prefix=f".{target.name}.") as scratch:
+            written = Path(scratch) / "report.html"
+            # Names may hold lone surrogates (from file names); they must not cost the report.
+            written.write_text(page, encoding="utf-8", errors="replace")
+            os.replace(written, target)
+    except OSError as error:
+        raise StudyError(f"The report cannot be written to {str(target)!r}: {error.strerror or error}.") from error
+    return target

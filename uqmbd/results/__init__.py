@@ -1,0 +1,32 @@
+"""Results as xarray data: the schema that every propagator fills, statistics, comparison of methods, and storage."""
+
+from __future__ import annotations
+
+from uqmbd.results.axes import InputInfo, Labels, OutputInfo, labels
+from uqmbd.results.comparison import choose_reference, compare
+from uqmbd.results.nodes import propagator_node, study_tree
+from uqmbd.results.schema import DEFAULT_PROBABILITIES, STATUS_MEANINGS, sample_dataset, statistics_dataset
+from uqmbd.results.statistics import sample_statistics, statistics_of_samples
+from uqmbd.results.storage import load, save
+from uqmbd.results.validation import propagator_nodes, validate
+
+__all__ = [
+    "DEFAULT_PROBABILITIES",
+    "STATUS_MEANINGS",
+    "InputInfo",
+    "Labels",
+    "OutputInfo",
+    "choose_reference",
+    "compare",
+    "labels",
+    "load",
+    "propagator_node",
+    "propagator_nodes",
+    "sample_dataset",
+    "sample_statistics",
+    "save",
+    "statistics_dataset",
+    "statistics_of_samples",
+    "study_tree",
+    "validate",
+]

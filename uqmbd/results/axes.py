@@ -1,0 +1,155 @@
+"""What the axes of a propagator's arrays mean: outputs, inputs and times, with their units."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, fields
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from uqmbd.errors import StudyError
+
+__all__ = ["InputInfo", "Labels", "OutputInfo", "fixed_width", "labels"]
+
+
+@dataclass(frozen=True)
+class OutputInfo:
+    """An output: its name as the user wrote it, and its units (empty: none stated)."""
+
+    name: str
+    units: str = ""
+
+
+@dataclass(frozen=True)
+class InputInfo:
+    """A random input: its name, units, and its distribution in words, as in ``Normal(mu=0.15, sigma=0.003)``."""
+
+    name: str
+    units: str = ""
+    description: str = ""
+
+
+_Info = TypeVar("_Info", OutputInfo, InputInfo)
+
+
+@dataclass(frozen=True, eq=False)
+class Labels:
+    """What the axes of a propagator's arrays mean; made by :func:`labels`.
+
+    Attributes
+    ----------
+    outputs : tuple of OutputInfo
+    inputs : tuple of InputInfo
+    times : numpy.ndarray or None
+        Increasing, shape (T,), in seconds; None for outputs without a time.
+    """
+
+    outputs: tuple[OutputInfo, ...]
+    inputs: tuple[InputInfo, ...]
+    times: NDArray[np.float64] | None
+
+    @property
+    def dims(self) -> tuple[str, ...]:
+        """Dimensions of a statistic: ``("output", "time")``, or ``("output",)`` without times."""
+        return ("output",) if self.times is None else ("output", "time")
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Shape of a statistic: the sizes of :attr:`dims`."""
+        return (len(self.outputs),) if self.times is None else (len(self.outputs), len(self.times))
+
+    def output_coords(self) -> dict[str, Any]:
+        """Return the coordinates ``output``, ``output_units`` and, if there are times, ``time``."""
+        coords: dict[str, Any] = {
+            "output": ("output", fixed_width(o.name for o in self.outputs)),
+            "output_units": ("output", fixed_width(o.units for o in self.outputs)),
+        }
+        if self.times is not None:
+            coords["time"] = ("time", self.times, {"units": "s", "long_name": "time"})
+        return coords
+
+    def input_coords(self) -> dict[str, Any]:
+        """Return the coordinates ``input``, ``input_units`` and ``input_description``."""
+        return {
+            "input": ("input", fixed_width(i.name for i in self.inputs)),
+            "input_units": ("input", fixed_width(i.units for i in self.inputs)),
+            "input_description": ("input", fixed_width(i.description for i in self.inputs)),
+        }
+
+
+def labels(
+    outputs: Iterable[OutputInfo | str | tuple[str, str]],
+    inputs: Iterable[InputInfo | str | tuple[str, str] | tuple[str, str, str]],
+    times: ArrayLike | None,
+) -> Labels:
+    """Say once what the axes of a propagator's arrays mean.
+
+    Parameters
+    ----------
+    outputs : iterable of OutputInfo, name, or (name, units)
+        At least one.
+    inputs : iterable of InputInfo, name, (name, units), or (name, units, description)
+        May be empty.
+    times : array_like or None
+        Increasing finite times in seconds, shape (T,) with T >= 1; None for outputs without a time.
+
+    Returns
+    -------
+    Labels
+
+    Raises
+    ------
+    StudyError
+        If a name is empty, contains ``/``, is ``time`` or occurs twice, or if the times do not increase.
+
+    Examples
+    --------
+    >>> axes = labels([("slider_x", "m"), "turns"], [("length", "m", "Normal(mu=0.15, sigma=0.003)")], [0.0, 0.5])
+    >>> axes.shape
+    (2, 2)
+    >>> labels(["x", "x"], [], [0.0])
+    Traceback (most recent call last):
+        ...
+    uqmbd.errors.StudyError: Output names must be unique: 'x' occurs twice.
+    """
+    given_outputs = tuple(_info(OutputInfo, o) for o in outputs)
+    given_inputs = tuple(_info(InputInfo, i) for i in inputs)
+    _check_names("Output", [o.name for o in given_outputs])
+    _check_names("Input", [i.name for i in given_inputs])
+    if not given_outputs:
+        raise StudyError("A propagator needs at least one output; none was given.")
+    if times is None:
+        return Labels(given_outputs, given_inputs, None)
+    grid = np.array(times, dtype=float)
+    if grid.ndim != 1 or grid.size == 0 or not np.all(np.isfinite(grid)) or np.any(np.diff(grid) <= 0.0):
+        raise StudyError(
+            f"Times must be a list of finite, increasing numbers (in seconds); shape {grid.shape} was given."
+        )
+    grid.setflags(write=False)
+    return Labels(given_outputs, given_inputs, grid)
+
+
+def fixed_width(values: Iterable[str]) -> NDArray[np.str_]:
+    """Return texts as an array of fixed width, shape (N,)."""
+    # Fixed-width text: the one string type that netCDF, Zarr and every supported NumPy agree on.
+    return np.array([str(v) for v in values], dtype=np.str_)
+
+
+def _info(kind: type[_Info], given: OutputInfo | InputInfo | str | tuple[str, ...]) -> _Info:
+    if isinstance(given, kind):
+        return given
+    if isinstance(given, str):
+        return kind(given)
+    if isinstance(given, tuple) and 1 <= len(given) <= len(fields(kind)):
+        return kind(*given)
+    raise StudyError(f"A name, a tuple (name, units) or {kind.__name__} is expected; {given!r} was given.")
+
+
+def _check_names(kind: str, names: Sequence[str]) -> None:
+    for k, name in enumerate(names):
+        if not isinstance(name, str) or not name.strip() or "/" in name or name == "time":
+            raise StudyError(f"{kind} names must not be empty, contain '/' or be 'time'; {name!r} was given.")
+        if name in names[:k]:
+            raise StudyError(f"{kind} names must be unique: {name!r} occurs twice.")

@@ -1,0 +1,243 @@
+"""Check a result against the schema, so that a propagator of anybody's is told what it got wrong, and where."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+
+import numpy as np
+import xarray as xr
+
+from uqmbd.errors import StudyError
+
+__all__ = ["propagator_nodes", "validate"]
+
+_PLAIN = ("mean", "std", "variance", "skewness", "kurtosis")
+_OPTIONAL = ("std_error_mean", "std_error_std")
+_BY_INPUT = ("sobol_first", "sobol_total")
+_COMPARED = ("mean_difference_max", "std_difference_max", "mean_difference_l2", "std_difference_l2")
+_TEXT_ATTRS = ("propagator", "label", "uqmbd_version", "versions", "options", "solver_counters", "created")
+_JSON_ATTRS = ("versions", "options", "solver_counters")
+
+
+def propagator_nodes(tree: xr.DataTree) -> dict[str, xr.DataTree]:
+    """Return the propagator nodes of a result by label: all children but ``comparison``.
+
+    Parameters
+    ----------
+    tree : xarray.DataTree
+        The result of a study, or the node of one propagator, which is then the only entry.
+
+    Returns
+    -------
+    dict of str to xarray.DataTree
+
+    Examples
+    --------
+    >>> import xarray
+    >>> tree = xarray.DataTree.from_dict({"monte-carlo/statistics": None, "comparison": None})
+    >>> list(propagator_nodes(tree))
+    ['monte-carlo']
+    """
+    if "statistics" in tree.children:
+        return {str(tree.attrs.get("label", tree.name)): tree}
+    return {str(name): node for name, node in tree.children.items() if name != "comparison"}
+
+
+def validate(tree: xr.DataTree) -> None:
+    """Check that a result, or the node of one propagator, keeps to the schema.
+
+    Children and variables that the schema does not know are allowed.
+
+    Parameters
+    ----------
+    tree : xarray.DataTree
+        The result of a study, or the node of one propagator (recognised by its child ``statistics``).
+
+    Raises
+    ------
+    StudyError
+        At the first breach: its path in the tree, what was found, and what was expected.
+
+    Examples
+    --------
+    >>> import xarray
+    >>> validate(xarray.DataTree.from_dict({"monte-carlo/statistics": xarray.Dataset()}))
+    Traceback (most recent call last):
+        ...
+    uqmbd.errors.StudyError: /: attribute 'study' is missing; expected a text.
+    """
+    if "statistics" in tree.children:
+        _validate_node(tree, tree.attrs.get("label"))
+        return
+    _text_attrs(tree, ("study", "mechanism"))
+    nodes = propagator_nodes(tree)
+    _require(bool(nodes), tree.path, "no propagator's node", "at least one")
+    for label, node in nodes.items():
+        _require("statistics" in node.children, node.path, "no child 'statistics'", "one")
+        _validate_node(node, label)
+    _require("comparison" in tree.children, tree.path, "no child 'comparison'", "one")
+    _validate_comparison(tree.children["comparison"], list(nodes))
+
+
+def _require(condition: bool | np.bool, path: str, found: str, expected: str) -> None:
+    if not condition:
+        raise StudyError(f"{path}: found {found}; expected {expected}.")
+
+
+def _text_attrs(node: xr.DataTree, names: tuple[str, ...]) -> None:
+    for name in names:
+        value = node.attrs.get(name)
+        if not isinstance(value, str):
+            found = "is missing" if value is None else f"is {value!r}"
+            raise StudyError(f"{node.path}: attribute {name!r} {found}; expected a text.")
+
+
+def _validate_node(node: xr.DataTree, label: object) -> None:
+    _text_attrs(node, _TEXT_ATTRS)
+    _require(node.attrs["label"] == label, node.path, f"attribute 'label' = {node.attrs['label']!r}", f"{label!r}")
+    for name in _JSON_ATTRS:
+        try:
+            content = json.loads(node.attrs[name])
+        except ValueError:
+            content = None
+        _require(isinstance(content, dict), node.path, f"attribute {name!r} = {node.attrs[name]!r}", "a JSON object")
+    for name in ("realisations", "failures"):
+        value = node.attrs.get(name)
+        usable = isinstance(value, (int, np.integer)) and not isinstance(value, bool) and value >= 0
+        _require(usable, node.path, f"attribute {name!r} = {value!r}", "a whole number, not negative")
+    seconds = node.attrs.get("wall_time")
+    usable = isinstance(seconds, (int, float, np.number)) and float(seconds) >= 0
+    _require(usable, node.path, f"attribute 'wall_time' = {seconds!r}", "seconds, not negative")
+
+    statistics = node.children["statistics"]
+    _validate_statistics(statistics)
+    if "samples" in node.children:
+        _validate_samples(node.children["samples"], statistics, node)
+    if "chaos" in node.children:
+        chaos = node.children["chaos"]
+        for name, dims in {"coefficients": {"term", "output"}, "multi_index": {"term", "input"}}.items():
+            _require(name in chaos.data_vars, chaos.path, f"no variable {name!r}", f"one with {sorted(dims)}")
+            found = set(chaos[name].dims)
+            _require(dims <= found, f"{chaos.path}/{name}", f"dimensions {sorted(map(str, found))}", f"{sorted(dims)}")
+
+
+def _dims(node: xr.DataTree, name: str, dims: tuple[str, ...]) -> None:
+    shown = f"({', '.join(dims)})"
+    _require(name in node.data_vars, node.path, f"no variable {name!r}", f"one with the dimensions {shown}")
+    found = tuple(map(str, node[name].dims))
+    _require(found == dims, f"{node.path}/{name}", f"the dimensions ({', '.join(found)})", shown)
+
+
+def _text_coord(node: xr.DataTree, name: str, dim: str) -> None:
+    _require(name in node.coords, node.path, f"no coordinate {name!r}", f"one of texts along {dim!r}")
+    coord = node.coords[name]
+    _require(coord.dims == (dim,), f"{node.path}/{name}", f"the dimensions {coord.dims}", f"({dim!r},)")
+    is_text = all(isinstance(value, str) for value in coord.values.tolist())
+    _require(is_text, f"{node.path}/{name}", f"the type {coord.dtype}", "texts")
+
+
+def _increasing(node: xr.DataTree, name: str) -> None:
+    _require(name in node.coords, node.path, f"no coordinate {name!r}", "one")
+    values = node.coords[name].values
+    usable = values.dtype.kind in "fiu" and bool(np.all(np.isfinite(values)) and np.all(np.diff(values) > 0))
+    _require(
+        usable, f"{node.path}/{name}", "values that are not all finite and increasing", "finite, increasing numbers"
+    )
+
+
+def _not_finite(values: xr.DataArray) -> xr.DataArray:
+    return values.copy(data=~np.isfinite(values.values))
+
+
+def _first(bad: xr.DataArray) -> str:
+    index = np.argwhere(bad.values)[0]
+    parts = []
+    for dim, k in zip(bad.dims, index, strict=True):
+        value = bad.coords[dim].values[k] if dim in bad.coords else k
+        parts.append(f"{dim} {value!s}")
+    return ", ".join(parts)
+
+
+def _values(node: xr.DataTree, name: str, bad: xr.DataArray, found: str, expected: str) -> None:
+    if bool(bad.any()):
+        raise StudyError(f"{node.path}/{name}: found {found} at {_first(bad)}; expected {expected}.")
+
+
+def _validate_statistics(node: xr.DataTree) -> None:
+    for name in _PLAIN:
+        _dims(node, name, ("output", "time"))
+    _dims(node, "quantile", ("probability", "output", "time"))
+    for name in (n for n in _OPTIONAL if n in node.data_vars):
+        _dims(node, name, ("output", "time"))
+    for name in (n for n in _BY_INPUT if n in node.data_vars):
+        _dims(node, name, ("input", "output", "time"))
+        _text_coord(node, "input", "input")
+    _text_coord(node, "output", "output")
+    _text_coord(node, "output_units", "output")
+    _increasing(node, "time")
+    _increasing(node, "probability")
+    levels = node.coords["probability"].values
+    _require(
+        bool(np.all((levels >= 0) & (levels <= 1))), f"{node.path}/probability", f"{levels}", "numbers from 0 to 1"
+    )
+
+    data: Mapping[str, xr.DataArray] = {str(k): v for k, v in node.to_dataset().data_vars.items()}
+    for name in ("mean", "std", "variance", *(n for n in _OPTIONAL if n in data)):
+        _values(node, name, _not_finite(data[name]), "a value that is not finite", "a number: failures must not enter")
+        if name != "mean":
+            _values(node, name, data[name] < 0, "a negative value", "none")
+    off = abs(data["variance"] - data["std"] ** 2) > 1e-6 * data["variance"] + np.finfo(float).tiny
+    _values(node, "variance", off, "a value that differs from std**2", "the square of 'std'")
+    falls = data["quantile"].diff("probability") < -1e-9 * abs(data["quantile"]).max("probability")
+    _values(node, "quantile", falls, "a quantile that falls with the probability", "none")
+    if bool((data["kurtosis"] < 1 - 1e-9).any()):
+        bad = data["kurtosis"] < 1 - 1e-9
+        _values(
+            node, "kurtosis", bad, "a value below 1", "the fourth standardised moment (3 for a normal), not the excess"
+        )
+
+
+def _validate_samples(node: xr.DataTree, statistics: xr.DataTree, parent: xr.DataTree) -> None:
+    _dims(node, "response", ("sample", "output", "time"))
+    _dims(node, "inputs", ("sample", "input"))
+    _dims(node, "status", ("sample",))
+    _dims(node, "message", ("sample",))
+    for name, dim in {"output": "output", "output_units": "output", "input": "input", "input_units": "input"}.items():
+        _text_coord(node, name, dim)
+    for name in ("output", "time"):
+        same = np.array_equal(node.coords[name].values, statistics.coords[name].values)
+        _require(same, f"{node.path}/{name}", "a coordinate other than that of 'statistics'", "the same")
+    status = node.to_dataset()["status"]
+    _require(status.dtype.kind in "iu", f"{node.path}/status", f"the type {status.dtype}", "whole numbers")
+    known = np.atleast_1d(status.attrs.get("flag_values", [0]))
+    _values(
+        node, "status", ~status.isin(known), "a number that 'flag_values' does not list", f"one of {known.tolist()}"
+    )
+    is_text = all(isinstance(value, str) for value in node.to_dataset()["message"].values.tolist())
+    _require(is_text, f"{node.path}/message", f"the type {node['message'].dtype}", "texts")
+    response, failed = node.to_dataset()["response"], status != 0
+    fine = _not_finite(response) & ~failed
+    _values(
+        node, "response", fine.transpose(*response.dims), "a value that is not finite in a sample of status 0", "none"
+    )
+    filled = response.notnull() & failed
+    _values(node, "response", filled.transpose(*response.dims), "a number in a failed sample", "NaN")
+    count = int(failed.sum())
+    _require(
+        count == parent.attrs["failures"],
+        parent.path,
+        f"attribute 'failures' = {parent.attrs['failures']}",
+        f"{count}, the number of samples whose status is not 0",
+    )
+
+
+def _validate_comparison(node: xr.DataTree, methods: list[str]) -> None:
+    for name in _COMPARED:
+        _dims(node, name, ("method", "output"))
+    for name in ("wall_time", "realisations", "failures"):
+        _dims(node, name, ("method",))
+    found = node.coords["method"].values.tolist() if "method" in node.coords else []
+    _require(sorted(found) == sorted(methods), f"{node.path}/method", f"{found}", f"the labels {methods}")
+    reference = node.attrs.get("reference")
+    _require(reference in methods, node.path, f"attribute 'reference' = {reference!r}", f"one of {methods}")

@@ -1,0 +1,15 @@
+"""The conformance kit: what plugin authors run against their own classes.
+
+Every check raises `AssertionError` with a text that says what is wrong, so that it can be called from any test::
+
+    from uqmbd.testing import check_component
+
+    def test_my_joint():
+        check_component(MyJoint)
+"""
+
+from __future__ import annotations
+
+from uqmbd.testing.component import check_component
+
+__all__ = ["check_component"]

@@ -1,0 +1,134 @@
+"""Mechanisms in which a component is tried: random poses, random values of whatever it declares."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import chaospy
+import numpy as np
+import sympy
+
+from uqmbd.mechanism import Body, Component, Mechanism, Parameter, Space, t
+from uqmbd.randomness import RandomVariable
+
+__all__ = ["Case", "cases", "name_of"]
+
+
+@dataclass(frozen=True)
+class Case:
+    """A component in a mechanism.
+
+    Attributes
+    ----------
+    title : str
+        What is special about it, for messages.
+    mechanism : Mechanism
+        Without gravity.
+    component : Component
+        Added to it; the random variable of a parameter has the parameter's name.
+    free : bool
+        Whether it is attached to bodies only.
+    """
+
+    title: str
+    mechanism: Mechanism
+    component: Component
+    free: bool
+
+
+def cases(
+    component: type[Component], space: type[Space], given: Mapping[str, Any], rng: np.random.Generator
+) -> Iterator[Case]:
+    """Yield a component between bodies, at the ground, with all and with the fewest parameters, and with each option.
+
+    Parameters
+    ----------
+    component : type
+        What to try.
+    space : type
+        Where.
+    given : mapping
+        Values to use as they are, by parameter.
+    rng : numpy.random.Generator
+        For poses and values.
+    """
+    declared = component.parameters()
+    given = {k: p.example for k, p in declared.items() if p.example is not None} | dict(given)
+    everything = set(declared)
+    yield _case("between bodies", component, space, given, everything, rng)
+    for k, role in enumerate(component.bodies if len(component.bodies) > 1 else ()):
+        yield _case(f"{role} is the ground", component, space, given, everything, rng, ground=k)
+    yield _case("with numbers that change in time", component, space, given, everything, rng, moving=True)
+    if any(not p.required for p in declared.values()):
+        required = {k for k, p in declared.items() if p.required}
+        yield _case("with the defaults", component, space, given, required, rng)
+    for key, parameter in declared.items():
+        for choice in parameter.choices if key not in given else ():
+            title = f"with {key}={choice!r}"
+            yield _case(title, component, space, {**given, key: choice}, everything, rng)
+
+
+def name_of(component: type[Component], space: type[Space]) -> str:
+    """Return what messages call a component in a space."""
+    return f"{component.__name__} in {space.__name__} space"
+
+
+def _case(
+    title: str,
+    component: type[Component],
+    space: type[Space],
+    given: Mapping[str, Any],
+    wanted: set[str],
+    rng: np.random.Generator,
+    *,
+    ground: int = -1,
+    moving: bool = False,
+) -> Case:
+    mechanism = Mechanism("trial", space())
+    bodies: list[Any] = [
+        mechanism.ground if k == ground else _body(mechanism, role, rng) for k, role in enumerate(component.bodies)
+    ]
+    values = {
+        key: given[key] if key in given else _value(parameter, mechanism.space, rng, moving=moving)
+        for key, parameter in component.parameters().items()
+        if key in given or key in wanted
+    }
+    made = component("trial", *bodies, **{k: v for k, v in values.items() if v is not None})
+    return Case(title, mechanism, mechanism.add(made), all(isinstance(b, Body) for b in bodies))
+
+
+def _body(mechanism: Mechanism, name: str, rng: np.random.Generator) -> Body:
+    space = mechanism.space
+    pose: dict[str, Any] = {"position": rng.uniform(-1, 1, space.dimension)}
+    if space.turns and space.dimension == 2:
+        pose |= {"angle": rng.uniform(-3, 3), "inertia": rng.uniform(0.5, 2)}
+    elif space.turns:
+        e = rng.normal(size=4)
+        pose |= {"quaternion": e / np.linalg.norm(e), "inertia": (2, 1.5, 1, 0.1, 0.2, 0.3)}
+    return mechanism.body(name, mass=rng.uniform(0.5, 2), com=rng.uniform(-0.5, 0.5, space.dimension), **pose)
+
+
+def _value(parameter: Parameter, space: Space, rng: np.random.Generator, *, moving: bool) -> Any:
+    """Return a random value of a declared kind that depends on a random variable; None: to be left out."""
+    u = RandomVariable(parameter.name, chaospy.Uniform(-0.1, 0.1), parameter.units)
+    size = parameter.size(space)
+    if parameter.kind == "option":
+        if parameter.required and not parameter.choices:
+            raise AssertionError(
+                f"parameter {parameter.name!r} is an option without choices: nobody knows what to try; "
+                "declare it with example=..., or give its value to check_component."
+            )
+        return parameter.choices[0] if parameter.required else None
+    if parameter.kind == "scalar":
+        value = sympy.Float(rng.uniform(0.5, 1.5)) * (1 + u)
+        return value + sympy.sin(t) / 5 if moving else value
+    if parameter.kind == "rotation":
+        if not space.turns:
+            return None
+        size = 4 if space.dimension == 3 else 1
+    if size == 0:
+        return None
+    start, change = rng.uniform(-1, 1, size), rng.uniform(-1, 1, size)
+    return tuple(sympy.Float(a) + sympy.Float(b) * u for a, b in zip(start, change, strict=True))

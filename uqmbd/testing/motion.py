@@ -1,0 +1,107 @@
+"""Rigid motions of a whole mechanism, applied to coordinates, rates and generalised forces."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uqmbd.mechanism import Space
+
+__all__ = ["displaced", "random_turn", "random_unit", "virtual_motions"]
+
+Array = NDArray[np.float64]
+
+
+def random_unit(rng: np.random.Generator, shape: tuple[int, ...]) -> Array:
+    """Return random vectors of length one, the last axis being that of their entries."""
+    found = rng.normal(size=shape)
+    return found / np.linalg.norm(found, axis=-1, keepdims=True)
+
+
+def random_turn(space: Space, rng: np.random.Generator) -> Array:
+    """Return the quaternion of a random rotation; a half-angle pair in the plane; nothing where nothing turns.
+
+    Examples
+    --------
+    >>> import uqmbd
+    >>> random_turn(uqmbd.Planar(), np.random.default_rng(0)).shape
+    (2,)
+    """
+    return random_unit(rng, (space.size - space.dimension,)) if space.turns else np.zeros(0)
+
+
+def displaced(space: Space, turn: Array, values: Array, shift: Array | None = None) -> Array:
+    """Turn coordinates, their rates or generalised forces of all bodies about the world's origin, and shift them.
+
+    The map of the coordinates is orthogonal, so that generalised forces transform as rates do.
+
+    Parameters
+    ----------
+    space : Space
+        What the bodies move in.
+    turn : array
+        A unit quaternion.
+    values : array, shape (bodies * size,)
+        Coordinates, rates or forces.
+    shift : array, shape (dimension,), optional
+        Translation of coordinates; rates and forces have none.
+
+    Examples
+    --------
+    >>> import uqmbd
+    >>> half_turn = np.array([0.0, 1.0])
+    >>> displaced(uqmbd.Planar(), half_turn, np.array([1.0, 0.0, 1.0, 0.0]), shift=np.array([0.0, 2.0]))
+    array([-1.,  2.,  0.,  1.])
+    """
+    d = space.dimension
+    parts = values.reshape(-1, space.size).copy()
+    if space.turns:
+        rotation = np.array(space.rotation(list(turn)).tolist(), dtype=float)
+        parts[:, :d] = parts[:, :d] @ rotation.T
+        parts[:, d:] = parts[:, d:] @ _left(turn).T
+    if shift is not None:
+        parts[:, :d] += shift
+    return parts.ravel()
+
+
+def virtual_motions(space: Space, q: Array) -> Array:
+    """Return the rates of the coordinates when all bodies move as one: a row for each way to do so.
+
+    Translations along the axes; where bodies turn, also rotations about the axes through the world's origin.
+
+    Parameters
+    ----------
+    space : Space
+        What the bodies move in.
+    q : array, shape (bodies * size,)
+        Coordinates.
+
+    Examples
+    --------
+    >>> import uqmbd
+    >>> virtual_motions(uqmbd.Planar(), np.array([1.0, 0.0, 1.0, 0.0]))[2]
+    array([0. , 1. , 0. , 0.5])
+    """
+    d = space.dimension
+    parts = q.reshape(-1, space.size)
+    motions = []
+    for k in range(d):
+        rate = np.zeros_like(parts)
+        rate[:, k] = 1
+        motions.append(rate.ravel())
+    for k in range(0 if not space.turns else 3 if d == 3 else 1):
+        axis = np.zeros(4 if d == 3 else 2)
+        axis[k + 1] = 1
+        rate = np.zeros_like(parts)
+        rate[:, :d] = np.cross(axis[1:], parts[:, :d]) if d == 3 else parts[:, :d] @ np.array([[0, 1], [-1, 0]])
+        rate[:, d:] = parts[:, d:] @ _left(axis).T / 2
+        motions.append(rate.ravel())
+    return np.array(motions)
+
+
+def _left(e: Array) -> Array:
+    """Return the matrix that multiplies a quaternion by `e` from the left."""
+    if len(e) == 2:
+        return np.array([[e[0], -e[1]], [e[1], e[0]]])
+    a, b, c, d = e
+    return np.array([[a, -b, -c, -d], [b, a, -d, c], [c, d, a, -b], [d, -c, b, a]])
