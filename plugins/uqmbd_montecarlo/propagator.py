@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Literal, get_args
 
-import numpy as np
 import xarray as xr
 
 import uqmbd
 from uqmbd.results import sample_dataset, statistics_of_samples
+from uqmbd_montecarlo.designs import replicate_sizes, uniform_samples
+from uqmbd_montecarlo.replicates import replicate_errors
 
 __all__ = ["MonteCarlo"]
+
+Sampling = Literal["random", "latin-hypercube", "sobol"]
 
 
 @dataclass(frozen=True, kw_only=True)
 class MonteCarlo(uqmbd.Propagator):
-    """Sample the inputs at random and compute each realisation.
+    """Sample the inputs and compute each realisation.
 
     Parameters
     ----------
@@ -24,20 +27,32 @@ class MonteCarlo(uqmbd.Propagator):
         How many.
     seed : int
         Of the random numbers: the same seed gives the same bits, whatever the number of workers.
+    sampling : {"random", "latin-hypercube", "sobol"}
+        Independent points, Latin hypercubes, or scrambled Sobol' points.
+    replicates : int
+        Independent replicates into which a Latin hypercube or Sobol' design is split, for its standard errors.  Sobol'
+        needs `replicates` times a power of two samples.
     max_failures : float
         Share of failed samples above which the run is an error.
     label : str, optional
         Name of the results, by default ``monte-carlo``.
 
+    Raises
+    ------
+    uqmbd.StudyError
+        If an option cannot be used.
+
     Examples
     --------
-    >>> MonteCarlo(samples=500, seed=1).samples
-    500
+    >>> MonteCarlo(samples=500, seed=1).sampling
+    'random'
     """
 
     name: ClassVar[str] = "monte-carlo"
     samples: int = 500
     seed: int = 0
+    sampling: Sampling = "random"
+    replicates: int = 16
     max_failures: float = 0.5
 
     def __post_init__(self) -> None:
@@ -45,39 +60,47 @@ class MonteCarlo(uqmbd.Propagator):
             raise uqmbd.StudyError(f"MonteCarlo: samples is {self.samples!r}; expected a whole number, 2 or more.")
         if not isinstance(self.seed, int) or self.seed < 0:
             raise uqmbd.StudyError(f"MonteCarlo: seed is {self.seed!r}; expected a whole number, 0 or more.")
+        if self.sampling not in get_args(Sampling):
+            known = ", ".join(map(repr, get_args(Sampling)))
+            raise uqmbd.StudyError(f"MonteCarlo: sampling is {self.sampling!r}; expected one of {known}.")
+        if not isinstance(self.replicates, int) or self.replicates < 2:
+            raise uqmbd.StudyError(f"MonteCarlo: replicates is {self.replicates!r}; expected 2 or more.")
         if not 0 <= self.max_failures <= 1:
             raise uqmbd.StudyError(
                 f"MonteCarlo: max_failures is {self.max_failures!r}; expected a share between 0 and 1."
             )
+        replicate_sizes(self.sampling, self.samples, self.replicates)
 
     def obstacle(self, study: uqmbd.Study) -> str | None:
-        """Tell that there is nothing to sample."""
-        return None if len(study.mechanism.inputs) else _nothing_random(study.mechanism.name)
+        """Say what is in the way: a mechanism in which nothing is random."""
+        return None if len(study.mechanism.inputs) else "nothing in the mechanism is random"
 
     def propagate(self, problem: uqmbd.Problem) -> xr.DataTree:
         """Sample, compute, and summarise."""
         if not len(problem.inputs):
-            raise uqmbd.StudyError(f"{problem.label}: {_nothing_random(problem.mechanism)}")
-        uniform = np.random.default_rng(self.seed).random((self.samples, len(problem.inputs)))
-        # 0 itself would map to minus infinity
-        values = problem.inputs.from_uniform(np.clip(uniform, 2.0**-54, 1 - 2.0**-53))
+            raise uqmbd.StudyError(
+                f"{problem.label}: nothing in mechanism {problem.mechanism!r} is random; "
+                "declare a uqmbd.RandomVariable, or use uqmbd.simulate."
+            )
+        sizes = replicate_sizes(self.sampling, self.samples, self.replicates)
+        values = problem.inputs.from_uniform(uniform_samples(self.sampling, sizes, len(problem.inputs), self.seed))
         found = problem.realise(values)
         if found.failures > self.max_failures * self.samples or self.samples - found.failures < 2:
             raise uqmbd.IntegrationError(
-                f"{problem.label}: {found.failures} of {self.samples} samples failed, more than max_failures = "
-                f"{self.max_failures:g} allows or fewer than two are left. "
-                f"Most frequent reason: {found.most_frequent_reason()}"
+                f"{problem.label}: {found.failures} of {self.samples} samples failed, more than "
+                f"max_failures = {self.max_failures:g} allows. Most frequent reason: {found.most_frequent_reason()}"
             )
         samples = sample_dataset(found.response, values, problem.labels, status=found.status, messages=found.messages)
+        statistics = statistics_of_samples(samples)
+        if self.sampling != "random":
+            errors = replicate_errors(samples["response"].values, sizes, samples["status"].values)
+            for name, error in zip(("std_error_mean", "std_error_std"), errors, strict=True):
+                statistics[name] = statistics[name].copy(data=error)
         return problem.node(
             self,
-            statistics_of_samples(samples),
+            statistics,
             samples,
             realisations=self.samples,
             wall_time=found.wall_time,
             counters=found.counters,
         )
-
-
-def _nothing_random(mechanism: str) -> str:
-    return f"nothing in mechanism {mechanism!r} is random; declare a uqmbd.RandomVariable, or use uqmbd.simulate."

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import pytest
-import sympy
 
-import uqmbd
 from uqmbd import plugins
 from uqmbd.testing import check_component
 

@@ -9,7 +9,10 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
+
+from uqmbd import results
 
 PACKAGE = Path(__file__).parent / "uqmbd-example-plugin"
 
@@ -78,3 +81,54 @@ def test_broken_neighbour_is_a_warning_and_no_obstacle(site, tmp_path):
     assert "PluginWarning: plugin 'broken' of uqmbd-broken 0.4: it cannot be loaded: " in run.stderr
     assert "OSError: the driver of the device is missing" in run.stderr
     assert "Traceback" not in run.stderr
+
+
+STUDY = """
+import chaospy
+import numpy as np
+
+import uqmbd
+import uqmbd.plugins
+
+Magnet, MeanValue = uqmbd.plugins.component("Magnet"), uqmbd.plugins.propagator("mean-value")
+strength = uqmbd.RandomVariable("strength", chaospy.Uniform(0.9, 1.1), units="N m^2")
+mechanism = uqmbd.Mechanism("attraction", uqmbd.Translational())
+bodies = [mechanism.body(name, mass=2, position=(x, 0)) for name, x in (("left", -1), ("right", 1))]
+magnet = mechanism.add(Magnet("magnet", *bodies, point_i=(0, 0), point_j=(0, 0), strength=strength))
+mechanism.output("left", bodies[0].position[0], units="m")
+mechanism.output("right", bodies[1].position[0], units="m")
+mechanism.output("pull", magnet.reaction_force[0], units="N")
+study = uqmbd.Study("attraction", mechanism, np.linspace(0, 1, 5), [MeanValue(), MeanValue(label="again")])
+"""
+
+
+def test_study_runs_with_its_component_and_its_propagator(site, tmp_path):
+    """Two masses of 2 kg at a distance of 2 m: the magnet pulls with strength / distance^2, on both alike."""
+    (tmp_path / "attraction.py").write_text(STUDY)
+    run = python(site, "-m", "uqmbd.cli", "run", str(tmp_path / "attraction.py"), "--out", str(tmp_path / "out"))
+    assert run.returncode == 0, run.stdout + run.stderr
+    assert (tmp_path / "out" / "report.html").stat().st_size > 1000
+    tree = results.load(tmp_path / "out" / "results.nc")
+    assert sorted(tree.children) == ["again", "comparison", "mean-value"]
+    mean = tree["mean-value"]["statistics"]["mean"]
+    assert np.array_equal(mean, tree["again"]["statistics"]["mean"])
+    left, right, pull = (mean.sel(output=name).values for name in ("left", "right", "pull"))
+    assert left == pytest.approx(-right, abs=1e-9) and right[0] == 1 and right[-1] < 0.99
+    assert pull == pytest.approx(-1 / (right - left) ** 2, rel=1e-6)
+    # energy: what the potential -1 / distance gives is the kinetic energy of both masses
+    speed = np.sqrt(1 / (2 * right[-1]) - 1 / 2) / np.sqrt(2)
+    later = np.gradient(right, mean["time"].values, edge_order=2)[-1]
+    assert later == pytest.approx(-speed, rel=0.05)
+
+
+def test_check_command_knows_its_propagator(site, tmp_path):
+    (tmp_path / "attraction.py").write_text(STUDY)
+    run = python(site, "-m", "uqmbd.cli", "check", str(tmp_path / "attraction.py"))
+    assert run.returncode == 0, run.stdout + run.stderr
+    assert "MeanValue" in run.stdout and "Magnet" in run.stdout
+
+
+def test_conformance_kit_accepts_its_component(site):
+    code = "from uqmbd.testing import check_component; from uqmbd_example import Magnet; check_component(Magnet)"
+    run = python(site, "-c", code)
+    assert run.returncode == 0, run.stderr

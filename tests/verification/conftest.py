@@ -58,28 +58,28 @@ def same_rotation():
 
 
 @pytest.fixture(scope="session")
-def unknowns():
-    """Integrate at the means: the ensemble and its unknowns (time, n)."""
+def states_of():
+    """Integrate at the means: the ensemble and its states (q, s, v), an array (1, time, state)."""
 
     def run(mechanism, times, rtol=1e-8):
         times = np.asarray(times, dtype=float)
         ensemble = Ensemble(build(mechanism, float(times[0])), mechanism.inputs.means[None, :])
         found = integrate(ensemble, times, rtol)
         assert not found.messages[0]
-        return ensemble, found.y
+        return ensemble, found.states
 
     return run
 
 
 @pytest.fixture(scope="session")
-def energy(unknowns):
+def energy(states_of):
     """Kinetic and potential energy along the motion at the means, J: two arrays (time,)."""
 
     def along(mechanism, times, rtol=1e-8):
         if not mechanism.outputs:
             mechanism.output("clock", uqmbd.t)
-        ensemble, y = unknowns(mechanism, times, rtol)
-        return ensemble.energies(np.asarray(times, dtype=float), y)[0]
+        ensemble, states = states_of(mechanism, times, rtol)
+        return ensemble.energies(np.asarray(times, dtype=float), states)[0]
 
     return along
 

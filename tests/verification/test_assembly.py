@@ -19,7 +19,7 @@ def assembled(mechanism):
     """Drawn and assembled coordinates at the means, each (coordinate,)."""
     model = build(mechanism)
     ensemble = Ensemble(model, mechanism.inputs.means[None, :])
-    start = ensemble.start(0.0)
+    start = ensemble.start
     assert not start.messages[0]
     return ensemble.parameters[0, model.drawn], start
 
@@ -116,7 +116,9 @@ def test_revolute_between_two_free_bodies_never_points_the_other_way(off, turn):
     first = mechanism.body("a", mass=1, inertia=(1, 1, 1))
     body = mechanism.body("b", mass=1, inertia=(1, 1, 1), quaternion=turn((1, 0, 0), np.deg2rad(off)))
     mechanism.add(Revolute("hinge", first, body, ORIGIN, (0.2, 0, 0), (0, 1, 0), (0, 1, 0)))
-    mechanism.output("cosine", (first.rotation * np.array([[0], [1], [0]])).dot(body.rotation * np.array([[0], [1], [0]])))
+    mechanism.output(
+        "cosine", (first.rotation * np.array([[0], [1], [0]])).dot(body.rotation * np.array([[0], [1], [0]]))
+    )
     try:
         cosine = uqmbd.simulate(mechanism, [0, 1e-3]).cosine[0]
     except uqmbd.AssemblyError:
@@ -333,3 +335,36 @@ def test_held_body_keeps_its_drawn_pose_while_the_other_moves():
     drawn, start = assembled(mechanism)
     np.testing.assert_array_equal(start.q[0, :4], drawn[:4])
     np.testing.assert_allclose(start.q[0, 4:6], [0.1 + np.cos(0.3), -0.2 + np.sin(0.3)], atol=1e-11)
+
+
+def test_mechanism_in_which_nothing_can_move_keeps_its_pose():
+    mechanism = uqmbd.Mechanism("wall", uqmbd.Spatial(gravity=(0, 0, -9.81)))
+    body = mechanism.body("block", mass=2, inertia=(1, 1, 1), position=(1, 0, 0))
+    weld = mechanism.add(Fixed("weld", mechanism.ground, body, ORIGIN, (-1, 0, 0)))
+    mechanism.output("x", body.position[0])
+    mechanism.output("force", weld.reaction_force[2])
+    mechanism.output("moment", weld.reaction_moment[1])
+    data = uqmbd.simulate(mechanism, [0, 1, 2])
+    np.testing.assert_allclose(data.x, 1, atol=1e-12)
+    np.testing.assert_allclose(data.force, 19.62, atol=1e-9)
+    np.testing.assert_allclose(data.moment, -19.62, atol=1e-9)
+
+
+def test_mechanism_without_mobility_carries_its_load():
+    """A lever that a strut holds: 1 m out, the strut pulls at right angles."""
+    mechanism = uqmbd.Mechanism("bracket", uqmbd.Planar(gravity=(0, -9.81)))
+    lever = mechanism.body("lever", mass=3, inertia=1, com=(0.5, 0))
+    mechanism.add(Revolute("pivot", mechanism.ground, lever, (0, 0), (0, 0)))
+    strut = mechanism.add(Distance("strut", mechanism.ground, lever, (1, 1), (1, 0), 1))
+    mechanism.output("force", strut.reaction_force[1])
+    np.testing.assert_allclose(uqmbd.simulate(mechanism, [0, 1, 2]).force, 3 * 9.81 / 2, atol=1e-9)
+
+
+def test_numpy_scalars_are_numbers_like_any_other():
+    mechanism = uqmbd.Mechanism("numpy", uqmbd.Planar())
+    body = mechanism.body(
+        "b", mass=np.float64(1), inertia=np.int64(2), position=(np.cos(0.3), 0), angle=np.float64(0.1)
+    )
+    mechanism.add(Revolute("A", mechanism.ground, body, (np.float64(0.5), 0), (0, np.float32(0.25))))
+    mechanism.output("x", body.position[0])
+    assert np.isfinite(uqmbd.simulate(mechanism, [0, 1]).x).all()

@@ -109,13 +109,15 @@ def test_momentum_of_a_free_body_is_kept(observe, series, close):
 
 
 @pytest.mark.parametrize("rtol", [1e-5, 1e-7])
-@pytest.mark.parametrize("model", [spatial_double_pendulum, tumbling_body, planar_slider_crank], ids=lambda f: f.__name__)
-def test_quaternion_norms_after_ten_seconds(model, rtol, unknowns):
+@pytest.mark.parametrize(
+    "model", [spatial_double_pendulum, tumbling_body, planar_slider_crank], ids=lambda f: f.__name__
+)
+def test_quaternion_norms_after_ten_seconds(model, rtol, states_of):
     """Off by less than 10 rtol."""
     mechanism, body = model()
     mechanism.output("x", body.position[0])
-    ensemble, y = unknowns(mechanism, [0, 5, 10], rtol)
-    quaternions = y[0][:, ensemble.model.quaternions()]  # (time, body, component): q comes first in y
+    ensemble, states = states_of(mechanism, [0, 5, 10], rtol)
+    quaternions = states[0][:, ensemble.model.quaternions()]  # (time, body, component): q comes first
     norms = np.linalg.norm(quaternions, axis=2)
     assert np.abs(norms - 1).max() < 10 * rtol
 

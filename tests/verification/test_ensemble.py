@@ -142,3 +142,32 @@ def test_random_mass_and_length_change_a_pendulum(close):
         data = uqmbd.simulate(mechanism, times, values={"bob": m, "length": l}, rtol=1e-8)
         w = np.sqrt((m * l + rod_mass * l / 2) * 9.81 / (m * l**2 + rod_mass * l**2 / 3))
         close(data.sine, angle * np.cos(w * times), relative=1e-3)
+
+
+def test_samples_of_very_different_speed_are_all_accurate():
+    """Oscillators from 1 to 50 rad/s in one study: none is sacrificed to the average of the others."""
+    stiffness = uqmbd.RandomVariable("stiffness", chaospy.Uniform(1, 2500), units="N/m")
+    mechanism = uqmbd.Mechanism("oscillator", uqmbd.Translational())
+    mass = mechanism.body("mass", mass=1, position=(1, 0))
+    mechanism.add(SpringDamper("spring", mechanism.ground, mass, (0, 0), (0, 0), stiffness))
+    mechanism.output("x", mass.position[0])
+    times = np.linspace(0, 5, 51)
+    study = uqmbd.Study("oscillator", mechanism, times, [MonteCarlo(samples=100, seed=5)])
+    samples = study.propagate(study.propagators[0])["samples"]
+    rate = np.sqrt(samples["inputs"].values[:, :1])
+    error = np.abs(samples["response"].values[:, 0] - np.cos(rate * times)).max(axis=1)
+    alone = uqmbd.simulate(mechanism, times, values={"stiffness": 2500})
+    worst_alone = float(np.abs(alone.x - np.cos(50 * times)).max())
+    assert error.max() < 5 * worst_alone
+
+
+def test_rate_of_a_driver_may_be_random(close):
+    rate = uqmbd.RandomVariable("rate", chaospy.Uniform(1, 9), units="rad/s")
+    mechanism = uqmbd.Mechanism("crank", uqmbd.Planar())
+    crank = mechanism.body("crank", mass=1, inertia=1)
+    mechanism.add(Revolute("pivot", mechanism.ground, crank, (0, 0), (0, 0)))
+    mechanism.add(RotationDriver("drive", mechanism.ground, crank, rate * uqmbd.t))
+    mechanism.output("angle", crank.angle)
+    times = np.linspace(0, 5, 6)
+    for value in (1.0, 5.0, 8.5):
+        close(uqmbd.simulate(mechanism, times, values={"rate": value}).angle, value * times, relative=1e-5)

@@ -52,9 +52,7 @@ def on_a_joint(kind, loc, tilt, length, turn, matrix, observe):
     """Body with J = diag(.04, .1, .1), COM = joint + A (length, 0, 0), frame turned by `tilt` about the world's x."""
     mechanism = uqmbd.Mechanism("pend", uqmbd.Spatial(gravity=(0, 0, -G)))
     q0 = turn((1, 0, 0), tilt)
-    body = mechanism.body(
-        "pend", mass=1, inertia=(0.04, 0.1, 0.1), position=np.add(loc, (length, 0, 0)), quaternion=q0
-    )
+    body = mechanism.body("pend", mass=1, inertia=(0.04, 0.1, 0.1), position=np.add(loc, (length, 0, 0)), quaternion=q0)
     axes = {} if kind is Spherical else {"axis_i": matrix(q0) @ (0, 0, 1), "axis_j": (0, 0, 1)}
     joint = mechanism.add(kind("joint", mechanism.ground, body, point_i=loc, point_j=(-length, 0, 0), **axes))
     observe(
@@ -96,7 +94,11 @@ def test_initial_accelerations_and_reactions(pend, close, same_rotation):
 
 
 REVOLUTE = {  # ADAMS Revolute_Case01: pos, v, w_y, Rf at t = 1, 2.5, 5
-    "pos": [[-0.89238148553, 0, -1.7898757734], [-0.26550633634, 0, -1.9822982584], [-1.9996838689, 0, -0.035558747545]],
+    "pos": [
+        [-0.89238148553, 0, -1.7898757734],
+        [-0.26550633634, 0, -1.9822982584],
+        [-1.9996838689, 0, -0.035558747545],
+    ],
     "vel": [[-5.2374240953, 0, 2.6112316642], [6.1043145787, 0, -0.81760360368], [-0.014665709931, 0, 0.82474174708]],
     "w": [[0, 2.9261383237, 0], [0, -3.0794127739, 0], [0, 0.41243606547, 0]],
     "Rf": [[-11.46123757, 0, -23.22732763], [-3.776608472, 0, -28.43574302], [-0.5102298618, 0, -0.2482595869]],

@@ -5,10 +5,12 @@ from __future__ import annotations
 import chaospy
 import numpy as np
 import pytest
+import sympy
 
 import uqmbd
 from uqmbd_drivers import RotationDriver
-from uqmbd_joints import Revolute
+from uqmbd_joints import Distance, Revolute
+from uqmbd_montecarlo import MonteCarlo
 from uqmbd_springs import PointForce
 
 t = uqmbd.t
@@ -106,8 +108,6 @@ def test_acceleration_is_that_of_the_exact_time(close):
 
 def test_jump_of_a_force_is_hit():
     """A Heaviside-like force through a piecewise condition on time."""
-    import sympy
-
     force = sympy.Piecewise((0, t < 1.2345), (2, True))
     times = np.array([0, 1, 1.5, 4.0])
     data = uqmbd.simulate(pushed(force), times, rtol=1e-8)
@@ -144,3 +144,56 @@ def test_driver_follows_a_step_in_its_angle(space, start, close):
     close(data.cos, np.cos(0.2 + 2.5 * s**2 * (3 - 2 * s)))
     close(data.rate, 2.5 / 0.8 * 6 * s * (1 - s))
     close(data.moment, 0.7 * 2.5 / 0.8**2 * np.where((s > 0) & (s < 1), 6 - 12 * s, 0))
+
+
+def test_break_points_that_differ_by_rounding_only():
+    """0.1 + 0.2 and 0.3, 0.7 + 0.4 and 1.1, against output times that come from a sum as well."""
+    force = (
+        uqmbd.step(t, 0.1, 0, 0.1 + 0.2, 1) + uqmbd.step(t, 0.3, 0, 0.8 + 0.3, 1) - 2 * uqmbd.step(t, 1.1, 0, 1.7, 1)
+    )
+    parts = [(1, 0.1, 0.3), (1, 0.3, 1.1), (-2, 1.1, 1.7)]
+    v, x = errors(force, parts, np.cumsum(np.full(30, 0.1)) - 0.1)
+    assert v < 1e-6
+    assert x < 1e-6
+
+
+def test_every_sample_hits_its_own_break_point():
+    start = uqmbd.RandomVariable("start", chaospy.Uniform(0.5, 2), units="s")
+    mechanism = pushed(4 * uqmbd.step(t, start, 0, start + 0.01, 1))
+    times = np.linspace(0, 3, 7)
+    study = uqmbd.Study("pushed", mechanism, times, [MonteCarlo(samples=20, seed=3)])
+    samples = study.propagate(study.propagators[0])["samples"]
+    for k, begin in enumerate(samples["inputs"].values[:, 0]):
+        exact = 4 * rise(times, begin, begin + 0.01)[0]
+        np.testing.assert_allclose(samples["response"][k].sel(output="v"), exact, atol=1e-4)
+
+
+def test_step_takes_a_random_variable(close):
+    """Not only time: a mass that depends on an input through a step."""
+    x = uqmbd.RandomVariable("x", chaospy.Uniform(0, 2))
+    mechanism = pushed(3, mass=uqmbd.step(x, 0, 1, 2, 5))
+    times = np.array([0, 1, 2.0])
+    for value, mass in ((-1, 1), (0.5, 1 + 4 * 0.15625), (1, 3), (2.5, 5)):
+        data = uqmbd.simulate(mechanism, times, values={"x": value}, rtol=1e-8)
+        close(data.v, 3 / mass * times, relative=1e-6)
+
+
+def test_gravity_may_change_with_time():
+    mechanism = uqmbd.Mechanism("fall", uqmbd.Planar(gravity=(0, -10 * uqmbd.step(t, 2, 0, 2.001, 1))))
+    body = mechanism.body("stone", mass=3, inertia=1)
+    mechanism.output("v", body.velocity[1])
+    data = uqmbd.simulate(mechanism, [0, 5], rtol=1e-8)
+    np.testing.assert_allclose(data.v, -10 * rise([0, 5], 2, 2.001)[0], atol=1e-5)
+
+
+def test_rod_may_change_its_length_with_time(close):
+    """A particle pushed along a line by a rod of length 1 + t^2: the rod carries 2 N."""
+    mechanism = uqmbd.Mechanism("rod", uqmbd.Translational())
+    body = mechanism.body("mass", mass=1, position=(1, 0))
+    rod = mechanism.add(Distance("rod", mechanism.ground, body, (0, 0), (0, 0), 1 + t**2))
+    mechanism.output("x", body.position[0])
+    mechanism.output("force", rod.reaction_force[0])
+    times = np.linspace(0, 2, 9)
+    data = uqmbd.simulate(mechanism, times, rtol=1e-8)
+    close(data.x, 1 + times**2, relative=1e-6)
+    close(data.force, np.full(9, 2.0), relative=1e-5)

@@ -45,6 +45,18 @@ class Start:
     multipliers: Array
     messages: tuple[str, ...]
 
+    def select(self, members: Index) -> Start:
+        """Make the initial states of some realisations."""
+        return Start(
+            self.q[members],
+            self.s[members],
+            self.v[members],
+            self.a[members],
+            self.rates[members],
+            self.multipliers[members],
+            tuple(self.messages[k] for k in members),
+        )
+
     @property
     def ok(self) -> NDArray[np.bool_]:
         """Which realisations could be assembled, shape (K,)."""
@@ -333,7 +345,7 @@ def assemble(model: Model, all_parameters: Array, time: float) -> Start:
         "a parameter is not finite" if b else (m or c) for b, m, c in zip(bad, messages, contradictions, strict=True)
     ]
     a, rates = np.zeros_like(q), np.zeros_like(s)
-    multipliers = np.zeros((count, layout.multipliers))
+    multipliers = np.zeros((count, layout.rank))
     good = np.flatnonzero([not m for m in messages])
     try:
         a[good], multipliers[good], rates[good] = accelerations(model, q[good], s[good], v[good], time, safe[good])

@@ -30,6 +30,10 @@ from uqmbd.mechanism import Mechanism
 __all__ = ["build", "kinematic_model"]
 
 Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+NAMED = 40
+"""Redundant equations that a warning names; `uqmbd.check` names them all."""
 
 
 def kinematic_model(mechanism: Mechanism, time: float = 0.0) -> Model:
@@ -88,15 +92,20 @@ def _kinematics(mechanism: Mechanism, time: float) -> tuple[Model, list[Instance
     breaks = np.arange(len(expressions), len(expressions) + len(_breaks(instances)))
     expressions += _breaks(instances)
 
+    none = np.zeros(0, dtype=np.int64)
+    every = np.arange(len(equations), dtype=np.int64)
     layout = Layout(
         coordinates=n,
         states=sum(len(i.type.states) for i in instances),
         constraints=len(equations),
-        kept=np.arange(len(equations), dtype=np.int64),
+        kept=every,
+        frozen=none,
+        active=every,
     )
     kinds = ("position", "velocity", "initial", "acceleration", "energy")
     model = Model(
         name=mechanism.name,
+        time=time,
         layout=layout,
         bodies=tuple(mechanism.bodies),
         size=size,
@@ -127,7 +136,42 @@ def _kinematics(mechanism: Mechanism, time: float) -> tuple[Model, list[Instance
         gradient[entries] = values[0, columns]
     norms = np.array([k for k, name in enumerate(equations) if name.endswith(": unit quaternion")], dtype=np.int64)
     kept, _ = independent_rows(gradient, norms)
-    return replace(model, layout=replace(layout, kept=kept)), instances
+    frozen, holding = _frozen(model, instances, kept, gradient)
+    active = np.setdiff1d(kept, holding)
+    return replace(model, layout=replace(layout, kept=kept, frozen=frozen, active=active)), instances
+
+
+def _frozen(model: Model, instances: list[Instance], kept: Index, gradient: Array) -> tuple[Index, Index]:
+    """Find coordinates that constraints hold at one value, and the equations that do.
+
+    An equation holds a coordinate if it contains neither time nor an auxiliary state nor any other coordinate that is
+    not held already; it is found from the structure of the equations alone, and is independent at the means.
+    """
+    contains: dict[int, set[int]] = {int(k): set() for k in kept}
+    for target in model.evaluators["position"].targets:
+        if target[0] == "phi_q" and target[1] in contains:
+            contains[target[1]].add(target[2])
+    moving = {x[1] for x in model.evaluators["velocity"].targets if x[0] == "phi_t"}
+    first = 0
+    for instance in instances:
+        count = len(instance.type.constraints)
+        if instance.type.states:
+            moving |= set(range(first, first + count))
+        first += count
+    frozen: dict[int, int] = {}
+    while True:
+        found = {
+            row: next(iter(left))
+            for row, columns in contains.items()
+            if row not in frozen.values() and row not in moving and len(left := columns - set(frozen)) == 1
+        }
+        found = {row: column for row, column in found.items() if abs(gradient[row, column]) > 1e-6}
+        if not found:
+            break
+        row, column = min(found.items())
+        frozen[column] = row
+    held = sorted(frozen)
+    return np.array(held, dtype=np.int64), np.array(sorted(frozen.values()), dtype=np.int64)
 
 
 def _breaks(instances: list[Instance]) -> list[sympy.Expr]:
@@ -174,8 +218,8 @@ def build(mechanism: Mechanism, time: float = 0.0, *, fuse: bool | None = None) 
     layout = model.layout
     redundant = np.setdiff1d(np.arange(layout.constraints), layout.kept)
     if len(redundant):
-        names = ", ".join(repr(model.equations[k]) for k in redundant[:12])
-        more = f" and {len(redundant) - 12} more" if len(redundant) > 12 else ""
+        names = ", ".join(repr(model.equations[k]) for k in redundant[:NAMED])
+        more = f" and {len(redundant) - NAMED} more" if len(redundant) > NAMED else ""
         warnings.warn(
             f"mechanism {mechanism.name!r}: {len(redundant)} of {layout.constraints} constraint equations "
             f"are redundant and are dropped: {names}{more}. The motion is not affected; "

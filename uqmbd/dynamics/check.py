@@ -80,9 +80,9 @@ def check(mechanism: Mechanism, time: float = 0.0) -> Check:
         components=tuple((c.name, type(c).__name__, owners.count(c.name)) for c in mechanism.components.values()),
         coordinates=layout.coordinates,
         equations=layout.constraints,
-        rank=layout.multipliers,
+        rank=layout.rank,
         redundant=tuple(model.equations[k] for k in redundant),
-        mobility=layout.coordinates - layout.multipliers,
+        mobility=layout.coordinates - layout.rank,
         inputs=tuple((v.name, v.description, v.units) for v in inputs.variables),
         unused_inputs=tuple(n for n in inputs.names if n not in used),
     )

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
 from numpy.typing import NDArray
 
 from uqmbd.dynamics.assembly import Start, assemble
 from uqmbd.dynamics.index1 import accelerations, dense, state_arguments
-from uqmbd.dynamics.model import Model
+from uqmbd.dynamics.model import Layout, Model
 
-__all__ = ["Ensemble"]
+__all__ = ["Ensemble", "split"]
 
 Array = NDArray[np.float64]
+Index = NDArray[np.int64]
 
 OUTPUT_BLOCK = 2048
 """States that are observed at once: many more of them fall out of the processor's cache."""
@@ -26,32 +29,73 @@ class Ensemble:
         Compiled.
     values : array, shape (K, input)
         Inputs of each realisation, in the order of ``model.inputs``.
+    start : Start, optional
+        Initial states, if they are known already.
     """
 
-    def __init__(self, model: Model, values: Array) -> None:
+    def __init__(self, model: Model, values: Array, *, start: Start | None = None) -> None:
         self.model = model
         self.values = np.atleast_2d(np.asarray(values, dtype=float))
         self.parameters = model.parameters(self.values)
         self.block = np.ascontiguousarray(self.parameters[:, : model.block_parameters])
         """Parameters of the blocks, shape (K, parameter)."""
+        self._given_start = start
 
     def __len__(self) -> int:
         return len(self.parameters)
+
+    @cached_property
+    def start(self) -> Start:
+        """Consistent initial states."""
+        return self._given_start or assemble(self.model, self.parameters, self.model.time)
 
     @property
     def breaks(self) -> Array:
         """Break times of each realisation, shape (K, break)."""
         return self.parameters[:, self.model.breaks]
 
-    def select(self, members: NDArray[np.int64]) -> Ensemble:
+    def select(self, members: Index) -> Ensemble:
         """Make the ensemble of some realisations."""
         if len(members) == len(self) and np.array_equal(members, np.arange(len(self))):
             return self
-        return Ensemble(self.model, self.values[members])
+        return Ensemble(self.model, self.values[members], start=self.start.select(members))
 
-    def start(self, time: float) -> Start:
-        """Assemble consistent initial states."""
-        return assemble(self.model, self.parameters, time)
+    def pack(self, q: Array, s: Array, v: Array, multipliers: Array) -> Array:
+        """Unknowns ``y`` of states.
+
+        Parameters
+        ----------
+        q, s, v : array, shape (K, ...)
+            All coordinates, auxiliary states and velocities.
+        multipliers : array, shape (K, rank)
+            Of all kept equations; only those that are in ``y`` are used.
+
+        Returns
+        -------
+        array, shape (K, n)
+        """
+        layout = self.model.layout
+        y = np.zeros((len(q), layout.unknowns))
+        where = layout.slices
+        y[:, where["q"]], y[:, where["s"]], y[:, where["v"]] = q[:, layout.free], s, v[:, layout.free]
+        y[:, where["l"]] = multipliers[:, np.searchsorted(layout.kept, layout.active)]
+        return y
+
+    def expand(self, y: Array) -> tuple[Array, Array, Array]:
+        """Find all coordinates, auxiliary states and velocities of unknowns ``y``, shape (K, ..., n)."""
+        layout = self.model.layout
+        where = layout.slices
+        q = np.zeros((*y.shape[:-1], layout.coordinates))
+        v = np.zeros_like(q)
+        q[..., layout.free], v[..., layout.free] = y[..., where["q"]], y[..., where["v"]]
+        held = self.frozen.reshape(len(self), *([1] * (y.ndim - 2)), -1)
+        q[..., layout.frozen] = held
+        return q, y[..., where["s"]], v
+
+    @cached_property
+    def frozen(self) -> Array:
+        """Values of the frozen coordinates, shape (K, frozen)."""
+        return np.ascontiguousarray(self.start.q[:, self.model.layout.frozen])
 
     def residual(self, time: float, y: Array, yp: Array) -> Array:
         """Stabilised index-2 residual.
@@ -78,30 +122,32 @@ class Ensemble:
     def _arguments(self, time: float, y: Array, yp: Array, extra: tuple[float, ...]) -> Array:
         layout = self.model.layout
         n, d = layout.unknowns, layout.differential
-        arguments = np.zeros((len(y), n + d + 2 + len(extra)))
+        width = n + d + 2 + len(extra)
+        arguments = np.zeros((len(y), width + len(layout.frozen)))
         arguments[:, :n] = y
         arguments[:, n : n + d] = yp[:, :d]
         arguments[:, n + d] = time
         for k, x in enumerate(extra):
             arguments[:, n + d + 1 + k] = x
+        arguments[:, width:] = self.frozen
         return arguments
 
-    def outputs(self, times: Array, y: Array) -> Array:
+    def outputs(self, times: Array, states: Array) -> Array:
         """Evaluate the outputs along trajectories, consistent with the equations of motion at each time.
 
         Parameters
         ----------
         times : array, shape (T,)
             s.
-        y : array, shape (K, T, n)
-            Unknowns; accelerations and reactions are solved for again.
+        states : array, shape (K, T, 2 coordinate + state)
+            All coordinates, auxiliary states and velocities; accelerations and reactions are solved for.
 
         Returns
         -------
         array, shape (K, output, T)
         """
-        members, count = y.shape[0], y.shape[1]
-        flat, time = y.reshape(members * count, -1), np.tile(times, members)
+        members, count = states.shape[0], states.shape[1]
+        flat, time = states.reshape(members * count, -1), np.tile(times, members)
         owner = np.repeat(np.arange(members), count)
         result = np.empty((members * count, len(self.model.outputs.names)))
         for first in range(0, len(flat), OUTPUT_BLOCK):
@@ -109,11 +155,10 @@ class Ensemble:
             result[part] = self._observe(flat[part], time[part], owner[part])
         return result.reshape(members, count, -1).transpose(0, 2, 1)
 
-    def _observe(self, y: Array, time: Array, owner: NDArray[np.int64]) -> Array:
-        """Observe states ``y`` (S, n) of the realisations `owner` (S,) at times (S,)."""
+    def _observe(self, states: Array, time: Array, owner: Index) -> Array:
+        """Observe `states` (S, ...) of the realisations `owner` (S,) at times (S,)."""
         model, layout = self.model, self.model.layout
-        where = layout.slices
-        q, s, v = y[:, where["q"]], y[:, where["s"]], y[:, where["v"]]
+        q, s, v = split(layout, states)
         quaternions = model.quaternions()
         if quaternions.size:
             q = q.copy()
@@ -126,12 +171,16 @@ class Ensemble:
         state = np.concatenate([q, s, v, a, multipliers, time[:, None]], axis=1)
         return np.asarray(model.outputs(state, self.values[owner], parameters))
 
-    def energies(self, times: Array, y: Array) -> Array:
+    def energies(self, times: Array, states: Array) -> Array:
         """Kinetic and potential energy along trajectories, J, shape (K, 2, T)."""
-        where = self.model.layout.slices
-        flat = y.reshape(-1, y.shape[2])
-        arguments = state_arguments(
-            flat[:, where["q"]], flat[:, where["s"]], flat[:, where["v"]], np.tile(times, len(y))
-        )
-        found = dense(self.model, "energy", arguments, np.repeat(self.block, y.shape[1], axis=0))["energy"]
-        return found.reshape(len(y), y.shape[1], 2).transpose(0, 2, 1)
+        q, s, v = split(self.model.layout, states.reshape(-1, states.shape[2]))
+        arguments = state_arguments(q, s, v, np.tile(times, len(states)))
+        parameters = np.repeat(self.block, states.shape[1], axis=0)
+        found = dense(self.model, "energy", arguments, parameters)["energy"]
+        return found.reshape(len(states), states.shape[1], 2).transpose(0, 2, 1)
+
+
+def split(layout: Layout, states: Array) -> tuple[Array, Array, Array]:
+    """Coordinates, auxiliary states and velocities of `states` (..., 2 coordinate + state)."""
+    n, k = layout.coordinates, layout.states
+    return states[..., :n], states[..., n : n + k], states[..., n + k :]

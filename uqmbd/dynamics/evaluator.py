@@ -34,10 +34,13 @@ class Placement:
         For each local letter (``q``, ``s``, ``l``, ...) the global index of each local variable; -1: dropped.
     parameters : array of int
         Where its parameters are among those of the model.
+    limit : int, optional
+        Number of unknowns: rows and columns from there on are no equations.
     """
 
     letters: dict[str, Index]
     parameters: Index
+    limit: int = 2**31
 
 
 @dataclass(frozen=True)
@@ -86,7 +89,7 @@ class Evaluator:
                 local = np.concatenate([arguments, parameters], axis=1)
             else:
                 local = np.concatenate([arguments[:, group.gather], parameters[:, group.parameters]], axis=2)
-            parts.append(group.kernel(local).reshape(count, -1))
+            parts.append(group.kernel(local).reshape(count, len(group.gather) * group.kernel.outputs))
         if not parts:
             return np.zeros((count, 0))
         values = parts[0] if len(parts) == 1 else np.concatenate(parts, axis=1)
@@ -117,11 +120,12 @@ def _globalise(target: tuple[Any, ...], place: Placement, kind: Kind) -> tuple[A
     where = place.letters
     if kind == "residual":
         row = where[target[0]][target[1]]
-        return None if row < 0 else ("r", int(row))
+        return None if row < 0 or row >= place.limit else ("r", int(row))
     if kind == "jacobian":
         (a, i), (b, j) = target
         row, column = where[a][i], where[b][j]
-        return None if min(row, column) < 0 else ("J", int(column), int(row))
+        dropped = min(row, column) < 0 or max(row, column) >= place.limit
+        return None if dropped else ("J", int(column), int(row))
     name = target[0]
     letters = {
         "phi": ("row",),
@@ -192,7 +196,7 @@ def typed(
         members.setdefault(block.digest, []).append(i)
     groups: list[_Group] = []
     targets: list[tuple[Any, ...] | None] = []
-    zero = max(columns.values()) + 1
+    zero = _zero_column(columns)
     for indices in members.values():
         block = blocks[indices[0]]
         kernel, local = _type_kernel(block, kind)
@@ -212,6 +216,11 @@ def typed(
         )
         targets += [_globalise(x, places[i], kind) for i in indices for x in local]
     return Evaluator(*_order(targets, groups))
+
+
+def _zero_column(columns: dict[tuple[str, int], int]) -> int:
+    """Return the column that is always zero: the one that no variable has."""
+    return next(c for c in range(len(columns) + 1) if c not in set(columns.values()))
 
 
 def _order(
@@ -234,6 +243,8 @@ def fused(
         for b, p in zip(blocks, places, strict=True)
     ]
 
+    width = len(columns) + 1
+
     def make() -> tuple[Kernel, list[tuple[Any, ...]]]:
         import symengine as se
 
@@ -252,12 +263,10 @@ def fused(
                 if target is not None:
                     sums.setdefault(target, []).append(e.xreplace(swap))
         targets = sorted(sums)
-        width = max(columns.values()) + 2
         arguments = [names.get(k, se.Symbol(f"_y{k}")) for k in range(width)]
         arguments += [se.Symbol(f"_g{k}") for k in range(parameters)]
         return compile_kernel(arguments, [se.Add(*sums[x]) for x in targets]), targets
 
     kernel, targets = cached(("fused", kind, parameters, sorted(columns.items()), layout), make)
-    width = max(columns.values()) + 2
     group = _Group(kernel, np.arange(width)[None, :], np.arange(parameters)[None, :], whole=True)
     return Evaluator(tuple(targets), (group,), None, None)

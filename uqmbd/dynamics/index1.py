@@ -209,8 +209,9 @@ def _lapack(system: System, entries: Array, right: Array) -> Array:
     # rows of light bodies are scaled up: the pivots of the factorisation see comparable numbers
     scale = np.abs(matrix).max(axis=2)
     scale = np.where(scale > 0, scale, 1.0)
-    solution: Array = np.linalg.solve(matrix / scale[:, :, None], (right.T / scale)[:, :, None])[:, :, 0]
-    return solution.T
+    solution: Any = np.linalg.solve(matrix / scale[:, :, None], (right.T / scale)[:, :, None])[:, :, 0]
+    result: Array = solution.T
+    return result
 
 
 def massless_direction(model: Model, q: Array, s: Array, time: float, parameters: Array) -> str:

@@ -1,8 +1,8 @@
 """Integration of the stabilised index-2 form by IDA (SUNDIALS, through scikit-sundae), many realisations in one stack.
 
 Realisations of a stack share the steps.  The error norm of IDA averages over them, so that a realisation that is much
-harder than the others would get less accuracy than it would alone: its *defect* (by how much ``q' - v + D^T mu`` misses
-zero between the steps) tells, and it is taken out and integrated alone.
+harder than the others gets less accuracy than it would alone, by its roughness over the mean roughness at most.  Where
+that is too much it is taken out and integrated alone.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ STACK = 64
 """Realisations of a stack."""
 
 OUTLIER = 2.5
-"""A realisation whose defect exceeds the root mean square of its stack by this factor is integrated alone."""
+"""A realisation whose roughness exceeds the root mean square of its stack by this factor is integrated alone."""
 
 STEPS = 200_000
 """Most steps between two output times."""
@@ -75,14 +75,15 @@ class Counters:
 
 @dataclass(frozen=True)
 class Trajectories:
-    """Unknowns of K realisations at the output times.
+    """States of K realisations at the output times.
 
     Attributes
     ----------
     times : array, shape (T,)
         s.
-    y : array, shape (K, T, n)
-        NaN from the time on at which a realisation failed, everywhere if it could not be assembled.
+    states : array, shape (K, T, 2 coordinate + state)
+        Coordinates, auxiliary states and velocities; NaN from the time on at which a realisation failed, everywhere
+        if it could not be assembled.
     messages : tuple of str
         Reason of failure of each realisation, or empty.
     counters : Counters
@@ -90,17 +91,16 @@ class Trajectories:
     """
 
     times: Array
-    y: Array
+    states: Array
     messages: tuple[str, ...]
     counters: Counters = field(default_factory=Counters)
 
 
 @dataclass(frozen=True)
 class _Run:
-    """One integration of a stack: states, defects, and the reason if it stopped early."""
+    """One integration of a stack: states, and the reason if it stopped early."""
 
-    y: Array
-    defect: Array
+    states: Array
     message: str
     counters: Counters
 
@@ -124,101 +124,102 @@ def integrate(ensemble: Ensemble, times: Array, rtol: float = 1e-6, stack: int =
     Trajectories
         A realisation that fails does not disturb the others.
     """
-    model = ensemble.model
-    start = ensemble.start(float(times[0]))
-    y = np.full((len(ensemble), len(times), model.layout.unknowns), np.nan)
+    model, start = ensemble.model, ensemble.start
+    states = np.full((len(ensemble), len(times), 2 * model.layout.coordinates + model.layout.states), np.nan)
     messages = list(start.messages)
-    where = model.layout.slices
-    y0 = np.zeros((len(ensemble), model.layout.unknowns))
-    yp0 = np.zeros_like(y0)
-    y0[:, where["q"]], y0[:, where["s"]], y0[:, where["v"]] = start.q, start.s, start.v
-    y0[:, where["l"]] = start.multipliers
-    yp0[:, where["q"]], yp0[:, where["s"]], yp0[:, where["v"]] = start.v, start.rates, start.a
     counters = Counters()
     assembled = np.flatnonzero(start.ok)
     todo = [assembled[k : k + stack] for k in range(0, len(assembled), stack)]
     while todo:
         members = todo.pop(0)
-        run = _integrate_stack(ensemble.select(members), y0[members], yp0[members], times, rtol)
+        run = _integrate_stack(ensemble.select(members), times, rtol)
         counters = counters + run.counters
         if run.message and len(members) > 1:
             # which one failed is not known: halve until it is alone
             half = len(members) // 2
             todo = [members[:half], members[half:], *todo]
             continue
-        y[members] = run.y
+        states[members] = run.states
         if run.message:
             messages[members[0]] = run.message
         if len(members) > 1:
-            mean = np.sqrt(np.mean(run.defect**2))
-            hard = members[run.defect > OUTLIER * mean]
+            rough = _roughness(ensemble, run.states)
+            hard = members[rough > OUTLIER * np.sqrt(np.mean(rough**2))]
             todo = [*(np.array([k]) for k in hard), *todo]
             counters = counters + Counters(alone=len(hard))
-    return Trajectories(times, y, tuple(messages), counters)
+    return Trajectories(times, states, tuple(messages), counters)
 
 
-def _integrate_stack(ensemble: Ensemble, y0: Array, yp0: Array, times: Array, rtol: float) -> _Run:
+def _integrate_stack(ensemble: Ensemble, times: Array, rtol: float) -> _Run:
     """Integrate a stack through all its break times."""
-    model = ensemble.model
-    result = np.full((len(ensemble), len(times), model.layout.unknowns), np.nan)
-    result[:, 0] = y0
-    squares, count = np.zeros(len(ensemble)), 0
+    start = ensemble.start
+    width = 2 * ensemble.model.layout.coordinates + ensemble.model.layout.states
+    result = np.full((len(ensemble), len(times), width), np.nan)
+    result[:, 0] = np.concatenate([start.q, start.s, start.v], axis=1)
+    if not ensemble.model.layout.unknowns:  # nothing can move
+        result[:] = result[:, :1]
+        return _Run(result, "", Counters())
+    y = ensemble.pack(start.q, start.s, start.v, start.multipliers)
+    yp = ensemble.pack(start.v, start.rates, start.a, np.zeros_like(start.multipliers))
     counters = Counters()
     callbacks = _callbacks(ensemble)
-    end = float(times[-1])
-    breaks = np.unique(ensemble.breaks)
-    now, y, yp = float(times[0]), y0, yp0
-    for stop in [*breaks[(breaks > now) & (breaks < end)].tolist(), end]:
+    now = float(times[0])
+    breaks = _stops(ensemble.breaks, times)
+    for stop in [*breaks.tolist(), float(times[-1])]:
         inside = np.flatnonzero((times > now) & (times <= stop))
         grid = np.unique(np.concatenate([[now], times[inside], [stop]]))
         if len(grid) == 2:  # with two times the integrator returns its own steps instead
             grid = np.array([now, 0.5 * (now + stop), stop])
-        if len(breaks):
+        if ensemble.breaks.size:
             y, yp = _consistent(ensemble, now, y)
         begin = clock.perf_counter()
         solution = _solver(ensemble, callbacks, y, rtol).solve(grid, y.ravel(), yp.ravel())
         spent = clock.perf_counter() - begin
         counters = counters + Counters(int(solution.nfev), int(solution.njev), 1, 0, spent)
-        states = np.asarray(solution.y).reshape(len(solution.t), len(ensemble), -1)
-        reached = len(states) if solution.success else len(states) - 1
+        found = np.asarray(solution.y).reshape(len(solution.t), len(ensemble), -1)
+        reached = len(found) if solution.success else len(found) - 1
         where = np.searchsorted(grid, times[inside])
         done = where < reached
-        result[:, inside[done]] = states[where[done]].transpose(1, 0, 2)
-        squares += _defects(ensemble, solution, states, rtol)
-        count += len(states)
+        result[:, inside[done]] = np.concatenate(ensemble.expand(found[where[done]].transpose(1, 0, 2)), axis=2)
         if not solution.success or reached < len(grid):
             last = float(solution.t[-1]) if len(solution.t) else now
-            return _Run(result, np.sqrt(squares / max(1, count)), _diagnosis(solution, last, rtol), counters)
-        now, y = stop, states[-1].copy()
-    return _Run(result, np.sqrt(squares / max(1, count)), "", counters)
+            return _Run(result, _diagnosis(solution, last, rtol), counters)
+        now, y = stop, found[-1].copy()
+    return _Run(result, "", counters)
+
+
+def _stops(breaks: Array, times: Array) -> Array:
+    """Break times strictly inside the output times; those that differ by rounding, also from output times, are one."""
+    near = 1e-12 * max(1.0, float(np.abs(times).max()))
+    found = np.sort(breaks[np.isfinite(breaks)].ravel())
+    if not len(found):
+        return found
+    right = np.clip(np.searchsorted(times, found), 1, len(times) - 1)
+    nearest = np.where(found - times[right - 1] < times[right] - found, times[right - 1], times[right])
+    found = np.unique(np.where(np.abs(found - nearest) <= near, nearest, found))
+    found = found[(found > times[0]) & (found < times[-1])]
+    kept: Array = found[np.diff(found, prepend=-np.inf) > near]
+    return kept
 
 
 def _consistent(ensemble: Ensemble, time: float, y: Array) -> tuple[Array, Array]:
     """Multipliers and rates at the start of a segment: those an instant later, as a force may jump at the start."""
-    model = ensemble.model
-    where = model.layout.slices
     instant = time + 1e-12 * max(1.0, abs(time))
-    q, s, v = (y[:, where[x]] for x in "qsv")
-    a, multipliers, rates = accelerations(model, q, s, v, instant, ensemble.block)
-    y, yp = y.copy(), np.zeros_like(y)
-    yp[:, where["q"]], yp[:, where["s"]], yp[:, where["v"]] = v, rates, a
-    y[:, where["l"]], y[:, where["m"]] = multipliers, 0.0
-    return y, yp
+    q, s, v = ensemble.expand(y)
+    a, multipliers, rates = accelerations(ensemble.model, q, s, v, instant, ensemble.block)
+    return ensemble.pack(q, s, v, multipliers), ensemble.pack(v, rates, a, np.zeros_like(multipliers))
 
 
-def _defects(ensemble: Ensemble, solution: Any, states: Array, rtol: float) -> Array:
-    """Sum over time of the squared weighted ``q' - v``, for each realisation of a stack.
+def _roughness(ensemble: Ensemble, states: Array) -> Array:
+    """Relative size of the local errors of the realisations of a stack.
 
-    The term ``D^T mu`` is left out: it is of the same order as the error itself.
+    They share steps and order, so that their local errors are as their high derivatives: fourth differences of the
+    coordinates between output times.
     """
-    if len(ensemble) == 1:
-        return np.zeros(1)
-    where = ensemble.model.layout.slices
-    rates = np.asarray(solution.yp).reshape(states.shape)
-    difference = rates[:, :, where["q"]] - states[:, :, where["v"]]
-    weight = np.abs(states[:, :, where["q"]]) + 1.0
-    defect: Array = np.nansum(np.mean((difference / (rtol * weight)) ** 2, axis=2), axis=0)
-    return defect
+    n = ensemble.model.layout.coordinates
+    differences = np.diff(states[:, :, :n], n=min(4, states.shape[1] - 1), axis=1)
+    rough: Array = np.sqrt(np.mean(differences**2, axis=(1, 2)))
+    return rough
 
 
 def _solver(ensemble: Ensemble, callbacks: Callbacks, y: Array, rtol: float) -> Any:
@@ -226,7 +227,7 @@ def _solver(ensemble: Ensemble, callbacks: Callbacks, y: Array, rtol: float) -> 
 
     model = ensemble.model
     residual, jacobian = callbacks
-    length = max(1e-3, float(np.abs(y[:, : model.layout.coordinates]).max(initial=0.0)))
+    length = max(1e-3, float(np.abs(y[:, model.layout.slices["q"]]).max(initial=0.0)))
     atol = np.full(model.layout.unknowns, rtol * min(1.0, length))
     atol[model.layout.differential :] = RELAXED
     options: dict[str, Any] = {"linsolver": "dense"}
@@ -281,8 +282,9 @@ def _single(ensemble: Ensemble) -> tuple[Callable[..., None], Callable[..., Arra
         return None
     n, d = model.layout.unknowns, model.layout.differential
     width = n + d + 2
-    arguments = np.concatenate([np.zeros(width), ensemble.block[0]])
-    arguments_j = np.concatenate([np.zeros(width + 1), ensemble.block[0]])
+    constants = np.concatenate([ensemble.frozen[0], ensemble.block[0]])
+    arguments = np.concatenate([np.zeros(width), constants])
+    arguments_j = np.concatenate([np.zeros(width + 1), constants])
     entries = np.empty(len(model.pattern[0]))
     call, call_j = (k.function.unsafe_real for k in kernels)
 

@@ -54,7 +54,7 @@ class Kernel:
         -------
         array, shape (..., outputs)
         """
-        if self.function is None:
+        if self.function is None or not arguments.size:
             return np.zeros((*arguments.shape[:-1], self.outputs))
         result: Array = self.function(arguments, out=out) if out is not None else self.function(arguments)
         return result.reshape(*arguments.shape[:-1], self.outputs)

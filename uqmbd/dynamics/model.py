@@ -26,23 +26,47 @@ FUSED_LIMIT = 130
 
 @dataclass(frozen=True)
 class Layout:
-    """Sizes, and where everything is in ``y = (q, s, v, lambda, mu)``."""
+    """Sizes, and where everything is in the unknowns ``y = (q, s, v, lambda, mu)``.
+
+    Attributes
+    ----------
+    coordinates, states, constraints : int
+        Of the whole mechanism.
+    kept : array of int
+        Independent constraint equations.
+    frozen : array of int
+        Coordinates that a constraint holds at one value for good (a slider that cannot turn, say).  They are no
+        unknowns of the integration.
+    active : array of int
+        Kept equations without those that freeze a coordinate: the ones with multipliers in ``y``.
+    """
 
     coordinates: int
     states: int
     constraints: int
     kept: Index
-    """Indices of the independent constraint equations."""
+    frozen: Index
+    active: Index
 
     @property
-    def multipliers(self) -> int:
+    def rank(self) -> int:
         """Number of independent constraint equations."""
         return len(self.kept)
 
     @property
+    def free(self) -> Index:
+        """Coordinates that are unknowns."""
+        return np.setdiff1d(np.arange(self.coordinates), self.frozen)
+
+    @property
+    def multipliers(self) -> int:
+        """Number of constraint equations in the integration."""
+        return len(self.active)
+
+    @property
     def differential(self) -> int:
         """Number of unknowns whose derivative occurs: the first of ``y``."""
-        return 2 * self.coordinates + self.states
+        return 2 * (self.coordinates - len(self.frozen)) + self.states
 
     @property
     def unknowns(self) -> int:
@@ -52,16 +76,19 @@ class Layout:
     @property
     def slices(self) -> dict[str, slice]:
         """Parts of ``y`` by letter: q, s, v, l, m."""
-        n, k, m = self.coordinates, self.states, self.multipliers
+        n, k, m = self.coordinates - len(self.frozen), self.states, self.multipliers
         ends = np.cumsum([0, n, k, n, m, m])
         return {x: slice(int(a), int(b)) for x, a, b in zip("qsvlm", ends[:-1], ends[1:], strict=True)}
 
     def columns(self, kind: Kind) -> dict[tuple[str, int], int]:
         """Column of each variable among the arguments of a kind."""
-        n, k = self.coordinates, self.states
-        parts = [("q", n), ("s", k), ("v", n)]
+        k = self.states
         if kind in ("residual", "jacobian"):
-            parts += [("l", self.multipliers), ("m", self.multipliers), ("dq", n), ("ds", k), ("dv", n)]
+            n, m = self.coordinates - len(self.frozen), self.multipliers
+            parts = [("q", n), ("s", k), ("v", n), ("l", m), ("m", m), ("dq", n), ("ds", k), ("dv", n)]
+        else:
+            n = self.coordinates
+            parts = [("q", n), ("s", k), ("v", n)]
         parts += [("t", 1), ("c", 1)] if kind == "jacobian" else [("t", 1)]
         names = [(letter, i) for letter, count in parts for i in range(count)]
         return {name: column for column, name in enumerate(names)}
@@ -83,8 +110,10 @@ class Model:
 
     Attributes
     ----------
+    time : float
+        Initial time, s.
     layout : Layout
-        Sizes and kept rows.
+        Sizes, kept rows and frozen coordinates.
     bodies : tuple of str
         Names, in the order of their coordinates.
     size, dimension : int
@@ -98,6 +127,7 @@ class Model:
     """
 
     name: str
+    time: float
     layout: Layout
     bodies: tuple[str, ...]
     size: int
@@ -180,15 +210,24 @@ def place(instances: list[Instance], order: dict[str, int], kept: Index | None =
 
 
 def residual_places(places: list[Placement], layout: Layout) -> list[Placement]:
-    """Placements whose letters are rows of ``y``: what residual and Jacobian targets need."""
-    slices = layout.slices
+    """Placements whose letters are rows of ``y``: what residual and Jacobian targets need.
+
+    Frozen coordinates come after all unknowns; their velocities are dropped.
+    """
+    slices, n = layout.slices, layout.coordinates
+    unknown, held = np.full(n, -1, dtype=np.int64), np.full(n, -1, dtype=np.int64)
+    unknown[layout.free] = np.arange(n - len(layout.frozen))
+    held[layout.frozen] = layout.unknowns + np.arange(len(layout.frozen))
     result = []
     for p in places:
         letters = dict(p.letters)
+        for letter in ("q", "v", "dq", "dv"):
+            letters[letter] = unknown[p.letters[letter]]
         for letter in "qsvlm":
-            index = p.letters[letter]
+            index = letters[letter]
             letters[letter] = np.where(index < 0, -1, index + slices[letter].start)
-        result.append(Placement(letters, p.parameters))
+        letters["q"] = np.where(letters["q"] < 0, held[p.letters["q"]], letters["q"])
+        result.append(Placement(letters, p.parameters, layout.unknowns))
     return result
 
 
@@ -198,11 +237,14 @@ def evaluator(
     """Compile one kind of equations."""
     blocks = [i.type for i in instances]
     if kind in ("residual", "jacobian"):
-        places = residual_places(place(instances, order, layout.kept), layout)
+        places = residual_places(place(instances, order, layout.active), layout)
         # in y the columns of q, s, v, l, m are their own indices
         columns = {
             (x, i + (layout.slices[x].start if x in "qsvlm" else 0)): c for (x, i), c in layout.columns(kind).items()
         }
+        # behind the zero column stand the values of the frozen coordinates
+        first = len(columns) + 1
+        columns |= {("q", layout.unknowns + i): first + i for i in range(len(layout.frozen))}
     else:
         places = place(instances, order)
         columns = layout.columns(kind)

@@ -10,6 +10,7 @@ import numpy as np
 import sympy
 from numpy.typing import NDArray
 
+from uqmbd.dynamics.block import plain
 from uqmbd.dynamics.kernels import Kernel, cached, compile_kernel
 from uqmbd.randomness import RandomVariable
 
@@ -47,7 +48,7 @@ class ParameterMap:
             else:
                 random.append(k)
         symbols = {v: sympy.Symbol(f"_x{i}", real=True) for i, v in enumerate(inputs)}
-        local = [expressions[k].xreplace(symbols) for k in random]
+        local = [plain(expressions[k]).xreplace(symbols) for k in random]
 
         def make() -> Kernel:
             import symengine as se

@@ -115,7 +115,7 @@ def _parts(value: Any) -> list[Any] | None:
         return list(value)
     if hasattr(value, "tolist") and not isinstance(value, sympy.Basic):
         value = value.tolist()
-        return value if isinstance(value, list) else [value]
+        return value if isinstance(value, list) else None  # a NumPy scalar is a number
     return list(value) if isinstance(value, Sequence) else None
 
 

@@ -73,9 +73,9 @@ def compute_chunk(data: bytes, values: Array, times: Array, rtol: float) -> Chun
         status = np.zeros(len(values), dtype=np.int64)
         for k, message in enumerate(trajectories.messages):
             if message:
-                status[k] = INTEGRATION_FAILED if np.isfinite(trajectories.y[k, 0]).all() else ASSEMBLY_FAILED
+                status[k] = INTEGRATION_FAILED if np.isfinite(trajectories.states[k, 0]).all() else ASSEMBLY_FAILED
         response = np.full((len(values), len(model.outputs.names), len(times)), np.nan)
         good = np.flatnonzero(status == OK)
         if len(good):
-            response[good] = ensemble.select(good).outputs(times, trajectories.y[good])
+            response[good] = ensemble.select(good).outputs(times, trajectories.states[good])
     return Chunk(response, status, trajectories.messages, asdict(trajectories.counters))

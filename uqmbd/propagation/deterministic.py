@@ -79,8 +79,8 @@ def simulate(
     trajectories = integrate(ensemble, grid, rtol)
     if trajectories.messages[0]:
         message = f"mechanism {mechanism.name!r}: {trajectories.messages[0]}"
-        raise (IntegrationError if np.isfinite(trajectories.y[0, 0]).all() else AssemblyError)(message)
-    response = ensemble.outputs(grid, trajectories.y)[0]
+        raise (IntegrationError if np.isfinite(trajectories.states[0, 0]).all() else AssemblyError)(message)
+    response = ensemble.outputs(grid, trajectories.states)[0]
     variables = {
         name: ("time", response[k], {"units": units})
         for k, (name, units) in enumerate(zip(model.outputs.names, model.outputs.units, strict=True))

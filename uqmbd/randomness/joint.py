@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +15,9 @@ from uqmbd.randomness.variable import RandomVariable
 __all__ = ["JointInput"]
 
 Array = NDArray[np.float64]
+
+BLOCK = 1024
+"""Rows of dependent inputs that are mapped at once."""
 
 
 @dataclass(frozen=True)
@@ -93,7 +97,7 @@ class JointInput:
         Returns
         -------
         array, shape (sample, input)
-            Inputs distributed as declared; row by row, so any chunk gives the same bits.
+            Inputs distributed as declared.  More rows after them do not change the bits of the first ones.
 
         Raises
         ------
@@ -106,6 +110,20 @@ class JointInput:
         values = np.empty_like(uniform)
         for group in {id(v.joint): v.joint for v in self.variables}.values():
             columns = [self.names.index(name) for name in group.names]
-            mapped = group.distribution.inv(uniform[:, columns].T if len(columns) > 1 else uniform[:, columns[0]])
-            values[:, columns] = np.asarray(mapped, dtype=float).reshape(len(columns), -1).T
+            if len(columns) == 1:
+                values[:, columns[0]] = np.ravel(group.distribution.inv(uniform[:, columns[0]]))
+            else:
+                values[:, columns] = _dependent(group.distribution, uniform[:, columns])
         return values
+
+
+def _dependent(distribution: Any, uniform: Array) -> Array:
+    """Map rows in blocks of one size: matrix products round by the shape and the place in it."""
+    values = np.empty_like(uniform)
+    for first in range(0, len(uniform), BLOCK):
+        part = uniform[first : first + BLOCK]
+        padded = np.full((BLOCK, uniform.shape[1]), 0.5)
+        padded[: len(part)] = part
+        mapped = np.asarray(distribution.inv(padded.T), dtype=float)
+        values[first : first + BLOCK] = mapped.reshape(uniform.shape[1], -1).T[: len(part)]
+    return values

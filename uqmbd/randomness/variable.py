@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import scipy.special
 import sympy
 
 from uqmbd.errors import StudyError
@@ -25,6 +27,11 @@ class Joint:
     distribution: Any
     names: tuple[str, ...]
     units: tuple[str, ...]
+
+    @cached_property
+    def means(self) -> np.ndarray:
+        """Expectations, shape ``(dimension,)``."""
+        return mean_of(self.distribution)
 
     def members(self) -> tuple[RandomVariable, ...]:
         """All variables of the group."""
@@ -92,7 +99,7 @@ class RandomVariable(sympy.Symbol):
     @property
     def mean(self) -> float:
         """The expectation of the distribution: the value at which deterministic simulations run."""
-        return float(np.ravel(mean_of(self.joint.distribution))[self.component])
+        return float(self.joint.means[self.component])
 
     @property
     def description(self) -> str:
@@ -173,12 +180,20 @@ def _require_distribution(where: str, distribution: Any, dimension: int) -> None
 def mean_of(distribution: Any) -> np.ndarray:
     """Return the expectation of a chaospy distribution, shape ``(dimension,)``.
 
-    Known moments first, then the median of each marginal for those that have none (their tails are too heavy).
+    Known moments first, then the median for those that have none: their tails are too heavy, and chaospy returns some
+    number for them (4e13 for a Pareto distribution), which the quantiles contradict.
     """
     import chaospy
 
     with np.errstate(all="ignore"):
         value = np.atleast_1d(np.asarray(chaospy.E(distribution), dtype=float))
-    if not np.all(np.isfinite(value)):
+    plausible = np.isfinite(value).all()
+    if plausible and len(distribution) == 1:
+        normal = np.linspace(-5, 5, 401)
+        weight = np.exp(-(normal**2) / 2)
+        quantiles = np.ravel(distribution.inv(scipy.special.ndtr(normal)))
+        spread = quantiles[normal >= 0.6745][0] - quantiles[normal <= -0.6745][-1]
+        plausible = abs(quantiles @ weight / weight.sum() - value[0]) <= 0.2 * spread + 1e-9 * abs(value[0])
+    if not plausible:
         value = np.atleast_1d(np.asarray(distribution.inv(np.full(len(distribution), 0.5)), dtype=float))
     return np.ravel(value)

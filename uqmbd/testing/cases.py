@@ -57,7 +57,7 @@ def cases(
     declared = component.parameters()
     given = {k: p.example for k, p in declared.items() if p.example is not None} | dict(given)
     everything = set(declared)
-    yield _case("between bodies", component, space, given, everything, rng)
+    yield _case("between bodies", component, space, given, everything, rng, turning=True)
     for k, role in enumerate(component.bodies if len(component.bodies) > 1 else ()):
         yield _case(f"{role} is the ground", component, space, given, everything, rng, ground=k)
     yield _case("with numbers that change in time", component, space, given, everything, rng, moving=True)
@@ -84,6 +84,7 @@ def _case(
     rng: np.random.Generator,
     *,
     ground: int = -1,
+    turning: bool = False,
     moving: bool = False,
 ) -> Case:
     mechanism = Mechanism("trial", space())
@@ -91,7 +92,7 @@ def _case(
         mechanism.ground if k == ground else _body(mechanism, role, rng) for k, role in enumerate(component.bodies)
     ]
     values = {
-        key: given[key] if key in given else _value(parameter, mechanism.space, rng, moving=moving)
+        key: given[key] if key in given else _value(parameter, mechanism.space, rng, turning=turning, moving=moving)
         for key, parameter in component.parameters().items()
         if key in given or key in wanted
     }
@@ -101,16 +102,16 @@ def _case(
 
 def _body(mechanism: Mechanism, name: str, rng: np.random.Generator) -> Body:
     space = mechanism.space
-    pose: dict[str, Any] = {"position": rng.uniform(-1, 1, space.dimension)}
+    pose: dict[str, Any] = {"position": list(rng.uniform(-1, 1, space.dimension))}
     if space.turns and space.dimension == 2:
         pose |= {"angle": rng.uniform(-3, 3), "inertia": rng.uniform(0.5, 2)}
     elif space.turns:
         e = rng.normal(size=4)
         pose |= {"quaternion": e / np.linalg.norm(e), "inertia": (2, 1.5, 1, 0.1, 0.2, 0.3)}
-    return mechanism.body(name, mass=rng.uniform(0.5, 2), com=rng.uniform(-0.5, 0.5, space.dimension), **pose)
+    return mechanism.body(name, mass=rng.uniform(0.5, 2), com=list(rng.uniform(-0.5, 0.5, space.dimension)), **pose)
 
 
-def _value(parameter: Parameter, space: Space, rng: np.random.Generator, *, moving: bool) -> Any:
+def _value(parameter: Parameter, space: Space, rng: np.random.Generator, *, turning: bool, moving: bool) -> Any:
     """Return a random value of a declared kind that depends on a random variable; None: to be left out."""
     u = RandomVariable(parameter.name, chaospy.Uniform(-0.1, 0.1), parameter.units)
     size = parameter.size(space)
@@ -131,4 +132,7 @@ def _value(parameter: Parameter, space: Space, rng: np.random.Generator, *, movi
     if size == 0:
         return None
     start, change = rng.uniform(-1, 1, size), rng.uniform(-1, 1, size)
+    if parameter.kind in ("axis", "turning_axis", "rotation"):
+        # frames on a random axis are long expressions: one random entry, in one case, is enough
+        change = change * (np.arange(size) == 0) * turning
     return tuple(sympy.Float(a) + sympy.Float(b) * u for a, b in zip(start, change, strict=True))

@@ -14,8 +14,9 @@ Array = NDArray[np.float64]
 
 def random_unit(rng: np.random.Generator, shape: tuple[int, ...]) -> Array:
     """Return random vectors of length one, the last axis being that of their entries."""
-    found = rng.normal(size=shape)
-    return found / np.linalg.norm(found, axis=-1, keepdims=True)
+    found: Array = rng.normal(size=shape)
+    found /= np.linalg.norm(found, axis=-1, keepdims=True)
+    return found
 
 
 def random_turn(space: Space, rng: np.random.Generator) -> Array:

@@ -1,0 +1,36 @@
+"""One kernel for the whole mechanism, or one for each component type: the same numbers."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import uqmbd
+from uqmbd import plugins
+from uqmbd.dynamics import Ensemble, build
+from uqmbd.testing.cases import cases
+
+EVERY = [(name, space) for name, component in sorted(plugins.components().items()) for space in component.spaces]
+
+
+@pytest.mark.parametrize(("name", "space"), EVERY, ids=[f"{name}-{space.__name__}" for name, space in EVERY])
+def test_fused_equals_typed(name, space):
+    for seed in range(5):
+        rng = np.random.default_rng(seed)
+        case = next(cases(plugins.component(name), space, {}, rng))
+        try:
+            fused, typed = (build(case.mechanism, fuse=fuse) for fuse in (True, False))
+        except uqmbd.AssemblyError:  # a random pose from which there is no way to an assembled one
+            continue
+        break
+    else:
+        pytest.fail("no random pose could be assembled")
+    inputs = case.mechanism.inputs
+    values = inputs.from_uniform(rng.uniform(0.1, 0.9, (3, len(inputs))))
+    y, rates = rng.normal(size=(2, 3, fused.layout.unknowns))
+    assert typed.layout.unknowns == fused.layout.unknowns
+    one, two = Ensemble(fused, values), Ensemble(typed, values)
+    assert one.residual(0.3, y, rates) == pytest.approx(two.residual(0.3, y, rates), rel=1e-11, abs=1e-11)
+    assert all(np.array_equal(a, b) for a, b in zip(fused.pattern, typed.pattern, strict=True))
+    exact, other = (e.jacobian(0.3, y, rates, 2.0) for e in (one, two))
+    assert exact == pytest.approx(other, rel=1e-11, abs=1e-11)
