@@ -30,8 +30,8 @@ def replicate_errors(response: Array, sizes: list[int], status: NDArray[np.int64
     Returns
     -------
     std_error_mean, std_error_std : array, shape (output, time)
-        Jackknife estimates ``sqrt((R - 1) / R sum_r (theta_r - mean theta)^2)``, widened by Student's t of R - 1 degrees
-        of freedom, so that 1.96 of them hold 95 % as they would with many replicates; NaN with fewer than two.
+        Jackknife estimates ``sqrt((R - 1) / R sum_r (theta_r - mean theta)^2)``, widened by Student's t of R - 1
+        degrees of freedom, so that 1.96 of them hold 95 % as they would with many replicates; NaN with fewer than two.
 
     References
     ----------

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
 
@@ -17,7 +19,7 @@ EVERY = [(name, space) for name, component in sorted(plugins.components().items(
 def test_fused_equals_typed(name, space):
     for seed in range(5):
         rng = np.random.default_rng(seed)
-        case = next(cases(plugins.component(name), space, {}, rng))
+        case = next(itertools.islice(cases(plugins.component(name), space, {}, rng), 1, None))
         try:
             fused, typed = (build(case.mechanism, fuse=fuse) for fuse in (True, False))
         except uqmbd.AssemblyError:  # a random pose from which there is no way to an assembled one

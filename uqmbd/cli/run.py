@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import time
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor
@@ -58,13 +59,24 @@ def run_study(
     # Before the work, not after it: a folder that cannot be written should cost no hours.
     _make_folder(out)
     with _executor(workers, dask, script) as executor, shown_progress() as progress:
-        tree = study.run(executor, only=list(only) or None, progress=progress, folder=out, resume=resume)
+        try:
+            tree = study.run(executor, only=list(only) or None, progress=progress, folder=out, resume=resume)
+        except KeyboardInterrupt:
+            print(_how_to_go_on(script, out), file=sys.stderr, flush=True)
+            raise
     from uqmbd.results import save
 
     results = save(tree, out / "results.nc")
     report = write(tree, out / "report.html")
     show_summary(tree, files={"results": results, "report": report}, title=f"{study.name}: ")
     print(f"Done in {seconds(time.monotonic() - begin)}.")
+
+
+def _how_to_go_on(script: Path, out: Path) -> str:
+    return (
+        f"What is computed so far is kept in {out}. To go on (with other options as before): "
+        f"uqmbd run {script} --out {out} --resume"
+    )
 
 
 def _make_folder(folder: Path) -> None:

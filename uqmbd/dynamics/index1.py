@@ -26,6 +26,9 @@ __all__ = [
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
+FEW = 24
+"""Systems up to which LAPACK is faster than operations on short vectors."""
+
 ELIMINATION_LIMIT = 160
 """Unknowns of the index-1 system up to which a fixed order of elimination is planned."""
 
@@ -182,7 +185,7 @@ def _solve(model: Model, values: Array) -> tuple[Array, Array]:
     right[:n] = _columns(evaluator, values, "force", n).T
     right[n:] = _columns(evaluator, values, "gamma", layout.constraints)[:, layout.kept].T
     entries = np.ascontiguousarray(values.T[system.source])
-    if system.elimination is None:
+    if system.elimination is None or len(values) < FEW:
         solution = _lapack(system, entries, right)
     else:
         where = system.elimination.slots[system.rows, system.columns]

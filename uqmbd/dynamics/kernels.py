@@ -61,7 +61,11 @@ class Kernel:
 
 
 def compile_kernel(arguments: Sequence[Any], expressions: Sequence[Any], *, opt_level: int = 0) -> Kernel:
-    """Compile SymEngine expressions in SymEngine symbols."""
+    """Compile SymEngine expressions in SymEngine symbols.
+
+    SymEngine's derivatives may hold sums with terms that are not collected, from which its search for common
+    subexpressions loses terms.  So expressions are rebuilt first, and the kernel is compared with a plain evaluation.
+    """
     if not expressions:
         return Kernel(None, len(arguments), 0)
     import symengine as se
@@ -69,7 +73,15 @@ def compile_kernel(arguments: Sequence[Any], expressions: Sequence[Any], *, opt_
     compilations[0] += 1
     # LLVM wants at least one argument
     symbols = list(arguments) or [se.Symbol("_none")]
-    function = se.Lambdify(symbols, list(expressions), backend="llvm", cse=True, opt_level=opt_level)
+    nothing = {se.Symbol("_nothing"): se.Symbol("_nowhere")}
+    rebuilt = [se.sympify(e).xreplace(nothing) for e in expressions]
+    function = se.Lambdify(symbols, rebuilt, backend="llvm", cse=True, opt_level=opt_level)
+    point = np.random.default_rng(0).uniform(0.1, 0.9, len(symbols))
+    expected = se.Lambdify(symbols, list(expressions), backend="lambda", cse=False)(point)
+    with np.errstate(all="ignore"):
+        same = np.allclose(function(point), expected, rtol=1e-9, atol=1e-12, equal_nan=True)
+    if not same:
+        function = se.Lambdify(symbols, rebuilt, backend="llvm", cse=False, opt_level=opt_level)
     return Kernel(function, len(symbols), len(expressions))
 
 

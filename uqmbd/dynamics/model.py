@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -48,32 +49,32 @@ class Layout:
     frozen: Index
     active: Index
 
-    @property
+    @cached_property
     def rank(self) -> int:
         """Number of independent constraint equations."""
         return len(self.kept)
 
-    @property
+    @cached_property
     def free(self) -> Index:
         """Coordinates that are unknowns."""
         return np.setdiff1d(np.arange(self.coordinates), self.frozen)
 
-    @property
+    @cached_property
     def multipliers(self) -> int:
         """Number of constraint equations in the integration."""
         return len(self.active)
 
-    @property
+    @cached_property
     def differential(self) -> int:
         """Number of unknowns whose derivative occurs: the first of ``y``."""
         return 2 * (self.coordinates - len(self.frozen)) + self.states
 
-    @property
+    @cached_property
     def unknowns(self) -> int:
         """Length of ``y``."""
         return self.differential + 2 * self.multipliers
 
-    @property
+    @cached_property
     def slices(self) -> dict[str, slice]:
         """Parts of ``y`` by letter: q, s, v, l, m."""
         n, k, m = self.coordinates - len(self.frozen), self.states, self.multipliers
@@ -147,7 +148,7 @@ class Model:
     pattern: tuple[Index, Index] = field(default=(np.zeros(0, int), np.zeros(0, int)), repr=False)
     """Row indices and column pointers of the Jacobian, compressed by columns."""
 
-    @property
+    @cached_property
     def block_parameters(self) -> int:
         """How many parameters belong to the blocks (the first ones)."""
         return int(self.drawn[0]) if len(self.drawn) else len(self.parameters.constants)
@@ -265,7 +266,7 @@ def break_times(expressions: list[sympy.Expr], time: sympy.Symbol) -> list[sympy
     """Find the times at which expressions may change branch: roots of conditions that are linear in time."""
     found: list[sympy.Expr] = []
     for e in expressions:
-        for condition in e.atoms(sympy.core.relational.Relational):
+        for condition in sorted(e.atoms(sympy.core.relational.Relational), key=str):
             difference = condition.lhs - condition.rhs
             slope = difference.diff(time)
             if slope != 0 and not slope.has(time):

@@ -81,7 +81,7 @@ def perpendiculars(axis: Sequence[Any]) -> tuple[sympy.Matrix, sympy.Matrix]:
     >>> [tuple(map(float, n)) for n in perpendiculars((0, 0, 1))]
     [(1.0, 0.0, 0.0), (0.0, 1.0, 0.0)]
     """
-    axis = unit(axis)
+    axis = [sympy.sympify(x) for x in axis]
     start = (int(np.argmax(np.abs([nominal(x) for x in axis]))) + 1) % 3
     helper = [0, 0, 0]
     helper[start] = 1
@@ -172,7 +172,7 @@ def smallest_rotation(start: Sequence[Any], end: Sequence[Any]) -> tuple[sympy.E
     >>> [round(float(x), 3) for x in smallest_rotation((1, 0, 0), (0, 1, 0))]
     [0.707, 0.0, 0.0, 0.707]
     """
-    a, b = sympy.Matrix(unit(start)), sympy.Matrix(unit(end))
+    a, b = sympy.Matrix(list(start)), sympy.Matrix(list(end))
     if a == b:
         return (sympy.S.One, sympy.S.Zero, sympy.S.Zero, sympy.S.Zero)
     scalar = 1 + a.dot(b)
@@ -194,7 +194,7 @@ def joint_frames(axis_i: Sequence[Any], axis_j: Sequence[Any]) -> tuple[tuple[sy
     (True, [1.0, 0.0, 0.0, 0.0])
     """
     first, second = perpendiculars(axis_i)
-    frame = quaternion_of_matrix(sympy.Matrix.hstack(first, second, sympy.Matrix(unit(axis_i))))
+    frame = quaternion_of_matrix(sympy.Matrix.hstack(first, second, sympy.Matrix(list(axis_i))))
     return frame, quaternion_product(smallest_rotation(axis_i, axis_j), frame)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
@@ -23,6 +23,7 @@ from uqmbd.randomness import JointInput, RandomVariable
 __all__ = ["Mechanism", "Output"]
 
 C = TypeVar("C", bound=Component)
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -67,6 +68,7 @@ class Mechanism:
         self.space = space
         self.ground = Ground(space)
         self.outputs: dict[str, Output] = {}
+        self._memory: dict[Hashable, tuple[tuple[int, ...], Any]] = {}
 
     def body(
         self,
@@ -230,10 +232,28 @@ class Mechanism:
         require_known(self, where, value, "output")
         self.outputs[name] = Output(name, value, check_units(units, where))
 
+    def remembered(self, key: Hashable, make: Callable[[], T]) -> T:
+        """Return what `make` made when `key` was last asked for, unless the mechanism has grown since.
+
+        Parameters
+        ----------
+        key : hashable
+            What is asked for, e.g. a model for some initial time.
+        make : callable
+            Makes it.
+        """
+        revision = (len(self.bodies), len(self.components), len(self.outputs))
+        known = self._memory.get(key)
+        if known is None or known[0] != revision:
+            known = (revision, make())
+            self._memory[key] = known
+        value: T = known[1]
+        return value
+
     @property
     def inputs(self) -> JointInput:
         """All random variables that enter anything, ordered by name, with their joint distribution."""
-        return JointInput.of(self._used())
+        return self.remembered("inputs", lambda: JointInput.of(self._used()))
 
     def used_inputs(self) -> frozenset[str]:
         """Return the names of random variables that enter something; dependent ones may be inputs without that."""

@@ -124,4 +124,4 @@ def observed_model(mechanism: Mechanism, time: float) -> Model:
             f"mechanism {mechanism.name!r} has no outputs; say what to observe, "
             "e.g. mechanism.output('x', body.position[0], units='m')."
         )
-    return build(mechanism, time)
+    return mechanism.remembered(("model", time), lambda: build(mechanism, time))

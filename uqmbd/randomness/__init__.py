@@ -3,6 +3,6 @@
 from __future__ import annotations
 
 from uqmbd.randomness.joint import JointInput
-from uqmbd.randomness.variable import RandomVariable, random_vector
+from uqmbd.randomness.variable import RandomVariable, random_vector, uniform_variable
 
-__all__ = ["JointInput", "RandomVariable", "random_vector"]
+__all__ = ["JointInput", "RandomVariable", "random_vector", "uniform_variable"]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -81,7 +82,7 @@ class JointInput:
     def __len__(self) -> int:
         return len(self.variables)
 
-    @property
+    @cached_property
     def means(self) -> Array:
         """Expectations, shape ``(input,)``."""
         return np.array([v.mean for v in self.variables], dtype=float)

@@ -17,7 +17,7 @@ from uqmbd.names import check_name, check_units
 if TYPE_CHECKING:
     import chaospy
 
-__all__ = ["Joint", "RandomVariable", "random_vector"]
+__all__ = ["Joint", "RandomVariable", "random_vector", "uniform_variable"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,6 +152,19 @@ def random_vector(
     if len(unit) != len(names):
         raise StudyError(f"{where}: {len(unit)} units given for {len(names)} names; give one each, or one for all.")
     return Joint(distribution, names, unit).members()
+
+
+def uniform_variable(name: str, lower: float, upper: float, units: str = "") -> RandomVariable:
+    """Make a uniformly distributed random variable, for those that do not import chaospy.
+
+    Examples
+    --------
+    >>> uniform_variable("length", 0.9, 1.1, "m").description
+    'Uniform(lower=0.9, upper=1.1)'
+    """
+    import chaospy
+
+    return RandomVariable(name, chaospy.Uniform(lower, upper), units)
 
 
 def _require_distribution(where: str, distribution: Any, dimension: int) -> None:

@@ -33,70 +33,6 @@ _SHOWN_FAILURES = 20
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
-def format_number(value: float, error: float | None = None) -> str:
-    """Write a number for reading: four digits, or as many as its standard error allows.
-
-    Parameters
-    ----------
-    value : float
-    error : float, optional
-        Standard error, shown with two digits.
-
-    Returns
-    -------
-    str
-
-    Examples
-    --------
-    >>> format_number(0.150123), format_number(-1.5e-7), format_number(0.0)
-    ('0.1501', '−1.5 × 10⁻⁷', '0')
-    >>> format_number(0.150123, 0.00134), format_number(151234.0, 120.0)
-    ('0.1501 ± 0.0013', '(1.5123 ± 0.0012) × 10⁵')
-    >>> format_number(33080.0, 3816.0)
-    '(3.31 ± 0.38) × 10⁴'
-    """
-    if not math.isfinite(value):
-        return "unknown" if math.isnan(value) else ("∞" if value > 0 else "−∞")
-    if error is None or not math.isfinite(error) or error <= 0.0 or error < 1e-12 * abs(value):
-        exponent = math.floor(math.log10(abs(value))) if value else 0
-        if -3 <= exponent < 5:
-            return _minus(f"{value:.4g}" if exponent < 4 else f"{value:.0f}")
-        mantissa = f"{value / 10.0**exponent:.4g}" if exponent > -300 else f"{value:.3e}".split("e")[0]
-        return f"{_minus(mantissa)} × 10{str(exponent).translate(_SUPERSCRIPTS)}"
-    exponent = math.floor(math.log10(max(abs(value), error)))
-    # Plain digits only where all of them mean something: 33080 ± 3816 claims too much.
-    scale = 0 if -3 <= exponent < 5 and error < 99.5 else exponent
-    decimals = max(0, scale - math.floor(math.log10(error)) + 1)
-    text = f"{_minus(f'{value / 10.0**scale:.{decimals}f}')} ± {error / 10.0**scale:.{decimals}f}"
-    return f"({text}) × 10{str(scale).translate(_SUPERSCRIPTS)}" if scale else text
-
-
-def format_duration(seconds: float) -> str:
-    """Write a duration for reading.
-
-    Parameters
-    ----------
-    seconds : float
-
-    Returns
-    -------
-    str
-
-    Examples
-    --------
-    >>> [format_duration(s) for s in (0.0123, 4.56, 75.0, 7300.0, float("nan"))]
-    ['12 ms', '4.6 s', '1 min 15 s', '2 h 1 min', 'unknown']
-    """
-    if not math.isfinite(seconds):
-        return "unknown"
-    if seconds < 1:
-        return f"{1000 * seconds:.0f} ms"
-    if seconds < 60:
-        return f"{seconds:.1f} s"
-    minutes, rest = divmod(round(seconds), 60)
-    return f"{minutes} min {rest} s" if minutes < 60 else f"{minutes // 60} h {minutes % 60} min"
-
-
 def heading(tree: xr.DataTree) -> dict[str, str]:
     """Return the study's name, its mechanism and its date."""
     created = str(tree.attrs.get("created", ""))
@@ -205,10 +141,6 @@ def input_rows(nodes: Mapping[str, xr.DataTree]) -> list[dict[str, str]]:
     return []
 
 
-def _count(number: int, one: str, many: str | None = None) -> str:
-    return f"{number} {one if number == 1 else many or one + 's'}"
-
-
 def _numbers(node: xr.DataTree) -> tuple[int, int]:
     return int(node.attrs.get("realisations", 0)), int(node.attrs.get("failures", 0))
 
@@ -216,17 +148,17 @@ def _numbers(node: xr.DataTree) -> tuple[int, int]:
 def summary(tree: xr.DataTree, nodes: Mapping[str, xr.DataTree]) -> list[str]:
     """Describe the study in a few sentences."""
     rows, names = input_rows(nodes), output_names(nodes)
-    what = "the uncertainty of " + _count(len(rows), "input") if rows else "uncertain inputs"
+    what = "the uncertainty of " + format_count(len(rows), "input") if rows else "uncertain inputs"
     methods = ", ".join(nodes)
     text = [
         f"This study carried {what} through the mechanism {tree.attrs.get('mechanism', '')!s} "
-        f"to {_count(len(names), 'output')} with {_count(len(nodes), 'method')}: {methods}."
+        f"to {format_count(len(names), 'output')} with {format_count(len(nodes), 'method')}: {methods}."
     ]
     for label, node in nodes.items():
         total, failed = _numbers(node)
         seconds = format_duration(float(node.attrs.get("wall_time", math.nan)))
         outcome = "all succeeded" if not failed else f"{failed} failed and did not enter the statistics"
-        text.append(f"{label} computed {_count(total, 'realisation')} in {seconds}; {outcome}.")
+        text.append(f"{label} computed {format_count(total, 'realisation')} in {seconds}; {outcome}.")
     label, node = next(iter(nodes.items()))
     constant = [name for name in names if has_output(node, name) and not varies(node, name)]
     if constant:
@@ -234,44 +166,7 @@ def summary(tree: xr.DataTree, nodes: Mapping[str, xr.DataTree]) -> list[str]:
     return text
 
 
-def failures(label: str, node: xr.DataTree) -> dict[str, Any]:
-    """Return failures of a method: how many, grouped by their reason, and the inputs that caused them."""
-    total, failed = _numbers(node)
-    found: dict[str, Any] = {
-        "label": label,
-        "count": failed,
-        "total": total,
-        "share": f"{100 * failed / total:.3g} %" if total else "",
-        "reasons": [],
-        "names": [],
-        "rows": [],
-        "hidden": 0,
-    }
-    if "samples" not in node.children or not failed:
-        return found
-    samples = node.children["samples"].to_dataset()
-    status = samples["status"]
-    values = np.atleast_1d(status.attrs.get("flag_values", [])).tolist()
-    meanings = dict(zip(values, str(status.attrs.get("flag_meanings", "")).split(), strict=False))
-    groups: dict[tuple[str, str], int] = {}
-    which = np.flatnonzero(status.values != 0)
-    for k in which:
-        kind = meanings.get(int(status.values[k]), f"status {int(status.values[k])}").replace("_", " ")
-        reason = str(samples["message"].values[k]) or "no reason was given"
-        groups[kind, reason] = groups.get((kind, reason), 0) + 1
-    ordered = sorted(groups.items(), key=lambda item: -item[1])
-    found["reasons"] = [{"kind": k, "reason": r, "count": n} for (k, r), n in ordered[:_SHOWN_FAILURES]]
-    found["more_reasons"] = len(ordered) - len(found["reasons"])
-    units = samples["input_units"].values if "input_units" in samples.coords else [""] * samples.sizes["input"]
-    found["names"] = [f"{n} [{u}]" if u else str(n) for n, u in zip(samples["input"].values, units, strict=True)]
-    drawn = samples["inputs"].values
-    found["rows"] = [
-        {"sample": int(k), "inputs": [f"{float(v):.6g}".replace("-", "−") for v in drawn[k]]}
-        for k in which[:_SHOWN_FAILURES]
-    ]
-    found["hidden"] = len(which) - len(found["rows"])
-    return found
-
+@@FAIL@@
 
 def cost(label: str, node: xr.DataTree) -> dict[str, Any]:
     """Return what a method cost."""
@@ -336,7 +231,3 @@ def _pairs(text: object) -> list[tuple[str, str]]:
     if not isinstance(content, dict):
         return [("", str(text))]
     return [(str(k), v if isinstance(v, str) else json.dumps(v, ensure_ascii=False)) for k, v in content.items()]
-
-
-def _minus(text: str) -> str:
-    return text.replace("-", "−")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import re
 import textwrap
 from collections.abc import Mapping, Sequence
@@ -12,26 +13,33 @@ from numpy.typing import NDArray
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.axis import Axis
     from matplotlib.figure import Figure
-    from matplotlib.layout_engine import ConstrainedLayoutEngine
 
 __all__ = [
     "COLOURS",
+    "FAILED",
+    "arrange",
     "axes_grid",
+    "constant",
     "draw_histogram",
-    "legend_above",
+    "histogram_edges",
     "limit_times",
     "single_axes",
     "style",
+    "surroundings",
     "widen_if_constant",
+    "with_units",
     "wrapped",
 ]
 
 # Okabe and Ito's colours: distinguishable with every common colour vision, and by their line style in print.
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#8A6D00", "#000000")
 LINES: tuple[Any, ...] = ("-", (0, (5, 2)), (0, (1, 1.2)), (0, (6, 2, 1, 2)), (0, (3, 1, 1, 1, 1, 1)), (0, (9, 3)))
+FAILED = "#B00020"
 _SUPERSCRIPTS = str.maketrans("-−0123456789", "⁻⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 WIDTH = 5.6  # inches: legible at its own size, and still when a phone shrinks it
+_LINE, _CHARACTER = 0.165, 0.078  # inches: height of a line, width of a digit
 
 
 def style(k: int) -> tuple[str, Any]:
@@ -39,49 +47,46 @@ def style(k: int) -> tuple[str, Any]:
     return COLOURS[k % len(COLOURS)], LINES[k % len(LINES)]
 
 
-def _layout() -> ConstrainedLayoutEngine:
-    from matplotlib.layout_engine import ConstrainedLayoutEngine
-
-    return ConstrainedLayoutEngine(h_pad=0.07, w_pad=0.07)
-
-
 def single_axes(height: float) -> tuple[Figure, Axes]:
     """Return a figure of some height (inches) with one pair of axes."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(WIDTH, height), layout=_layout())
-    axes = figure.add_subplot()
-    _dress(axes)
+    figure, (axes,) = axes_grid(1, height, 1)
     axes.grid(color="0.9", lw=0.7)
     return figure, axes
 
 
-def axes_grid(count: int, height: float) -> tuple[Figure, list[Axes]]:
-    """Return a figure with ``count`` axes in at most two columns, each row of some height (inches)."""
+def axes_grid(count: int, height: float, columns: int = 2) -> tuple[Figure, list[Axes]]:
+    """Return a figure with ``count`` axes in at most ``columns`` columns, each row of some height (inches)."""
     from matplotlib.figure import Figure
 
-    columns = min(count, 2)
-    rows = -(-count // columns)
-    figure = Figure(figsize=(WIDTH, max(height * rows + 0.3, 2.2)), layout=_layout())
-    grid = [figure.add_subplot(rows, columns, k + 1) for k in range(count)]
+    rows = -(-count // min(count, columns))
+    figure = Figure(figsize=(WIDTH, max(height * rows + (0.3 if rows > 1 else 0.0), 2.2)))
+    # Where they lie is decided by `arrange`, once their labels are known.
+    grid = [figure.add_axes((0.1, 0.1, 0.8, 0.8)) for _ in range(count)]
     for axes in grid:
         _dress(axes)
     return figure, grid
 
 
-def _dress(axes: Axes) -> None:
-    from matplotlib.ticker import MaxNLocator, ScalarFormatter
+@functools.cache
+def _plain_formatter() -> Any:
+    from matplotlib.ticker import ScalarFormatter
 
     class PlainFormatter(ScalarFormatter):
         # Powers of ten without mathtext, which takes most of the time of a figure.
         def get_offset(self) -> str:
             return with_powers(super().get_offset())
 
+    return PlainFormatter
+
+
+def _dress(axes: Axes) -> None:
+    from matplotlib.ticker import MaxNLocator
+
     axes.spines[["top", "right"]].set_visible(False)
     axes.set_axisbelow(True)
     axes.tick_params(labelsize=9)
     for axis in (axes.xaxis, axes.yaxis):
-        formatter = PlainFormatter(useMathText=False)
+        formatter = _plain_formatter()(useMathText=False)
         formatter.set_powerlimits((-3, 4))
         axis.set_major_formatter(formatter)
         axis.set_major_locator(MaxNLocator(nbins=6, steps=[1, 2, 2.5, 5, 10]))
@@ -116,29 +121,112 @@ def with_powers(offset: str) -> str:
     return re.sub(r"([+\-−]?)(\d[\d.]*)e([+\-−]?\d+)", power, offset).strip()
 
 
-def draw_histogram(axes: Axes, values: NDArray[np.float64], colour: str) -> None:
-    """Draw a histogram of values, shape (S,); a constant is one bar that says so."""
-    from matplotlib.ticker import MaxNLocator
+def arrange(
+    figure: Figure,
+    grid: Sequence[Axes],
+    columns: int = 1,
+    *,
+    legend: Mapping[str, Any] | None = None,
+    right: float = 0.18,
+) -> None:
+    """Place axes row by row, with the room that their labels and a legend above them need.
 
+    Matplotlib's own layout engines draw every figure twice to measure it; counting characters is as good here.
+
+    Parameters
+    ----------
+    figure : matplotlib.figure.Figure
+    grid : sequence of matplotlib.axes.Axes
+        Row after row.
+    columns : int
+    legend : mapping of str to artist, optional
+        Names and handles.
+    right : float
+        Room on the right, inches.
+
+    Examples
+    --------
+    >>> figure, axes = single_axes(3.0)
+    >>> arrange(figure, [axes])
+    >>> bool(0 < axes.get_position().x0 < 0.15 and axes.get_position().x1 > 0.9)
+    True
+    """
+    width, height = figure.get_size_inches()
+    top = 0.08 + (_legend_above(figure, legend) if legend else 0.0)
+    rows = [grid[k : k + columns] for k in range(0, len(grid), columns)]
+    ticks = [max(_tick_width(row[j].yaxis) for row in rows if j < len(row)) for j in range(len(rows[0]))]
+    lefts = [w + max(_lines(row[j].get_ylabel()) for row in rows if j < len(row)) for j, w in enumerate(ticks)]
+    heads = [max(0.2 if a.get_title() or _offset(a.yaxis) else 0.06 for a in row) for row in rows]
+    feet = [0.27 + max(_lines(a.get_xlabel()) or (0.12 if _offset(a.xaxis) else 0.0) for a in row) for row in rows]
+    inner_width = (width - sum(lefts) - right * len(lefts)) / len(lefts)
+    inner_height = (height - top - sum(heads) - sum(feet)) / len(rows)
+    down = height - top
+    for row, head, foot in zip(rows, heads, feet, strict=True):
+        down -= head + inner_height
+        across = 0.0
+        for axes, tick, left in zip(row, ticks, lefts, strict=False):
+            across += left
+            axes.set_position((across / width, down / height, inner_width / width, inner_height / height))
+            # Stated positions of labels spare Matplotlib from measuring every tick again.
+            axes.yaxis.set_label_coords(-tick / inner_width, 0.5)
+            axes.xaxis.set_label_coords(0.5, -0.26 / inner_height)
+            across += inner_width + right
+        down -= foot
+
+
+def _tick_width(axis: Axis) -> float:
+    texts = axis.get_major_formatter().format_ticks(axis.get_majorticklocs())
+    return 0.12 + _CHARACTER * max((len(text) for text in texts), default=0)
+
+
+def _offset(axis: Axis) -> bool:
+    axis.get_major_formatter().format_ticks(axis.get_majorticklocs())
+    return bool(axis.get_major_formatter().get_offset())
+
+
+def _lines(text: str) -> float:
+    return _LINE * (text.count("\n") + 1) + 0.05 if text else 0.0
+
+
+def histogram_edges(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return edges of bins for values, shape (S,): a constant has one bin, no histogram more than 60."""
     low, high = float(values.min()), float(values.max())
-    if _is_constant(low, high):
-        axes.hist(values, bins=[*_around(low, high, 0.04)], color=colour, alpha=0.8)
+    if constant(low, high):
+        return np.array(surroundings(low, high, 0.04))
+    # By the Freedman-Diaconis rule, but never finer than by a number of samples in each bin.
+    edges = np.histogram_bin_edges(values, "auto")
+    return np.linspace(low, high, 61) if len(edges) > 61 else np.asarray(edges, dtype=float)
+
+
+def draw_histogram(axes: Axes, values: NDArray[np.float64], colour: str, *, density: bool = False) -> None:
+    """Draw a histogram of values, shape (S,); a constant is one bar that says so."""
+    edges = histogram_edges(values)
+    heights, _ = np.histogram(values, edges, density=density)
+    axes.bar(
+        edges[:-1], heights, np.diff(edges), align="edge", color=colour, alpha=0.35 if density else 0.8, ec="white",
+        lw=0.5,
+    )  # fmt: skip
+    low, high = float(values.min()), float(values.max())
+    if constant(low, high):
         axes.text(0.97, 0.95, "no spread", transform=axes.transAxes, ha="right", va="top", fontsize=9, color="0.3")
         widen_if_constant(axes, "x", low, high)
-    else:
-        edges = np.histogram_bin_edges(values, "auto")
-        if len(edges) > 61:
-            edges = np.linspace(low, high, 61)
-        axes.hist(values, bins=edges.tolist(), color=colour, alpha=0.8, edgecolor="white", lw=0.5)
+
+
+def few_ticks(axes: Axes, *, whole: bool = False) -> None:
+    """Let small axes have four intervals at most; ``whole``: only whole numbers upwards."""
+    from matplotlib.ticker import MaxNLocator
+
     axes.xaxis.set_major_locator(MaxNLocator(nbins=4, steps=[1, 2, 2.5, 5, 10]))
-    axes.yaxis.set_major_locator(MaxNLocator(nbins=4, integer=True))
+    axes.yaxis.set_major_locator(MaxNLocator(nbins=3, integer=whole, steps=[1, 2, 5, 10]))
 
 
-def _is_constant(low: float, high: float) -> bool:
+def constant(low: float, high: float) -> bool:
+    """Tell whether values between these ends differ by rounding only."""
     return high - low <= 1e-9 * max(abs(low), abs(high))
 
 
-def _around(low: float, high: float, share: float) -> tuple[float, float]:
+def surroundings(low: float, high: float, share: float) -> tuple[float, float]:
+    """Return ends around a constant, a share of its size away."""
     centre = (low + high) / 2
     reach = share * (abs(centre) or 1.0)
     return centre - reach, centre + reach
@@ -146,9 +234,9 @@ def _around(low: float, high: float, share: float) -> tuple[float, float]:
 
 def widen_if_constant(axes: Axes, direction: str, low: float, high: float) -> None:
     """Show a constant as a constant: never magnify rounding to full height."""
-    if not _is_constant(low, high):
+    if not constant(low, high):
         return
-    ends = _around(low, high, 0.5)
+    ends = surroundings(low, high, 0.5)
     if direction == "x":
         axes.set_xlim(*ends)
     else:
@@ -161,23 +249,30 @@ def limit_times(axes: Axes, times: NDArray[np.float64]) -> None:
         axes.set_xlim(times[0], times[-1])
 
 
-def legend_above(figure: Figure, handles: Mapping[str, Any]) -> None:
-    """Put a legend above the axes, in as many columns as fit."""
+def _legend_above(figure: Figure, handles: Mapping[str, Any]) -> float:
+    """Put a legend at the top, in as many columns as fit; return its height in inches."""
     names = [_shortened(name) for name in handles]
     columns = len(names)
     while columns > 1 and _legend_width(names, columns) > 72 * WIDTH - 10:
         columns -= 1
     legend = figure.legend(
-        list(handles.values()), names, loc="outside upper left", ncols=columns, frameon=False, fontsize=9
-    )
+        list(handles.values()), names, loc="upper left", bbox_to_anchor=(0.0, 1.0), ncols=columns, frameon=False,
+        fontsize=9, borderaxespad=0.15,
+    )  # fmt: skip
     for text in legend.get_texts():
         text.set_parse_math(False)
+    return 0.19 * -(-len(names) // columns) + 0.06
 
 
 def _legend_width(names: Sequence[str], columns: int) -> float:
     """Estimate the width in points: the columns are filled one after the other, as Matplotlib does."""
     rows = -(-len(names) // columns)
     return sum(5.2 * max(map(len, names[k : k + rows])) + 42 for k in range(0, len(names), rows))
+
+
+def with_units(name: str, units: str) -> str:
+    """Return a label: the name, and its units, if any, in brackets."""
+    return f"{name} [{units}]" if units else name
 
 
 def wrapped(text: str, width: int) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -12,7 +13,7 @@ from uqmbd.errors import StudyError
 from uqmbd.results.axes import InputInfo, Labels, OutputInfo
 from uqmbd.results.schema import DEFAULT_PROBABILITIES, statistics_dataset
 
-__all__ = ["sample_statistics", "statistics_of_samples"]
+__all__ = ["replicate_statistics", "running_statistics", "sample_statistics", "statistics_of_samples"]
 
 # Below this spread, relative to the size of the values, differences are rounding and their shape means nothing.
 _ROUNDING = 32.0 * np.finfo(float).eps
@@ -136,6 +137,119 @@ def _block_statistics(block: NDArray[np.float64], levels: NDArray[np.float64]) -
         "std_error_mean": unit * std / np.sqrt(n),
         "std_error_std": np.where(m2 == 0, 0.0, unit * error_of_variance / (2 * np.where(m2 == 0, 1.0, std))),
         "quantile": quantile.T,
+    }
+
+
+def running_statistics(values: ArrayLike, counts: ArrayLike) -> dict[str, NDArray[np.float64]]:
+    """Compute mean and standard deviation, with their standard errors, of the first samples, for several numbers.
+
+    Parameters
+    ----------
+    values : array_like, shape (S,)
+        Independent samples, in the order in which they were drawn.
+    counts : array_like of int, shape (N,)
+        Numbers of samples, each from 2 to S.
+
+    Returns
+    -------
+    dict of str to numpy.ndarray
+        ``mean``, ``std``, ``std_error_mean`` and ``std_error_std``, each of shape (N,), as
+        :func:`sample_statistics` gives them for ``values[:n]``.
+
+    Raises
+    ------
+    StudyError
+        If a number is below 2 or above S.
+
+    Examples
+    --------
+    >>> found = running_statistics([1.0, 2.0, 3.0, 4.0], [2, 4])
+    >>> found["mean"].tolist(), found["std"].round(6).tolist()
+    ([1.5, 2.5], [0.707107, 1.290994])
+    """
+    x = np.asarray(values, dtype=float)
+    n = np.asarray(counts, dtype=int)
+    if x.ndim != 1 or np.any(n < 2) or np.any(n > len(x)):
+        raise StudyError(f"Running statistics need numbers from 2 to the {x.size} samples; {n.tolist()} was given.")
+    # Shifted by the median and scaled by the spread, as in `sample_statistics`.
+    centre, spread = float(np.median(x)), float(np.ptp(x))
+    scaled = (x - centre) / (spread or 1.0)
+    m1, r2, r3, r4 = (np.cumsum(scaled**k)[n - 1] / n for k in (1, 2, 3, 4))
+    m2 = np.maximum(r2 - m1**2, 0.0)
+    m4 = np.maximum(r4 - 4 * m1 * r3 + 6 * m1**2 * r2 - 3 * m1**4, 0.0)
+    variance = m2 * n / (n - 1)
+    std = np.sqrt(variance)
+    of_variance = np.sqrt(np.maximum(m4 - (n - 3) / (n - 1) * variance**2, 0.0) / n)
+    return {
+        "mean": centre + spread * m1,
+        "std": spread * std,
+        "std_error_mean": spread * std / np.sqrt(n),
+        "std_error_std": np.where(std > 0, spread * of_variance / (2 * np.where(std > 0, std, 1.0)), 0.0),
+    }
+
+
+def replicate_statistics(parts: Sequence[ArrayLike]) -> dict[str, NDArray[np.float64]]:
+    r"""Compute mean and standard deviation, with their standard errors, from independent replicates of a design.
+
+    The points of a Latin hypercube or of a Sobol' set depend on one another, so standard errors come from leaving out
+    one of the R replicates at a time (the jackknife [1]_), widened by Student's t of R - 1 degrees of freedom, so that
+    1.96 of them hold 95 % as they would with many replicates.
+
+    Parameters
+    ----------
+    parts : sequence of array_like, each of shape (S_r,)
+        The samples of each replicate; empty ones are passed over.
+
+    Returns
+    -------
+    dict of str to numpy.ndarray
+        ``mean``, ``std``, ``std_error_mean`` and ``std_error_std``, each of shape (R,): of the first 1, 2, ... R
+        replicates. The errors of one replicate alone are NaN: unknown.
+
+    Raises
+    ------
+    StudyError
+        If the first replicate that is not empty holds fewer than two samples.
+
+    References
+    ----------
+    .. [1] B. Efron and C. Stein, Annals of Statistics 9 (1981) 586-596.
+
+    Examples
+    --------
+    >>> found = replicate_statistics([[0.0, 1.0], [2.0, 3.0]])
+    >>> found["mean"].tolist(), found["std_error_mean"].round(3).tolist()
+    ([0.5, 1.5], [nan, 6.483])
+    """
+    from scipy.special import ndtri, stdtrit
+
+    given = [np.asarray(part, dtype=float).ravel() for part in parts if np.size(part)]
+    if not given or len(given[0]) < 2:
+        raise StudyError("Statistics of replicates need at least two samples in the first of them.")
+    joined = np.concatenate(given)
+    centre, spread = float(np.median(joined)), float(np.ptp(joined))
+    scaled = [(part - centre) / (spread or 1.0) for part in given]
+    counts = np.array([len(part) for part in scaled], dtype=float)
+    sums = np.array([part.sum() for part in scaled])
+    squares = np.array([(part**2).sum() for part in scaled])
+
+    def estimates(n: Any, total: Any, square: Any) -> tuple[Any, Any]:
+        mean = total / n
+        return mean, np.sqrt(np.maximum(square / n - mean**2, 0.0) * n / np.maximum(n - 1, 1))
+
+    mean, std = estimates(np.cumsum(counts), np.cumsum(sums), np.cumsum(squares))
+    errors = np.full((2, len(given)), np.nan)
+    for last in range(2, len(given) + 1):
+        n, total, square = counts[:last], sums[:last], squares[:last]
+        left_out = estimates(n.sum() - n, total.sum() - total, square.sum() - square)
+        widening = float(stdtrit(last - 1, 0.975) / ndtri(0.975))
+        for k, values in enumerate(left_out):
+            errors[k, last - 1] = widening * np.sqrt((last - 1) / last * ((values - values.mean()) ** 2).sum())
+    return {
+        "mean": centre + spread * mean,
+        "std": spread * std,
+        "std_error_mean": spread * errors[0],
+        "std_error_std": spread * errors[1],
     }
 
 

@@ -6,12 +6,11 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-import chaospy
 import numpy as np
 import sympy
 
 from uqmbd.mechanism import Body, Component, Mechanism, Parameter, Space, t
-from uqmbd.randomness import RandomVariable
+from uqmbd.randomness import uniform_variable
 
 __all__ = ["Case", "cases", "name_of"]
 
@@ -113,7 +112,7 @@ def _body(mechanism: Mechanism, name: str, rng: np.random.Generator) -> Body:
 
 def _value(parameter: Parameter, space: Space, rng: np.random.Generator, *, turning: bool, moving: bool) -> Any:
     """Return a random value of a declared kind that depends on a random variable; None: to be left out."""
-    u = RandomVariable(parameter.name, chaospy.Uniform(-0.1, 0.1), parameter.units)
+    u = uniform_variable(parameter.name, -0.1, 0.1, parameter.units)
     size = parameter.size(space)
     if parameter.kind == "option":
         if parameter.required and not parameter.choices:

@@ -1,0 +1,237 @@
+"""One realisation: uqmbd against CasADi's IDAS and Exudyn at matched accuracy.
+
+Run with ``OMP_NUM_THREADS=1 python studies/benchmarks/deterministic.py [--repeat N] [--quick]``.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+HERE = Path(__file__).resolve().parent
+sys.path[:0] = [str(HERE), str(HERE.parent)]
+
+import mechanisms  # noqa: E402
+import numpy as np  # noqa: E402
+import peers  # noqa: E402
+import slider_crank  # noqa: E402
+from measure import Contender, Timers, console, interleave, matched, show, show_parts, timed_callbacks  # noqa: E402
+from numpy.typing import NDArray  # noqa: E402
+from rich.table import Table  # noqa: E402
+
+import uqmbd  # noqa: E402
+from uqmbd.dynamics import Ensemble, Model, build, integrate  # noqa: E402
+
+Array = NDArray[np.float64]
+
+LADDER = (1e-4, 5e-5, 2e-5, 1e-5, 5e-6, 2e-6, 1e-6, 5e-7, 2e-7, 1e-7)
+WANTED = {"slider_crank": 2e-5, "five_bar": 2e-5}
+"""Accuracy at which all are compared: largest error at any output time over the range of the output."""
+
+COLUMNS = ("tolerance", "error", "residuals", "Jacobians", "integrations")
+
+
+def relative_error(found: Array, reference: Array) -> float:
+    """Largest error of any output at any time, over the range of that output."""
+    return float((np.abs(found - reference).max(axis=1) / np.ptp(reference, axis=1)).max())
+
+
+def build_times(quick: bool) -> None:
+    """Print how long it takes to make the models: nothing cached, and from the cache, in fresh processes."""
+    table = Table(title="Making the model, wall s (imports not counted)", title_justify="left")
+    for column in ("", "uqmbd, nothing cached", "uqmbd, from the cache", "CasADi"):
+        table.add_column(column, justify="left" if not column else "right")
+    for name in ("slider_crank",) if quick else ("slider_crank", "five_bar"):
+        setup = f"import sys, time; sys.path[:0] = {sys.path[:2]!r}; import uqmbd.dynamics, numpy as np, symengine; "
+        get = "import slider_crank as s; m = s.mechanism; " if name == "slider_crank" else ""
+        get = get or "import mechanisms as s; m = s.five_bar(); "
+        ours = setup + get + "t = time.perf_counter(); uqmbd.dynamics.build(m); print(time.perf_counter() - t)"
+        theirs = setup + (
+            "import peers; t = time.perf_counter(); "
+            f"peers.CasadiPeer(peers.casadi_{name}(), np.linspace(0, 1, 401), 1e-6); print(time.perf_counter() - t)"
+        )
+        with tempfile.TemporaryDirectory() as folder:
+            environment = dict(os.environ, UQMBD_CACHE=folder)
+
+            def seconds(script: str, environment: dict[str, str] = environment) -> str:
+                done = subprocess.run(
+                    [sys.executable, "-W", "ignore", "-c", script], env=environment, capture_output=True, text=True
+                )
+                return f"{float(done.stdout):.2f}" if done.returncode == 0 else "failed"
+
+            table.add_row(name, seconds(ours), seconds(ours), seconds(theirs))
+    console.print(table)
+
+
+def ladder_table(name: str, ours: Callable[[float], tuple[float, str]], theirs: Callable[[float], tuple[float, str]]):
+    """Print error and residual calls of both over the same tolerances."""
+    table = Table(title=f"{name}: error and residual calls by tolerance", title_justify="left")
+    for column in ("tolerance", "uqmbd error", "calls", "CasADi error", "calls"):
+        table.add_column(column, justify="right")
+    for tolerance in (1e-4, 1e-5, 1e-6, 1e-7):
+        a, b = ours(tolerance), theirs(tolerance)
+        table.add_row(f"{tolerance:.0e}", f"{a[0]:.1e}", a[1], f"{b[0]:.1e}", b[1])
+    console.print(table)
+
+
+def compare(
+    model: Model, values: list[float], times: Array, reference: Array, repeat: int, pose: Array, peer: Any, quick: bool
+) -> list[Contender]:
+    """Time uqmbd and CasADi on one mechanism."""
+    name, count = model.name, len(reference)
+    p = np.array(values)
+    wanted = WANTED[name]
+
+    def ensemble() -> Ensemble:
+        return Ensemble(model, np.array([values]))
+
+    ready = ensemble()
+    assert ready.start.ok.all()
+
+    def ours(rtol: float) -> tuple[float, str]:
+        found = integrate(ready, times, rtol)
+        return relative_error(ready.outputs(times, found.states)[0, :count], reference), str(found.counters.residuals)
+
+    made: dict[tuple[float, int], Any] = {}
+
+    def make(tolerance: float, index: int) -> Any:
+        if (tolerance, index) not in made:
+            made[tolerance, index] = peers.CasadiPeer(peer, times, tolerance, index)
+        return made[tolerance, index]
+
+    def theirs(tolerance: float, index: int = 2) -> tuple[float, str]:
+        run = make(tolerance, index)
+        found = run.outputs(run.integrate(run.start(pose, p), p), p)
+        return relative_error(found[:count], reference), str(run.counters()[0])
+
+    if not quick:
+        ladder_table(name, ours, theirs)
+    rtol, error = matched(lambda x: ours(x)[0], LADDER, wanted)
+    counters = integrate(ready, times, rtol).counters
+    notes = (
+        f"{rtol:.0e}",
+        f"{error:.1e}",
+        str(counters.residuals),
+        str(counters.jacobians),
+        str(counters.integrations),
+    )
+    contenders = [
+        Contender("uqmbd, integration", lambda: integrate(ready, times, rtol), "CasADi, integration", notes=notes)
+    ]
+
+    def whole() -> None:
+        fresh = ensemble()
+        fresh.outputs(times, integrate(fresh, times, rtol).states)
+
+    contenders.append(Contender("uqmbd, complete", whole, "CasADi, complete", notes=notes))
+    for index, label in ((2, "CasADi"), (1, "CasADi index 1")):
+        tolerance, error = matched(lambda x, i=index: theirs(x, i)[0], LADDER, wanted)
+        run = make(tolerance, index)
+        begin = run.start(pose, p)
+        run.integrate(begin, p)
+        calls, jacobians = run.counters()
+        notes = (f"{tolerance:.0e}", f"{error:.1e}", str(calls), str(jacobians), "1")
+
+        def alone(run: Any = run, begin: Any = begin) -> None:
+            run.integrate(begin, p)
+
+        def complete(run: Any = run) -> None:
+            run.outputs(run.integrate(run.start(pose, p), p), p)
+
+        contenders.append(Contender(f"{label}, integration", alone, "CasADi, integration", notes=notes))
+        contenders.append(Contender(f"{label}, complete", complete, "CasADi, complete", notes=notes))
+    console.print(
+        f"{name}: {model.layout.unknowns} unknowns in uqmbd ({len(model.layout.frozen)} coordinates frozen), "
+        f"{make(LADDER[0], 2).unknowns} in CasADi (index 1: {make(LADDER[0], 1).unknowns})"
+    )
+    if name == "slider_crank":
+        contenders += exudyn_contenders(values, times, reference, wanted)
+    interleave(contenders, repeat)
+    parts(model, values, times, rtol, repeat)
+    return contenders
+
+
+def exudyn_contenders(values: list[float], times: Array, reference: Array, wanted: float) -> list[Contender]:
+    """Make the two runs of Exudyn: as it is, and extrapolated from two step sizes."""
+    intervals = len(times) - 1
+    crank, rod = values
+
+    def plain(steps: int) -> list[Any]:
+        return [peers.exudyn_slider_crank(crank, rod, times, steps)]
+
+    def extrapolated(steps: int) -> list[Any]:
+        return [peers.exudyn_slider_crank(crank, rod, times, n) for n in (steps, 2 * steps)]
+
+    def error(runs: list[Any]) -> float:
+        found = runs[0].outputs if len(runs) == 1 else (4 * runs[1].outputs - runs[0].outputs) / 3
+        return relative_error(found, reference)
+
+    result = []
+    for label, run in (("Exudyn, trapezoidal", plain), ("Exudyn, extrapolated", extrapolated)):
+        steps = next(
+            (k * intervals for k in (1, 2, 4, 6, 8, 12, 16) if error(run(k * intervals)) <= wanted), 16 * intervals
+        )
+        runs = run(steps)
+        notes = (
+            " + ".join(str(steps * 2**k) for k in range(len(runs))) + " steps",
+            f"{error(runs):.1e}",
+            str(sum(r.newton for r in runs)),
+            str(sum(r.jacobians for r in runs)),
+            str(len(runs)),
+        )
+        result.append(Contender(label, lambda run=run, steps=steps: run(steps), "CasADi, complete", notes=notes))
+    return result
+
+
+def parts(model: Model, values: list[float], times: Array, rtol: float, repeat: int) -> None:
+    """Print where the time of one realisation goes."""
+    timers, total = Timers(), 0.0
+    with timed_callbacks(timers):
+        for _ in range(repeat):
+            begin = time.perf_counter()
+            ensemble = Ensemble(model, np.array([values]))
+            timers.wrap("assembly", lambda e=ensemble: e.start)()
+            states = integrate(ensemble, times, rtol).states
+            timers.wrap("outputs", ensemble.outputs)(times, states)
+            total += time.perf_counter() - begin
+    show_parts(
+        f"{model.name}: where the time of one realisation goes ({repeat} runs)", timers, total, "assembly", "outputs"
+    )
+
+
+def main() -> None:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--repeat", type=int, default=25, help="rounds that count (default 25)")
+    parser.add_argument("--quick", action="store_true", help="slider-crank only, five rounds, no table of tolerances")
+    options = parser.parse_args()
+    repeat = 5 if options.quick else options.repeat
+    import warnings
+
+    warnings.simplefilter("ignore", uqmbd.RedundantConstraintWarning)
+    build_times(options.quick)
+    lengths, times = [0.15, 0.35], slider_crank.study.times
+    reference = peers.slider_crank_reference(np.array([lengths]), times)[0]
+    pose, peer = peers.slider_crank_pose(*lengths), peers.casadi_slider_crank()
+    model = slider_crank.study.model
+    found = compare(model, lengths, times, reference, repeat, pose, peer, options.quick)
+    show(f"Slider-crank, {repeat} rounds", found, COLUMNS)
+    if options.quick:
+        return
+    times = np.linspace(0, mechanisms.END, 401)
+    model = build(mechanisms.five_bar())
+    reference = peers.five_bar_reference(times)
+    found = compare(model, [], times, reference, repeat, peers.five_bar_pose(), peers.casadi_five_bar(), False)
+    show(f"Spherical five-bar, {repeat} rounds", found, COLUMNS)
+
+
+if __name__ == "__main__":
+    main()

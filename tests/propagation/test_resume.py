@@ -1,0 +1,134 @@
+"""A run that is killed goes on where it was, and ends with the same bits as one that was not."""
+
+from __future__ import annotations
+
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from uqmbd.results import load
+
+STUDY = """
+import chaospy
+import numpy as np
+from uqmbd_joints import Revolute
+from uqmbd_montecarlo import MonteCarlo
+
+import uqmbd
+
+length = uqmbd.RandomVariable("length", chaospy.Normal(1.0, 0.02), units="m")
+mechanism = uqmbd.Mechanism("pendulum", uqmbd.Planar(gravity=(0.0, -9.81)))
+rod = mechanism.body("rod", mass=1.2 * length, inertia=1.2 * length**3 / 12, position=(length / 2, 0))
+mechanism.add(Revolute("pivot", mechanism.ground, rod, point_i=(0, 0), point_j=(-length / 2, 0)))
+mechanism.output("angle", rod.angle, units="rad")
+study = uqmbd.Study("pendulum", mechanism, np.linspace(0, 1, 51), [MonteCarlo(samples=1600, seed=5)])
+"""
+
+
+RUNNER = """
+import sys
+from pathlib import Path
+
+from uqmbd.propagation.script import load_study
+from uqmbd.results import save
+
+if __name__ == "__main__":
+    script, out, resume, workers = sys.argv[1:]
+    tree = load_study(Path(script)).run(int(workers), folder=Path(out), resume=resume == "resume")
+    save(tree, Path(out) / "results.nc")
+"""
+
+
+def _command(script: Path, out: Path, resume: str = "", workers: int = 1) -> list[str]:
+    """Run without a report, which takes longer than the study."""
+    runner = script.with_name("runner.py")
+    runner.write_text(RUNNER)
+    out.mkdir(exist_ok=True)
+    return [sys.executable, str(runner), str(script), str(out), resume or "anew", str(workers)]
+
+
+def _response(out: Path) -> bytes:
+    return load(out / "results.nc")["monte-carlo/samples"]["response"].values.tobytes()
+
+
+@pytest.fixture
+def script(tmp_path: Path) -> Path:
+    path = tmp_path / "pendulum_study.py"
+    path.write_text(STUDY)
+    return path
+
+
+def _chunks(out: Path) -> int:
+    return len(list((out / "unfinished").rglob("*.npz")))
+
+
+def _run_until(command: list[str], out: Path, chunks: int, send: int) -> tuple[int, str]:
+    """Start a run and send it a signal when so many chunks are stored; return its code and what it said."""
+    # a process group of its own, so that workers die with it
+    process = subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, start_new_session=True
+    )
+    try:
+        while process.poll() is None and _chunks(out) < chunks:
+            time.sleep(0.005)
+        if process.poll() is None:
+            os.killpg(process.pid, send)
+        said, _ = process.communicate(timeout=60)
+        return process.returncode, said
+    finally:
+        if process.poll() is None:
+            os.killpg(process.pid, signal.SIGKILL)
+
+
+def test_killed_and_resumed_run_has_the_bits_of_an_undisturbed_one(script: Path, tmp_path: Path) -> None:
+    undisturbed, out = tmp_path / "undisturbed", tmp_path / "killed"
+    subprocess.run(_command(script, undisturbed), check=True, capture_output=True)
+    generator = random.Random(1)
+    kills, stored = 0, 0
+    while not (out / "results.nc").exists():
+        resume = "resume" if kills else ""
+        if kills < 2:
+            code, _ = _run_until(_command(script, out, resume), out, stored + generator.randint(1, 4), signal.SIGKILL)
+            kills += code == -signal.SIGKILL
+        else:
+            subprocess.run(_command(script, out, resume, workers=2), check=True, capture_output=True)
+        assert _chunks(out) >= stored or (out / "results.nc").exists(), "a stored chunk was lost"
+        stored = _chunks(out)
+    assert kills, "no run was killed in time"
+    assert _response(out) == _response(undisturbed)
+    assert not (out / "unfinished").exists()
+
+
+def test_interrupt_keeps_what_is_done_and_says_how_to_go_on(script: Path, tmp_path: Path) -> None:
+    out = tmp_path / "interrupted"
+    command = [sys.executable, "-m", "uqmbd.cli", "run", str(script), "--out", str(out)]
+    code, said = _run_until(command, out, 2, signal.SIGINT)
+    assert code == 130
+    assert "--resume" in said
+    assert "Traceback" not in said
+    assert _chunks(out) >= 2
+
+
+def test_damaged_chunk_is_computed_again(script: Path, tmp_path: Path) -> None:
+    undisturbed, out = tmp_path / "undisturbed", tmp_path / "damaged"
+    subprocess.run(_command(script, undisturbed), check=True, capture_output=True)
+    _run_until(_command(script, out), out, 3, signal.SIGKILL)
+    for path in (out / "unfinished").rglob("*.npz"):
+        path.write_bytes(path.read_bytes()[:-100])
+    subprocess.run(_command(script, out, "resume"), check=True, capture_output=True)
+    assert _response(out) == _response(undisturbed)
+
+
+def test_without_resume_a_run_starts_over(script: Path, tmp_path: Path) -> None:
+    out = tmp_path / "again"
+    stale = out / "unfinished" / "somebody" / "chunk.npz"
+    stale.parent.mkdir(parents=True)
+    stale.write_bytes(b"left by an earlier run")
+    _run_until(_command(script, out), out, 2, signal.SIGKILL)
+    assert not stale.exists()

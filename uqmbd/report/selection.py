@@ -1,0 +1,128 @@
+"""What a figure is drawn from: the nodes, the samples and the times of a result."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import TypeAlias, cast
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from uqmbd.errors import StudyError
+from uqmbd.results import propagator_nodes
+
+__all__ = [
+    "Results",
+    "Samples",
+    "automatic_times",
+    "label_of",
+    "nodes_of",
+    "of_output",
+    "samples_of",
+    "succeeded",
+    "thinned",
+]
+
+Results: TypeAlias = xr.DataTree | Mapping[str, xr.DataTree] | Iterable[xr.DataTree]
+"""A study's result, the node of one propagator, or several such nodes."""
+
+Samples: TypeAlias = xr.DataTree | xr.Dataset
+"""The node of one propagator that kept its samples, or the dataset of these."""
+
+MOST_POINTS = 600
+
+
+def nodes_of(results: Results) -> dict[str, xr.DataTree]:
+    """Return the propagator nodes by label; none is an error."""
+    if isinstance(results, xr.DataTree):
+        nodes = propagator_nodes(results)
+    elif isinstance(results, Mapping):
+        nodes = dict(cast(Mapping[str, xr.DataTree], results))
+    else:
+        nodes = {label_of(node): node for node in results}
+    if not nodes:
+        raise StudyError("A figure needs the result of at least one propagator; there is none.")
+    return nodes
+
+
+def label_of(node: Samples) -> str:
+    """Return the label of a method."""
+    return str(node.attrs.get("label", getattr(node, "name", None) or "samples"))
+
+
+def samples_of(node: Samples) -> xr.Dataset:
+    """Return the samples of a method; a method that kept none is an error."""
+    if isinstance(node, xr.Dataset):
+        if {"response", "status"} <= set(node.data_vars):
+            return node
+        raise StudyError("This figure is drawn from samples: a dataset with 'response' and 'status' is needed.")
+    if "samples" not in node.children:
+        raise StudyError(f"The propagator {node.name!r} kept no samples; this figure is drawn from samples.")
+    return node.children["samples"].to_dataset()
+
+
+def of_output(source: xr.DataTree | xr.Dataset, output: str) -> xr.Dataset:
+    """Return the data of one output; an unknown name is an error that lists the known ones."""
+    data = source.to_dataset() if isinstance(source, xr.DataTree) else source
+    known = [str(name) for name in data["output"].values]
+    if output not in known:
+        raise StudyError(f"There is no output {output!r}; there are {', '.join(map(repr, known))}.")
+    return data.isel(output=known.index(output))
+
+
+def succeeded(node: Samples, output: str) -> xr.DataArray:
+    """Return the response (sample, time) of the samples that succeeded; none is an error."""
+    samples = samples_of(node)
+    fine = np.flatnonzero(samples["status"].values == 0)
+    if not len(fine):
+        raise StudyError(f"All samples of {label_of(node)!r} failed: there is nothing to draw.")
+    response = of_output(samples, output)["response"]
+    return response if len(fine) == response.sizes["sample"] else response.isel(sample=fine)
+
+
+def automatic_times(times: NDArray[np.float64], std: NDArray[np.float64]) -> list[int]:
+    """Choose up to four indices: a third, two thirds, the largest standard deviation, and the end."""
+    last = len(times) - 1
+    wanted = {last, int(np.argmax(std))}
+    for share in (1 / 3, 2 / 3, 1 / 2):
+        candidate = int(np.abs(times - (times[0] + share * (times[-1] - times[0]))).argmin())
+        # Two panels a few steps apart would show the same thing twice.
+        if len(wanted) < 4 and all(abs(candidate - k) > last / 12 for k in wanted):
+            wanted.add(candidate)
+    return sorted(wanted)
+
+
+def thinned(low: NDArray[np.float64], high: NDArray[np.float64], most: int = MOST_POINTS) -> NDArray[np.intp]:
+    """Choose at most ``most`` of many times, such that no peak between a lower and an upper curve is lost.
+
+    Parameters
+    ----------
+    low, high : array, shape (T,)
+        Lower and upper edge of what is drawn.
+    most : int
+        Four or more.
+
+    Returns
+    -------
+    array of int
+        Increasing, with the first and the last.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> curve = np.zeros(5000)
+    >>> curve[1234] = 1.0
+    >>> chosen = thinned(curve, curve)
+    >>> len(chosen) <= 600, 1234 in chosen, chosen[[0, -1]].tolist()
+    (True, True, [0, 4999])
+    """
+    count = len(low)
+    if count <= most:
+        return np.arange(count)
+    edges = np.linspace(0, count, (most - 2) // 2 + 1).astype(int)
+    chosen = {0, count - 1}
+    for first, last in zip(edges[:-1], edges[1:], strict=True):
+        chosen.add(first + int(low[first:last].argmin()))
+        chosen.add(first + int(high[first:last].argmax()))
+    return np.array(sorted(chosen))

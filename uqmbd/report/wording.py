@@ -1,0 +1,101 @@
+"""Numbers, durations and counts as people read them."""
+
+from __future__ import annotations
+
+import math
+
+__all__ = ["format_count", "format_duration", "format_integer", "format_number", "minus"]
+
+_SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+
+def format_number(value: float, error: float | None = None) -> str:
+    """Write a number for reading: four digits, or as many as its standard error allows.
+
+    Parameters
+    ----------
+    value : float
+    error : float, optional
+        Standard error, shown with two digits.
+
+    Returns
+    -------
+    str
+
+    Examples
+    --------
+    >>> format_number(0.150123), format_number(-1.5e-7), format_number(0.0)
+    ('0.1501', '−1.5 × 10⁻⁷', '0')
+    >>> format_number(0.150123, 0.00134), format_number(151234.0, 120.0)
+    ('0.1501 ± 0.0013', '(1.5123 ± 0.0012) × 10⁵')
+    >>> format_number(33080.0, 3816.0)
+    '(3.31 ± 0.38) × 10⁴'
+    """
+    if not math.isfinite(value):
+        return "unknown" if math.isnan(value) else ("∞" if value > 0 else "−∞")
+    if error is None or not math.isfinite(error) or error <= 0.0 or error < 1e-12 * abs(value):
+        exponent = math.floor(math.log10(abs(value))) if value else 0
+        if -3 <= exponent < 5:
+            return minus(f"{value:.4g}" if exponent < 4 else f"{value:.0f}")
+        mantissa = f"{value / 10.0**exponent:.4g}" if exponent > -300 else f"{value:.3e}".split("e")[0]
+        return f"{minus(mantissa)} × 10{str(exponent).translate(_SUPERSCRIPTS)}"
+    exponent = math.floor(math.log10(max(abs(value), error)))
+    # Plain digits only where all of them mean something: 33080 ± 3816 claims too much.
+    scale = 0 if -3 <= exponent < 5 and error < 99.5 else exponent
+    decimals = max(0, scale - math.floor(math.log10(error)) + 1)
+    text = f"{minus(f'{value / 10.0**scale:.{decimals}f}')} ± {error / 10.0**scale:.{decimals}f}"
+    return f"({text}) × 10{str(scale).translate(_SUPERSCRIPTS)}" if scale else text
+
+
+def format_duration(seconds: float) -> str:
+    """Write a duration for reading.
+
+    Parameters
+    ----------
+    seconds : float
+
+    Returns
+    -------
+    str
+
+    Examples
+    --------
+    >>> [format_duration(s) for s in (0.0123, 4.56, 75.0, 7300.0, float("nan"))]
+    ['12 ms', '4.6 s', '1 min 15 s', '2 h 1 min', 'unknown']
+    """
+    if not math.isfinite(seconds):
+        return "unknown"
+    if seconds < 1:
+        return f"{1000 * seconds:.0f} ms"
+    if seconds < 60:
+        return f"{seconds:.1f} s"
+    minutes, rest = divmod(round(seconds), 60)
+    return f"{minutes} min {rest} s" if minutes < 60 else f"{minutes // 60} h {minutes % 60} min"
+
+
+def format_integer(number: float) -> str:
+    """Write a whole number, from five digits on in groups of three.
+
+    Examples
+    --------
+    >>> format_integer(1234), format_integer(1234567).replace("\N{NARROW NO-BREAK SPACE}", "_")
+    ('1234', '1_234_567')
+    """
+    text = f"{round(number):,}" if abs(number) >= 10000 else f"{round(number)}"
+    return minus(text.replace(",", "\N{NARROW NO-BREAK SPACE}"))
+
+
+def format_count(number: int, one: str, many: str | None = None) -> str:
+    """Write how many there are of something.
+
+    Examples
+    --------
+    >>> format_count(1, "sample"), format_count(3, "body", "bodies")
+    ('1 sample', '3 bodies')
+    """
+    return f"{format_integer(number)} {one if number == 1 else many or one + 's'}"
+
+
+def minus(text: str) -> str:
+    """Write minus signs as such, not as hyphens."""
+    return text.replace("-", "−")
