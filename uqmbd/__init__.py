@@ -41,6 +41,9 @@ _WHERE = {
     "random_vector": "uqmbd.randomness",
     "simulate": "uqmbd.propagation",
     "check": "uqmbd.dynamics",
+    "Counters": "uqmbd.dynamics",
+    "Ensemble": "uqmbd.dynamics",
+    "Trajectories": "uqmbd.dynamics",
     "Study": "uqmbd.propagation",
     "Propagator": "uqmbd.propagation",
     "Problem": "uqmbd.propagation",
@@ -57,6 +60,9 @@ _WHERE = {
 }
 
 if TYPE_CHECKING:
+    from uqmbd.dynamics import Counters as Counters
+    from uqmbd.dynamics import Ensemble as Ensemble
+    from uqmbd.dynamics import Trajectories as Trajectories
     from uqmbd.dynamics import check as check
     from uqmbd.errors import AssemblyError as AssemblyError
     from uqmbd.errors import IntegrationError as IntegrationError

@@ -10,6 +10,7 @@ import xarray as xr
 import uqmbd
 from uqmbd.results import sample_dataset, statistics_of_samples
 from uqmbd_montecarlo.designs import replicate_sizes, uniform_samples
+from uqmbd_montecarlo.gathering import gather
 from uqmbd_montecarlo.replicates import replicate_errors
 
 __all__ = ["MonteCarlo"]
@@ -34,6 +35,10 @@ class MonteCarlo(uqmbd.Propagator):
         needs `replicates` times a power of two samples.
     max_failures : float
         Share of failed samples above which the run is an error.
+    keep : int
+        Samples that are kept in the results.  Where there are more, moments are gathered while they come, quantiles
+        are those of the kept ones, and all samples go to ``LABEL-samples.nc`` in the folder of the run: the memory
+        needed does not grow with the number of samples.
     label : str, optional
         Name of the results, by default ``monte-carlo``.
 
@@ -54,6 +59,7 @@ class MonteCarlo(uqmbd.Propagator):
     sampling: Sampling = "random"
     replicates: int = 16
     max_failures: float = 0.5
+    keep: int = 20_000
 
     def __post_init__(self) -> None:
         if not isinstance(self.samples, int) or self.samples < 2:
@@ -69,6 +75,8 @@ class MonteCarlo(uqmbd.Propagator):
             raise uqmbd.StudyError(
                 f"MonteCarlo: max_failures is {self.max_failures!r}; expected a share between 0 and 1."
             )
+        if not isinstance(self.keep, int) or self.keep < 2:
+            raise uqmbd.StudyError(f"MonteCarlo: keep is {self.keep!r}; expected a whole number, 2 or more.")
         replicate_sizes(self.sampling, self.samples, self.replicates)
 
     def obstacle(self, study: uqmbd.Study) -> str | None:
@@ -84,16 +92,22 @@ class MonteCarlo(uqmbd.Propagator):
             )
         sizes = replicate_sizes(self.sampling, self.samples, self.replicates)
         values = problem.inputs.from_uniform(uniform_samples(self.sampling, sizes, len(problem.inputs), self.seed))
-        found = problem.realise(values)
-        if found.failures > self.max_failures * self.samples or self.samples - found.failures < 2:
+        found = gather(problem, values, sizes, self.keep)
+        if found.failures > self.max_failures * self.samples or found.moments.count < 2:
             raise uqmbd.IntegrationError(
                 f"{problem.label}: {found.failures} of {self.samples} samples failed, more than "
-                f"max_failures = {self.max_failures:g} allows. Most frequent reason: {found.most_frequent_reason()}"
+                f"max_failures = {self.max_failures:g} allows. "
+                f"Most frequent reason: {found.kept.most_frequent_reason()}"
             )
-        samples = sample_dataset(found.response, values, problem.labels, status=found.status, messages=found.messages)
+        kept = found.kept
+        samples = sample_dataset(kept.response, kept.values, problem.labels, status=kept.status, messages=kept.messages)
         statistics = statistics_of_samples(samples)
+        if self.samples > self.keep:
+            for name, value in found.moments.statistics().items():
+                statistics[name] = statistics[name].copy(data=value)
+            statistics["quantile"].attrs["comment"] = f"of the first {self.keep} of {self.samples} samples"
         if self.sampling != "random":
-            errors = replicate_errors(samples["response"].values, sizes, samples["status"].values)
+            errors = replicate_errors(found.replicates)
             for name, error in zip(("std_error_mean", "std_error_std"), errors, strict=True):
                 statistics[name] = statistics[name].copy(data=error)
         return problem.node(
@@ -103,4 +117,5 @@ class MonteCarlo(uqmbd.Propagator):
             realisations=self.samples,
             wall_time=found.wall_time,
             counters=found.counters,
+            attrs={"failures": found.failures, **({"all_samples": found.file} if found.file else {})},
         )

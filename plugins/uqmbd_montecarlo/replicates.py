@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import norm
 from scipy.stats import t as student
+
+from uqmbd.results import Moments
 
 __all__ = ["replicate_errors"]
 
 Array = NDArray[np.float64]
 
 
-def replicate_errors(response: Array, sizes: list[int], status: NDArray[np.int64]) -> tuple[Array, Array]:
+def replicate_errors(replicates: Sequence[Moments]) -> tuple[Array, Array]:
     """Estimate standard errors of mean and standard deviation by leaving out one replicate at a time.
 
     Points of one Latin hypercube or Sobol' set are not independent, so the usual formulas do not hold; whole replicates
@@ -20,12 +24,8 @@ def replicate_errors(response: Array, sizes: list[int], status: NDArray[np.int64
 
     Parameters
     ----------
-    response : array, shape (sample, output, time)
-        Replicate after replicate.
-    sizes : list of int
-        Sizes of the R replicates.
-    status : array of int, shape (sample,)
-        0: counts; others are left out.
+    replicates : sequence of uqmbd.results.Moments
+        Moments of the successful samples of each of R replicates, of shape (output, time).
 
     Returns
     -------
@@ -40,30 +40,24 @@ def replicate_errors(response: Array, sizes: list[int], status: NDArray[np.int64
     Examples
     --------
     >>> import numpy as np
-    >>> x = np.arange(8.0).reshape(8, 1, 1)
-    >>> error, _ = replicate_errors(x, [2, 2, 2, 2], np.zeros(8, int))
+    >>> from uqmbd.results import Moments
+    >>> error, _ = replicate_errors([Moments.of([[[x]], [[x + 1.0]]]) for x in (0.0, 2.0, 4.0, 6.0)])
     >>> bool(np.isclose(error[0, 0], 3.182 / 1.960 * np.std([0.5, 2.5, 4.5, 6.5], ddof=1) / 2, rtol=1e-3))
     True
     """
-    edges = np.cumsum([0, *sizes])
-    fine = status == 0
-    center = response[fine].mean(axis=0)
-    counts, sums, squares = [], [], []
-    for first, last in zip(edges[:-1], edges[1:], strict=True):
-        part = response[first:last][fine[first:last]] - center
-        if len(part):
-            counts.append(len(part))
-            sums.append(part.sum(axis=0))
-            squares.append((part**2).sum(axis=0))
-    if len(counts) < 2:
-        unknown = np.full(response.shape[1:], np.nan)
+    used = [r for r in replicates if r.count]
+    if len(used) < 2:
+        unknown = np.full(replicates[0].mean.shape, np.nan)
         return unknown, unknown.copy()
-    n = (sum(counts) - np.array(counts, dtype=float))[:, None, None]
-    total, square = np.array(sums), np.array(squares)
-    means = (total.sum(axis=0) - total) / n
-    variances = np.maximum((square.sum(axis=0) - square) / n - means**2, 0.0) * n / (n - 1)
-    share = (len(counts) - 1) / len(counts)
-    widening = student.ppf(0.975, len(counts) - 1) / norm.ppf(0.975)
+    center = np.mean([r.mean for r in used], axis=0)
+    counts = np.array([r.count for r in used], dtype=float)[:, None, None]
+    first = np.array([r.count * (r.mean - center) for r in used])
+    second = np.array([r.second + r.count * (r.mean - center) ** 2 for r in used])
+    n = counts.sum() - counts
+    means = (first.sum(axis=0) - first) / n
+    variances = np.maximum((second.sum(axis=0) - second) / n - means**2, 0.0) * n / (n - 1)
+    share = (len(used) - 1) / len(used)
+    widening = student.ppf(0.975, len(used) - 1) / norm.ppf(0.975)
 
     def error(estimates: Array) -> Array:
         spread: Array = widening * np.sqrt(share * ((estimates - estimates.mean(axis=0)) ** 2).sum(axis=0))

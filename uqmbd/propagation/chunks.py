@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import pickle
+from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from uqmbd.dynamics import Ensemble, Model, integrate
+from uqmbd.dynamics import Ensemble, Model, Trajectories, integrate
 
-__all__ = ["ASSEMBLY_FAILED", "CHUNK", "INTEGRATION_FAILED", "OK", "Chunk", "compute_chunk"]
+__all__ = ["ASSEMBLY_FAILED", "CHUNK", "INTEGRATION_FAILED", "OK", "Chunk", "compute_chunk", "integrator_of"]
 
 Array = NDArray[np.float64]
 
@@ -43,13 +44,23 @@ class Chunk:
     counters: dict[str, float]
 
 
+def integrator_of(name: str) -> Callable[[Ensemble, Array, float], Trajectories]:
+    """Return the function that integrates an ensemble: the built-in one, or the method of a plugin's class."""
+    if name == "ida":
+        return integrate
+    from uqmbd import plugins
+
+    method: Callable[[Ensemble, Array, float], Trajectories] = plugins.integrator(name)().integrate
+    return method
+
+
 @lru_cache(maxsize=4)
 def _model(data: bytes) -> Model:
     model: Model = pickle.loads(data)  # noqa: S301 - made by the same program
     return model
 
 
-def compute_chunk(data: bytes, values: Array, times: Array, rtol: float) -> Chunk:
+def compute_chunk(data: bytes, values: Array, times: Array, rtol: float, integrator: str = "ida") -> Chunk:
     """Assemble, integrate and observe some realisations.
 
     Parameters
@@ -62,6 +73,8 @@ def compute_chunk(data: bytes, values: Array, times: Array, rtol: float) -> Chun
         Output times, s.
     rtol : float
         Relative tolerance.
+    integrator : str
+        Name of the integrator.
     """
     from threadpoolctl import threadpool_limits
 
@@ -69,7 +82,7 @@ def compute_chunk(data: bytes, values: Array, times: Array, rtol: float) -> Chun
     # threads on blocks of some dozen rows cost a factor, and their number would change the last bits
     with threadpool_limits(limits=1):
         ensemble = Ensemble(model, values)
-        trajectories = integrate(ensemble, times, rtol)
+        trajectories = integrator_of(integrator)(ensemble, times, rtol)
         status = np.zeros(len(values), dtype=np.int64)
         for k, message in enumerate(trajectories.messages):
             if message:

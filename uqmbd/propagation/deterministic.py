@@ -65,8 +65,9 @@ def simulate(
     """
     import xarray as xr
 
-    from uqmbd.dynamics import Ensemble, integrate
+    from uqmbd.dynamics import Ensemble
     from uqmbd.mechanism import Mechanism
+    from uqmbd.propagation.chunks import integrator_of
 
     if not isinstance(mechanism, Mechanism):
         raise StudyError(f"simulate: the mechanism is {mechanism!r}; expected a uqmbd.Mechanism.")
@@ -76,7 +77,7 @@ def simulate(
     point = _point(where, mechanism, values)
     model = observed_model(mechanism, float(grid[0]))
     ensemble = Ensemble(model, np.array([list(point.values())]))
-    trajectories = integrate(ensemble, grid, rtol)
+    trajectories = integrator_of(integrator)(ensemble, grid, rtol)
     if trajectories.messages[0]:
         message = f"mechanism {mechanism.name!r}: {trajectories.messages[0]}"
         raise (IntegrationError if np.isfinite(trajectories.states[0, 0]).all() else AssemblyError)(message)

@@ -10,6 +10,7 @@ from collections.abc import Iterator, Mapping
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
 from dataclasses import dataclass, field, fields
 from functools import cached_property
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -31,6 +32,9 @@ if TYPE_CHECKING:
 __all__ = ["Problem", "Realisations"]
 
 Array = NDArray[np.float64]
+
+AHEAD = 64
+"""Chunks that are computed or held ahead of the one that is wanted next."""
 
 
 @dataclass(frozen=True)
@@ -138,62 +142,91 @@ class Problem:
         Realisations
             The same bits for any number of workers.  Failures are a status, never an exception.
         """
-        values = self._checked(values)
         begin = clock.perf_counter()
-        count, shape = len(values), (len(self.model.outputs.names), len(self.times))
-        response = np.full((count, *shape), np.nan)
-        status = np.zeros(count, dtype=np.int64)
-        messages = [""] * count
+        parts = list(self.stream(values))
         counters: Counter[str] = Counter()
-        self.progress.start(self.label, count)
-        for first, chunk in self._chunks(values):
-            last = first + len(chunk.status)
-            response[first:last], status[first:last] = chunk.response, chunk.status
-            messages[first:last] = chunk.messages
-            counters.update(chunk.counters)
-            self.progress.advance(self.label, last - first)
+        for part in parts:
+            counters.update(part.counters)
+        empty = np.zeros((0, len(self.model.outputs.names), len(self.times)))
+        return Realisations(
+            self._checked(values),
+            np.concatenate([empty, *(p.response for p in parts)]),
+            np.concatenate([np.zeros(0, dtype=np.int64), *(p.status for p in parts)]),
+            tuple(m for p in parts for m in p.messages),
+            dict(counters),
+            clock.perf_counter() - begin,
+        )
+
+    def stream(self, values: Array) -> Iterator[Realisations]:
+        """Compute the response to each row of inputs, a chunk of rows at a time, in their order.
+
+        For ensembles whose responses are too many to be held at once.
+
+        Parameters
+        ----------
+        values : array, shape (K, input)
+            Inputs, in the order of ``inputs.names``.
+
+        Yields
+        ------
+        Realisations
+            Of the next rows.
+        """
+        values = self._checked(values)
+        self.progress.start(self.label, len(values))
+        begin = clock.perf_counter()
+        parts = [np.ascontiguousarray(values[k : k + CHUNK]) for k in range(0, len(values), CHUNK)]
+        for index, chunk in self._chunks(parts):
+            now = clock.perf_counter()
+            yield Realisations(
+                parts[index], chunk.response, chunk.status, chunk.messages, dict(chunk.counters), now - begin
+            )
+            begin = now
+            self.progress.advance(self.label, len(chunk.status))
         self.progress.finish(self.label)
-        return Realisations(values, response, status, tuple(messages), dict(counters), clock.perf_counter() - begin)
 
-    def _chunks(self, values: Array) -> Iterator[tuple[int, Chunk]]:
-        todo: list[tuple[int, Array, str]] = []
-        for first in range(0, len(values), CHUNK):
-            part = np.ascontiguousarray(values[first : first + CHUNK])
-            key = self._key(part)
-            found = self.checkpoint.load(key) if self.checkpoint else None
-            if found is not None:
-                yield first, found
-            else:
-                todo.append((first, part, key))
-        for first, key, chunk in self._compute(todo):
-            if self.checkpoint:
-                self.checkpoint.save(key, chunk)
-            yield first, chunk
-
-    def _compute(self, todo: list[tuple[int, Array, str]]) -> Iterator[tuple[int, str, Chunk]]:
-        if self.executor is None:
-            for first, part, key in todo:
-                yield first, key, compute_chunk(self._packed, part, self.times, self.rtol)
-            return
-        queue = iter(todo)
-        running: dict[Future[Chunk], tuple[int, str]] = {}
+    def _chunks(self, parts: list[Array]) -> Iterator[tuple[int, Chunk]]:
+        """Finished chunks in order; each is stored as soon as it is finished."""
+        ready: dict[int, Chunk] = {}
+        running: dict[Future[Chunk], int] = {}
+        submitted = 0
         try:
-            while True:
-                # some in reserve for every worker, but never all at once: results must not pile up
-                while len(running) < 64 and (task := next(queue, None)) is not None:
-                    first, part, key = task
-                    running[self.executor.submit(compute_chunk, self._packed, part, self.times, self.rtol)] = (
-                        first,
-                        key,
-                    )
-                if not running:
-                    return
-                for future in wait(running, return_when=FIRST_COMPLETED).done:
-                    first, key = running.pop(future)
-                    yield first, key, future.result()
+            for wanted in range(len(parts)):
+                while wanted not in ready:
+                    # some in reserve for every worker, but never all at once: results must not pile up
+                    while submitted < len(parts) and len(running) + len(ready) < AHEAD:
+                        index, submitted = submitted, submitted + 1
+                        found = self.checkpoint.load(self._key(parts[index])) if self.checkpoint else None
+                        if found is not None:
+                            ready[index] = found
+                        elif self.executor is None:
+                            ready[index] = self._keep(parts[index], compute_chunk(*self._task(parts[index])))
+                        else:
+                            running[self.executor.submit(compute_chunk, *self._task(parts[index]))] = index
+                        if self.executor is None:
+                            break
+                    if wanted in ready:
+                        break
+                    for future in wait(running, return_when=FIRST_COMPLETED).done:
+                        index = running.pop(future)
+                        ready[index] = self._keep(parts[index], future.result())
+                yield wanted, ready.pop(wanted)
         finally:
             for future in running:
                 future.cancel()
+
+    def _task(self, part: Array) -> tuple[bytes, Array, Array, float, str]:
+        return self._packed, part, self.times, self.rtol, self.integrator
+
+    def _keep(self, part: Array, chunk: Chunk) -> Chunk:
+        if self.checkpoint:
+            self.checkpoint.save(self._key(part), chunk)
+        return chunk
+
+    @property
+    def folder(self) -> Path | None:
+        """Folder of the run's files, if it has one."""
+        return self.checkpoint.folder if self.checkpoint else None
 
     def _key(self, part: Array) -> str:
         text = hashlib.sha256()

@@ -10,19 +10,24 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from uqmbd.report.convergence import NORMAL_95, design_of
+from uqmbd.report.failures import failure_reasons, failure_words
+from uqmbd.report.selection import automatic_times
+from uqmbd.report.wording import format_count, format_duration, format_integer, format_number, minus
+
 __all__ = [
     "comparison",
     "cost",
     "failures",
-    "format_duration",
-    "format_number",
     "has_histograms",
     "has_output",
     "heading",
     "in_words",
     "input_rows",
+    "numbers",
     "output_names",
     "output_rows",
+    "precision",
     "provenance",
     "study_attributes",
     "summary",
@@ -30,7 +35,20 @@ __all__ = [
 ]
 
 _SHOWN_FAILURES = 20
-_SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+_SHOWN_REASONS = 6
+# How well a standard deviation should be known: above the first it is a rough figure, above the second hardly one.
+_WELL_KNOWN, _ROUGHLY_KNOWN = 0.05, 0.15
+_COUNTERS = {
+    "steps": "steps of the integrator",
+    "residuals": "residual evaluations",
+    "residual_evaluations": "residual evaluations",
+    "jacobians": "Jacobian evaluations",
+    "jacobian_evaluations": "Jacobian evaluations",
+    "factorisations": "factorisations of the Jacobian",
+    "integrations": "integrations (each of many realisations at once)",
+    "alone": "realisations integrated alone",
+    "seconds": "time in the integrator, summed over workers",
+}
 
 
 def heading(tree: xr.DataTree) -> dict[str, str]:
@@ -87,6 +105,80 @@ def in_words(node: xr.DataTree, name: str) -> str:
     )
 
 
+def _relative_error(node: xr.DataTree, name: str) -> tuple[float, int] | None:
+    """Return half the 95 % interval of the largest standard deviation as a share of it, and its time's index."""
+    if "samples" not in node.children or not varies(node, name):
+        return None
+    data = _at(node, name)
+    largest = int(data["std"].values.argmax())
+    error = float(data["std_error_std"][largest]) if "std_error_std" in data else math.nan
+    share = NORMAL_95 * error / float(data["std"][largest])
+    return (share, largest) if math.isfinite(share) and share > 0 else None
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:.2g} %" if share < 0.995 else f"{100 * share:.0f} %"
+
+
+def _advice(node: xr.DataTree, share: float) -> str:
+    """Say whether so uncertain a standard deviation needs more samples, and how many would halve its uncertainty."""
+    total, _ = _numbers(node)
+    if share <= _WELL_KNOWN:
+        verdict = "That is enough for most purposes"
+    elif share <= _ROUGHLY_KNOWN:
+        verdict = "That tells how large the spread is, but not its second digit"
+    else:
+        verdict = "That is a rough figure, and more samples are needed to rely on it"
+    halving = f"{format_count(4 * total, 'sample')} instead of {format_integer(total)} would halve the uncertainty"
+    if not design_of(node.attrs).independent:
+        halving += " at the latest, since this sampling design often converges faster"
+    return f"{verdict}; {halving}."
+
+
+def precision(node: xr.DataTree, name: str) -> str:
+    """Say in words how well the largest standard deviation of an output is known; empty if the method cannot tell."""
+    found = _relative_error(node, name)
+    if found is None:
+        return ""
+    share, largest = found
+    data = _at(node, name)
+    text = (
+        f"The standard deviation at t = {float(data['time'][largest]):.4g} s, where it is largest, is known to within "
+        f"{_percent(share)} (with 95 % confidence). {_advice(node, share)}"
+    )
+    if float(data["kurtosis"][largest]) > 30:
+        text += (
+            " A few extreme samples make up most of it, so that even this uncertainty is itself uncertain: "
+            "look at the quantiles rather than at the standard deviation."
+        )
+    return text
+
+
+def _overall_precision(nodes: Mapping[str, xr.DataTree]) -> list[str]:
+    sentences = []
+    for label, node in nodes.items():
+        names = output_names({label: node})
+        errors = {name: found for name in names if (found := _relative_error(node, name))}
+        if not errors:
+            continue
+        worst = max(errors, key=lambda name: errors[name][0])
+        share = errors[worst][0]
+        least = f", least well for {worst}" if len(errors) > 1 else ""
+        of_what = "the standard deviation of every output that varies" if len(errors) > 1 else (
+            f"the standard deviation of {worst}"
+        )  # fmt: skip
+        who = f"With {label}, " if len(nodes) > 1 else ""
+        start = f"{who}{of_what}" if who else of_what[0].upper() + of_what[1:]
+        sentences.append(
+            f"{start}, at the time of its maximum, is known to within {_percent(share)} or better{least} "
+            f"(with 95 % confidence). {_advice(node, share)}"
+            if len(errors) > 1
+            else f"{start}, at the time of its maximum, is known to within {_percent(share)} "
+            f"(with 95 % confidence). {_advice(node, share)}"
+        )
+    return sentences
+
+
 def _output_row(label: str, node: xr.DataTree, name: str) -> dict[str, str]:
     data = _at(node, name)
     units = str(data["output_units"].item())
@@ -111,6 +203,26 @@ def _output_row(label: str, node: xr.DataTree, name: str) -> dict[str, str]:
         "std_max": _with_units(format_number(float(data["std"][largest])), units),
         "std_max_time": f"{float(data['time'][largest]):.4g} s" if varies(node, name) else "no spread",
     }
+
+
+def numbers(node: xr.DataTree, name: str) -> list[dict[str, str]]:
+    """Return the numbers of an output at chosen times: mean, deviation, quantiles and shape."""
+    data = _at(node, name)
+    units = str(data["output_units"].item())
+    rows = []
+    for k in automatic_times(data["time"].values, data["std"].values):
+        at = data.isel(time=k)
+        row = {"time": f"{float(at['time']):.4g} s"}
+        for value in ("mean", "std"):
+            row[value] = format_number(float(at[value]))
+        for p in (0.025, 0.5, 0.975):
+            known = abs(float(at["probability"].sel(probability=p, method="nearest")) - p) < 1e-6
+            quantile = float(at["quantile"].sel(probability=p, method="nearest")) if known else math.nan
+            row[f"q{p}"] = format_number(quantile) if math.isfinite(quantile) else "–"
+        skewness = float(at["skewness"])
+        row["skewness"] = minus(f"{skewness:.2f}") if math.isfinite(skewness) else "–"
+        rows.append(row | {"units": units})
+    return rows
 
 
 def output_rows(nodes: Mapping[str, xr.DataTree]) -> list[dict[str, str]]:
@@ -159,6 +271,7 @@ def summary(tree: xr.DataTree, nodes: Mapping[str, xr.DataTree]) -> list[str]:
         seconds = format_duration(float(node.attrs.get("wall_time", math.nan)))
         outcome = "all succeeded" if not failed else f"{failed} failed and did not enter the statistics"
         text.append(f"{label} computed {format_count(total, 'realisation')} in {seconds}; {outcome}.")
+    text += _overall_precision(nodes)
     label, node = next(iter(nodes.items()))
     constant = [name for name in names if has_output(node, name) and not varies(node, name)]
     if constant:
@@ -166,7 +279,50 @@ def summary(tree: xr.DataTree, nodes: Mapping[str, xr.DataTree]) -> list[str]:
     return text
 
 
-@@FAIL@@
+def failures(label: str, node: xr.DataTree) -> dict[str, Any]:
+    """Return failures of a method: how many, grouped by their reason, and the inputs that caused them."""
+    total, failed = _numbers(node)
+    found: dict[str, Any] = {
+        "label": label,
+        "count": failed,
+        "total": total,
+        "share": _share(failed, total),
+        "reasons": [],
+        "names": [],
+        "rows": [],
+        "hidden": 0,
+    }
+    if "samples" not in node.children or not failed:
+        return found
+    samples = node.children["samples"].to_dataset()
+    reasons = failure_reasons(node)
+    found["reasons"] = [
+        {
+            "kind": r.kind,
+            "reason": r.text,
+            "count": len(r.samples),
+            "share": _share(len(r.samples), failed),
+            "words": failure_words(node, r),
+            "group": r,
+        }
+        for r in reasons[:_SHOWN_REASONS]
+    ]
+    found["more_reasons"] = len(reasons) - len(found["reasons"])
+    which = np.flatnonzero(samples["status"].values != 0)
+    units = samples["input_units"].values if "input_units" in samples.coords else [""] * samples.sizes["input"]
+    found["names"] = [f"{n} [{u}]" if u else str(n) for n, u in zip(samples["input"].values, units, strict=True)]
+    drawn = samples["inputs"].values
+    found["rows"] = [
+        {"sample": int(k), "inputs": [f"{float(v):.6g}".replace("-", "−") for v in drawn[k]]}
+        for k in which[:_SHOWN_FAILURES]
+    ]
+    found["hidden"] = len(which) - len(found["rows"])
+    return found
+
+
+def _share(part: int, whole: int) -> str:
+    return f"{100 * part / whole:.3g} %" if whole else ""
+
 
 def cost(label: str, node: xr.DataTree) -> dict[str, Any]:
     """Return what a method cost."""
@@ -178,8 +334,20 @@ def cost(label: str, node: xr.DataTree) -> dict[str, Any]:
         "realisations": total,
         "failures": failed,
         "each": format_duration(seconds / total) if total else "",
-        "counters": _pairs(node.attrs.get("solver_counters")),
+        "counters": [_counter(name, value) for name, value in _pairs(node.attrs.get("solver_counters"))],
     }
+
+
+def _counter(name: str, value: str) -> tuple[str, str]:
+    """Return a solver's counter with a name for reading."""
+    shown = _COUNTERS.get(name, name.replace("_", " "))
+    try:
+        number = float(value)
+    except ValueError:
+        return shown, value
+    if name == "seconds":
+        return shown, format_duration(number)
+    return shown, format_integer(number) if number == round(number) else format_number(number)
 
 
 def comparison(tree: xr.DataTree) -> dict[str, Any] | None:

@@ -8,12 +8,12 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import xarray as xr
 from numpy.typing import NDArray
 
 from uqmbd.errors import StudyError
 from uqmbd.report.drawing import COLOURS, arrange, axes_grid, constant, widen_if_constant, with_units, wrapped
 from uqmbd.report.selection import Samples, label_of, of_output, samples_of
+from uqmbd.report.wording import format_integer
 from uqmbd.results.statistics import replicate_statistics, running_statistics
 
 if TYPE_CHECKING:
@@ -173,5 +173,5 @@ def _count_axis(grid: list[Any], counts: NDArray[np.float64], design: Design) ->
         else:
             axes.xaxis.set_major_locator(MaxNLocator(nbins=8, integer=True))
             axes.set_xlim(first - 0.3, last + 0.3)
-        axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:,.0f}".replace(",", "\N{NO-BREAK SPACE}")))
+        axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: format_integer(value)))
         axes.yaxis.set_major_locator(MaxNLocator(nbins=4, steps=[1, 2, 5, 10]))

@@ -32,9 +32,7 @@ __all__ = ["density", "histograms", "inputs"]
 _CELLS = 1000
 
 
-def density(
-    values: NDArray[np.float64], points: int = 200
-) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
+def density(values: NDArray[np.float64], points: int = 200) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
     """Estimate a density with Gaussian kernels.
 
     The width of the kernels is Silverman's, from the smaller of the standard deviation and the interquartile range (as
@@ -141,6 +139,7 @@ def histograms(results: Results | Samples, output: str, times: Sequence[float] |
             curve = density(values)
             if curve is not None:
                 axes.plot(*curve, color=colour, ls=line, lw=1.5)
+                axes.set_ylim(0, max(axes.get_ylim()[1], 1.05 * float(curve[1].max())))
         few_ticks(axes)
         axes.set_ylabel(_density_label(units) if place % 2 == 0 else "")
         if place >= len(chosen) - 2:

@@ -11,7 +11,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from uqmbd.errors import StudyError
-from uqmbd.report.drawing import FAILED, arrange, constant, few_ticks, single_axes, surroundings, with_units, wrapped
+from uqmbd.report.drawing import FAILED, arrange, few_ticks, single_axes, widen_if_constant, with_units, wrapped
 from uqmbd.report.selection import Samples, label_of, samples_of
 from uqmbd.report.wording import format_count, format_number
 
@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 __all__ = ["Reason", "Separation", "failure_inputs", "failure_reasons", "separating_inputs"]
 
 _MOST_POINTS = 1500
+ENOUGH = 3
+"""Failures of one kind from which inputs can tell anything."""
 # Names in quotes stay as they are, and so do digits that belong to a word; remarks in brackets are set aside.
 _TOKENS = re.compile(r"""('[^']*'|"[^"]*")|(?<![\w.])([+\-−]?(?:\d+\.?\d*|\.\d+)(?:[eE][+\-]?\d+)?)(?![\w]|\.\d)""")
 _BRACKETS = re.compile(r"\s*\([^()]*\)")
@@ -180,6 +182,8 @@ def failure_words(node: Samples, reason: Reason) -> list[str]:
             f"{names[k]}: failed samples lie {spans}{unit} "
             f"(all samples {_short(float(everything.min()))} to {_short(float(everything.max()))}{unit}); {others}."
         )
+    if not sentences and len(reason.samples) < ENOUGH:
+        return ["These samples are too few to tell which input is behind it."]
     if not sentences:
         return ["No single input tells these samples from those that succeeded."]
     return sentences
@@ -272,9 +276,7 @@ def failure_inputs(node: Samples, reason: int | Reason = 0) -> Figure:
     else:
         axes.set_yticks([])
         axes.spines["left"].set_visible(False)
-    for k, limit in zip(best, (axes.set_xlim, axes.set_ylim), strict=False):
-        low, high = float(drawn[:, k].min()), float(drawn[:, k].max())
-        if constant(low, high):
-            limit(*surroundings(low, high, 0.5))
+    for k, direction in zip(best, "xy", strict=False):
+        widen_if_constant(axes, direction, float(drawn[:, k].min()), float(drawn[:, k].max()))
     arrange(figure, [axes], legend=handles)
     return figure

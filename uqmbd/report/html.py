@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import base64
+import functools
 import io
 import os
+import re
 import tempfile
 import warnings
 from collections.abc import Callable, Mapping, Sequence
@@ -15,12 +17,16 @@ import xarray as xr
 
 from uqmbd.errors import StudyError
 from uqmbd.report import content, figures
+from uqmbd.report.convergence import design_of
+from uqmbd.report.failures import ENOUGH
 from uqmbd.results import propagator_nodes
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 __all__ = ["Section", "write_report"]
+
+_FONTS = "system-ui, -apple-system, 'Segoe UI', Roboto, 'Helvetica Neue', 'Noto Sans', 'DejaVu Sans', sans-serif"
 
 
 class Section(Protocol):
@@ -88,7 +94,7 @@ def write_report(tree: xr.DataTree, path: str | os.PathLike[str], *, sections: S
         inputs_figure=_inputs_figure(nodes),
         outputs=[_output(tree, nodes, name) for name in content.output_names(nodes)],
         sections=[_section(section, tree) for section in sections],
-        failures=[content.failures(label, node) for label, node in nodes.items()],
+        failures=[_failures(label, node) for label, node in nodes.items()],
         costs=[content.cost(label, node) for label, node in nodes.items()],
         comparison=content.comparison(tree),
         provenance=[content.provenance(label, node) for label, node in nodes.items()],
@@ -101,33 +107,91 @@ def write_report(tree: xr.DataTree, path: str | os.PathLike[str], *, sections: S
 
 def _output(tree: xr.DataTree, nodes: Mapping[str, xr.DataTree], name: str) -> dict[str, Any]:
     holders = {label: node for label, node in nodes.items() if content.has_output(node, name)}
+    first = next(iter(holders.values()))
+    varying = any(content.varies(node, name) for node in holders.values())
     drawn = [
         _image(
             lambda: figures.bands(holders, name),
             f"Mean of {name} over time, with the bands that hold 50 % and 95 % of the realisations. "
-            + content.in_words(next(iter(holders.values())), name),
-            "Mean, and bands that hold 50 % and 95 % of the realisations.",
+            + content.in_words(first, name),
+            "How it moves: the mean, and the bands in which 50 % and 95 % of the realisations lie.",
         )
     ]
-    if not any(content.varies(node, name) for node in holders.values()):
-        return {"name": name, "figures": drawn, "note": "The inputs have no influence on this output."}
-    sampled = next((node for node in holders.values() if content.has_histograms(node)), None)
-    if sampled is not None:
-        drawn.append(
+    if not varying:
+        return {
+            "name": name,
+            "figures": drawn,
+            "note": "The inputs have no influence on this output.",
+            "words": "",
+            "numbers": [],
+        }
+    sampled = {label: node for label, node in holders.items() if content.has_histograms(node)}
+    deviation = _image(
+        lambda: figures.std_over_time(holders, name),
+        f"Standard deviation of {name} over time. " + content.in_words(first, name),
+        "When it is uncertain: the standard deviation over time; the shaded band is plus and minus two standard "
+        "errors, where they are known.",
+    )
+    if sampled:
+        label, node = next(iter(sampled.items()))
+        from_label = f" (samples of {label})" if len(nodes) > 1 else ""
+        drawn += [
+            _image(
+                lambda: figures.time_history_histogram(node, name),
+                f"Time-history histogram of {name}: how many samples have which value at which time.",
+                f"Where the samples are: the darker, the more of them have this value at this time{from_label}. "
+                "White: none.",
+            ),
             _image(
                 lambda: figures.histograms(sampled, name),
-                f"Histograms of {name} at chosen times.",
-                f"How the samples of {sampled.attrs['label']} are distributed at chosen times; dashed: their mean.",
-            )
+                f"Probability densities of {name} at chosen times.",
+                "How it is distributed at chosen times: bars are the histogram, curves a smooth estimate of the "
+                "density; the area under each is 1.",
+            ),
+            _image(
+                lambda: figures.convergence(node, name),
+                f"Mean and standard deviation of {name} as samples are added. " + content.precision(node, name),
+                _convergence_caption(node) + from_label + ".",
+            ),
+        ]
+    words = [content.in_words(first, name), *(content.precision(node, name) for node in list(sampled.values())[:1])]
+    return {
+        "name": name,
+        "figures": [*drawn, deviation],
+        "note": "",
+        "words": " ".join(filter(None, words)),
+        "numbers": content.numbers(first, name),
+    }
+
+
+def _convergence_caption(node: xr.DataTree) -> str:
+    design = design_of(node.attrs)
+    if design.independent:
+        return (
+            "Whether there are enough samples: the estimates from the first samples only, and the band that holds the "
+            "true value with 95 % confidence, at the time of the largest standard deviation"
         )
-    drawn.append(
-        _image(
-            lambda: figures.std_over_time(holders, name),
-            f"Standard deviation of {name} over time.",
-            "Standard deviation; the shaded band is plus and minus two standard errors, where they are known.",
-        )
+    return (
+        f"Whether there are enough samples: the points of a {design.name} design count as a whole only, so the "
+        "estimates are shown against the number of its independent replicates, with the band that holds the true value "
+        "with 95 % confidence, at the time of the largest standard deviation"
     )
-    return {"name": name, "figures": drawn, "note": ""}
+
+
+def _failures(label: str, node: xr.DataTree) -> dict[str, Any]:
+    found = content.failures(label, node)
+    for row in found["reasons"]:
+        group = row.pop("group")
+        row["figure"] = (
+            _image(
+                functools.partial(figures.failure_inputs, node, group),
+                f"Inputs of the failed samples among those of the others. {' '.join(row['words'])}",
+                "Each point is a sample: pale ones succeeded, dark ones failed for this reason.",
+            )
+            if found["names"] and len(group.samples) >= ENOUGH
+            else None
+        )
+    return found
 
 
 def _inputs_figure(nodes: Mapping[str, xr.DataTree]) -> dict[str, str] | None:
@@ -163,13 +227,14 @@ def _image(draw: Callable[[], Figure], alt: str, caption: str) -> dict[str, str]
 def _svg(figure: Figure) -> str:
     import matplotlib
 
-    buffer = io.BytesIO()
-    # An image of its own (not inline markup), so that identifiers of many figures never clash, and text as outlines,
-    # so that it looks the same without the font. The fixed salt makes equal results equal files.
-    with warnings.catch_warnings(), matplotlib.rc_context({"svg.fonttype": "path", "svg.hashsalt": "uqmbd"}):
+    buffer = io.StringIO()
+    # An image of its own (not inline markup), so that identifiers of many figures never clash, with text as text, which
+    # is small, quickly written, and in the font of the page. The fixed salt makes equal results equal files.
+    with warnings.catch_warnings(), matplotlib.rc_context({"svg.fonttype": "none", "svg.hashsalt": "uqmbd"}):
         warnings.filterwarnings("ignore", message="Glyph .* missing from font")
-        figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
-    return "data:image/svg+xml;base64," + base64.b64encode(buffer.getvalue()).decode("ascii")
+        figure.savefig(buffer, format="svg", metadata=dict.fromkeys(("Date", "Creator", "Format", "Type")))
+    drawn = re.sub(r"'DejaVu Sans'[^;\"]*sans-serif", _FONTS, buffer.getvalue())
+    return "data:image/svg+xml;base64," + base64.b64encode(drawn.encode("utf-8", "replace")).decode("ascii")
 
 
 def _write(page: str, target: Path) -> Path:

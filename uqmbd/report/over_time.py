@@ -71,7 +71,7 @@ def bands(results: Results, output: str, *, samples: int = 0) -> Figure:
     for k, (label, node) in enumerate(nodes.items()):
         statistics = of_output(node.children["statistics"], output)
         edges, _, _ = _band_edges(statistics)
-        chosen = thinned(*edges)
+        chosen = thinned(edges[0], edges[1])
         statistics = statistics.isel(time=chosen)
         times, mean = statistics["time"].values, statistics["mean"].values
         wide, narrow, wide_name = _band_edges(statistics)
@@ -141,6 +141,7 @@ def std_over_time(results: Results, output: str) -> Figure:
     nodes = nodes_of(results)
     figure, axes = single_axes(2.8)
     handles: dict[str, Any] = {}
+    uncertain: dict[str, Any] = {}
     high = 0.0
     for k, (label, node) in enumerate(nodes.items()):
         statistics = of_output(node.children["statistics"], output)
@@ -148,22 +149,23 @@ def std_over_time(results: Results, output: str) -> Figure:
         times, std = statistics["time"].values, statistics["std"].values
         colour, line = style(k)
         if "std_error_std" in statistics:
-            error = 2 * statistics["std_error_std"].values
+            error = 2 * np.nan_to_num(statistics["std_error_std"].values)
             band = axes.fill_between(times, np.maximum(std - error, 0), std + error, color=colour, alpha=0.2, lw=0)
-            handles.setdefault("± 2 standard errors", band)
+            uncertain = uncertain or {"± 2 standard errors": band}
             high = max(high, float((std + error).max()))
-        (handles[label],) = axes.plot(times, std, color=colour, ls=line, lw=1.6, marker="o" if len(times) == 1 else "")
+        name = label if len(nodes) > 1 else "standard deviation"
+        (handles[name],) = axes.plot(times, std, color=colour, ls=line, lw=1.6, marker="o" if len(times) == 1 else "")
         high = max(high, float(std.max()))
         axes.set_ylabel(wrapped(with_units("standard deviation", str(statistics["output_units"].item())), 30))
     # Without any spread the line lies on the axis: lift it, so that it is seen.
     axes.set_ylim(*((0, high * 1.06) if high > 0 else (-0.5, 0.5)))
     axes.set_xlabel("time [s]")
     limit_times(axes, times)
-    arrange(figure, [axes], legend=handles)
+    arrange(figure, [axes], legend=handles | uncertain)
     return figure
 
 
-def time_history_histogram(node: Samples, output: str, *, mean: bool = True) -> Figure:
+def time_history_histogram(node: Samples, output: str, *, mean: bool = False) -> Figure:
     """Draw how often an output has which value when: time, value, and the number of occurrences as a colour.
 
     Parameters
@@ -194,7 +196,6 @@ def time_history_histogram(node: Samples, output: str, *, mean: bool = True) -> 
     [2.0, 2.0]
     """
     from matplotlib.colors import LogNorm
-    from matplotlib.ticker import FixedLocator, FuncFormatter
 
     response = succeeded(node, output)
     times = response["time"].values
@@ -224,15 +225,24 @@ def time_history_histogram(node: Samples, output: str, *, mean: bool = True) -> 
     arrange(figure, [axes], right=0.95, legend={"mean": line} if mean else None)
     place = axes.get_position()
     bar.set_position((place.x1 + 0.02, place.y0, 0.025, place.height))
-    figure.colorbar(image, cax=bar)
-    bar.minorticks_off()
-    steps = [m * 10**k for k in range(9) for m in (1, 2, 5) if m * 10**k <= max(most, 2)]
-    bar.yaxis.set_major_locator(FixedLocator(steps))
-    bar.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.0f}"))
+    _colour_bar(bar, image, most)
+    return figure
+
+
+def _colour_bar(bar: Axes, image: Any, most: int) -> None:
+    """Draw a colour bar for counts on a logarithmic scale; Matplotlib's own takes as long as the rest of the figure."""
+    from matplotlib.ticker import FixedFormatter, FixedLocator
+
+    bar.imshow(np.linspace(0, 1, 128)[:, None], cmap=image.cmap, extent=(0, 1, 0, 1), origin="lower", aspect="auto")
+    steps = [m * 10**k for k in range(9) for m in (1, 2, 5) if m * 10**k <= most]
+    bar.yaxis.set_major_locator(FixedLocator([float(image.norm(step)) for step in steps]))
+    bar.yaxis.set_major_formatter(FixedFormatter([str(step) for step in steps]))
+    bar.yaxis.tick_right()
+    bar.yaxis.set_label_position("right")
     bar.set_ylabel("number of samples", fontsize=9)
     bar.tick_params(labelsize=8)
+    bar.set_xticks([])
     bar.spines[["top", "right"]].set_visible(True)
-    return figure
 
 
 def occurrences(
@@ -277,9 +287,11 @@ def occurrences(
         chosen[[0, -1]] = 0, count - 1
     values = response[:, chosen]
     low, high = float(values.min()), float(values.max())
-    rows = min(_MOST_VALUES, max(40, samples // 2))
     if constant(low, high):
         low, high = surroundings(low, high, 0.5)
+    # Half the width of Freedman and Diaconis, from the spread at a typical time: not finer than the samples allow.
+    typical = float(np.median(np.subtract(*np.percentile(values, [75, 25], axis=0)))) * samples ** (-1 / 3)
+    rows = int(np.clip((high - low) / typical, 40, _MOST_VALUES)) if typical > 0 else _MOST_VALUES
     bins = np.clip(((values - low) / (high - low) * rows).astype(int), 0, rows - 1) * columns + np.arange(columns)
     counts = np.bincount(bins.ravel(), minlength=rows * columns).reshape(rows, columns).astype(float)
     return counts, edges, (low, high)

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from uqmbd.results.axes import InputInfo, Labels, OutputInfo, labels
 from uqmbd.results.comparison import choose_reference, compare
+from uqmbd.results.moments import Moments
 from uqmbd.results.nodes import propagator_node, study_tree
+from uqmbd.results.samplefile import SampleFile, sample_file
 from uqmbd.results.schema import DEFAULT_PROBABILITIES, STATUS_MEANINGS, sample_dataset, statistics_dataset
 from uqmbd.results.statistics import sample_statistics, statistics_of_samples
 from uqmbd.results.storage import load, save
@@ -15,7 +17,9 @@ __all__ = [
     "STATUS_MEANINGS",
     "InputInfo",
     "Labels",
+    "Moments",
     "OutputInfo",
+    "SampleFile",
     "choose_reference",
     "compare",
     "labels",
@@ -23,6 +27,7 @@ __all__ = [
     "propagator_node",
     "propagator_nodes",
     "sample_dataset",
+    "sample_file",
     "sample_statistics",
     "save",
     "statistics_dataset",

@@ -1,0 +1,112 @@
+"""Moments that are gathered chunk by chunk, in memory that does not grow with the number of samples."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from uqmbd.errors import StudyError
+
+__all__ = ["Moments"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Moments:
+    """Number, mean and central sums of samples; two of them merge into that of all samples.
+
+    Attributes
+    ----------
+    count : int
+        Number of samples.
+    mean : array, shape (...)
+        Their mean.
+    second, third, fourth : array, shape (...)
+        Sums of powers of the differences from the mean.
+
+    References
+    ----------
+    P. Pebay, Formulas for robust, one-pass parallel computation of covariances and arbitrary-order statistical
+    moments, Sandia report SAND2008-6212 (2008).
+
+    Examples
+    --------
+    >>> whole = Moments.of([[1.0], [2.0], [6.0], [7.0]])
+    >>> merged = Moments.of([[1.0], [2.0]]).merge(Moments.of([[6.0], [7.0]]))
+    >>> bool(np.isclose(whole.fourth, merged.fourth).all())
+    True
+    """
+
+    count: int
+    mean: Array
+    second: Array
+    third: Array
+    fourth: Array
+
+    @classmethod
+    def of(cls, samples: ArrayLike) -> Moments:
+        """Gather samples, shape (S, ...); S may be zero."""
+        x = np.asarray(samples, dtype=float)
+        if not len(x):
+            zero = np.zeros(x.shape[1:])
+            return cls(0, zero, zero, zero, zero)
+        # shifted by the first sample: no cancellation for a small spread about a large mean
+        mean = x[0] + (x - x[0]).mean(axis=0)
+        d = x - mean
+        square = d * d
+        return cls(len(x), mean, square.sum(axis=0), (square * d).sum(axis=0), (square * square).sum(axis=0))
+
+    def merge(self, other: Moments) -> Moments:
+        """Gather the samples of both."""
+        if not self.count or not other.count:
+            return other if not self.count else self
+        a, b = self.count, other.count
+        n = a + b
+        d = other.mean - self.mean
+        second = self.second + other.second + d**2 * a * b / n
+        third = (
+            self.third + other.third + d**3 * a * b * (a - b) / n**2 + 3 * d * (a * other.second - b * self.second) / n
+        )
+        fourth = (
+            self.fourth
+            + other.fourth
+            + d**4 * a * b * (a * a - a * b + b * b) / n**3
+            + 6 * d**2 * (a * a * other.second + b * b * self.second) / n**2
+            + 4 * d * (a * other.third - b * self.third) / n
+        )
+        return Moments(n, self.mean + d * b / n, second, third, fourth)
+
+    def statistics(self) -> dict[str, Array]:
+        """Compute what `uqmbd.results.sample_statistics` does, but for quantiles.
+
+        Returns
+        -------
+        dict
+            ``mean, std, variance, skewness, kurtosis, std_error_mean, std_error_std``, each of shape (...).
+
+        Raises
+        ------
+        uqmbd.StudyError
+            With fewer than two samples.
+        """
+        n = self.count
+        if n < 2:
+            raise StudyError(f"Statistics need at least two successful samples; there are {n}.")
+        variance = self.second / (n - 1)
+        m2, m3, m4 = self.second / n, self.third / n, self.fourth / n
+        constant = m2 <= (32 * np.finfo(float).eps * np.abs(self.mean)) ** 2
+        safe = np.where(constant, 1.0, m2)
+        std = np.sqrt(variance)
+        error = np.sqrt(np.maximum(m4 - (n - 3) / (n - 1) * variance**2, 0.0) / n)
+        return {
+            "mean": self.mean,
+            "std": std,
+            "variance": variance,
+            "skewness": np.where(constant, 0.0, m3 / safe**1.5),
+            "kurtosis": np.where(constant, 3.0, m4 / safe**2),
+            "std_error_mean": std / np.sqrt(n),
+            "std_error_std": np.where(m2 == 0, 0.0, error / (2 * np.where(m2 == 0, 1.0, std))),
+        }
