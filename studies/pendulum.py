@@ -2,10 +2,10 @@
 
 import chaospy
 import numpy as np
-from uqmbd_joints import Revolute
-from uqmbd_montecarlo import MonteCarlo
 
 import uqmbd
+from uqmbd_joints import Revolute
+from uqmbd_montecarlo import MonteCarlo
 
 length = uqmbd.RandomVariable("length", chaospy.Normal(1.0, 0.02), units="m")
 mechanism = uqmbd.Mechanism("pendulum", uqmbd.Planar(gravity=(0.0, -9.81)))

@@ -31,6 +31,8 @@ class Gathered:
         The first samples.
     failures : int
         Of all samples.
+    reason : str
+        The most frequent reason of failure, or empty.
     file : str
         Name of the file that holds all samples, or empty.
     """
@@ -39,6 +41,7 @@ class Gathered:
     replicates: tuple[Moments, ...]
     kept: uqmbd.Realisations
     failures: int
+    reason: str
     counters: dict[str, float]
     wall_time: float
     file: str
@@ -63,6 +66,7 @@ def gather(problem: uqmbd.Problem, values: Array, sizes: list[int], keep: int) -
     replicates = [Moments.of(np.zeros((0, *shape))) for _ in sizes]
     kept: list[uqmbd.Realisations] = []
     counters: Counter[str] = Counter()
+    reasons: Counter[str] = Counter()
     failures, first, wall = 0, 0, 0.0
     file = f"{problem.label}-samples.nc" if len(values) > keep and problem.folder else ""
     with ExitStack() as stack:
@@ -81,6 +85,8 @@ def gather(problem: uqmbd.Problem, values: Array, sizes: list[int], keep: int) -
                 replicates[r] = replicates[r].merge(Moments.of(part.response[low:high][fine[low:high]]))
             if store is not None:
                 store.write(first, part.values, part.response, part.status, part.messages)
+            if reason := part.most_frequent_reason():
+                reasons[reason] += part.failures
             if first < keep:
                 kept.append(part)
             counters.update(part.counters)
@@ -89,7 +95,8 @@ def gather(problem: uqmbd.Problem, values: Array, sizes: list[int], keep: int) -
     total = replicates[0]
     for replicate in replicates[1:]:
         total = total.merge(replicate)
-    return Gathered(total, tuple(replicates), _joined(kept, keep), failures, dict(counters), wall, file)
+    reason = reasons.most_common(1)[0][0] if reasons else ""
+    return Gathered(total, tuple(replicates), _joined(kept, keep), failures, reason, dict(counters), wall, file)
 
 
 def _joined(parts: list[uqmbd.Realisations], keep: int) -> uqmbd.Realisations:

@@ -10,7 +10,7 @@ import xarray as xr
 import uqmbd
 from uqmbd.results import sample_dataset, statistics_of_samples
 from uqmbd_montecarlo.designs import replicate_sizes, uniform_samples
-from uqmbd_montecarlo.gathering import gather
+from uqmbd_montecarlo.gathering import Gathered, gather
 from uqmbd_montecarlo.replicates import replicate_errors
 
 __all__ = ["MonteCarlo"]
@@ -97,7 +97,7 @@ class MonteCarlo(uqmbd.Propagator):
             raise uqmbd.IntegrationError(
                 f"{problem.label}: {found.failures} of {self.samples} samples failed, more than "
                 f"max_failures = {self.max_failures:g} allows. "
-                f"Most frequent reason: {found.kept.most_frequent_reason()}"
+                f"Most frequent reason: {found.reason}"
             )
         kept = found.kept
         samples = sample_dataset(kept.response, kept.values, problem.labels, status=kept.status, messages=kept.messages)
@@ -117,5 +117,12 @@ class MonteCarlo(uqmbd.Propagator):
             realisations=self.samples,
             wall_time=found.wall_time,
             counters=found.counters,
-            attrs={"failures": found.failures, **({"all_samples": found.file} if found.file else {})},
+            attrs=self._about_the_kept(found),
         )
+
+    def _about_the_kept(self, found: Gathered) -> dict[str, str | int]:
+        """Say how the kept samples stand to all of them, where they are not the same."""
+        if self.samples <= self.keep:
+            return {}
+        file = {"all_samples": found.file} if found.file else {}
+        return {"failures": found.failures, "samples_kept": self.keep, **file}

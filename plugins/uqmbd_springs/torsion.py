@@ -15,8 +15,8 @@ __all__ = ["TorsionSpringDamper"]
 class TorsionSpringDamper(uqmbd.Component):
     """A linear spring and damper about a common axis of two bodies.
 
-    The angle of body j relative to body i is a state of its own, so any number of turns is counted.  It starts within
-    half a turn of zero (in the plane within one turn, as the bodies are drawn).
+    The angle of body j relative to body i is a state of its own, so any number of turns is counted.  In the plane it
+    starts as the bodies are drawn, in space within half a turn of zero.
 
     Examples
     --------
@@ -32,9 +32,9 @@ class TorsionSpringDamper(uqmbd.Component):
     axis_j = uqmbd.Parameter("1", "axis, frame of body j (left out in the plane)", kind="turning_axis")
 
     def prepare(self) -> dict[str, Any]:
-        """Lay a frame on each axis."""
+        """Lay a frame on each axis; in the plane take the angle from the drawing."""
         if not self.axis_i:
-            return {}
+            return {"drawn": self.drawn_angle()}
         frame_i, frame_j = uqmbd.joint_frames(self.axis_i, self.axis_j)
         return {"frame_i": frame_i, "frame_j": frame_j}
 
@@ -50,6 +50,8 @@ class TorsionSpringDamper(uqmbd.Component):
             rate = rate[0]
             r = uqmbd.relative_quaternion(i.quaternion, j.quaternion)
             start = 2 * sympy.atan2(r[1], r[0])
+            # the pair of half angles knows two turns; the drawing tells which ones are meant
+            start += 4 * sympy.pi * sympy.floor((p.drawn - start) / (4 * sympy.pi) + sympy.Rational(1, 2))
         if p.stiffness != 0:
             angle = p.state("angle")
             yield uqmbd.Auxiliary(angle, rate, start)

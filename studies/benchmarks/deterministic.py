@@ -196,12 +196,12 @@ def parts(model: Model, values: list[float], times: Array, rtol: float, repeat: 
     timers, total = Timers(), 0.0
     with timed_callbacks(timers):
         for _ in range(repeat):
-            begin = time.perf_counter()
+            begin = time.process_time()
             ensemble = Ensemble(model, np.array([values]))
             timers.wrap("assembly", lambda e=ensemble: e.start)()
             states = integrate(ensemble, times, rtol).states
             timers.wrap("outputs", ensemble.outputs)(times, states)
-            total += time.perf_counter() - begin
+            total += time.process_time() - begin
     show_parts(
         f"{model.name}: where the time of one realisation goes ({repeat} runs)", timers, total, "assembly", "outputs"
     )

@@ -17,7 +17,7 @@ __all__ = ["Contender", "Timers", "console", "interleave", "matched", "show", "s
 
 Array = NDArray[np.float64]
 
-console = Console(width=150)
+console = Console(width=160)
 
 
 @dataclass
@@ -98,7 +98,7 @@ def show(title: str, contenders: Sequence[Contender], columns: Sequence[str] = (
 
 @dataclass
 class Timers:
-    """Seconds and calls by part."""
+    """Processor seconds and calls by part."""
 
     seconds: dict[str, float] = field(default_factory=dict)
     calls: dict[str, int] = field(default_factory=dict)
@@ -109,9 +109,9 @@ class Timers:
         self.calls.setdefault(name, 0)
 
         def counted(*arguments: Any) -> Any:
-            begin = time.perf_counter()
+            begin = time.process_time()
             result = function(*arguments)
-            self.seconds[name] += time.perf_counter() - begin
+            self.seconds[name] += time.process_time() - begin
             self.calls[name] += 1
             return result
 
@@ -162,7 +162,7 @@ def show_parts(title: str, timers: Timers, total: float, before: str, after: str
     timers : Timers
         With the parts ``residual``, ``Jacobian`` and ``integrator`` (which contains the two), `before` and `after`.
     total : float
-        Seconds of everything.
+        Processor seconds of everything.
     before, after : str
         Parts before and after the integration.
     """

@@ -13,7 +13,9 @@ from uqmbd import results
 NAMES = ("slider_x", r"$F_{pin} \frac <b>&", "constant 力", "zero")
 
 
-def oscillator_node(label: str, *, samples: int = 60, seed: int = 1, failing: int = 2) -> xr.DataTree:
+def oscillator_node(
+    label: str, *, samples: int = 60, seed: int = 1, failing: int = 2, options: dict[str, object] | None = None
+) -> xr.DataTree:
     """Return samples of ``x = cos(w t)`` with random ``w``, the first ``failing`` of which failed."""
     rng = np.random.default_rng(seed)
     times = np.linspace(0.0, 2.0, 41)
@@ -34,10 +36,10 @@ def oscillator_node(label: str, *, samples: int = 60, seed: int = 1, failing: in
         data,
         propagator="monte-carlo",
         seed=seed,
-        options={"samples": samples},
+        options={"samples": samples, **(options or {})},
         realisations=samples,
         wall_time=1.25,
-        solver_counters={"steps": 12345},
+        solver_counters={"residuals": 12345, "alone": 3, "seconds": 75.0, "my_counter": 1.5},
     )
 
 

@@ -6,6 +6,7 @@ import io
 import itertools
 import subprocess
 import sys
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -14,6 +15,9 @@ from matplotlib.figure import Figure
 
 from uqmbd import report, results
 from uqmbd.errors import StudyError
+from uqmbd.report.distributions import density
+from uqmbd.report.over_time import occurrences
+from uqmbd.report.ticks import freeze_ticks
 
 
 def _drawn(figure: Figure) -> Figure:
@@ -31,6 +35,10 @@ def test_every_figure_can_be_drawn(study: xr.DataTree, output: str) -> None:
         report.bands(study["galerkin $3"], output),
         report.std_over_time(study, output),
         report.histograms(node, output),
+        report.histograms(node["samples"].to_dataset(), output),
+        report.time_history_histogram(node, output),
+        report.convergence(node, output),
+        report.failure_inputs(node),
         report.inputs(node),
     ):
         _drawn(figure)
@@ -57,15 +65,113 @@ def test_bands_are_the_mean_and_the_quantiles(study: xr.DataTree) -> None:
         assert edge.max() == pytest.approx(float(statistics["quantile"].sel(probability=high).max()))
 
 
-def test_histograms_count_the_samples_that_succeeded(study: xr.DataTree) -> None:
-    """Each histogram holds all samples but the failed ones; times are those asked for."""
-    figure = report.histograms(study["monte-carlo"], "slider_x", [0.49, 2.0])
+def test_histograms_are_densities(study: xr.DataTree) -> None:
+    """Bars and curves enclose an area of 1, failed samples left out; times are those asked for; units are inverse."""
+    figure = report.histograms(study, "slider_x", [0.49, 2.0])
     assert [a.get_title() for a in figure.axes] == ["t = 0.5 s", "t = 2 s"]
+    assert figure.axes[0].get_ylabel() == "density [1/m]"
+    assert [text.get_text() for text in figure.legends[0].get_texts()] == ["monte-carlo", "second"]
+    samples = study["monte-carlo/samples"].to_dataset()
+    values = samples["response"].sel(output="slider_x", time=2.0).values[2:]
     for axes in figure.axes:
-        assert sum(patch.get_height() for patch in axes.patches) == 58
+        heights, edges, _ = axes.patches[0].get_data()
+        assert np.sum(heights * np.diff(edges)) == pytest.approx(1.0)
+        assert len(axes.lines) == 2
+        for line in axes.lines:
+            assert np.trapezoid(line.get_ydata(), line.get_xdata()) == pytest.approx(1.0, abs=0.01)
+    assert (edges[0], edges[-1]) == pytest.approx((values.min(), values.max()))
     largest = study["monte-carlo/statistics/std"].sel(output="slider_x").idxmax("time").item()
     titles = [a.get_title() for a in report.histograms(study["monte-carlo"], "slider_x").axes]
     assert f"t = {largest:.4g} s" in titles and titles[-1] == "t = 2 s" and len(titles) <= 4
+
+
+@pytest.mark.parametrize("scale", [1.0, 1e-200, 1e200])
+def test_densities_of_every_size(scale: float) -> None:
+    """Many samples (counted first), two peaks, far values and extreme units: the area under the curve stays 1."""
+    rng = np.random.default_rng(0)
+    peaks = np.concatenate([rng.normal(-5, 0.2, 3000), rng.normal(5, 0.2, 3000)])
+    for values in (rng.normal(size=100), peaks, np.append(rng.normal(size=99), 40.0)):
+        x, f = density(scale * values, 2000)
+        assert np.trapezoid(f * scale, x / scale) == pytest.approx(1.0, abs=0.01)
+    assert density(np.full(9, scale)) is None and density(np.array([1.0])) is None
+
+
+def test_time_history_counts_every_sample_once(study: xr.DataTree) -> None:
+    """In each column of time the counts add up to the samples that succeeded, and each lies in its bin."""
+    figure = _drawn(report.time_history_histogram(study["monte-carlo"], "slider_x", mean=True))
+    counts = figure.axes[0].images[0].get_array()
+    assert counts.shape[1] == 41 and 40 <= counts.shape[0] <= 100
+    assert np.all(counts.filled(0).sum(axis=0) == 58)
+    assert figure.axes[1].get_ylabel() == "number of samples"
+    assert figure.axes[0].get_ylabel() == "slider_x [m]"
+
+
+def test_time_history_is_bounded() -> None:
+    """Long and uneven time grids and constants give a small image whose columns count every sample once."""
+    times = np.concatenate([np.linspace(0, 1, 3000), [5.0, 9.0]])
+    response = np.random.default_rng(0).normal(size=(50, 1)) * np.sin(times)
+    counts, columns, _ = occurrences(response, times)
+    assert counts.shape[1] == 200 and counts.shape[0] <= 100 and columns[[0, -1]].tolist() == [0.0, 9.0]
+    assert np.all(counts.sum(axis=0) == 50)
+    counts, _, (low, high) = occurrences(np.full((7, 3), 0.15), np.arange(3.0))
+    assert low < 0.15 < high and np.all(counts.max(axis=0) == 7)
+
+
+def test_convergence_ends_at_the_result(make_node: Callable[..., xr.DataTree]) -> None:
+    """The last estimates are the stored mean and standard deviation, the last bands 1.96 stored standard errors."""
+    node = make_node("a", samples=300)
+    figure = _drawn(report.convergence(node, "slider_x"))
+    stored = node["statistics"].to_dataset().sel(output="slider_x")
+    last = stored.isel(time=int(stored["std"].values.argmax()))
+    for axes, name in zip(figure.axes, ("mean", "std"), strict=True):
+        assert axes.get_xscale() == "log"
+        line = axes.lines[-1]
+        assert line.get_xdata()[-1] == 298
+        assert line.get_ydata()[-1] == pytest.approx(float(last[name]))
+        band = axes.collections[0].get_paths()[0].vertices
+        upper = band[band[:, 0] == 298][:, 1].max()
+        assert upper - float(last[name]) == pytest.approx(1.96 * float(last[f"std_error_{name}"]))
+    at = report.convergence(node, "slider_x", time=0.51).axes[0]
+    assert at.get_title(loc="right") == "t = 0.5 s"
+    _drawn(report.convergence(node, "zero"))
+
+
+def test_convergence_of_replicates(make_node: Callable[..., xr.DataTree]) -> None:
+    """Designs whose points depend on one another are shown replicate by replicate."""
+    node = make_node("a", samples=320, options={"sampling": "sobol", "replicates": 5})
+    figure = _drawn(report.convergence(node, "slider_x"))
+    line = figure.axes[1].lines[-1]
+    assert line.get_xdata().tolist() == [1, 2, 3, 4, 5]
+    assert line.get_ydata()[-1] == pytest.approx(float(node["statistics/std"].sel(output="slider_x").max()))
+    assert figure.axes[1].get_xlabel() == "number of replicates (of 64 samples each)"
+
+
+@pytest.mark.parametrize("options", [{}, {"sampling": "sobol", "replicates": 10}])
+def test_convergence_of_samples_not_all_kept(make_node: Callable[..., xr.DataTree], options: dict[str, object]) -> None:
+    """Where the results hold the first samples only, the last point is what is stored of all of them."""
+    node = make_node("a", samples=320, failing=0, options=options)
+    shorter = xr.DataTree.from_dict(
+        {
+            "/": node.to_dataset(),
+            "statistics": node["statistics"].to_dataset(),
+            "samples": node["samples"].to_dataset().isel(sample=slice(150)),
+        }
+    )
+    line = _drawn(report.convergence(shorter, "slider_x", 2.0)).axes[0].lines[-1]
+    assert line.get_xdata()[-2:].tolist() == ([4, 10] if options else [150, 320])
+    assert line.get_ydata()[-1] == float(node["statistics/mean"].sel(output="slider_x", time=2.0))
+
+
+def test_long_lines_are_thinned_but_keep_their_peaks() -> None:
+    """Ten thousand times are drawn with at most 600 points, and a peak of a single step is among them."""
+    times = np.linspace(0, 1, 10_001)
+    mean = np.where(np.arange(times.size) == 4321, 7.0, np.sin(times))
+    axes = results.labels(["x"], [], times)
+    statistics = results.statistics_dataset(axes, mean=[mean], std=[0.1 + 0 * times])
+    node = results.propagator_node("a", statistics, propagator="p", realisations=1, wall_time=0.0)
+    line = report.bands(node, "x").axes[0].lines[0]
+    assert len(line.get_ydata()) <= 600 and line.get_ydata().max() == 7.0
+    assert line.get_xdata()[[0, -1]].tolist() == [0.0, 1.0]
 
 
 def test_a_constant_is_not_magnified() -> None:
@@ -111,6 +217,25 @@ def test_long_names_stay_inside() -> None:
     box = figure.axes[0].yaxis.label.get_window_extent()
     assert box.y0 >= 0 and box.y1 <= figure.bbox.y1 + 1
     assert figure.legends[0].get_window_extent().x1 <= figure.bbox.x1 + 1
+
+
+@pytest.mark.parametrize("output", ["slider_x", r"$F_{pin} \frac <b>&", "zero"])
+def test_frozen_ticks_say_the_same(study: xr.DataTree, output: str) -> None:
+    """A figure that is written has the limits and the texts of the figure that was drawn."""
+    node = study["monte-carlo"]
+    for draw in (report.bands, report.time_history_histogram, report.histograms, report.convergence):
+        plain, frozen = draw(node, output), draw(node, output)
+        freeze_ticks(frozen)
+        _drawn(plain)
+        _drawn(frozen)
+        for before, after in zip(plain.axes, frozen.axes, strict=True):
+            assert after.axis() == pytest.approx(before.axis())
+            texts = {text.get_text() for text in after.texts}
+            low, high = before.get_ylim()
+            shown = [t for t, y in zip(before.get_yticklabels(), before.get_yticks(), strict=True) if low <= y <= high]
+            assert {t.get_text() for t in shown} <= texts
+            assert before.get_ylabel() in texts | {""}
+            assert not after.yaxis.get_visible()
 
 
 def test_errors_say_what_there_is(study: xr.DataTree) -> None:

@@ -101,7 +101,7 @@ def test_it_is_accessible(source: str) -> None:
     assert ("html", {"lang": "en"}) in page.tags
     assert any(attrs.get("name") == "viewport" for _, attrs in page.tags)
     images = [attrs for tag, attrs in page.tags if tag == "img"]
-    assert len(images) == 9 and all(attrs["alt"] for attrs in images)
+    assert len(images) == 13 and all(attrs["alt"] for attrs in images)
     assert all(attrs.get("scope") in ("col", "row") for tag, attrs in page.tags if tag == "th")
 
 
@@ -117,10 +117,16 @@ def test_it_says_everything(source: str, study: xr.DataTree) -> None:
         "Normal(mu=40, sigma=2)",
         r"$F_{pin} \frac <b>&",
         "2 of 60 realisations (3.33 %) failed",
-        "integration failed",
+        "Integration failed: 2 samples (100 % of the failures)",
         "step too small at 'pin' <img src=x>",
         "No realisation failed: all 60 entered",
-        "12345",
+        "residual evaluations12 345",
+        "realisations integrated alone3",
+        "time in the integrator, summed over workers1 min 15 s",
+        "my counter1.5",
+        "Time of the largest standard deviation",
+        "with 95 % confidence",
+        "240 samples instead of 60 would halve the uncertainty",
         "Differences from second, the reference",
         "uqmbd run 'a & b.py'",
         "option samples",
@@ -131,6 +137,41 @@ def test_it_says_everything(source: str, study: xr.DataTree) -> None:
     assert f"{mean:.3f} ± " in text
     k = float(study["monte-carlo/samples/inputs"][0, 0])
     assert f"{k:.6g}" in text
+
+
+def test_the_contents_lead_to_every_output(source: str) -> None:
+    """Each output has an anchor in the contents and can be folded, but is open, so that it is printed."""
+    page = Page(source)
+    targets = [attrs["href"] for tag, attrs in page.tags if tag == "a"]
+    assert [t for t in targets if t.startswith("#output-")] == [f"#output-{k}" for k in range(1, 5)]
+    headings = [tag for tag, _ in page.tags if tag in ("h1", "h2", "h3", "h4")]
+    assert headings[0] == "h1" and headings.count("h1") == 1
+    folded = [attrs for tag, attrs in page.tags if tag == "details" and "open" not in attrs]
+    assert len(folded) == 3  # the versions of three methods, nothing else
+    assert "details::details-content" in source
+
+
+def test_figures_come_in_order_with_their_words(source: str) -> None:
+    """Bands, time-history histogram, densities, convergence, standard deviation: each with an alternative text."""
+    alts = [attrs["alt"] for tag, attrs in Page(source).tags if tag == "img"]
+    starts = ["Mean of", "Time-history histogram of", "Probability densities of", "Mean and standard", "Standard dev"]
+    of_first = alts[1:6]
+    assert all(alt.startswith(start) and "slider_x" in alt for alt, start in zip(of_first, starts, strict=True))
+
+
+def test_reports_stay_small(tmp_path: Path) -> None:
+    """Noisy outputs of 1,000 samples at 2,000 times: with twenty of them the file would stay below 15 MB."""
+    times = np.linspace(0, 1, 2000)
+    rng = np.random.default_rng(0)
+    names = [(f"x{k}", "m") for k in range(3)]
+    response = np.sin(30 * times + rng.normal(size=(1000, 3, 1))) + 0.01 * rng.normal(size=(1000, 3, 2000))
+    axes = results.labels(names, ["k"], times)
+    samples = results.sample_dataset(response, rng.normal(size=(1000, 1)), axes)
+    node = results.propagator_node(
+        "a", results.statistics_of_samples(samples), samples, propagator="p", realisations=1000, wall_time=1.0
+    )
+    path = report.write_report(results.study_tree([node], study="s", mechanism="m"), tmp_path / "a.html")
+    assert path.stat().st_size / 3 * 20 < 15e6
 
 
 def test_user_text_is_escaped(source: str) -> None:
@@ -158,8 +199,9 @@ def test_one_method_and_no_failures(make_node: Callable[..., xr.DataTree], tmp_p
 
 def test_from_a_file(study: xr.DataTree, tmp_path: Path) -> None:
     """The report of a stored result is that of the result."""
-    loaded = results.load(results.save(study, tmp_path / "r.nc"))
-    one = report.write_report(study, tmp_path / "a.html").read_text(encoding="utf-8")
+    tree = results.study_tree([study["second"].copy()], study="s", mechanism="m")
+    loaded = results.load(results.save(tree, tmp_path / "r.nc"))
+    one = report.write_report(tree, tmp_path / "a.html").read_text(encoding="utf-8")
     assert report.write_report(loaded, tmp_path / "b.html").read_text(encoding="utf-8") == one
 
 

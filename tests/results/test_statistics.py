@@ -8,6 +8,7 @@ import scipy.stats
 
 from uqmbd.errors import StudyError
 from uqmbd.results import DEFAULT_PROBABILITIES, labels, sample_dataset, sample_statistics, statistics_of_samples
+from uqmbd.results.statistics import replicate_statistics, running_statistics
 
 
 def test_statistics_agree_with_scipy_and_numpy() -> None:
@@ -120,3 +121,32 @@ def test_bad_input_is_named() -> None:
             sample_statistics([[1.0], [2.0]], wrong)
     with pytest.raises(StudyError, match="one number for each of the 2 samples"):
         sample_statistics([[1.0], [2.0]], status=[0])
+
+
+def test_running_statistics_are_those_of_the_first_samples() -> None:
+    """For each number of samples the estimates and errors are those of these samples, whatever the offset."""
+    for offset, scale in ((0.0, 1.0), (1e5, 1e-3), (0.0, 1e-100)):
+        x = offset + scale * np.random.default_rng(0).standard_exponential(200)
+        found = running_statistics(x, [2, 17, 200])
+        for k, n in enumerate((2, 17, 200)):
+            plain = sample_statistics(x[:n, None])
+            for name, values in found.items():
+                assert values[k] == pytest.approx(plain[name].item(), rel=1e-6), (name, n)
+    constant = running_statistics(np.full(5, 0.1), [2, 5])
+    assert np.all(constant["mean"] == 0.1) and not constant["std"].any() and not constant["std_error_std"].any()
+    with pytest.raises(StudyError, match="from 2 to the 3 samples"):
+        running_statistics([1.0, 2.0, 3.0], [4])
+
+
+def test_replicate_statistics_are_honest() -> None:
+    """With all replicates the estimates are those of all samples, and 95 % of the intervals hold the truth."""
+    rng = np.random.default_rng(3)
+    covered = {"mean": 0, "std": 0}
+    for _ in range(400):
+        x = rng.normal(size=(10, 30))
+        found = replicate_statistics(list(x))
+        assert found["mean"][-1] == pytest.approx(x.mean()) and found["std"][-1] == pytest.approx(x.std(ddof=1))
+        assert np.isnan(found["std_error_mean"][0])
+        for name, truth in (("mean", 0.0), ("std", 1.0)):
+            covered[name] += abs(found[name][-1] - truth) < 1.96 * found[f"std_error_{name}"][-1]
+    assert all(0.92 < count / 400 < 0.98 for count in covered.values()), covered

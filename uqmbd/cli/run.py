@@ -49,6 +49,9 @@ def run_study(
     resume : bool
         Continue an unfinished run in the folder.
     """
+    # before the work, not after it: whatever is wrong with the report should cost no hours
+    import uqmbd.report.html  # noqa: F401
+
     begin = time.monotonic()
     study = load_study(script)
     check_labels(only, study.propagators)

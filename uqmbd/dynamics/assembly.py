@@ -316,6 +316,15 @@ def _body_rate(e: Array) -> Array:
     )
 
 
+def _negative(model: Model, parameters: Array) -> list[str]:
+    """Name masses and moments of inertia that are negative, for each realisation."""
+    messages = [""] * len(parameters)
+    for name, index in model.positive:
+        for k in np.flatnonzero(parameters[:, index] < 0):
+            messages[k] = messages[k] or f"the {name} is {parameters[k, index]:.4g}: it cannot be negative"
+    return messages
+
+
 def assemble(model: Model, all_parameters: Array, time: float) -> Start:
     """Make consistent initial states.
 
@@ -342,7 +351,8 @@ def assemble(model: Model, all_parameters: Array, time: float) -> Start:
     s = dense(model, "initial", state_arguments(q, np.zeros((count, layout.states)), np.zeros_like(q), time), safe)["s"]
     v, contradictions = velocities(model, q, s, time, safe, safe)
     messages = [
-        "a parameter is not finite" if b else (m or c) for b, m, c in zip(bad, messages, contradictions, strict=True)
+        "a parameter is not finite" if b else (n or m or c)
+        for b, n, m, c in zip(bad, _negative(model, safe), messages, contradictions, strict=True)
     ]
     a, rates = np.zeros_like(q), np.zeros_like(s)
     multipliers = np.zeros((count, layout.rank))

@@ -237,7 +237,14 @@ def _block(
                         f"{where}: VirtualWork has a force of {len(f)} components and "
                         f"a velocity of {len(w)}; they must be alike."
                     )
-                work += [(plain(a), plain(b)) for a, b in zip(f, w, strict=True)]
+                pairs = [(plain(a), plain(b)) for a, b in zip(f, w, strict=True)]
+                for _, rate in pairs:
+                    if rate.free_symbols and not rate.free_symbols & set(v):
+                        raise StudyError(
+                            f"{where}: VirtualWork(force, velocity) is given {rate}, which contains no velocity; "
+                            "the work of a force on a point is VirtualWork(force, body.point_velocity(point))."
+                        )
+                work += pairs
             case Constraint(equations, label):
                 parts = [plain(e) for e in flatten(equations)]
                 names = ["x", "y", "z"] if len(parts) in (2, 3) else [str(k + 1) for k in range(len(parts))]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import warnings
 from dataclasses import replace
 
@@ -91,6 +92,14 @@ def _kinematics(mechanism: Mechanism, time: float) -> tuple[Model, list[Instance
                 expressions += stated
     breaks = np.arange(len(expressions), len(expressions) + len(_breaks(instances)))
     expressions += _breaks(instances)
+    positive: list[tuple[str, int]] = []
+    for body in mechanism.bodies.values():
+        moments = body.terms.inertia or ()
+        names = ["moment of inertia"] if len(moments) == 1 else ["Jxx", "Jyy", "Jzz"]
+        for what, value in [("mass", body.mass), *zip(names, moments, strict=False)]:
+            if not sympy.sympify(value).is_number:
+                positive.append((f"{what} of body {body.name!r}", len(expressions)))
+                expressions.append(sympy.sympify(value))
 
     none = np.zeros(0, dtype=np.int64)
     every = np.arange(len(equations), dtype=np.int64)
@@ -119,6 +128,7 @@ def _kinematics(mechanism: Mechanism, time: float) -> tuple[Model, list[Instance
         statements=tuple(statements),
         held=np.array(held, dtype=np.int64),
         breaks=breaks,
+        positive=tuple(positive),
         evaluators={kind: evaluator(kind, instances, order, layout, blocks, fuse=False) for kind in kinds},
     )
     parameters = model.parameters(inputs.means[None, :])
@@ -228,10 +238,17 @@ def build(mechanism: Mechanism, time: float = 0.0, *, fuse: bool | None = None) 
             stacklevel=3,
         )
     order = {name: k for k, name in enumerate(mechanism.bodies)}
+    text = [
+        (i.type.digest, i.component.name, [b.name for b in i.bodies], list(map(str, i.parameters))) for i in instances
+    ]
+    text += [(o.name, sympy.srepr(o.expression)) for o in mechanism.outputs.values()]
+    text += [
+        (b.name, *map(str, (b.pose.q, b.pose.velocity, b.pose.angular_velocity))) for b in mechanism.bodies.values()
+    ]
     blocks = model.block_parameters
     fuse = layout.unknowns <= FUSED_LIMIT if fuse is None else fuse
     evaluators = dict(model.evaluators)
-    for kind in ("residual", "jacobian"):
+    for kind in ("residual", "jacobian", "acceleration"):
         evaluators[kind] = evaluator(kind, instances, order, layout, blocks, fuse=fuse)
     outputs = output_map(
         list(mechanism.outputs.values()),
@@ -242,7 +259,11 @@ def build(mechanism: Mechanism, time: float = 0.0, *, fuse: bool | None = None) 
         (layout.coordinates, layout.states, layout.constraints),
     )
     model = replace(
-        model, evaluators=evaluators, outputs=outputs, pattern=csc_pattern(evaluators["jacobian"], layout.unknowns)
+        model,
+        digest=hashlib.sha256(repr(text).encode()).hexdigest(),
+        evaluators=evaluators,
+        outputs=outputs,
+        pattern=csc_pattern(evaluators["jacobian"], layout.unknowns),
     )
     parameters = model.parameters(mechanism.inputs.means[None, :])
     q, _ = positions(model, parameters[:, model.drawn], time, parameters, layout.kept)

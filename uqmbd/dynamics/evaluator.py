@@ -86,7 +86,7 @@ class Evaluator:
         parts = []
         for group in self.groups:
             if group.whole:
-                local = np.concatenate([arguments, parameters], axis=1)
+                local = np.concatenate([arguments, parameters[:, : group.parameters.shape[1]]], axis=1)
             else:
                 local = np.concatenate([arguments[:, group.gather], parameters[:, group.parameters]], axis=2)
             parts.append(group.kernel(local).reshape(count, len(group.gather) * group.kernel.outputs))

@@ -124,7 +124,10 @@ class Model:
     owners : tuple of str
         Component of every constraint equation.
     parameters : ParameterMap
-        All parameters of all instances, then the drawn pose, statements and break times.
+        All parameters of all instances, then the drawn pose, statements, break times, and random masses and moments of
+        inertia.
+    positive : tuple of (name, index)
+        Parameters that must not be negative.
     """
 
     name: str
@@ -142,7 +145,10 @@ class Model:
     statements: tuple[Statement, ...]
     held: Index
     breaks: Index
+    positive: tuple[tuple[str, int], ...]
     evaluators: dict[str, Evaluator] = field(repr=False)
+    digest: str = ""
+    """Hash of all equations, parameters and outputs, as symbols."""
     outputs: Any = field(default=None, repr=False)
     system: Any = field(default=None, repr=False)
     pattern: tuple[Index, Index] = field(default=(np.zeros(0, int), np.zeros(0, int)), repr=False)

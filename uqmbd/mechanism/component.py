@@ -324,6 +324,11 @@ class Component:
         """Quaternion of one body relative to another in the drawn pose, ``conj(e_i) e_j``, for `prepare`."""
         return relative_quaternion(*(_drawn(self.attached[b]) for b in (body_i, body_j)))
 
+    def drawn_angle(self, body_i: str = "body_i", body_j: str = "body_j") -> sympy.Expr:
+        """Angle of one body relative to another as drawn in the plane, any number of turns, for `prepare`."""
+        angle_i, angle_j = (getattr(getattr(self.attached[b], "pose", None), "angle", 0) for b in (body_i, body_j))
+        return sympy.sympify(angle_j) - sympy.sympify(angle_i)
+
     def _space(self) -> Space:
         for body in self.attached.values():
             space = getattr(body, "space", None)

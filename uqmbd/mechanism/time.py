@@ -6,6 +6,8 @@ from typing import Any
 
 import sympy
 
+from uqmbd.errors import StudyError
+
 __all__ = ["step", "t"]
 
 
@@ -45,6 +47,15 @@ class step(sympy.Function):  # noqa: N801 - it is written as a function in expre
     """
 
     nargs = 5
+
+    @classmethod
+    def eval(cls, x: Any, x0: Any, y0: Any, x1: Any, y1: Any) -> None:
+        """Refuse corners in the wrong order; nothing is evaluated."""
+        if x0.is_number and x1.is_number and not x0 < x1:
+            raise StudyError(
+                f"step({x}, {x0}, {y0}, {x1}, {y1}): the corners are at {x0} and {x1}; expected step(x, x0, y0, x1, y1) "
+                "with x0 < x1: from y0 at x0 to y1 at x1."
+            )
 
     def doit(self, **hints: Any) -> sympy.Expr:
         """Write it out as a piecewise polynomial."""

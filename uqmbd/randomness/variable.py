@@ -70,7 +70,7 @@ class RandomVariable(sympy.Symbol):
     joint: Joint
     component: int
 
-    def __new__(cls, name: str, distribution: chaospy.Distribution, units: str = "") -> RandomVariable:
+    def __new__(cls, name: str, distribution: chaospy.Distribution = None, units: str = "") -> RandomVariable:
         """Check what is given."""
         where = f"random variable {check_name(name, 'random variable')!r}"
         _require_distribution(where, distribution, 1)

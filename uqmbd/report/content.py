@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Mapping
 from typing import Any
@@ -17,7 +16,6 @@ from uqmbd.report.wording import format_count, format_duration, format_integer, 
 
 __all__ = [
     "comparison",
-    "cost",
     "failures",
     "has_histograms",
     "has_output",
@@ -28,8 +26,6 @@ __all__ = [
     "output_names",
     "output_rows",
     "precision",
-    "provenance",
-    "study_attributes",
     "summary",
     "varies",
 ]
@@ -38,17 +34,6 @@ _SHOWN_FAILURES = 20
 _SHOWN_REASONS = 6
 # How well a standard deviation should be known: above the first it is a rough figure, above the second hardly one.
 _WELL_KNOWN, _ROUGHLY_KNOWN = 0.05, 0.15
-_COUNTERS = {
-    "steps": "steps of the integrator",
-    "residuals": "residual evaluations",
-    "residual_evaluations": "residual evaluations",
-    "jacobians": "Jacobian evaluations",
-    "jacobian_evaluations": "Jacobian evaluations",
-    "factorisations": "factorisations of the Jacobian",
-    "integrations": "integrations (each of many realisations at once)",
-    "alone": "realisations integrated alone",
-    "seconds": "time in the integrator, summed over workers",
-}
 
 
 def heading(tree: xr.DataTree) -> dict[str, str]:
@@ -271,6 +256,12 @@ def summary(tree: xr.DataTree, nodes: Mapping[str, xr.DataTree]) -> list[str]:
         seconds = format_duration(float(node.attrs.get("wall_time", math.nan)))
         outcome = "all succeeded" if not failed else f"{failed} failed and did not enter the statistics"
         text.append(f"{label} computed {format_count(total, 'realisation')} in {seconds}; {outcome}.")
+        kept = node.children["samples"].sizes["sample"] if "samples" in node.children else total
+        if kept < total:
+            text.append(
+                f"Means and standard deviations of {label} are those of all {format_integer(total)}; quantiles, "
+                f"histograms and densities are those of the first {format_integer(kept)}, which the results hold."
+            )
     text += _overall_precision(nodes)
     label, node = next(iter(nodes.items()))
     constant = [name for name in names if has_output(node, name) and not varies(node, name)]
@@ -291,17 +282,21 @@ def failures(label: str, node: xr.DataTree) -> dict[str, Any]:
         "names": [],
         "rows": [],
         "hidden": 0,
+        "kept": "",
     }
     if "samples" not in node.children or not failed:
         return found
     samples = node.children["samples"].to_dataset()
     reasons = failure_reasons(node)
+    seen = sum(len(r.samples) for r in reasons)
+    if samples.sizes["sample"] < total:
+        found["kept"] = format_integer(samples.sizes["sample"])
     found["reasons"] = [
         {
             "kind": r.kind,
             "reason": r.text,
             "count": len(r.samples),
-            "share": _share(len(r.samples), failed),
+            "share": _share(len(r.samples), seen),
             "words": failure_words(node, r),
             "group": r,
         }
@@ -324,32 +319,6 @@ def _share(part: int, whole: int) -> str:
     return f"{100 * part / whole:.3g} %" if whole else ""
 
 
-def cost(label: str, node: xr.DataTree) -> dict[str, Any]:
-    """Return what a method cost."""
-    total, failed = _numbers(node)
-    seconds = float(node.attrs.get("wall_time", math.nan))
-    return {
-        "label": label,
-        "wall_time": format_duration(seconds),
-        "realisations": total,
-        "failures": failed,
-        "each": format_duration(seconds / total) if total else "",
-        "counters": [_counter(name, value) for name, value in _pairs(node.attrs.get("solver_counters"))],
-    }
-
-
-def _counter(name: str, value: str) -> tuple[str, str]:
-    """Return a solver's counter with a name for reading."""
-    shown = _COUNTERS.get(name, name.replace("_", " "))
-    try:
-        number = float(value)
-    except ValueError:
-        return shown, value
-    if name == "seconds":
-        return shown, format_duration(number)
-    return shown, format_integer(number) if number == round(number) else format_number(number)
-
-
 def comparison(tree: xr.DataTree) -> dict[str, Any] | None:
     """Return the comparison of several methods, None for a single one."""
     data = tree.children["comparison"].to_dataset() if "comparison" in tree.children else xr.Dataset()
@@ -370,32 +339,3 @@ def comparison(tree: xr.DataTree) -> dict[str, Any] | None:
                 row[key] = _with_units(format_number(value), units) + share
             rows.append(row)
     return {"reference": reference, "rows": rows}
-
-
-def provenance(label: str, node: xr.DataTree) -> dict[str, Any]:
-    """Return how a method's result came about: its options, seed, versions and date."""
-    attrs = node.attrs
-    facts: list[tuple[str, str]] = [
-        (k, str(attrs[k])) for k in ("propagator", "seed", "created", "uqmbd_version") if k in attrs
-    ]
-    facts += [(f"option {name}", value) for name, value in _pairs(attrs.get("options"))]
-    known = {"propagator", "label", "seed", "created", "uqmbd_version", "options", "versions", "solver_counters"}
-    known |= {"wall_time", "realisations", "failures"}
-    facts += [(str(k), str(v)) for k, v in attrs.items() if k not in known]
-    return {"label": label, "facts": facts, "versions": _pairs(attrs.get("versions"))}
-
-
-def study_attributes(tree: xr.DataTree) -> list[tuple[str, str]]:
-    """Return what else is known about the study."""
-    shown = {"study", "mechanism", "created", "command"}
-    return [(str(k), str(v)) for k, v in tree.attrs.items() if k not in shown]
-
-
-def _pairs(text: object) -> list[tuple[str, str]]:
-    try:
-        content = json.loads(text) if isinstance(text, str) else {}
-    except ValueError:
-        return [("", str(text))]
-    if not isinstance(content, dict):
-        return [("", str(text))]
-    return [(str(k), v if isinstance(v, str) else json.dumps(v, ensure_ascii=False)) for k, v in content.items()]

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import xarray as xr
 from numpy.typing import NDArray
 
 from uqmbd.errors import StudyError
@@ -101,7 +102,14 @@ def convergence(node: Samples, output: str, time: float | None = None) -> Figure
         chosen = int(np.abs(response["time"].values - time).argmin())
     values = response.values[:, chosen]
     design = design_of(node.attrs)
-    counts, found = _estimates(values, fine, design)
+    total = max(int(node.attrs.get("realisations", 0)), len(values))
+    counts, found = _estimates(values, fine, design, total)
+    if total > len(values) and isinstance(node, xr.DataTree):
+        # Only the first samples were kept; what all of them say is stored.
+        last = of_output(node.children["statistics"], output).isel(time=chosen)
+        number = total - int(node.attrs.get("failures", 0)) if design.independent else design.replicates
+        counts = np.append(counts, number)
+        found = {name: np.append(part, float(last[name]) if name in last else np.nan) for name, part in found.items()}
 
     figure, grid = axes_grid(2, 1.75, 1)
     units = str(response["output_units"].item())
@@ -122,14 +130,14 @@ def convergence(node: Samples, output: str, time: float | None = None) -> Figure
     if design.independent:
         grid[1].set_xlabel("number of samples")
     else:
-        grid[1].set_xlabel(f"number of replicates (of {len(values) / design.replicates:.4g} samples each)")
+        grid[1].set_xlabel(f"number of replicates (of {total / design.replicates:.4g} samples each)")
     grid[0].set_title(f"t = {float(response['time'][chosen]):.4g} s", fontsize=9.5, y=1.0, loc="right")
     arrange(figure, grid, legend=handles)
     return figure
 
 
 def _estimates(
-    values: NDArray[np.float64], fine: NDArray[np.bool_], design: Design
+    values: NDArray[np.float64], fine: NDArray[np.bool_], design: Design, planned: int
 ) -> tuple[NDArray[np.float64], dict[str, NDArray[np.float64]]]:
     """Return the numbers of samples or replicates, and the estimates that belong to them."""
     if design.independent:
@@ -137,9 +145,10 @@ def _estimates(
         start = max(2, min(10, total // 4))
         numbers = np.unique(np.geomspace(start, total, _POINTS).round().astype(int)) if total > start else [total]
         return np.asarray(numbers, dtype=float), running_statistics(values[fine], numbers)
-    sizes = [len(part) for part in np.array_split(values, design.replicates)]
-    ends = np.cumsum(sizes)[:-1]
-    parts = [v[f] for v, f in zip(np.split(values, ends), np.split(fine, ends), strict=True)]
+    edges = np.cumsum([0, *(len(part) for part in np.array_split(np.arange(planned), design.replicates))])
+    # Of samples that were not all kept, the complete replicates.
+    edges = edges[edges <= len(values)] if edges[1] <= len(values) else np.array([0, len(values)])
+    parts = [values[a:b][fine[a:b]] for a, b in zip(edges[:-1], edges[1:], strict=True)]
     usable = [part for part in parts if len(part)]
     if len(usable[0]) < 2:
         usable = [np.concatenate(usable)]

@@ -85,6 +85,8 @@ def _dress(axes: Axes) -> None:
     axes.spines[["top", "right"]].set_visible(False)
     axes.set_axisbelow(True)
     axes.tick_params(labelsize=9)
+    # A stated height of the title spares a search for what might be in its way.
+    axes.set_title("", y=1.0)
     for axis in (axes.xaxis, axes.yaxis):
         formatter = _plain_formatter()(useMathText=False)
         formatter.set_powerlimits((-3, 4))

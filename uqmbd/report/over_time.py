@@ -9,6 +9,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from uqmbd.report.drawing import (
+    WIDTH,
     arrange,
     axes_grid,
     constant,
@@ -221,7 +222,8 @@ def time_history_histogram(node: Samples, output: str, *, mean: bool = False) ->
     axes.set_xlabel("time [s]")
     axes.set_ylabel(wrapped(with_units(output, str(response["output_units"].item())), 34))
     axes.set_xlim(columns[0], columns[-1])
-    axes.set_ylim(*span)
+    margin = 0.03 * (span[1] - span[0])
+    axes.set_ylim(span[0] - margin, span[1] + margin)
     arrange(figure, [axes], right=0.95, legend={"mean": line} if mean else None)
     place = axes.get_position()
     bar.set_position((place.x1 + 0.02, place.y0, 0.025, place.height))
@@ -240,6 +242,8 @@ def _colour_bar(bar: Axes, image: Any, most: int) -> None:
     bar.yaxis.tick_right()
     bar.yaxis.set_label_position("right")
     bar.set_ylabel("number of samples", fontsize=9)
+    # Beside the longest number, as `arrange` would put it.
+    bar.yaxis.set_label_coords(1 + (0.14 + 0.07 * len(str(most))) / (0.025 * WIDTH), 0.5)
     bar.tick_params(labelsize=8)
     bar.set_xticks([])
     bar.spines[["top", "right"]].set_visible(True)
