@@ -132,3 +132,17 @@ def test_without_resume_a_run_starts_over(script: Path, tmp_path: Path) -> None:
     stale.write_bytes(b"left by an earlier run")
     _run_until(_command(script, out), out, 2, signal.SIGKILL)
     assert not stale.exists()
+
+
+def test_resume_after_a_change_of_the_study_computes_anew(script: Path, tmp_path: Path) -> None:
+    """The change acts late and in an output alone: nothing that is sampled at the start would show it."""
+    output = 'mechanism.output("angle", rod.angle, units="rad")'
+    late = 'mechanism.output("angle", rod.angle * uqmbd.step(uqmbd.t, 0.5, 1, 0.6, {}), units="rad")'
+    text = script.read_text()
+    undisturbed, out = tmp_path / "undisturbed", tmp_path / "changed"
+    script.write_text(text.replace(output, late.format(3)))
+    _run_until(_command(script, out), out, 3, signal.SIGKILL)
+    script.write_text(text.replace(output, late.format(7)))
+    subprocess.run(_command(script, out, "resume"), check=True, capture_output=True)
+    subprocess.run(_command(script, undisturbed), check=True, capture_output=True)
+    assert _response(out) == _response(undisturbed)

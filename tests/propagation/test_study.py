@@ -49,15 +49,6 @@ def test_results_do_not_depend_on_who_computes_them(swing, results):
         assert threads.submit(int, 3).result() == 3  # it is still open
 
 
-def test_first_chunk_does_not_know_of_the_others(swing, results):
-    """Chunks of 64 are fixed by sample index: the first is the same in any longer run with the same inputs."""
-    longer = swing.propagate(MonteCarlo(samples=164, seed=3))["samples"]
-    inputs = results["monte-carlo"]["samples"]["inputs"].values
-    if not same(longer["inputs"].values[:64], inputs[:64]):
-        pytest.skip("the samples of a longer run are others")
-    assert same(longer["response"].values[:64], response(results)[:64])
-
-
 def test_realise_gives_the_same_bits_for_the_same_chunk(swing):
     problem = swing.problem(swing.propagators[0])
     values = problem.inputs.from_uniform(np.random.default_rng(0).uniform(0.05, 0.95, (100, 2)))

@@ -238,13 +238,6 @@ def build(mechanism: Mechanism, time: float = 0.0, *, fuse: bool | None = None) 
             stacklevel=3,
         )
     order = {name: k for k, name in enumerate(mechanism.bodies)}
-    text = [
-        (i.type.digest, i.component.name, [b.name for b in i.bodies], list(map(str, i.parameters))) for i in instances
-    ]
-    text += [(o.name, sympy.srepr(o.expression)) for o in mechanism.outputs.values()]
-    text += [
-        (b.name, *map(str, (b.pose.q, b.pose.velocity, b.pose.angular_velocity))) for b in mechanism.bodies.values()
-    ]
     blocks = model.block_parameters
     fuse = layout.unknowns <= FUSED_LIMIT if fuse is None else fuse
     evaluators = dict(model.evaluators)
@@ -260,7 +253,7 @@ def build(mechanism: Mechanism, time: float = 0.0, *, fuse: bool | None = None) 
     )
     model = replace(
         model,
-        digest=hashlib.sha256(repr(text).encode()).hexdigest(),
+        digest=_digest(mechanism, instances),
         evaluators=evaluators,
         outputs=outputs,
         pattern=csc_pattern(evaluators["jacobian"], layout.unknowns),
@@ -275,6 +268,19 @@ def build(mechanism: Mechanism, time: float = 0.0, *, fuse: bool | None = None) 
             "in which it is free to move. Give it mass and inertia, or hold it with a joint."
         )
     return model
+
+
+def _digest(mechanism: Mechanism, instances: list[Instance]) -> str:
+    """Hash everything that the motion and the outputs depend on, as symbols."""
+    text = hashlib.sha256()
+    for i in instances:
+        text.update(repr((i.type.digest, i.component.name, [b.name for b in i.bodies])).encode())
+        text.update(str(i.parameters).encode())
+    for output in mechanism.outputs.values():
+        text.update(f"{output.name} {sympy.srepr(output.expression)}".encode())
+    for body in mechanism.bodies.values():
+        text.update(f"{body.name} {body.pose}".encode())
+    return text.hexdigest()
 
 
 def _typical(model: Model, q: Array, time: float, parameters: Array) -> Array:

@@ -23,6 +23,9 @@ __all__ = ["Evaluator", "Placement", "fused", "typed"]
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
+OPTIMISED_WIDTH = 120
+"""State arguments up to which LLVM optimises: beyond, the time it takes grows faster than what it saves."""
+
 
 @dataclass(frozen=True)
 class Placement:
@@ -265,7 +268,8 @@ def fused(
         targets = sorted(sums)
         arguments = [names.get(k, se.Symbol(f"_y{k}")) for k in range(width)]
         arguments += [se.Symbol(f"_g{k}") for k in range(parameters)]
-        return compile_kernel(arguments, [se.Add(*sums[x]) for x in targets]), targets
+        level = 2 if width <= OPTIMISED_WIDTH else 0
+        return compile_kernel(arguments, [se.Add(*sums[x]) for x in targets], opt_level=level), targets
 
     kernel, targets = cached(("fused", kind, parameters, sorted(columns.items()), layout), make)
     group = _Group(kernel, np.arange(width)[None, :], np.arange(parameters)[None, :], whole=True)

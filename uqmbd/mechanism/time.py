@@ -53,8 +53,8 @@ class step(sympy.Function):  # noqa: N801 - it is written as a function in expre
         """Refuse corners in the wrong order; nothing is evaluated."""
         if x0.is_number and x1.is_number and not x0 < x1:
             raise StudyError(
-                f"step({x}, {x0}, {y0}, {x1}, {y1}): the corners are at {x0} and {x1}; expected step(x, x0, y0, x1, y1) "
-                "with x0 < x1: from y0 at x0 to y1 at x1."
+                f"step({x}, {x0}, {y0}, {x1}, {y1}): the corners are at {x0} and {x1}; "
+                "expected step(x, x0, y0, x1, y1) with x0 < x1: from y0 at x0 to y1 at x1."
             )
 
     def doit(self, **hints: Any) -> sympy.Expr:
