@@ -8,10 +8,9 @@ from typing import ClassVar, Literal, get_args
 import xarray as xr
 
 import uqmbd
-from uqmbd.results import sample_dataset, statistics_of_samples
+from uqmbd.results import replicate_errors, sample_dataset, statistics_of_samples
 from uqmbd_montecarlo.designs import replicate_sizes, uniform_samples
 from uqmbd_montecarlo.gathering import Gathered, gather
-from uqmbd_montecarlo.replicates import replicate_errors
 
 __all__ = ["MonteCarlo"]
 

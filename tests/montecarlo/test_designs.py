@@ -7,10 +7,9 @@ import pytest
 from scipy.stats import norm
 
 import uqmbd
-from uqmbd.results import Moments, sample_statistics
+from uqmbd.results import Moments, replicate_errors, sample_statistics
 from uqmbd_montecarlo import MonteCarlo
 from uqmbd_montecarlo.designs import DESIGNS, replicate_sizes, uniform_samples
-from uqmbd_montecarlo.replicates import replicate_errors
 
 SEEDS = 200
 SAMPLES = 256

@@ -293,7 +293,7 @@ def velocities(
         statements = [g for g in guilty if g not in model.equations] or sorted(
             {f"{s.quantity} of body {s.body}" for s in model.statements}
         )
-        joints = [g for g in guilty if g in model.equations]
+        joints = [g for g in guilty if g in model.equations and not g.endswith(": unit quaternion")]
         messages.append(
             f"the stated {' and '.join(statements)} contradict{'s' if len(statements) == 1 else ''} "
             + (

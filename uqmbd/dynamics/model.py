@@ -14,7 +14,6 @@ from uqmbd.dynamics.block import Instance
 from uqmbd.dynamics.derivation import Kind
 from uqmbd.dynamics.evaluator import Evaluator, Placement, fused, typed
 from uqmbd.dynamics.parameters import ParameterMap
-from uqmbd.errors import StudyError
 
 __all__ = ["FUSED_LIMIT", "Layout", "Model", "Statement"]
 
@@ -276,13 +275,7 @@ def break_times(expressions: list[sympy.Expr], time: sympy.Symbol) -> list[sympy
             difference = condition.lhs - condition.rhs
             slope = difference.diff(time)
             if slope != 0 and not slope.has(time):
-                root = sympy.simplify(-difference.subs(time, 0) / slope) if slope != 1 else -difference.subs(time, 0)
+                root = -difference.subs(time, 0) / slope
                 if not root.has(time) and root not in found:
                     found.append(root)
     return found
-
-
-def require(condition: bool, message: str) -> None:
-    """Raise a `StudyError` unless a condition holds."""
-    if not condition:
-        raise StudyError(message)

@@ -6,6 +6,7 @@ from uqmbd.results.axes import InputInfo, Labels, OutputInfo, labels
 from uqmbd.results.comparison import choose_reference, compare
 from uqmbd.results.moments import Moments
 from uqmbd.results.nodes import propagator_node, study_tree
+from uqmbd.results.replicates import replicate_errors
 from uqmbd.results.samplefile import SampleFile, sample_file
 from uqmbd.results.schema import DEFAULT_PROBABILITIES, STATUS_MEANINGS, sample_dataset, statistics_dataset
 from uqmbd.results.statistics import sample_statistics, statistics_of_samples
@@ -26,6 +27,7 @@ __all__ = [
     "load",
     "propagator_node",
     "propagator_nodes",
+    "replicate_errors",
     "sample_dataset",
     "sample_file",
     "sample_statistics",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from itertools import accumulate
 
 import numpy as np
 import xarray as xr
@@ -11,6 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from uqmbd.errors import StudyError
 from uqmbd.results.axes import InputInfo, Labels, OutputInfo
+from uqmbd.results.moments import Moments
+from uqmbd.results.replicates import replicate_errors
 from uqmbd.results.schema import DEFAULT_PROBABILITIES, statistics_dataset
 
 __all__ = ["replicate_statistics", "running_statistics", "sample_statistics", "statistics_of_samples"]
@@ -221,35 +223,16 @@ def replicate_statistics(parts: Sequence[ArrayLike]) -> dict[str, NDArray[np.flo
     >>> found["mean"].tolist(), found["std_error_mean"].round(3).tolist()
     ([0.5, 1.5], [nan, 6.483])
     """
-    from scipy.special import ndtri, stdtrit
-
-    given = [np.asarray(part, dtype=float).ravel() for part in parts if np.size(part)]
-    if not given or len(given[0]) < 2:
+    given = [Moments.of(np.ravel(part)) for part in parts if np.size(part)]
+    if not given or given[0].count < 2:
         raise StudyError("Statistics of replicates need at least two samples in the first of them.")
-    joined = np.concatenate(given)
-    centre, spread = float(np.median(joined)), float(np.ptp(joined))
-    scaled = [(part - centre) / (spread or 1.0) for part in given]
-    counts = np.array([len(part) for part in scaled], dtype=float)
-    sums = np.array([part.sum() for part in scaled])
-    squares = np.array([(part**2).sum() for part in scaled])
-
-    def estimates(n: Any, total: Any, square: Any) -> tuple[Any, Any]:
-        mean = total / n
-        return mean, np.sqrt(np.maximum(square / n - mean**2, 0.0) * n / np.maximum(n - 1, 1))
-
-    mean, std = estimates(np.cumsum(counts), np.cumsum(sums), np.cumsum(squares))
-    errors = np.full((2, len(given)), np.nan)
-    for last in range(2, len(given) + 1):
-        n, total, square = counts[:last], sums[:last], squares[:last]
-        left_out = estimates(n.sum() - n, total.sum() - total, square.sum() - square)
-        widening = float(stdtrit(last - 1, 0.975) / ndtri(0.975))
-        for k, values in enumerate(left_out):
-            errors[k, last - 1] = widening * np.sqrt((last - 1) / last * ((values - values.mean()) ** 2).sum())
+    so_far = list(accumulate(given, Moments.merge))
+    errors = [replicate_errors(given[: last + 1]) for last in range(len(given))]
     return {
-        "mean": centre + spread * mean,
-        "std": spread * std,
-        "std_error_mean": spread * errors[0],
-        "std_error_std": spread * errors[1],
+        "mean": np.array([float(m.mean) for m in so_far]),
+        "std": np.array([np.sqrt(float(m.second) / (m.count - 1)) for m in so_far]),
+        "std_error_mean": np.array([float(e[0]) for e in errors]),
+        "std_error_std": np.array([float(e[1]) for e in errors]),
     }
 
 
