@@ -134,3 +134,11 @@ def test_what_is_no_random_variable(make, words):
     with pytest.raises(uqmbd.StudyError) as caught:
         make()
     assert any(choice in str(caught.value) for choice in words.split("|")), str(caught.value)
+
+
+def test_discrete_distributions_give_whole_numbers_as_often_as_declared():
+    teeth = uqmbd.RandomVariable("teeth", chaospy.DiscreteUniform(20, 23))
+    values = JointInput.of([teeth]).from_uniform(np.random.default_rng(0).random((4000, 1)))[:, 0]
+    numbers, counts = np.unique(values, return_counts=True)
+    assert numbers.tolist() == [20, 21, 22, 23]
+    assert np.abs(counts / 4000 - 0.25).max() < 4 * np.sqrt(0.25 * 0.75 / 4000)

@@ -171,3 +171,19 @@ def test_rate_of_a_driver_may_be_random(close):
     times = np.linspace(0, 5, 6)
     for value in (1.0, 5.0, 8.5):
         close(uqmbd.simulate(mechanism, times, values={"rate": value}).angle, value * times, relative=1e-5)
+
+
+def test_sample_with_a_singular_system_is_reported_and_the_others_stand():
+    """Without mass a free particle has no acceleration; with mass it falls."""
+    mass = uqmbd.RandomVariable("mass", chaospy.DiscreteUniform(0, 1), units="kg")
+    mechanism = uqmbd.Mechanism("particle", uqmbd.Translational(gravity=(0, -9.81)))
+    particle = mechanism.body("particle", mass=mass)
+    mechanism.output("height", particle.position[1], units="m")
+    study = uqmbd.Study("particle", mechanism, [0, 1, 2])
+    node = study.propagate(MonteCarlo(samples=80, seed=1, max_failures=0.9))
+    samples = node["samples"]
+    massless = samples["inputs"].values[:, 0] == 0
+    assert 0 < massless.sum() < 80
+    assert np.array_equal(samples["status"].values != 0, massless)
+    assert all("singular" in m for m in samples["message"].values[massless])
+    assert np.allclose(node["statistics"]["mean"].values[0], [0, -9.81 / 2, -9.81 * 2], atol=1e-4)

@@ -357,13 +357,7 @@ def assemble(model: Model, all_parameters: Array, time: float) -> Start:
     a, rates = np.zeros_like(q), np.zeros_like(s)
     multipliers = np.zeros((count, layout.rank))
     good = np.flatnonzero([not m for m in messages])
-    try:
-        a[good], multipliers[good], rates[good] = accelerations(model, q[good], s[good], v[good], time, safe[good])
-    except np.linalg.LinAlgError:
-        for k in good:
-            one = slice(k, k + 1)
-            try:
-                a[one], multipliers[one], rates[one] = accelerations(model, q[one], s[one], v[one], time, safe[one])
-            except np.linalg.LinAlgError:
-                messages[k] = "the accelerations are not determined: the assembled pose is singular for these inputs"
+    a[good], multipliers[good], rates[good] = accelerations(model, q[good], s[good], v[good], time, safe[good])
+    for k in np.flatnonzero(~np.isfinite(a).all(axis=1)):
+        messages[k] = "the accelerations are not determined: the assembled pose is singular for these inputs"
     return Start(q, s, v, a, rates, multipliers, tuple(messages))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -95,7 +96,8 @@ def accelerations(
     Returns
     -------
     a, multipliers, rates : array, shape (K, ...)
-        Accelerations, multipliers of the kept equations, and rates of the auxiliary states.
+        Accelerations, multipliers of the kept equations, and rates of the auxiliary states; NaN where the system is
+        singular.
     """
     evaluator = model.evaluators["acceleration"]
     values = evaluator(state_arguments(q, s, v, time), parameters)
@@ -207,14 +209,21 @@ def _accurate(system: System, entries: Array, right: Array, solution: Array) -> 
 
 
 def _lapack(system: System, entries: Array, right: Array) -> Array:
+    """Solve each system by LAPACK; NaN where it is singular."""
     matrix = np.zeros((entries.shape[1], system.size, system.size))
     matrix[:, system.rows, system.columns] = entries.T
     # rows of light bodies are scaled up: the pivots of the factorisation see comparable numbers
     scale = np.abs(matrix).max(axis=2)
     scale = np.where(scale > 0, scale, 1.0)
-    solution: Any = np.linalg.solve(matrix / scale[:, :, None], (right.T / scale)[:, :, None])[:, :, 0]
-    result: Array = solution.T
-    return result
+    matrix, vector = matrix / scale[:, :, None], (right.T / scale)[:, :, None]
+    solution = np.full(right.T.shape, np.nan)
+    try:
+        solution[:] = np.linalg.solve(matrix, vector)[:, :, 0]
+    except np.linalg.LinAlgError:  # one of them is singular: the others must not suffer
+        for k in range(len(matrix)):
+            with contextlib.suppress(np.linalg.LinAlgError):
+                solution[k] = np.linalg.solve(matrix[k], vector[k])[:, 0]
+    return solution.T
 
 
 def massless_direction(model: Model, q: Array, s: Array, time: float, parameters: Array) -> str:

@@ -112,7 +112,10 @@ class JointInput:
         for group in {id(v.joint): v.joint for v in self.variables}.values():
             columns = [self.names.index(name) for name in group.names]
             if len(columns) == 1:
-                values[:, columns[0]] = np.ravel(group.distribution.inv(uniform[:, columns[0]]))
+                mapped = np.ravel(group.distribution.inv(uniform[:, columns[0]]))
+                # chaospy's discrete distributions invert to a continuous number around each integer
+                whole = getattr(group.distribution, "interpret_as_integer", False)
+                values[:, columns[0]] = np.rint(mapped) if whole else mapped
             else:
                 values[:, columns] = _dependent(group.distribution, uniform[:, columns])
         return values
