@@ -72,7 +72,13 @@ def _run_until(command: list[str], out: Path, chunks: int, send: int) -> tuple[i
     """Start a run and send it a signal when so many chunks are stored; return its code and what it said."""
     # a process group of its own, so that workers die with it
     process = subprocess.Popen(
-        command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, start_new_session=True
+        command,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        start_new_session=True,
+        # a test run in the background of a shell ignores the signal, and so would its children
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )
     try:
         while process.poll() is None and _chunks(out) < chunks:
