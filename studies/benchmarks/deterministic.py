@@ -15,20 +15,21 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+# what is measured here is parts of the core (integration without outputs), so the core is imported directly
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 HERE = Path(__file__).resolve().parent
 sys.path[:0] = [str(HERE), str(HERE.parent)]
 
-import mechanisms  # noqa: E402
-import numpy as np  # noqa: E402
-import peers  # noqa: E402
-import slider_crank  # noqa: E402
-from measure import Contender, Timers, console, interleave, matched, show, show_parts, timed_callbacks  # noqa: E402
-from numpy.typing import NDArray  # noqa: E402
-from rich.table import Table  # noqa: E402
+import mechanisms
+import numpy as np
+import peers
+import slider_crank
+from measure import Contender, Timers, console, interleave, matched, show, show_parts, timed_callbacks
+from numpy.typing import NDArray
+from rich.table import Table
 
-import uqmbd  # noqa: E402
-from uqmbd.dynamics import Ensemble, Model, build, integrate  # noqa: E402
+import uqmbd
+from uqmbd.dynamics import Ensemble, Model, build, integrate
 
 Array = NDArray[np.float64]
 

@@ -13,18 +13,19 @@ import time
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
+# what is measured here is parts of the core (integration without outputs), so the core is imported directly
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 HERE = Path(__file__).resolve().parent
 sys.path[:0] = [str(HERE), str(HERE.parent)]
 
-import numpy as np  # noqa: E402
-import peers  # noqa: E402
-import slider_crank  # noqa: E402
-from measure import Contender, Timers, console, interleave, show, show_parts, timed_callbacks  # noqa: E402
-from numpy.typing import NDArray  # noqa: E402
+import numpy as np
+import peers
+import slider_crank
+from measure import Contender, Timers, console, interleave, show, show_parts, timed_callbacks
+from numpy.typing import NDArray
 
-from uqmbd.dynamics import Counters, Ensemble, integrate  # noqa: E402
-from uqmbd_montecarlo import MonteCarlo  # noqa: E402
+from uqmbd.dynamics import Counters, Ensemble, integrate
+from uqmbd_montecarlo import MonteCarlo
 
 Array = NDArray[np.float64]
 
