@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 from rich.table import Table
 
 import uqmbd
-from uqmbd.dynamics import Ensemble, Model, build, integrate
+from uqmbd.dynamics import Ensemble, Integrator, Model, build, integrate
 
 Array = NDArray[np.float64]
 
@@ -97,9 +97,10 @@ def compare(
     ready = ensemble()
     assert ready.start.ok.all()
 
-    def ours(rtol: float) -> tuple[float, str]:
-        found = integrate(ready, times, rtol)
-        return relative_error(ready.outputs(times, found.states)[0, :count], reference), str(found.counters.residuals)
+    def ours(rtol: float, method: Integrator = "auto") -> tuple[float, str]:
+        found = integrate(ready, times, rtol, method=method)
+        calls = found.counters.residuals + found.counters.accelerations
+        return relative_error(ready.outputs(times, found.states)[0, :count], reference), str(calls)
 
     made: dict[tuple[float, int], Any] = {}
 
@@ -115,24 +116,23 @@ def compare(
 
     if not quick:
         ladder_table(name, ours, theirs)
-    rtol, error = matched(lambda x: ours(x)[0], LADDER, wanted)
-    counters = integrate(ready, times, rtol).counters
-    notes = (
-        f"{rtol:.0e}",
-        f"{error:.1e}",
-        str(counters.residuals),
-        str(counters.jacobians),
-        str(counters.integrations),
-    )
-    contenders = [
-        Contender("uqmbd, integration", lambda: integrate(ready, times, rtol), "CasADi, integration", notes=notes)
-    ]
+    contenders, tolerances = [], {}
+    for method, label in (("auto", "uqmbd"), ("ida", "uqmbd by IDA")):
+        rtol, error = matched(lambda x, method=method: ours(x, method)[0], LADDER, wanted)
+        tolerances[method] = rtol
+        c = integrate(ready, times, rtol, method=method).counters
+        calls = c.residuals + c.accelerations
+        notes = (f"{rtol:.0e}", f"{error:.1e}", str(calls), str(c.jacobians), str(c.integrations))
 
-    def whole() -> None:
-        fresh = ensemble()
-        fresh.outputs(times, integrate(fresh, times, rtol).states)
+        def part(rtol: float = rtol, method: Integrator = method) -> None:
+            integrate(ready, times, rtol, method=method)
 
-    contenders.append(Contender("uqmbd, complete", whole, "CasADi, complete", notes=notes))
+        def whole(rtol: float = rtol, method: Integrator = method) -> None:
+            fresh = ensemble()
+            fresh.outputs(times, integrate(fresh, times, rtol, method=method).states)
+
+        contenders.append(Contender(f"{label}, integration", part, "CasADi, integration", notes=notes))
+        contenders.append(Contender(f"{label}, complete", whole, "CasADi, complete", notes=notes))
     for index, label in ((2, "CasADi"), (1, "CasADi index 1")):
         tolerance, error = matched(lambda x, i=index: theirs(x, i)[0], LADDER, wanted)
         run = make(tolerance, index)
@@ -156,7 +156,8 @@ def compare(
     if name == "slider_crank":
         contenders += exudyn_contenders(values, times, reference, wanted)
     interleave(contenders, repeat)
-    parts(model, values, times, rtol, repeat)
+    for method, rtol in tolerances.items():
+        parts(model, values, times, rtol, repeat, method)
     return contenders
 
 
@@ -192,7 +193,7 @@ def exudyn_contenders(values: list[float], times: Array, reference: Array, wante
     return result
 
 
-def parts(model: Model, values: list[float], times: Array, rtol: float, repeat: int) -> None:
+def parts(model: Model, values: list[float], times: Array, rtol: float, repeat: int, method: Integrator) -> None:
     """Print where the time of one realisation goes."""
     timers, total = Timers(), 0.0
     with timed_callbacks(timers):
@@ -200,11 +201,15 @@ def parts(model: Model, values: list[float], times: Array, rtol: float, repeat: 
             begin = time.process_time()
             ensemble = Ensemble(model, np.array([values]))
             timers.wrap("assembly", lambda e=ensemble: e.start)()
-            states = integrate(ensemble, times, rtol).states
+            states = integrate(ensemble, times, rtol, method=method).states
             timers.wrap("outputs", ensemble.outputs)(times, states)
             total += time.process_time() - begin
     show_parts(
-        f"{model.name}: where the time of one realisation goes ({repeat} runs)", timers, total, "assembly", "outputs"
+        f"{model.name}: where the time of one realisation goes ({method}; {repeat} runs)",
+        timers,
+        total,
+        "assembly",
+        "outputs",
     )
 
 

@@ -19,6 +19,8 @@ Array = NDArray[np.float64]
 
 console = Console(width=160)
 
+EQUATIONS, STEP, POINTS = "equations of motion", "projection of a step", "projection of the output times"
+
 
 @dataclass
 class Contender:
@@ -120,14 +122,16 @@ class Timers:
 
 @contextmanager
 def timed_callbacks(timers: Timers) -> Iterator[None]:
-    """Time the residual and the Jacobian that the integrator calls, and the integrator as a whole."""
-    from uqmbd.dynamics import integration
+    """Time what the integrators call, and the integrators as a whole."""
+    from uqmbd.dynamics import dop853, ida
 
-    original, solver = integration._callbacks, integration._solver
+    callbacks, solver = ida._callbacks, ida._solver
+    equations, stack = dop853._Equations, dop853._Stack
+    originals = (equations.rate, equations.excess, stack.projected, stack.run)
 
-    def callbacks(ensemble: Any) -> tuple[Callable[..., None], Callable[..., None]]:
-        residual, jacobian = original(ensemble)
-        timed_r, timed_j = timers.wrap("residual", residual), timers.wrap("Jacobian", jacobian)
+    def timed_callbacks(ensemble: Any) -> tuple[Callable[..., None], Callable[..., None]]:
+        residual, jacobian = callbacks(ensemble)
+        timed_r, timed_j = timers.wrap(EQUATIONS, residual), timers.wrap("Jacobian", jacobian)
 
         # the integrator looks at the signatures
         def new_residual(t: float, y: Array, yp: Array, res: Array) -> None:
@@ -145,11 +149,14 @@ def timed_callbacks(timers: Timers) -> Iterator[None]:
         def solve(self, *arguments: Any) -> Any:
             return timers.wrap("integrator", self.inner.solve)(*arguments)
 
-    integration._callbacks, integration._solver = callbacks, Solver
+    ida._callbacks, ida._solver = timed_callbacks, Solver
+    equations.rate, equations.excess = (timers.wrap(n, f) for n, f in ((EQUATIONS, originals[0]), (STEP, originals[1])))
+    stack.projected, stack.run = (timers.wrap(n, f) for n, f in ((POINTS, originals[2]), ("integrator", originals[3])))
     try:
         yield
     finally:
-        integration._callbacks, integration._solver = original, solver
+        ida._callbacks, ida._solver = callbacks, solver
+        equations.rate, equations.excess, stack.projected, stack.run = originals
 
 
 def show_parts(title: str, timers: Timers, total: float, before: str, after: str) -> None:
@@ -160,27 +167,26 @@ def show_parts(title: str, timers: Timers, total: float, before: str, after: str
     title : str
         Of the table.
     timers : Timers
-        With the parts ``residual``, ``Jacobian`` and ``integrator`` (which contains the two), `before` and `after`.
+        With the parts that `timed_callbacks` times, `before` and `after`.
     total : float
         Processor seconds of everything.
     before, after : str
         Parts before and after the integration.
     """
-    inner = timers.seconds["residual"] + timers.seconds["Jacobian"]
-    parts = {
-        before: timers.seconds[before],
-        "residual": timers.seconds["residual"],
-        "Jacobian": timers.seconds["Jacobian"],
-        "linear algebra, integrator, its Python wrapper": timers.seconds["integrator"] - inner,
-        after: timers.seconds[after],
-    }
+    seconds = {name: x for name, x in timers.seconds.items() if timers.calls[name]}
+    inner = [name for name in (EQUATIONS, "Jacobian", STEP) if name in seconds]
+    parts = {before: seconds[before]} | {name: seconds[name] for name in inner}
+    parts["the integrator itself, its linear algebra and wrapper"] = seconds["integrator"] - sum(
+        seconds[name] for name in inner
+    )
+    parts |= {name: seconds[name] for name in (POINTS, after) if name in seconds}
     parts["the rest (packing, memory)"] = total - sum(parts.values())
     table = Table(title=title, title_justify="left")
     for column in ("part", "share", "calls", "us a call"):
         table.add_column(column, justify="left" if column == "part" else "right")
-    for name, seconds in parts.items():
+    for name, spent in parts.items():
         calls = timers.calls.get(name, 0)
         table.add_row(
-            name, f"{100 * seconds / total:.0f} %", str(calls or ""), f"{1e6 * seconds / calls:.1f}" if calls else ""
+            name, f"{100 * spent / total:.0f} %", str(calls or ""), f"{1e6 * spent / calls:.1f}" if calls else ""
         )
     console.print(table)

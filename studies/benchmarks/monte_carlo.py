@@ -24,14 +24,14 @@ import slider_crank
 from measure import Contender, Timers, console, interleave, show, show_parts, timed_callbacks
 from numpy.typing import NDArray
 
-from uqmbd.dynamics import Counters, Ensemble, integrate
+from uqmbd.dynamics import Counters, Ensemble, Integrator, integrate
 from uqmbd_montecarlo import MonteCarlo
 
 Array = NDArray[np.float64]
 
 CHUNK = 64
 RTOL = 1e-6
-COLUMNS = ("error", "residuals", "Jacobians", "integrations")
+COLUMNS = ("median, largest error", "evaluations", "Jacobians", "integrations")
 EXUDYN = 400
 """Steps of the first of the two runs from which Exudyn's motion is extrapolated."""
 
@@ -46,12 +46,12 @@ def drawn(samples: int) -> Array:
     return values
 
 
-def stacked(values: Array, times: Array, chunk: int = CHUNK) -> tuple[Array, Counters]:
+def stacked(values: Array, times: Array, chunk: int = CHUNK, method: Integrator = "auto") -> tuple[Array, Counters]:
     """Integrate and observe samples in stacks: responses (K, output, T) and what it cost."""
     model, parts, counters = slider_crank.study.model, [], Counters()
     for k in range(0, len(values), chunk):
         ensemble = Ensemble(model, values[k : k + chunk])
-        found = integrate(ensemble, times, RTOL, stack=chunk)
+        found = integrate(ensemble, times, RTOL, stack=chunk, method=method)
         parts.append(ensemble.outputs(times, found.states))
         counters = counters + found.counters
     return np.concatenate(parts), counters
@@ -81,27 +81,28 @@ def one_process(values: Array, times: Array, repeat: int, few: int) -> list[Cont
         return (relative_error(run, reference[part]), *(f"{x:.0f}" for x in costs))
 
     part, every = slice(0, few), slice(None)
-    found, c = stacked(values, times)
-    contenders = [
-        Contender(
-            "uqmbd, stacks of 64",
-            lambda: stacked(values, times),
-            peer,
-            notes=notes(found, every, (c.residuals, c.jacobians, c.integrations)),
+    scale, contenders = count / few, []
+    for method, label in (("auto", "uqmbd"), ("ida", "uqmbd by IDA")):
+        found, c = stacked(values, times, method=method)
+        contenders.append(
+            Contender(
+                f"{label}, stacks of 64",
+                lambda method=method: stacked(values, times, method=method),
+                peer,
+                notes=notes(found, every, (c.residuals + c.accelerations, c.jacobians, c.integrations)),
+            )
         )
-    ]
-    scale = count / few
-    found, c = stacked(values[part], times, 1)
-    costs = (c.residuals * scale, c.jacobians * scale, c.integrations * scale)
-    contenders.append(
-        Contender(
-            f"uqmbd, one by one ({few} of them, scaled)",
-            lambda: stacked(values[part], times, 1),
-            peer,
-            scale,
-            notes=notes(found, part, costs),
+        found, c = stacked(values[part], times, 1, method)
+        costs = ((c.residuals + c.accelerations) * scale, c.jacobians * scale, c.integrations * scale)
+        contenders.append(
+            Contender(
+                f"{label}, one by one ({few} of them, scaled)",
+                lambda method=method: stacked(values[part], times, 1, method),
+                peer,
+                scale,
+                notes=notes(found, part, costs),
+            )
         )
-    )
     solver = peers.casadi_peer(times, RTOL)
     found, calls, jacobians = [], 0, 0
     for p in values:
@@ -166,7 +167,7 @@ def two_processes(samples: int, times: Array, repeat: int) -> list[Contender]:
     return contenders
 
 
-def parts_of_a_stack(values: Array, times: Array, repeat: int) -> None:
+def parts_of_a_stack(values: Array, times: Array, repeat: int, method: Integrator) -> None:
     """Print where the time of a stack goes."""
     timers, total = Timers(), 0.0
     chunk, model = values[:CHUNK], slider_crank.study.model
@@ -175,11 +176,11 @@ def parts_of_a_stack(values: Array, times: Array, repeat: int) -> None:
             begin = time.process_time()
             ensemble = Ensemble(model, chunk)
             timers.wrap("assembly", lambda e=ensemble: e.start)()
-            states = integrate(ensemble, times, RTOL).states
+            states = integrate(ensemble, times, RTOL, method=method).states
             timers.wrap("outputs", ensemble.outputs)(times, states)
             total += time.process_time() - begin
     each = 1e3 * total / repeat / len(chunk)
-    title = f"Where the time of a stack of {len(chunk)} goes ({repeat} runs, {each:.2f} ms a realisation)"
+    title = f"Where the time of a stack of {len(chunk)} goes ({method}; {repeat} runs, {each:.2f} ms a realisation)"
     show_parts(title, timers, total, "assembly", "outputs")
 
 
@@ -195,7 +196,8 @@ def main() -> None:
     console.print(f"{samples} samples, {model.layout.unknowns} unknowns in uqmbd, {len(times)} output times")
     found = one_process(values, times, repeat, few=8 if options.quick else 16)
     show(f"{samples} samples with outputs, one process, {repeat} rounds", found, COLUMNS, unit="s")
-    parts_of_a_stack(values, times, repeat)
+    parts_of_a_stack(values, times, repeat, "auto")
+    parts_of_a_stack(values, times, repeat, "ida")
     rounds = max(1, repeat // 2)
     found = two_processes(samples, times, rounds)
     show(f"{samples} samples, whole studies with statistics, rounds: {rounds}", found, unit="s")

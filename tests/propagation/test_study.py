@@ -148,7 +148,7 @@ STUDIES = {
     "falling": (dict(times=[0, 2, 1]), "times do not increase: times[1] = 2 is followed by times[2] = 1"),
     "rtol": (dict(rtol=2), "rtol is 2; expected a number between 1e-13 and 0.1"),
     "rtol text": (dict(rtol="1e-6"), "rtol is '1e-6'"),
-    "integrator": (dict(integrator="euler"), "there is no integrator 'euler'; there are: ida"),
+    "integrator": (dict(integrator="euler"), "there is no integrator 'euler'; there are: auto, ida, dop853"),
     "name": (dict(name="a/b"), "cannot contain '/'"),
     "class": (dict(propagators=[MonteCarlo]), "propagators holds the class MonteCarlo; give it an object"),
     "text": (dict(propagators="monte-carlo"), "propagators is 'monte-carlo'; expected a list such as"),

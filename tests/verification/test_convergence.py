@@ -93,8 +93,9 @@ MODELS = [
 ]  # fmt: skip
 
 
+@pytest.mark.parametrize("integrator", ["dop853", "ida"])
 @pytest.mark.parametrize("model", MODELS, ids=lambda f: f.__name__)
-def test_error_falls_with_the_tolerance(model):
+def test_error_falls_with_the_tolerance(model, integrator):
     """Slope of log error over log tolerance: not monotone from one tolerance to the next, so it is fitted."""
     mechanism, outputs, exact = model()
     names = [f"y{k}" for k in range(len(exact))]
@@ -102,7 +103,7 @@ def test_error_falls_with_the_tolerance(model):
         mechanism.output(name, outputs[k])
     errors = []
     for rtol in TOLERANCES:
-        data = uqmbd.simulate(mechanism, TIMES, rtol=float(rtol))
+        data = uqmbd.simulate(mechanism, TIMES, rtol=float(rtol), integrator=integrator)
         errors.append(max(float(np.abs(data[n] - e).max()) for n, e in zip(names, exact, strict=True)))
     relative = np.array(errors) / np.abs(exact).max()
     slope = np.polyfit(np.log10(TOLERANCES), np.log10(relative), 1)[0]

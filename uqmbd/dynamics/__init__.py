@@ -8,13 +8,16 @@ from __future__ import annotations
 from uqmbd.dynamics.build import build, kinematic_model
 from uqmbd.dynamics.check import Check, check
 from uqmbd.dynamics.ensemble import Ensemble
-from uqmbd.dynamics.integration import Counters, Trajectories, integrate
+from uqmbd.dynamics.integration import INTEGRATORS, Integrator, integrate
 from uqmbd.dynamics.model import Layout, Model
+from uqmbd.dynamics.trajectories import Counters, Trajectories
 
 __all__ = [
     "Check",
     "Counters",
     "Ensemble",
+    "INTEGRATORS",
+    "Integrator",
     "Layout",
     "Model",
     "Trajectories",

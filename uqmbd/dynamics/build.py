@@ -241,7 +241,7 @@ def build(mechanism: Mechanism, time: float = 0.0, *, fuse: bool | None = None) 
     blocks = model.block_parameters
     fuse = layout.unknowns <= FUSED_LIMIT if fuse is None else fuse
     evaluators = dict(model.evaluators)
-    for kind in ("residual", "jacobian", "acceleration"):
+    for kind in ("residual", "jacobian", "acceleration", "drift"):
         evaluators[kind] = evaluator(kind, instances, order, layout, blocks, fuse=fuse)
     outputs = output_map(
         list(mechanism.outputs.values()),
@@ -284,7 +284,8 @@ def _digest(mechanism: Mechanism, instances: list[Instance]) -> str:
 
 
 def _typical(model: Model, q: Array, time: float, parameters: Array) -> Array:
-    """Results of the ``acceleration`` evaluator where no entry vanishes by chance: near the pose, and moving."""
+    """Results of the ``acceleration`` evaluator at the pose, and near it, where no entry vanishes by chance."""
     shift = np.random.default_rng(0).uniform(0.1, 0.3, (2, *q.shape))
-    still = np.zeros((1, model.layout.states))
-    return model.evaluators["acceleration"](state_arguments(q + shift[0], still, shift[1], time), parameters)
+    near = np.concatenate([q, q + shift[0]])
+    states = state_arguments(near, np.zeros((2, model.layout.states)), np.tile(shift[1], (2, 1)), time)
+    return model.evaluators["acceleration"](states, np.repeat(parameters, 2, axis=0))

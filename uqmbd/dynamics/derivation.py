@@ -28,7 +28,7 @@ from uqmbd.dynamics.block import BlockType
 __all__ = ["KINDS", "Derived", "Equations", "Kind", "derive", "source_digest"]
 
 Kind = str
-KINDS = ("residual", "jacobian", "position", "velocity", "initial", "acceleration", "energy")
+KINDS = ("residual", "jacobian", "position", "velocity", "initial", "acceleration", "drift", "energy")
 
 
 def source_digest() -> bytes:
@@ -178,6 +178,11 @@ class Derived:
             e += [x.subs(rest) for x in row]
             targets += [("d", i, k) for k in range(len(row))]
         return _nonzero(e, targets)
+
+    def drift(self) -> Equations:
+        """``Phi`` and ``dPhi/dt``."""
+        targets: list[tuple[Any, ...]] = [(x, k) for x in ("phi", "psi") for k in range(len(self.phi))]
+        return _nonzero([*self.phi, *self.psi], targets)
 
     def acceleration(self) -> Equations:
         """Index-1 system: ``M``, ``Q - h``, ``D``, ``gamma``; and the rates of the auxiliary states."""

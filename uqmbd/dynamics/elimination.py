@@ -91,21 +91,26 @@ def plan(rows: Index, columns: Index, typical: Array) -> Elimination:
     ----------
     rows, columns : array of int, shape (nnz,)
         The pattern.
-    typical : array, shape (size, size)
-        Magnitudes of a typical system.
+    typical : array, shape (S, size, size)
+        Typical systems: a pivot must be good in all of them.
     """
-    size = len(typical)
+    size = typical.shape[1]
     pattern = np.zeros((size, size), dtype=bool)
     pattern[rows, columns] = True
     full, values = pattern.copy(), typical.copy()
-    scale = np.abs(values).max(axis=1)
-    values /= np.where(scale > 0, scale, 1.0)[:, None]
+    scale = np.abs(values).max(axis=2)
+    values /= np.where(scale > 0, scale, 1.0)[:, :, None]
     open_rows, open_columns = list(range(size)), list(range(size))
     steps = []
     for _ in range(size):
         block = np.ix_(open_rows, open_columns)
-        magnitude, live = np.abs(values[block]), pattern[block]
-        strong = live & (magnitude >= THRESHOLD * np.maximum(magnitude.max(axis=0), 1e-300)[None, :]) & (magnitude > 0)
+        every, live = np.abs(values[:, open_rows][:, :, open_columns]), pattern[block]
+        # relative to the largest of its column, in the system where that is worst
+        magnitude = (every / np.maximum(every.max(axis=1, keepdims=True), 1e-300)).min(axis=0)
+        magnitude[every.min(axis=0) == 0] = 0.0
+        strong = live & (magnitude >= THRESHOLD)
+        if not strong.any():
+            strong = live & (magnitude > 0)
         if not strong.any():
             strong = live
         cost = np.outer(live.sum(axis=1) - 1, live.sum(axis=0) - 1).astype(float)
@@ -119,8 +124,8 @@ def plan(rows: Index, columns: Index, typical: Array) -> Elimination:
         below = [i for i in open_rows if pattern[i, column]]
         beside = [j for j in open_columns if pattern[row, j]]
         for i in below:
-            if values[row, column] != 0:
-                values[i, open_columns] -= values[i, column] / values[row, column] * values[row, open_columns]
+            pivot = np.where(values[:, row, column] != 0, values[:, row, column], np.inf)
+            values[:, i, open_columns] -= (values[:, i, column] / pivot)[:, None] * values[:, row, open_columns]
             pattern[i, beside] = True
         full |= pattern
         steps.append((row, column, tuple(below), tuple(beside)))

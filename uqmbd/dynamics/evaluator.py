@@ -132,6 +132,7 @@ def _globalise(target: tuple[Any, ...], place: Placement, kind: Kind) -> tuple[A
     name = target[0]
     letters = {
         "phi": ("row",),
+        "psi": ("row",),
         "phi_q": ("row", "q"),
         "cos": ("cos",),
         "phi_t": ("row",),

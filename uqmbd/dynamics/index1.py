@@ -12,13 +12,16 @@ from numpy.typing import NDArray
 
 from uqmbd.dynamics.elimination import Elimination, plan
 from uqmbd.dynamics.evaluator import Evaluator
-from uqmbd.dynamics.model import Model
+from uqmbd.dynamics.kernels import Kernel
+from uqmbd.dynamics.model import Layout, Model
+from uqmbd.dynamics.straightline import StraightLine, residual_kernel, straight_line
 
 __all__ = [
     "RANK_TOLERANCE",
     "System",
     "accelerations",
     "dense",
+    "excess",
     "index1_system",
     "massless_direction",
     "state_arguments",
@@ -32,6 +35,9 @@ FEW = 24
 
 ELIMINATION_LIMIT = 160
 """Unknowns of the index-1 system up to which a fixed order of elimination is planned."""
+
+RESIDUAL = 1e-10
+"""Relative residual above which a solution by fixed pivots is poor."""
 
 RANK_TOLERANCE = 1e-8
 """Relative size below which a singular value of the constraint Jacobian counts as zero."""
@@ -106,6 +112,32 @@ def accelerations(
     return a, multipliers, rates
 
 
+def excess(model: Model, states: Array, time: Array, parameters: Array) -> tuple[Array, Array]:
+    """By what states exceed the constraints: the least changes of coordinates and velocities that put them right.
+
+    Parameters
+    ----------
+    model : Model
+        Its index-1 system must be compiled.
+    states : array, shape (S, 2 coordinate + state)
+        Near the constraints.
+    time : array, shape (S,)
+        s.
+    parameters : array, shape (S, parameter)
+        Of each state.
+
+    Returns
+    -------
+    q, v : array, shape (S, coordinate)
+        To be subtracted; the norm is that of the masses, and the error quadratic in the excess.
+    """
+    arguments = np.concatenate([states, time[:, None], np.zeros((len(states), 1))], axis=1)
+    values = [model.evaluators[kind](arguments, parameters) for kind in ("acceleration", "drift")]
+    both = model.system.project(np.concatenate(values, axis=1))
+    n = model.layout.coordinates
+    return both[:, :n], both[:, n:]
+
+
 def _columns(evaluator: Evaluator, values: Array, letter: str, count: int) -> Array:
     result = np.zeros((len(values), count))
     if letter in evaluator.index:
@@ -132,6 +164,15 @@ class System:
     starts: Index
     size: int
     elimination: Elimination | None
+    solve: StraightLine | None = None
+    """Compiled: results of the ``acceleration`` evaluator -> accelerations and multipliers."""
+    residual: Kernel | None = None
+    """Compiled: these results and the solution -> how well it satisfies the system."""
+    accelerate: StraightLine | None = None
+    """Compiled: results of the ``acceleration`` evaluator -> accelerations."""
+    project: StraightLine | None = None
+    """Compiled: these results, then those of the ``drift`` evaluator -> what is too much of coordinates and velocities,
+    by the least norm in the metric of the masses."""
 
 
 def index1_system(model: Model, typical: Array | None) -> System:
@@ -141,8 +182,9 @@ def index1_system(model: Model, typical: Array | None) -> System:
     ----------
     model : Model
         With its kept equations.
-    typical : array, shape (1, argument), or None
-        State arguments with which the order of elimination is chosen; None: systems are solved by LAPACK.
+    typical : array, shape (S, result), or None
+        Results of the ``acceleration`` evaluator for which the order of elimination is chosen; None: systems are solved
+        by LAPACK.
     """
     index = model.evaluators["acceleration"].index
     n, kept = model.layout.coordinates, model.layout.kept
@@ -173,20 +215,66 @@ def index1_system(model: Model, typical: Array | None) -> System:
     # a row without entries would break the sums over rows; such a system is singular anyhow
     if typical is None or size > ELIMINATION_LIMIT or len(np.unique(system.rows)) < size:
         return system
-    matrix = np.zeros((size, size))
-    matrix[system.rows, system.columns] = typical[0, system.source]
-    return replace(system, elimination=plan(system.rows, system.columns, matrix))
+    matrix = np.zeros((len(typical), size, size))
+    matrix[:, system.rows, system.columns] = typical[:, system.source]
+    return _compiled(model, replace(system, elimination=plan(system.rows, system.columns, matrix)))
+
+
+def _compiled(model: Model, system: System) -> System:
+    """Compile the solution of the system for the right-hand sides that occur, if it is not too long."""
+    assert system.elimination is not None
+    evaluators, layout = model.evaluators, model.layout
+    given, drift = len(evaluators["acceleration"].targets), evaluators["drift"].index
+    motion = np.full((1, system.size), -1, dtype=np.int64)
+    for letter, first in (("force", 0), ("gamma", layout.coordinates)):
+        _place(motion[0], evaluators["acceleration"].index.get(letter), first, layout, 0)
+    excess = np.full((2, system.size), -1, dtype=np.int64)
+    for side, letter in zip(excess, ("phi", "psi"), strict=True):
+        _place(side, drift.get(letter), layout.coordinates, layout, given)
+
+    def code(rights: Index, values: int, wanted: int) -> StraightLine | None:
+        order = system.elimination
+        assert order is not None
+        return straight_line(order, system.rows, system.columns, system.source, rights, values, wanted)
+
+    solve = code(motion, given, system.size)
+    if solve is None:
+        return system
+    n = layout.coordinates
+    total = given + len(evaluators["drift"].targets)
+    residual = residual_kernel(system.rows, system.columns, system.source, motion[0], given)
+    return replace(
+        system, solve=solve, residual=residual, accelerate=code(motion, given, n), project=code(excess, total, n)
+    )
+
+
+def _place(side: Index, found: tuple[Index, tuple[Index, ...]] | None, first: int, layout: Layout, offset: int) -> None:
+    """Enter the results of an evaluator into a right-hand side; rows of dropped equations are left out."""
+    if found is None:
+        return
+    results, (rows,) = found
+    if first:  # a constraint
+        number = np.full(layout.constraints, -1, dtype=np.int64)
+        number[layout.kept] = np.arange(len(layout.kept))
+        rows = number[rows]
+    side[first + rows[rows >= 0]] = offset + results[rows >= 0]
 
 
 def _solve(model: Model, values: Array) -> tuple[Array, Array]:
     """Solve the index-1 systems whose entries are results of the ``acceleration`` evaluator."""
-    evaluator, layout = model.evaluators["acceleration"], model.layout
+    layout = model.layout
     system = model.system or index1_system(model, None)
     n = layout.coordinates
-    right = np.zeros((system.size, len(values)))
-    right[:n] = _columns(evaluator, values, "force", n).T
-    right[n:] = _columns(evaluator, values, "gamma", layout.constraints)[:, layout.kept].T
-    entries = np.ascontiguousarray(values.T[system.source])
+    if system.solve is not None and system.residual is not None:
+        values = np.ascontiguousarray(values)
+        found = system.solve(values)
+        with np.errstate(all="ignore"):
+            residual = system.residual.fast(np.concatenate([values, found], axis=1))[:, 0]
+        poor = np.flatnonzero(~(residual <= RESIDUAL**2))
+        if len(poor):
+            found[poor] = _lapack(system, *_system(model, system, values[poor])).T
+        return found[:, :n], found[:, n:]
+    entries, right = _system(model, system, values)
     if system.elimination is None or len(values) < FEW:
         solution = _lapack(system, entries, right)
     else:
@@ -198,13 +286,23 @@ def _solve(model: Model, values: Array) -> tuple[Array, Array]:
     return solution[:n].T, solution[n:].T
 
 
+def _system(model: Model, system: System, values: Array) -> tuple[Array, Array]:
+    """Entries and right-hand sides of the systems, shape (nnz, K) and (size, K)."""
+    evaluator, layout = model.evaluators["acceleration"], model.layout
+    n = layout.coordinates
+    right = np.zeros((system.size, len(values)))
+    right[:n] = _columns(evaluator, values, "force", n).T
+    right[n:] = _columns(evaluator, values, "gamma", layout.constraints)[:, layout.kept].T
+    return np.ascontiguousarray(values.T[system.source]), right
+
+
 def _accurate(system: System, entries: Array, right: Array, solution: Array) -> NDArray[np.bool_]:
     """Whether each solution satisfies its system to rounding."""
     with np.errstate(all="ignore"):
         product = entries * solution[system.columns]
         residual = np.abs(np.add.reduceat(product, system.starts, axis=0) - right)
         size = np.add.reduceat(np.abs(product), system.starts, axis=0) + np.abs(right)
-        good: NDArray[np.bool_] = np.asarray((residual <= 1e-10 * size + 1e-300).all(axis=0))
+        good: NDArray[np.bool_] = np.asarray((residual <= RESIDUAL * size + 1e-300).all(axis=0))
     return good
 
 

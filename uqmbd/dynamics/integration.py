@@ -1,111 +1,32 @@
-"""Integration of the stabilised index-2 form by IDA (SUNDIALS, through scikit-sundae), many realisations in one stack.
-
-Realisations of a stack share the steps.  The error norm of IDA averages over them, so that a realisation that is much
-harder than the others gets less accuracy than it would alone, by its roughness over the mean roughness at most.  Where
-that is too much it is taken out and integrated alone.
-"""
+"""Integration of an ensemble: who integrates what, and in which stacks."""
 
 from __future__ import annotations
 
-import time as clock
-import warnings
-from collections.abc import Callable
-from dataclasses import dataclass, field
-from typing import Any
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from uqmbd.dynamics.dop853 import integrate_by_dop853
 from uqmbd.dynamics.ensemble import Ensemble
-from uqmbd.dynamics.index1 import accelerations
-from uqmbd.dynamics.model import Model
+from uqmbd.dynamics.ida import integrate_by_ida
+from uqmbd.dynamics.trajectories import Counters, Trajectories
+from uqmbd.errors import StudyError
 
-__all__ = ["Counters", "Trajectories", "integrate"]
+__all__ = ["INTEGRATORS", "STACK", "Integrator", "integrate"]
 
 Array = NDArray[np.float64]
-Callbacks = tuple[Callable[..., None], Callable[..., None]]
 
-RELAXED = 1e8
-"""Absolute tolerance of multipliers: the error test must not see them, the Newton iteration hardly."""
-
-SPARSE_FROM = 150
-"""Unknowns from which a sparse factorisation wins."""
+Integrator = Literal["auto", "ida", "dop853"]
+INTEGRATORS: tuple[Integrator, ...] = ("auto", "ida", "dop853")
 
 STACK = 64
 """Realisations of a stack."""
 
-OUTLIER = 2.5
-"""A realisation whose roughness exceeds the root mean square of its stack by this factor is integrated alone."""
 
-STEPS = 200_000
-"""Most steps between two output times."""
-
-
-@dataclass(frozen=True)
-class Counters:
-    """What an integration cost.
-
-    Attributes
-    ----------
-    residuals, jacobians : int
-        Evaluations, each for a whole stack.
-    integrations : int
-        Starts of the integrator.
-    alone : int
-        Realisations that were taken out of their stack.
-    seconds : float
-        Wall time.
-    """
-
-    residuals: int = 0
-    jacobians: int = 0
-    integrations: int = 0
-    alone: int = 0
-    seconds: float = 0.0
-
-    def __add__(self, other: Counters) -> Counters:
-        return Counters(
-            self.residuals + other.residuals,
-            self.jacobians + other.jacobians,
-            self.integrations + other.integrations,
-            self.alone + other.alone,
-            self.seconds + other.seconds,
-        )
-
-
-@dataclass(frozen=True)
-class Trajectories:
-    """States of K realisations at the output times.
-
-    Attributes
-    ----------
-    times : array, shape (T,)
-        s.
-    states : array, shape (K, T, 2 coordinate + state)
-        Coordinates, auxiliary states and velocities; NaN from the time on at which a realisation failed, everywhere
-        if it could not be assembled.
-    messages : tuple of str
-        Reason of failure of each realisation, or empty.
-    counters : Counters
-        Cost.
-    """
-
-    times: Array
-    states: Array
-    messages: tuple[str, ...]
-    counters: Counters = field(default_factory=Counters)
-
-
-@dataclass(frozen=True)
-class _Run:
-    """One integration of a stack: states, and the reason if it stopped early."""
-
-    states: Array
-    message: str
-    counters: Counters
-
-
-def integrate(ensemble: Ensemble, times: Array, rtol: float = 1e-6, stack: int = STACK) -> Trajectories:
+def integrate(
+    ensemble: Ensemble, times: Array, rtol: float = 1e-6, stack: int = STACK, method: Integrator = "auto"
+) -> Trajectories:
     """Assemble and integrate every realisation of an ensemble.
 
     Parameters
@@ -118,209 +39,52 @@ def integrate(ensemble: Ensemble, times: Array, rtol: float = 1e-6, stack: int =
         Relative tolerance.
     stack : int
         Most realisations that are integrated together.
+    method : {"auto", "ida", "dop853"}
+        ``ida``: the stabilised index-2 form by IDA, implicit, for stiff mechanisms too.  ``dop853``: the index-1 form
+        by an explicit method of order 8 with projection.  ``auto``: the latter where the mechanism is small enough for
+        its linear algebra to be compiled; realisations that turn out to be stiff, or fail, are integrated by IDA.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If the mechanism is too large for ``dop853``.
 
     Returns
     -------
     Trajectories
         A realisation that fails does not disturb the others.
     """
-    model, start = ensemble.model, ensemble.start
-    states = np.full((len(ensemble), len(times), 2 * model.layout.coordinates + model.layout.states), np.nan)
+    start, layout = ensemble.start, ensemble.model.layout
+    states = np.full((len(ensemble), len(times), layout.width), np.nan)
     messages = list(start.messages)
     counters = Counters()
     assembled = np.flatnonzero(start.ok)
-    todo = [assembled[k : k + stack] for k in range(0, len(assembled), stack)]
-    while todo:
-        members = todo.pop(0)
-        run = _integrate_stack(ensemble.select(members), times, rtol)
-        counters = counters + run.counters
-        if run.message and len(members) > 1:
-            # which one failed is not known: halve until it is alone
-            half = len(members) // 2
-            todo = [members[:half], members[half:], *todo]
-            continue
-        states[members] = run.states
-        if run.message:
-            messages[members[0]] = run.message
-        if len(members) > 1:
-            rough = _roughness(ensemble, run.states)
-            hard = members[rough > OUTLIER * np.sqrt(np.mean(rough**2))]
-            todo = [*(np.array([k]) for k in hard), *todo]
-            counters = counters + Counters(alone=len(hard))
+    explicit = method != "ida" and _compiled(ensemble)
+    if method == "dop853" and not explicit:
+        raise StudyError(
+            f"mechanism {ensemble.model.name!r} has too many equations for the integrator 'dop853', whose linear "
+            "algebra is compiled; use 'auto' or 'ida'."
+        )
+    for k in range(0, len(assembled), stack):
+        members = assembled[k : k + stack]
+        if explicit and layout.unknowns:
+            solved = integrate_by_dop853(ensemble, members, times, rtol)
+            states[members] = solved.states
+            counters = counters + solved.counters
+            for member, message in zip(members, solved.messages, strict=True):
+                messages[member] = message
+            if method == "dop853":
+                continue
+            members = members[[bool(message) for message in solved.messages]]
+        if len(members):
+            solved = integrate_by_ida(ensemble, members, times, rtol)
+            states[members] = solved.states
+            counters = counters + solved.counters
+            for member, message in zip(members, solved.messages, strict=True):
+                messages[member] = message
     return Trajectories(times, states, tuple(messages), counters)
 
 
-def _integrate_stack(ensemble: Ensemble, times: Array, rtol: float) -> _Run:
-    """Integrate a stack through all its break times."""
-    start = ensemble.start
-    width = 2 * ensemble.model.layout.coordinates + ensemble.model.layout.states
-    result = np.full((len(ensemble), len(times), width), np.nan)
-    result[:, 0] = np.concatenate([start.q, start.s, start.v], axis=1)
-    if not ensemble.model.layout.unknowns:  # nothing can move
-        result[:] = result[:, :1]
-        return _Run(result, "", Counters())
-    y = ensemble.pack(start.q, start.s, start.v, start.multipliers)
-    yp = ensemble.pack(start.v, start.rates, start.a, np.zeros_like(start.multipliers))
-    counters = Counters()
-    callbacks = _callbacks(ensemble)
-    now = float(times[0])
-    breaks = _stops(ensemble.breaks, times)
-    for stop in [*breaks.tolist(), float(times[-1])]:
-        inside = np.flatnonzero((times > now) & (times <= stop))
-        grid = np.unique(np.concatenate([[now], times[inside], [stop]]))
-        if len(grid) == 2:  # with two times the integrator returns its own steps instead
-            grid = np.array([now, 0.5 * (now + stop), stop])
-        if ensemble.breaks.size:
-            y, yp = _consistent(ensemble, now, y)
-        begin = clock.perf_counter()
-        solution = _solver(ensemble, callbacks, y, rtol).solve(grid, y.ravel(), yp.ravel())
-        spent = clock.perf_counter() - begin
-        counters = counters + Counters(int(solution.nfev), int(solution.njev), 1, 0, spent)
-        found = np.asarray(solution.y).reshape(len(solution.t), len(ensemble), -1)
-        reached = len(found) if solution.success else len(found) - 1
-        where = np.searchsorted(grid, times[inside])
-        done = where < reached
-        result[:, inside[done]] = np.concatenate(ensemble.expand(found[where[done]].transpose(1, 0, 2)), axis=2)
-        if not solution.success or reached < len(grid):
-            last = float(solution.t[-1]) if len(solution.t) else now
-            return _Run(result, _diagnosis(solution, last, rtol), counters)
-        now, y = stop, found[-1].copy()
-    return _Run(result, "", counters)
-
-
-def _stops(breaks: Array, times: Array) -> Array:
-    """Break times strictly inside the output times; those that differ by rounding, also from output times, are one."""
-    near = 1e-12 * max(1.0, float(np.abs(times).max()))
-    found = np.sort(breaks[np.isfinite(breaks)].ravel())
-    if not len(found):
-        return found
-    right = np.clip(np.searchsorted(times, found), 1, len(times) - 1)
-    nearest = np.where(found - times[right - 1] < times[right] - found, times[right - 1], times[right])
-    found = np.unique(np.where(np.abs(found - nearest) <= near, nearest, found))
-    found = found[(found > times[0]) & (found < times[-1])]
-    kept: Array = found[np.diff(found, prepend=-np.inf) > near]
-    return kept
-
-
-def _consistent(ensemble: Ensemble, time: float, y: Array) -> tuple[Array, Array]:
-    """Multipliers and rates at the start of a segment: those an instant later, as a force may jump at the start."""
-    instant = time + 1e-12 * max(1.0, abs(time))
-    q, s, v = ensemble.expand(y)
-    a, multipliers, rates = accelerations(ensemble.model, q, s, v, instant, ensemble.block)
-    return ensemble.pack(q, s, v, multipliers), ensemble.pack(v, rates, a, np.zeros_like(multipliers))
-
-
-def _roughness(ensemble: Ensemble, states: Array) -> Array:
-    """Relative size of the local errors of the realisations of a stack.
-
-    They share steps and order, so that their local errors are as their high derivatives: fourth differences of the
-    coordinates between output times.
-    """
-    n = ensemble.model.layout.coordinates
-    differences = np.diff(states[:, :, :n], n=min(4, states.shape[1] - 1), axis=1)
-    rough: Array = np.sqrt(np.mean(differences**2, axis=(1, 2)))
-    return rough
-
-
-def _solver(ensemble: Ensemble, callbacks: Callbacks, y: Array, rtol: float) -> Any:
-    from sksundae.ida import IDA
-
-    model = ensemble.model
-    residual, jacobian = callbacks
-    length = max(1e-3, float(np.abs(y[:, model.layout.slices["q"]]).max(initial=0.0)))
-    atol = np.full(model.layout.unknowns, rtol * min(1.0, length))
-    atol[model.layout.differential :] = RELAXED
-    options: dict[str, Any] = {"linsolver": "dense"}
-    if y.size >= SPARSE_FROM:
-        options = {"linsolver": "sparse", "sparsity": _sparsity(model, len(ensemble))}
-    with warnings.catch_warnings():
-        # it takes the pattern for an approximation of its own, which the exact Jacobian replaces
-        warnings.filterwarnings("ignore", message="Custom sparse Jacobian")
-        return IDA(
-            residual, jacfn=jacobian, rtol=rtol, atol=np.tile(atol, len(ensemble)), max_num_steps=STEPS, **options
-        )
-
-
-def _callbacks(ensemble: Ensemble) -> Callbacks:
-    """Residual and Jacobian as IDA wants them."""
-    count, n = len(ensemble), ensemble.model.layout.unknowns
-    rows, pointers = ensemble.model.pattern
-    columns = np.repeat(np.arange(n), np.diff(pointers))
-    if count == 1 and (single := _single(ensemble)) is not None:
-        residual, values = single
-    else:
-
-        def residual(t: float, y: Array, yp: Array, res: Array) -> None:
-            res[:] = ensemble.residual(t, y.reshape(count, n), yp.reshape(count, n)).ravel()
-
-        def values(t: float, y: Array, yp: Array, c: float) -> Array:
-            return ensemble.jacobian(t, y.reshape(count, n), yp.reshape(count, n), c).ravel()
-
-    if count * n >= SPARSE_FROM:
-
-        def jacobian(t: float, y: Array, yp: Array, res: Array, c: float, jac: Array) -> None:
-            jac[:] = values(t, y, yp, c)
-    elif count == 1:
-
-        def jacobian(t: float, y: Array, yp: Array, res: Array, c: float, jac: Array) -> None:
-            jac[rows, columns] = values(t, y, yp, c)
-    else:
-        offsets = n * np.arange(count)[:, None]
-        all_rows, all_columns = (rows + offsets).ravel(), (columns + offsets).ravel()
-
-        def jacobian(t: float, y: Array, yp: Array, res: Array, c: float, jac: Array) -> None:
-            jac[all_rows, all_columns] = values(t, y, yp, c)
-
-    return residual, jacobian
-
-
-def _single(ensemble: Ensemble) -> tuple[Callable[..., None], Callable[..., Array]] | None:
-    """One realisation with fused kernels: called with as little Python as possible."""
-    model = ensemble.model
-    kernels = [k for kind in ("residual", "jacobian") if (k := model.evaluators[kind].fused_kernel) is not None]
-    if len(kernels) < 2:
-        return None
-    n, d = model.layout.unknowns, model.layout.differential
-    width = n + d + 2
-    constants = np.concatenate([ensemble.frozen[0], ensemble.block[0]])
-    arguments = np.concatenate([np.zeros(width), constants])
-    arguments_j = np.concatenate([np.zeros(width + 1), constants])
-    entries = np.empty(len(model.pattern[0]))
-    call, call_j = (k.function.unsafe_real for k in kernels)
-
-    def residual(t: float, y: Array, yp: Array, res: Array) -> None:
-        arguments[:n] = y
-        arguments[n : n + d] = yp[:d]
-        arguments[n + d] = t
-        call(arguments, res)
-
-    def values(t: float, y: Array, yp: Array, c: float) -> Array:
-        arguments_j[:n] = y
-        arguments_j[n : n + d] = yp[:d]
-        arguments_j[n + d] = t
-        arguments_j[n + d + 1] = c
-        call_j(arguments_j, entries)
-        return entries
-
-    return residual, values
-
-
-def _sparsity(model: Model, copies: int) -> Any:
-    """Structural pattern of `copies` realisations side by side, compressed by columns."""
-    from scipy import sparse
-
-    rows, pointers = model.pattern
-    one = sparse.csc_matrix((np.ones(len(rows)), rows, pointers), shape=(model.layout.unknowns,) * 2)
-    return one if copies == 1 else sparse.block_diag([one] * copies, format="csc")
-
-
-def _diagnosis(solution: Any, time: float, rtol: float) -> str:
-    text = str(solution.message).strip().rstrip(".")
-    if "max" in text.lower() and "step" in text.lower():
-        cause = "too many steps: the motion is very stiff or very fast for the output times"
-    else:
-        cause = "the steps became too small: a singular pose, a stop or an impact, or a force that jumps"
-    return (
-        f"the integration stopped at t = {time:.6g} s ({text}); probably {cause}. "
-        f"Try another rtol (now {rtol:g}), or look at the motion up to that time."
-    )
+def _compiled(ensemble: Ensemble) -> bool:
+    system = ensemble.model.system
+    return system is not None and system.project is not None

@@ -59,6 +59,20 @@ class Kernel:
         result: Array = self.function(arguments, out=out) if out is not None else self.function(arguments)
         return result.reshape(*arguments.shape[:-1], self.outputs)
 
+    def fast(self, arguments: Array, out: Array | None = None) -> Array:
+        """Evaluate like a call, without any check: both arrays C-contiguous, of two dimensions, and of type float64."""
+        if out is None:
+            out = np.empty((len(arguments), self.outputs))
+        if self.function is None or not arguments.size:
+            out[:] = 0.0
+        else:
+            count = len(arguments)
+            if count == 1:
+                self.function.unsafe_real(arguments[0], out[0])
+            else:
+                self.function.unsafe_eval(arguments.reshape(-1), out.reshape(-1), count)
+        return out
+
 
 def compile_kernel(arguments: Sequence[Any], expressions: Sequence[Any], *, opt_level: int = 0) -> Kernel:
     """Compile SymEngine expressions in SymEngine symbols.
@@ -83,6 +97,18 @@ def compile_kernel(arguments: Sequence[Any], expressions: Sequence[Any], *, opt_
     if not same:
         function = se.Lambdify(symbols, rebuilt, backend="llvm", cse=False, opt_level=opt_level)
     return Kernel(function, len(symbols), len(expressions))
+
+
+def straight_line_kernel(arguments: Sequence[Any], expressions: Sequence[Any]) -> Kernel:
+    """Compile expressions that share nearly all their parts, as the steps of an elimination do.
+
+    They are compiled as they stand: rebuilding or evaluating them one by one would visit shared parts again and again.
+    """
+    import symengine as se
+
+    compilations[0] += 1
+    function = se.Lambdify(list(arguments), list(expressions), backend="llvm", cse=True, opt_level=2)
+    return Kernel(function, len(arguments), len(expressions))
 
 
 def cache_folder() -> Path:

@@ -48,6 +48,11 @@ class Layout:
     frozen: Index
     active: Index
 
+    @property
+    def width(self) -> int:
+        """Length of a state: all coordinates, auxiliary states and velocities."""
+        return 2 * self.coordinates + self.states
+
     @cached_property
     def rank(self) -> int:
         """Number of independent constraint equations."""

@@ -5,12 +5,12 @@ from __future__ import annotations
 import pickle
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 
 import numpy as np
 from numpy.typing import NDArray
 
-from uqmbd.dynamics import Ensemble, Model, Trajectories, integrate
+from uqmbd.dynamics import INTEGRATORS, Ensemble, Model, Trajectories, integrate
 
 __all__ = ["ASSEMBLY_FAILED", "CHUNK", "INTEGRATION_FAILED", "OK", "Chunk", "compute_chunk", "integrator_of"]
 
@@ -46,8 +46,8 @@ class Chunk:
 
 def integrator_of(name: str) -> Callable[[Ensemble, Array, float], Trajectories]:
     """Return the function that integrates an ensemble: the built-in one, or the method of a plugin's class."""
-    if name == "ida":
-        return integrate
+    if name in INTEGRATORS:
+        return partial(integrate, method=name)
     from uqmbd import plugins
 
     method: Callable[[Ensemble, Array, float], Trajectories] = plugins.integrator(name)().integrate
@@ -60,7 +60,7 @@ def _model(data: bytes) -> Model:
     return model
 
 
-def compute_chunk(data: bytes, values: Array, times: Array, rtol: float, integrator: str = "ida") -> Chunk:
+def compute_chunk(data: bytes, values: Array, times: Array, rtol: float, integrator: str = "auto") -> Chunk:
     """Assemble, integrate and observe some realisations.
 
     Parameters

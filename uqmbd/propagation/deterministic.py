@@ -25,7 +25,7 @@ def simulate(
     times: ArrayLike,
     values: Mapping[str, float] | None = None,
     rtol: float = 1e-6,
-    integrator: str = "ida",
+    integrator: str = "auto",
 ) -> xr.Dataset:
     """Compute one motion: at the means of the random variables, or at given values.
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from uqmbd.dynamics import INTEGRATORS
 from uqmbd.errors import StudyError
 
 __all__ = ["check_integrator", "check_rtol", "check_times"]
@@ -50,11 +51,11 @@ def check_rtol(rtol: Any, where: str) -> float:
 
 def check_integrator(integrator: str, where: str) -> str:
     """Return the name of an integrator that is there, or name those that are."""
-    if integrator == "ida":
+    if integrator in INTEGRATORS:
         return integrator
     from uqmbd import plugins
 
-    known = ["ida", *plugins.integrators()]
+    known = [*INTEGRATORS, *plugins.integrators()]
     if integrator not in known:
         raise StudyError(f"{where}: there is no integrator {integrator!r}; there are: {', '.join(known)}.")
     return integrator

@@ -45,7 +45,8 @@ class Study:
     rtol : float
         Relative tolerance of the integration.
     integrator : str
-        ``ida``, or one that a plugin registers.
+        ``auto``: explicit and fast, and implicit by IDA for realisations that are stiff and for large mechanisms;
+        ``ida``: IDA for all; ``dop853``: explicit for all; or one that a plugin registers.
 
     Raises
     ------
@@ -72,7 +73,7 @@ class Study:
         times: ArrayLike,
         propagators: Sequence[Propagator] = (),
         rtol: float = 1e-6,
-        integrator: str = "ida",
+        integrator: str = "auto",
     ) -> None:
         from uqmbd.mechanism import Mechanism
 

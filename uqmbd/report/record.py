@@ -20,6 +20,8 @@ _COUNTERS = {
     "jacobian_evaluations": "Jacobian evaluations",
     "factorisations": "factorisations of the Jacobian",
     "integrations": "integrations (each of many realisations at once)",
+    "accelerations": "evaluations of the equations of motion",
+    "stiff": "realisations too stiff for the explicit integrator, integrated by IDA",
     "alone": "realisations integrated alone",
     "seconds": "time in the integrator, summed over workers",
 }

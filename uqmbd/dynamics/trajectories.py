@@ -1,0 +1,103 @@
+"""What an integration yields, and what it cost."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, fields
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["Counters", "Solved", "Trajectories", "stops"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Counters:
+    """What an integration cost.
+
+    Attributes
+    ----------
+    residuals, jacobians : int
+        Evaluations by IDA, each for a whole stack.
+    integrations : int
+        Starts of an integrator.
+    alone : int
+        Realisations that were taken out of their stack.
+    accelerations : int
+        Evaluations of the equations of motion by the explicit integrator, each for a whole stack.
+    steps : int
+        Accepted steps of the explicit integrator.
+    stiff : int
+        Realisations that the explicit integrator left to IDA.
+    seconds : float
+        Wall time.
+    """
+
+    residuals: int = 0
+    jacobians: int = 0
+    integrations: int = 0
+    alone: int = 0
+    accelerations: int = 0
+    steps: int = 0
+    stiff: int = 0
+    seconds: float = 0.0
+
+    def __add__(self, other: Counters) -> Counters:
+        return Counters(**{f.name: getattr(self, f.name) + getattr(other, f.name) for f in fields(self)})
+
+
+@dataclass(frozen=True)
+class Trajectories:
+    """States of K realisations at the output times.
+
+    Attributes
+    ----------
+    times : array, shape (T,)
+        s.
+    states : array, shape (K, T, 2 coordinate + state)
+        Coordinates, auxiliary states and velocities; NaN from the time on at which a realisation failed, everywhere
+        if it could not be assembled.
+    messages : tuple of str
+        Reason of failure of each realisation, or empty.
+    counters : Counters
+        Cost.
+    """
+
+    times: Array
+    states: Array
+    messages: tuple[str, ...]
+    counters: Counters = field(default_factory=Counters)
+
+
+@dataclass(frozen=True)
+class Solved:
+    """Some realisations that one integrator has integrated.
+
+    Attributes
+    ----------
+    states : array, shape (M, T, 2 coordinate + state)
+        As those of `Trajectories`.
+    messages : tuple of str
+        Reason of failure of each, or empty.
+    counters : Counters
+        Cost.
+    """
+
+    states: Array
+    messages: tuple[str, ...]
+    counters: Counters
+
+
+def stops(breaks: Array, times: Array) -> Array:
+    """Break times strictly inside the output times; those that differ by rounding, also from output times, are one."""
+    near = 1e-12 * max(1.0, float(np.abs(times).max()))
+    found = np.sort(breaks[np.isfinite(breaks)].ravel())
+    if not len(found):
+        return found
+    right = np.clip(np.searchsorted(times, found), 1, len(times) - 1)
+    nearest = np.where(found - times[right - 1] < times[right] - found, times[right - 1], times[right])
+    found = np.unique(np.where(np.abs(found - nearest) <= near, nearest, found))
+    found = found[(found > times[0]) & (found < times[-1])]
+    kept: Array = found[np.diff(found, prepend=-np.inf) > near]
+    return kept
