@@ -123,11 +123,11 @@ class Timers:
 @contextmanager
 def timed_callbacks(timers: Timers) -> Iterator[None]:
     """Time what the integrators call, and the integrators as a whole."""
-    from uqmbd.dynamics import dop853, ida
+    from uqmbd.dynamics import dop853, ida, lockstep
 
     callbacks, solver = ida._callbacks, ida._solver
-    equations, stack = dop853._Equations, dop853._Stack
-    originals = (equations.rate, equations.excess, stack.projected, stack.run)
+    equations, stack = dop853._Equations, lockstep.LockStep
+    originals = (equations.rate, equations.excess, dop853._projected, stack.run)
 
     def timed_callbacks(ensemble: Any) -> tuple[Callable[..., None], Callable[..., None]]:
         residual, jacobian = callbacks(ensemble)
@@ -151,12 +151,12 @@ def timed_callbacks(timers: Timers) -> Iterator[None]:
 
     ida._callbacks, ida._solver = timed_callbacks, Solver
     equations.rate, equations.excess = (timers.wrap(n, f) for n, f in ((EQUATIONS, originals[0]), (STEP, originals[1])))
-    stack.projected, stack.run = (timers.wrap(n, f) for n, f in ((POINTS, originals[2]), ("integrator", originals[3])))
+    dop853._projected, stack.run = (timers.wrap(n, f) for n, f in ((POINTS, originals[2]), ("integrator", originals[3])))
     try:
         yield
     finally:
         ida._callbacks, ida._solver = callbacks, solver
-        equations.rate, equations.excess, stack.projected, stack.run = originals
+        equations.rate, equations.excess, dop853._projected, stack.run = originals
 
 
 def show_parts(title: str, timers: Timers, total: float, before: str, after: str) -> None:

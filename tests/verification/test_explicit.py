@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import uqmbd
-from uqmbd.dynamics import Ensemble, build, dop853, integrate, straightline
+from uqmbd.dynamics import Ensemble, build, integrate, lockstep, straightline
 from uqmbd.dynamics.elimination import plan
 from uqmbd.dynamics.straightline import residual_kernel, straight_line
 from uqmbd_drivers import RotationDriver
@@ -114,7 +114,7 @@ def test_what_is_stiff_is_left_to_ida():
 
 
 def test_forced_it_says_what_is_wrong_instead(monkeypatch):
-    monkeypatch.setattr(dop853, "STEPS", 50)
+    monkeypatch.setattr(lockstep, "STEPS", 50)
     k = uqmbd.RandomVariable("k", chaospy.Uniform(50, 150))
     _, found = run(oscillator(k), [1e6], "dop853")
     assert "more than 50 steps" in found.messages[0]

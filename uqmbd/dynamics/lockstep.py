@@ -1,0 +1,328 @@
+"""Explicit Runge-Kutta integration in lock-step, with projection onto constraints after each step.
+
+The method of order 8 with its interpolant of order 7 is that of Dormand and Prince [1]_; its coefficients are SciPy's.
+Rows are either members that only share the steps, whose size follows the worst of them, or coupled: one problem.  A
+member that needs far smaller steps than the others leaves and is to be integrated alone; one that is stiff, by the
+criterion of [1]_, or fails, is reported.
+
+References
+----------
+.. [1] E. Hairer, S. P. Norsett, G. Wanner, Solving Ordinary Differential Equations I, 2nd ed., Springer 1993, II.5,
+   II.6; the test of stiffness: IV.2 of the second volume.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uqmbd.dynamics.trajectories import stops
+
+__all__ = ["Equations", "LockStep", "Out"]
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+Out = tuple[Array, Array, Array]
+"""Rates of coordinates, of velocities, and of the whole state, shape (row, ...): views of one array."""
+
+STAGES = 12
+ORDER = 8
+STIFF = 6.1
+"""Step size times the size of the Jacobian from which the method's stability, not its accuracy, limits the step."""
+PATIENCE = 15
+"""Steps in a row that must look stiff."""
+APART = 3.0
+"""A realisation that wants steps smaller than the median of its stack by this factor, ..."""
+APART_FOR = 5
+"""... this many steps in a row, is integrated alone."""
+STEPS = 20_000
+"""Most attempted steps."""
+
+
+@dataclass(frozen=True)
+class _Tableau:
+    """Coefficients: stages, the step, estimates of its error of order 5 and 3, and the interpolant."""
+
+    a: Array
+    c: Array
+    b: Array
+    errors: Array
+    more_a: Array
+    more_c: Array
+    dense: Array
+
+
+def _tableau() -> _Tableau:
+    from scipy.integrate import DOP853 as method
+
+    stages, count = np.eye(STAGES + 4), STAGES + 1
+    step = np.concatenate([method.B, np.zeros(4)])
+    dense = np.array([step, stages[0] - step, 2 * step - stages[STAGES] - stages[0], *method.D])
+    errors = np.array([method.E5[:count], method.E3[:count]])
+    return _Tableau(
+        np.array(method.A[:STAGES, :STAGES]), method.C, method.B, errors, method.A_EXTRA, method.C_EXTRA, dense
+    )
+
+
+class Equations(Protocol):
+    """Equations of motion of all rows, with a buffer for their states.
+
+    Attributes
+    ----------
+    n, velocities : int
+        Number of coordinates, and first velocity, of a row's state.
+    moving : int
+        Entries of a state that change.
+    coupled : bool
+        Whether all rows are one problem.
+    evaluations : int
+        So far.
+    state : array, shape (row, width)
+        Where states are put before they are evaluated.
+    """
+
+    n: int
+    velocities: int
+    moving: int
+    coupled: bool
+    evaluations: int
+    state: Array
+
+    def rate(self, time: float, out: Out) -> None:
+        """Write the rates of ``self.state``."""
+
+    def excess(self) -> tuple[Array, Array]:
+        """By what coordinates and velocities of ``self.state``, whose rate is known, exceed the constraints."""
+
+    def keep(self, rows: Index) -> None:
+        """Go on with some rows only."""
+
+
+class LockStep:
+    """One integration.
+
+    Parameters
+    ----------
+    equations : Equations
+        What to integrate.
+    z : array, shape (row, width)
+        Initial states.
+    times : array, shape (T,)
+        Output times, s.
+    breaks : array
+        Times at which a force may jump.
+    rtol : float
+        Relative tolerance.
+    floor : array, shape (row, 1)
+        Absolute tolerance of each row.
+
+    Attributes
+    ----------
+    result : array, shape (row, T, width)
+        States at the output times, interpolated: near the constraints, not on them.
+    apart : set of int
+        Members that are to be integrated alone.
+    failed : dict
+        Reasons of members that cannot be integrated so.
+    steps : int
+        Accepted ones.
+    """
+
+    def __init__(self, equations: Equations, z: Array, times: Array, breaks: Array, rtol: float, floor: Array) -> None:
+        self.equations, self.times, self.rtol, self.floor = equations, times, rtol, floor
+        self.stops = [*stops(breaks, times).tolist(), float(times[-1])]
+        self.z = z.copy()
+        self.result = np.full((len(z), len(times), z.shape[1]), np.nan)
+        self.result[:, 0] = z
+        self.rows = np.arange(len(z))
+        self.members = self.rows[:1] if equations.coupled else self.rows
+        self.apart: set[int] = set()
+        self.failed: dict[int, str] = {}
+        self.steps = 0
+        self._allocate()
+        self.tableau = _tableau()
+        self.scaled = np.empty_like(self.tableau.a)
+        self.weights = [self.scaled[i, :i] for i in range(1, STAGES)]
+        self.stiff = np.zeros(len(self.members), dtype=int)
+        self.slow = np.zeros(len(self.members), dtype=int)
+
+    def run(self) -> None:
+        """Integrate through all break times."""
+        now, size = float(self.times[0]), 0.0
+        with np.errstate(all="ignore"):
+            for stop in self.stops:
+                size = self._segment(now, stop, size)
+                now = stop
+                if not len(self.members):
+                    return
+
+    def _magnitude(self, z: Array) -> Array:
+        """Size of each entry: of its own, or of all coupled rows together."""
+        return np.linalg.norm(z, axis=0, keepdims=True) if self.equations.coupled else np.abs(z)
+
+    def _squares(self, x: Array) -> Array:
+        """Sum of squares of each member."""
+        found: Array = np.einsum("kw,kw->", x, x)[None] if self.equations.coupled else np.einsum("kw,kw->k", x, x)
+        return found
+
+    def _segment(self, begin: float, end: float, size: float) -> float:
+        """Integrate to `end`, where a force may jump; return the last step size."""
+        eps = 1e-12 * max(1.0, abs(begin), abs(end))
+        self.inside = (begin + eps, end - eps)
+        now = begin
+        self._rate(now, self.z, 0)
+        size = min(size or self._first_size(now, end), end - begin)
+        wanted, attempts, rejected = size, 0, False
+        while now < end - eps and len(self.members):
+            size = min(wanted, end - now)
+            if now + size > end - 0.1 * size:  # no tiny last step
+                size = end - now
+            attempts += 1
+            least = 1e-13 * max(abs(now), end - begin)
+            error, new = self._attempt(now, size)
+            worst = float(error.max()) if np.isfinite(error).all() else np.inf
+            if attempts > STEPS or size < least:
+                self._leave(np.flatnonzero(~(error < min(worst, 1e300))), self._reason(now, size, attempts))
+                attempts, wanted = 0, max(size, 1e-6 * (end - begin))
+                self._rate(now, self.z, 0)
+                continue
+            if worst >= 1.0:
+                factor = max(0.2, 0.9 * worst ** (-1 / ORDER)) if np.isfinite(worst) else 0.2
+                wanted, rejected = size * factor, True
+                continue
+            surplus = self.equations.excess()
+            self._write(now, size)
+            gone = self._judge(size, error, new)
+            now = end if size >= end - now else now + size
+            self._project(new, surplus)
+            self.steps += 1
+            factor = min(5.0, 0.9 * max(worst, 1e-10) ** (-1 / ORDER))
+            wanted, rejected = size * (min(1.0, factor) if rejected else factor), False
+            for which, reason in gone:
+                self._leave(which, reason and f"{reason} at t = {now:.6g} s")
+        return wanted
+
+    def _rate(self, time: float, z: Array, stage: int) -> None:
+        self.equations.state[:] = z
+        self.equations.rate(min(max(time, self.inside[0]), self.inside[1]), self.out[stage])
+
+    def _first_size(self, now: float, end: float) -> float:
+        """Guess the first step as in [1]_, the smallest of all realisations."""
+        scale = self.floor + self.rtol * self._magnitude(self.z)
+        width = self.z.shape[1]
+        size, slope = (np.sqrt(self._squares(x / scale) / width) for x in (self.z, self.k[0]))
+        guess = float(np.min(np.where((size < 1e-5) | (slope < 1e-5), 1e-6, 0.01 * size / np.maximum(slope, 1e-300))))
+        guess = min(guess, end - now)
+        self._rate(now + guess, self.z + guess * self.k[0], 1)
+        bend = np.sqrt(self._squares((self.k[1] - self.k[0]) / scale) / width) / guess
+        most = np.maximum(slope, bend)
+        second = np.where(most <= 1e-15, max(1e-6, guess * 1e-3), (0.01 / np.maximum(most, 1e-300)) ** (1 / ORDER))
+        best = float(np.min(second))
+        return min(100 * guess, best) if np.isfinite(best) else 1e-6 * (end - now)
+
+    def _allocate(self) -> None:
+        """Buffers for the stages: as arrays, flat, and the first so many of them."""
+        count, width = self.z.shape
+        self.k = np.zeros((STAGES + 4, count, width))
+        flat = self.k.reshape(STAGES + 4, -1)
+        n, velocities = self.equations.n, self.equations.velocities
+        self.out = [(k[:, :n], k[:, velocities:], k) for k in self.k]
+        self.first = [flat[:i] for i in range(STAGES + 5)]  # the last: all
+        self.buffer = np.empty(count * width)
+        self.sum = self.buffer.reshape(count, width)
+
+    def _combine(self, weights: Array, count: int) -> Array:
+        """Sum of the first `count` stages with weights; overwritten by the next one."""
+        np.dot(weights, self.first[count], out=self.buffer)
+        return self.sum
+
+    def _attempt(self, now: float, size: float) -> tuple[Array, Array]:
+        """Try a step: the error of each realisation in units of the tolerance, and the new states."""
+        tableau, equations = self.tableau, self.equations
+        low, high = self.inside
+        moments = np.clip(now + size * tableau.c, low, high).tolist()
+        np.multiply(tableau.a, size, out=self.scaled)
+        for stage, weights in enumerate(self.weights, 1):
+            np.dot(weights, self.first[stage], out=self.buffer)
+            np.add(self.z, self.sum, out=equations.state)
+            equations.rate(moments[stage], self.out[stage])
+        self.last = equations.state.copy()
+        new = self.z + self._combine(size * tableau.b, STAGES)
+        self._rate(now + size, new, STAGES)
+        scale = self.floor + self.rtol * np.maximum(self._magnitude(self.z), self._magnitude(new))
+        both = np.dot(tableau.errors, self.first[STAGES + 1]).reshape(2, *new.shape)
+        both /= scale
+        fifth, third = self._squares(both[0]), self._squares(both[1])
+        # where both vanish so does the error; what is not finite stays so
+        error = size * fifth / np.sqrt((fifth + 0.01 * third) * equations.moving + 1e-300)
+        return error, new
+
+    def _write(self, now: float, size: float) -> None:
+        """Write the output times of a step, by the interpolant."""
+        last = now + size
+        if abs(self.times[-1] - last) <= 1e-12 * max(1.0, abs(last)):
+            last = self.times[-1]
+        inside = np.arange(*np.searchsorted(self.times, (now, last), side="right"))
+        if not len(inside):
+            return
+        tableau, count = self.tableau, STAGES + 1
+        for more in range(3):
+            shifted = self.z + size * self._combine(tableau.more_a[more, : count + more], count + more)
+            self._rate(now + tableau.more_c[more] * size, shifted, count + more)
+        x = np.minimum((self.times[inside] - now) / size, 1.0)
+        powers = np.empty((len(inside), 7))
+        powers[:, ::2], powers[:, 1::2] = x[:, None], (1 - x)[:, None]
+        weights = size * (np.cumprod(powers, axis=1) @ tableau.dense)
+        found = np.dot(weights, self.first[-1]).reshape(len(inside), *self.z.shape)
+        self.result[self.rows[:, None], inside] = (self.z + found).transpose(1, 0, 2)
+
+    def _judge(self, size: float, error: Array, new: Array) -> list[tuple[Index, str]]:
+        """Find realisations that are stiff (with a reason), or hold the others up."""
+        change, apart = self._squares(self.k[STAGES] - self.k[STAGES - 1]), self._squares(new - self.last)
+        stiffness = size * np.sqrt(change / (apart + 1e-300))
+        self.stiff = np.where(stiffness > STIFF, self.stiff + 1, 0)
+        if len(error) > 1:
+            wants = np.maximum(error, 1e-10) ** (-1 / ORDER)
+            self.slow = np.where(wants * APART < np.median(wants), self.slow + 1, 0)
+        stiff, slow = self.stiff >= PATIENCE, self.slow >= APART_FOR
+        found = [(np.flatnonzero(stiff), "stiff"), (np.flatnonzero(slow & ~stiff), "")]
+        return [(rows, reason) for rows, reason in found if len(rows)]
+
+    def _project(self, new: Array, surplus: tuple[Array, Array]) -> None:
+        """Go on from the new states, projected; their rates change by the same little."""
+        n, velocities = self.equations.n, self.equations.velocities
+        q, v = surplus
+        new[:, :n] -= q
+        new[:, velocities:] -= v
+        self.z = new
+        self.k[0] = self.k[STAGES]
+        self.k[0][:, :n] -= v
+
+    def _leave(self, which: Index, reason: str) -> None:
+        """Take members out: with a reason they have failed, without one they are to be integrated alone."""
+        for member in self.members[which].tolist():
+            if reason:
+                self.failed[member] = reason
+            else:
+                self.apart.add(member)
+        stay = np.setdiff1d(np.arange(len(self.members)), which)
+        self.members, self.stiff, self.slow = self.members[stay], self.stiff[stay], self.slow[stay]
+        if self.equations.coupled:
+            return
+        self.result[self.rows[which]] = np.nan
+        self.equations.keep(stay)
+        self.rows, self.z, self.floor = self.rows[stay], self.z[stay], self.floor[stay]
+        first = self.k[0, stay]
+        self._allocate()
+        self.k[0] = first
+
+    def _reason(self, now: float, size: float, attempts: int) -> str:
+        if attempts > STEPS:
+            return f"the integration stopped at t = {now:.6g} s: more than {STEPS} steps"
+        return (
+            f"the integration stopped at t = {now:.6g} s: the step size fell to {size:.1g} s; probably a singular "
+            "pose, a stop or an impact, or a force that jumps"
+        )
