@@ -39,6 +39,16 @@ _WHERE = {
     "step": "uqmbd.mechanism",
     "RandomVariable": "uqmbd.randomness",
     "random_vector": "uqmbd.randomness",
+    "GermSpace": "uqmbd.randomness",
+    "Quadrature": "uqmbd.randomness",
+    "clenshaw_curtis": "uqmbd.randomness",
+    "combination_coefficients": "uqmbd.randomness",
+    "gauss_tensor": "uqmbd.randomness",
+    "gram_error": "uqmbd.randomness",
+    "index_set": "uqmbd.randomness",
+    "monte_carlo_rule": "uqmbd.randomness",
+    "smolyak": "uqmbd.randomness",
+    "sparse_rule": "uqmbd.randomness",
     "simulate": "uqmbd.propagation",
     "check": "uqmbd.dynamics",
     "Counters": "uqmbd.dynamics",
@@ -101,8 +111,18 @@ if TYPE_CHECKING:
     from uqmbd.propagation import Realisations as Realisations
     from uqmbd.propagation import Study as Study
     from uqmbd.propagation import simulate as simulate
+    from uqmbd.randomness import GermSpace as GermSpace
+    from uqmbd.randomness import Quadrature as Quadrature
     from uqmbd.randomness import RandomVariable as RandomVariable
+    from uqmbd.randomness import clenshaw_curtis as clenshaw_curtis
+    from uqmbd.randomness import combination_coefficients as combination_coefficients
+    from uqmbd.randomness import gauss_tensor as gauss_tensor
+    from uqmbd.randomness import gram_error as gram_error
+    from uqmbd.randomness import index_set as index_set
+    from uqmbd.randomness import monte_carlo_rule as monte_carlo_rule
     from uqmbd.randomness import random_vector as random_vector
+    from uqmbd.randomness import smolyak as smolyak
+    from uqmbd.randomness import sparse_rule as sparse_rule
 
 __all__ = [*sorted(_WHERE), "__version__"]
 

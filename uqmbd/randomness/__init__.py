@@ -1,8 +1,32 @@
-"""Random variables and their joint distribution; the only place that imports chaospy."""
+"""Random variables, their joint distribution, and the bases and quadratures of polynomial chaos.
+
+The only place that imports chaospy.
+"""
 
 from __future__ import annotations
 
+from uqmbd.randomness.germ import Germ
+from uqmbd.randomness.germspace import GermSpace
+from uqmbd.randomness.indexsets import index_set
 from uqmbd.randomness.joint import JointInput
+from uqmbd.randomness.quadrature import Quadrature, clenshaw_curtis, gauss_tensor, gram_error, monte_carlo_rule
+from uqmbd.randomness.sparse import combination_coefficients, smolyak, sparse_rule
 from uqmbd.randomness.variable import RandomVariable, random_vector, uniform_variable
 
-__all__ = ["JointInput", "RandomVariable", "random_vector", "uniform_variable"]
+__all__ = [
+    "Germ",
+    "GermSpace",
+    "JointInput",
+    "Quadrature",
+    "RandomVariable",
+    "clenshaw_curtis",
+    "combination_coefficients",
+    "gauss_tensor",
+    "gram_error",
+    "index_set",
+    "monte_carlo_rule",
+    "random_vector",
+    "smolyak",
+    "sparse_rule",
+    "uniform_variable",
+]

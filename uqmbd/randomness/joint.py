@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from uqmbd.errors import StudyError
+from uqmbd.randomness.laws import Law, is_dependent
 from uqmbd.randomness.variable import RandomVariable
 
-__all__ = ["JointInput"]
+__all__ = ["JointInput", "in_blocks"]
 
 Array = NDArray[np.float64]
 
@@ -111,23 +111,42 @@ class JointInput:
         values = np.empty_like(uniform)
         for group in {id(v.joint): v.joint for v in self.variables}.values():
             columns = [self.names.index(name) for name in group.names]
-            if len(columns) == 1:
+            laws = [] if is_dependent(group.distribution) else [Law.of(v.distribution) for v in group.members()]
+            if any(law.mends for law in laws):
+                for column, law in zip(columns, laws, strict=True):
+                    values[:, column] = law.quantile(uniform[:, column])
+            elif len(columns) == 1:
                 mapped = np.ravel(group.distribution.inv(uniform[:, columns[0]]))
                 # chaospy's discrete distributions invert to a continuous number around each integer
                 whole = getattr(group.distribution, "interpret_as_integer", False)
                 values[:, columns[0]] = np.rint(mapped) if whole else mapped
             else:
-                values[:, columns] = _dependent(group.distribution, uniform[:, columns])
+                values[:, columns] = in_blocks(group.distribution.inv, uniform[:, columns], 0.5)
         return values
 
 
-def _dependent(distribution: Any, uniform: Array) -> Array:
-    """Map rows in blocks of one size: matrix products round by the shape and the place in it."""
-    values = np.empty_like(uniform)
-    for first in range(0, len(uniform), BLOCK):
-        part = uniform[first : first + BLOCK]
-        padded = np.full((BLOCK, uniform.shape[1]), 0.5)
+def in_blocks(function: Callable[[Array], Array], rows: Array, filler: ArrayLike) -> Array:
+    """Map rows in blocks of one size: matrix products round by the shape and the place in it.
+
+    Parameters
+    ----------
+    function : callable
+        Maps arrays of shape ``(n, BLOCK)``, a point in each column.
+    rows : array, shape (K, n)
+        A point in each row.
+    filler : array_like, shape (n,) or ()
+        A point that fills the last block.
+
+    Returns
+    -------
+    array, shape (K, n)
+    """
+    values = np.empty_like(rows)
+    for first in range(0, len(rows), BLOCK):
+        part = rows[first : first + BLOCK]
+        padded = np.empty((BLOCK, rows.shape[1]))
+        padded[:] = filler
         padded[: len(part)] = part
-        mapped = np.asarray(distribution.inv(padded.T), dtype=float)
-        values[first : first + BLOCK] = mapped.reshape(uniform.shape[1], -1).T[: len(part)]
+        mapped = np.asarray(function(padded.T), dtype=float)
+        values[first : first + BLOCK] = mapped.reshape(rows.shape[1], -1).T[: len(part)]
     return values

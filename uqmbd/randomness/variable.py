@@ -198,6 +198,19 @@ def mean_of(distribution: Any) -> np.ndarray:
     """
     import chaospy
 
+    from uqmbd.randomness.laws import Law, is_dependent
+    from uqmbd.randomness.stieltjes import discretise
+    from uqmbd.randomness.tails import heaviest_tail
+
+    if len(distribution) > 1 and not is_dependent(distribution) and any(Law.of(d).mends for d in distribution):
+        return np.concatenate([mean_of(d) for d in distribution])
+    if len(distribution) == 1:
+        law = Law.of(distribution)
+        if law.cut is None and law.mends:
+            return law.shift + law.scale * mean_of(law.core)
+        if law.cut is not None and heaviest_tail(law).moments > 1:
+            found = discretise(law, 2)
+            return np.array([found.shift + found.scale * found.alpha[0]])
     with np.errstate(all="ignore"):
         value = np.atleast_1d(np.asarray(chaospy.E(distribution), dtype=float))
     plausible = np.isfinite(value).all()

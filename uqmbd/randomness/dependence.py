@@ -1,0 +1,274 @@
+"""Dependent inputs: Gaussian copulas found exactly, by Nataf's equation, or Rosenblatt's transform by chaospy."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import scipy.optimize
+import scipy.special
+from numpy.typing import NDArray
+
+from uqmbd.errors import StudyError
+from uqmbd.randomness.families import normal_marginal, refuse_tail
+from uqmbd.randomness.germ import Germ
+from uqmbd.randomness.joint import in_blocks
+from uqmbd.randomness.marginals import Marginal
+from uqmbd.randomness.tails import Tail, tail_of
+from uqmbd.randomness.transforms import Coupled, Group, Rosenblatt, conditional_names
+
+__all__ = ["dependent_part", "nataf_correlation"]
+
+Array = NDArray[np.float64]
+
+Copula = tuple[tuple[Marginal, ...], Array]
+"""Maps of standard normals to the inputs, and the correlation of those normals."""
+
+
+def dependent_part(
+    names: Sequence[str], distribution: Any, columns: tuple[int, ...], transform: str
+) -> tuple[tuple[Germ, ...], Group]:
+    """Return germs and map of inputs that depend on each other.
+
+    Parameters
+    ----------
+    names : sequence of str, length n
+        Their names.
+    distribution : chaospy.Distribution
+        Their joint distribution.
+    columns : tuple of int
+        Where they stand among all inputs.
+    transform : {"rosenblatt", "nataf"}
+        See :meth:`uqmbd.randomness.GermSpace.of`.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If moments are infinite, or marginals or the correlation that Nataf's transform needs are not available.
+
+    Examples
+    --------
+    >>> import chaospy
+    >>> germs, group = dependent_part(("a", "b"), chaospy.MvNormal([1, 2], [[4, 3], [3, 9]]), (0, 1), "rosenblatt")
+    >>> [germ.name for germ in germs], group.factor.round(6).tolist()
+    (['a', 'b | a'], [[1.0, 0.0], [0.5, 0.866025]])
+    """
+    import chaospy
+
+    order = tuple(int(k) for k in distribution._rotation)
+    described = str(distribution)
+    if isinstance(distribution, chaospy.Trunc):
+        raise StudyError(
+            f"Inputs {', '.join(names)}: chaospy does not truncate dependent variables correctly ({described}). "
+            "Truncate the marginal distributions, and couple them by chaospy.Nataf(chaospy.J(...), correlation)."
+        )
+    if isinstance(distribution, chaospy.MvStudentT):
+        freedom = float(np.ravel(distribution._dist._owners[0][1]._parameters["a"])[0])
+        refuse_tail(", ".join(names), described, Tail(freedom, 1.0))
+    copula = _gaussian_copula(names, distribution, order)
+    if copula is None and transform == "nataf":
+        copula = _nataf(names, distribution)
+    if copula is not None:
+        return _coupled(names, copula, columns, order)
+    return _rosenblatt(names, distribution, columns, order)
+
+
+def nataf_correlation(first: Marginal, second: Marginal, correlation: float) -> float:
+    """Solve Nataf's integral equation: the correlation of two standard normals whose images have `correlation`.
+
+    The double integral over the bivariate normal density is a power series in the unknown by Mehler's formula, with
+    the Hermite coefficients of the two maps from a Gauss-Hermite rule (Liu and Der Kiureghian, Probab. Eng. Mech. 1
+    (1986) 105; Xiao, Struct. Saf. 49 (2014) 33).
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If no Gaussian copula gives that correlation.
+
+    Examples
+    --------
+    >>> a = Marginal("exponential", sigma=0.5); b = Marginal("exponential", sigma=1.0)
+    >>> exact = np.log(1 + 0.3 * np.sqrt(np.expm1(0.25) * np.expm1(1.0))) / 0.5
+    >>> bool(abs(nataf_correlation(a, b, 0.3) - exact) < 1e-12)
+    True
+    """
+    hermite = Germ.classical("z", "hermite")
+    nodes, weights = hermite.gauss(64)
+    psi = hermite.polynomials(nodes, 30)[:, 1:]
+    series = np.ones(psi.shape[1])
+    for marginal in (first, second):
+        values = marginal.to_input(nodes)
+        centred = values - weights @ values
+        series = series * ((weights * centred) @ psi) / np.sqrt(weights @ centred**2)
+    powers = np.arange(1, len(series) + 1)
+
+    def miss(rho: float) -> float:
+        return float(series @ rho**powers) - correlation
+
+    if miss(-1.0) > 0 or miss(1.0) < 0:
+        raise StudyError(
+            f"no Gaussian copula gives these marginal distributions the correlation {correlation:.6g} (possible are "
+            f"{miss(-1.0) + correlation:.6g} to {miss(1.0) + correlation:.6g}); use transform='rosenblatt'."
+        )
+    return float(scipy.optimize.brentq(miss, -1.0, 1.0, xtol=1e-15))
+
+
+@dataclass(frozen=True, eq=False)
+class _Joint:
+    """A chaospy joint distribution as a map, evaluated in blocks of one size."""
+
+    distribution: Any
+    spread: Array
+
+    def inverse(self, uniform: Array) -> Array:
+        return in_blocks(self.distribution.inv, uniform, 0.5)
+
+    def forward(self, inputs: Array) -> Array:
+        middle = self.inverse(np.full((1, inputs.shape[1]), 0.5))[0]
+        with np.errstate(all="ignore"):
+            uniform = np.clip(in_blocks(self.distribution.fwd, inputs, middle), 0.0, 1.0)
+            back = self.inverse(np.where(np.isfinite(uniform), uniform, 0.5))
+            near = np.abs(back - inputs) <= 1e-6 * (self.spread + np.abs(inputs))
+        return np.where(near, uniform, np.nan)
+
+
+def _coupled(
+    names: Sequence[str], copula: Copula, columns: tuple[int, ...], order: tuple[int, ...]
+) -> tuple[tuple[Germ, ...], Group]:
+    marginals, correlation = copula
+    sorted_rows = np.ix_(order, order)
+    factor = np.zeros_like(correlation)
+    try:
+        factor[sorted_rows] = np.linalg.cholesky(correlation[sorted_rows])
+    except np.linalg.LinAlgError:
+        raise StudyError(
+            f"The correlation of the inputs {', '.join(names)} is singular or indefinite for a Gaussian copula: "
+            f"{correlation.round(6).tolist()}. Leave out an input that the others determine, or use "
+            "transform='rosenblatt'."
+        ) from None
+    labels = conditional_names(tuple(names), order, factor)
+    germs = tuple(Germ.classical(label, "hermite") for label in labels)
+    return germs, Coupled(columns, marginals, factor, order)
+
+
+def _rosenblatt(
+    names: Sequence[str], distribution: Any, columns: tuple[int, ...], order: tuple[int, ...]
+) -> tuple[tuple[Germ, ...], Group]:
+    normal: list[bool] = []
+    spread: list[float] = []
+    for k, name in enumerate(names):
+
+        def conditional(u: Array, k: int = k) -> Array:
+            """Quantiles of one input where those before it are at their medians."""
+            uniform = np.full((len(u), len(names)), 0.5)
+            uniform[:, k] = u
+            # in blocks of one size: kernel densities keep arrays of the size before
+            return in_blocks(distribution.inv, uniform, 0.5)[:, k]
+
+        try:
+            with np.errstate(all="ignore"):
+                tail = tail_of(conditional)
+                quarters = conditional(np.array([0.25, 0.75]))
+        except Exception as error:
+            raise StudyError(
+                f"Input {name!r}: chaospy cannot evaluate the joint distribution {distribution} "
+                f"({type(error).__name__}: {error})."
+            ) from error
+        refuse_tail(name, f"a component of {distribution}", tail)
+        normal.append(not tail.bounded)
+        spread.append(quarters[1] - quarters[0])
+    labels = conditional_names(tuple(names), order)
+    germs = tuple(
+        Germ.classical(label, "hermite" if unbounded else "legendre")
+        for label, unbounded in zip(labels, normal, strict=True)
+    )
+    return germs, Rosenblatt(columns, order, tuple(normal), _Joint(distribution, np.array(spread)))
+
+
+def _gaussian_copula(names: Sequence[str], distribution: Any, order: tuple[int, ...]) -> Copula | None:
+    """Return the marginals and the correlation of a joint that is a Gaussian copula, confirmed by numbers."""
+    import chaospy
+
+    given = distribution._parameters
+    if isinstance(distribution, (chaospy.MvNormal, chaospy.MvLogNormal)):
+        logarithmic = isinstance(distribution, chaospy.MvLogNormal)
+        mean = np.asarray(given["mu" if logarithmic else "mean"], dtype=object)
+        covariance = np.asarray(given["sigma" if logarithmic else "covariance"], dtype=object)
+        if any(isinstance(v, chaospy.Distribution) for v in (*mean.ravel(), *covariance.ravel())):
+            return None
+        mean, covariance = np.broadcast_to(mean.astype(float), len(names)), covariance.astype(float)
+        deviation = np.sqrt(np.diag(covariance))
+        correlation = covariance / np.outer(deviation, deviation)
+        if logarithmic:
+            marginals = tuple(
+                Marginal("exponential", mu=float(m), sigma=float(s), bounds=(0.0, np.inf))
+                for m, s in zip(mean, deviation, strict=True)
+            )
+        else:
+            marginals = tuple(Marginal("affine", float(m), float(s)) for m, s in zip(mean, deviation, strict=True))
+    elif isinstance(distribution, chaospy.Nataf):
+        inner = _inner_marginals(names, distribution)
+        if inner is None:
+            return None
+        permute = distribution._parameters["trans"]._permute
+        marginals, correlation = inner, permute.T @ distribution._parameters["trans"]._correlation @ permute
+    else:
+        return None
+    np.fill_diagonal(correlation, 1.0)
+    copula = (marginals, np.asarray(correlation, dtype=float))
+    _, group = _coupled(names, copula, tuple(range(len(names))), order)
+    uniform = np.random.default_rng(0).uniform(0.02, 0.98, (16, len(names)))
+    theirs = np.asarray(distribution.inv(uniform.T), dtype=float).T
+    ours = group.to_inputs(scipy.special.ndtri(uniform))
+    return copula if np.abs(ours - theirs).max(axis=0).max() <= 1e-6 * np.ptp(theirs, axis=0).min() else None
+
+
+def _inner_marginals(names: Sequence[str], distribution: Any) -> tuple[Marginal, ...] | None:
+    inner = distribution._parameters["dist"]
+    if inner.stochastic_dependent:
+        return None
+    return tuple(normal_marginal(name, inner[k]) for k, name in enumerate(names))
+
+
+def _nataf(names: Sequence[str], distribution: Any) -> Copula:
+    """Keep the marginals and the correlation of a joint, with a Gaussian copula."""
+    import chaospy
+
+    marginals = _inner_marginals(names, distribution) if isinstance(distribution, chaospy.CopulaDistribution) else None
+    if marginals is None:
+        raise StudyError(
+            f"Nataf's transform needs the marginal distributions of the inputs {', '.join(names)}, which chaospy does "
+            f"not tell for {distribution}; use transform='rosenblatt', or declare them with a copula, e.g. "
+            "chaospy.Nataf(chaospy.J(...), correlation)."
+        )
+    wanted = _correlation(distribution, len(names))
+    correlation = np.eye(len(names))
+    for i in range(len(names)):
+        for j in range(i):
+            try:
+                solved = nataf_correlation(marginals[i], marginals[j], wanted[i, j])
+            except StudyError as error:
+                raise StudyError(f"Inputs {names[j]!r} and {names[i]!r}: {error}") from error
+            correlation[i, j] = correlation[j, i] = solved
+    return marginals, correlation
+
+
+def _correlation(distribution: Any, dimension: int) -> Array:
+    """Correlation of a joint distribution, by quadrature over its Rosenblatt transform."""
+    if dimension <= 3:
+        points, rule = Germ.classical("z", "hermite").gauss(40 if dimension == 2 else 20)
+        grid = np.stack(np.meshgrid(*[points] * dimension, indexing="ij"), axis=-1).reshape(-1, dimension)
+        weights = np.prod(np.stack(np.meshgrid(*[rule] * dimension, indexing="ij"), axis=-1), axis=-1).ravel()
+        uniform = scipy.special.ndtr(grid)
+    else:
+        from scipy.stats import qmc
+
+        uniform = qmc.Sobol(dimension, seed=0).random(2**14)
+        weights = np.full(len(uniform), 1 / len(uniform))
+    values = in_blocks(distribution.inv, np.clip(uniform, 1e-12, 1 - 1e-12), 0.5)
+    centred = values - weights @ values
+    covariance = centred.T @ (weights[:, None] * centred)
+    deviation = np.sqrt(np.diag(covariance))
+    return np.asarray(covariance / np.outer(deviation, deviation), dtype=float)

@@ -1,0 +1,218 @@
+"""Which germ and map belong to an input: families recognised by the structure of a distribution and by numbers."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import scipy.special
+from numpy.typing import NDArray
+
+from uqmbd.errors import StudyError
+from uqmbd.randomness.germ import Germ
+from uqmbd.randomness.joint import JointInput
+from uqmbd.randomness.laws import Law, is_dependent
+from uqmbd.randomness.marginals import Marginal
+from uqmbd.randomness.stieltjes import COUNT, Discretised, discretise, discretise_quantiles, lanczos
+from uqmbd.randomness.tables import KNOTS, LARGEST
+from uqmbd.randomness.tails import FEWEST, Tail, heaviest_tail
+from uqmbd.randomness.transforms import Coupled, Group
+
+__all__ = ["independent_part", "normal_marginal", "refuse_tail", "space_parts"]
+
+Array = NDArray[np.float64]
+
+PROBE = np.array([1e-3, 0.05, 0.25, 0.5, 0.75, 0.95, 0.999])
+"""Probabilities at which a recognised family is confirmed."""
+
+
+def space_parts(inputs: JointInput, transform: str) -> tuple[tuple[Germ, ...], tuple[Group, ...]]:
+    """Return the germs of all inputs, in order, and the maps of their groups."""
+    from uqmbd.randomness.dependence import dependent_part
+
+    germs: dict[int, Germ] = {}
+    groups: list[Group] = []
+    for joint in {id(v.joint): v.joint for v in inputs.variables}.values():
+        columns = tuple(inputs.names.index(name) for name in joint.names)
+        if len(columns) > 1 and is_dependent(joint.distribution):
+            found, group = dependent_part(joint.names, joint.distribution, columns, transform)
+            groups.append(group)
+            germs.update(zip(columns, found, strict=True))
+            continue
+        for place, (column, name) in enumerate(zip(columns, joint.names, strict=True)):
+            alone = joint.distribution if len(columns) == 1 else joint.distribution[place]
+            germs[column], marginal = independent_part(name, alone)
+            groups.append(Coupled.single(column, marginal))
+    return tuple(germs[k] for k in range(len(inputs))), tuple(groups)
+
+
+def independent_part(name: str, distribution: Any) -> tuple[Germ, Marginal]:
+    """Return the germ of an input that depends on no other, and the map to it.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If the distribution has no finite moments, or cannot be evaluated.
+
+    Examples
+    --------
+    >>> import chaospy
+    >>> germ, marginal = independent_part("x", chaospy.Gamma(2, 3, shift=1))
+    >>> germ.family, germ.parameters, marginal.shift, marginal.scale
+    ('laguerre', (2.0,), 1.0, 3.0)
+    """
+    law = checked_law(name, distribution)
+    if law.discrete:
+        return _discrete(name, law)
+    tail = heaviest_tail(replace(law, shift=0.0))
+    refuse_tail(name, str(distribution), tail)
+    found = _recognised(name, law)
+    if found is not None:
+        return found
+    # Student's t distribution turns into a power law too far out to be measured
+    if not tail.polynomial or (law.kind == "student_t" and law.parameters("a")[0] < 2.5 * COUNT):
+        return Germ.classical(name, "hermite"), _tabulated(law)
+    return _discretised(name, law)
+
+
+def normal_marginal(name: str, distribution: Any) -> Marginal:
+    """Return the map of a standard normal to an input: affine or exponential where it is so, else a table.
+
+    Examples
+    --------
+    >>> import chaospy
+    >>> normal_marginal("x", chaospy.LogNormal(0.5, 2)).kind
+    'exponential'
+    """
+    law = checked_law(name, distribution)
+    if law.discrete:
+        raise StudyError(f"Input {name!r} takes whole numbers only; they cannot depend on other inputs.")
+    refuse_tail(name, str(distribution), heaviest_tail(law))
+    found = _recognised(name, law)
+    if found is not None and found[0].family == "hermite":
+        return found[1]
+    return _tabulated(law)
+
+
+def refuse_tail(name: str, description: str, tail: Tail) -> None:
+    """Raise where moments that statistics need are infinite."""
+    if tail.power_law and tail.index <= FEWEST * 1.02:
+        raise StudyError(
+            f"Input {name!r}, {description}, has a tail so heavy that its moments of order {max(tail.index, 0):.2g} "
+            "and above are infinite: it has no complete set of orthogonal polynomials, nor a finite kurtosis. "
+            "Use Monte Carlo, whose quantiles are valid, or truncate it: chaospy.Trunc(distribution, lower, upper)."
+        )
+
+
+def checked_law(name: str, distribution: Any) -> Law:
+    """Take a distribution apart, and make sure that it can be evaluated and does not contradict itself."""
+    try:
+        law = Law.of(distribution)
+        quantiles = law.quantile(PROBE)
+        back = law.cdf(quantiles)
+    except Exception as error:
+        raise StudyError(
+            f"Input {name!r}: chaospy cannot evaluate the distribution {distribution} "
+            f"({type(error).__name__}: {error}). Put the arithmetic into the mechanism (an expression in "
+            "random variables) instead of the distribution."
+        ) from error
+    if law.discrete:
+        if (law.shift, law.scale) != (0.0, 1.0):
+            raise StudyError(
+                f"Input {name!r}, {distribution}: arithmetic turns a distribution of whole numbers into one that "
+                "chaospy treats as continuous. Declare the plain distribution, and write the arithmetic into the "
+                "mechanism."
+            )
+    elif not (np.all(np.diff(quantiles) > 0) and np.allclose(back, PROBE, atol=1e-6, rtol=0)):
+        raise StudyError(
+            f"Input {name!r}: the distribution {distribution} contradicts itself (its distribution function at its "
+            f"quantiles {PROBE.tolist()} is {back.round(6).tolist()}). Put the arithmetic into the mechanism (an "
+            "expression in random variables) instead of the distribution."
+        )
+    return law
+
+
+def _recognised(name: str, law: Law) -> tuple[Germ, Marginal] | None:
+    """Return germ and map of a family of Askey's scheme or a lognormal distribution, confirmed by its quantiles."""
+    kind, shift, scale = law.kind, law.shift, law.scale
+    if kind == "normal":
+        germ, marginal = Germ.classical(name, "hermite"), Marginal("affine", shift, abs(scale))
+    elif kind == "log_normal":
+        (sigma,) = law.parameters("a")
+        bounds = (shift, np.inf) if scale > 0 else (-np.inf, shift)
+        germ = Germ.classical(name, "hermite")
+        mu = float(np.log(abs(scale)))
+        marginal = Marginal("exponential", shift, float(np.sign(scale)), mu, sigma * np.sign(scale), bounds)
+    elif kind in ("uniform", "beta_"):
+        low, high = law.bounds
+        if kind == "uniform":
+            germ = Germ.classical(name, "legendre")
+        else:
+            germ = Germ.classical(name, "jacobi", *law.parameters("a", "b")[:: 1 if scale > 0 else -1])
+        marginal = Marginal("affine", (low + high) / 2, (high - low) / 2, bounds=(low, high))
+    elif kind == "gamma" or (kind == "chi_squared" and law.parameters("nc") == (0.0,)):
+        factor = 1.0 if kind == "gamma" else 2.0
+        shape = law.parameters("a")[0] if kind == "gamma" else law.parameters("df")[0] / 2
+        germ = Germ.classical(name, "laguerre", shape)
+        bounds = (shift, np.inf) if scale > 0 else (-np.inf, shift)
+        marginal = Marginal("affine", shift, factor * scale, bounds=bounds)
+    else:
+        return None
+    falls = marginal.kind == "affine" and marginal.scale < 0
+    ours = marginal.to_input(germ.from_uniform(1 - PROBE if falls else PROBE))
+    theirs = law.quantile(PROBE)
+    slack = 1e-8 * np.ptp(theirs) + 1e-14 * np.abs(theirs).max()
+    return (germ, marginal) if np.abs(ours - theirs).max() <= slack else None
+
+
+def _discretised(name: str, law: Law) -> tuple[Germ, Marginal]:
+    # without its shift and scale: a mean that is large compared with the deviation costs no digits
+    core = replace(law, shift=0.0, scale=float(np.sign(law.scale)))
+    found = _best_discretisation(core)
+    shift, scale = law.shift + abs(law.scale) * found.shift, abs(law.scale) * found.scale
+    low, high = (shift + scale * end for end in found.bounds)
+    quantiles = _tabulated(core).table
+    assert quantiles is not None
+    table = np.array([KNOTS, (quantiles[1] - found.shift) / found.scale])
+    germ = Germ(name, "stieltjes", found.alpha, found.beta, (), found.bounds, table)
+    return germ, Marginal("affine", shift, scale, bounds=(low, high))
+
+
+def _best_discretisation(law: Law) -> Discretised:
+    import chaospy
+
+    try:
+        found = discretise(law)
+        if abs(found.mass - 1) < 1e-8 and found.change < 1e-8:
+            return found
+    except chaospy.UnsupportedFeature:
+        pass
+    return discretise_quantiles(law, COUNT // 2)
+
+
+def _tabulated(law: Law) -> Marginal:
+    """Tabulate quantiles over the probit scale."""
+    uniform = np.minimum(scipy.special.ndtr(KNOTS), LARGEST)
+    low, high = law.bounds
+    values = law.far_quantile(uniform)
+    if not np.isfinite(values).all():
+        values = law.quantile(uniform)
+    values = np.maximum.accumulate(values)
+    bounds = (low if values[0] >= low else -np.inf, high if values[-1] <= high else np.inf)
+    return Marginal("quantile", bounds=bounds, table=np.array([KNOTS, values]))
+
+
+def _discrete(name: str, law: Law) -> tuple[Germ, Marginal]:
+    low, high = law.bounds
+    numbers = np.arange(np.ceil(low), np.floor(high) + 1)
+    steps = law.cdf(np.r_[numbers[0] - 0.5, numbers + 0.5])
+    probability = np.diff(steps)
+    numbers, probability = numbers[probability > 1e-18], probability[probability > 1e-18]
+    probability = probability / probability.sum()
+    shift, scale = (numbers[0] + numbers[-1]) / 2, max((numbers[-1] - numbers[0]) / 2, 0.5)
+    values = (numbers - shift) / scale
+    alpha, beta = lanczos(values, probability, min(len(values), COUNT))
+    table = np.array([np.cumsum(probability), values])
+    germ = Germ(name, "discrete", alpha, beta, (), (float(values[0]), float(values[-1])), table)
+    return germ, Marginal("affine", float(shift), float(scale), bounds=(float(numbers[0]), float(numbers[-1])))

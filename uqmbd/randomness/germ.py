@@ -1,0 +1,239 @@
+"""Germs: independent standard variables, with their orthonormal polynomials and Gauss rules."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import scipy.special
+from numpy.typing import ArrayLike, NDArray
+
+from uqmbd.errors import StudyError
+from uqmbd.randomness.indexsets import whole_number
+from uqmbd.randomness.recurrences import CLASSICAL, recurrence
+from uqmbd.randomness.tables import LARGEST, interpolate, probit
+
+__all__ = ["Germ"]
+
+Array = NDArray[np.float64]
+
+STORED = 64
+"""Recurrence coefficients that a classical germ carries; more are computed when asked for."""
+
+
+@dataclass(frozen=True, eq=False)
+class Germ:
+    """One independent standard variable with its orthonormal polynomials.
+
+    Parameters
+    ----------
+    name : str
+        Label for people.
+    family : str
+        ``"hermite"`` (standard normal), ``"legendre"`` (uniform on [-1, 1]), ``"jacobi"`` (beta on [-1, 1]),
+        ``"laguerre"`` (gamma of scale 1), ``"discrete"`` (finitely many values) or ``"stieltjes"`` (anything else).
+    alpha, beta : array, shape (N,)
+        Recurrence coefficients of the monic polynomials, ``beta[0] = 1``.  A discrete germ has as many as values.
+    parameters : tuple of float
+        Of the family: ``a, b`` of the beta density, the shape of the gamma density.
+    bounds : tuple of float
+        The support.
+    table : array, shape (2, M), optional
+        ``"stieltjes"``: quantiles over the probit scale; ``"discrete"``: cumulated probabilities and values.
+
+    Notes
+    -----
+    Every operation treats each point by itself: evaluating some points, or all, gives the same bits.  Gauss nodes of a
+    discrete germ lie between its values, except for the rule with as many nodes as values.
+
+    Examples
+    --------
+    >>> germ = Germ.classical("x", "legendre")
+    >>> germ.polynomials(np.array([0.0, 1.0]), 2).round(6).tolist()
+    [[1.0, 0.0, -1.118034], [1.0, 1.732051, 2.236068]]
+    >>> nodes, weights = germ.gauss(2)
+    >>> nodes.round(6).tolist(), weights.round(6).tolist()
+    ([-0.57735, 0.57735], [0.5, 0.5])
+    """
+
+    name: str
+    family: str
+    alpha: Array
+    beta: Array
+    parameters: tuple[float, ...] = ()
+    bounds: tuple[float, float] = (-np.inf, np.inf)
+    table: Array | None = None
+
+    @classmethod
+    def classical(cls, name: str, family: str, *parameters: float) -> Germ:
+        """Make a germ of a classical family."""
+        alpha, beta = recurrence(family, parameters, STORED)
+        bounds = {"hermite": (-np.inf, np.inf), "laguerre": (0.0, np.inf)}.get(family, (-1.0, 1.0))
+        return cls(name, family, alpha, beta, tuple(float(p) for p in parameters), bounds)
+
+    def renamed(self, name: str) -> Germ:
+        """Return the same germ under another name."""
+        return replace(self, name=name)
+
+    @property
+    def values(self) -> int | None:
+        """How many values a discrete germ takes; None for a continuous one."""
+        return self.table.shape[1] if self.family == "discrete" and self.table is not None else None
+
+    @property
+    def highest_degree(self) -> int | None:
+        """Highest degree of an orthonormal polynomial; None: unlimited."""
+        return None if self.family in CLASSICAL else len(self.alpha) - 1
+
+    def coefficients(self, count: int) -> tuple[Array, Array]:
+        """Return `count` recurrence coefficients ``alpha, beta``.
+
+        Raises
+        ------
+        uqmbd.StudyError
+            If the germ has no polynomials of that degree.
+        """
+        if count <= len(self.alpha):
+            return self.alpha[:count], self.beta[:count]
+        if self.family in CLASSICAL:
+            return recurrence(self.family, self.parameters, count)
+        only = f" takes {self.values} values only: it" if self.values == len(self.alpha) else ""
+        raise StudyError(
+            f"Input {self.name!r}{only} has polynomials up to degree {len(self.alpha) - 1} and Gauss rules of up to "
+            f"{len(self.alpha)} nodes; degree {count - 1} or {count} nodes were asked for. Lower the order for it."
+        )
+
+    def polynomials(self, x: ArrayLike, degree: int) -> Array:
+        """Evaluate the orthonormal polynomials of degree 0 to `degree` by their three-term recurrence.
+
+        Parameters
+        ----------
+        x : array_like, shape (...)
+            Points.
+        degree : int
+            Highest degree.
+
+        Returns
+        -------
+        array, shape (..., degree + 1)
+
+        Raises
+        ------
+        uqmbd.StudyError
+            If the degree is no whole number of at least 0, or above :attr:`highest_degree`.
+        """
+        whole_number(degree, f"The degree of the polynomials of {self.name!r}", 0)
+        points = np.asarray(x, dtype=float)
+        alpha, beta = self.coefficients(degree + 1)
+        norm = np.sqrt(beta)
+        values = np.empty((degree + 1, *points.shape))
+        values[0] = 1.0
+        for k in range(degree):
+            following = (points - alpha[k]) * values[k]
+            if k:
+                following -= norm[k] * values[k - 1]
+            values[k + 1] = following / norm[k + 1]
+        return np.ascontiguousarray(np.moveaxis(values, 0, -1))
+
+    def gauss(self, count: int) -> tuple[Array, Array]:
+        """Return the Gauss rule: exact for polynomials up to degree ``2 * count - 1``.
+
+        Golub and Welsch, Math. Comp. 23 (1969) 221: nodes are eigenvalues of the Jacobi matrix; weights are
+        Christoffel numbers, ``1 / sum(p_k(node)**2)``, which are accurate relative to themselves.
+
+        Parameters
+        ----------
+        count : int
+            Number of nodes, at least 1.
+
+        Returns
+        -------
+        nodes, weights : array, shape (count,)
+            Ascending nodes; weights that sum to 1.
+
+        Raises
+        ------
+        uqmbd.StudyError
+            If `count` is no whole number of at least 1, or above ``highest_degree + 1``.
+        """
+        import scipy.linalg
+
+        whole_number(count, f"The number of Gauss nodes of {self.name!r}", 1)
+        alpha, beta = self.coefficients(count)
+        nodes: Array = scipy.linalg.eigvalsh_tridiagonal(alpha, np.sqrt(beta[1:])) if count > 1 else alpha.copy()
+        if self._symmetric:
+            nodes = (nodes - nodes[::-1]) / 2
+        weights = 1.0 / (self.polynomials(nodes, count - 1) ** 2).sum(axis=-1)
+        if self._symmetric:
+            weights = (weights + weights[::-1]) / 2
+        return nodes, weights / weights.sum()
+
+    def from_uniform(self, u: ArrayLike) -> Array:
+        """Quantile function: map uniform numbers, of any shape, to the germ.
+
+        Examples
+        --------
+        >>> Germ.classical("x", "hermite").from_uniform([0.5, 0.975]).round(4).tolist()
+        [0.0, 1.96]
+        """
+        uniform = np.asarray(u, dtype=float)
+        values: Array
+        if self.family == "hermite":
+            values = probit(uniform)
+        elif self.family == "legendre":
+            values = 2 * uniform - 1
+        elif self.family == "jacobi":
+            values = 2 * scipy.special.betaincinv(*self.parameters, uniform) - 1
+        elif self.family == "laguerre":
+            values = scipy.special.gammaincinv(*self.parameters, np.minimum(uniform, LARGEST))
+        elif self.table is None:
+            raise StudyError(f"The quantile function of {self.name!r} was not stored.")
+        elif self.family == "discrete":
+            chosen = np.searchsorted(self.table[0], uniform, side="right")
+            values = self.table[1][np.minimum(chosen, self.table.shape[1] - 1)]
+        else:
+            values = np.clip(interpolate(self.table, probit(uniform)), *self.bounds)
+        return values
+
+    def linearisation(self, degree: int) -> Array:
+        """Return ``E[p_i p_j p_k]`` for ``i, j <= degree`` and ``k <= 2 * degree``, by an exact Gauss rule.
+
+        A discrete germ has polynomials up to one less than its number of values; the others have no norm, and their
+        entries are zero.
+
+        Parameters
+        ----------
+        degree : int
+            Highest degree of the two factors.
+
+        Returns
+        -------
+        array, shape (degree + 1, degree + 1, 2 * degree + 1)
+
+        Examples
+        --------
+        >>> Germ.classical("x", "hermite").linearisation(1)[1, 1].round(6).tolist()
+        [1.0, 0.0, 1.414214]
+        """
+        highest = 2 * whole_number(degree, f"The degree of products of {self.name!r}", 0)
+        if self.values == len(self.alpha):
+            known = min(highest, self.values - 1)
+            nodes, weights = self.gauss(min(highest + 1, self.values))
+        else:
+            known = highest
+            nodes, weights = self.gauss(highest + 1)
+        p = self.polynomials(nodes, known)
+        result = np.zeros((degree + 1, degree + 1, highest + 1))
+        factors = p[:, : degree + 1]
+        result[..., : known + 1] = np.einsum("n,ni,nj,nk->ijk", weights, factors, factors, p, optimize=True)
+        return result
+
+    @cached_property
+    def _symmetric(self) -> bool:
+        return self.family in ("hermite", "legendre") or bool(self.family == "jacobi" and not np.any(self.alpha))
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Plain arrays travel between processes; what was derived from them does not."""
+        return {name: getattr(self, name) for name in self.__dataclass_fields__}

@@ -1,0 +1,253 @@
+"""The germs of all inputs of a study, and the map between germs and inputs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from uqmbd.errors import StudyError
+from uqmbd.randomness.germ import Germ
+from uqmbd.randomness.transforms import Group
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from uqmbd.randomness.joint import JointInput
+
+__all__ = ["TRANSFORMS", "GermSpace"]
+
+Array = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+TRANSFORMS = ("rosenblatt", "nataf")
+"""Transforms of dependent inputs to independent germs."""
+
+
+@dataclass(frozen=True, eq=False)
+class GermSpace:
+    """Independent standard variables of all inputs of a study, their polynomials, and the map to the inputs.
+
+    Parameters
+    ----------
+    inputs : tuple of str
+        Names of the inputs, in the order of :class:`uqmbd.randomness.JointInput`.
+    germs : tuple of Germ
+        One for each input.
+    groups : tuple of Coupled or Rosenblatt
+        Maps of the groups of dependent inputs, and of each independent one.
+
+    Notes
+    -----
+    What is evaluated point by point (polynomials, and all maps but Rosenblatt's transform of a general joint
+    distribution, which chaospy evaluates in blocks) has the same bits whichever other points are evaluated with it.
+
+    Examples
+    --------
+    >>> import chaospy, uqmbd
+    >>> from uqmbd.randomness import JointInput, index_set
+    >>> a = uqmbd.RandomVariable("a", chaospy.Uniform(0, 2)); b = uqmbd.RandomVariable("b", chaospy.Normal(1, 3))
+    >>> space = GermSpace.of(JointInput.of([a, b]))
+    >>> [germ.family for germ in space.germs], space.independent
+    (['legendre', 'hermite'], True)
+    >>> space.to_inputs([[0.5, -1.0]])
+    array([[ 1.5, -2. ]])
+    >>> space.evaluate([[0.5, -1.0]], index_set(2, 1)).round(6)
+    array([[ 1.      ,  0.866025, -1.      ]])
+    """
+
+    inputs: tuple[str, ...]
+    germs: tuple[Germ, ...]
+    groups: tuple[Group, ...]
+
+    @classmethod
+    def of(cls, inputs: JointInput, transform: str = "rosenblatt") -> GermSpace:
+        """Find germs, polynomials and maps for the inputs of a study.
+
+        Independent inputs get polynomials that are orthonormal for their own distribution: Hermite, Legendre, Jacobi,
+        Laguerre where the distribution is one of Askey's scheme, polynomials of a discretised Stieltjes procedure on
+        the affinely standardised input where it is not.  An input whose upper or lower tail is too heavy for
+        polynomials (lognormal and its like: all moments exist, but do not determine the distribution) becomes a
+        function of a standard normal germ.
+
+        Parameters
+        ----------
+        inputs : JointInput
+            The inputs.
+        transform : {"rosenblatt", "nataf"}
+            How inputs that depend on each other become functions of independent germs.
+            ``"rosenblatt"``: conditional distributions, in the order in which the joint distribution declares them; for
+            (log)normal vectors and Gaussian copulas analytic, with standard normal germs; otherwise germs are uniform
+            where the support is bounded, standard normal where it is not.
+            ``"nataf"``: the marginal distributions and a Gaussian copula whose correlation is solved for so that the
+            inputs have the correlation of the joint distribution.  Exact for (log)normal vectors and Gaussian copulas;
+            **any other joint distribution is approximated**: it keeps its marginals and correlations, no more.
+
+        Raises
+        ------
+        uqmbd.StudyError
+            If the transform is unknown, or an input has no finite moments.
+        """
+        from uqmbd.randomness.families import space_parts
+
+        if transform not in TRANSFORMS:
+            raise StudyError(f"transform is {transform!r}; expected one of {', '.join(TRANSFORMS)}.")
+        germs, groups = space_parts(inputs, transform)
+        return cls(inputs.names, germs, groups)
+
+    @property
+    def dimension(self) -> int:
+        """Number of germs."""
+        return len(self.germs)
+
+    @property
+    def independent(self) -> bool:
+        """Whether germ k belongs to input k alone."""
+        return all(group.independent for group in self.groups)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the germs: the input's own where it depends on no other, else ``"b | a"`` (b given a)."""
+        return tuple(germ.name for germ in self.germs)
+
+    def to_inputs(self, germs: ArrayLike) -> Array:
+        """Map germs to inputs.
+
+        Parameters
+        ----------
+        germs : array_like, shape (K, d)
+            Points.
+
+        Returns
+        -------
+        array, shape (K, d)
+            In the units of the inputs.
+
+        Raises
+        ------
+        uqmbd.StudyError
+            If the shape is another one, or the map was not stored.
+        """
+        points = self._checked(germs, "germs")
+        values = np.empty_like(points)
+        for group in self.groups:
+            columns = list(group.columns)
+            values[:, columns] = group.to_inputs(points[:, columns])
+        return values
+
+    def to_germs(self, inputs: ArrayLike) -> Array:
+        """Map inputs to germs.
+
+        Parameters
+        ----------
+        inputs : array_like, shape (K, d)
+            In the units of the inputs.
+
+        Returns
+        -------
+        array, shape (K, d)
+
+        Raises
+        ------
+        uqmbd.StudyError
+            If an input lies outside its support, the shape is another one, or the map was not stored.
+        """
+        values = self._checked(inputs, "inputs")
+        points = np.empty_like(values)
+        for group in self.groups:
+            columns = list(group.columns)
+            points[:, columns] = group.to_germs(values[:, columns])
+            wrong = np.argwhere(~np.isfinite(points[:, columns]))
+            if len(wrong):
+                row, place = wrong[0]
+                # a NaN spreads to those that are conditioned on it: name the first in the order of conditioning
+                first = next(k for k in group.order if not np.isfinite(points[row, columns[k]]))
+                raise StudyError(self._outside(columns[first], int(row), float(values[row, columns[first]])))
+        return points
+
+    def from_uniform(self, u: ArrayLike) -> Array:
+        """Map independent uniform numbers, shape (K, d), to germs."""
+        uniform = self._checked(u, "uniform numbers")
+        values = np.empty_like(uniform)
+        for k, germ in enumerate(self.germs):
+            values[:, k] = germ.from_uniform(np.ascontiguousarray(uniform[:, k]))
+        return values
+
+    def evaluate(self, germs: ArrayLike, multi_index: ArrayLike) -> Array:
+        """Evaluate products of the orthonormal polynomials.
+
+        Parameters
+        ----------
+        germs : array_like, shape (K, d)
+            Points.
+        multi_index : array_like of int, shape (P, d)
+            Degrees of the terms.
+
+        Returns
+        -------
+        array, shape (K, P)
+
+        Raises
+        ------
+        uqmbd.StudyError
+            If a shape does not fit, or a germ has no polynomials of a degree.
+        """
+        points = self._checked(germs, "germs")
+        degrees = np.asarray(multi_index)
+        if degrees.ndim != 2 or degrees.shape[1] != self.dimension or (degrees.size and degrees.min() < 0):
+            raise StudyError(
+                f"The multi-index has shape {degrees.shape}; expected (terms, {self.dimension}), no degree below zero."
+            )
+        values = np.ones((len(points), len(degrees)))
+        for k, germ in enumerate(self.germs):
+            terms = np.flatnonzero(degrees[:, k])
+            if len(terms):
+                degree = degrees[terms, k]
+                polynomials = germ.polynomials(np.ascontiguousarray(points[:, k]), int(degree.max()))
+                values[:, terms] *= polynomials[:, degree]
+        return values
+
+    def to_dataset(self) -> xr.Dataset:
+        """Return everything as plain arrays and texts, which :meth:`from_dataset` reads without chaospy.
+
+        Rosenblatt's transform of a general joint distribution is left out: :meth:`to_inputs` and :meth:`to_germs` then
+        fail, everything else works.  Recurrence coefficients and affine, lognormal and multivariate normal maps are
+        kept exactly.  Other quantile functions are tables over the probit scale, the same that are used before storing:
+        nothing changes by storing.
+        """
+        from uqmbd.randomness.storage import to_dataset
+
+        return to_dataset(self)
+
+    @classmethod
+    def from_dataset(cls, dataset: xr.Dataset) -> GermSpace:
+        """Read what :meth:`to_dataset` returned; other variables in the dataset are left alone.
+
+        Raises
+        ------
+        uqmbd.StudyError
+            If it lacks something.
+        """
+        from uqmbd.randomness.storage import from_dataset
+
+        return cls(*from_dataset(dataset))
+
+    def _checked(self, array: ArrayLike, what: str) -> Array:
+        values = np.asarray(array, dtype=float)
+        if values.ndim != 2 or values.shape[1] != self.dimension:
+            raise StudyError(f"The {what} have shape {values.shape}; expected (points, {self.dimension}).")
+        return values
+
+    def _outside(self, column: int, row: int, value: float) -> str:
+        described: dict[str, Any] = {}
+        for group in self.groups:
+            for k, marginal in zip(group.columns, getattr(group, "marginals", ()), strict=False):
+                described[str(k)] = marginal.bounds
+        low, high = described.get(str(column), (None, None))
+        support = "" if low is None else f", which is [{low:.10g}, {high:.10g}]"
+        return (
+            f"Input {self.inputs[column]!r} is {value:.10g} in row {row}, outside the support of its "
+            f"distribution{support}; give a value within it."
+        )

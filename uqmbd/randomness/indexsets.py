@@ -1,0 +1,127 @@
+"""Index sets: which products of one-dimensional polynomials a polynomial chaos holds."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uqmbd.errors import StudyError
+
+__all__ = ["KINDS", "index_set", "sort_indices", "whole_number"]
+
+IntArray = NDArray[np.int64]
+
+KINDS = ("total", "tensor", "hyperbolic")
+"""Kinds of index sets."""
+
+ROUNDING = 1e-9
+"""Slack with which a weighted sum may reach the order."""
+
+
+def index_set(
+    dimension: int, order: int, kind: str = "total", weights: Sequence[float] | None = None, q: float = 0.5
+) -> IntArray:
+    """Return the degrees of all terms of a polynomial chaos.
+
+    A row ``a`` belongs to the set if ``w * a`` has, with the weights ``w``,
+
+    - ``"total"``: a sum of at most `order` (for weights of one there are ``binomial(dimension + order, order)`` rows),
+    - ``"tensor"``: a maximum of at most `order`,
+    - ``"hyperbolic"``: a quasi-norm ``(sum((w * a)**q))**(1 / q)`` of at most `order`, which leaves out high
+      interactions (Blatman and Sudret, J. Comput. Phys. 230 (2011) 2345).
+
+    Only members are ever built: the memory is that of the result.
+
+    Parameters
+    ----------
+    dimension : int
+        Number of germs, ``d``.
+    order : int
+        Highest degree, zero or more.
+    kind : {"total", "tensor", "hyperbolic"}
+        Kind of the set.
+    weights : sequence of float, length d, optional
+        Anisotropy, all positive: a germ of weight 2 gets half the order.  Default: all one.
+    q : float
+        Of the quasi-norm of ``"hyperbolic"``, between 0 (exclusive) and 1; 1 is the total degree.
+
+    Returns
+    -------
+    array of int, shape (P, d)
+        Row 0 holds zeros; sorted by the total degree, then so that earlier germs come first.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If an argument cannot be used.
+
+    Examples
+    --------
+    >>> index_set(2, 2).tolist()
+    [[0, 0], [1, 0], [0, 1], [2, 0], [1, 1], [0, 2]]
+    >>> index_set(2, 2, "hyperbolic").tolist()
+    [[0, 0], [1, 0], [0, 1], [2, 0], [0, 2]]
+    >>> index_set(2, 3, weights=[1, 3]).tolist()
+    [[0, 0], [1, 0], [0, 1], [2, 0], [3, 0]]
+    >>> len(index_set(20, 3))
+    1771
+    """
+    count = whole_number(dimension, "index_set: dimension (the number of germs)", 0)
+    degree = whole_number(order, "index_set: order", 0)
+    if kind not in KINDS:
+        raise StudyError(f"index_set: kind is {kind!r}; expected one of {', '.join(KINDS)}.")
+    scale = np.ones(count) if weights is None else np.array(weights, dtype=float)
+    if scale.shape != (count,) or not np.all(np.isfinite(scale) & (scale > 0)):
+        raise StudyError(f"index_set: weights is {weights!r}; expected {count} positive numbers, one for each germ.")
+    if kind == "hyperbolic" and not 0 < q <= 1:
+        raise StudyError(f"index_set: q is {q!r}; expected a number above 0 and at most 1.")
+    power = q if kind == "hyperbolic" else 1.0
+    budget = float(degree) ** power
+
+    rows: IntArray = np.zeros((1, 0), dtype=np.int64)
+    spent = np.zeros(1)
+    for weight in scale:
+        highest = int(np.floor(degree / weight + ROUNDING))
+        cost = (weight * np.arange(highest + 1)) ** power
+        if kind == "tensor":
+            allowed = np.full(len(rows), highest + 1)
+        else:
+            left = (budget - spent) + ROUNDING * max(budget, 1.0)
+            allowed = np.searchsorted(cost, left, side="right")
+        before = np.repeat(np.arange(len(rows)), allowed)
+        digit = np.arange(len(before)) - np.repeat(np.cumsum(allowed) - allowed, allowed)
+        rows = np.column_stack([rows[before], digit])
+        spent = spent[before] + cost[digit]
+    return sort_indices(rows)
+
+
+def sort_indices(rows: IntArray) -> IntArray:
+    """Sort rows by their total degree, then so that earlier columns come first.
+
+    Examples
+    --------
+    >>> sort_indices(np.array([[0, 1], [1, 0], [0, 0]])).tolist()
+    [[0, 0], [1, 0], [0, 1]]
+    """
+    keys = [-rows[:, k] for k in reversed(range(rows.shape[1]))] + [rows.sum(axis=1)]
+    return np.ascontiguousarray(rows[np.lexsort(keys)])
+
+
+def whole_number(value: object, what: str, least: int) -> int:
+    """Return `value` as an int, or say what was expected.
+
+    Examples
+    --------
+    >>> whole_number(3, "order", 0)
+    3
+    >>> whole_number(-1, "order", 0)
+    Traceback (most recent call last):
+        ...
+    uqmbd.errors.StudyError: order is -1; expected a whole number of at least 0.
+    """
+    whole = isinstance(value, (int, np.integer)) and not isinstance(value, bool)
+    if not whole or int(value) < least:  # type: ignore[call-overload]
+        raise StudyError(f"{what} is {value!r}; expected a whole number of at least {least}.")
+    return int(value)  # type: ignore[call-overload,no-any-return]

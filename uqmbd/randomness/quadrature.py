@@ -1,0 +1,268 @@
+"""Quadrature rules over the germs, and how accurate they are for the projection on a basis."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from uqmbd.errors import StudyError
+from uqmbd.randomness.germspace import GermSpace
+from uqmbd.randomness.indexsets import whole_number
+from uqmbd.randomness.nested import nested_count, nested_exactness, nested_rule
+
+__all__ = [
+    "MOST_NODES",
+    "Quadrature",
+    "check_size",
+    "clenshaw_curtis",
+    "gauss_tensor",
+    "gram_error",
+    "monte_carlo_rule",
+    "tensor_rule",
+]
+
+Array = NDArray[np.float64]
+
+MOST_NODES = 20_000_000
+"""Numbers (nodes times germs) that a rule may hold; more is a mistake, and would fill the memory."""
+
+SEQUENCES = ("random", "sobol", "halton")
+"""Sequences of :func:`monte_carlo_rule`."""
+
+
+@dataclass(frozen=True, eq=False)
+class Quadrature:
+    """Nodes and weights for the expectation of functions of the germs.
+
+    Parameters
+    ----------
+    nodes : array, shape (K, d)
+        Germs.
+    weights : array, shape (K,)
+        They sum to 1; sparse rules have negative ones.
+    exactness : int or None
+        Highest total degree of polynomials in the germs that are integrated exactly; None: no such degree is known.
+    name : str
+        What the rule is, for people.
+
+    Examples
+    --------
+    >>> import chaospy, uqmbd
+    >>> from uqmbd.randomness import GermSpace, JointInput
+    >>> space = GermSpace.of(JointInput.of([uqmbd.RandomVariable("a", chaospy.Uniform(-1, 1))]))
+    >>> rule = gauss_tensor(space, 3)
+    >>> round(float(rule.weights @ rule.nodes[:, 0] ** 4), 12), rule.exactness
+    (0.2, 5)
+    """
+
+    nodes: Array
+    weights: Array
+    exactness: int | None
+    name: str
+
+    def __len__(self) -> int:
+        return len(self.weights)
+
+
+def gauss_tensor(space: GermSpace, counts: int | Sequence[int]) -> Quadrature:
+    """Return the product of Gauss rules.
+
+    Parameters
+    ----------
+    space : GermSpace
+        The germs, ``d`` of them.
+    counts : int or sequence of int, length d
+        Nodes of each germ.  A rule of n nodes is exact to the degree ``2 n - 1`` in its germ.
+
+    Returns
+    -------
+    Quadrature
+        Of ``prod(counts)`` nodes; the last germ changes fastest.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If a count cannot be used, or there would be more than a memory holds.
+    """
+    numbers = _each(space, counts, "gauss_tensor: counts")
+    for germ, count in zip(space.germs, numbers, strict=True):
+        whole_number(count, f"gauss_tensor: the number of nodes of {germ.name!r}", 1)
+    check_size(int(np.prod(numbers, dtype=object)), space, "gauss_tensor")
+    nodes, weights = tensor_rule([germ.gauss(count) for germ, count in zip(space.germs, numbers, strict=True)])
+    known = [2 * n - 1 for germ, n in zip(space.germs, numbers, strict=True) if n != germ.values]
+    name = f"Gauss tensor, {' x '.join(str(n) for n in numbers)} nodes"
+    return Quadrature(nodes, weights, min(known) if known else None, name)
+
+
+def clenshaw_curtis(space: GermSpace, level: int | Sequence[int]) -> Quadrature:
+    """Return the product of nested rules with Chebyshev nodes in the probability of each germ.
+
+    A germ of bounded support gets the rule of Clenshaw and Curtis (Numer. Math. 2 (1960) 197) with 1, 3, 5, 9, ...
+    nodes; any other Fejer's second rule, the same without the ends, with 1, 3, 7, 15, ... nodes.  On a uniform germ the
+    rule is exact to the degree of its number of nodes.  On any other germ, nodes are mapped by its quantile function:
+    nested, but exact for constants only, and slow to converge for functions that grow in a tail; prefer Gauss there.
+
+    Parameters
+    ----------
+    space : GermSpace
+        The germs, ``d`` of them.
+    level : int or sequence of int, length d
+        0 for one node; each further level halves their distances.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If a level cannot be used, or there would be more nodes than a memory holds.
+
+    Examples
+    --------
+    >>> import chaospy, uqmbd
+    >>> from uqmbd.randomness import GermSpace, JointInput
+    >>> space = GermSpace.of(JointInput.of([uqmbd.RandomVariable("a", chaospy.Uniform(-1, 1))]))
+    >>> clenshaw_curtis(space, 1).nodes[:, 0].tolist(), clenshaw_curtis(space, 1).exactness
+    ([-1.0, 0.0, 1.0], 3)
+    """
+    levels = [
+        whole_number(n, f"clenshaw_curtis: the level of {germ.name!r}", 0)
+        for germ, n in zip(space.germs, _each(space, level, "clenshaw_curtis: level"), strict=True)
+    ]
+    counts = [nested_count(germ, n) for germ, n in zip(space.germs, levels, strict=True)]
+    check_size(int(np.prod(counts, dtype=object)), space, "clenshaw_curtis")
+    nodes, weights = tensor_rule([nested_rule(germ, n) for germ, n in zip(space.germs, levels, strict=True)])
+    exactness = min((nested_exactness(germ, n) for germ, n in zip(space.germs, levels, strict=True)), default=None)
+    name = f"Clenshaw-Curtis tensor, {' x '.join(str(n) for n in counts)} nodes"
+    return Quadrature(nodes, weights, exactness, name)
+
+
+def monte_carlo_rule(space: GermSpace, count: int, seed: int, sequence: str = "random") -> Quadrature:
+    """Return samples with equal weights.
+
+    Parameters
+    ----------
+    space : GermSpace
+        The germs.
+    count : int
+        Number of samples; for ``"sobol"`` a power of two keeps the balance of the sequence.
+    seed : int
+        Of the random numbers, or of the scrambling.
+    sequence : {"random", "sobol", "halton"}
+        Independent samples, or a scrambled sequence of low discrepancy (scipy.stats.qmc).
+
+    Returns
+    -------
+    Quadrature
+        Exact for no polynomial but constants: ``exactness`` is 0.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If an argument cannot be used.
+
+    Examples
+    --------
+    >>> import chaospy, uqmbd
+    >>> from uqmbd.randomness import GermSpace, JointInput
+    >>> space = GermSpace.of(JointInput.of([uqmbd.RandomVariable("a", chaospy.Uniform(-1, 1))]))
+    >>> rule = monte_carlo_rule(space, 1024, seed=1, sequence="sobol")
+    >>> bool(abs(rule.weights @ rule.nodes[:, 0] ** 2 - 1 / 3) < 1e-3)
+    True
+    """
+    whole_number(count, "monte_carlo_rule: count", 1)
+    whole_number(seed, "monte_carlo_rule: seed", 0)
+    if sequence not in SEQUENCES:
+        raise StudyError(f"monte_carlo_rule: sequence is {sequence!r}; expected one of {', '.join(SEQUENCES)}.")
+    check_size(count, space, "monte_carlo_rule")
+    if sequence == "random" or not space.dimension:
+        uniform = np.random.default_rng(seed).random((count, space.dimension))
+    else:
+        from scipy.stats import qmc
+
+        rng = np.random.default_rng(seed)
+        if sequence == "sobol":
+            power = int(np.ceil(np.log2(count)))
+            uniform = qmc.Sobol(space.dimension, rng=rng).random_base2(power)[:count]
+        else:
+            uniform = qmc.Halton(space.dimension, rng=rng).random(count)
+    weights = np.full(count, 1 / count)
+    return Quadrature(space.from_uniform(uniform), weights, 0, f"{count} samples, {sequence}")
+
+
+def gram_error(space: GermSpace, quadrature: Quadrature, multi_index: ArrayLike) -> float:
+    """Return the largest error of a rule for products of all pairs of a basis.
+
+    Projecting on a basis needs the integrals of its pairs: a term whose products are integrated wrongly is mixed with
+    others (internal aliasing; Conrad and Marzouk, SIAM J. Sci. Comput. 35 (2013) A2643).
+
+    Parameters
+    ----------
+    space : GermSpace
+        The germs.
+    quadrature : Quadrature
+        The rule.
+    multi_index : array_like of int, shape (P, d)
+        The basis.
+
+    Returns
+    -------
+    float
+        Largest entry of ``abs(Psi.T @ W @ Psi - identity)``: below 1e-10 the rule suits the basis, above 0.1 hardly.
+
+    Examples
+    --------
+    >>> import chaospy, uqmbd
+    >>> from uqmbd.randomness import GermSpace, JointInput, index_set
+    >>> space = GermSpace.of(JointInput.of([uqmbd.RandomVariable("a", chaospy.Normal(0, 1))]))
+    >>> gram_error(space, gauss_tensor(space, 4), index_set(1, 3)) < 1e-12
+    True
+    >>> round(gram_error(space, gauss_tensor(space, 3), index_set(1, 3)), 6)
+    1.0
+    """
+    index = np.asarray(multi_index)
+    gram = np.zeros((len(index), len(index)))
+    block = max(1, 4_000_000 // max(1, len(index)))
+    for first in range(0, len(quadrature), block):
+        psi = space.evaluate(quadrature.nodes[first : first + block], index)
+        gram += (psi * quadrature.weights[first : first + block, None]).T @ psi
+    return float(np.abs(gram - np.eye(len(index))).max(initial=0.0))
+
+
+def tensor_rule(rules: Sequence[tuple[Array, Array]]) -> tuple[Array, Array]:
+    """Return nodes, shape (K, d), and weights, shape (K,), of the product of one-dimensional rules.
+
+    Examples
+    --------
+    >>> tensor_rule([(np.array([1.0, 2.0]), np.array([0.5, 0.5])), (np.array([3.0]), np.array([1.0]))])[0].tolist()
+    [[1.0, 3.0], [2.0, 3.0]]
+    """
+    counts = [len(weights) for _, weights in rules]
+    nodes = np.empty((int(np.prod(counts)), len(rules)))
+    weights = np.ones(len(nodes))
+    repeat = len(nodes)
+    for k, (points, rule) in enumerate(rules):
+        repeat //= counts[k]
+        place = np.arange(len(nodes)) // repeat % counts[k]
+        nodes[:, k] = points[place]
+        weights *= rule[place]
+    return nodes, weights
+
+
+def _each(space: GermSpace, value: int | Sequence[int], what: str) -> list[int]:
+    numbers: list[int] = [value] * space.dimension if np.ndim(value) == 0 else np.asarray(value).tolist()  # type: ignore[list-item]
+    if len(numbers) != space.dimension:
+        raise StudyError(
+            f"{what} has {len(numbers)} entries; expected one number, or one for each of the {space.dimension} germs "
+            f"({', '.join(space.names)})."
+        )
+    return numbers
+
+
+def check_size(count: int, space: GermSpace, where: str) -> None:
+    """Raise where a rule would fill the memory."""
+    if count * max(1, space.dimension) > MOST_NODES:
+        raise StudyError(
+            f"{where}: {count} nodes for {space.dimension} germs are more than {MOST_NODES} numbers. Use a sparse "
+            "grid, regression, or fewer nodes for germs of little influence."
+        )

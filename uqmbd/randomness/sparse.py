@@ -1,0 +1,232 @@
+"""Sparse grids: Smolyak's combination of small tensor rules, for any downward closed set of levels."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from uqmbd.errors import StudyError
+from uqmbd.randomness.germ import Germ
+from uqmbd.randomness.germspace import GermSpace
+from uqmbd.randomness.indexsets import index_set, whole_number
+from uqmbd.randomness.nested import nested_count, nested_exactness, nested_rule
+from uqmbd.randomness.quadrature import (
+    Quadrature,
+    check_size,
+    tensor_rule,
+)
+
+__all__ = ["combination_coefficients", "smolyak", "sparse_rule"]
+
+Array = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+RULES = ("gauss", "clenshaw-curtis")
+GROWTHS = ("slow", "linear")
+
+SAME = 1e-12
+"""Nodes of one germ nearer than this, relative to the largest, are one node."""
+
+CANCELLED = 1e-13
+"""Weights below this, relative to the sum of what was added up for the node, are zero."""
+
+
+def smolyak(space: GermSpace, level: int, growth: str = "slow", rule: str = "gauss") -> Quadrature:
+    """Return Smolyak's sparse rule: exact to the total degree ``2 * level + 1`` at least, with Gauss rules.
+
+    Parameters
+    ----------
+    space : GermSpace
+        The germs.
+    level : int
+        0 for a single node.
+    growth : {"slow", "linear"}
+        Nodes of the Gauss rule at level l: ``l + 1``, or ``2 l + 1`` (which share the middle of symmetric germs, and
+        are more accurate in single germs).
+    rule : {"gauss", "clenshaw-curtis"}
+        Gauss rules, or nested ones (see :func:`uqmbd.randomness.quadrature.clenshaw_curtis`; `growth` does not matter).
+
+    Returns
+    -------
+    Quadrature
+        Equal nodes are combined; weights may be negative.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If an argument cannot be used.
+
+    References
+    ----------
+    E. Novak, K. Ritter, Numer. Math. 75 (1996) 79; G. W. Wasilkowski, H. Wozniakowski, J. Complexity 11 (1995) 1.
+
+    Examples
+    --------
+    >>> import chaospy, uqmbd
+    >>> from uqmbd.randomness import GermSpace, JointInput
+    >>> inputs = [uqmbd.RandomVariable(f"x{k}", chaospy.Normal(0, 1)) for k in range(6)]
+    >>> space = GermSpace.of(JointInput.of(inputs))
+    >>> rule = smolyak(space, 2, growth="linear")
+    >>> len(rule), rule.exactness, round(float(rule.weights @ (rule.nodes[:, 0] * rule.nodes[:, 1]) ** 2), 12)
+    (97, 5, 1.0)
+    """
+    whole_number(level, "smolyak: level", 0)
+    found = sparse_rule(space, index_set(space.dimension, level), growth, rule)
+    return Quadrature(found.nodes, found.weights, found.exactness, f"Smolyak level {level}, {_described(rule, growth)}")
+
+
+def sparse_rule(space: GermSpace, levels: ArrayLike, growth: str = "slow", rule: str = "gauss") -> Quadrature:
+    """Return the sparse rule of a set of levels, which a dimension-adaptive refinement lets grow.
+
+    Parameters
+    ----------
+    space : GermSpace
+        The germs, ``d`` of them.
+    levels : array_like of int, shape (n, d)
+        Levels of the tensor rules; with each row all smaller ones belong to the set.
+    growth, rule : str
+        See :func:`smolyak`.
+
+    Returns
+    -------
+    Quadrature
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If the set is not downward closed, or another argument cannot be used.
+
+    Examples
+    --------
+    >>> import chaospy, uqmbd
+    >>> from uqmbd.randomness import GermSpace, JointInput
+    >>> space = GermSpace.of(JointInput.of([uqmbd.RandomVariable(n, chaospy.Uniform(-1, 1)) for n in "ab"]))
+    >>> sparse_rule(space, [[0, 0], [1, 0]], rule="clenshaw-curtis").nodes.tolist()
+    [[-1.0, 0.0], [0.0, 0.0], [1.0, 0.0]]
+    """
+    for value, known, what in ((rule, RULES, "rule"), (growth, GROWTHS, "growth")):
+        if value not in known:
+            raise StudyError(f"smolyak: {what} is {value!r}; expected one of {', '.join(known)}.")
+    rows = np.asarray(levels)
+    if rows.ndim != 2 or rows.shape[1] != space.dimension or not len(rows):
+        raise StudyError(f"The levels have shape {rows.shape}; expected (rows, {space.dimension}), at least one row.")
+    coefficients = combination_coefficients(rows)
+    used = rows[coefficients != 0]
+    catalogues = [_Catalogue(germ, int(rows[:, k].max(initial=0)), growth, rule) for k, germ in enumerate(space.germs)]
+    sizes = np.ones(len(used))
+    for k, catalogue in enumerate(catalogues):
+        sizes *= np.array([len(places) for places, _ in catalogue.rules])[used[:, k]]
+    check_size(int(sizes.sum()), space, "smolyak")
+    places: list[Array] = []
+    weights: list[Array] = []
+    for row, coefficient in zip(used, coefficients[coefficients != 0], strict=True):
+        grid, product = tensor_rule([c.rules[level] for c, level in zip(catalogues, row, strict=True)])
+        places.append(grid)
+        weights.append(coefficient * product)
+    stacked, added = np.concatenate(places), np.concatenate(weights)
+    if space.dimension:
+        unique, where = np.unique(stacked.astype(np.int32), axis=0, return_inverse=True)
+    else:
+        unique, where = np.zeros((1, 0), dtype=np.int32), np.zeros(len(stacked), dtype=np.intp)
+    where = where.ravel()
+    total: Array = np.bincount(where, added).astype(float)
+    kept = np.abs(total) > CANCELLED * np.bincount(where, np.abs(added))
+    nodes = np.empty((int(kept.sum()), space.dimension))
+    for k, catalogue in enumerate(catalogues):
+        nodes[:, k] = catalogue.nodes[unique[kept, k]]
+    exactness = _exactness(rows, catalogues)
+    return Quadrature(nodes, total[kept], exactness, f"sparse grid of {len(rows)} levels, {_described(rule, growth)}")
+
+
+def combination_coefficients(levels: ArrayLike) -> IntArray:
+    """Return the factors of the tensor rules in the combination technique.
+
+    Source: Gerstner and Griebel, Computing 71 (2003) 65.
+
+    Parameters
+    ----------
+    levels : array_like of int, shape (n, d)
+        A downward closed set.
+
+    Returns
+    -------
+    array of int, shape (n,)
+        Their sum is 1.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If the set is not downward closed, or a row occurs twice.
+
+    Examples
+    --------
+    >>> combination_coefficients([[0, 0], [1, 0], [0, 1]]).tolist()
+    [-1, 1, 1]
+    """
+    rows = [tuple(int(v) for v in row) for row in np.asarray(levels)]
+    factors = dict.fromkeys(rows, 1)
+    if len(factors) != len(rows):
+        raise StudyError("The set of levels holds a row twice.")
+    for row in rows:
+        for k, digit in enumerate(row):
+            smaller = (*row[:k], digit - 1, *row[k + 1 :])
+            if digit < 0 or (digit and smaller not in factors):
+                raise StudyError(f"The set of levels is not downward closed: it holds {row} but not {smaller}.")
+    # the product over the germs of (1 - shift), one germ after the other
+    for k in range(len(rows[0]) if rows else 0):
+        larger = {row: factors.get((*row[:k], row[k] + 1, *row[k + 1 :]), 0) for row in rows}
+        factors = {row: factors[row] - larger[row] for row in rows}
+    return np.array([factors[row] for row in rows], dtype=np.int64)
+
+
+class _Catalogue:
+    """The rules of one germ at all levels, as places in one list of distinct nodes."""
+
+    def __init__(self, germ: Germ, highest: int, growth: str, rule: str) -> None:
+        rules = [self._rule(germ, level, growth, rule) for level in range(highest + 1)]
+        self.exactness = [exact for _, _, exact in rules]
+        everything = np.concatenate([nodes for nodes, _, _ in rules])
+        order = np.argsort(everything, kind="stable")
+        apart = np.diff(everything[order]) > SAME * np.abs(everything).max()
+        number = np.empty(len(everything), dtype=int)
+        number[order] = np.r_[0, np.cumsum(apart)]
+        self.nodes: Array = everything[order][np.r_[True, apart]]
+        self.rules: list[tuple[Array, Array]] = []
+        first = 0
+        for nodes, weights, _ in rules:
+            self.rules.append((number[first : first + len(nodes)].astype(float), weights))
+            first += len(nodes)
+
+    @staticmethod
+    def _rule(germ: Germ, level: int, growth: str, rule: str) -> tuple[Array, Array, int]:
+        if rule == "clenshaw-curtis":
+            check = nested_count(germ, level)
+            if check > 2**20:
+                raise StudyError(f"smolyak: level {level} needs {check} nodes for {germ.name!r}; use a lower level.")
+            return (*nested_rule(germ, level), nested_exactness(germ, level))
+        count = level + 1 if growth == "slow" else 2 * level + 1
+        if germ.values is not None and count >= germ.values:
+            return (*germ.gauss(germ.values), 10**6)  # the rule on all values is the expectation
+        return (*germ.gauss(count), 2 * count - 1)
+
+
+def _exactness(rows: IntArray, catalogues: list[_Catalogue]) -> int | None:
+    """Return the highest total degree whose monomials all belong to a product of spaces in the set."""
+    members = {tuple(int(v) for v in row) for row in rows}
+
+    @cache
+    def cheapest(row: tuple[int, ...]) -> int:
+        # the lowest total degree of a monomial that needs a level outside the set and at least this one
+        if row not in members:
+            return sum(catalogues[k].exactness[level - 1] + 1 for k, level in enumerate(row) if level)
+        steps = ((*row[:k], row[k] + 1, *row[k + 1 :]) for k in range(len(row)))
+        return min((cheapest(step) for step in steps), default=10**6)
+
+    found = cheapest((0,) * rows.shape[1]) - 1
+    return found if found < 10**6 - 1 else None
+
+
+def _described(rule: str, growth: str) -> str:
+    return "Clenshaw-Curtis" if rule == "clenshaw-curtis" else f"Gauss, {growth} growth"

@@ -1,0 +1,154 @@
+"""Maps between independent germs and groups of inputs: Gaussian copulas, and Rosenblatt's transform of any joint."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+import scipy.special
+from numpy.typing import NDArray
+
+from uqmbd.errors import StudyError
+from uqmbd.randomness.marginals import Marginal
+
+__all__ = ["Coupled", "Group", "JointMap", "Rosenblatt", "conditional_names"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Coupled:
+    """Inputs as increasing functions of correlated standard variables: ``x_k = m_k(sum_j factor[k, j] * germ_j)``.
+
+    With a lower triangular factor (up to the order of conditioning) of a correlation matrix and standard normal germs
+    this is a Gaussian copula, and at the same time its Rosenblatt transform.  One input alone has the factor 1 and any
+    germ.
+
+    Parameters
+    ----------
+    columns : tuple of int
+        Columns of the inputs, and of the germs.
+    marginals : tuple of Marginal
+        One for each.
+    factor : array, shape (n, n)
+        Rows of norm one.
+    order : tuple of int
+        Positions in `columns`, in the order of conditioning: ``factor[order][:, order]`` is lower triangular.
+    """
+
+    columns: tuple[int, ...]
+    marginals: tuple[Marginal, ...]
+    factor: Array
+    order: tuple[int, ...]
+
+    @classmethod
+    def single(cls, column: int, marginal: Marginal) -> Coupled:
+        """Return the map of an input that depends on no other."""
+        return cls((column,), (marginal,), np.ones((1, 1)), (0,))
+
+    @property
+    def independent(self) -> bool:
+        """Whether each input depends on its own germ alone."""
+        return bool(np.all(self.factor == np.diag(np.diag(self.factor))))
+
+    def to_inputs(self, germs: Array) -> Array:
+        """Map germs, shape (K, n), to inputs, row by row."""
+        inputs = np.empty_like(germs)
+        for row, marginal in enumerate(self.marginals):
+            inputs[:, row] = marginal.to_input(self._sum(germs, row, self.order))
+        return inputs
+
+    def to_germs(self, inputs: Array) -> Array:
+        """Map inputs, shape (K, n), to germs by forward substitution; NaN where an input is outside its support."""
+        germs = np.empty_like(inputs)
+        for place, row in enumerate(self.order):
+            standard = self.marginals[row].to_germ(np.ascontiguousarray(inputs[:, row]))
+            germs[:, row] = (standard - self._sum(germs, row, self.order[:place])) / self.factor[row, row]
+        return germs
+
+    def _sum(self, germs: Array, row: int, others: tuple[int, ...]) -> Array:
+        # no matrix product: its rounding depends on the number of rows
+        total = np.zeros(len(germs))
+        for column in others:
+            if self.factor[row, column]:
+                total = total + self.factor[row, column] * germs[:, column]
+        return total
+
+
+class JointMap(Protocol):
+    """The map of uniform numbers to dependent inputs, and back."""
+
+    def inverse(self, uniform: Array) -> Array:
+        """Map uniform numbers, shape (K, n), to inputs."""
+
+    def forward(self, inputs: Array) -> Array:
+        """Map inputs, shape (K, n), to uniform numbers; NaN outside the support."""
+
+
+@dataclass(frozen=True, eq=False)
+class Rosenblatt:
+    """Rosenblatt's transform of a joint distribution: germs are functions of conditional probabilities.
+
+    Parameters
+    ----------
+    columns : tuple of int
+        Columns of the inputs, and of the germs.
+    order : tuple of int
+        Positions in `columns`, in the order of conditioning.
+    normal : tuple of bool
+        Which germs are standard normal; the others are uniform on [-1, 1].
+    joint : JointMap, optional
+        None after reading from a file.
+    """
+
+    columns: tuple[int, ...]
+    order: tuple[int, ...]
+    normal: tuple[bool, ...]
+    joint: JointMap | None = None
+
+    @property
+    def independent(self) -> bool:
+        """Whether each input depends on its own germ alone."""
+        return len(self.columns) == 1
+
+    def to_inputs(self, germs: Array) -> Array:
+        """Map germs, shape (K, n), to inputs."""
+        if self.joint is None:
+            raise _not_stored("to inputs")
+        uniform = np.where(self.normal, scipy.special.ndtr(germs), (germs + 1) / 2)
+        return self.joint.inverse(np.clip(uniform, 0, 1))
+
+    def to_germs(self, inputs: Array) -> Array:
+        """Map inputs, shape (K, n), to germs; NaN where an input is outside its support."""
+        if self.joint is None:
+            raise _not_stored("to germs")
+        uniform = self.joint.forward(inputs)
+        return np.where(self.normal, scipy.special.ndtri(uniform), 2 * uniform - 1)
+
+
+Group = Coupled | Rosenblatt
+"""Map of a group of inputs that depend on each other, or of one input."""
+
+
+def _not_stored(direction: str) -> StudyError:
+    return StudyError(
+        f"The map {direction} of dependent inputs (Rosenblatt's transform of a general joint distribution) is not "
+        "stored with a polynomial chaos. Evaluate it at germs, or build the GermSpace from the study again."
+    )
+
+
+def conditional_names(names: tuple[str, ...], order: tuple[int, ...], factor: Array | None = None) -> tuple[str, ...]:
+    """Name germs: ``"c | a, b"`` is what is left of c when a and b are given; order says which come first.
+
+    Examples
+    --------
+    >>> conditional_names(("a", "b", "c"), (1, 0, 2))
+    ('a | b', 'b', 'c | b, a')
+    """
+    labels = list(names)
+    for place, row in enumerate(order):
+        given = [names[k] for k in order[:place] if factor is None or factor[row, k]]
+        if given:
+            labels[row] = f"{names[row]} | {', '.join(given)}"
+    return tuple(labels)
