@@ -53,6 +53,8 @@ _WHERE = {
     "check": "uqmbd.dynamics",
     "Counters": "uqmbd.dynamics",
     "Ensemble": "uqmbd.dynamics",
+    "ProjectedEnsemble": "uqmbd.dynamics",
+    "ProjectedTrajectories": "uqmbd.dynamics",
     "Trajectories": "uqmbd.dynamics",
     "Study": "uqmbd.propagation",
     "Propagator": "uqmbd.propagation",
@@ -72,6 +74,8 @@ _WHERE = {
 if TYPE_CHECKING:
     from uqmbd.dynamics import Counters as Counters
     from uqmbd.dynamics import Ensemble as Ensemble
+    from uqmbd.dynamics import ProjectedEnsemble as ProjectedEnsemble
+    from uqmbd.dynamics import ProjectedTrajectories as ProjectedTrajectories
     from uqmbd.dynamics import Trajectories as Trajectories
     from uqmbd.dynamics import check as check
     from uqmbd.errors import AssemblyError as AssemblyError

@@ -10,6 +10,8 @@ from uqmbd.dynamics.check import Check, check
 from uqmbd.dynamics.ensemble import Ensemble
 from uqmbd.dynamics.integration import INTEGRATORS, Integrator, integrate
 from uqmbd.dynamics.model import Layout, Model
+from uqmbd.dynamics.projected import ProjectedEnsemble
+from uqmbd.dynamics.projected_integration import ProjectedTrajectories
 from uqmbd.dynamics.trajectories import Counters, Trajectories
 
 __all__ = [
@@ -20,6 +22,8 @@ __all__ = [
     "Integrator",
     "Layout",
     "Model",
+    "ProjectedEnsemble",
+    "ProjectedTrajectories",
     "Trajectories",
     "build",
     "check",

@@ -21,7 +21,7 @@ from uqmbd.dynamics.index1 import accelerations
 from uqmbd.dynamics.model import Model
 from uqmbd.dynamics.trajectories import Counters, Solved, stops
 
-__all__ = ["integrate_by_ida"]
+__all__ = ["RELAXED", "STEPS", "diagnosis", "integrate_by_ida"]
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -124,7 +124,7 @@ def _integrate_stack(ensemble: Ensemble, times: Array, rtol: float) -> _Run:
         result[:, inside[done]] = np.concatenate(ensemble.expand(found[where[done]].transpose(1, 0, 2)), axis=2)
         if not solution.success or reached < len(grid):
             last = float(solution.t[-1]) if len(solution.t) else now
-            return _Run(result, _diagnosis(solution, last, rtol), counters)
+            return _Run(result, diagnosis(solution, last, rtol), counters)
         now, y = stop, found[-1].copy()
     return _Run(result, "", counters)
 
@@ -241,7 +241,8 @@ def _sparsity(model: Model, copies: int) -> Any:
     return one if copies == 1 else sparse.block_diag([one] * copies, format="csc")
 
 
-def _diagnosis(solution: Any, time: float, rtol: float) -> str:
+def diagnosis(solution: Any, time: float, rtol: float) -> str:
+    """Say why IDA stopped, and what to try."""
     text = str(solution.message).strip().rstrip(".")
     if "max" in text.lower() and "step" in text.lower():
         cause = "too many steps: the motion is very stiff or very fast for the output times"

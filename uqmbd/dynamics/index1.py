@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -164,6 +164,8 @@ class System:
     starts: Index
     size: int
     elimination: Elimination | None
+    motion: Index = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+    """Which result of the ``acceleration`` evaluator each entry of the right-hand side is; -1: zero."""
     solve: StraightLine | None = None
     """Compiled: results of the ``acceleration`` evaluator -> accelerations and multipliers."""
     residual: Kernel | None = None
@@ -244,7 +246,12 @@ def _compiled(model: Model, system: System) -> System:
     total = given + len(evaluators["drift"].targets)
     residual = residual_kernel(system.rows, system.columns, system.source, motion[0], given)
     return replace(
-        system, solve=solve, residual=residual, accelerate=code(motion, given, n), project=code(excess, total, n)
+        system,
+        motion=motion[0],
+        solve=solve,
+        residual=residual,
+        accelerate=code(motion, given, n),
+        project=code(excess, total, n),
     )
 
 

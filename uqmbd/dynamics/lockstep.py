@@ -13,6 +13,7 @@ References
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -118,6 +119,8 @@ class LockStep:
         Relative tolerance.
     floor : array, shape (row, 1)
         Absolute tolerance of each row.
+    watch : callable, optional
+        Asked every twentieth of the output times with the result so far; true: stop.
 
     Attributes
     ----------
@@ -131,7 +134,16 @@ class LockStep:
         Accepted ones.
     """
 
-    def __init__(self, equations: Equations, z: Array, times: Array, breaks: Array, rtol: float, floor: Array) -> None:
+    def __init__(
+        self,
+        equations: Equations,
+        z: Array,
+        times: Array,
+        breaks: Array,
+        rtol: float,
+        floor: Array,
+        watch: Callable[[Array], bool] | None = None,
+    ) -> None:
         self.equations, self.times, self.rtol, self.floor = equations, times, rtol, floor
         self.stops = [*stops(breaks, times).tolist(), float(times[-1])]
         self.z = z.copy()
@@ -142,6 +154,7 @@ class LockStep:
         self.apart: set[int] = set()
         self.failed: dict[int, str] = {}
         self.steps = 0
+        self.watch, self.watched, self.stopped = watch, 0, False
         self._allocate()
         self.tableau = _tableau()
         self.scaled = np.empty_like(self.tableau.a)
@@ -156,7 +169,7 @@ class LockStep:
             for stop in self.stops:
                 size = self._segment(now, stop, size)
                 now = stop
-                if not len(self.members):
+                if self.stopped or not len(self.members):
                     return
 
     def _magnitude(self, z: Array) -> Array:
@@ -176,7 +189,7 @@ class LockStep:
         self._rate(now, self.z, 0)
         size = min(size or self._first_size(now, end), end - begin)
         wanted, attempts, rejected = size, 0, False
-        while now < end - eps and len(self.members):
+        while now < end - eps and len(self.members) and not self.stopped:
             size = min(wanted, end - now)
             if now + size > end - 0.1 * size:  # no tiny last step
                 size = end - now
@@ -278,6 +291,9 @@ class LockStep:
         weights = size * (np.cumprod(powers, axis=1) @ tableau.dense)
         found = np.dot(weights, self.first[-1]).reshape(len(inside), *self.z.shape)
         self.result[self.rows[:, None], inside] = (self.z + found).transpose(1, 0, 2)
+        if self.watch is not None and inside[-1] >= self.watched + max(1, len(self.times) // 20):
+            self.watched = int(inside[-1])
+            self.stopped = self.watch(self.result)
 
     def _judge(self, size: float, error: Array, new: Array) -> list[tuple[Index, str]]:
         """Find realisations that are stiff (with a reason), or hold the others up."""

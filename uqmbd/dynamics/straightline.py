@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from uqmbd.dynamics.elimination import Elimination
 from uqmbd.dynamics.kernels import Kernel, cached, straight_line_kernel
 
-__all__ = ["LIMIT", "StraightLine", "residual_kernel", "straight_line"]
+__all__ = ["LIMIT", "StraightLine", "defect_kernel", "residual_kernel", "straight_line"]
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -152,6 +152,24 @@ def residual_kernel(rows: Index, columns: Index, entries: Index, right: Index, g
         return straight_line_kernel([*values, *unknowns], [total])
 
     key = ("residual of a system", rows.tolist(), columns.tolist(), entries.tolist(), right.tolist(), given)
+    kernel: Kernel = cached(key, make)
+    return kernel
+
+
+def defect_kernel(rows: Index, columns: Index, entries: Index, right: Index, given: int) -> Kernel:
+    """Compile the defect ``b - A x``; its arguments are the given values and ``x``, as for `residual_kernel`."""
+
+    def make() -> Kernel:
+        import symengine as se
+
+        values = [se.Symbol(f"_x{k}") for k in range(given)]
+        unknowns = [se.Symbol(f"_u{k}") for k in range(len(right))]
+        parts: list[list[Any]] = [[values[b]] if b >= 0 else [] for b in right]
+        for i, j, k in zip(rows, columns, entries, strict=True):
+            parts[i].append(-values[k] * unknowns[j])
+        return straight_line_kernel([*values, *unknowns], [se.Add(*terms) for terms in parts])
+
+    key = ("defect of a system", rows.tolist(), columns.tolist(), entries.tolist(), right.tolist(), given)
     kernel: Kernel = cached(key, make)
     return kernel
 

@@ -1,0 +1,14 @@
+"""Non-intrusive polynomial chaos: realisations at chosen points, and a surrogate through them."""
+
+from __future__ import annotations
+
+import uqmbd
+from uqmbd_collocation.propagator import Collocation
+
+__all__ = ["Collocation"]
+
+
+@uqmbd.hookimpl
+def uqmbd_propagators() -> list[type[uqmbd.Propagator]]:
+    """Return the propagator of this package."""
+    return [Collocation]

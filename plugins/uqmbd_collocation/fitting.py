@@ -1,0 +1,269 @@
+"""From realisations at nodes to a polynomial chaos: projection where the rule allows it, else regression."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+import uqmbd
+from uqmbd.results import least_squares, project
+from uqmbd_collocation.runs import Runs
+from uqmbd_collocation.sparse import sparse_regression
+
+__all__ = ["Fit", "Projection", "Regression", "refitted"]
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+ALIASED = 0.2
+"""Error of a rule for products of the basis beyond which projection is meaningless."""
+COARSE = 1e-6
+"""Error of a rule for products of the basis beyond which it is worth a warning."""
+MOST_FAILURES = 0.5
+"""Share of failed realisations beyond which there is nothing to fit: their region is no exception."""
+
+
+@dataclass(frozen=True)
+class Fit:
+    """Coefficients, and how they were found.
+
+    Attributes
+    ----------
+    coefficients : array, shape (P, O, T)
+        In the units of the outputs.
+    multi_index : array of int, shape (P, d)
+        Of the terms.
+    how : str
+        In words.
+    where : array of int, shape (K,)
+        Places of the realisations that it comes from.
+    leave_one_out : array, shape (O, T), optional
+        Of a regression.
+    weights : array, shape (K,), optional
+        Of a quadrature.
+    failed : int
+        Realisations that were left out because they failed.
+    candidates : array of int, shape (N, d), optional
+        Terms that a sparse regression could choose from.
+    """
+
+    coefficients: Array
+    multi_index: Index
+    how: str
+    where: Index
+    leave_one_out: Array | None = None
+    weights: Array | None = None
+    failed: int = 0
+    candidates: Index | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Projection:
+    """Pseudo-spectral projection on a basis by a quadrature rule.
+
+    Attributes
+    ----------
+    rule : uqmbd.Quadrature
+        Nodes and weights.
+    multi_index : array of int, shape (P, d)
+        The basis.
+    exact : bool
+        Whether it is known that the rule integrates products of the basis.
+    label : str
+        Of the propagator.
+    """
+
+    rule: uqmbd.Quadrature
+    multi_index: Index
+    exact: bool
+    label: str
+
+    @property
+    def nodes(self) -> Array:
+        """Where realisations are needed, shape (K, d)."""
+        return self.rule.nodes
+
+    def check(self, space: uqmbd.GermSpace) -> None:
+        """Raise if the rule cannot tell the terms apart, and warn if it can only roughly.
+
+        Raises
+        ------
+        uqmbd.StudyError
+            If products of the basis are integrated with errors that make coefficients meaningless.
+        """
+        wrong = 0.0 if self.exact else uqmbd.gram_error(space, self.rule, self.multi_index)
+        if wrong > ALIASED:
+            raise uqmbd.StudyError(
+                f"{self.label}: the rule ({self.rule.name}) cannot tell the {len(self.multi_index)} terms of the basis "
+                f"apart (their products are wrong by {wrong:.2g}); use more nodes, a lower order, Gauss nodes, or "
+                "method='regression'."
+            )
+        if wrong > COARSE:
+            warnings.warn(
+                f"{self.label}: the rule ({self.rule.name}) integrates products of the {len(self.multi_index)} terms "
+                f"with an error of {wrong:.1g} only; coefficients are that uncertain. Use more nodes, or a Gauss rule.",
+                stacklevel=2,
+            )
+
+    def fit(self, runs: Runs) -> Fit:
+        """Project; if a node failed, fit the others by regression."""
+        where = runs.at(self.rule.nodes)
+        if not runs.good(where).all():
+            return refitted(runs, where, self.multi_index, self.label, self.rule.weights)
+        psi = runs.space.evaluate(self.rule.nodes, self.multi_index)
+        coefficients = project(runs.response[where], psi, self.rule.weights)
+        how = f"projection by {self.rule.name}"
+        return Fit(coefficients, self.multi_index, how, where, weights=self.rule.weights)
+
+
+@dataclass(frozen=True, eq=False)
+class Regression:
+    """Least squares on samples, or sparse regression (``omp``, ``lars``).
+
+    Attributes
+    ----------
+    nodes : array, shape (K, d)
+        The samples, germs.
+    multi_index : array of int, shape (P, d)
+        The basis.
+    method : str
+        ``regression``, ``omp`` or ``lars``.
+    label : str
+        Of the propagator.
+    """
+
+    nodes: Array
+    multi_index: Index
+    method: str
+    label: str
+
+    def check(self, space: uqmbd.GermSpace) -> None:
+        """Raise if there are too few samples.
+
+        Raises
+        ------
+        uqmbd.StudyError
+            For least squares: fewer than terms.  For sparse regression: fewer than three.
+        """
+        terms = len(self.multi_index)
+        if self.method == "regression" and terms > len(self.nodes):
+            raise uqmbd.StudyError(
+                f"{self.label}: the basis has {terms} terms, more than the {len(self.nodes)} samples; take at least "
+                f"{2 * terms} samples, a lower order, or method='omp', which chooses few of the terms."
+            )
+        if self.method != "regression" and len(self.nodes) < 3:
+            raise uqmbd.StudyError(
+                f"{self.label}: {len(self.nodes)} samples are too few for method={self.method!r}; take some dozens."
+            )
+
+    def fit(self, runs: Runs) -> Fit:
+        """Fit; samples that failed are left out, and said.
+
+        Raises
+        ------
+        uqmbd.IntegrationError
+            If failures leave too few.
+        """
+        terms, every = len(self.multi_index), runs.at(self.nodes)
+        where = every[runs.good(every)]
+        failed = len(every) - len(where)
+        if failed:
+            reason = runs.reason(every)
+            least = terms if self.method == "regression" else 3
+            if len(where) < least or failed > MOST_FAILURES * len(every):
+                raise uqmbd.IntegrationError(
+                    f"{self.label}: {failed} of {len(every)} samples failed; the others are too few for {terms} terms. "
+                    f"Reason of the failure: {reason}"
+                )
+            warnings.warn(
+                f"{self.label}: {failed} of {len(every)} samples failed and are left out of the fit; where the "
+                f"mechanism fails the chaos is an extrapolation. Reason of the failure: {reason}",
+                stacklevel=2,
+            )
+        psi, response = runs.space.evaluate(runs.germs[where], self.multi_index), runs.response[where]
+        if self.method == "regression":
+            found = least_squares(response, psi)
+            how = f"regression on {len(where)} samples"
+            return Fit(found.coefficients, self.multi_index, how, where, found.leave_one_out, failed=failed)
+        coefficients, leave_one_out = sparse_regression(response, psi, self.method)
+        kept = np.union1d([0], np.flatnonzero((coefficients != 0).any(axis=(1, 2))))
+        how = f"sparse regression ({self.method}) on {len(where)} samples, {len(kept)} of {terms} terms"
+        return Fit(
+            coefficients[kept], self.multi_index[kept], how, where, leave_one_out, None, failed, self.multi_index
+        )
+
+
+def refitted(runs: Runs, every: Index, multi_index: Index, label: str, weights: Array | None = None) -> Fit:
+    """Fit the nodes of a quadrature that did not fail, and say so.
+
+    Each counts by its weight where all weights are positive, else by the inverse of the sum of squares of the basis
+    there, which is the weight of a Gauss node [1]_.
+
+    Parameters
+    ----------
+    runs : Runs
+        Realisations.
+    every : array of int, shape (K,)
+        Places of all nodes.
+    multi_index : array of int, shape (P, d)
+        The basis.
+    label : str
+        Of the propagator.
+    weights : array, shape (K,), optional
+        Of the nodes.
+
+    Raises
+    ------
+    uqmbd.IntegrationError
+        If too few are left.
+
+    References
+    ----------
+    .. [1] A. Cohen and G. Migliorati, SMAI Journal of Computational Mathematics 3 (2017) 181-203.
+    """
+    good = runs.good(every)
+    where, terms = every[good], len(multi_index)
+    failed, reason = len(every) - len(where), runs.reason(every)
+    if len(where) < terms or failed > MOST_FAILURES * len(every):
+        raise uqmbd.IntegrationError(
+            f"{label}: {failed} of {len(every)} nodes failed; the {len(where)} others are too few for the {terms} "
+            "terms of the basis. Take a lower order, more nodes, or distributions that stay clear of the failure. "
+            f"Reason of the failure: {reason}"
+        )
+    psi = runs.space.evaluate(runs.germs[where], multi_index)
+    if weights is not None and bool((weights > 0).all()):
+        counted = weights[good]
+    else:
+        counted = 1 / np.sum(psi**2, axis=1)
+    try:
+        coefficients, leave_one_out = _weighted_least_squares(runs.response[where], psi, counted / counted.sum())
+    except uqmbd.StudyError as error:
+        raise uqmbd.IntegrationError(
+            f"{label}: {failed} of {len(every)} nodes failed, and the others do not determine the {terms} terms "
+            f"({error}). Reason of the failure: {reason}"
+        ) from None
+    warnings.warn(
+        f"{label}: {failed} of {len(every)} nodes failed, so that the quadrature does not hold; the chaos was fitted "
+        f"to the {len(where)} others by regression instead, and is an extrapolation where the mechanism fails. "
+        f"Reason of the failure: {reason}",
+        stacklevel=2,
+    )
+    how = f"regression on the {len(where)} of {len(every)} nodes that did not fail"
+    return Fit(coefficients, multi_index, how, where, leave_one_out, failed=failed)
+
+
+def _weighted_least_squares(response: Array, psi: Array, weights: Array) -> tuple[Array, Array]:
+    """Coefficients (P, O, T) of a basis whose first term is 1, and the leave-one-out error (O, T), both weighted."""
+    root = np.sqrt(weights)
+    centre = np.tensordot(weights, response, axes=1)
+    scaled = (response - centre) * root[:, None, None]
+    fit = least_squares(scaled, psi * root[:, None])
+    coefficients = fit.coefficients.copy()
+    coefficients[0] += centre
+    # relative to the variance about the weighted mean, not to that of the scaled values
+    spread, variance = np.sum((scaled - scaled.mean(axis=0)) ** 2, axis=0), np.sum(scaled**2, axis=0)
+    share = np.divide(spread, variance, out=np.ones_like(spread), where=variance > 0)
+    return coefficients, fit.leave_one_out * share

@@ -1,0 +1,115 @@
+"""Adaptive order: higher and higher orders, until mean and standard deviation stand still."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+import uqmbd
+from uqmbd_collocation.fitting import Fit, Projection, Regression
+from uqmbd_collocation.refinement import Limits, Refinement, Step, missed_share, scale_of
+from uqmbd_collocation.runs import Runs
+
+__all__ = ["HIGHEST", "raise_order"]
+
+Array = NDArray[np.float64]
+
+HIGHEST = 32
+"""Order at which a refinement ends: what has not converged by then never will."""
+
+
+def raise_order(
+    runs: Runs,
+    points: Array,
+    plan: Callable[[int], Projection | Regression],
+    first: int,
+    limits: Limits,
+    label: str,
+) -> Refinement:
+    """Raise the order until mean and standard deviation change by less than the tolerance.
+
+    Parameters
+    ----------
+    runs : Runs
+        Realisations.
+    points : array, shape (V, d)
+        Germ points of the verification: while the chaos misses more there than the tolerance, it is not met.
+    plan : callable
+        Nodes and fit of an order.
+    first : int
+        Order to begin with.
+    limits : Limits
+        When to end.
+    label : str
+        Of the propagator.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If the first order cannot be done.
+    """
+    steps: list[Step] = []
+    fit: Fit | None = None
+    terms = 0
+    for order in range(first, max(first, HIGHEST) + 1):
+        try:
+            planned = plan(order)
+            if len(planned.multi_index) == terms:
+                continue  # weights leave some orders without terms of their own
+            terms = len(planned.multi_index)
+            planned.check(runs.space)
+            wanted = np.concatenate([planned.nodes, points])
+            more = len(runs.missing(wanted))
+            if len(runs) + more > limits.most:
+                raise uqmbd.StudyError(f"it needs {more} more realisations, and max_realisations is {limits.most}")
+            runs.at(wanted)
+            following = planned.fit(runs)
+        except (uqmbd.StudyError, uqmbd.IntegrationError) as error:
+            if fit is None:
+                raise
+            _warn(label, limits, steps, f"order {order} cannot be done: {error}")
+            return Refinement(fit, tuple(steps))
+        steps.append(Step(len(runs), len(following.multi_index), *_changes(fit, following, runs.problem.rtol)))
+        fit = following
+        missed = missed_share(runs, fit.coefficients, fit.multi_index, points)
+        if missed < limits.tolerance and (steps[-1].change < limits.tolerance or terms == _most_terms(runs.space)):
+            return Refinement(fit, tuple(steps), met=not fit.failed)
+        if fit.failed:
+            _warn(label, limits, steps, "the order is not raised further, because realisations failed")
+            return Refinement(fit, tuple(steps))
+        if terms == _most_terms(runs.space):
+            _warn(label, limits, steps, f"there are no further terms than these {terms}")
+            return Refinement(fit, tuple(steps))
+    if fit is None:
+        raise uqmbd.StudyError(f"{label}: no order was tried.")
+    _warn(label, limits, steps, f"order {max(first, HIGHEST)} is the highest that is tried")
+    return Refinement(fit, tuple(steps))
+
+
+def _most_terms(space: uqmbd.GermSpace) -> int | None:
+    """Number of terms of any order if all germs take few values; None: unlimited."""
+    values = [germ.values for germ in space.germs]
+    return None if None in values else int(np.prod(values, dtype=object))
+
+
+def _changes(before: Fit | None, now: Fit, rtol: float) -> tuple[float, float]:
+    """Largest change of mean and standard deviation, over the scale of each output."""
+    if before is None:
+        return np.inf, np.inf
+    variance = [np.sum(f.coefficients[1:] ** 2, axis=0) for f in (before, now)]
+    scale = scale_of(now.coefficients[0], variance[1], rtol)[:, None]
+    mean = np.abs(now.coefficients[0] - before.coefficients[0]) / scale
+    std = np.abs(np.sqrt(variance[1]) - np.sqrt(variance[0])) / scale
+    return float(mean.max()), float(std.max())
+
+
+def _warn(label: str, limits: Limits, steps: list[Step], reason: str) -> None:
+    last = f"mean and standard deviation still changed by {steps[-1].change:.2g}" if len(steps) > 1 else "one order only"
+    warnings.warn(
+        f"{label}: the tolerance {limits.tolerance:g} was not met with {steps[-1].realisations} realisations ({last}): "
+        f"{reason}",
+        stacklevel=3,
+    )

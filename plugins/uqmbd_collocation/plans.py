@@ -1,0 +1,116 @@
+"""Where realisations are needed for an order, and how the chaos is found from them."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+import uqmbd
+from uqmbd_collocation.fitting import Projection, Regression
+
+if TYPE_CHECKING:
+    from uqmbd_collocation.propagator import Collocation
+
+__all__ = ["basis", "plan", "verification_points"]
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+VERIFICATION = 0x7E51F1
+"""Enters the seed of the verification points, which must be no points of a design."""
+
+
+def basis(options: Collocation, space: uqmbd.GermSpace, order: int) -> Index:
+    """Return the terms of an order, shape (P, d), without those that a germ of few values does not have."""
+    multi_index = uqmbd.index_set(space.dimension, order, options.index_set, options.weights)
+    for k, germ in enumerate(space.germs):
+        if germ.values is not None:
+            multi_index = multi_index[multi_index[:, k] < germ.values]
+    return multi_index
+
+
+def plan(options: Collocation, space: uqmbd.GermSpace, order: int, label: str) -> Projection | Regression:
+    """Choose nodes and the way to fit them; nothing is computed yet.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If an option does not suit the inputs, or there would be more than ``max_realisations``.
+    """
+    multi_index = basis(options, space, order)
+    if options.grid:
+        if options.grid == "gauss":
+            _check_number(options, space, order, int(np.prod(_gauss_counts(options, space, multi_index), dtype=object)))
+        rule = _grid(options, space, order, multi_index)
+        _check_number(options, space, order, len(rule))
+        return Projection(rule, multi_index, _exact(options, rule, multi_index, space), label)
+    sparse = options.method in ("omp", "lars")
+    count = options.samples or max(len(multi_index) if sparse else 2 * len(multi_index), 3)
+    _check_number(options, space, order, count)
+    rule = _samples(options, space, count)
+    if options.method == "projection":
+        return Projection(rule, multi_index, False, label)
+    return Regression(rule.nodes, multi_index, options.method, label)
+
+
+def verification_points(space: uqmbd.GermSpace, count: int, seed: int) -> Array:
+    """Return germ points, shape (K, d), that no design uses."""
+    if not count:
+        return np.zeros((0, space.dimension))
+    own = int(np.random.SeedSequence([seed, VERIFICATION]).generate_state(1)[0])
+    return uqmbd.monte_carlo_rule(space, count, own, "sobol").nodes
+
+
+def _check_number(options: Collocation, space: uqmbd.GermSpace, order: int, nodes: int) -> None:
+    if nodes + options.verify > options.max_realisations:
+        raise uqmbd.StudyError(
+            f"Collocation: order {order} with {space.dimension} inputs takes {nodes} nodes and {options.verify} "
+            f"verification realisations, more than max_realisations = {options.max_realisations}. Use rule='smolyak', "
+            "method='regression' or 'omp', adaptive='dimension' or a lower order, or allow more."
+        )
+
+
+def _gauss_counts(options: Collocation, space: uqmbd.GermSpace, multi_index: Index) -> list[int]:
+    if options.nodes is None:
+        return [int(n) + 1 for n in multi_index.max(axis=0)]
+    if len(options.nodes) == 1:
+        return [options.nodes[0]] * space.dimension
+    if len(options.nodes) != space.dimension:
+        raise uqmbd.StudyError(
+            f"Collocation: nodes has {len(options.nodes)} entries; expected one number, or one for each of the "
+            f"{space.dimension} inputs ({', '.join(space.names)})."
+        )
+    return list(options.nodes)
+
+
+def _grid(options: Collocation, space: uqmbd.GermSpace, order: int, multi_index: Index) -> uqmbd.Quadrature:
+    if options.grid == "gauss":
+        return uqmbd.gauss_tensor(space, _gauss_counts(options, space, multi_index))
+    if options.grid == "smolyak":
+        return uqmbd.smolyak(space, order if options.level is None else options.level)
+    if options.level is not None:
+        return uqmbd.clenshaw_curtis(space, options.level)
+    # 2^level + 1 nodes: exact for products of two polynomials of uniform germs
+    levels = [max(1, int(np.ceil(np.log2(2 * n)))) if n else 0 for n in multi_index.max(axis=0)]
+    return uqmbd.clenshaw_curtis(space, levels)
+
+
+def _exact(options: Collocation, rule: uqmbd.Quadrature, multi_index: Index, space: uqmbd.GermSpace) -> bool:
+    """Whether products of the basis are known to be integrated exactly."""
+    if options.grid == "gauss":
+        degrees = multi_index.max(axis=0)
+        return all(n > k for n, k in zip(_gauss_counts(options, space, multi_index), degrees, strict=True))
+    return rule.exactness is not None and 2 * int(multi_index.sum(axis=1).max()) <= rule.exactness
+
+
+def _samples(options: Collocation, space: uqmbd.GermSpace, count: int) -> uqmbd.Quadrature:
+    if options.design != "latin-hypercube":
+        return uqmbd.monte_carlo_rule(space, count, options.seed, options.design)
+    from scipy.stats import qmc
+
+    uniform = qmc.LatinHypercube(space.dimension, rng=np.random.default_rng(options.seed)).random(count)
+    # the ends of the interval would map to infinity
+    germs = space.from_uniform(np.clip(uniform, 2.0**-54, 1 - 2.0**-53))
+    return uqmbd.Quadrature(germs, np.full(count, 1 / count), 0, f"{count} samples, latin-hypercube")

@@ -1,0 +1,111 @@
+"""What all refinements share: steps, scales, and the veto of the verification realisations."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from uqmbd_collocation.fitting import Fit
+from uqmbd_collocation.runs import Runs
+
+__all__ = ["Limits", "Refinement", "Step", "history", "missed_share", "scale_of"]
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Limits:
+    """When a refinement ends.
+
+    Attributes
+    ----------
+    tolerance : float
+        Of mean and standard deviation, relative to the largest standard deviation of each output over time.
+    most : int
+        Realisations, verification included.
+    """
+
+    tolerance: float
+    most: int
+
+
+@dataclass(frozen=True)
+class Step:
+    """What a refinement knew after one of its steps.
+
+    Attributes
+    ----------
+    realisations : int
+        So far.
+    terms : int
+        Of the chaos.
+    change_mean, change_std : float
+        Largest over outputs and times, over the largest standard deviation of the output over time.
+    """
+
+    realisations: int
+    terms: int
+    change_mean: float
+    change_std: float
+
+    @property
+    def change(self) -> float:
+        """The larger of both."""
+        return max(self.change_mean, self.change_std)
+
+
+@dataclass(frozen=True)
+class Refinement:
+    """A fit, how it came about, and whether the tolerance was met."""
+
+    fit: Fit
+    steps: tuple[Step, ...] = field(default=())
+    met: bool = False
+
+
+def scale_of(mean: Array, variance: Array, rtol: float) -> Array:
+    """Return what changes of each output are compared with, shape (O,), from mean and variance (O, T).
+
+    The largest standard deviation over time; where that is below what the integration can tell, `rtol` times the
+    largest mean.
+    """
+    floor = rtol * np.abs(mean).max(axis=-1) + 1e-300
+    return np.asarray(np.maximum(np.sqrt(variance.max(axis=-1)), floor))
+
+
+def missed_share(runs: Runs, coefficients: Array, multi_index: Index, points: Array) -> float:
+    """Return by how much the standard deviation is too small for what the chaos misses at verification points.
+
+    A surrogate with the root-mean-square error e misses a variance of about e^2, so that the standard deviation s is
+    too small by e^2 / (2 s).  Two steps of a refinement can agree though both are blind for the same terms (an even
+    function, an interaction without main effects); realisations elsewhere see it.
+
+    Returns
+    -------
+    float
+        Largest over the outputs, over the largest standard deviation over time; 0 without points.
+    """
+    where = runs.at(points)
+    where = where[runs.good(where)]
+    if not len(where):
+        return 0.0
+    surrogate = np.einsum("kp,pot->kot", runs.space.evaluate(runs.germs[where], multi_index), coefficients)
+    error = np.mean((surrogate - runs.response[where]) ** 2, axis=0)
+    scale = scale_of(coefficients[0], np.sum(coefficients[1:] ** 2, axis=0) + error, runs.problem.rtol)
+    return float((error.max(axis=-1) / (2 * scale**2)).max())
+
+
+def history(steps: tuple[Step, ...]) -> xr.Dataset:
+    """Return the dataset `refinement` of a node."""
+    note = {"comment": "largest over outputs and times, over the largest standard deviation of the output over time"}
+    found = {
+        "realisations": ("step", np.array([s.realisations for s in steps], dtype=np.int64)),
+        "terms": ("step", np.array([s.terms for s in steps], dtype=np.int64)),
+        "change_mean": ("step", np.array([s.change_mean for s in steps], dtype=float), note),
+        "change_std": ("step", np.array([s.change_std for s in steps], dtype=float), note),
+    }
+    return xr.Dataset(found)

@@ -1,0 +1,142 @@
+"""Realisations at germ points, each computed once however often a refinement asks for it."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+import uqmbd
+
+__all__ = ["Runs", "announced_once"]
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+DIGITS = 11
+"""Decimals to which germ points are compared: rules of different sizes meet in nodes that differ by rounding."""
+
+
+@dataclass
+class Runs:
+    """All realisations of a collocation so far.
+
+    Attributes
+    ----------
+    problem : uqmbd.Problem
+        Who computes them.
+    space : uqmbd.GermSpace
+        Of the inputs.
+    counters : dict
+        Solver counters, summed.
+    wall_time : float
+        s.
+    """
+
+    problem: uqmbd.Problem
+    space: uqmbd.GermSpace
+    counters: Counter[str] = field(default_factory=Counter)
+    wall_time: float = 0.0
+    _where: dict[tuple[float, ...], int] = field(default_factory=dict)
+    _germs: list[Array] = field(default_factory=list)
+    _parts: list[uqmbd.Realisations] = field(default_factory=list)
+    _joined: Array | None = None
+
+    def __len__(self) -> int:
+        return len(self._where)
+
+    def missing(self, germs: Array) -> Index:
+        """Return the rows of `germs` (K, d) that have not been computed yet, each point once."""
+        first: dict[tuple[float, ...], int] = {}
+        for k, key in enumerate(self._keys(germs)):
+            if key not in self._where:
+                first.setdefault(key, k)
+        return np.array(list(first.values()), dtype=np.int64)
+
+    def at(self, germs: Array) -> Index:
+        """Compute what is missing, and return where the realisations of `germs` (K, d) are."""
+        rows = self.missing(germs)
+        if len(rows):
+            new = germs[rows]
+            part = self.problem.realise(self.space.to_inputs(new))
+            for key in self._keys(new):
+                self._where[key] = len(self._where)
+            self._germs.append(new)
+            self._parts.append(part)
+            self._joined = None
+            self.counters.update(part.counters)
+            self.wall_time += part.wall_time
+        return np.array([self._where[key] for key in self._keys(germs)], dtype=np.int64)
+
+    @property
+    def germs(self) -> Array:
+        """All points, in the order of computation, shape (K, d)."""
+        return np.concatenate(self._germs)
+
+    @property
+    def values(self) -> Array:
+        """Their inputs, shape (K, d)."""
+        return np.concatenate([p.values for p in self._parts])
+
+    @property
+    def response(self) -> Array:
+        """Responses, shape (K, output, time); NaN where a realisation failed."""
+        if self._joined is None:
+            self._joined = np.concatenate([p.response for p in self._parts])
+        return self._joined
+
+    @property
+    def status(self) -> Index:
+        """Status of each; what is not finite has failed."""
+        status = np.concatenate([p.status for p in self._parts])
+        infinite = ~np.isfinite(self.response).all(axis=(1, 2))
+        return np.where((status == 0) & infinite, 3, status)
+
+    @property
+    def messages(self) -> list[str]:
+        """Reason of each failure, or empty."""
+        found = [m for p in self._parts for m in p.messages]
+        return [m or ("an output is not finite" if s else "") for m, s in zip(found, self.status, strict=True)]
+
+    def good(self, where: Index) -> NDArray[np.bool_]:
+        """Say which of some realisations, given by their places (K,), did not fail."""
+        return np.asarray(self.status[where] == 0)
+
+    def reason(self, where: Index) -> str:
+        """Return the first reason of a failure among some realisations."""
+        messages = self.messages
+        return next((messages[k] for k in where if messages[k]), "unknown")
+
+    @staticmethod
+    def _keys(germs: Array) -> list[tuple[float, ...]]:
+        # adding zero makes -0.0 equal to 0.0
+        return [tuple(row) for row in (np.round(germs, DIGITS) + 0.0).tolist()]
+
+
+@dataclass
+class _Once:
+    """Progress of many small steps told as one piece of work, of a known most."""
+
+    inner: uqmbd.Progress
+    most: int
+    begun: bool = False
+
+    def start(self, label: str, total: int) -> None:
+        """Begin, the first time only."""
+        if not self.begun:
+            self.begun = True
+            self.inner.start(label, self.most)
+
+    def advance(self, label: str, count: int = 1) -> None:
+        """Pass on."""
+        self.inner.advance(label, count)
+
+    def finish(self, label: str) -> None:
+        """Wait for the end of all steps, which whoever made this tells."""
+
+
+def announced_once(problem: uqmbd.Problem, most: int) -> uqmbd.Problem:
+    """Return a problem whose progress begins once, however often realisations are asked for, with the most of them."""
+    return replace(problem, progress=_Once(problem.progress, most))

@@ -1,0 +1,73 @@
+"""What a projected motion tells of itself: energy, constraints, norms, and how near its equations are to singular."""
+
+from __future__ import annotations
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+import uqmbd
+
+__all__ = ["diagnostics"]
+
+Array = NDArray[np.float64]
+
+SINGULAR_VALUES = 25
+"""Times at which singular values are computed."""
+
+
+def diagnostics(projected: uqmbd.ProjectedEnsemble, times: Array, coefficients: Array, terms: Array) -> xr.Dataset:
+    """Follow invariants of the projected motion.
+
+    Parameters
+    ----------
+    projected : uqmbd.ProjectedEnsemble
+        The equations.
+    times : array, shape (T,)
+        s.
+    coefficients : array, shape (P, T, width)
+        Of the states.
+    terms : array of int, shape (P, d)
+        The multi-index.
+
+    Returns
+    -------
+    xarray.Dataset
+        Over time: ``energy``, the expectation of kinetic and potential energy (J); ``constraint_rms``, the root of the
+        expectation of the squared constraints, summed (zero at the nodes in the limit of high order only);
+        ``quaternion_norm_rms``, how far nodal quaternions are from unit length; ``top_order_share``, the part of the
+        variance of the coordinates in the highest degrees.  At some times (``probe_time``) the smallest singular value
+        of the projected constraint Jacobian and the smallest of all nodes.
+    """
+    nodal = projected.nodal(coefficients)
+    weights, model = projected.weights, projected.model
+    energy = weights @ projected.ensemble.energies(times, nodal).sum(axis=1)
+    drift = projected.constraints(times, nodal)
+    quaternions = model.quaternions()
+    norm = np.zeros(len(times))
+    if quaternions.size:
+        length = np.linalg.norm(nodal[:, :, quaternions], axis=3)
+        norm = np.sqrt(np.einsum("k,ktb->t", weights, (length - 1.0) ** 2))
+    degree = terms.sum(axis=1)
+    variance = np.sum(coefficients[1:, :, : model.layout.coordinates] ** 2, axis=(0, 2))
+    top = np.sum(coefficients[degree == degree.max(), :, : model.layout.coordinates] ** 2, axis=(0, 2))
+    share = (
+        np.divide(top, variance, out=np.zeros(len(times)), where=variance > 0) if degree.max() else np.zeros(len(times))
+    )
+    probes = np.unique(np.linspace(0, len(times) - 1, min(SINGULAR_VALUES, len(times))).astype(int))
+    values = np.array([projected.smallest_singular_values(times[k], coefficients[:, k]) for k in probes])
+    return xr.Dataset(
+        {
+            "energy": ("time", energy, {"units": "J", "long_name": "expectation of kinetic and potential energy"}),
+            "constraint_rms": ("time", drift, {"long_name": "root of the expectation of the squared constraints"}),
+            "quaternion_norm_rms": ("time", norm, {"long_name": "deviation of nodal quaternions from unit length"}),
+            "top_order_share": ("time", share, {"long_name": "part of the variance of coordinates in the top order"}),
+            "smallest_singular_value": (
+                "probe_time",
+                values[:, 0],
+                {"long_name": "of the projected constraint Jacobian"},
+            ),
+            "smallest_singular_value_nodes": ("probe_time", values[:, 1], {"long_name": "smallest of all nodes"}),
+        },
+        coords={"time": ("time", times, {"units": "s"}), "probe_time": ("probe_time", times[probes], {"units": "s"})},
+    )

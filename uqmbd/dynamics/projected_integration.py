@@ -1,0 +1,113 @@
+"""Integration of a projected ensemble: explicit where it can, by IDA where it must."""
+
+from __future__ import annotations
+
+import time as clock
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uqmbd.dynamics.integration import INTEGRATORS, Integrator
+from uqmbd.dynamics.projected import ProjectedEnsemble
+from uqmbd.dynamics.projected_dop853 import lock_step
+from uqmbd.dynamics.projected_ida import LINEAR_SOLVERS, LinearSolver, implicit
+from uqmbd.errors import StudyError
+
+__all__ = ["ProjectedTrajectories", "Watch", "integrate_projected"]
+
+Array = NDArray[np.float64]
+
+Watch = Callable[[Array], bool]
+"""Is given the coefficients (P, T, width) so far, NaN from the present time on; true: stop."""
+
+
+@dataclass(frozen=True)
+class ProjectedTrajectories:
+    """Coefficients of states at the output times.
+
+    Attributes
+    ----------
+    times : array, shape (T,)
+        s.
+    coefficients : array, shape (P, T, 2 coordinate + state)
+        Of coordinates, auxiliary states and velocities; NaN from the time on at which it stopped.
+    message : str
+        Why it stopped, or empty.
+    integrator : str
+        ``dop853`` or ``ida``.
+    counters : dict
+        What it cost.
+    """
+
+    times: Array
+    coefficients: Array
+    message: str
+    integrator: str
+    counters: dict[str, Any]
+
+
+def integrate_projected(
+    projected: ProjectedEnsemble,
+    times: Array,
+    rtol: float = 1e-6,
+    integrator: str = "auto",
+    linear_solver: str = "auto",
+    watch: Watch | None = None,
+) -> ProjectedTrajectories:
+    """Integrate the coefficients of a projected ensemble.
+
+    Parameters
+    ----------
+    projected : ProjectedEnsemble
+        What to integrate.
+    times : array, shape (T,)
+        Output times, strictly increasing; the first is the start.
+    rtol : float
+        Relative tolerance.
+    integrator : {"auto", "ida", "dop853"}
+        As for one realisation: explicit on the projected index-1 form, or IDA on the projected stabilised index-2 form.
+        ``auto``: the first, and the second where that is stiff or fails.
+    linear_solver : {"auto", "dense", "sparse", "krylov-nodal", "krylov-mean"}
+        Of IDA; ``auto`` chooses by the number of unknowns, and leaves the mean preconditioner where it breaks down.
+    watch : callable, optional
+        Asked now and then with the coefficients so far; a true answer ends the run.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If a name is unknown, or the mechanism is too large.
+    """
+    for value, known, what in ((integrator, INTEGRATORS, "integrator"), (linear_solver, LINEAR_SOLVERS, "solver")):
+        if value not in known:
+            raise StudyError(f"there is no {what} {value!r} for a projection; there are: {', '.join(known)}.")
+    if projected.model.system is None or projected.model.system.project is None:
+        raise StudyError(
+            f"mechanism {projected.model.name!r} has too many equations for a projection, whose linear algebra is "
+            "compiled; use collocation."
+        )
+    counters: dict[str, Any] = {}
+    message = ""
+    kind: Integrator = integrator  # type: ignore[assignment]
+    if not projected.model.layout.unknowns:  # nothing can move
+        still = np.repeat(projected.start.state[:, None], len(times), axis=1)
+        return ProjectedTrajectories(times, still, "", "none", {})
+    if kind in ("auto", "dop853"):
+        begin = clock.perf_counter()
+        run, equations = lock_step(projected, times, rtol, watch)
+        counters = {
+            "accelerations": equations.evaluations,
+            "steps": run.steps,
+            "systems": projected.coupled.systems,
+            "iterations": projected.coupled.iterations,
+            "seconds": clock.perf_counter() - begin,
+        }
+        message = run.failed.get(0, "")
+        if not message or kind == "dop853":
+            return ProjectedTrajectories(times, run.result, message, "dop853", counters)
+        counters["stiff"] = 1
+    solver: LinearSolver = linear_solver  # type: ignore[assignment]
+    found = implicit(projected, times, rtol, solver, watch)
+    return ProjectedTrajectories(times, found.coefficients, found.message, "ida", counters | found.counters)
