@@ -1,0 +1,48 @@
+"""Drivers of displacement and distance."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import uqmbd
+
+__all__ = ["DistanceDriver", "PositionDriver"]
+
+
+class PositionDriver(uqmbd.Component):
+    """The displacement of a point of body j along an axis fixed in body i follows a function of time.
+
+    Examples
+    --------
+    >>> PositionDriver.signature()
+    '(name, body_i, body_j, point_i, point_j, axis_i, displacement)'
+    """
+
+    point_i = uqmbd.Parameter("m", "where the displacement is zero, frame of body i", kind="point")
+    point_j = uqmbd.Parameter("m", "the driven point, frame of body j", kind="point")
+    axis_i = uqmbd.Parameter("1", "direction, frame of body i", kind="axis")
+    displacement = uqmbd.Parameter("m", "displacement, an expression in uqmbd.t")
+
+    def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.Constraint]:
+        """Yield the geometry."""
+        offset = p.body_j.point(p.point_j) - p.body_i.point(p.point_i)
+        yield uqmbd.Constraint(p.body_i.direction(p.axis_i).dot(offset) - p.displacement, "displacement")
+
+
+class DistanceDriver(uqmbd.Component):
+    """The distance of two points follows a function of time that never vanishes.
+
+    Examples
+    --------
+    >>> DistanceDriver.signature()
+    '(name, body_i, body_j, point_i, point_j, length)'
+    """
+
+    point_i = uqmbd.Parameter("m", "one end, frame of body i", kind="point")
+    point_j = uqmbd.Parameter("m", "other end, frame of body j", kind="point")
+    length = uqmbd.Parameter("m", "distance, an expression in uqmbd.t")
+
+    def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.Constraint]:
+        """Yield the geometry."""
+        offset = p.body_j.point(p.point_j) - p.body_i.point(p.point_i)
+        yield uqmbd.Constraint(offset.dot(offset) - p.length**2, "length")

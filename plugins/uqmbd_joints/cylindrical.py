@@ -1,0 +1,35 @@
+"""The cylindrical joint."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import uqmbd
+from uqmbd_joints.primitives import Parallel2
+
+__all__ = ["Cylindrical"]
+
+
+class Cylindrical(Parallel2):
+    """A slide that turns: the point on body j stays on a line fixed in body i, and two axes are parallel.
+
+    Examples
+    --------
+    >>> Cylindrical.signature()
+    '(name, body_i, body_j, point_i, point_j, axis_i, axis_j)'
+    """
+
+    spaces = (uqmbd.Spatial,)
+    axis_j = uqmbd.Parameter("1", "direction of the line, frame of body j", kind="axis")
+
+    def prepare(self) -> dict[str, Any]:
+        """Find the normals of the line, and lay a frame on each axis."""
+        frame_i, frame_j = uqmbd.joint_frames(self.axis_i, self.axis_j)
+        return {**super().prepare(), "frame_i": frame_i, "frame_j": frame_j}
+
+    def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.Constraint]:
+        """Yield the geometry."""
+        yield from super().terms(p)
+        relative = uqmbd.relative_quaternion(p.body_i.attitude(p.frame_i), p.body_j.attitude(p.frame_j))
+        yield uqmbd.Constraint(relative[1:3], "axis")

@@ -1,0 +1,78 @@
+"""Primitive constraints, of which joints are made."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import sympy
+
+import uqmbd
+
+__all__ = ["Dot1", "Dot2", "Parallel2"]
+
+
+class Dot1(uqmbd.Component):
+    """Two axes stay perpendicular: one equation.
+
+    Examples
+    --------
+    >>> Dot1.signature()
+    '(name, body_i, body_j, axis_i, axis_j)'
+    """
+
+    spaces = (uqmbd.Spatial, uqmbd.Planar)
+    axis_i = uqmbd.Parameter("1", "axis, frame of body i", kind="axis")
+    axis_j = uqmbd.Parameter("1", "axis, frame of body j", kind="axis")
+
+    def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.Constraint]:
+        """Yield the geometry."""
+        yield uqmbd.Constraint(p.body_i.direction(p.axis_i).dot(p.body_j.direction(p.axis_j)), "axes")
+
+
+class Dot2(uqmbd.Component):
+    """The vector from point i to point j stays perpendicular to an axis: point j on a plane fixed in body i.
+
+    Examples
+    --------
+    >>> Dot2.signature()
+    '(name, body_i, body_j, point_i, point_j, axis_i)'
+    """
+
+    point_i = uqmbd.Parameter("m", "a point of the plane, frame of body i", kind="point")
+    point_j = uqmbd.Parameter("m", "the point on the plane, frame of body j", kind="point")
+    axis_i = uqmbd.Parameter("1", "normal of the plane, frame of body i", kind="axis")
+
+    def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.Constraint]:
+        """Yield the geometry."""
+        offset = p.body_j.point(p.point_j) - p.body_i.point(p.point_i)
+        yield uqmbd.Constraint(p.body_i.direction(p.axis_i).dot(offset), "plane")
+
+
+class Parallel2(uqmbd.Component):
+    """The vector from point i to point j stays parallel to an axis: point j on a line fixed in body i.
+
+    Two equations in space, one in the plane.
+
+    Examples
+    --------
+    >>> Parallel2.signature()
+    '(name, body_i, body_j, point_i, point_j, axis_i)'
+    """
+
+    point_i = uqmbd.Parameter("m", "a point of the line, frame of body i", kind="point")
+    point_j = uqmbd.Parameter("m", "the point on the line, frame of body j", kind="point")
+    axis_i = uqmbd.Parameter("1", "direction of the line, frame of body i", kind="axis")
+
+    def prepare(self) -> dict[str, Any]:
+        """Find the normals of the line."""
+        if len(self.axis_i) == 3:
+            return {"normals": [*uqmbd.perpendiculars(self.axis_i)[0], *uqmbd.perpendiculars(self.axis_i)[1]]}
+        return {"normals": [-self.axis_i[1], self.axis_i[0]]}
+
+    def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.Constraint]:
+        """Yield the geometry."""
+        d = p.space.dimension
+        offset = p.body_j.point(p.point_j) - p.body_i.point(p.point_i)
+        normals = [p.body_i.direction(p.normals[k : k + d]) for k in range(0, len(p.normals), d)]
+        yield uqmbd.Constraint(sympy.Matrix([n.dot(offset) for n in normals]), "line")

@@ -1,0 +1,33 @@
+"""The massless link with a revolute at one end and a ball at the other."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import uqmbd
+
+__all__ = ["RevoluteSpherical"]
+
+
+class RevoluteSpherical(uqmbd.Component):
+    """A massless link: a hinge on body i about an axis perpendicular to the link, a ball on body j.
+
+    The points keep their distance, and the link stays perpendicular to the axis.
+
+    Examples
+    --------
+    >>> RevoluteSpherical.signature()
+    '(name, body_i, body_j, point_i, point_j, axis_i, length)'
+    """
+
+    spaces = (uqmbd.Spatial,)
+    point_i = uqmbd.Parameter("m", "hinge, frame of body i", kind="point")
+    point_j = uqmbd.Parameter("m", "ball, frame of body j", kind="point")
+    axis_i = uqmbd.Parameter("1", "axis of the hinge, frame of body i", kind="axis")
+    length = uqmbd.Parameter("m", "length of the link")
+
+    def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.Constraint]:
+        """Yield the geometry."""
+        offset = p.body_j.point(p.point_j) - p.body_i.point(p.point_i)
+        yield uqmbd.Constraint(offset.dot(offset) - p.length**2, "length")
+        yield uqmbd.Constraint(p.body_i.direction(p.axis_i).dot(offset), "axis")
