@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import chaospy
 import pytest
 import sympy
@@ -57,6 +59,25 @@ def test_name_and_units(machine):
             machine.output(name, angle)
     with pytest.raises(uqmbd.StudyError, match="output 'y': units is 5"):
         machine.output("y", angle, units=5)
+
+
+@pytest.mark.parametrize("units", ["", "m", "degree", "RAD"])
+def test_angle_has_units_of_an_angle(machine, units):
+    x, y = machine.bodies["rod"].position
+    with pytest.raises(uqmbd.StudyError) as caught:
+        machine.output("x", sympy.atan2(y, x), units=units, angle=True)
+    assert "output 'x': it is declared an angle" in str(caught.value) and "'rad' or 'deg'" in str(caught.value)
+    with pytest.raises(uqmbd.StudyError, match="output 'x': angle is 'deg'|output 'x': angle is the text 'deg'"):
+        machine.output("x", sympy.atan2(y, x), units="deg", angle="deg")
+    assert not machine.outputs
+
+
+def test_length_of_a_turn(machine):
+    x, y = machine.bodies["rod"].position
+    machine.output("plain", sympy.atan2(y, x), units="rad")
+    machine.output("radians", sympy.atan2(y, x), units="rad", angle=True)
+    machine.output("degrees", sympy.deg(sympy.atan2(y, x)), units="deg", angle=True)
+    assert [o.turn for o in machine.outputs.values()] == [0, 2 * math.pi, 360]
 
 
 def test_other_mechanisms_have_other_bodies(machine):

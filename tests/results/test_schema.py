@@ -145,10 +145,40 @@ def _replace(child: str, change: Callable[[xr.Dataset], xr.Dataset]) -> Callable
         (_replace("statistics", lambda d: d.transpose()), r"dimensions \(time, output\); expected \(output, time\)"),
         (_replace("statistics", lambda d: d.isel(time=slice(None, None, -1))), "finite and increasing"),
         (_replace("statistics", lambda d: d.assign_coords(output=[0, 1, 2])), "expected texts"),
+        (_set("statistics/variance_reduction", -1.0, (0, 0)), "/statistics/variance_reduction: found a negative value"),
+        (
+            _set("statistics/sobol_total_interval", np.nan, (1, 0, 0, 0)),
+            "sobol_total_interval: found a lower end that is not below the upper one at input k",
+        ),
+        (
+            _replace("statistics", lambda d: d.assign_coords(bound=["low", "high"])),
+            r"/statistics/bound: found \['low', 'high'\]; expected",
+        ),
+        (
+            _replace("statistics", lambda d: d.assign(sobol_total_interval=d.sobol_total_interval.mean("bound"))),
+            r"expected \(bound, input, output, time\)",
+        ),
         (_replace("samples", lambda d: d.isel(time=slice(9))), "/samples/time: found a coordinate other than"),
         (_replace("samples", lambda d: d.assign(status=d.status * 1.0)), "expected whole numbers"),
         (_replace("samples", lambda d: d.drop_vars("message")), "no variable 'message'"),
-        (_replace("chaos", lambda d: d), "/chaos: found no variable 'coefficients'"),
+        (_replace("chaos", lambda d: xr.Dataset()), "/chaos: found no variable 'coefficients'"),
+        (_replace("chaos", lambda d: d.drop_vars("multi_index")), "/chaos: found no variable 'multi_index'"),
+        (_replace("chaos", lambda d: d.isel(time=0)), r"dimensions \(term, output\); expected \(term, output, time\)"),
+        (_replace("chaos", lambda d: d.transpose()), r"coefficients: found the dimensions \(time, output, term\)"),
+        (
+            _replace("chaos", lambda d: d.assign_coords(output=["a", "b", "c"])),
+            "/chaos/output: found a coordinate other",
+        ),
+        (_replace("chaos", lambda d: d.assign(multi_index=d.multi_index * 0.5)), "expected whole numbers"),
+        (_replace("chaos", lambda d: d.assign(multi_index=d.multi_index - 1)), "a negative degree at term 0, input 0"),
+        (
+            _set("chaos/coefficients", np.nan, (0, 1, 2)),
+            "/chaos/coefficients: found a value that is not finite at term 0",
+        ),
+        (
+            _set("chaos/verification_error", np.nan, (0, 2)),
+            "/chaos/verification_error: found no error at output 0, time 2",
+        ),
     ],
 )
 def test_validation_names_the_breach(make_node: MakeNode, breach: Callable[[xr.DataTree], None], message: str) -> None:
@@ -156,14 +186,24 @@ def test_validation_names_the_breach(make_node: MakeNode, breach: Callable[[xr.D
     node = make_node("mine")
     node["chaos"] = xr.DataTree(
         xr.Dataset(
-            {"coefficients": (("term", "output"), np.ones((1, 3))), "multi_index": (("term", "input"), [[0, 0]])}
+            {
+                "coefficients": (("term", "output", "time"), np.ones((1, 3, 101))),
+                "multi_index": (("term", "input"), [[0, 0]]),
+                "verification_error": (("output", "time"), np.ones((3, 101))),
+            }
         )
     )
+    interval = xr.DataArray(
+        np.ones((2, 1, 3, 101)),
+        dims=("bound", "input", "output", "time"),
+        coords={"bound": ["lower", "upper"], "input": ["k"]},
+    )
+    statistics = node["statistics"].to_dataset()
+    node["statistics"] = xr.DataTree(
+        statistics.assign(variance_reduction=statistics["mean"] * 0 + 1, sobol_total_interval=interval)
+    )
     results.validate(node)
-    if "chaos" in message:
-        node["chaos"] = xr.DataTree()
-    else:
-        breach(node)
+    breach(node)
     with pytest.raises(StudyError, match=message):
         results.validate(node)
 

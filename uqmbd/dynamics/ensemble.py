@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -11,7 +12,7 @@ from uqmbd.dynamics.assembly import Start, assemble
 from uqmbd.dynamics.index1 import accelerations, dense, state_arguments
 from uqmbd.dynamics.model import Layout, Model
 
-__all__ = ["Ensemble", "split"]
+__all__ = ["Ensemble", "referenced", "split"]
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -135,6 +136,9 @@ class Ensemble:
     def outputs(self, times: Array, states: Array) -> Array:
         """Evaluate the outputs along trajectories, consistent with the equations of motion at each time.
 
+        Outputs that are angles are unwrapped over the times (`OutputMap.unwrap`); what is observed in pieces of time
+        is unwrapped once more when it is joined.
+
         Parameters
         ----------
         times : array, shape (T,)
@@ -153,7 +157,8 @@ class Ensemble:
         for first in range(0, len(flat), OUTPUT_BLOCK):
             part = slice(first, first + OUTPUT_BLOCK)
             result[part] = self._observe(flat[part], time[part], owner[part])
-        return result.reshape(members, count, -1).transpose(0, 2, 1)
+        unwrapped: Array = self.model.outputs.unwrap(result.reshape(members, count, -1).transpose(0, 2, 1))
+        return unwrapped
 
     def _observe(self, states: Array, time: Array, owner: Index) -> Array:
         """Observe `states` (S, ...) of the realisations `owner` (S,) at times (S,)."""
@@ -178,6 +183,38 @@ class Ensemble:
         parameters = np.repeat(self.block, states.shape[1], axis=0)
         found = dense(self.model, "energy", arguments, parameters)["energy"]
         return found.reshape(len(states), states.shape[1], 2).transpose(0, 2, 1)
+
+
+def referenced(model: Model, means: Array) -> Model:
+    """Let the angles among the outputs start near those of the mechanism at the means of its inputs.
+
+    The angle at the means belongs to the model, so that the turns of a realisation depend on nothing but the
+    realisation: neither on those beside it nor on who computes it.  Where the mechanism cannot start at the means,
+    angles start within half a turn of zero.
+
+    Parameters
+    ----------
+    model : Model
+        With outputs.
+    means : array, shape (input,)
+        Means of the inputs.
+
+    Returns
+    -------
+    Model
+    """
+    turns, counted = model.outputs.turns, model.outputs.counted
+    if not turns.any():
+        return model
+    ensemble = Ensemble(model, means[None, :])
+    reference = np.zeros(len(turns))
+    if ensemble.start.ok[0]:
+        states = np.concatenate([ensemble.start.q, ensemble.start.s, ensemble.start.v], axis=1)
+        found = ensemble._observe(states, np.array([model.time]), np.zeros(1, dtype=np.int64))[0]
+        reference = np.where((turns > 0) & np.isfinite(found), found, 0.0)
+    # rounding must not choose between the two ends of the range of atan2
+    cut = (turns > 0) & ~counted & (np.abs(reference + turns / 2) <= 1e-9 * turns)
+    return replace(model, outputs=replace(model.outputs, reference=np.where(cut, reference + turns, reference)))
 
 
 def split(layout: Layout, states: Array) -> tuple[Array, Array, Array]:

@@ -71,6 +71,12 @@ class OutputMap:
         Whether accelerations or multipliers are needed.
     kernel : Kernel
         Of ``(q, s, v, a, lambda, t, inputs, parameters[needed])``; lambda of all constraint equations.
+    turns : array, shape (output,)
+        Length of a turn of the outputs that are angles, else 0.
+    counted : array of bool, shape (output,)
+        Which of them the integration makes continuous already.
+    reference : array, shape (output,)
+        Angles near which realisations start; see `uqmbd.dynamics.ensemble.referenced`.
     """
 
     names: tuple[str, ...]
@@ -78,11 +84,43 @@ class OutputMap:
     accelerates: bool
     kernel: Kernel
     needed: Index
+    turns: Array
+    counted: NDArray[np.bool_]
+    reference: Array
 
     def __call__(self, state: Array, inputs: Array, parameters: Array) -> Array:
         """Evaluate at ``state = (q, s, v, a, lambda, t)``; all arguments have the same leading shape."""
         arguments = np.concatenate([state, inputs, parameters[..., self.needed]], axis=-1)
         return self.kernel(np.ascontiguousarray(arguments))
+
+    def unwrap(self, response: Array) -> Array:
+        """Add whole turns to angles, so that each realisation is continuous over time and starts near the reference.
+
+        Nothing else is changed, and one realisation does not depend on the others.  Each time may come on a branch of
+        its own: what was observed in pieces is joined first.
+
+        Parameters
+        ----------
+        response : array, shape (..., output, T)
+            At all output times, from the initial one on, so dense that no angle moves by half a turn from one to the
+            next.  What is not finite stays so and counts no turns.
+
+        Returns
+        -------
+        array, shape (..., output, T)
+        """
+        which = np.flatnonzero(self.turns)
+        if not len(which):
+            return response
+        turn, angle = self.turns[which, None], response[..., which, :]
+        before = np.broadcast_to(self.reference[which, None], (*angle.shape[:-1], 1))
+        with np.errstate(invalid="ignore"):
+            steps = np.round(np.diff(angle, axis=-1, prepend=before) / turn)
+        steps[..., self.counted[which], 1:] = 0.0
+        steps[~np.isfinite(steps)] = 0.0
+        result: Array = response.copy()
+        result[..., which, :] = angle - turn * np.cumsum(steps, axis=-1)
+        return result
 
 
 def output_map(
@@ -169,7 +207,17 @@ def output_map(
 
     key = ("outputs", width, len(inputs), layout, wanted, sympy.srepr(sympy.Tuple(*local)))
     kernel, needed, late = cached(key, make)
-    return OutputMap(tuple(o.name for o in outputs), tuple(o.units for o in outputs), late, kernel, needed)
+    turns = np.array([o.turn for o in outputs], dtype=float)
+    counted = np.array([_counted(o.expression) for o in outputs], dtype=bool)
+    names, units = tuple(o.name for o in outputs), tuple(o.units for o in outputs)
+    return OutputMap(names, units, late, kernel, needed, turns, counted, np.zeros(len(outputs)))
+
+
+def _counted(expression: sympy.Expr) -> bool:
+    """Whether an angle is a polynomial of angles that are counted, so that it cannot jump."""
+    free = expression.free_symbols
+    angles = any(isinstance(s, StateSymbol) and s.quantity == "angle" for s in free)
+    return angles and bool(expression.is_polynomial(*free))
 
 
 def _coordinate(symbol: Any, order: dict[str, int], column: Any) -> sympy.Symbol:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeVar
@@ -25,14 +26,18 @@ __all__ = ["Mechanism", "Output"]
 C = TypeVar("C", bound=Component)
 T = TypeVar("T")
 
+TURNS = {"rad": 2 * math.pi, "deg": 360.0}
+"""Length of a turn in the units that an angle may have."""
+
 
 @dataclass(frozen=True)
 class Output:
-    """A named scalar that a study records at every time."""
+    """A named scalar that a study records at every time; `turn`: length of a turn of an angle, else 0."""
 
     name: str
     expression: sympy.Expr
     units: str
+    turn: float = 0.0
 
 
 class Mechanism:
@@ -203,8 +208,20 @@ class Mechanism:
         self.components[component.name] = component
         return component
 
-    def output(self, name: str, expression: Any, units: str = "") -> None:
+    def output(self, name: str, expression: Any, units: str = "", angle: bool = False) -> None:
         """Record a scalar expression at every time of a study.
+
+        An angle that is known only up to whole turns, e.g. ``sympy.atan2(...)``, jumps by a turn, and where samples
+        stand on both sides of the jump a plain mean means nothing.  Declared with ``angle=True`` it is unwrapped in
+        every realisation: whole turns are added so that it is continuous over the output times and starts within half a
+        turn of the angle of the mechanism at the means of its inputs.  Mean, standard deviation, quantiles, Sobol'
+        indices and all else in results and reports are then those of the unwrapped angle, which counts turns; beside
+        them stand ``circular_mean`` and ``circular_std``, those of the direction, to which turns do not matter.
+
+        Turns are counted from one output time to the next: where an angle moves by half a turn or more between them,
+        its turns are lost, and nothing can tell; take more times.  ``body.angle`` (in the plane) and polynomials of it
+        are counted by the integration, whatever the times; there ``angle=True`` picks the turn of the start and adds
+        the circular statistics.
 
         Parameters
         ----------
@@ -214,11 +231,24 @@ class Mechanism:
             In positions, velocities, accelerations, reactions, random variables and `uqmbd.t`.
         units : str
             Its units.
+        angle : bool
+            Whether it is an angle, in ``rad`` or ``deg``, that is known only up to whole turns.
 
         Raises
         ------
         uqmbd.StudyError
-            If it is no scalar, depends on nothing, or speaks of another mechanism.
+            If it is no scalar, depends on nothing, or speaks of another mechanism; if it is declared an angle, but its
+            units are neither ``rad`` nor ``deg``.
+
+        Examples
+        --------
+        >>> import sympy, uqmbd
+        >>> mechanism = uqmbd.Mechanism("wheel", uqmbd.Planar())
+        >>> wheel = mechanism.body("wheel", mass=1, inertia=1, angular_velocity=4)
+        >>> x, y = wheel.point((1, 0))
+        >>> mechanism.output("direction", sympy.atan2(y, x), units="rad", angle=True)
+        >>> [round(float(angle), 3) for angle in uqmbd.simulate(mechanism, [0, 0.5, 1, 1.5])["direction"]]
+        [0.0, 2.0, 4.0, 6.0]
         """
         where = f"output {check_name(name, 'output')!r}"
         if name in self.outputs:
@@ -230,7 +260,15 @@ class Mechanism:
                 "Use a body's position, velocity, a reaction, ..."
             )
         require_known(self, where, value, "output")
-        self.outputs[name] = Output(name, value, check_units(units, where))
+        units = check_units(units, where)
+        if not isinstance(angle, bool):
+            raise StudyError(f"{where}: angle is {shown(angle)}; expected True or False.")
+        if angle and units not in TURNS:
+            raise StudyError(
+                f"{where}: it is declared an angle, and its units are {units!r}; expected 'rad' or 'deg', which say "
+                "how long a turn is. State the units, or leave angle=True out."
+            )
+        self.outputs[name] = Output(name, value, units, TURNS[units] if angle else 0.0)
 
     def remembered(self, key: Hashable, make: Callable[[], T]) -> T:
         """Return what `make` made when `key` was last asked for, unless the mechanism has grown since.

@@ -45,7 +45,8 @@ def simulate(
     Returns
     -------
     xarray.Dataset
-        One variable for each output, with its units, over the dimension ``time``.
+        One variable for each output, with its units, over the dimension ``time``.  Angles are unwrapped, as in a
+        study, and have the length of a turn as an attribute.
 
     Raises
     ------
@@ -82,9 +83,10 @@ def simulate(
         message = f"mechanism {mechanism.name!r}: {trajectories.messages[0]}"
         raise (IntegrationError if np.isfinite(trajectories.states[0, 0]).all() else AssemblyError)(message)
     response = ensemble.outputs(grid, trajectories.states)[0]
+    seen = model.outputs
     variables = {
-        name: ("time", response[k], {"units": units})
-        for k, (name, units) in enumerate(zip(model.outputs.names, model.outputs.units, strict=True))
+        name: ("time", response[k], {"units": units} | ({"turn": turn} if turn else {}))
+        for k, (name, units, turn) in enumerate(zip(seen.names, seen.units, seen.turns.tolist(), strict=True))
     }
     counters = trajectories.counters
     attrs = {
@@ -119,10 +121,11 @@ def _point(where: str, mechanism: Mechanism, values: Mapping[str, float] | None)
 def observed_model(mechanism: Mechanism, time: float) -> Model:
     """Build a mechanism that has something to observe."""
     from uqmbd.dynamics import build
+    from uqmbd.dynamics.ensemble import referenced
 
     if not mechanism.outputs:
         raise StudyError(
             f"mechanism {mechanism.name!r} has no outputs; say what to observe, "
             "e.g. mechanism.output('x', body.position[0], units='m')."
         )
-    return mechanism.remembered(("model", time), lambda: build(mechanism, time))
+    return mechanism.remembered(("model", time), lambda: referenced(build(mechanism, time), mechanism.inputs.means))

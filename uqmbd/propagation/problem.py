@@ -112,7 +112,8 @@ class Problem:
     @property
     def labels(self) -> Labels:
         """Names and units of outputs, inputs and times, for `uqmbd.results`."""
-        outputs = [OutputInfo(n, u) for n, u in zip(self.model.outputs.names, self.model.outputs.units, strict=True)]
+        seen = self.model.outputs
+        outputs = [OutputInfo(*about) for about in zip(seen.names, seen.units, seen.turns.tolist(), strict=True)]
         variables = self.inputs.variables
         return labels(outputs, [InputInfo(v.name, v.units, v.description) for v in variables], self.times)
 
@@ -239,7 +240,10 @@ class Problem:
     def _fingerprint(self) -> bytes:
         """What the numbers of a chunk depend on besides its inputs: equations and outputs as symbols, and options."""
         parts = (self.model.digest, self.inputs.names, self.rtol, self.integrator, self.times.tobytes(), __version__)
-        return hashlib.sha256(repr(parts).encode()).digest()
+        turns = self.model.outputs.turns
+        # angles start near those at the means
+        angles = (turns.tobytes(), self.inputs.means.tobytes()) if turns.any() else ()
+        return hashlib.sha256(repr((*parts, *angles)).encode()).digest()
 
     def _checked(self, values: Array) -> Array:
         array = np.atleast_2d(np.asarray(values, dtype=float))

@@ -3,10 +3,20 @@
 from __future__ import annotations
 
 from uqmbd.results.axes import InputInfo, Labels, OutputInfo, labels
+from uqmbd.results.chaos import PolynomialChaos
 from uqmbd.results.comparison import choose_reference, compare
+from uqmbd.results.directions import (
+    circular_mean,
+    circular_of_components,
+    circular_std,
+    mean_direction,
+    unwrap_samples,
+)
 from uqmbd.results.moments import Moments
 from uqmbd.results.nodes import propagator_node, study_tree
+from uqmbd.results.projection import LeastSquares, least_squares, project
 from uqmbd.results.replicates import replicate_errors
+from uqmbd.results.rotations import mean_rotation, rotation_std
 from uqmbd.results.samplefile import SampleFile, sample_file
 from uqmbd.results.schema import DEFAULT_PROBABILITIES, STATUS_MEANINGS, sample_dataset, statistics_dataset
 from uqmbd.results.statistics import sample_statistics, statistics_of_samples
@@ -18,16 +28,26 @@ __all__ = [
     "STATUS_MEANINGS",
     "InputInfo",
     "Labels",
+    "LeastSquares",
     "Moments",
     "OutputInfo",
+    "PolynomialChaos",
     "SampleFile",
     "choose_reference",
+    "circular_mean",
+    "circular_of_components",
+    "circular_std",
     "compare",
     "labels",
+    "least_squares",
     "load",
+    "mean_direction",
+    "mean_rotation",
+    "project",
     "propagator_node",
     "propagator_nodes",
     "replicate_errors",
+    "rotation_std",
     "sample_dataset",
     "sample_file",
     "sample_statistics",
@@ -35,5 +55,6 @@ __all__ = [
     "statistics_dataset",
     "statistics_of_samples",
     "study_tree",
+    "unwrap_samples",
     "validate",
 ]

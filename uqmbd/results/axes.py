@@ -4,22 +4,29 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from uqmbd.errors import StudyError
 
-__all__ = ["InputInfo", "Labels", "OutputInfo", "fixed_width", "labels"]
+if TYPE_CHECKING:
+    import xarray as xr
+
+__all__ = ["InputInfo", "Labels", "OutputInfo", "fixed_width", "labels", "output_infos"]
 
 
 @dataclass(frozen=True)
 class OutputInfo:
-    """An output: its name as the user wrote it, and its units (empty: none stated)."""
+    """An output: its name as the user wrote it, its units (empty: none stated), and how long a turn is in these.
+
+    `turn` is 0 unless the output is an angle; its values are unwrapped then.
+    """
 
     name: str
     units: str = ""
+    turn: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -60,12 +67,23 @@ class Labels:
         """Shape of a statistic: the sizes of :attr:`dims`."""
         return (len(self.outputs),) if self.times is None else (len(self.outputs), len(self.times))
 
+    @property
+    def turns(self) -> NDArray[np.float64]:
+        """Length of a turn of each output, shape (O,): 0 unless it is an angle."""
+        return np.array([o.turn for o in self.outputs], dtype=float)
+
     def output_coords(self) -> dict[str, Any]:
-        """Return the coordinates ``output``, ``output_units`` and, if there are times, ``time``."""
+        """Return the coordinates ``output``, ``output_units``; for angles ``output_angle``; with times ``time``."""
         coords: dict[str, Any] = {
             "output": ("output", fixed_width(o.name for o in self.outputs)),
             "output_units": ("output", fixed_width(o.units for o in self.outputs)),
         }
+        if np.any(self.turns):
+            about = {
+                "long_name": "length of a turn of an output that is an angle, else 0",
+                "comment": "moments and quantiles of angles are those of the unwrapped angle, which counts turns",
+            }
+            coords["output_angle"] = ("output", self.turns, about)
         if self.times is not None:
             coords["time"] = ("time", self.times, {"units": "s", "long_name": "time"})
         return coords
@@ -80,7 +98,7 @@ class Labels:
 
 
 def labels(
-    outputs: Iterable[OutputInfo | str | tuple[str, str]],
+    outputs: Iterable[OutputInfo | str | tuple[str, str] | tuple[str, str, float]],
     inputs: Iterable[InputInfo | str | tuple[str, str] | tuple[str, str, str]],
     times: ArrayLike | None,
 ) -> Labels:
@@ -88,8 +106,8 @@ def labels(
 
     Parameters
     ----------
-    outputs : iterable of OutputInfo, name, or (name, units)
-        At least one.
+    outputs : iterable of OutputInfo, name, (name, units), or (name, units, turn)
+        At least one. The length of a turn, in the units, is stated for angles.
     inputs : iterable of InputInfo, name, (name, units), or (name, units, description)
         May be empty.
     times : array_like or None
@@ -102,7 +120,8 @@ def labels(
     Raises
     ------
     StudyError
-        If a name is empty, contains ``/``, is ``time`` or occurs twice, or if the times do not increase.
+        If a name is empty, contains ``/``, is ``time`` or occurs twice, a turn has no length, or if the times do not
+        increase.
 
     Examples
     --------
@@ -120,6 +139,12 @@ def labels(
     _check_names("Input", [i.name for i in given_inputs])
     if not given_outputs:
         raise StudyError("A propagator needs at least one output; none was given.")
+    for output in given_outputs:
+        if not (isinstance(output.turn, (int, float)) and 0 <= output.turn < np.inf):
+            raise StudyError(
+                f"Output {output.name!r}: the length of a turn is {output.turn!r}; a positive number is expected, "
+                "or 0 for what is no angle."
+            )
     if times is None:
         return Labels(given_outputs, given_inputs, None)
     grid = np.array(times, dtype=float)
@@ -131,13 +156,20 @@ def labels(
     return Labels(given_outputs, given_inputs, grid)
 
 
+def output_infos(data: xr.Dataset) -> tuple[OutputInfo, ...]:
+    """Read outputs from the coordinates that :meth:`Labels.output_coords` made."""
+    names, units = data["output"].values, data["output_units"].values
+    turns = data["output_angle"].values if "output_angle" in data.coords else np.zeros(len(names))
+    return tuple(OutputInfo(str(n), str(u), float(t)) for n, u, t in zip(names, units, turns, strict=True))
+
+
 def fixed_width(values: Iterable[str]) -> NDArray[np.str_]:
     """Return texts as an array of fixed width, shape (N,)."""
     # Fixed-width text: the one string type that netCDF, Zarr and every supported NumPy agree on.
     return np.array([str(v) for v in values], dtype=np.str_)
 
 
-def _info(kind: type[_Info], given: OutputInfo | InputInfo | str | tuple[str, ...]) -> _Info:
+def _info(kind: type[_Info], given: OutputInfo | InputInfo | str | tuple[Any, ...]) -> _Info:
     if isinstance(given, kind):
         return given
     if isinstance(given, str):

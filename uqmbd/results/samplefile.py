@@ -85,6 +85,8 @@ def sample_file(path: Path, count: int, labels: Labels, chunk: int = 64) -> Iter
                 variable = file.create_variable(f"{name}{suffix}", (name,), _text())
                 for k, text in enumerate(texts):
                     variable[k] = text
+        if np.any(labels.turns):
+            file.create_variable("output_angle", ("output",), float, data=np.asarray(labels.turns))
         cube = (size, shape["output"], shape["time"])
         file.create_variable(
             "response", ("sample", "output", "time"), float, chunks=cube, compression="gzip", compression_opts=1

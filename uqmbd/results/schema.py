@@ -5,7 +5,8 @@ A result is an :class:`xarray.DataTree` with one node per propagator, named by i
     /                          attrs: study, mechanism, rtol, integrator, created, uqmbd_version, ...
     |-- monte-carlo            attrs: propagator, label, options, seed, wall_time, realisations, failures, ...
     |   |-- statistics         mean, std, variance, skewness, kurtosis (output, time),
-    |   |                      quantile (probability, output, time)
+    |   |                      quantile (probability, output, time); where an output is an angle
+    |   |                      circular_mean, circular_std (output, time)
     |   `-- samples            response (sample, output, time), inputs (sample, input), status, message (sample)
     `-- comparison             mean_difference_max, std_difference_max (method, output), ...
 
@@ -49,6 +50,8 @@ _LONG_NAMES = {
     "quantile": "quantile",
     "std_error_mean": "standard error of the mean",
     "std_error_std": "standard error of the standard deviation",
+    "circular_mean": "circular mean",
+    "circular_std": "circular standard deviation",
     "sobol_first": "first-order Sobol' index",
     "sobol_total": "total Sobol' index",
 }
@@ -58,6 +61,8 @@ _COMMENTS = {
     "skewness": "third standardised moment; 0 where the output does not vary",
     "kurtosis": "fourth standardised moment, not the excess: 3 for a normal; 3 where the output does not vary",
     "quantile": "NaN where the method cannot tell",
+    "circular_mean": "mean direction, within half a turn of 0; NaN where directions cancel and for what is no angle",
+    "circular_std": "sqrt(-2 ln R), R the length of the mean direction; of n samples at most some sqrt(ln n) radians",
 }
 
 
@@ -163,6 +168,8 @@ def statistics_dataset(
     std_error_std: ArrayLike | None = None,
     sobol_first: ArrayLike | None = None,
     sobol_total: ArrayLike | None = None,
+    circular_mean: ArrayLike | None = None,
+    circular_std: ArrayLike | None = None,
 ) -> xr.Dataset:
     """Build the dataset ``statistics`` of a propagator.
 
@@ -184,6 +191,8 @@ def statistics_dataset(
         Standard errors of mean and standard deviation, where the method can tell.
     sobol_first, sobol_total : array_like, shape (I, O, T), optional
         Sobol' indices of each input.
+    circular_mean, circular_std : array_like, shape (O, T), optional
+        Of outputs that are angles, in their units; NaN for others. All else is of the unwrapped angle.
 
     Returns
     -------
@@ -212,6 +221,8 @@ def statistics_dataset(
         "kurtosis": unknown if kurtosis is None else kurtosis,
         "std_error_mean": std_error_mean,
         "std_error_std": std_error_std,
+        "circular_mean": circular_mean,
+        "circular_std": circular_std,
     }
     by_input: dict[str, ArrayLike | None] = {"sobol_first": sobol_first, "sobol_total": sobol_total}
     given = [(name, value, (), ()) for name, value in plain.items()]

@@ -10,7 +10,8 @@ import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from uqmbd.errors import StudyError
-from uqmbd.results.axes import InputInfo, Labels, OutputInfo
+from uqmbd.results.angles import circular_of_samples
+from uqmbd.results.axes import InputInfo, Labels, output_infos
 from uqmbd.results.moments import Moments
 from uqmbd.results.replicates import replicate_errors
 from uqmbd.results.schema import DEFAULT_PROBABILITIES, statistics_dataset
@@ -249,7 +250,8 @@ def statistics_of_samples(samples: xr.Dataset, probabilities: Sequence[float] = 
     Returns
     -------
     xarray.Dataset
-        Like that of :func:`uqmbd.results.statistics_dataset`.
+        Like that of :func:`uqmbd.results.statistics_dataset`; with ``circular_mean`` and ``circular_std`` where an
+        output is an angle.
 
     Raises
     ------
@@ -264,11 +266,14 @@ def statistics_of_samples(samples: xr.Dataset, probabilities: Sequence[float] = 
     >>> statistics_of_samples(samples)["mean"].item()
     2.0
     """
-    names, units = samples["output"].values, samples["output_units"].values
     axes = Labels(
-        outputs=tuple(OutputInfo(str(n), str(u)) for n, u in zip(names, units, strict=True)),
+        outputs=output_infos(samples),
         inputs=tuple(InputInfo(str(n)) for n in samples["input"].values),
         times=samples["time"].values if "time" in samples.dims else None,
     )
-    found = sample_statistics(samples["response"].values, probabilities, status=samples["status"].values)
+    response, status = samples["response"].values, samples["status"].values
+    found = sample_statistics(response, probabilities, status=status)
+    if np.any(axes.turns):
+        fine = status == 0
+        found |= circular_of_samples(response if fine.all() else response[fine], axes.turns)
     return statistics_dataset(axes, **found)

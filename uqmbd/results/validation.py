@@ -13,8 +13,10 @@ from uqmbd.errors import StudyError
 __all__ = ["propagator_nodes", "validate"]
 
 _PLAIN = ("mean", "std", "variance", "skewness", "kurtosis")
-_OPTIONAL = ("std_error_mean", "std_error_std")
+_OPTIONAL = ("std_error_mean", "std_error_std", "variance_reduction", "variance_reduction_std")
+_CIRCULAR = ("circular_mean", "circular_std")
 _BY_INPUT = ("sobol_first", "sobol_total")
+_INTERVALS = ("sobol_first_interval", "sobol_total_interval")
 _COMPARED = ("mean_difference_max", "std_difference_max", "mean_difference_l2", "std_difference_l2")
 _TEXT_ATTRS = ("propagator", "label", "uqmbd_version", "versions", "options", "solver_counters", "created")
 _JSON_ATTRS = ("versions", "options", "solver_counters")
@@ -115,11 +117,7 @@ def _validate_node(node: xr.DataTree, label: object) -> None:
     if "samples" in node.children:
         _validate_samples(node.children["samples"], statistics, node)
     if "chaos" in node.children:
-        chaos = node.children["chaos"]
-        for name, dims in {"coefficients": {"term", "output"}, "multi_index": {"term", "input"}}.items():
-            _require(name in chaos.data_vars, chaos.path, f"no variable {name!r}", f"one with {sorted(dims)}")
-            found = set(chaos[name].dims)
-            _require(dims <= found, f"{chaos.path}/{name}", f"dimensions {sorted(map(str, found))}", f"{sorted(dims)}")
+        _validate_chaos(node.children["chaos"], statistics)
 
 
 def _dims(node: xr.DataTree, name: str, dims: tuple[str, ...]) -> None:
@@ -135,6 +133,16 @@ def _text_coord(node: xr.DataTree, name: str, dim: str) -> None:
     _require(coord.dims == (dim,), f"{node.path}/{name}", f"the dimensions {coord.dims}", f"({dim!r},)")
     is_text = all(isinstance(value, str) for value in coord.values.tolist())
     _require(is_text, f"{node.path}/{name}", f"the type {coord.dtype}", "texts")
+
+
+def _angles(node: xr.DataTree) -> None:
+    """Check what says which outputs are angles; a result in which none is need not have it."""
+    if "output_angle" not in node.coords:
+        return
+    coord = node.coords["output_angle"]
+    _require(coord.dims == ("output",), f"{node.path}/output_angle", f"the dimensions {coord.dims}", "('output',)")
+    usable = coord.dtype.kind in "fiu" and bool(np.all(np.isfinite(coord.values) & (coord.values >= 0)))
+    _require(usable, f"{node.path}/output_angle", f"{coord.values}", "lengths of a turn, or 0 for what is no angle")
 
 
 def _increasing(node: xr.DataTree, name: str) -> None:
@@ -168,13 +176,16 @@ def _validate_statistics(node: xr.DataTree) -> None:
     for name in _PLAIN:
         _dims(node, name, ("output", "time"))
     _dims(node, "quantile", ("probability", "output", "time"))
-    for name in (n for n in _OPTIONAL if n in node.data_vars):
+    for name in (n for n in (*_OPTIONAL, *_CIRCULAR) if n in node.data_vars):
         _dims(node, name, ("output", "time"))
     for name in (n for n in _BY_INPUT if n in node.data_vars):
         _dims(node, name, ("input", "output", "time"))
         _text_coord(node, "input", "input")
+    for name in (n for n in _INTERVALS if n in node.data_vars):
+        _validate_interval(node, name)
     _text_coord(node, "output", "output")
     _text_coord(node, "output_units", "output")
+    _angles(node)
     _increasing(node, "time")
     _increasing(node, "probability")
     levels = node.coords["probability"].values
@@ -187,6 +198,8 @@ def _validate_statistics(node: xr.DataTree) -> None:
         _values(node, name, _not_finite(data[name]), "a value that is not finite", "a number: failures must not enter")
         if name != "mean":
             _values(node, name, data[name] < 0, "a negative value", "none")
+    if "circular_std" in data:
+        _values(node, "circular_std", data["circular_std"] < 0, "a negative value", "none")
     off = abs(data["variance"] - data["std"] ** 2) > 1e-6 * data["variance"] + np.finfo(float).tiny
     _values(node, "variance", off, "a value that differs from std**2", "the square of 'std'")
     falls = data["quantile"].diff("probability") < -1e-9 * abs(data["quantile"]).max("probability")
@@ -198,6 +211,14 @@ def _validate_statistics(node: xr.DataTree) -> None:
         )
 
 
+def _validate_interval(node: xr.DataTree, name: str) -> None:
+    _dims(node, name, ("bound", "input", "output", "time"))
+    ends = node.coords["bound"].values.tolist() if "bound" in node.coords else []
+    _require(ends == ["lower", "upper"], f"{node.path}/bound", f"{ends}", "['lower', 'upper']")
+    lower, upper = node.to_dataset()[name]
+    _values(node, name, ~(lower <= upper), "a lower end that is not below the upper one", "numbers in order")
+
+
 def _validate_samples(node: xr.DataTree, statistics: xr.DataTree, parent: xr.DataTree) -> None:
     _dims(node, "response", ("sample", "output", "time"))
     _dims(node, "inputs", ("sample", "input"))
@@ -205,6 +226,7 @@ def _validate_samples(node: xr.DataTree, statistics: xr.DataTree, parent: xr.Dat
     _dims(node, "message", ("sample",))
     for name, dim in {"output": "output", "output_units": "output", "input": "input", "input_units": "input"}.items():
         _text_coord(node, name, dim)
+    _angles(node)
     for name in ("output", "time"):
         same = np.array_equal(node.coords[name].values, statistics.coords[name].values)
         _require(same, f"{node.path}/{name}", "a coordinate other than that of 'statistics'", "the same")
@@ -230,6 +252,27 @@ def _validate_samples(node: xr.DataTree, statistics: xr.DataTree, parent: xr.Dat
         f"attribute 'failures' = {parent.attrs['failures']}",
         f"{count}, the number of samples whose status is not 0",
     )
+
+
+def _validate_chaos(node: xr.DataTree, statistics: xr.DataTree) -> None:
+    # a chaos of elements has a dimension of these first
+    elements = ("element",) if "coefficients" in node.data_vars and "element" in node["coefficients"].dims else ()
+    _dims(node, "coefficients", (*elements, "term", "output", "time"))
+    _dims(node, "multi_index", ("term", "input"))
+    for name, dim in {"output": "output", "input": "input"}.items():
+        if name in node.coords:
+            _text_coord(node, name, dim)
+    for name in ("output", "time"):
+        same = name not in node.coords or np.array_equal(node.coords[name].values, statistics.coords[name].values)
+        _require(same, f"{node.path}/{name}", "a coordinate other than that of 'statistics'", "the same")
+    data = node.to_dataset()
+    _values(node, "coefficients", _not_finite(data["coefficients"]), "a value that is not finite", "a number")
+    degrees = data["multi_index"]
+    _require(degrees.dtype.kind in "iu", f"{node.path}/multi_index", f"the type {degrees.dtype}", "whole numbers")
+    _values(node, "multi_index", degrees < 0, "a negative degree", "none")
+    if "verification_error" in data:
+        _dims(node, "verification_error", (*elements, "output", "time"))
+        _values(node, "verification_error", ~(data["verification_error"] >= 0), "no error", "a number, not negative")
 
 
 def _validate_comparison(node: xr.DataTree, methods: list[str]) -> None:

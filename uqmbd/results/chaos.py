@@ -1,0 +1,224 @@
+"""Polynomial chaos: a surrogate of a mechanism's outputs, with statistics that say how far to trust them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+from numpy.typing import ArrayLike, NDArray
+
+from uqmbd.errors import StudyError
+from uqmbd.results.angles import circular_of_surrogate
+from uqmbd.results.axes import fixed_width
+from uqmbd.results.chaos_sampling import basis_values, kernel_density, random_germs, sample_quantiles, spread_germs
+from uqmbd.results.chaos_storage import chaos_arguments, chaos_dataset
+from uqmbd.results.chaos_trust import ChaosTrust
+from uqmbd.results.schema import DEFAULT_PROBABILITIES, statistics_dataset
+
+__all__ = ["PolynomialChaos"]
+
+Array = NDArray[np.float64]
+
+SAMPLES = 16384
+"""Samples of the surrogate for quantiles and densities, unless another number is given."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class PolynomialChaos(ChaosTrust):
+    r"""Outputs as a sum of orthonormal polynomials of standard random variables (germs), one sum per output and time.
+
+    Mean, variance, skewness, kurtosis and Sobol' indices come straight from the coefficients; quantiles and densities
+    come from samples of the surrogate, which cost no run of the mechanism. It never changes.
+
+    *Independent inputs*: germ k belongs to input k, and ``sobol_first``, ``sobol_total``, ``sobol_second`` are
+    indices of inputs. *Dependent inputs*: a germ as "b | a" stands for what b adds once a is known, so the shares of
+    the variance depend on the order of the inputs and belong to no input. Then those three raise an error,
+    ``sobol_first_germ``, ``sobol_total_germ`` and ``sobol_second_germ`` give the indices of the germs (in the order of
+    ``germ_names``), and the dataset of statistics has them under these names, with a dimension ``germ``. An output
+    that does not vary, or by rounding of its mean only, has the indices 0, the skewness 0 and the kurtosis 3.
+
+    *Memory* beyond the coefficients, P x O x T x 8 bytes: some 20 MB for each of variance, indices, and skewness with
+    kurtosis, which go block by block over outputs and times. For many inputs the last need a table of products of
+    polynomials, 140 bytes for each while it is made: 10 inputs of order 3 (286 terms, 67,000 products for normal
+    inputs) 9 MB, 20 inputs of order 3 (1771 terms, 2.2 million products) 310 MB; more than 5 million products are
+    refused. Quantiles take P x 8 bytes for each sample, and 65 MB.
+
+    Parameters
+    ----------
+    coefficients : array, shape (P, O, T), or (P, O) if the labels have no times
+        In the units of the outputs.
+    multi_index : array of int, shape (P, d)
+        Degree of each polynomial in each germ; row 0, the mean, is all zeros.
+    space : uqmbd.randomness.GermSpace
+        The d germs, their polynomials, and the map between germs and inputs.
+    labels : Labels
+        Meaning of the axes.
+    verification_germs : array, shape (V, d), optional
+        Germ points that did not enter the coefficients.
+    verification_response : array, shape (V, O, T), optional
+        What the mechanism did there; with it the chaos tells its own error.
+
+    Raises
+    ------
+    StudyError
+        If shapes or names do not fit, a number is not finite, or a term is missing its meaning.
+
+    References
+    ----------
+    B. Sudret, Reliability Engineering and System Safety 93 (2008) 964-979 (indices from coefficients);
+    O. P. Le Maitre and O. M. Knio, Spectral Methods for Uncertainty Quantification, Springer, 2010.
+
+    Examples
+    --------
+    >>> import chaospy, numpy as np, uqmbd
+    >>> from uqmbd.randomness.germspace import GermSpace
+    >>> from uqmbd.randomness.joint import JointInput
+    >>> from uqmbd.results import labels
+    >>> length = uqmbd.RandomVariable("length", chaospy.Normal(0.15, 0.003), units="m")
+    >>> space = GermSpace.of(JointInput.of([length]))
+    >>> axes = labels([("x", "m")], [("length", "m")], [0.0, 0.5])
+    >>> chaos = PolynomialChaos([[[2.0, 2.0]], [[0.0, 0.4]], [[0.0, 0.3]]], [[0], [1], [2]], space, axes)
+    >>> chaos.std.tolist(), chaos.sobol_first.round(3).tolist()
+    ([[0.0, 0.5]], [[[0.0, 1.0]]])
+    >>> chaos.evaluate([[0.153]])[0].round(3).tolist()
+    [[2.0, 2.4]]
+    """
+
+    def evaluate(self, inputs: ArrayLike) -> Array:
+        """Evaluate at inputs (K, d), in their units: (K, O, T), in the units of the outputs.
+
+        Raises
+        ------
+        StudyError
+            If an input lies outside its distribution.
+        """
+        return self.evaluate_germs(self.space.to_germs(np.asarray(inputs, dtype=float)))
+
+    def sample(self, count: int, seed: int) -> tuple[Array, Array]:
+        """Draw inputs (K, d) as they are distributed, independently, and evaluate at them: (K, O, T)."""
+        germs = random_germs(self.space, count, seed)
+        return np.asarray(self.space.to_inputs(germs), dtype=float), self.evaluate_germs(germs)
+
+    def quantiles(
+        self, probabilities: Sequence[float] = DEFAULT_PROBABILITIES, *, samples: int = SAMPLES, seed: int = 0
+    ) -> Array:
+        """Return quantiles (N, O, T) of samples of the surrogate.
+
+        The samples are a scrambled Sobol' sequence of the germs, of the next power of two; outputs and times go block
+        by block, so that memory does not grow with them.
+        """
+        basis = basis_values(self.space, spread_germs(self.space, samples, seed), self.multi_index)
+        found = sample_quantiles(basis, self._flat, probabilities)
+        return found.reshape(len(found), *self.labels.shape)
+
+    def circular(self, *, samples: int = SAMPLES, seed: int = 0) -> dict[str, Array]:
+        """Return `circular_mean` and `circular_std`, (O, T), of the outputs that are angles, from surrogate samples.
+
+        NaN for other outputs; nothing where no output is an angle. The samples are those of :meth:`quantiles`.
+        """
+        if not np.any(self.labels.turns):
+            return {}
+        basis = basis_values(self.space, spread_germs(self.space, samples, seed), self.multi_index)
+        return circular_of_surrogate(basis, self.coefficients, self.labels.turns)
+
+    def density(
+        self, values: ArrayLike, output: str, time: float | None = None, *, samples: int = SAMPLES, seed: int = 0
+    ) -> Array:
+        """Estimate the probability density of an output at one time, by Gaussian kernels over surrogate samples.
+
+        Parameters
+        ----------
+        values : array_like, shape (N,)
+            Where, in the units of the output.
+        output : str
+        time : float, optional
+            One of the times, in s.
+        samples, seed : int
+            As for :meth:`quantiles`.
+
+        Returns
+        -------
+        array, shape (N,)
+            In one over the units of the output.
+
+        Raises
+        ------
+        StudyError
+            If output or time are unknown, or the output does not vary there.
+        """
+        where = (self._output(output), *self._time(time, needed=True))
+        if self.std[where] <= 32 * np.finfo(float).eps * abs(self.mean[where]):
+            raise StudyError(f"Output {output!r} does not vary there: it is {self.mean[where]:g} and has no density.")
+        basis = basis_values(self.space, spread_germs(self.space, samples, seed), self.multi_index)
+        column = np.moveaxis(self.coefficients, 0, -1)[where]
+        return kernel_density(np.asarray(basis @ column), values)
+
+    def marginal(self, *names: str) -> PolynomialChaos:
+        """Return the chaos of the expectation of the outputs given some germs: only their terms are kept.
+
+        Where inputs are independent the names are theirs. The result takes the same inputs as this one, and does not
+        depend on the others. It has no verification: that was of the whole.
+
+        Raises
+        ------
+        StudyError
+            If a name is unknown or given twice, or there is none.
+        """
+        others = np.delete(self.multi_index, self._columns(names), axis=1)
+        kept = ~np.any(others > 0, axis=1)
+        return PolynomialChaos(self.coefficients[kept], self.multi_index[kept], self.space, self.labels)
+
+    def statistics(
+        self, probabilities: Sequence[float] = DEFAULT_PROBABILITIES, *, samples: int = SAMPLES, seed: int = 0
+    ) -> xr.Dataset:
+        """Build the dataset `statistics` of a propagator's node.
+
+        Returns
+        -------
+        xarray.Dataset
+            As of :func:`uqmbd.results.statistics_dataset`, with Sobol' indices of inputs where these are independent;
+            else `sobol_first_germ` and `sobol_total_germ` (germ, output, time). With `verification_error` if it is
+            known, and `circular_mean` and `circular_std` where an output is an angle.
+        """
+        independent = self.space.independent
+        found = statistics_dataset(
+            self.labels,
+            mean=self.mean,
+            std=self.std,
+            variance=self.variance,
+            skewness=self.skewness,
+            kurtosis=self.kurtosis,
+            quantile=self.quantiles(probabilities, samples=samples, seed=seed),
+            probability=probabilities,
+            sobol_first=self.sobol_first if independent else None,
+            sobol_total=self.sobol_total if independent else None,
+            **self.circular(samples=samples, seed=seed),
+        )
+        if not independent:
+            note = {"comment": "of germs: inputs depend on one another, so no share belongs to an input"}
+            dims = ("germ", *self.labels.dims)
+            found = found.assign(
+                sobol_first_germ=(dims, self.sobol_first_germ, {"long_name": "first-order Sobol' index"} | note),
+                sobol_total_germ=(dims, self.sobol_total_germ, {"long_name": "total Sobol' index"} | note),
+            ).assign_coords(germ=("germ", fixed_width(self.germ_names)))
+        if self.verification_germs is not None:
+            note = {"long_name": "stated error of the surrogate, over the standard deviation"}
+            found = found.assign(verification_error=(self.labels.dims, self.verification_error(), note))
+        return found
+
+    def to_dataset(self) -> xr.Dataset:
+        """Build the dataset `chaos` of a propagator's node; see :meth:`from_dataset`."""
+        return chaos_dataset(self)
+
+    @classmethod
+    def from_dataset(cls, dataset: xr.Dataset | xr.DataTree) -> PolynomialChaos:
+        """Make a chaos from the dataset `chaos` of a result, without the mechanism.
+
+        Raises
+        ------
+        StudyError
+            If it is no such dataset.
+        """
+        return cls(**chaos_arguments(dataset))

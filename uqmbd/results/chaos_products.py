@@ -1,0 +1,114 @@
+"""Products of basis polynomials in the basis: the sparse table of E[psi_i psi_j psi_k]."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from uqmbd.randomness.germ import Germ
+
+__all__ = ["ProductTable", "product_count", "product_table"]
+
+Array = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+# A linearisation coefficient below this, relative to the largest of its pair, is rounding of a zero.
+_ZERO = 1e-12
+
+
+@dataclass(frozen=True, eq=False)
+class ProductTable:
+    """How the square of a chaos follows from products of its coefficients.
+
+    Attributes
+    ----------
+    pairs : array of int, shape (N, 2)
+        Terms i <= j; the pair of different ones counts twice, which `matrix` holds.
+    matrix : scipy.sparse.csr_array, shape (Q, N)
+        Coefficients of the square: ``matrix @ (f[i] * f[j])``.
+    position : array of int, shape (P,)
+        Row of the square's coefficients that belongs to each term of the chaos.
+    terms : int
+        Q.
+    """
+
+    pairs: IntArray
+    matrix: Any
+    position: IntArray
+    terms: int
+
+
+def product_count(index: IntArray, germs: Sequence[Germ]) -> tuple[int, int]:
+    """Return the number of pairs of terms (i <= j, without the mean), and of all their non-zero products."""
+    tables = [_nonzeros(germ, int(top))[0] for germ, top in zip(germs, index.max(axis=0), strict=True)]
+    terms = len(index) - 1
+    total = 0.0
+    for first in range(1, len(index)):
+        counts = np.ones(len(index) - first)
+        for m, number in enumerate(tables):
+            counts *= number[index[first, m], index[first:, m]]
+        total += counts.sum()
+    return terms * (terms + 1) // 2, int(total)
+
+
+def product_table(index: IntArray, germs: Sequence[Germ]) -> ProductTable:
+    """Tabulate the products of all pairs of terms.
+
+    The mean (term 0) is left out: the chaos is meant to be central.
+
+    Parameters
+    ----------
+    index : array of int, shape (P, d)
+    germs : sequence of Germ, length d
+
+    Returns
+    -------
+    ProductTable
+    """
+    import scipy.sparse
+
+    left, right = np.triu_indices(len(index) - 1)
+    pairs = np.stack([left, right], axis=1) + 1
+    # one row for each pair, multiplied input by input into one row for each non-zero product
+    owner = np.arange(len(pairs))
+    value = np.where(left == right, 1.0, 2.0)
+    key, own, span = np.zeros(len(pairs), dtype=np.int64), np.zeros(len(index), dtype=np.int64), 1
+    for m, germ in enumerate(germs):
+        top = int(index[:, m].max())
+        number, start, degree, coefficient = _nonzeros(germ, top)
+        i, j = index[pairs[owner, 0], m], index[pairs[owner, 1], m]
+        repeats = number[i, j]
+        rows = np.repeat(np.arange(len(owner)), repeats)
+        within = np.arange(len(rows)) - np.repeat(np.cumsum(repeats) - repeats, repeats)
+        entry = start[i, j][rows] + within
+        if span > 2**62 // (2 * top + 1):
+            key, own, span = _renumbered(key, own)
+        owner, value = owner[rows], value[rows] * coefficient[entry]
+        key = key[rows] * (2 * top + 1) + degree[entry]
+        own, span = own * (2 * top + 1) + index[:, m], span * (2 * top + 1)
+    target, own, span = _renumbered(key, own)
+    matrix = scipy.sparse.csr_array((value, (target, owner)), shape=(span, len(pairs)))
+    return ProductTable(pairs, matrix, own, span)
+
+
+def _renumbered(key: IntArray, own: IntArray) -> tuple[IntArray, IntArray, int]:
+    """Replace keys by their ranks among all keys."""
+    distinct, ranks = np.unique(np.concatenate([key, own]), return_inverse=True)
+    return ranks[: len(key)], ranks[len(key) :], len(distinct)
+
+
+def _nonzeros(germ: Germ, top: int) -> tuple[IntArray, IntArray, IntArray, Array]:
+    """Non-zeros of E[p_i p_j p_k]: their number and start for each pair (i, j), and for each the degree k and value."""
+    table = germ.linearisation(top)
+    kept = np.abs(table) > _ZERO * np.abs(table).max(axis=2, keepdims=True)
+    count = np.arange(top + 1)
+    i, j, k = count[:, None, None], count[:, None], np.arange(2 * top + 1)
+    kept &= (k >= np.abs(i - j)) & (k <= i + j)
+    number = kept.sum(axis=2)
+    start = (np.cumsum(number.ravel()) - number.ravel()).reshape(number.shape)
+    return number, start, np.nonzero(kept)[2], table[kept]

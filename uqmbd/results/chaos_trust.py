@@ -1,0 +1,133 @@
+"""How far a polynomial chaos can be trusted: its stated error and horizon, its decay, and verdicts in words."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from uqmbd.errors import StudyError
+from uqmbd.results import chaos_decay as decaying
+from uqmbd.results.axes import fixed_width
+from uqmbd.results.chaos_moments import constant_columns
+from uqmbd.results.chaos_statistics import ChaosStatistics
+from uqmbd.results.chaos_verification import first_above, stated_error
+
+__all__ = ["ChaosTrust"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ChaosTrust(ChaosStatistics):
+    """What :class:`uqmbd.results.PolynomialChaos` says of its own error."""
+
+    def verification_error(self, output: str | None = None, time: float | None = None) -> Array:
+        """Return the stated error: that of the surrogate at the verification realisations, over the standard deviation.
+
+        The root mean square over the realisations; where the standard deviation is below 1 % of its maximum over
+        time, 1 % of that maximum stands in for it. An output that does not vary in the chaos (as at order 0) has the
+        error 1 where the realisations differ from its mean.
+
+        Parameters
+        ----------
+        output : str, optional
+            Default: all.
+        time : float, optional
+            One of the times, in s. Default: all.
+
+        Returns
+        -------
+        array, shape (O, T), without the axes that were chosen
+
+        Raises
+        ------
+        StudyError
+            If there is no verification data, or output or time are unknown.
+        """
+        found = self._stated_error().reshape(self.labels.shape)
+        row = slice(None) if output is None else self._output(output)
+        return np.asarray(found[(row, *self._time(time))])
+
+    def horizon(self, limit: float = 0.01) -> dict[str, float | None]:
+        """Return for each output the first time (s) at which the stated error exceeds a limit; None: at none."""
+        if self.labels.times is None:
+            raise StudyError("These outputs have no times, hence no horizon; see 'verification_error'.")
+        first = [first_above(row, limit) for row in self._stated_error()]
+        names = (o.name for o in self.labels.outputs)
+        times = self.labels.times
+        return {n: None if k is None else float(times[k]) for n, k in zip(names, first, strict=True)}
+
+    def decay(self) -> xr.Dataset:
+        """Build a dataset of how the coefficients fall with the order.
+
+        Returns
+        -------
+        xarray.Dataset
+            `energy` (order, output, time), the sum of squared coefficients of each total degree, and `energy_germ`
+            (germ, degree, output, time), that of each degree in a germ, both in squared units; `rate` (output, time),
+            by how many decades the remaining standard deviation falls with each order (NaN: cannot be told).
+        """
+        dims = self.labels.dims
+        energy = decaying.energy_of_orders(self.coefficients, self.multi_index)
+        by_germ = decaying.energy_of_germs(self.coefficients, self.multi_index)
+        constant = constant_columns(self._flat, self.std.ravel()).reshape(self.labels.shape)
+        rate = np.where(constant, np.nan, decaying.decay_rate(energy))
+        comment = {"comment": "decades of the remaining standard deviation per order, fitted by least squares"}
+        return xr.Dataset(
+            {
+                "energy": (("order", *dims), energy, {"long_name": "sum of squared coefficients"}),
+                "energy_germ": (("germ", "degree", *dims), by_germ, {"long_name": "sum of squared coefficients"}),
+                "rate": (dims, rate, {"long_name": "decay per order"} | comment),
+            },
+            coords={
+                **self.labels.output_coords(),
+                "order": np.arange(len(energy)),
+                "germ": ("germ", fixed_width(self.germ_names)),
+                "degree": np.arange(by_germ.shape[1]),
+            },
+        )
+
+    def verdicts(self, tolerance: float = 0.01) -> tuple[str, ...]:
+        """Say for each output, in a sentence, how far the chaos can be trusted.
+
+        By the stated error where there is verification data. Else by the decay: whether the terms of the top order
+        carry more than a part `tolerance` of the standard deviation, and from when on; a small part is no proof.
+
+        Parameters
+        ----------
+        tolerance : float
+            Of the error, or of the top order, relative to the standard deviation.
+
+        Returns
+        -------
+        tuple of str, length O
+        """
+        times, names = self.labels.times, [o.name for o in self.labels.outputs]
+        if self.verification_germs is not None:
+            rows = self._stated_error()
+            return tuple(
+                decaying.verdict_of_error(n, row, times, tolerance) for n, row in zip(names, rows, strict=True)
+            )
+        return tuple(
+            decaying.verdict_of_decay(n, self.coefficients[:, k], self.multi_index, self.germ_names, times, tolerance)
+            for k, n in enumerate(names)
+        )
+
+    def _stated_error(self) -> Array:
+        """Return the stated error as (O, T), with T = 1 for outputs without times."""
+        if self.verification_germs is None or self.verification_response is None:
+            raise StudyError(
+                "This chaos has no verification realisations, so it cannot state its error; give the propagator "
+                "verify=8, or see 'verdicts' for what the coefficients tell."
+            )
+        shape = (len(self.labels.outputs), -1)
+        surrogate = self.evaluate_germs(self.verification_germs)
+        return stated_error(
+            surrogate.reshape(len(surrogate), *shape),
+            self.verification_response.reshape(len(surrogate), *shape),
+            self.coefficients.reshape(len(self.coefficients), *shape),
+            self.std.reshape(shape),
+        )

@@ -1,0 +1,239 @@
+"""Statistics of angles and directions, which must not be averaged like plain numbers."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from uqmbd.errors import StudyError
+
+__all__ = [
+    "circular_mean",
+    "circular_of_components",
+    "circular_std",
+    "mean_direction",
+    "unit_vectors",
+    "unwrap_samples",
+    "weighted_mean",
+]
+
+Array = NDArray[np.float64]
+
+ROUNDING = 32.0 * np.finfo(float).eps
+"""Below this length, relative to single directions, a mean direction is rounding."""
+
+
+def circular_mean(angles: ArrayLike, axis: int = 0, weights: ArrayLike | None = None) -> Array:
+    """Return the direction of the mean of the unit vectors of angles.
+
+    Parameters
+    ----------
+    angles : array_like
+        In radians.
+    axis : int
+        Along which to average.
+    weights : array_like, shape (S,), optional
+        Of the S angles along `axis`; default all alike. They need not sum to 1.
+
+    Returns
+    -------
+    array
+        Without `axis`, in radians, in (-pi, pi]; NaN where the directions cancel, so that no mean exists.
+
+    Raises
+    ------
+    StudyError
+        If there are no angles, or the weights have another number or no positive sum.
+
+    References
+    ----------
+    K. V. Mardia and P. E. Jupp, Directional Statistics, Wiley, 2000, section 2.2.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> float(np.degrees(circular_mean(np.radians([350.0, 20.0]))).round(9))
+    5.0
+    """
+    given = np.asarray(angles, dtype=float)
+    cosine, sine = (weighted_mean(part, axis, weights) for part in (np.cos(given), np.sin(given)))
+    return circular_of_components(cosine, sine)[0]
+
+
+def circular_std(angles: ArrayLike, axis: int = 0, weights: ArrayLike | None = None) -> Array:
+    r"""Return the circular standard deviation :math:`\sqrt{-2 \ln R}`, with the mean resultant length R.
+
+    Of a normal angle wrapped around the circle it is the standard deviation of the normal, however wide that is.
+
+    Parameters
+    ----------
+    angles : array_like
+        In radians.
+    axis : int
+        Along which to average.
+    weights : array_like, shape (S,), optional
+        As for :func:`circular_mean`.
+
+    Returns
+    -------
+    array
+        Without `axis`, in radians; infinite where the directions cancel.
+
+    References
+    ----------
+    K. V. Mardia and P. E. Jupp, Directional Statistics, Wiley, 2000, section 2.3.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> float(circular_std(np.radians([359.0, 1.0])).round(6)), round(float(np.radians(1.0)), 6)
+    (0.017454, 0.017453)
+    """
+    given = np.asarray(angles, dtype=float)
+    mean = circular_mean(given, axis, weights)
+    # R = mean cos(angle - mean) = 1 - lack: no digits are lost for small deviations
+    lack = weighted_mean(2.0 * np.sin((given - np.expand_dims(mean, axis)) / 2.0) ** 2, axis, weights)
+    std = np.sqrt(-2.0 * np.log1p(-np.where(np.isnan(mean), 0.0, np.minimum(lack, 1.0 - ROUNDING))))
+    return np.where(np.isnan(mean), np.inf, std + 0.0)
+
+
+def circular_of_components(mean_cosine: ArrayLike, mean_sine: ArrayLike) -> tuple[Array, Array]:
+    """Return circular mean and standard deviation from the means of cosine and sine.
+
+    Made for a chaos whose outputs are the cosine and the sine of an angle: the statistics of the angle come straight
+    from the two means, exact where those are.
+
+    Parameters
+    ----------
+    mean_cosine, mean_sine : array_like, shape (...)
+        Expectations of the cosine and of the sine, as two rows of `PolynomialChaos.mean`.
+
+    Returns
+    -------
+    mean, std : array, shape (...)
+        In radians; as of :func:`circular_mean` and :func:`circular_std`.
+
+    Examples
+    --------
+    >>> mean, std = circular_of_components(0.0, 1.0)
+    >>> float(mean.round(6)), float(std)
+    (1.570796, 0.0)
+    """
+    c, s = np.asarray(mean_cosine, dtype=float), np.asarray(mean_sine, dtype=float)
+    length = np.hypot(c, s)
+    cancels = length <= ROUNDING
+    mean = np.where(cancels, np.nan, np.arctan2(s, c))
+    safe = np.where(cancels, 1.0, length)
+    # rounding may carry a length past 1 by some last bits (and -0.0 is no deviation)
+    std = np.where(cancels, np.inf, np.sqrt(np.maximum(-2.0 * np.log(safe), 0.0)))
+    return np.where(mean == -np.pi, np.pi, mean), std
+
+
+def unwrap_samples(angles: ArrayLike, axis: int = -1) -> Array:
+    """Make the angles of samples continuous in time, and bring the samples near one another at the first time.
+
+    Each sample loses its jumps of a full turn along `axis`; then whole turns are added to it, so that its first angle
+    lies within half a turn of the circular mean of all first angles. Then plain means and deviations make sense as
+    long as the samples stay together within some turns; and a chaos of the angle is smooth.
+
+    Parameters
+    ----------
+    angles : array_like, shape (S, ...) with the times along `axis`
+        In radians, samples along the first axis. Failed samples (NaN) stay NaN.
+    axis : int
+        Of the times; not the first. Times must be so dense that no true step passes half a turn.
+
+    Returns
+    -------
+    array, shape (S, ...)
+        In radians.
+
+    Raises
+    ------
+    StudyError
+        If there is no axis of times besides that of the samples.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> turning = np.radians([[179.0, -179.0, -177.0], [-179.0, -177.0, -175.0]])
+    >>> np.degrees(unwrap_samples(turning)).round(6).tolist()
+    [[179.0, 181.0, 183.0], [181.0, 183.0, 185.0]]
+    """
+    given = np.asarray(angles, dtype=float)
+    if given.ndim < 2 or axis in (0, -given.ndim):
+        raise StudyError(
+            f"Samples must lie along the first axis and times along another; shape {given.shape} with the times along "
+            f"axis {axis} was given."
+        )
+    moved = np.moveaxis(np.unwrap(given, axis=axis), axis, -1)
+    first = moved[..., 0]
+    known = np.isfinite(first)
+    count = np.maximum(known.sum(axis=0), 1)
+    cosine = np.where(known, np.cos(np.where(known, first, 0.0)), 0.0).sum(axis=0) / count
+    sine = np.where(known, np.sin(np.where(known, first, 0.0)), 0.0).sum(axis=0) / count
+    centre = circular_of_components(cosine, sine)[0]
+    # directions that cancel have no centre: angles stay within half a turn of zero
+    centre = np.where(np.isnan(centre), 0.0, centre)
+    turns = np.round((first - centre) / (2.0 * np.pi))
+    return np.moveaxis(moved - 2.0 * np.pi * turns[..., None], -1, axis)
+
+
+def mean_direction(vectors: ArrayLike, axis: int = 0, weights: ArrayLike | None = None) -> tuple[Array, Array]:
+    """Return the mean direction of vectors, and the mean resultant length.
+
+    Parameters
+    ----------
+    vectors : array_like, shape (S, ..., N)
+        Their lengths do not count; components along the last axis.
+    axis : int
+        Along which to average; not the last.
+    weights : array_like, shape (S,), optional
+        Default all alike.
+
+    Returns
+    -------
+    direction : array, shape (..., N)
+        Of unit length; NaN where the directions cancel.
+    length : array, shape (...)
+        From 0 (the directions cancel) to 1 (they agree).
+
+    Raises
+    ------
+    StudyError
+        If a vector has no length, there are none, or the weights do not fit.
+
+    Examples
+    --------
+    >>> direction, length = mean_direction([[2.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+    >>> direction.round(6).tolist(), float(length.round(6))
+    ([0.707107, 0.707107, 0.0], 0.707107)
+    """
+    given = np.asarray(vectors, dtype=float)
+    if given.ndim < 2 or axis in (-1, given.ndim - 1):
+        raise StudyError(f"Vectors need their components along the last axis, (S, ..., N); found {given.shape}.")
+    mean = weighted_mean(unit_vectors(given, "vector"), axis, weights)
+    length = np.linalg.norm(mean, axis=-1)
+    cancels = length <= ROUNDING
+    direction = np.where(cancels[..., None], np.nan, mean / np.where(cancels, 1.0, length)[..., None])
+    return direction, np.minimum(length, 1.0)
+
+
+def weighted_mean(values: Array, axis: int, weights: ArrayLike | None) -> Array:
+    """Average along an axis; the weights need not sum to 1."""
+    count = values.shape[axis] if values.ndim else 0
+    w = np.ones(count) if weights is None else np.asarray(weights, dtype=float)
+    if not count or w.shape != (count,) or not w.sum() > 0:
+        raise StudyError(
+            f"A mean needs at least one value, and weights of positive sum, one for each; {count} values and weights "
+            f"of the shape {w.shape} were given."
+        )
+    return np.asarray(np.tensordot(w / w.sum(), values, axes=(0, axis)), dtype=float)
+
+
+def unit_vectors(vectors: Array, name: str) -> Array:
+    """Scale vectors (..., N) to length 1."""
+    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    if np.any(length == 0):
+        raise StudyError(f"A {name} of length zero has no direction: number {int(np.argmin(length))} in order.")
+    return np.asarray(vectors / length)

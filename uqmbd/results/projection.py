@@ -1,0 +1,200 @@
+"""Coefficients of a polynomial chaos from realisations: projection by quadrature, and least squares with its error."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from uqmbd.errors import StudyError
+
+__all__ = ["LeastSquares", "least_squares", "one_thread", "project"]
+
+Array = NDArray[np.float64]
+
+_WORST_CONDITION = 1e12
+"""Above this condition number of the basis at the samples, coefficients have lost most of their digits."""
+
+
+@contextmanager
+def one_thread() -> Iterator[None]:
+    """Keep linear algebra to one thread, so that its bits do not depend on the number of processors."""
+    from threadpoolctl import threadpool_limits
+
+    with threadpool_limits(limits=1):
+        yield
+
+
+def project(response: ArrayLike, psi: ArrayLike, weights: ArrayLike) -> Array:
+    """Project realisations at the nodes of a quadrature onto an orthonormal basis (pseudo-spectral projection).
+
+    Exact where the quadrature integrates every product of the response and a basis polynomial. The result does not
+    depend on the number of threads, to the bit.
+
+    Parameters
+    ----------
+    response : array_like, shape (K, O, T) or (K, ...)
+        The response at each of the K nodes, in the units of the outputs.
+    psi : array_like, shape (K, P)
+        The P basis polynomials at the nodes.
+    weights : array_like, shape (K,)
+        Of the nodes; they may be negative (sparse grids).
+
+    Returns
+    -------
+    array, shape (P, O, T) or (P, ...)
+        In the units of the outputs.
+
+    Raises
+    ------
+    StudyError
+        If shapes do not fit, or a number is not finite: a failed node would spoil every coefficient.
+
+    References
+    ----------
+    D. Xiu, Numerical Methods for Stochastic Computations, Princeton University Press, 2010, section 7.3.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> nodes, weights = np.array([-1.0, 1.0]), np.array([0.5, 0.5])  # Gauss rule of the standard normal
+    >>> project((3.0 + 2.0 * nodes)[:, None, None], np.stack([nodes**0, nodes], axis=1), weights)[:, 0, 0].tolist()
+    [3.0, 2.0]
+    """
+    values, basis = _checked(response, psi)
+    rule = np.asarray(weights, dtype=float)
+    if rule.shape != (len(basis),):
+        raise StudyError(f"'weights' must have one number for each of the {len(basis)} nodes; found {rule.shape}.")
+    _check_finite("weights", rule)
+    with one_thread():
+        found: Array = (basis * rule[:, None]).T @ values.reshape(len(basis), -1)
+    return found.reshape(basis.shape[1], *values.shape[1:])
+
+
+@dataclass(frozen=True, eq=False)
+class LeastSquares:
+    """Coefficients by regression, with what tells how good they are.
+
+    Attributes
+    ----------
+    coefficients : array, shape (P, ...)
+        In the units of the outputs.
+    leave_one_out : array, shape (...)
+        Corrected leave-one-out error relative to the variance of the samples: 0 is perfect, 1 no better than the
+        mean; infinite where a sample cannot be left out (as many terms as samples), 0 where the samples agree.
+    condition : float
+        Condition number of the basis at the samples.
+    """
+
+    coefficients: Array
+    leave_one_out: Array
+    condition: float
+
+
+def least_squares(response: ArrayLike, psi: ArrayLike) -> LeastSquares:
+    r"""Fit a basis to realisations by ordinary least squares.
+
+    The leave-one-out error needs no further fits: with the diagonal :math:`h` of the hat matrix, the residual of a
+    sample that is left out is :math:`r_k / (1 - h_k)` (PRESS). Its mean square over the variance of the samples is
+    multiplied by :math:`\frac{K}{K-P} \left(1 + \operatorname{tr}(\Psi^T \Psi)^{-1}\right)`, the correction for few
+    samples of [1]_ (after Chapelle, Vapnik and Bengio). The result does not depend on the number of threads, to the
+    bit.
+
+    Parameters
+    ----------
+    response : array_like, shape (K, O, T) or (K, ...)
+        The response of each of the K samples, in the units of the outputs.
+    psi : array_like, shape (K, P)
+        The P basis polynomials at the samples, P <= K.
+
+    Returns
+    -------
+    LeastSquares
+
+    Raises
+    ------
+    StudyError
+        If the basis is larger than the number of samples, the samples cannot tell its terms apart, shapes do not fit,
+        or a number is not finite.
+
+    References
+    ----------
+    .. [1] G. Blatman and B. Sudret, Journal of Computational Physics 230 (2011) 2345-2367.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> x = np.array([-1.0, 0.0, 1.0, 2.0])
+    >>> fit = least_squares(1.0 + 3.0 * x, np.stack([x**0, x], axis=1))
+    >>> fit.coefficients.round(12).tolist(), bool(fit.leave_one_out < 1e-20), round(fit.condition, 3)
+    ([1.0, 3.0], True, 1.618)
+    """
+    values, basis = _checked(response, psi)
+    count, terms = basis.shape
+    if terms > count:
+        raise StudyError(
+            f"Regression needs at least as many samples as terms: {terms} terms and {count} samples were given. "
+            "Draw more samples (twice as many as terms is a good number), lower the order, or use sparse regression."
+        )
+    import scipy.linalg
+
+    with one_thread():
+        q, r = np.linalg.qr(basis)
+        singular = np.linalg.svd(r, compute_uv=False)
+        condition = float(singular[0] / singular[-1]) if singular[-1] > 0 else float("inf")
+        if not condition < _WORST_CONDITION:
+            raise StudyError(
+                f"The {count} samples cannot tell the {terms} terms apart: the condition number is {condition:.1e}, "
+                f"expected below {_WORST_CONDITION:.0e}. Draw more or other samples, or lower the order."
+            )
+        flat = values.reshape(count, -1)
+        # about the mean of the samples: no digits are lost for a small spread about a large mean
+        centre = flat.mean(axis=0)
+        deviations = flat - centre
+        inner = scipy.linalg.solve_triangular(r, np.concatenate([q.T @ deviations, q.sum(axis=0)[:, None]], axis=1))
+        coefficients = inner[:, :-1] + inner[:, -1:] * centre
+        outside = deviations - basis @ inner[:, :-1] + (1.0 - basis @ inner[:, -1:]) * centre
+        inverse = scipy.linalg.solve_triangular(r, np.eye(terms))
+    error = _leave_one_out(flat, deviations, outside, np.sum(q * q, axis=1), float(np.sum(inverse * inverse)), terms)
+    shape = values.shape[1:]
+    return LeastSquares(coefficients.reshape(terms, *shape), error.reshape(shape), condition)
+
+
+def _leave_one_out(
+    values: Array, deviations: Array, residual: Array, leverage: Array, trace: float, terms: int
+) -> Array:
+    """Corrected relative error (C,) from residuals (K, C), leverages (K,) and the trace of the inverse information."""
+    count = len(values)
+    total = np.sum(deviations**2, axis=0)
+    rounding = 32.0 * np.finfo(float).eps * np.abs(values).max(axis=0)
+    agree = np.sqrt(total / count) <= rounding
+    free = 1.0 - leverage
+    if count == terms or np.any(free < 1e-12):
+        return np.where(agree, 0.0, np.inf)
+    press = np.sum((residual / free[:, None]) ** 2, axis=0)
+    correction = count / (count - terms) * (1.0 + trace)
+    return np.where(agree, 0.0, correction * press / np.where(agree, 1.0, total))
+
+
+def _checked(response: ArrayLike, psi: ArrayLike) -> tuple[Array, Array]:
+    values, basis = np.asarray(response, dtype=float), np.asarray(psi, dtype=float)
+    if basis.ndim != 2 or values.ndim == 0 or len(values) != len(basis) or 0 in basis.shape:
+        raise StudyError(
+            "'response' and 'psi' must have one row for each realisation, (K, ...) and (K, P); "
+            f"{values.shape} and {basis.shape} were given."
+        )
+    _check_finite("psi", basis)
+    _check_finite("response", values)
+    return values, basis
+
+
+def _check_finite(name: str, values: Array) -> None:
+    rows = np.isfinite(values.reshape(len(values), -1)).all(axis=1)
+    if not rows.all():
+        raise StudyError(
+            f"'{name}' holds a number that is not finite in row {int(np.argmin(rows))}. A failed realisation must not "
+            "enter a fit: leave it out of a regression; a quadrature without one of its nodes is none."
+        )
