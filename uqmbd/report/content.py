@@ -11,7 +11,7 @@ import xarray as xr
 
 from uqmbd.report.convergence import NORMAL_95, design_of
 from uqmbd.report.failures import failure_reasons, failure_words
-from uqmbd.report.selection import automatic_times
+from uqmbd.report.selection import automatic_times, runs_of
 from uqmbd.report.wording import format_count, format_duration, format_integer, format_number, minus
 
 __all__ = [
@@ -255,6 +255,8 @@ def summary(tree: xr.DataTree, nodes: Mapping[str, xr.DataTree]) -> list[str]:
         total, failed = _numbers(node)
         seconds = format_duration(float(node.attrs.get("wall_time", math.nan)))
         outcome = "all succeeded" if not failed else f"{failed} failed and did not enter the statistics"
+        if failed and node.attrs.get("fit"):
+            outcome = f"{failed} failed, and the surrogate was found without them: {node.attrs['fit']}"
         text.append(f"{label} computed {format_count(total, 'realisation')} in {seconds}; {outcome}.")
         kept = node.children["samples"].sizes["sample"] if "samples" in node.children else total
         if kept < total:
@@ -283,10 +285,11 @@ def failures(label: str, node: xr.DataTree) -> dict[str, Any]:
         "rows": [],
         "hidden": 0,
         "kept": "",
+        "fit": str(node.attrs.get("fit", "")),
     }
-    if "samples" not in node.children or not failed:
+    samples = runs_of(node)
+    if samples is None or not failed:
         return found
-    samples = node.children["samples"].to_dataset()
     reasons = failure_reasons(node)
     seen = sum(len(r.samples) for r in reasons)
     if samples.sizes["sample"] < total:

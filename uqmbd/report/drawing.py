@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import functools
-import re
 import textwrap
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from uqmbd.report.scales import plain_formatter
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -24,7 +24,10 @@ __all__ = [
     "constant",
     "draw_histogram",
     "histogram_edges",
+    "few_ticks",
     "limit_times",
+    "line_width",
+    "shortened",
     "single_axes",
     "style",
     "surroundings",
@@ -37,7 +40,6 @@ __all__ = [
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#8A6D00", "#000000")
 LINES: tuple[Any, ...] = ("-", (0, (5, 2)), (0, (1, 1.2)), (0, (6, 2, 1, 2)), (0, (3, 1, 1, 1, 1, 1)), (0, (9, 3)))
 FAILED = "#B00020"
-_SUPERSCRIPTS = str.maketrans("-−0123456789", "⁻⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 WIDTH = 5.6  # inches: legible at its own size, and still when a phone shrinks it
 _LINE, _CHARACTER = 0.165, 0.078  # inches: height of a line, width of a digit
 
@@ -67,18 +69,6 @@ def axes_grid(count: int, height: float, columns: int = 2) -> tuple[Figure, list
     return figure, grid
 
 
-@functools.cache
-def _plain_formatter() -> Any:
-    from matplotlib.ticker import ScalarFormatter
-
-    class PlainFormatter(ScalarFormatter):
-        # Powers of ten without mathtext, which takes most of the time of a figure.
-        def get_offset(self) -> str:
-            return with_powers(super().get_offset())
-
-    return PlainFormatter
-
-
 def _dress(axes: Axes) -> None:
     from matplotlib.ticker import MaxNLocator
 
@@ -88,39 +78,11 @@ def _dress(axes: Axes) -> None:
     # A stated height of the title spares a search for what might be in its way.
     axes.set_title("", y=1.0)
     for axis in (axes.xaxis, axes.yaxis):
-        formatter = _plain_formatter()(useMathText=False)
+        formatter = plain_formatter()(useMathText=False)
         formatter.set_powerlimits((-3, 4))
         axis.set_major_formatter(formatter)
         axis.set_major_locator(MaxNLocator(nbins=6, steps=[1, 2, 2.5, 5, 10]))
         axis.get_offset_text().set_fontsize(9)
-
-
-def with_powers(offset: str) -> str:
-    """Write the factor and offset of an axis with powers of ten.
-
-    Parameters
-    ----------
-    offset : str
-        As Matplotlib writes it.
-
-    Returns
-    -------
-    str
-
-    Examples
-    --------
-    >>> with_powers("1e5"), with_powers("1e-7+1.5e3"), with_powers("+2.5"), with_powers("")
-    ('× 10⁵', '× 10⁻⁷ +1.5 × 10³', '+2.5', '')
-    """
-
-    def power(found: re.Match[str]) -> str:
-        sign, mantissa, exponent = found.groups()
-        raised = "10" + exponent.replace("+", "").translate(_SUPERSCRIPTS)
-        if not sign:
-            return f"× {raised}"
-        return f" {sign}{raised}" if mantissa == "1" else f" {sign}{mantissa} × {raised}"
-
-    return re.sub(r"([+\-−]?)(\d[\d.]*)e([+\-−]?\d+)", power, offset).strip()
 
 
 def arrange(
@@ -130,6 +92,7 @@ def arrange(
     *,
     legend: Mapping[str, Any] | None = None,
     right: float = 0.18,
+    heights: Sequence[float] | None = None,
 ) -> None:
     """Place axes row by row, with the room that their labels and a legend above them need.
 
@@ -145,6 +108,9 @@ def arrange(
         Names and handles.
     right : float
         Room on the right, inches.
+    heights : sequence of float, optional
+        Heights of the rows of axes themselves, inches: the figure becomes as high as these, their labels and the legend
+        need together. Rows whose times are not labelled move together. Default: equal shares of the figure.
 
     Examples
     --------
@@ -158,12 +124,27 @@ def arrange(
     rows = [grid[k : k + columns] for k in range(0, len(grid), columns)]
     ticks = [max(_tick_width(row[j].yaxis) for row in rows if j < len(row)) for j in range(len(rows[0]))]
     lefts = [w + max(_lines(row[j].get_ylabel()) for row in rows if j < len(row)) for j, w in enumerate(ticks)]
-    heads = [max(0.2 if a.get_title() or _offset(a.yaxis) else 0.06 for a in row) for row in rows]
+    heads = [
+        max(0.2 if a.get_title() or a.get_title("left") or _offset(a.yaxis) else 0.06 for a in row) for row in rows
+    ]
     feet = [0.27 + max(_lines(a.get_xlabel()) or (0.12 if _offset(a.xaxis) else 0.0) for a in row) for row in rows]
     inner_width = (width - sum(lefts) - right * len(lefts)) / len(lefts)
-    inner_height = (height - top - sum(heads) - sum(feet)) / len(rows)
+    if heights is None:
+        inner = [(height - top - sum(heads) - sum(feet)) / len(rows)] * len(rows)
+    else:
+        inner = list(heights)
+        heads = [
+            head + (0.06 if any(a.get_title("left") for a in row) else 0.0)
+            for row, head in zip(rows, heads, strict=True)
+        ]
+        feet = [
+            foot if any(a.xaxis.get_tick_params().get("labelbottom", True) for a in row) else 0.1
+            for row, foot in zip(rows, feet, strict=True)
+        ]
+        height = top + sum(heads) + sum(inner) + sum(feet)
+        figure.set_figheight(height)
     down = height - top
-    for row, head, foot in zip(rows, heads, feet, strict=True):
+    for row, head, inner_height, foot in zip(rows, heads, inner, feet, strict=True):
         down -= head + inner_height
         across = 0.0
         for axes, tick, left in zip(row, ticks, lefts, strict=False):
@@ -214,6 +195,17 @@ def draw_histogram(axes: Axes, values: NDArray[np.float64], colour: str, *, dens
         widen_if_constant(axes, "x", low, high)
 
 
+def line_width(k: int, count: int) -> float:
+    """Return the width of the k-th of several methods' lines: where they coincide, those beneath look out.
+
+    Examples
+    --------
+    >>> line_width(0, 1), line_width(0, 3) > line_width(1, 3) > line_width(2, 3)
+    (1.6, True)
+    """
+    return 1.6 if count == 1 else max(2.8 - 0.6 * k, 1.0)
+
+
 def few_ticks(axes: Axes, *, whole: bool = False) -> None:
     """Let small axes have four intervals at most; ``whole``: only whole numbers upwards."""
     from matplotlib.ticker import MaxNLocator
@@ -253,7 +245,7 @@ def limit_times(axes: Axes, times: NDArray[np.float64]) -> None:
 
 def _legend_above(figure: Figure, handles: Mapping[str, Any]) -> float:
     """Put a legend at the top, in as many columns as fit; return its height in inches."""
-    names = [_shortened(name) for name in handles]
+    names = [shortened(name) for name in handles]
     columns = len(names)
     while columns > 1 and _legend_width(names, columns) > 72 * WIDTH - 10:
         columns -= 1
@@ -267,9 +259,8 @@ def _legend_above(figure: Figure, handles: Mapping[str, Any]) -> float:
 
 
 def _legend_width(names: Sequence[str], columns: int) -> float:
-    """Estimate the width in points: the columns are filled one after the other, as Matplotlib does."""
-    rows = -(-len(names) // columns)
-    return sum(5.2 * max(map(len, names[k : k + rows])) + 42 for k in range(0, len(names), rows))
+    """Estimate the width in points: the columns are as equally long as can be, as Matplotlib fills them."""
+    return sum(5.2 * max(map(len, column)) + 42 for column in np.array_split(np.array(names, dtype=object), columns))
 
 
 def with_units(name: str, units: str) -> str:
@@ -283,5 +274,6 @@ def wrapped(text: str, width: int) -> str:
     return "\n".join(lines).replace("$", r"\$")
 
 
-def _shortened(text: str) -> str:
-    return text if len(text) <= 60 else text[:58] + " …"
+def shortened(text: str) -> str:
+    """Cut the middle out of a text of more than 60 characters: what tells names apart is often their end."""
+    return text if len(text) <= 60 else f"{text[:34].rstrip()} … {text[-22:].lstrip()}"

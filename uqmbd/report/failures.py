@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 
 from uqmbd.errors import StudyError
 from uqmbd.report.drawing import FAILED, arrange, few_ticks, single_axes, widen_if_constant, with_units, wrapped
-from uqmbd.report.selection import Samples, label_of, samples_of
+from uqmbd.report.selection import Samples, label_of, runs_of, samples_of
 from uqmbd.report.wording import format_count, format_number
+from uqmbd.results import STATUS_MEANINGS
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -80,10 +81,11 @@ def failure_reasons(node: Samples) -> list[Reason]:
     >>> [(r.kind, r.text, len(r.samples)) for r in failure_reasons(samples)]
     [('integration failed', 'no step at t = 0.25 to 0.5 s', 2)]
     """
-    samples = samples_of(node)
+    samples = _runs(node)
     status = samples["status"].values
     flags = np.atleast_1d(samples["status"].attrs.get("flag_values", [])).tolist()
-    meanings = dict(zip(flags, str(samples["status"].attrs.get("flag_meanings", "")).split(), strict=False))
+    meanings = dict(STATUS_MEANINGS)
+    meanings |= zip(flags, str(samples["status"].attrs.get("flag_meanings", "")).split(), strict=False)
     messages = samples["message"].values
     groups: dict[tuple[str, str], list[int]] = {}
     for k in np.flatnonzero(status != 0):
@@ -91,6 +93,11 @@ def failure_reasons(node: Samples) -> list[Reason]:
         groups.setdefault((kind, _pattern(str(messages[k]))), []).append(int(k))
     ordered = sorted(groups.items(), key=lambda item: -len(item[1]))
     return [Reason(kind, _joined([str(messages[k]) for k in which]), np.array(which)) for (kind, _), which in ordered]
+
+
+def _runs(node: Samples) -> xr.Dataset:
+    found = runs_of(node)
+    return samples_of(node) if found is None else found
 
 
 def _pattern(message: str) -> str:
@@ -140,7 +147,7 @@ def separating_inputs(node: Samples, reason: Reason) -> list[Separation]:
     >>> [(s.index, s.clear) for s in separating_inputs(samples, failure_reasons(samples)[0])]
     [(1, True), (0, False)]
     """
-    samples = samples_of(node)
+    samples = _runs(node)
     drawn, fine = samples["inputs"].values, samples["status"].values == 0
     found = []
     for k in range(drawn.shape[1]):
@@ -158,7 +165,7 @@ def separating_inputs(node: Samples, reason: Reason) -> list[Separation]:
 
 def failure_words(node: Samples, reason: Reason) -> list[str]:
     """Say in words where the inputs of the failed samples lie: a sentence for each input that tells, at most three."""
-    samples = samples_of(node)
+    samples = _runs(node)
     names, units = _input_labels(samples)
     if not names:
         return ["This method recorded no inputs."]
@@ -243,7 +250,7 @@ def failure_inputs(node: Samples, reason: int | Reason = 0) -> Figure:
     >>> axes.get_xlabel(), axes.get_ylabel()
     ('b [kg]', 'a [m]')
     """
-    samples = samples_of(node)
+    samples = _runs(node)
     names, units = _input_labels(samples)
     if isinstance(reason, int):
         reasons = failure_reasons(node)

@@ -5,9 +5,12 @@ Nothing here touches pyplot or its global state, so figures can be made anywhere
 
 from __future__ import annotations
 
+from uqmbd.report.agreement import differences, order_convergence
 from uqmbd.report.convergence import convergence
+from uqmbd.report.decay import coefficient_decay, verification
 from uqmbd.report.distributions import histograms, inputs
 from uqmbd.report.failures import failure_inputs
+from uqmbd.report.influence import sobol_indices
 from uqmbd.report.over_time import bands, std_over_time, time_history_histogram
 from uqmbd.report.selection import Results, Samples
 
@@ -15,10 +18,15 @@ __all__ = [
     "Results",
     "Samples",
     "bands",
+    "coefficient_decay",
     "convergence",
+    "differences",
     "failure_inputs",
     "histograms",
     "inputs",
+    "order_convergence",
+    "sobol_indices",
     "std_over_time",
     "time_history_histogram",
+    "verification",
 ]

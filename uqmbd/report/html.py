@@ -2,17 +2,12 @@
 
 from __future__ import annotations
 
-import base64
 import functools
-import gc
-import io
 import os
-import re
 import tempfile
-import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any, Protocol
 
 import xarray as xr
 
@@ -20,15 +15,12 @@ from uqmbd.errors import StudyError
 from uqmbd.report import content, figures, record
 from uqmbd.report.convergence import design_of
 from uqmbd.report.failures import ENOUGH
-from uqmbd.report.ticks import freeze_ticks
-from uqmbd.results import propagator_nodes
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from uqmbd.report.images import image
+from uqmbd.report.surrogates import chaos_nodes, shown_methods
+from uqmbd.report.trust import influence, trust
+from uqmbd.results import choose_reference, propagator_nodes
 
 __all__ = ["Section", "write_report"]
-
-_FONTS = "system-ui, -apple-system, 'Segoe UI', Roboto, 'Helvetica Neue', 'Noto Sans', 'DejaVu Sans', sans-serif"
 
 
 class Section(Protocol):
@@ -95,6 +87,8 @@ def write_report(tree: xr.DataTree, path: str | os.PathLike[str], *, sections: S
         inputs=content.input_rows(nodes),
         inputs_figure=_inputs_figure(nodes),
         outputs=[_output(tree, nodes, name) for name in content.output_names(nodes)],
+        influence=influence(nodes),
+        trust=trust(nodes),
         sections=[_section(section, tree) for section in sections],
         failures=[_failures(label, node) for label, node in nodes.items()],
         costs=[record.cost(label, node) for label, node in nodes.items()],
@@ -108,15 +102,17 @@ def write_report(tree: xr.DataTree, path: str | os.PathLike[str], *, sections: S
 
 
 def _output(tree: xr.DataTree, nodes: Mapping[str, xr.DataTree], name: str) -> dict[str, Any]:
-    holders = {label: node for label, node in nodes.items() if content.has_output(node, name)}
+    every = {label: node for label, node in nodes.items() if content.has_output(node, name)}
+    holders = shown_methods(every)
+    lower = " Of a surrogate with several orders, only the highest is drawn." if len(holders) < len(every) else ""
     first = next(iter(holders.values()))
     varying = any(content.varies(node, name) for node in holders.values())
     drawn = [
-        _image(
+        image(
             lambda: figures.bands(holders, name),
             f"Mean of {name} over time, with the bands that hold 50 % and 95 % of the realisations. "
             + content.in_words(first, name),
-            "How it moves: the mean, and the bands in which 50 % and 95 % of the realisations lie.",
+            "How it moves: the mean, and the bands in which 50 % and 95 % of the realisations lie." + lower,
         )
     ]
     if not varying:
@@ -128,7 +124,7 @@ def _output(tree: xr.DataTree, nodes: Mapping[str, xr.DataTree], name: str) -> d
             "numbers": [],
         }
     sampled = {label: node for label, node in holders.items() if content.has_histograms(node)}
-    deviation = _image(
+    deviation = image(
         lambda: figures.std_over_time(holders, name),
         f"Standard deviation of {name} over time. " + content.in_words(first, name),
         "When it is uncertain: the standard deviation over time; the shaded band is plus and minus two standard "
@@ -138,28 +134,39 @@ def _output(tree: xr.DataTree, nodes: Mapping[str, xr.DataTree], name: str) -> d
         label, node = next(iter(sampled.items()))
         from_label = f" (samples of {label})" if len(nodes) > 1 else ""
         drawn += [
-            _image(
+            image(
                 lambda: figures.time_history_histogram(node, name),
                 f"Time-history histogram of {name}: how many samples have which value at which time.",
                 f"Where the samples are: the darker, the more of them have this value at this time{from_label}. "
                 "White: none.",
             ),
-            _image(
+            image(
                 lambda: figures.histograms(sampled, name),
                 f"Probability densities of {name} at chosen times.",
                 "How it is distributed at chosen times: bars are the histogram, curves a smooth estimate of the "
                 "density; the area under each is 1.",
             ),
-            _image(
+            image(
                 lambda: figures.convergence(node, name),
                 f"Mean and standard deviation of {name} as samples are added. " + content.precision(node, name),
                 _convergence_caption(node) + from_label + ".",
             ),
         ]
+    compared = []
+    if len(holders) > 1 and chaos_nodes(holders):
+        reference = choose_reference(holders)
+        compared.append(
+            image(
+                lambda: figures.differences(holders, name, reference=reference),
+                f"Difference of the mean and the standard deviation of {name} between methods, over time.",
+                f"How far the methods agree: the mean and the standard deviation of each, less those of {reference}. "
+                "A shaded band is plus and minus two standard errors of these, where they are known.",
+            )
+        )
     words = [content.in_words(first, name), *(content.precision(node, name) for node in list(sampled.values())[:1])]
     return {
         "name": name,
-        "figures": [*drawn, deviation],
+        "figures": [*drawn, deviation, *compared],
         "note": "",
         "words": " ".join(filter(None, words)),
         "numbers": content.numbers(first, name),
@@ -185,7 +192,7 @@ def _failures(label: str, node: xr.DataTree) -> dict[str, Any]:
     for row in found["reasons"]:
         group = row.pop("group")
         row["figure"] = (
-            _image(
+            image(
                 functools.partial(figures.failure_inputs, node, group),
                 f"Inputs of the failed samples among those of the others. {' '.join(row['words'])}",
                 "Each point is a sample: pale ones succeeded, dark ones failed for this reason.",
@@ -202,7 +209,7 @@ def _inputs_figure(nodes: Mapping[str, xr.DataTree]) -> dict[str, str] | None:
     if sampled is None:
         return None
     caption = f"The inputs as {sampled.attrs['label']} sampled them."
-    return _image(lambda: figures.inputs(sampled), "Histograms of the sampled inputs.", caption)
+    return image(lambda: figures.inputs(sampled), "Histograms of the sampled inputs.", caption)
 
 
 def _section(section: Section, tree: xr.DataTree) -> dict[str, str]:
@@ -216,34 +223,6 @@ def _section(section: Section, tree: xr.DataTree) -> dict[str, str]:
     except Exception as error:  # noqa: BLE001 - a plugin may raise anything; the rest of the report must stand
         return {"title": title, "html": "", "problem": f"{type(error).__name__}: {error}"}
     return {"title": title, "html": Markup(fragment), "problem": ""}
-
-
-def _image(draw: Callable[[], Figure], alt: str, caption: str) -> dict[str, str]:
-    """Return a figure as a data URI; one that cannot be drawn is a note in its place."""
-    # A figure is thousands of objects in cycles: looking for garbage once after each, not all the while, saves a sixth.
-    collecting = gc.isenabled()
-    gc.disable()
-    try:
-        return {"source": _svg(draw()), "alt": alt, "caption": caption, "problem": ""}
-    except Exception as error:  # noqa: BLE001 - results of other packages may hold surprises; the tables must stand
-        return {"source": "", "alt": alt, "caption": caption, "problem": f"{type(error).__name__}: {error}"}
-    finally:
-        if collecting:
-            gc.enable()
-
-
-def _svg(figure: Figure) -> str:
-    import matplotlib
-
-    buffer = io.StringIO()
-    # An image of its own (not inline markup), so that identifiers of many figures never clash, with text as text, which
-    # is small, quickly written, and in the font of the page. The fixed salt makes equal results equal files.
-    with warnings.catch_warnings(), matplotlib.rc_context({"svg.fonttype": "none", "svg.hashsalt": "uqmbd"}):
-        warnings.filterwarnings("ignore", message="Glyph .* missing from font")
-        freeze_ticks(figure)
-        figure.savefig(buffer, format="svg", metadata=dict.fromkeys(("Date", "Creator", "Format", "Type")))
-    drawn = re.sub(r"'DejaVu Sans'[^;\"]*sans-serif", _FONTS, buffer.getvalue())
-    return "data:image/svg+xml;base64," + base64.b64encode(drawn.encode("utf-8", "replace")).decode("ascii")
 
 
 def _write(page: str, target: Path) -> Path:

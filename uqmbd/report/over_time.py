@@ -14,6 +14,7 @@ from uqmbd.report.drawing import (
     axes_grid,
     constant,
     limit_times,
+    line_width,
     single_axes,
     style,
     surroundings,
@@ -76,7 +77,7 @@ def bands(results: Results, output: str, *, samples: int = 0) -> Figure:
         statistics = statistics.isel(time=chosen)
         times, mean = statistics["time"].values, statistics["mean"].values
         wide, narrow, wide_name = _band_edges(statistics)
-        colour, line = style(k)
+        (colour, line), width = style(k), line_width(k, len(nodes))
         if k == 0:
             if samples:
                 curves = _curves(node, output, samples)[:, chosen]
@@ -90,15 +91,15 @@ def bands(results: Results, output: str, *, samples: int = 0) -> Figure:
                 if narrow is None
                 else axes.fill_between(times, narrow[0], narrow[1], color=colour, alpha=0.30, lw=0)
             )
-            (drawn,) = axes.plot(times, mean, color=colour, ls=line, lw=1.6)
+            (drawn,) = axes.plot(times, mean, color=colour, ls=line, lw=width)
             handles[f"{name}mean"] = drawn
             if inner is not None:
                 handles["50 %" if name else "50 % of realisations"] = inner
             handles[wide_name.split(" of")[0] if name else wide_name] = outer
         else:
             for edge in wide:
-                axes.plot(times, edge, color=colour, ls=line, lw=0.9)
-            (drawn,) = axes.plot(times, mean, color=colour, ls=line, lw=1.6)
+                axes.plot(times, edge, color=colour, ls=line, lw=0.6 * width)
+            (drawn,) = axes.plot(times, mean, color=colour, ls=line, lw=width)
             handles[f"{label}: mean, {wide_name.split(' of')[0]}"] = drawn
         low, high = min(low, float(wide[0].min()), mean.min()), max(high, float(wide[1].max()), mean.max())
         axes.set_ylabel(wrapped(with_units(output, str(statistics["output_units"].item())), 34))
@@ -155,7 +156,8 @@ def std_over_time(results: Results, output: str) -> Figure:
             uncertain = uncertain or {"± 2 standard errors": band}
             high = max(high, float((std + error).max()))
         name = label if len(nodes) > 1 else "standard deviation"
-        (handles[name],) = axes.plot(times, std, color=colour, ls=line, lw=1.6, marker="o" if len(times) == 1 else "")
+        marker, width = "o" if len(times) == 1 else "", line_width(k, len(nodes))
+        (handles[name],) = axes.plot(times, std, color=colour, ls=line, lw=width, marker=marker)
         high = max(high, float(std.max()))
         axes.set_ylabel(wrapped(with_units("standard deviation", str(statistics["output_units"].item())), 30))
     # Without any spread the line lies on the axis: lift it, so that it is seen.

@@ -19,6 +19,7 @@ __all__ = [
     "label_of",
     "nodes_of",
     "of_output",
+    "runs_of",
     "samples_of",
     "succeeded",
     "thinned",
@@ -60,6 +61,19 @@ def samples_of(node: Samples) -> xr.Dataset:
     if "samples" not in node.children:
         raise StudyError(f"The propagator {node.name!r} kept no samples; this figure is drawn from samples.")
     return node.children["samples"].to_dataset()
+
+
+def runs_of(node: Samples) -> xr.Dataset | None:
+    """Return inputs, status and message of every realisation, along ``sample``: of samples, or of the nodes of a rule.
+
+    None if a method recorded neither.
+    """
+    if isinstance(node, xr.Dataset) or "samples" in node.children:
+        return samples_of(node)
+    known = node.children["nodes"].data_vars if "nodes" in node.children else ()
+    if not {"inputs", "status", "message"} <= set(known):
+        return None
+    return node.children["nodes"].to_dataset().rename(node="sample")
 
 
 def of_output(source: xr.DataTree | xr.Dataset, output: str) -> xr.Dataset:

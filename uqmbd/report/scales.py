@@ -1,0 +1,99 @@
+"""Scales of axes: numbers with powers of ten, and logarithmic axes."""
+
+from __future__ import annotations
+
+import functools
+import re
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+__all__ = ["log_axis", "plain_formatter", "with_powers"]
+
+_SUPERSCRIPTS = str.maketrans("-−0123456789", "⁻⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+
+@functools.cache
+def plain_formatter() -> Any:
+    """Return the class of a formatter of plain numbers."""
+    from matplotlib.ticker import ScalarFormatter
+
+    class PlainFormatter(ScalarFormatter):
+        # Powers of ten without mathtext, which takes most of the time of a figure.
+        def get_offset(self) -> str:
+            return with_powers(super().get_offset())
+
+    return PlainFormatter
+
+
+def with_powers(offset: str) -> str:
+    """Write the factor and offset of an axis with powers of ten.
+
+    Parameters
+    ----------
+    offset : str
+        As Matplotlib writes it.
+
+    Returns
+    -------
+    str
+
+    Examples
+    --------
+    >>> with_powers("1e5"), with_powers("1e-7+1.5e3"), with_powers("+2.5"), with_powers("")
+    ('× 10⁵', '× 10⁻⁷ +1.5 × 10³', '+2.5', '')
+    """
+
+    def power(found: re.Match[str]) -> str:
+        sign, mantissa, exponent = found.groups()
+        raised = "10" + exponent.replace("+", "").translate(_SUPERSCRIPTS)
+        if not sign:
+            return f"× {raised}"
+        return f" {sign}{raised}" if mantissa == "1" else f" {sign}{mantissa} × {raised}"
+
+    return re.sub(r"([+\-−]?)(\d[\d.]*)e([+\-−]?\d+)", power, offset).strip()
+
+
+def log_axis(axes: Axes, direction: str, low: float, high: float, *, percent: bool = False) -> None:
+    """Let an axis be logarithmic, with its ends at full decades and a tick at every, every second, ... decade.
+
+    Parameters
+    ----------
+    axes : matplotlib.axes.Axes
+    direction : {"x", "y"}
+    low, high : float
+        Smallest and largest value that must be seen; both above zero.
+    percent : bool
+        Label with per cent, not with powers of ten.
+
+    Examples
+    --------
+    >>> from matplotlib.figure import Figure
+    >>> axes = Figure().add_subplot()
+    >>> log_axis(axes, "y", 3e-4, 0.2, percent=True)
+    >>> axes.yaxis.get_major_formatter().format_ticks(axes.get_yticks())
+    ['0.01 %', '0.1 %', '1 %', '10 %', '100 %']
+    """
+    from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
+
+    first, last = int(np.floor(np.log10(low) + 1e-9)), int(np.ceil(np.log10(high) - 1e-9))
+    last = max(last, first + 1)
+    axis: Any = axes.xaxis if direction == "x" else axes.yaxis
+    (axes.set_xscale if direction == "x" else axes.set_yscale)("log")
+    (axes.set_xlim if direction == "x" else axes.set_ylim)(10.0**first, 10.0**last)
+    step = -(-(last - first) // 5)
+    axis.set_major_locator(FixedLocator([10.0**k for k in range(last, first - 1, -step)][::-1]))
+    axis.set_minor_locator(NullLocator())
+    axis.set_major_formatter(FuncFormatter(lambda value, _: _power(value, percent)))
+
+
+def _power(value: float, percent: bool) -> str:
+    exponent = round(float(np.log10(value)))
+    if percent and -6 <= exponent <= 1:
+        return f"{100 * value:.4f}".rstrip("0").rstrip(".") + " %"
+    if percent and exponent <= 3:
+        return f"{100 * value:.0f} %"
+    return "1" if exponent == 0 else "10" + str(exponent).translate(_SUPERSCRIPTS)
