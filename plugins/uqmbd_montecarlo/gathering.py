@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass
 
@@ -47,7 +48,13 @@ class Gathered:
     file: str
 
 
-def gather(problem: uqmbd.Problem, values: Array, sizes: list[int], keep: int) -> Gathered:
+def gather(
+    problem: uqmbd.Problem,
+    values: Array,
+    sizes: list[int],
+    keep: int,
+    watch: Callable[[int, Array, NDArray[np.bool_]], None] | None = None,
+) -> Gathered:
     """Compute samples chunk by chunk and gather them in their order, so that the bits depend on nothing else.
 
     Parameters
@@ -60,6 +67,8 @@ def gather(problem: uqmbd.Problem, values: Array, sizes: list[int], keep: int) -
         Sizes of the replicates.
     keep : int
         Most samples whose responses are kept.
+    watch : callable, optional
+        Is told of each chunk: index of its first sample, responses, and which of them succeeded.
     """
     shape = problem.labels.shape
     edges = np.cumsum([0, *sizes])
@@ -83,6 +92,8 @@ def gather(problem: uqmbd.Problem, values: Array, sizes: list[int], keep: int) -
                 if low >= high:
                     break
                 replicates[r] = replicates[r].merge(Moments.of(part.response[low:high][fine[low:high]]))
+            if watch is not None:
+                watch(first, part.response, fine)
             if store is not None:
                 store.write(first, part.values, part.response, part.status, part.messages)
             if reason := part.most_frequent_reason():

@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass
-from typing import ClassVar, Literal, get_args
+from typing import Any, ClassVar, Literal, get_args
 
+import numpy as np
 import xarray as xr
 
 import uqmbd
-from uqmbd.results import replicate_errors, sample_dataset, statistics_of_samples
+from uqmbd.results import PolynomialChaos, replicate_errors, sample_dataset, statistics_of_samples
+from uqmbd_montecarlo.control import FOLDS, LEAST_SAMPLES
 from uqmbd_montecarlo.designs import replicate_sizes, uniform_samples
 from uqmbd_montecarlo.gathering import Gathered, gather
+from uqmbd_montecarlo.pickfreeze import obstacle_of
+from uqmbd_montecarlo.sensitivity import SobolRun, run_sobol
+from uqmbd_montecarlo.surrogate import ControlledSums, Surrogate, surrogate_of
 
 __all__ = ["MonteCarlo"]
 
@@ -38,6 +44,18 @@ class MonteCarlo(uqmbd.Propagator):
         Samples that are kept in the results.  Where there are more, moments are gathered while they come, quantiles
         are those of the kept ones, and all samples go to ``LABEL-samples.nc`` in the folder of the run: the memory
         needed does not grow with the number of samples.
+    control : uqmbd.Propagator or uqmbd.results.PolynomialChaos, optional
+        A surrogate as control variate, which makes mean and standard deviation more certain: a method that gives a
+        polynomial chaos, as ``Collocation(order=3)``, which is run first, on realisations of its own; or a chaos that
+        is there already.  For random sampling and 50 samples at least.  The estimates stay unbiased however
+        poor the surrogate is, for its factors are cross-fitted in ten parts of the samples; see
+        `uqmbd_montecarlo.control`.  Where samples fail, the statistics are those of the inputs that do not.  The
+        other statistics (skewness, kurtosis, quantiles) are those of the samples.
+    sobol_indices : bool
+        Estimate Sobol' indices of first order and total ones, with 95 % bootstrap intervals, by pick-freeze: the
+        samples are taken as N = `samples` / 2 pairs, and N realisations more are computed for each input, N (d + 2) in
+        all for d inputs.  They are kept in memory: `keep` must allow for them.  For random sampling of inputs that do
+        not depend on each other.  The other statistics are those of the samples, the same as without this option.
     label : str, optional
         Name of the results, by default ``monte-carlo``.
 
@@ -59,6 +77,8 @@ class MonteCarlo(uqmbd.Propagator):
     replicates: int = 16
     max_failures: float = 0.5
     keep: int = 20_000
+    control: uqmbd.Propagator | PolynomialChaos | None = None
+    sobol_indices: bool = False
 
     def __post_init__(self) -> None:
         if not isinstance(self.samples, int) or self.samples < 2:
@@ -77,21 +97,56 @@ class MonteCarlo(uqmbd.Propagator):
         if not isinstance(self.keep, int) or self.keep < 2:
             raise uqmbd.StudyError(f"MonteCarlo: keep is {self.keep!r}; expected a whole number, 2 or more.")
         replicate_sizes(self.sampling, self.samples, self.replicates)
+        self._check_control()
+        if not isinstance(self.sobol_indices, bool):
+            raise uqmbd.StudyError(
+                f"MonteCarlo: sobol_indices is {self.sobol_indices!r}; expected True or False. "
+                "Their number of rows is half that of the samples."
+            )
+        if self.sobol_indices and (self.samples % 2 or self.samples < 4):
+            raise uqmbd.StudyError(
+                f"MonteCarlo: samples is {self.samples}; sobol_indices needs an even number, 4 or more: it takes them "
+                "as pairs."
+            )
+        for option, used in (("control", self.control is not None), ("sobol_indices", self.sobol_indices)):
+            if used and self.sampling != "random":
+                raise uqmbd.StudyError(
+                    f"MonteCarlo: {option} needs independent samples, for its errors come from them one by one; "
+                    f"sampling is {self.sampling!r}, expected 'random'."
+                )
+
+    def _check_control(self) -> None:
+        if self.control is None:
+            return
+        if not isinstance(self.control, (uqmbd.Propagator, PolynomialChaos)):
+            raise uqmbd.StudyError(
+                f"MonteCarlo: control is {self.control!r}; expected a propagator that gives a polynomial chaos, e.g. "
+                "Collocation(order=3), or a uqmbd.results.PolynomialChaos."
+            )
+        if self.samples < LEAST_SAMPLES:
+            raise uqmbd.StudyError(
+                f"MonteCarlo: samples is {self.samples}; a control needs {LEAST_SAMPLES} at least, for its factors are "
+                f"fitted to {FOLDS} parts of them."
+            )
 
     def obstacle(self, study: uqmbd.Study) -> str | None:
-        """Say what is in the way: a mechanism in which nothing is random."""
-        return None if len(study.mechanism.inputs) else "nothing in the mechanism is random"
+        """Say what is in the way: a mechanism in which nothing is random, or what an option cannot do."""
+        inputs = study.mechanism.inputs
+        if not len(inputs):
+            return "nothing in the mechanism is random"
+        if isinstance(self.control, uqmbd.Propagator) and (found := self.control.obstacle(study)):
+            return f"its control {self.control.name!r}: {found}"
+        return obstacle_of(inputs) if self.sobol_indices else None
 
     def propagate(self, problem: uqmbd.Problem) -> xr.DataTree:
         """Sample, compute, and summarise."""
-        if not len(problem.inputs):
-            raise uqmbd.StudyError(
-                f"{problem.label}: nothing in mechanism {problem.mechanism!r} is random; "
-                "declare a uqmbd.RandomVariable, or use uqmbd.simulate."
-            )
+        self._check_problem(problem)
         sizes = replicate_sizes(self.sampling, self.samples, self.replicates)
-        values = problem.inputs.from_uniform(uniform_samples(self.sampling, sizes, len(problem.inputs), self.seed))
-        found = gather(problem, values, sizes, self.keep)
+        uniform = uniform_samples(self.sampling, sizes, len(problem.inputs), self.seed)
+        surrogate = None if self.control is None else surrogate_of(self.control, problem)
+        sums = None if surrogate is None else ControlledSums(surrogate.chaos, uniform)
+        values = problem.inputs.from_uniform(uniform)
+        found = gather(problem, values, sizes, self.keep, None if sums is None else sums.add)
         if found.failures > self.max_failures * self.samples or found.moments.count < 2:
             raise uqmbd.IntegrationError(
                 f"{problem.label}: {found.failures} of {self.samples} samples failed, more than "
@@ -100,6 +155,33 @@ class MonteCarlo(uqmbd.Propagator):
             )
         kept = found.kept
         samples = sample_dataset(kept.response, kept.values, problem.labels, status=kept.status, messages=kept.messages)
+        statistics = self._statistics(samples, found)
+        if sums is not None:
+            statistics = sums.apply(statistics)
+        sobol = run_sobol(problem, kept, self.seed, self.max_failures) if self.sobol_indices else None
+        if sobol is not None:
+            statistics = statistics.merge(sobol.variables, compat="equals", join="exact")
+        return self._node(problem, statistics, samples, found, surrogate, sobol)
+
+    def _check_problem(self, problem: uqmbd.Problem) -> None:
+        if not len(problem.inputs):
+            raise uqmbd.StudyError(
+                f"{problem.label}: nothing in mechanism {problem.mechanism!r} is random; "
+                "declare a uqmbd.RandomVariable, or use uqmbd.simulate."
+            )
+        if not self.sobol_indices:
+            return
+        if obstacle := obstacle_of(problem.inputs):
+            raise uqmbd.StudyError(f"{problem.label}: sobol_indices cannot be estimated: {obstacle}.")
+        total = self.samples // 2 * (len(problem.inputs) + 2)
+        if total > self.keep:
+            raise uqmbd.StudyError(
+                f"{problem.label}: sobol_indices with samples={self.samples} keeps {total} realisations in memory "
+                f"({self.samples // 2} rows of {len(problem.inputs)} + 2), more than keep={self.keep} allows; "
+                "take fewer samples, or a larger keep."
+            )
+
+    def _statistics(self, samples: xr.Dataset, found: Gathered) -> xr.Dataset:
         statistics = statistics_of_samples(samples)
         if self.samples > self.keep:
             for name, value in found.moments.statistics().items():
@@ -109,19 +191,62 @@ class MonteCarlo(uqmbd.Propagator):
             errors = replicate_errors(found.replicates)
             for name, error in zip(("std_error_mean", "std_error_std"), errors, strict=True):
                 statistics[name] = statistics[name].copy(data=error)
+        return statistics
+
+    def _node(
+        self,
+        problem: uqmbd.Problem,
+        statistics: xr.Dataset,
+        samples: xr.Dataset,
+        found: Gathered,
+        surrogate: Surrogate | None,
+        sobol: SobolRun | None,
+    ) -> xr.DataTree:
+        attrs: dict[str, Any] = {}
+        realisations, failures, wall_time = self.samples, found.failures, found.wall_time
+        counters = Counter(found.counters)
+        if surrogate is not None:
+            attrs |= {"control_realisations": surrogate.realisations, "control_failures": surrogate.failures}
+            attrs["control_summary"] = _gain(statistics, surrogate)
+            realisations += surrogate.realisations
+            failures += surrogate.failures
+            wall_time += surrogate.wall_time
+            counters.update(surrogate.counters)
+        if sobol is not None:
+            attrs |= {"sobol_rows": sobol.rows, "sobol_rows_dropped": sobol.dropped, "sobol_summary": sobol.words}
+            realisations += len(sobol.mixed.status)
+            failures += sobol.failures
+            wall_time += sobol.mixed.wall_time
+            counters.update(sobol.mixed.counters)
+        if self.samples > self.keep or failures > found.failures:
+            # failures are not only those of the kept samples
+            attrs |= {"failures": failures, "samples_kept": min(self.keep, self.samples)}
+        if found.file:
+            attrs["all_samples"] = found.file
         return problem.node(
             self,
             statistics,
             samples,
-            realisations=self.samples,
-            wall_time=found.wall_time,
-            counters=found.counters,
-            attrs=self._about_the_kept(found),
+            realisations=realisations,
+            wall_time=wall_time,
+            counters=dict(counters),
+            attrs=attrs,
         )
 
-    def _about_the_kept(self, found: Gathered) -> dict[str, str | int]:
-        """Say how the kept samples stand to all of them, where they are not the same."""
-        if self.samples <= self.keep:
-            return {}
-        file = {"all_samples": found.file} if found.file else {}
-        return {"failures": found.failures, "samples_kept": self.keep, **file}
+
+def _gain(statistics: xr.Dataset, surrogate: Surrogate) -> str:
+    """Say in words what the control brought."""
+    varies = (statistics["variance_reduction"] != 1.0).values
+    parts = []
+    for name, words in (("variance_reduction", "mean"), ("variance_reduction_std", "standard deviation")):
+        values = np.where(varies, statistics[name].values, np.nan)
+        if not varies.any():
+            return "no output varies: nothing to control"
+        worst = np.unravel_index(int(np.nanargmin(values)), values.shape)
+        where = f"{statistics['output'].values[worst[0]]} at {statistics['time'].values[worst[1]]:g} s"
+        parts.append(
+            f"variance of the {words} divided by {np.nanmedian(values):.3g} (median over outputs and times; least "
+            f"{values[worst]:.3g}, of {where})"
+        )
+    cost = f"{surrogate.realisations} realisations for the surrogate" if surrogate.realisations else "a given surrogate"
+    return f"control variate with {cost}: {', '.join(parts)}"

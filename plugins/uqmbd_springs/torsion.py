@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-import sympy
-
 import uqmbd
+from uqmbd_springs.turning import turning
 
 __all__ = ["TorsionSpringDamper"]
 
@@ -40,18 +39,7 @@ class TorsionSpringDamper(uqmbd.Component):
 
     def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.Auxiliary | uqmbd.Potential | uqmbd.VirtualWork]:
         """Yield the counted angle, energy and dissipation."""
-        i, j = p.body_i, p.body_j
-        rate = j.angular_velocity - i.angular_velocity
-        if p.space.dimension == 3:
-            rate = rate.dot(i.direction(p.axis_i))
-            r = uqmbd.relative_quaternion(i.attitude(p.frame_i), j.attitude(p.frame_j))
-            start = 2 * sympy.Piecewise((sympy.atan2(r[3], r[0]), r[0] >= 0), (sympy.atan2(-r[3], -r[0]), True))
-        else:
-            rate = rate[0]
-            r = uqmbd.relative_quaternion(i.quaternion, j.quaternion)
-            start = 2 * sympy.atan2(r[1], r[0])
-            # the pair of half angles knows two turns; the drawing tells which ones are meant
-            start += 4 * sympy.pi * sympy.floor((p.drawn - start) / (4 * sympy.pi) + sympy.Rational(1, 2))
+        rate, start = turning(p)
         if p.stiffness != 0:
             angle = p.state("angle")
             yield uqmbd.Auxiliary(angle, rate, start)

@@ -1,0 +1,76 @@
+"""Means and products of several variables, gathered chunk by chunk."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["JointMoments"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class JointMoments:
+    """Number, means and central products of samples of V variables; two of them merge into that of all samples.
+
+    Attributes
+    ----------
+    count : int
+        Number of samples.
+    mean : array, shape (V, C)
+        Means, in each of C columns.
+    products : array, shape (V, V, C)
+        Sums of products of the differences from the means.
+
+    References
+    ----------
+    P. Pebay, Formulas for robust, one-pass parallel computation of covariances and arbitrary-order statistical
+    moments, Sandia report SAND2008-6212 (2008).
+
+    Examples
+    --------
+    >>> x = np.array([[1.0, 2.0], [3.0, 3.0], [5.0, 4.0]])[:, :, None]
+    >>> merged = JointMoments.of(x[:1]).merge(JointMoments.of(x[1:]))
+    >>> merged.count, merged.mean[:, 0].tolist(), merged.products[:, :, 0].tolist()
+    (3, [3.0, 3.0], [[8.0, 4.0], [4.0, 2.0]])
+    """
+
+    count: int
+    mean: Array
+    products: Array
+
+    @classmethod
+    def of(cls, samples: Array) -> JointMoments:
+        """Gather samples, shape (S, V, C); S may be zero."""
+        _, width, columns = samples.shape
+        products = np.zeros((width, width, columns))
+        if not len(samples):
+            return cls(0, np.zeros((width, columns)), products)
+        mean = samples.mean(axis=0)
+        d = samples - mean
+        for i in range(width):
+            for j in range(i + 1):
+                products[i, j] = products[j, i] = np.einsum("sc,sc->c", d[:, i], d[:, j])
+        return cls(len(samples), mean, products)
+
+    def empty(self) -> JointMoments:
+        """Return that of no samples."""
+        return JointMoments(0, np.zeros_like(self.mean), np.zeros_like(self.products))
+
+    def merge(self, other: JointMoments) -> JointMoments:
+        """Gather the samples of both."""
+        if not self.count or not other.count:
+            return other if not self.count else self
+        n = self.count + other.count
+        d = other.mean - self.mean
+        products = self.products + other.products + d[:, None] * d * (self.count * other.count / n)
+        return JointMoments(n, self.mean + d * (other.count / n), products)
+
+    def transformed(self, matrix: Array) -> JointMoments:
+        """Return the moments of N linear combinations of the variables, given by a matrix (N, V, C)."""
+        left = np.einsum("nvc,vwc->nwc", matrix, self.products)
+        products = np.einsum("nwc,mwc->nmc", left, matrix)
+        return JointMoments(self.count, np.einsum("nvc,vc->nc", matrix, self.mean), products)

@@ -1,0 +1,90 @@
+"""The bushing: an elastic, damped connection in all directions."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import sympy
+
+import uqmbd
+
+__all__ = ["Bushing"]
+
+
+class Bushing(uqmbd.Component):
+    """Forces and moments linear in the relative displacement, rotation and their rates, in the frame of body i.
+
+    The rotation is that from the drawn relative attitude, as twice the vector part of the relative quaternion: the
+    rotation vector, where it is small.  With a matrix in which translation and rotation are coupled the displacement
+    comes first.
+
+    Examples
+    --------
+    >>> Bushing.signature()
+    '(name, body_i, body_j, point_i, point_j, stiffness, damping=0)'
+    """
+
+    spaces = (uqmbd.Spatial, uqmbd.Planar)
+    point_i = uqmbd.Parameter("m", "where there is no force, frame of body i", kind="point")
+    point_j = uqmbd.Parameter("m", "the same point, frame of body j", kind="point")
+    stiffness = uqmbd.Parameter(
+        "N/m, N m/rad", "diagonal (3 + 3 numbers, in the plane 2 + 1) or symmetric matrix", kind="option", example=2.0
+    )
+    damping = uqmbd.Parameter("N s/m, N m s/rad", "alike; 0: none", kind="option", default=0)
+
+    def prepare(self) -> dict[str, Any]:
+        """Turn both into matrices; take the attitude without moment from the drawing."""
+        turn = self.drawn_quaternion()
+        size = 6 if len(turn) == 4 else 3
+        return {
+            "turn": turn,
+            "k": _matrix("stiffness", self.stiffness, size),
+            "c": _matrix("damping", self.damping, size),
+        }
+
+    def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.Potential | uqmbd.VirtualWork]:
+        """Yield energy and dissipation."""
+        i, j = p.body_i, p.body_j
+        offset, into = j.point(p.point_j) - i.point(p.point_i), i.rotation.T
+        relative = uqmbd.relative_quaternion(i.attitude(p.turn), j.quaternion)
+        # q and -q are one rotation: the sign of the scalar part goes with the vector part
+        angle = 2 * relative[0] * sympy.Matrix(relative[1:])
+        # in the axes of body i, as the displacement
+        if p.space.dimension == 3:
+            axes = (1, 0, 0), (0, 1, 0), (0, 0, 1)
+            angle = into * sum((i.direction(a) * x for a, x in zip(axes, angle, strict=True)), sympy.zeros(3, 1))
+        size = p.space.dimension + len(angle)
+        k, c = (sympy.Matrix(size, size, list(x)) for x in (p.k, p.c))
+        strain = sympy.Matrix([*(into * offset), *angle])
+        yield uqmbd.Potential((strain.T * k * strain)[0] / 2)
+        if any(x != 0 for x in c):
+            spin = j.angular_velocity - i.angular_velocity
+            arm = i.angular_velocity.cross(offset) if p.space.dimension == 3 else i.angular_velocity[0] * _left(offset)
+            speed = into * (j.point_velocity(p.point_j) - i.point_velocity(p.point_i) - arm)
+            rates = sympy.Matrix([*speed, *(into * spin if p.space.dimension == 3 else spin)])
+            yield uqmbd.VirtualWork(-c * rates, rates)
+
+
+def _left(vector: sympy.Matrix) -> sympy.Matrix:
+    """Turn a vector of the plane by a right angle."""
+    return sympy.Matrix([-vector[1], vector[0]])
+
+
+def _matrix(what: str, value: Any, size: int) -> list[Any]:
+    """Entries, row by row, of a matrix given as one number, its diagonal, or all of it."""
+    parts = [sympy.sympify(x) for x in np.asarray(value, dtype=object).ravel()]
+    if len(parts) == 1:
+        parts *= size
+    if len(parts) == size:
+        return [parts[i] if i == j else sympy.Integer(0) for i in range(size) for j in range(size)]
+    if len(parts) != size * size:
+        raise uqmbd.StudyError(
+            f"{what} has {len(parts)} entries; expected one number, {size} (forces, then moments), or a matrix of "
+            f"{size} x {size}."
+        )
+    matrix = sympy.Matrix(size, size, parts)
+    if matrix != matrix.T:
+        raise uqmbd.StudyError(f"{what} is no symmetric matrix; the entries (i, j) and (j, i) must be equal.")
+    return parts

@@ -1,0 +1,92 @@
+"""Springs whose force is any expression of length and rate."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import sympy
+
+import uqmbd
+from uqmbd_springs.turning import turning
+
+__all__ = ["NonlinearSpringDamper", "NonlinearTorsionSpringDamper", "length", "rate"]
+
+length = sympy.Symbol("length", real=True)
+"""Length of a spring (m), or its angle (rad), in a law."""
+
+rate = sympy.Symbol("rate", real=True)
+"""Rate of the length (m/s), or of the angle (rad/s), in a law."""
+
+
+def _coefficients(law: Any) -> list[sympy.Symbol]:
+    """Random variables, time and whatever else a law contains beside length and rate, in a fixed order."""
+    return sorted(sympy.sympify(law).free_symbols - {length, rate}, key=str)
+
+
+def _force(law: Any, values: dict[sympy.Symbol, Any], p: uqmbd.Local) -> sympy.Expr:
+    """Insert length, rate and coefficients into a law."""
+    coefficients = {symbol: getattr(p, f"coefficient_{k}") for k, symbol in enumerate(_coefficients(law))}
+    return sympy.sympify(law).xreplace(coefficients | values)
+
+
+class NonlinearSpringDamper(uqmbd.Component):
+    """A force along the line between two points, by any law of length and rate; positive pulls the points together.
+
+    The law is an expression in ``uqmbd_springs.length`` and ``uqmbd_springs.rate``; random variables and `uqmbd.t` may
+    enter it.
+
+    Examples
+    --------
+    >>> from uqmbd_springs import length
+    >>> NonlinearSpringDamper.signature()
+    '(name, body_i, body_j, point_i, point_j, law)'
+    >>> cubic = 1000 * (length - 0.3) ** 3
+    """
+
+    point_i = uqmbd.Parameter("m", "end, frame of body i", kind="point")
+    point_j = uqmbd.Parameter("m", "end, frame of body j", kind="point")
+    law = uqmbd.Parameter("N", "tension", kind="option", example=3 * (length - 0.4) ** 3 + rate * sympy.Abs(rate) / 5)
+
+    def prepare(self) -> dict[str, Any]:
+        """Give the coefficients of the law to each realisation."""
+        return {f"coefficient_{k}": symbol for k, symbol in enumerate(_coefficients(self.law))}
+
+    def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.VirtualWork]:
+        """Yield its virtual work."""
+        d = p.body_j.point(p.point_j) - p.body_i.point(p.point_i)
+        size = sympy.sqrt(d.dot(d) + sympy.Float(1e-18))
+        speed = d.dot(p.body_j.point_velocity(p.point_j) - p.body_i.point_velocity(p.point_i)) / size
+        yield uqmbd.VirtualWork(-_force(p.law, {length: size, rate: speed}, p), speed)
+
+
+class NonlinearTorsionSpringDamper(uqmbd.Component):
+    """A moment about a common axis of two bodies, by any law of angle (unwrapped) and rate; positive turns it back.
+
+    The law is an expression in ``uqmbd_springs.length``, which stands for the angle, and ``uqmbd_springs.rate``.
+
+    Examples
+    --------
+    >>> NonlinearTorsionSpringDamper.signature()
+    '(name, body_i, body_j, law, axis_i, axis_j)'
+    """
+
+    spaces = (uqmbd.Spatial, uqmbd.Planar)
+    law = uqmbd.Parameter("N m", "moment", kind="option", example=2 * length**3 + rate / 5)
+    axis_i = uqmbd.Parameter("1", "axis, frame of body i (left out in the plane)", kind="turning_axis")
+    axis_j = uqmbd.Parameter("1", "axis, frame of body j (left out in the plane)", kind="turning_axis")
+
+    def prepare(self) -> dict[str, Any]:
+        """Give the coefficients of the law to each realisation; lay a frame on each axis."""
+        found = {f"coefficient_{k}": symbol for k, symbol in enumerate(_coefficients(self.law))}
+        if not self.axis_i:
+            return {**found, "drawn": self.drawn_angle()}
+        frame_i, frame_j = uqmbd.joint_frames(self.axis_i, self.axis_j)
+        return {**found, "frame_i": frame_i, "frame_j": frame_j}
+
+    def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.Auxiliary | uqmbd.VirtualWork]:
+        """Yield the counted angle and the virtual work."""
+        speed, start = turning(p)
+        angle = p.state("angle")
+        yield uqmbd.Auxiliary(angle, speed, start)
+        yield uqmbd.VirtualWork(-_force(p.law, {length: angle, rate: speed}, p), speed)

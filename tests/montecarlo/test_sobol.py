@@ -1,0 +1,211 @@
+"""Sobol' indices by pick-freeze: published values, honest intervals, and what is refused."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+
+import chaospy
+import numpy as np
+import pytest
+import sympy
+import xarray as xr
+
+import uqmbd
+from uqmbd.results import load, save, validate
+from uqmbd_montecarlo import MonteCarlo
+from uqmbd_montecarlo.pickfreeze import pick_freeze
+
+from .conftest import Quadrature, resting
+
+
+def uniform(name: str, low: float, high: float) -> uqmbd.RandomVariable:
+    return uqmbd.RandomVariable(name, chaospy.Uniform(low, high))
+
+
+@pytest.fixture(scope="module")
+def functions() -> uqmbd.Study:
+    """Ishigami's function, Sobol's g-function in the same inputs, and a constant."""
+    x = [uniform(f"x{k}", -np.pi, np.pi) for k in (1, 2, 3)]
+    g = sympy.prod(
+        [
+            (sympy.Abs(4 * (v / (2 * sympy.pi) + sympy.Rational(1, 2)) - 2) + a) / (1 + a)
+            for v, a in zip(x, G, strict=True)
+        ]
+    )
+    ishigami = sympy.sin(x[0]) + 7 * sympy.sin(x[1]) ** 2 + x[2] ** 4 * sympy.sin(x[0]) / 10
+    return resting({"ishigami": ishigami, "g": g, "fixed": None})
+
+
+G = (0, 1, 4.5)
+
+
+def g_function_indices() -> tuple[np.ndarray, np.ndarray]:
+    """A. Saltelli and I. M. Sobol', Reliability Engineering and System Safety 50 (1995) 225-239."""
+    parts = 1 / (3 * (1 + np.array(G)) ** 2)
+    variance = np.prod(1 + parts) - 1
+    totals = [parts[k] * np.prod(np.delete(1 + parts, k)) for k in range(3)]
+    return parts / variance, np.array(totals) / variance
+
+
+def ishigami_indices() -> tuple[np.ndarray, np.ndarray]:
+    """T. Ishigami and T. Homma, ISUMA '90 (1990) 398-403, with a = 7, b = 0.1."""
+    a, b = 7.0, 0.1
+    one, two = 0.5 * (1 + b * np.pi**4 / 5) ** 2, a**2 / 8
+    both = b**2 * np.pi**8 * (1 / 18 - 1 / 50)
+    variance = one + two + both
+    return np.array([one, two, 0.0]) / variance, np.array([one + both, two, both]) / variance
+
+
+def test_published_indices_lie_in_the_intervals(functions: uqmbd.Study) -> None:
+    node = functions.propagate(MonteCarlo(samples=2000, seed=1, sobol_indices=True))
+    validate(node)
+    found = node["statistics"].to_dataset().isel(time=1)
+    assert found["sobol_first_interval"].dims == ("bound", "input", "output")
+    assert found["bound"].values.tolist() == ["lower", "upper"]
+    for output, indices in (("ishigami", ishigami_indices()), ("g", g_function_indices())):
+        for name, exact in zip(("sobol_first", "sobol_total"), indices, strict=True):
+            estimate, ends = (found[n].sel(output=output) for n in (name, f"{name}_interval"))
+            np.testing.assert_allclose(estimate, exact, atol=0.1, err_msg=f"{output} {name}")
+            lower, upper = ends.sel(bound="lower"), ends.sel(bound="upper")
+            assert np.all((lower <= exact + 1e-12) & (exact - 1e-12 <= upper)), (output, name, ends.values)
+            assert np.all((lower <= estimate + 1e-12) & (estimate - 1e-12 <= upper))
+            assert np.all(upper - lower < 0.3)
+    for name in ("sobol_first", "sobol_total", "sobol_first_interval", "sobol_total_interval"):
+        assert np.all(found[name].sel(output="fixed") == 0.0)
+    assert node.attrs["realisations"] == 1000 * (3 + 2)
+    assert (node.attrs["sobol_rows"], node.attrs["sobol_rows_dropped"]) == (1000, 0)
+    assert "1000 rows of 5 realisations" in node.attrs["sobol_summary"]
+
+
+def test_intervals_hold_as_often_as_stated() -> None:
+    """x1 + 2 x2 + x3 / 2 of uniform inputs, and an input that does nothing: shares of the squared slopes."""
+    slopes, rows, repetitions = np.array([1.0, 2.0, 0.5, 0.0]), 100, 400
+    exact = (slopes**2 / np.sum(slopes**2))[:, None]
+    a, b = np.random.default_rng(0).uniform(-1, 1, (2, rows, repetitions, 4))
+    mixed = np.where(np.eye(4, dtype=bool)[:, None, None], b, a)
+    found = pick_freeze(a @ slopes, b @ slopes, mixed @ slopes, np.random.SeedSequence(0))
+    for estimate, ends in ((found.first, found.first_interval), (found.total, found.total_interval)):
+        inside = ((ends[0] <= exact + 1e-12) & (exact - 1e-12 <= ends[1])).mean(axis=1)
+        assert np.all((inside[:3] >= 0.88) & (inside[:3] <= 0.995)), inside
+        assert inside[3] == 1.0  # known exactly: it changes nothing
+        np.testing.assert_allclose(estimate.mean(axis=1, keepdims=True), exact, atol=0.02)
+
+
+def test_mean_and_units_of_a_response_do_not_matter() -> None:
+    generator = np.random.default_rng(0)
+    a, b = generator.normal(size=(2, 300, 1))
+    mixed = generator.normal(size=(2, 300, 1))
+    one = pick_freeze(a, b, mixed, np.random.SeedSequence(0))
+    for other in (
+        pick_freeze(1e-200 * a, 1e-200 * b, 1e-200 * mixed, np.random.SeedSequence(0)),
+        pick_freeze(1e5 + a, 1e5 + b, 1e5 + mixed, np.random.SeedSequence(0)),
+    ):
+        np.testing.assert_allclose(other.first, one.first, rtol=1e-8)
+        np.testing.assert_allclose(other.total_interval, one.total_interval, rtol=1e-8)
+
+
+def test_blocks_do_not_matter(monkeypatch: pytest.MonkeyPatch) -> None:
+    from uqmbd_montecarlo import pickfreeze
+
+    generator = np.random.default_rng(0)
+    a, b = generator.normal(size=(2, 50, 3, 7))
+    mixed = generator.normal(size=(2, 50, 3, 7))
+    whole = pick_freeze(a, b, mixed, np.random.SeedSequence(0))
+    monkeypatch.setattr(pickfreeze, "BLOCK_NUMBERS", 1)
+    parts = pick_freeze(a, b, mixed, np.random.SeedSequence(0))
+    assert whole.first_interval.shape == (2, 2, 3, 7)
+    for name in ("first", "total", "first_interval", "total_interval"):
+        np.testing.assert_allclose(getattr(parts, name), getattr(whole, name), rtol=1e-12, atol=1e-14)
+
+
+def test_other_statistics_are_those_without_indices_and_seeds_give_the_same_bits(
+    functions: uqmbd.Study, tmp_path
+) -> None:
+    plain = functions.propagate(MonteCarlo(samples=64, seed=3))["statistics"].to_dataset()
+    study = functions.with_propagators([MonteCarlo(samples=64, seed=3, sobol_indices=True)])
+    with ThreadPoolExecutor(2) as threads:
+        one, two = study.run(), study.run(threads)
+    statistics = one["monte-carlo/statistics"].to_dataset()
+    xr.testing.assert_identical(statistics, two["monte-carlo/statistics"].to_dataset())
+    for name in plain.data_vars:
+        xr.testing.assert_identical(statistics[name].drop_vars("input", errors="ignore"), plain[name])
+    save(one, tmp_path / "results.nc")
+    validate(load(tmp_path / "results.nc"))
+    other = functions.propagate(MonteCarlo(samples=64, seed=4, sobol_indices=True))["statistics"]
+    assert not np.array_equal(other["sobol_first"], statistics["sobol_first"])
+
+
+def test_indices_with_a_control(functions: uqmbd.Study) -> None:
+    method = MonteCarlo(samples=100, seed=3, sobol_indices=True, control=Quadrature(order=2, nodes=3))
+    node = functions.propagate(method)
+    validate(node)
+    assert node.attrs["realisations"] == 27 + 50 * 5
+    alone = functions.propagate(MonteCarlo(samples=100, seed=3, sobol_indices=True))
+    xr.testing.assert_identical(node["statistics"]["sobol_total"], alone["statistics"]["sobol_total"])
+
+
+def test_falling_stone_of_random_speed_and_height() -> None:
+    """y = h + v t: the share of the speed grows with time, in closed form; at the start the height is everything."""
+    height = uqmbd.RandomVariable("height", chaospy.Normal(10, 0.5), units="m")
+    speed = uqmbd.RandomVariable("speed", chaospy.Normal(3, 0.5), units="m/s")
+    mechanism = uqmbd.Mechanism("fall", uqmbd.Translational(gravity=(0, -9.81)))
+    stone = mechanism.body("stone", mass=1, position=(0, height), velocity=(0, speed))
+    mechanism.output("y", stone.position[1], units="m")
+    study = uqmbd.Study("fall", mechanism, [0.0, 1.0, 2.0])
+    found = study.propagate(MonteCarlo(samples=600, seed=1, sobol_indices=True))["statistics"].isel(output=0)
+    exact = np.array([[1.0, 0.5, 0.2], [0.0, 0.5, 0.8]])
+    np.testing.assert_allclose(found["sobol_first"], exact, atol=0.1)
+    np.testing.assert_allclose(found["sobol_first"][:, 0], exact[:, 0], atol=1e-12)
+    for name in ("sobol_first", "sobol_total"):
+        lower, upper = found[f"{name}_interval"]
+        assert np.all((lower <= exact + 1e-9) & (exact - 1e-9 <= upper))
+
+
+def test_rows_with_a_failure_are_left_out() -> None:
+    """An output that is not a number where an input is large: the other rows still give the indices of the rest."""
+    a, b = uniform("a", 0, 1), uniform("b", 0, 1)
+    study = resting({"y": sympy.sqrt(sympy.Rational(95, 100) - a) + b})
+    node = study.propagate(MonteCarlo(samples=400, seed=1, sobol_indices=True))
+    validate(node)
+    dropped = node.attrs["sobol_rows_dropped"]
+    # a row has three draws of a beyond 0.95: those of A and B, which the mixed ones share
+    assert 5 < dropped < 40
+    assert node.attrs["sobol_rows"] == 200 - dropped
+    assert f"{dropped} further rows" in node.attrs["sobol_summary"]
+    kept = int((node["samples/status"] != 0).sum())
+    assert node.attrs["failures"] > kept > 0
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"sobol_indices": 100}, ["sobol_indices is 100", "True or False"]),
+        ({"sobol_indices": True, "samples": 51}, ["samples is 51", "even"]),
+        ({"sobol_indices": True, "sampling": "sobol", "samples": 512}, ["sobol_indices", "'sobol'", "'random'"]),
+    ],
+)
+def test_bad_options_are_explained(options: dict, words: list[str]) -> None:
+    with pytest.raises(uqmbd.StudyError) as caught:
+        MonteCarlo(**options)
+    for word in words:
+        assert word in str(caught.value)
+
+
+def test_dependent_inputs_are_refused_and_independent_vectors_not() -> None:
+    method = MonteCarlo(samples=20, sobol_indices=True)
+    k, c = uqmbd.random_vector(["k", "c"], chaospy.MvNormal([10, 1], [[1, 0.05], [0.05, 0.01]]))
+    study = resting({"y": k + c})
+    with pytest.raises(uqmbd.StudyError, match="'[kc]' and '[kc]' depend on each other.*Collocation"):
+        study.propagate(method)
+    assert "depend on each other" in method.obstacle(study)
+    a, b = uqmbd.random_vector(["a", "b"], chaospy.J(chaospy.Normal(0, 1), chaospy.Uniform(0, 1)))
+    independent = resting({"y": a + b})
+    assert method.obstacle(independent) is None
+    assert "sobol_first" in independent.propagate(method)["statistics"]
+
+
+def test_more_realisations_than_are_kept_are_refused(functions: uqmbd.Study) -> None:
+    with pytest.raises(
+        uqmbd.StudyError, match=r"keeps 250 realisations in memory .50 rows of 3 \+ 2., more than keep=200"
+    ):
+        functions.propagate(MonteCarlo(samples=100, keep=200, sobol_indices=True))
