@@ -198,6 +198,15 @@ def _breaks(instances: list[Instance]) -> list[sympy.Expr]:
     return found
 
 
+def _corners(instance: Instance) -> bool:
+    """Whether forces of an instance have corners that depend on its state, not on time alone."""
+    block = instance.type
+    kinds = (sympy.Piecewise, sympy.Max, sympy.Min, sympy.Abs, sympy.sign, sympy.Heaviside)
+    parts = [block.kinetic, block.potential, *block.constraints, *block.rates, *(x for w in block.work for x in w)]
+    corners = [x for e in parts if e.has(*kinds) for x in e.atoms(*kinds)]
+    return any(s.name[:2] in ("_q", "_v", "_s") for x in corners for s in x.free_symbols)
+
+
 def build(mechanism: Mechanism, time: float = 0.0, *, fuse: bool | None = None) -> Model:
     """Make the complete model of a mechanism.
 
@@ -253,6 +262,7 @@ def build(mechanism: Mechanism, time: float = 0.0, *, fuse: bool | None = None) 
     )
     model = replace(
         model,
+        rough=any(_corners(i) for i in instances),
         digest=_digest(mechanism, instances),
         evaluators=evaluators,
         outputs=outputs,

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from uqmbd.dynamics.ensemble import Ensemble
 from uqmbd.dynamics.index1 import System, excess
-from uqmbd.dynamics.lockstep import LockStep, Out
+from uqmbd.dynamics.lockstep import LockStep, Out, longest_step
 from uqmbd.dynamics.trajectories import Counters, Solved
 
 __all__ = ["integrate_by_dop853"]
@@ -58,9 +58,10 @@ def integrate_by_dop853(ensemble: Ensemble, members: Index, times: Array, rtol: 
         part = todo.pop(0)
         some = ensemble.select(members[part])
         start, equations = some.start, _Equations(some)
+        longest = longest_step(some.model.rough, times)
         length = np.minimum(1.0, np.maximum(1e-3, np.abs(start.q).max(axis=1, initial=0.0)))
         initial = np.concatenate([start.q, start.s, start.v], axis=1)
-        stack = LockStep(equations, initial, times, some.breaks, rtol, rtol * length[:, None])
+        stack = LockStep(equations, initial, times, some.breaks, rtol, rtol * length[:, None], longest=longest)
         stack.run()
         states[part] = _projected(some, times, stack.result)
         apart = [part[k] for k in sorted(stack.apart)]

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from uqmbd.dynamics.trajectories import stops
 
-__all__ = ["Equations", "LockStep", "Out"]
+__all__ = ["Equations", "LockStep", "Out", "longest_step"]
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -121,6 +121,8 @@ class LockStep:
         Absolute tolerance of each row.
     watch : callable, optional
         Asked every twentieth of the output times with the result so far; true: stop.
+    longest : float
+        Longest step, s.
 
     Attributes
     ----------
@@ -143,6 +145,7 @@ class LockStep:
         rtol: float,
         floor: Array,
         watch: Callable[[Array], bool] | None = None,
+        longest: float = np.inf,
     ) -> None:
         self.equations, self.times, self.rtol, self.floor = equations, times, rtol, floor
         self.stops = [*stops(breaks, times).tolist(), float(times[-1])]
@@ -155,6 +158,7 @@ class LockStep:
         self.failed: dict[int, str] = {}
         self.steps = 0
         self.watch, self.watched, self.stopped = watch, 0, False
+        self.longest = longest
         self._allocate()
         self.tableau = _tableau()
         self.scaled = np.empty_like(self.tableau.a)
@@ -190,7 +194,7 @@ class LockStep:
         size = min(size or self._first_size(now, end), end - begin)
         wanted, attempts, rejected = size, 0, False
         while now < end - eps and len(self.members) and not self.stopped:
-            size = min(wanted, end - now)
+            size = min(wanted, end - now, self.longest)
             if now + size > end - 0.1 * size:  # no tiny last step
                 size = end - now
             attempts += 1
@@ -342,3 +346,8 @@ class LockStep:
             f"the integration stopped at t = {now:.6g} s: the step size fell to {size:.1g} s; probably a singular "
             "pose, a stop or an impact, or a force that jumps"
         )
+
+
+def longest_step(rough: bool, times: Array) -> float:
+    """Longest step for forces with corners: as between output times, of which nobody expects to see less."""
+    return float(np.diff(times).max()) if rough else np.inf

@@ -151,6 +151,8 @@ class Model:
     breaks: Index
     positive: tuple[tuple[str, int], ...]
     evaluators: dict[str, Evaluator] = field(repr=False)
+    rough: bool = False
+    """Whether a force has corners in the state (contact, stops, friction): long steps could step over them."""
     digest: str = ""
     """Hash of all equations, parameters and outputs, as symbols."""
     outputs: Any = field(default=None, repr=False)
