@@ -29,6 +29,8 @@ _WHERE = {
     "Local": "uqmbd.mechanism",
     "Frame": "uqmbd.mechanism",
     "aligned": "uqmbd.mechanism",
+    "counted_angle": "uqmbd.mechanism",
+    "half_angle": "uqmbd.mechanism",
     "joint_frames": "uqmbd.mechanism",
     "nominal": "uqmbd.mechanism",
     "quaternion_product": "uqmbd.mechanism",
@@ -50,12 +52,16 @@ _WHERE = {
     "smolyak": "uqmbd.randomness",
     "sparse_rule": "uqmbd.randomness",
     "simulate": "uqmbd.propagation",
+    "static_equilibrium": "uqmbd.propagation",
+    "eigenfrequencies": "uqmbd.propagation",
     "check": "uqmbd.dynamics",
     "Counters": "uqmbd.dynamics",
     "Ensemble": "uqmbd.dynamics",
+    "MechanismTerms": "uqmbd.dynamics",
     "ProjectedEnsemble": "uqmbd.dynamics",
     "ProjectedTrajectories": "uqmbd.dynamics",
     "Trajectories": "uqmbd.dynamics",
+    "mechanism_terms": "uqmbd.dynamics",
     "Study": "uqmbd.propagation",
     "Propagator": "uqmbd.propagation",
     "Problem": "uqmbd.propagation",
@@ -74,10 +80,12 @@ _WHERE = {
 if TYPE_CHECKING:
     from uqmbd.dynamics import Counters as Counters
     from uqmbd.dynamics import Ensemble as Ensemble
+    from uqmbd.dynamics import MechanismTerms as MechanismTerms
     from uqmbd.dynamics import ProjectedEnsemble as ProjectedEnsemble
     from uqmbd.dynamics import ProjectedTrajectories as ProjectedTrajectories
     from uqmbd.dynamics import Trajectories as Trajectories
     from uqmbd.dynamics import check as check
+    from uqmbd.dynamics import mechanism_terms as mechanism_terms
     from uqmbd.errors import AssemblyError as AssemblyError
     from uqmbd.errors import IntegrationError as IntegrationError
     from uqmbd.errors import PluginWarning as PluginWarning
@@ -100,6 +108,8 @@ if TYPE_CHECKING:
     from uqmbd.mechanism import Upright as Upright
     from uqmbd.mechanism import VirtualWork as VirtualWork
     from uqmbd.mechanism import aligned as aligned
+    from uqmbd.mechanism import counted_angle as counted_angle
+    from uqmbd.mechanism import half_angle as half_angle
     from uqmbd.mechanism import joint_frames as joint_frames
     from uqmbd.mechanism import nominal as nominal
     from uqmbd.mechanism import perpendiculars as perpendiculars
@@ -114,7 +124,9 @@ if TYPE_CHECKING:
     from uqmbd.propagation import Propagator as Propagator
     from uqmbd.propagation import Realisations as Realisations
     from uqmbd.propagation import Study as Study
+    from uqmbd.propagation import eigenfrequencies as eigenfrequencies
     from uqmbd.propagation import simulate as simulate
+    from uqmbd.propagation import static_equilibrium as static_equilibrium
     from uqmbd.randomness import GermSpace as GermSpace
     from uqmbd.randomness import Quadrature as Quadrature
     from uqmbd.randomness import RandomVariable as RandomVariable

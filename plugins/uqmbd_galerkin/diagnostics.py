@@ -12,7 +12,7 @@ __all__ = ["diagnostics"]
 
 Array = NDArray[np.float64]
 
-SINGULAR_VALUES = 25
+SINGULAR_VALUES = 9
 """Times at which singular values are computed."""
 
 

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 import uqmbd
 from uqmbd.results import PolynomialChaos
 from uqmbd_galerkin.diagnostics import diagnostics
-from uqmbd_galerkin.verification import Verification
+from uqmbd_galerkin.ending import finished, padded, warn
+from uqmbd_galerkin.verification import Verification, horizons
 
 __all__ = ["Galerkin"]
 
@@ -24,9 +25,6 @@ Index = NDArray[np.int64]
 Terms = Literal["total", "tensor", "hyperbolic"]
 Rule = Literal["gauss", "smolyak", "sobol", "halton", "random"]
 LinearSolver = Literal["auto", "dense", "sparse", "krylov-nodal", "krylov-mean"]
-
-DOUBTFUL = 0.1
-"""Stated error, over the standard deviation, from which a result is not given without a warning."""
 
 MOST_NODES = 20_000
 """Nodes beyond which the coupled problem is not set up."""
@@ -64,7 +62,8 @@ class Galerkin(uqmbd.Propagator):
     verify : int
         Realisations at points that no node uses, from which the error is stated; 0: none.
     stop_at : float, optional
-        Stated error, over the standard deviation, at which the run ends instead of going on.
+        Stated error, over the standard deviation, at which the run ends instead of going on; results up to that horizon
+        are kept, and the attribute ``ends_at`` says where they end.
     seed : int
         Of the verification points, and of a rule of samples.
     label : str, optional
@@ -113,6 +112,15 @@ class Galerkin(uqmbd.Propagator):
                 raise uqmbd.StudyError(f"Galerkin: {name} is {getattr(self, name)!r}; expected one of {listed}.")
         if isinstance(self.nodes, (int, np.integer)):
             object.__setattr__(self, "nodes", (int(self.nodes),))
+        if self.nodes is not None:
+            given: Any = self.nodes if isinstance(self.nodes, (tuple, list)) else (None,)
+            if not given or not all(isinstance(x, (int, np.integer)) and x > 0 for x in given):
+                raise uqmbd.StudyError(
+                    f"Galerkin: nodes is {self.nodes!r}; expected a number of Gauss nodes above 0, or one per input."
+                )
+            object.__setattr__(self, "nodes", tuple(int(x) for x in given))
+        if self.samples is not None and not (isinstance(self.samples, (int, np.integer)) and self.samples > 0):
+            raise uqmbd.StudyError(f"Galerkin: samples is {self.samples!r}; expected a whole number above 0.")
         if self.nodes is not None and self.rule != "gauss":
             raise uqmbd.StudyError(f"Galerkin: nodes is for rule='gauss'; for rule={self.rule!r} give samples.")
         if self.rule != "gauss" and self.samples is None:
@@ -125,13 +133,19 @@ class Galerkin(uqmbd.Propagator):
             )
 
     def obstacle(self, study: uqmbd.Study) -> str | None:
-        """Say what is in the way: nothing random, or a distribution without moments."""
+        """Say what is in the way: nothing random, a distribution without moments, a rule that does not fit, no pose."""
         if not len(study.mechanism.inputs):
             return "nothing in the mechanism is random"
         try:
-            uqmbd.GermSpace.of(study.mechanism.inputs, self.transform)
-        except uqmbd.StudyError as error:
-            return str(error)
+            space = uqmbd.GermSpace.of(study.mechanism.inputs, self.transform)
+            terms = self._terms(space)
+            rule = self._quadrature(self.node_name, space, terms)
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", uqmbd.RedundantConstraintWarning)
+                ensemble = study.problem(self).ensemble(space.to_inputs(rule.nodes))
+            self._projected(self.node_name, ensemble, space, terms, rule)
+        except (uqmbd.StudyError, uqmbd.AssemblyError) as error:
+            return str(error).removeprefix(f"{self.node_name}: ")
         return None
 
     def propagate(self, problem: uqmbd.Problem) -> xr.DataTree:
@@ -149,8 +163,10 @@ class Galerkin(uqmbd.Propagator):
             return self._propagate(problem, space, begin)
 
     def _propagate(self, problem: uqmbd.Problem, space: uqmbd.GermSpace, begin: float) -> xr.DataTree:
-        terms = uqmbd.index_set(space.dimension, self.order, self.index_set, self.weights)
+        terms = self._terms(space)
         rule = self._quadrature(problem.label, space, terms)
+        ensemble = problem.ensemble(space.to_inputs(rule.nodes))
+        projected = self._projected(problem.label, ensemble, space, terms, rule)
         verification = Verification(problem, space, self.verify, self.seed)
         if verification.failures:
             warnings.warn(
@@ -159,14 +175,6 @@ class Galerkin(uqmbd.Propagator):
                 f"over all of it means little. Truncate the distributions. Reason: {verification.reason}",
                 stacklevel=3,
             )
-        ensemble = problem.ensemble(space.to_inputs(rule.nodes))
-        try:
-            projected = uqmbd.ProjectedEnsemble(ensemble, space.evaluate(rule.nodes, terms), rule.weights)
-        except uqmbd.AssemblyError as error:
-            raise uqmbd.AssemblyError(
-                f"{problem.label}: {error} An expansion needs a motion at every node: truncate the distributions, or "
-                "use Monte Carlo, which counts such samples."
-            ) from None
 
         def respond(coefficients: Array, count: int) -> PolynomialChaos:
             nodal = projected.nodal(coefficients[:, :count])
@@ -174,10 +182,9 @@ class Galerkin(uqmbd.Propagator):
             return verification.chaos(projected.project(response), terms, count)
 
         def watch(coefficients: Array) -> bool:
-            count = _finished(coefficients)
-            error = respond(coefficients, count).verification_error()[:, -1]
-            return bool((error > self.stop_at).any())
+            return bool(horizons(respond(coefficients, finished(coefficients)), limit, problem.rtol))
 
+        limit = self.stop_at or np.inf
         problem.progress.start(problem.label, 1)
         found = projected.integrate(
             problem.times,
@@ -186,24 +193,29 @@ class Galerkin(uqmbd.Propagator):
             self.linear_solver,
             watch if self.stop_at is not None else None,
         )
-        count = _finished(found.coefficients)
+        count = finished(found.coefficients)
         chaos = respond(found.coefficients, count)
+        stopped = horizons(chaos, limit, problem.rtol)
+        if stopped:
+            # up to the horizon, and not beyond
+            count = max(1, int(np.searchsorted(problem.times, min(stopped.values()))))
+            chaos = respond(found.coefficients, count)
+        wall_time = clock.perf_counter() - begin
         problem.progress.finish(problem.label)
-        self._warn(problem, chaos, found.message, count)
+        warn(problem, chaos, found.message, stopped, self.order, self.stop_at)
         children = {
             "chaos": chaos.to_dataset(),
             "diagnostics": diagnostics(projected, problem.times[:count], found.coefficients[:, :count], terms),
         }
-        failures = {"failures": verification.failures}
         return problem.node(
             self,
-            _padded(chaos.statistics(), problem.times),
+            padded(chaos.statistics(), problem.times),
             realisations=len(rule) + self.verify,
-            wall_time=clock.perf_counter() - begin,
+            wall_time=wall_time,
             counters=found.counters,
             children=children,
             attrs={
-                **failures,
+                "failures": verification.failures,
                 "terms": len(terms),
                 "nodes": len(rule),
                 "unknowns": projected.unknowns,
@@ -215,12 +227,34 @@ class Galerkin(uqmbd.Propagator):
             },
         )
 
+    def _terms(self, space: uqmbd.GermSpace) -> Index:
+        """Index set, without degrees that a germ of few values does not have: below them its basis is complete."""
+        terms = uqmbd.index_set(space.dimension, self.order, self.index_set, self.weights)
+        highest = [self.order if germ.values is None else germ.values - 1 for germ in space.germs]
+        return np.asarray(terms[(terms <= highest).all(axis=1)])
+
+    def _projected(
+        self, label: str, ensemble: uqmbd.Ensemble, space: uqmbd.GermSpace, terms: Index, rule: uqmbd.Quadrature
+    ) -> uqmbd.ProjectedEnsemble:
+        try:
+            return uqmbd.ProjectedEnsemble(ensemble, space.evaluate(rule.nodes, terms), rule.weights)
+        except uqmbd.AssemblyError as error:
+            raise uqmbd.AssemblyError(
+                f"{label}: {error} An expansion needs a motion at every node: truncate the distributions, or "
+                "use Monte Carlo, which counts such samples."
+            ) from None
+
     def _quadrature(self, label: str, space: uqmbd.GermSpace, terms: Index) -> uqmbd.Quadrature:
         if self.rule == "gauss":
             given = self.nodes or (self.order + 1,)
             counts: Any = given[0] if len(given) == 1 else given
             if self.nodes is None:
                 counts = [min(self.order + 1, germ.values or self.order + 1) for germ in space.germs]
+            if len(given) not in (1, space.dimension):
+                raise uqmbd.StudyError(
+                    f"{label}: nodes has {len(given)} numbers for {space.dimension} inputs ({', '.join(space.names)}); "
+                    "give one for each, or one for all."
+                )
             total = int(np.prod(np.broadcast_to(counts, space.dimension), dtype=object))
             if total > MOST_NODES:
                 raise uqmbd.StudyError(
@@ -244,49 +278,3 @@ class Galerkin(uqmbd.Propagator):
                 f"products are wrong by {wrong:.2g}); use more nodes, or a lower order."
             )
         return rule
-
-    def _warn(self, problem: uqmbd.Problem, chaos: PolynomialChaos, message: str, count: int) -> None:
-        """Say where the result must not be trusted."""
-        times, label = problem.times, problem.label
-        remedy = "raise the order, use collocation with elements or Monte Carlo, or study a shorter time"
-        if message:
-            warnings.warn(
-                f"{label}: the projected motion ended at t = {times[count - 1]:.6g} s of {times[-1]:g} s; results are "
-                f"given up to there. {message} The expansion of order {self.order} may have stopped being valid: "
-                f"{remedy}.",
-                stacklevel=4,
-            )
-        elif count < len(times):
-            warnings.warn(
-                f"{label}: stopped at t = {times[count - 1]:.6g} s of {times[-1]:g} s, where the stated error passed "
-                f"stop_at = {self.stop_at:g}; results are given up to there. To go further, {remedy}.",
-                stacklevel=4,
-            )
-        if chaos.verification_germs is None:
-            return
-        # what varies by the tolerance of the integration only has no error worth a word
-        noise = 100 * problem.rtol * np.abs(chaos.mean).max(axis=1)
-        quiet = {o.name for o, x, n in zip(problem.labels.outputs, chaos.std.max(axis=1), noise, strict=True) if x <= n}
-        horizon = {name: t for name, t in chaos.horizon(DOUBTFUL).items() if t is not None and name not in quiet}
-        for name, t in horizon.items():
-            warnings.warn(
-                f"{label}: the error of {name!r} passes {DOUBTFUL:.0%} of its standard deviation at t = {t:.6g} s; do "
-                f"not trust it from there on: {remedy}.",
-                stacklevel=4,
-            )
-
-
-def _finished(coefficients: Array) -> int:
-    """How many times are computed."""
-    good = np.isfinite(coefficients).all(axis=(0, 2))
-    return int(np.argmin(good)) if not good.all() else len(good)
-
-
-def _padded(statistics: xr.Dataset, times: Array) -> xr.Dataset:
-    """Statistics at all times, NaN where the motion had ended."""
-    if len(statistics["time"]) == len(times):
-        return statistics
-    attrs = statistics["time"].attrs
-    found = statistics.reindex(time=times)
-    found["time"].attrs.update(attrs)
-    return found

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 import uqmbd
 from uqmbd.results import PolynomialChaos
 
-__all__ = ["Verification", "verification_points"]
+__all__ = ["Verification", "horizons", "verification_points"]
 
 Array = NDArray[np.float64]
 
@@ -24,6 +24,37 @@ def verification_points(space: uqmbd.GermSpace, count: int, seed: int) -> Array:
         return np.zeros((0, space.dimension))
     mixed = int(np.random.SeedSequence([seed, STREAM]).generate_state(1)[0])
     return np.asarray(uqmbd.monte_carlo_rule(space, count, mixed, "sobol").nodes)
+
+
+def horizons(chaos: PolynomialChaos, limit: float, rtol: float) -> dict[str, float]:
+    """Find the first time at which the stated error of an output exceeds a limit; outputs that never do are left out.
+
+    An output that varies by no more than the tolerance of the integration has no error worth a word.
+
+    Parameters
+    ----------
+    chaos : uqmbd.results.PolynomialChaos
+        Without verification data nothing is known, and nothing found.
+    limit : float
+        Over the standard deviation.
+    rtol : float
+        Relative tolerance of the integration.
+
+    Returns
+    -------
+    dict of str to float
+        Times in s by the name of the output.
+    """
+    response = chaos.verification_response
+    if response is None:
+        return {}
+    outputs = chaos.labels.outputs
+    size = np.abs(chaos.mean).max(axis=1)
+    alike = np.array([size[[o.units == other.units for other in outputs]].max() for o in outputs])
+    spread = np.maximum(chaos.std, response.std(axis=0)).max(axis=1)
+    loud = spread > rtol * np.maximum(100 * size, alike)
+    found = chaos.horizon(limit)
+    return {o.name: t for o, some in zip(outputs, loud, strict=True) if some and (t := found[o.name]) is not None}
 
 
 class Verification:

@@ -151,7 +151,9 @@ def timed_callbacks(timers: Timers) -> Iterator[None]:
 
     ida._callbacks, ida._solver = timed_callbacks, Solver
     equations.rate, equations.excess = (timers.wrap(n, f) for n, f in ((EQUATIONS, originals[0]), (STEP, originals[1])))
-    dop853._projected, stack.run = (timers.wrap(n, f) for n, f in ((POINTS, originals[2]), ("integrator", originals[3])))
+    dop853._projected, stack.run = (
+        timers.wrap(n, f) for n, f in ((POINTS, originals[2]), ("integrator", originals[3]))
+    )
     try:
         yield
     finally:

@@ -1,4 +1,4 @@
-"""The mechanisms of the benchmarks that no study describes: a spherical five-bar.
+"""The mechanisms of the benchmarks that no study describes: a spherical five-bar, and a slider-crank of many inputs.
 
 Four bodies in the arrangement of the Agile Eye: bodies 2 and 3 turn in the ground about x and y, body 1 turns on body 2
 about y, body 4 on body 1 about x, and the z axes of bodies 4 and 3 stay parallel.  All axes meet in the origin, where
@@ -7,14 +7,16 @@ all body frames are; two degrees of freedom.  Small constant torques drive bodie
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import Any
 
-import uqmbd
-from uqmbd_joints import Revolute
-from uqmbd_springs import Torque
+import chaospy
+import sympy
 
-__all__ = ["BODIES", "END", "TORQUES", "five_bar"]
+import uqmbd
+from uqmbd_joints import Parallel1, Prismatic, Revolute
+from uqmbd_springs import Torque, TorsionSpringDamper
+
+__all__ = ["BODIES", "END", "TORQUES", "five_bar", "slider_crank"]
 
 BODIES: dict[str, tuple[float, tuple[float, float, float], tuple[float, ...]]] = {
     "body1": (0.0349, (0.0, -4.87e-4, -0.0121), (1.3413e-5, 1.3830e-5, 4.5815e-6)),
@@ -31,23 +33,6 @@ END = 0.5
 """End of the motion, s."""
 
 
-class ParallelAxes(uqmbd.Component):
-    """Two axes stay parallel: two equations, those of a revolute without its point."""
-
-    axis_i = uqmbd.Parameter("1", "axis, frame of body i", kind="turning_axis")
-    axis_j = uqmbd.Parameter("1", "axis, frame of body j", kind="turning_axis")
-
-    def prepare(self) -> dict[str, Any]:
-        """Lay a frame on each axis."""
-        frame_i, frame_j = uqmbd.joint_frames(self.axis_i, self.axis_j)
-        return {"frame_i": frame_i, "frame_j": frame_j}
-
-    def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.Constraint]:
-        """Yield the geometry."""
-        relative = uqmbd.relative_quaternion(p.body_i.attitude(p.frame_i), p.body_j.attitude(p.frame_j))
-        yield uqmbd.Constraint(relative[1:3], "axis")
-
-
 def five_bar() -> uqmbd.Mechanism:
     """Make the five-bar for uqmbd; its outputs are the direction of the z axis of body 1."""
     mechanism = uqmbd.Mechanism("five_bar", uqmbd.Spatial(gravity=(0, 0, 0)))
@@ -62,9 +47,41 @@ def five_bar() -> uqmbd.Mechanism:
     revolute("ground-3", ground, body["body3"], y)
     revolute("2-1", body["body2"], body["body1"], y)
     revolute("1-4", body["body1"], body["body4"], x)
-    mechanism.add(ParallelAxes("4-3", body["body4"], body["body3"], axis_i=z, axis_j=z))
+    mechanism.add(Parallel1("4-3", body["body4"], body["body3"], axis_i=z, axis_j=z))
     mechanism.add(Torque("torque2", body["body2"], torque=(TORQUES[0], 0, 0)))
     mechanism.add(Torque("torque3", body["body3"], torque=(0, TORQUES[1], 0)))
     for i, letter in enumerate("xyz"):
         mechanism.output(f"camera_{letter}", body["body1"].rotation[i, 2], units="1")
+    return mechanism
+
+
+def slider_crank(inputs: int) -> uqmbd.Mechanism:
+    """Make the slider-crank of the study, of which two to six numbers are random, normal with 2 %."""
+    values = {"crank_length": 0.15, "rod_length": 0.35, "crank_mass": 0.36, "rod_mass": 0.15, "torque": 0.1}
+    values["damping"] = 0.005
+    units = ("m", "m", "kg", "kg", "N m", "N m s")
+    p: dict[str, Any] = dict(values)
+    for (name, value), unit in list(zip(values.items(), units, strict=True))[:inputs]:
+        p[name] = uqmbd.RandomVariable(name, chaospy.Normal(value, 0.02 * value), units=unit)
+    a, b = p["crank_length"], p["rod_length"]
+    pin = a / sympy.sqrt(2)
+    angle = -sympy.asin(pin / b)
+    end = pin + b * sympy.cos(angle)
+    mechanism = uqmbd.Mechanism("slider_crank", uqmbd.Planar(gravity=(0.0, -9.81)))
+    ground, mass = mechanism.ground, p["crank_mass"]
+    crank = mechanism.body(
+        "crank", mass=mass, inertia=mass * a**2 / 12, position=(pin / 2, pin / 2), angle=sympy.pi / 4
+    )
+    mass = p["rod_mass"]
+    rod = mechanism.body("rod", mass=mass, inertia=mass * b**2 / 12, position=((pin + end) / 2, pin / 2), angle=angle)
+    slider = mechanism.body("slider", mass=0.10, inertia=1e-4, position=(end, 0))
+    mechanism.add(Revolute("crank_bearing", ground, crank, point_i=(0, 0), point_j=(-a / 2, 0)))
+    mechanism.add(Revolute("crank_pin", crank, rod, point_i=(a / 2, 0), point_j=(-b / 2, 0)))
+    wrist = mechanism.add(Revolute("piston_pin", rod, slider, point_i=(b / 2, 0), point_j=(0, 0)))
+    mechanism.add(Prismatic("guide", ground, slider, point_i=(0, 0), point_j=(0, 0), axis_i=(1, 0), axis_j=(1, 0)))
+    mechanism.add(Torque("drive", crank, torque=p["torque"]))
+    mechanism.add(TorsionSpringDamper("friction", ground, crank, stiffness=0, damping=p["damping"]))
+    mechanism.output("slider_x", slider.position[0], units="m")
+    mechanism.output("crank_angle", crank.angle, units="rad")
+    mechanism.output("pin_force", wrist.reaction_force[0], units="N")
     return mechanism

@@ -76,3 +76,61 @@ def test_one_time_and_no_time() -> None:
         }
         found = results.compare(nodes).sel({"method": "b"})
         assert found["mean_difference_l2"].item() == found["mean_difference_max"].item() == 2.0
+
+
+def _ended(label: str, mean: np.ndarray, count: int) -> xr.DataTree:
+    """Return the node of a method whose results end after so many times."""
+    node = _node(label, mean)
+    whole = node["statistics"].to_dataset()
+    node["statistics"] = xr.DataTree(whole.where(whole["time"] <= TIMES[count - 1]))
+    node.attrs["ends_at"] = float(TIMES[count - 1])
+    return node
+
+
+def test_results_that_end_early_are_compared_as_far_as_they_go() -> None:
+    """Beyond the end of a method there is nothing to compare; the others are compared over the whole time."""
+    nodes = {
+        "early": _ended("early", 0.5 + 0.0 * TIMES, 1001),
+        "whole": _node("whole", 0.0 * TIMES),
+        "other": _node("other", 0.3 * np.sin(TIMES)),
+    }
+    found = results.compare(nodes)
+    assert found.attrs["reference"] == "whole"  # although the other was given first
+    assert found["compared_until"].values.tolist() == [TIMES[1000], TIMES[-1], TIMES[-1]]
+    early, other = (found.sel({"method": m}) for m in ("early", "other"))
+    assert early["mean_difference_max"].item() == 0.5 and early["mean_difference_l2"].item() == pytest.approx(0.5)
+    assert other["mean_difference_max"].item() == pytest.approx(0.3, rel=1e-6)
+    assert found["reference_std_max"].item() == pytest.approx(0.1)
+    # with it as the reference everything is over its time: a sin t has the maximum a at a quarter of the period
+    reverse = results.compare(nodes, reference="early").sel({"method": "other"})
+    assert reverse["mean_difference_max"].item() == pytest.approx(0.5)
+    assert reverse["compared_until"].item() == TIMES[1000]
+
+
+def test_results_without_a_common_time_differ_by_nobody_knows_what() -> None:
+    """A method that ended before its first time has no difference, and does not stop the comparison."""
+    nothing = _node("nothing", np.nan * TIMES)
+    found = results.compare({"whole": _node("whole", TIMES), "nothing": nothing}, reference="whole")
+    assert np.isnan(found["mean_difference_max"].sel({"method": "nothing"}).item())
+    assert np.isnan(found["compared_until"].sel({"method": "nothing"}).item())
+    assert found["mean_difference_max"].sel({"method": "whole"}).item() == 0.0
+
+
+def test_schema_of_results_that_end_early() -> None:
+    """NaN is allowed after the end that a node states, there only, and nothing else is."""
+    node = _ended("early", TIMES, 1001)
+    results.validate(node)
+    wrong = _ended("early", TIMES, 1001)
+    wrong.attrs["ends_at"] = float(TIMES[1500])
+    with pytest.raises(StudyError, match="/statistics/mean: found a value that is not finite at output x, time 3.14"):
+        results.validate(wrong)
+    wrong.attrs["ends_at"] = float(TIMES[500])
+    with pytest.raises(StudyError, match="a number after the end of the results at output x, time 1.57"):
+        results.validate(wrong)
+    for value in ("soon", float("nan"), 1.2345):
+        wrong.attrs["ends_at"] = value
+        with pytest.raises(StudyError, match="attribute 'ends_at' = "):
+            results.validate(wrong)
+    del wrong.attrs["ends_at"]
+    with pytest.raises(StudyError, match="a value that is not finite"):
+        results.validate(wrong)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,11 +14,15 @@ from uqmbd.cli.tables import console, plain_table
 from uqmbd.propagation.script import load_study
 
 if TYPE_CHECKING:
+    import xarray as xr
     from rich.console import Console
 
     from uqmbd.propagation import Study
 
 __all__ = ["show_check"]
+
+STARTS = {"drawn": "as drawn", "equilibrium": "each realisation in its own static equilibrium"}
+FREQUENCIES = 8  # as many natural frequencies are shown
 
 
 def show_check(script: Path) -> None:
@@ -30,15 +35,49 @@ def show_check(script: Path) -> None:
     screen.print(Text(f"{study.name}: mechanism {study.mechanism.name}", style="bold"))
     screen.print(f"  bodies      {len(found.bodies)}: {', '.join(found.bodies)}", markup=False)
     screen.print(f"  times       {len(study.times)}, from {study.times[0]:g} s to {study.times[-1]:g} s")
+    screen.print(f"  start       {STARTS[study.start]}")
     screen.print(f"  coordinates {found.coordinates}")
     screen.print(f"  equations   {found.equations} constraint equations, {found.rank} of them independent")
     screen.print(f"  mobility    {found.mobility} degree{'' if found.mobility == 1 else 's'} of freedom")
     if found.redundant:
         redundant = ", ".join(found.redundant)
         screen.print(f"  redundant   {redundant} (follow from the others, and are left out)", markup=False)
+    if found.mobility:
+        _show_frequencies(screen, study)
     _show_components(screen, found.components)
     _show_inputs(screen, found.inputs, found.unused_inputs)
     _show_propagators(screen, study)
+
+
+def _show_frequencies(screen: Console, study: Study) -> None:
+    """Print natural frequencies and damping at the means; nothing where small motions are no vibrations."""
+    modes, where = _modes(study)
+    if not (modes["frequency"] > 0).any():
+        return
+    kinds = []
+    for f, damping in zip(modes["frequency"].values.tolist(), modes["damping_ratio"].values.tolist(), strict=True):
+        # rounding must not be shown as damping
+        kind = "" if abs(damping) < 1e-9 else f" ({100 * damping:.2g} % damped)"
+        kind = " (decays)" if damping >= 1 else " (unstable)" if damping < -1e-9 else kind
+        kinds.append(f"{f:.4g}{kind}")
+    more = f" and {len(kinds) - FREQUENCIES} more" if len(kinds) > FREQUENCIES else ""
+    screen.print(f"  frequencies {', '.join(kinds[:FREQUENCIES])}{more} Hz, at the means, {where}", markup=False)
+
+
+def _modes(study: Study) -> tuple[xr.Dataset, str]:
+    """Return modes about the static equilibrium, or about the start where there is none and none is asked for."""
+    import uqmbd
+
+    time = float(study.times[0])
+    with warnings.catch_warnings():
+        # what is redundant has been said already
+        warnings.simplefilter("ignore", uqmbd.RedundantConstraintWarning)
+        try:
+            return uqmbd.eigenfrequencies(study.mechanism, time=time), "in static equilibrium"
+        except uqmbd.AssemblyError:
+            if study.start == "equilibrium":
+                raise
+        return uqmbd.eigenfrequencies(study.mechanism, at="start", time=time), "as drawn"
 
 
 def _show_components(screen: Console, components: tuple[tuple[str, str, int], ...]) -> None:

@@ -9,19 +9,25 @@ from uqmbd.dynamics.build import build, kinematic_model
 from uqmbd.dynamics.check import Check, check
 from uqmbd.dynamics.ensemble import Ensemble
 from uqmbd.dynamics.integration import INTEGRATORS, Integrator, integrate
+from uqmbd.dynamics.linearisation import Modes, linearise
 from uqmbd.dynamics.model import Layout, Model
 from uqmbd.dynamics.projected import ProjectedEnsemble
 from uqmbd.dynamics.projected_integration import ProjectedTrajectories
+from uqmbd.dynamics.statics import Equilibrium, static_equilibria
+from uqmbd.dynamics.terms import MechanismTerms, mechanism_terms
 from uqmbd.dynamics.trajectories import Counters, Trajectories
 
 __all__ = [
     "Check",
     "Counters",
     "Ensemble",
+    "Equilibrium",
     "INTEGRATORS",
     "Integrator",
     "Layout",
+    "MechanismTerms",
     "Model",
+    "Modes",
     "ProjectedEnsemble",
     "ProjectedTrajectories",
     "Trajectories",
@@ -29,4 +35,7 @@ __all__ = [
     "check",
     "integrate",
     "kinematic_model",
+    "linearise",
+    "mechanism_terms",
+    "static_equilibria",
 ]

@@ -47,8 +47,14 @@ class Ensemble:
 
     @cached_property
     def start(self) -> Start:
-        """Consistent initial states."""
-        return self._given_start or assemble(self.model, self.parameters, self.model.time)
+        """Consistent initial states, in static equilibrium where the model says so (``start_at``)."""
+        if self._given_start is not None:
+            return self._given_start
+        if self.model.start_at == "equilibrium":
+            from uqmbd.dynamics.statics import equilibrium_start  # it needs ensembles itself
+
+            return equilibrium_start(self)
+        return assemble(self.model, self.parameters, self.model.time)
 
     @property
     def breaks(self) -> Array:

@@ -159,6 +159,8 @@ class Model:
     system: Any = field(default=None, repr=False)
     pattern: tuple[Index, Index] = field(default=(np.zeros(0, int), np.zeros(0, int)), repr=False)
     """Row indices and column pointers of the Jacobian, compressed by columns."""
+    start_at: str = "drawn"
+    """Where realisations start: ``drawn`` (as assembled from the drawn pose) or ``equilibrium``."""
 
     @cached_property
     def block_parameters(self) -> int:

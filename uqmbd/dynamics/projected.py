@@ -17,6 +17,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
+import scipy.linalg
 from numpy.typing import NDArray
 
 from uqmbd.dynamics.coupled import Coupled
@@ -31,6 +32,12 @@ __all__ = ["ProjectedEnsemble", "ProjectedStart"]
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
+
+ORTHONORMAL = 1e-9
+"""Error of products of the basis, under the rule, that counts as rounding."""
+
+CLOSED = 1e-8
+"""What may be left of a projected constraint at the start, over the size of the coordinates."""
 
 CORRECTIONS = 12
 """Most Newton steps that put projected initial states on the projected constraints."""
@@ -81,7 +88,11 @@ class ProjectedEnsemble:
         self.psi = np.ascontiguousarray(psi, dtype=float)
         self.weights = np.asarray(weights, dtype=float)
         self.adjoint = np.ascontiguousarray((self.psi * self.weights[:, None]).T)
-        """``Psi^T W``, shape (P, K): values at the nodes -> coefficients."""
+        """``Psi^T W``, shape (P, K): values at the nodes -> coefficients.  For a rule in which the basis is not
+        orthonormal (samples) the least squares of the rule: ``(Psi^T W Psi)^-1 Psi^T W``."""
+        gram = self.adjoint @ self.psi
+        if np.abs(gram - np.eye(len(gram))).max() > ORTHONORMAL:
+            self.adjoint = np.ascontiguousarray(np.linalg.solve(gram, self.adjoint))
         wrong = [k for k, ok in enumerate(ensemble.start.ok) if not ok]
         if wrong:
             values = ", ".join(
@@ -121,7 +132,7 @@ class ProjectedEnsemble:
     def products(self) -> Array:
         """``w_k psi_i(xi_k) psi_j(xi_k)``, shape (P P, K)."""
         count = len(self.weights)
-        found: Array = np.einsum("k,ki,kj->ijk", self.weights, self.psi, self.psi).reshape(-1, count)
+        found: Array = np.einsum("ik,kj->ijk", self.adjoint, self.psi).reshape(-1, count)
         return np.ascontiguousarray(found)
 
     def jacobian_blocks(self, time: float, coefficients: Array, rates: Array, c: float) -> Array:
@@ -156,17 +167,26 @@ class ProjectedEnsemble:
         state = self.adjoint @ np.concatenate([nodal.q, nodal.s, nodal.v], axis=1)
         n, velocities = self.model.layout.coordinates, self.model.layout.coordinates + self.model.layout.states
         size = max(1e-3, float(np.abs(nodal.q).max(initial=0.0)))
-        corrections = 0
+        corrections, left = 0, np.inf
         # coordinates until they are right, then velocities, whose equations are linear
         for corrections in range(CORRECTIONS + 1):
             q, _ = self._excess(state, time)
-            if float(np.abs(q).max(initial=0.0)) <= 1e-14 * size or corrections == CORRECTIONS:
+            before, left = left, float(np.abs(q).max(initial=0.0))
+            # rounding stays where it is
+            done = left <= 1e-14 * size or (left <= 1e-11 * size and left > 0.1 * before)
+            if done or corrections == CORRECTIONS or not np.isfinite(left):
                 break
             state[:, :n] -= q
         for _ in range(2):
             state[:, velocities:] -= self._excess(state, time)[1]
         values = self._values(state, time)
         found = self.coupled.solve(values, tolerance=1e-12)
+        if not (left <= CLOSED * size and np.isfinite(found).all() and np.isfinite(state).all()):
+            raise AssemblyError(
+                f"mechanism {self.model.name!r}: the projected equations have no consistent start, though every node "
+                "has one: they are singular, or the truncated expansion is too coarse. Raise the order, or use "
+                "collocation."
+            )
         return ProjectedStart(state, found[:, :n], found[:, n:], corrections)
 
     def accelerations(self, state: Array, time: float) -> tuple[Array, Array, Array]:
@@ -219,10 +239,12 @@ class ProjectedEnsemble:
         d = d[:, self.model.layout.kept]
         if not d.shape[1]:
             return np.inf, np.inf
-        blocks = np.einsum("ijk,kmn->imjn", self.products.reshape(self.terms, self.terms, -1), d)
-        whole = blocks.reshape(self.terms * d.shape[1], self.terms * d.shape[2])
-        least = min(float(np.linalg.svd(x, compute_uv=False)[-1]) for x in d)
-        return float(np.linalg.svd(whole, compute_uv=False)[-1]), least
+        blocks = (self.products @ d.reshape(len(d), -1)).reshape(self.terms, self.terms, *d.shape[1:])
+        whole = blocks.transpose(0, 2, 1, 3).reshape(self.terms * d.shape[1], -1)
+        # the least eigenvalue of the product with its transpose: the precision of a root is enough to see a singularity
+        least = scipy.linalg.eigh(whole @ whole.T, eigvals_only=True, subset_by_index=[0, 0])[0]
+        nodal = np.linalg.svd(d, compute_uv=False)[:, -1]
+        return float(np.sqrt(max(least, 0.0))), float(nodal.min())
 
     def integrate(
         self,

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from uqmbd.dynamics.lockstep import LockStep, Out
+from uqmbd.dynamics.lockstep import LockStep, Out, longest_step
 from uqmbd.dynamics.projected import ProjectedEnsemble
 
 __all__ = ["ProjectedEquations", "lock_step"]
@@ -71,8 +71,9 @@ def lock_step(
 ) -> tuple[LockStep, ProjectedEquations]:
     """Integrate; the lock-step holds coefficients (P, T, width), and the reason if it could not go on."""
     equations, start = ProjectedEquations(projected, rtol), projected.start
+    longest = longest_step(projected.model.rough, times)
     size = float(np.abs(projected.ensemble.start.q).max(initial=0.0))
     floor = np.full((projected.terms, 1), rtol * min(1.0, max(1e-3, size)))
-    run = LockStep(equations, start.state, times, projected.ensemble.breaks, rtol, floor, watch)
+    run = LockStep(equations, start.state, times, projected.ensemble.breaks, rtol, floor, watch, longest)
     run.run()
     return run, equations

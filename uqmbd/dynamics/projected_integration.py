@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from uqmbd.dynamics.integration import INTEGRATORS, Integrator
+from uqmbd.dynamics.integration import INTEGRATORS
 from uqmbd.dynamics.projected import ProjectedEnsemble
 from uqmbd.dynamics.projected_dop853 import lock_step
 from uqmbd.dynamics.projected_ida import LINEAR_SOLVERS, LinearSolver, implicit
@@ -83,18 +83,18 @@ def integrate_projected(
     for value, known, what in ((integrator, INTEGRATORS, "integrator"), (linear_solver, LINEAR_SOLVERS, "solver")):
         if value not in known:
             raise StudyError(f"there is no {what} {value!r} for a projection; there are: {', '.join(known)}.")
-    if projected.model.system is None or projected.model.system.project is None:
+    explicit = integrator != "ida" and (not projected.model.layout.unknowns or projected.coupled.compiled)
+    if integrator == "dop853" and not explicit:
         raise StudyError(
-            f"mechanism {projected.model.name!r} has too many equations for a projection, whose linear algebra is "
-            "compiled; use collocation."
+            f"mechanism {projected.model.name!r} has too many equations for the integrator 'dop853', whose linear "
+            "algebra is compiled; use 'auto' or 'ida'."
         )
     counters: dict[str, Any] = {}
     message = ""
-    kind: Integrator = integrator  # type: ignore[assignment]
     if not projected.model.layout.unknowns:  # nothing can move
         still = np.repeat(projected.start.state[:, None], len(times), axis=1)
         return ProjectedTrajectories(times, still, "", "none", {})
-    if kind in ("auto", "dop853"):
+    if explicit:
         begin = clock.perf_counter()
         run, equations = lock_step(projected, times, rtol, watch)
         counters = {
@@ -102,12 +102,23 @@ def integrate_projected(
             "steps": run.steps,
             "systems": projected.coupled.systems,
             "iterations": projected.coupled.iterations,
+            "direct": projected.coupled.direct,
+            "krylov": projected.coupled.krylov,
             "seconds": clock.perf_counter() - begin,
         }
         message = run.failed.get(0, "")
-        if not message or kind == "dop853":
+        if not message or integrator == "dop853":
             return ProjectedTrajectories(times, run.result, message, "dop853", counters)
         counters["stiff"] = 1
     solver: LinearSolver = linear_solver  # type: ignore[assignment]
     found = implicit(projected, times, rtol, solver, watch)
-    return ProjectedTrajectories(times, found.coefficients, found.message, "ida", counters | found.counters)
+    spent = counters.get("seconds", 0.0) + found.counters["seconds"]
+    both = counters | found.counters | {"seconds": spent}
+    if found.message and explicit and _reached(run.result) > _reached(found.coefficients):
+        return ProjectedTrajectories(times, run.result, message, "dop853", both)
+    return ProjectedTrajectories(times, found.coefficients, found.message, "ida", both)
+
+
+def _reached(coefficients: Array) -> int:
+    """Count the times that were computed."""
+    return int(np.isfinite(coefficients).all(axis=(0, 2)).sum())

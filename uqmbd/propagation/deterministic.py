@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from uqmbd.errors import AssemblyError, IntegrationError, StudyError
-from uqmbd.propagation.options import check_integrator, check_rtol, check_times
+from uqmbd.propagation.options import check_integrator, check_rtol, check_start, check_times
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -17,7 +18,10 @@ if TYPE_CHECKING:
     from uqmbd.dynamics import Model
     from uqmbd.mechanism import Mechanism
 
-__all__ = ["observed_model", "simulate"]
+__all__ = ["input_point", "observed_model", "simulate", "variables_of"]
+
+
+Array = NDArray[np.float64]
 
 
 def simulate(
@@ -26,6 +30,7 @@ def simulate(
     values: Mapping[str, float] | None = None,
     rtol: float = 1e-6,
     integrator: str = "auto",
+    start: str = "drawn",
 ) -> xr.Dataset:
     """Compute one motion: at the means of the random variables, or at given values.
 
@@ -39,7 +44,7 @@ def simulate(
         Values of random variables by name; the others are at their means.
     rtol : float
         Relative tolerance.
-    integrator : str
+    integrator, start : str
         As for `Study`.
 
     Returns
@@ -75,31 +80,39 @@ def simulate(
     where = f"simulate {mechanism.name!r}"
     grid, rtol = check_times(times, where), check_rtol(rtol, where)
     check_integrator(integrator, where)
-    point = _point(where, mechanism, values)
-    model = observed_model(mechanism, float(grid[0]))
+    check_start(start, where)
+    point = input_point(where, mechanism, values)
+    model = observed_model(mechanism, float(grid[0]), start)
     ensemble = Ensemble(model, np.array([list(point.values())]))
     trajectories = integrator_of(integrator)(ensemble, grid, rtol)
     if trajectories.messages[0]:
         message = f"mechanism {mechanism.name!r}: {trajectories.messages[0]}"
         raise (IntegrationError if np.isfinite(trajectories.states[0, 0]).all() else AssemblyError)(message)
     response = ensemble.outputs(grid, trajectories.states)[0]
-    seen = model.outputs
-    variables = {
-        name: ("time", response[k], {"units": units} | ({"turn": turn} if turn else {}))
-        for k, (name, units, turn) in enumerate(zip(seen.names, seen.units, seen.turns.tolist(), strict=True))
-    }
     counters = trajectories.counters
     attrs = {
         "mechanism": mechanism.name,
         "rtol": rtol,
         "integrator": integrator,
+        "start": start,
         "residual_evaluations": counters.residuals,
         "jacobian_evaluations": counters.jacobians,
     }
-    return xr.Dataset(variables, coords={"time": ("time", grid, {"units": "s"})}, attrs=attrs)
+    return xr.Dataset(
+        variables_of(model, response, "time"), coords={"time": ("time", grid, {"units": "s"})}, attrs=attrs
+    )
 
 
-def _point(where: str, mechanism: Mechanism, values: Mapping[str, float] | None) -> dict[str, float]:
+def variables_of(model: Model, response: Array, *dimensions: str) -> dict[str, tuple[Any, ...]]:
+    """Variables of a dataset from the response (output, ...) of one realisation."""
+    seen = model.outputs
+    return {
+        name: (dimensions, response[k], {"units": units} | ({"turn": turn} if turn else {}))
+        for k, (name, units, turn) in enumerate(zip(seen.names, seen.units, seen.turns.tolist(), strict=True))
+    }
+
+
+def input_point(where: str, mechanism: Mechanism, values: Mapping[str, float] | None) -> dict[str, float]:
     """Return the value of each random variable, in order: the stated one, else the mean."""
     inputs = mechanism.inputs
     point = {name: float(mean) for name, mean in zip(inputs.names, inputs.means, strict=True)}
@@ -118,8 +131,8 @@ def _point(where: str, mechanism: Mechanism, values: Mapping[str, float] | None)
     return point
 
 
-def observed_model(mechanism: Mechanism, time: float) -> Model:
-    """Build a mechanism that has something to observe."""
+def observed_model(mechanism: Mechanism, time: float, start: str = "drawn") -> Model:
+    """Build a mechanism that has something to observe; `start` as for `Study`."""
     from uqmbd.dynamics import build
     from uqmbd.dynamics.ensemble import referenced
 
@@ -128,4 +141,8 @@ def observed_model(mechanism: Mechanism, time: float) -> Model:
             f"mechanism {mechanism.name!r} has no outputs; say what to observe, "
             "e.g. mechanism.output('x', body.position[0], units='m')."
         )
-    return mechanism.remembered(("model", time), lambda: referenced(build(mechanism, time), mechanism.inputs.means))
+    means = mechanism.inputs.means
+    drawn = mechanism.remembered(("model", time), lambda: referenced(build(mechanism, time), means))
+    if start == "drawn":
+        return drawn
+    return mechanism.remembered(("model", time, start), lambda: referenced(replace(drawn, start_at=start), means))

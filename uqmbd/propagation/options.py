@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from numbers import Real
 from typing import Any
 
@@ -11,9 +12,12 @@ from numpy.typing import ArrayLike, NDArray
 from uqmbd.dynamics import INTEGRATORS
 from uqmbd.errors import StudyError
 
-__all__ = ["check_integrator", "check_rtol", "check_times"]
+__all__ = ["STARTS", "check_integrator", "check_report_times", "check_rtol", "check_start", "check_times"]
 
 Array = NDArray[np.float64]
+
+STARTS = ("drawn", "equilibrium")
+"""Where realisations may start."""
 
 
 def check_times(times: ArrayLike, where: str) -> Array:
@@ -59,3 +63,27 @@ def check_integrator(integrator: str, where: str) -> str:
     if integrator not in known:
         raise StudyError(f"{where}: there is no integrator {integrator!r}; there are: {', '.join(known)}.")
     return integrator
+
+
+def check_start(start: str, where: str) -> str:
+    """Return where realisations start, or say where they may."""
+    if start not in STARTS:
+        raise StudyError(
+            f"{where}: start is {start!r}; expected 'drawn' (as assembled from the drawn pose) or 'equilibrium' (each "
+            "realisation in its own static equilibrium)."
+        )
+    return start
+
+
+def check_report_times(times: Sequence[float], grid: Array, where: str) -> tuple[float, ...]:
+    """Return the times at which a report shows distributions, each within those of the study."""
+    try:
+        wanted = tuple(float(t) for t in times)
+    except (TypeError, ValueError):
+        raise StudyError(f"{where}: report_times are {times!r}; expected numbers in s, e.g. [0.4].") from None
+    for t in wanted:
+        if not grid[0] <= t <= grid[-1]:
+            raise StudyError(
+                f"{where}: report_times holds {t:g} s; expected times between {grid[0]:g} and {grid[-1]:g} s."
+            )
+    return wanted

@@ -239,8 +239,10 @@ class Problem:
     @cached_property
     def _fingerprint(self) -> bytes:
         """What the numbers of a chunk depend on besides its inputs: equations and outputs as symbols, and options."""
-        parts = (self.model.digest, self.inputs.names, self.rtol, self.integrator, self.times.tobytes(), __version__)
-        turns = self.model.outputs.turns
+        model = self.model
+        options = (self.rtol, self.integrator, model.start_at)
+        parts = (model.digest, self.inputs.names, *options, self.times.tobytes(), __version__)
+        turns = model.outputs.turns
         # angles start near those at the means
         angles = (turns.tobytes(), self.inputs.means.tobytes()) if turns.any() else ()
         return hashlib.sha256(repr((*parts, *angles)).encode()).digest()
@@ -293,5 +295,5 @@ class Problem:
             options=options,
             solver_counters=counters,
             children=children,
-            attrs=attrs,
+            attrs={"start": self.model.start_at, **(attrs or {})},
         )

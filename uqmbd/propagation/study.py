@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from uqmbd.errors import StudyError
 from uqmbd.names import check_name
 from uqmbd.propagation.deterministic import observed_model
-from uqmbd.propagation.options import check_integrator, check_rtol, check_times
+from uqmbd.propagation.options import check_integrator, check_report_times, check_rtol, check_start, check_times
 from uqmbd.propagation.progress import Progress, Silent
 from uqmbd.propagation.propagator import Propagator
 from uqmbd.propagation.workers import pool
@@ -47,6 +47,12 @@ class Study:
     integrator : str
         ``auto``: explicit and fast, and implicit by IDA for realisations that are stiff and for large mechanisms;
         ``ida``: IDA for all; ``dop853``: explicit for all; or one that a plugin registers.
+    start : {"drawn", "equilibrium"}
+        ``drawn``: as assembled from the drawn pose.  ``equilibrium``: every realisation in its own static equilibrium,
+        found from there, at rest; velocities that the mechanism states are held there, and drivers that move at the
+        start move what they drive.  A realisation without equilibrium has failed.
+    report_times : sequence of float
+        Times, s, at which the report shows distributions; by default it chooses some.
 
     Raises
     ------
@@ -74,6 +80,8 @@ class Study:
         propagators: Sequence[Propagator] = (),
         rtol: float = 1e-6,
         integrator: str = "auto",
+        start: str = "drawn",
+        report_times: Sequence[float] = (),
     ) -> None:
         from uqmbd.mechanism import Mechanism
 
@@ -84,6 +92,8 @@ class Study:
         self.times = check_times(times, f"study {name!r}")
         self.rtol = check_rtol(rtol, f"study {name!r}")
         self.integrator = check_integrator(integrator, f"study {name!r}")
+        self.start = check_start(start, f"study {name!r}")
+        self.report_times = check_report_times(report_times, self.times, f"study {name!r}")
         self.propagators = self._checked(propagators)
 
     def _checked(self, propagators: Any) -> tuple[Propagator, ...]:
@@ -124,7 +134,7 @@ class Study:
     @cached_property
     def model(self) -> Model:
         """The compiled model (made when first needed)."""
-        return observed_model(self.mechanism, float(self.times[0]))
+        return observed_model(self.mechanism, float(self.times[0]), self.start)
 
     def problem(
         self,
@@ -208,11 +218,12 @@ class Study:
             clear(folder)
         with pool(workers) as executor:
             nodes = [p.propagate(self.problem(p, executor, progress, folder)) for p in chosen]
+        shown = {"report_times": list(self.report_times)} if self.report_times else {}
         tree = study_tree(
             nodes,
             study=self.name,
             mechanism=self.mechanism.name,
-            attrs={"rtol": self.rtol, "integrator": self.integrator},
+            attrs={"rtol": self.rtol, "integrator": self.integrator, "start": self.start, **shown},
         )
         if folder:
             clear(folder)

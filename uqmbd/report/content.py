@@ -26,6 +26,7 @@ __all__ = [
     "output_names",
     "output_rows",
     "precision",
+    "report_times",
     "summary",
     "varies",
 ]
@@ -240,6 +241,12 @@ def input_rows(nodes: Mapping[str, xr.DataTree]) -> list[dict[str, str]]:
 
 def _numbers(node: xr.DataTree) -> tuple[int, int]:
     return int(node.attrs.get("realisations", 0)), int(node.attrs.get("failures", 0))
+
+
+def report_times(tree: xr.DataTree) -> list[float] | None:
+    """Return the times at which the study wants distributions to be shown; None: the figure chooses."""
+    wanted = tree.attrs.get("report_times")
+    return None if wanted is None else [float(t) for t in np.atleast_1d(wanted)]
 
 
 def summary(tree: xr.DataTree, nodes: Mapping[str, xr.DataTree]) -> list[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -22,6 +23,7 @@ from uqmbd.report.drawing import (
     wrapped,
 )
 from uqmbd.report.selection import Results, Samples, automatic_times, label_of, nodes_of, samples_of, succeeded
+from uqmbd.report.surrogates import chaos_nodes, chaos_of
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -30,6 +32,9 @@ if TYPE_CHECKING:
 __all__ = ["density", "histograms", "inputs"]
 
 _CELLS = 1000
+
+SURROGATE_SAMPLES = 4096
+"""Samples of a chaos from which its density is drawn."""
 
 
 def density(values: NDArray[np.float64], points: int = 200) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
@@ -87,12 +92,14 @@ def density(values: NDArray[np.float64], points: int = 200) -> tuple[NDArray[np.
 def histograms(results: Results | Samples, output: str, times: Sequence[float] | None = None) -> Figure:
     """Draw how an output is distributed at some times: histograms as densities, and a smooth estimate.
 
-    Of several methods the first has bars and a curve, the others a curve each.
+    Of several methods the first has bars and a curve, the others a curve each.  A method without samples that holds a
+    polynomial chaos is drawn from samples of it.
 
     Parameters
     ----------
     results : xarray.DataTree, xarray.Dataset, mapping or iterable of nodes
-        A study's result, nodes, or the samples of one method; methods that kept no samples are passed over.
+        A study's result, nodes, or the samples of one method; methods that have neither samples nor a polynomial chaos
+        are passed over.
     output : str
         Name of the output.
     times : sequence of float, optional
@@ -106,7 +113,7 @@ def histograms(results: Results | Samples, output: str, times: Sequence[float] |
     Raises
     ------
     StudyError
-        If no method has samples, none of these succeeded, or no such output exists.
+        If no method has samples or a chaos, none of the samples succeeded, or no such output exists.
 
     Examples
     --------
@@ -118,6 +125,7 @@ def histograms(results: Results | Samples, output: str, times: Sequence[float] |
     >>> axes.get_title(), axes.get_ylabel()
     ('t = 0.5 s', 'density [1/m]')
     """
+    import xarray as xr
     from matplotlib.lines import Line2D
 
     responses = _responses(results, output)
@@ -128,11 +136,14 @@ def histograms(results: Results | Samples, output: str, times: Sequence[float] |
     else:
         chosen = sorted({int(np.abs(grid_of_times - t).argmin()) for t in times})
     units = str(first["output_units"].item())
+    whole = isinstance(results, xr.Dataset)
+    bars = whole or "samples" in nodes_of(results)[next(iter(responses))].children
     figure, grid = axes_grid(len(chosen), 1.75)
     for place, (axes, k) in enumerate(zip(grid, chosen, strict=True)):
         time = float(grid_of_times[k])
         axes.set_title(f"t = {time:.4g} s", fontsize=9.5, y=1.0)
-        draw_histogram(axes, first.values[:, k], COLOURS[0], density=True)
+        if bars:
+            draw_histogram(axes, first.values[:, k], COLOURS[0], density=True)
         for method, response in enumerate(responses.values()):
             values = response.values[:, int(np.abs(response["time"].values - time).argmin())]
             colour, line = style(method)
@@ -140,6 +151,10 @@ def histograms(results: Results | Samples, output: str, times: Sequence[float] |
             if curve is not None:
                 axes.plot(*curve, color=colour, ls=line, lw=1.5)
                 axes.set_ylim(0, max(axes.get_ylim()[1], 1.05 * float(curve[1].max())))
+        low, high = float(first.values[:, k].min()), float(first.values[:, k].max())
+        if len(responses) > 1 and not constant(low, high):
+            # the far tails of a surrogate would squeeze what matters
+            axes.set_xlim(low - 0.2 * (high - low), high + 0.2 * (high - low))
         few_ticks(axes)
         axes.set_ylabel(_density_label(units) if place % 2 == 0 else "")
         if place >= len(chosen) - 2:
@@ -161,15 +176,35 @@ def _responses(results: Results | Samples, output: str) -> dict[str, xr.DataArra
         return {"samples": succeeded(results, output)}
     nodes = nodes_of(results)
     sampled = {label: node for label, node in nodes.items() if "samples" in node.children}
+    surrogates = {label: node for label, node in chaos_nodes(nodes).items() if label not in sampled}
     # With none at all, the error of the first names it.
-    kept = sampled or dict(list(nodes.items())[:1])
+    kept = sampled if sampled or surrogates else dict(list(nodes.items())[:1])
     failed = [label for label, node in kept.items() if not np.any(samples_of(node)["status"].values == 0)]
     usable = {label: node for label, node in kept.items() if label not in failed} or kept
-    return {label: succeeded(node, output) for label, node in usable.items()}
+    found = {label: succeeded(node, output) for label, node in usable.items()}
+    for label, node in surrogates.items():
+        # a general joint distribution cannot be sampled without its mechanism
+        with contextlib.suppress(StudyError):
+            found[label] = _of_surrogate(node, output)
+    return found
+
+
+def _of_surrogate(node: xr.DataTree, output: str) -> xr.DataArray:
+    """Sample a chaos: a response (sample, time)."""
+    import xarray as xr
+
+    chaos = chaos_of(node, output)
+    _, values = chaos.sample(SURROGATE_SAMPLES, seed=0)
+    units = chaos.labels.outputs[0].units
+    return xr.DataArray(
+        values[:, 0],
+        dims=("sample", "time"),
+        coords={"time": chaos.labels.times, "output_units": units},
+    )
 
 
 def _density_label(units: str) -> str:
-    if not units:
+    if units in ("", "1"):
         return "density"
     inverse = f"1/({units})" if any(c in units for c in " */·") else f"1/{units}"
     return wrapped(with_units("density", inverse), 24)

@@ -265,7 +265,7 @@ def _legend_width(names: Sequence[str], columns: int) -> float:
 
 def with_units(name: str, units: str) -> str:
     """Return a label: the name, and its units, if any, in brackets."""
-    return f"{name} [{units}]" if units else name
+    return f"{name} [{units}]" if units not in ("", "1") else name
 
 
 def wrapped(text: str, width: int) -> str:

@@ -101,6 +101,10 @@ def write_report(tree: xr.DataTree, path: str | os.PathLike[str], *, sections: S
     return _write(page, Path(path))
 
 
+DENSITIES = 6
+"""Most methods whose densities are drawn in one figure."""
+
+
 def _output(tree: xr.DataTree, nodes: Mapping[str, xr.DataTree], name: str) -> dict[str, Any]:
     every = {label: node for label, node in nodes.items() if content.has_output(node, name)}
     holders = shown_methods(every)
@@ -132,6 +136,8 @@ def _output(tree: xr.DataTree, nodes: Mapping[str, xr.DataTree], name: str) -> d
     )
     if sampled:
         label, node = next(iter(sampled.items()))
+        from_surrogates = " (of a surrogate, from samples of it)" if chaos_nodes(every) else ""
+        dense = dict(list((sampled | chaos_nodes(every)).items())[:DENSITIES])
         from_label = f" (samples of {label})" if len(nodes) > 1 else ""
         drawn += [
             image(
@@ -141,10 +147,10 @@ def _output(tree: xr.DataTree, nodes: Mapping[str, xr.DataTree], name: str) -> d
                 "White: none.",
             ),
             image(
-                lambda: figures.histograms(sampled, name),
+                lambda: figures.histograms(dense, name, content.report_times(tree)),
                 f"Probability densities of {name} at chosen times.",
                 "How it is distributed at chosen times: bars are the histogram, curves a smooth estimate of the "
-                "density; the area under each is 1.",
+                f"density{from_surrogates}; the area under each is 1.",
             ),
             image(
                 lambda: figures.convergence(node, name),

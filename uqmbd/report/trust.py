@@ -148,7 +148,7 @@ def _rows(label: str, node: xr.DataTree) -> list[dict[str, str]]:
         if stated is not None:
             error = stated.values[k]
             first = horizon(stated["time"].values, error)
-            row["error"] = _error(float(error.max()))
+            row["error"] = _error(float(np.nanmax(error)))
             row["horizon"] = "never" if first is None else f"{first:.4g} s"
         if left_out is not None:
             row["left_out"] = _error(math.sqrt(max(float(np.max(left_out.values[k])), 0.0)))
@@ -171,7 +171,7 @@ def _gains(node: xr.DataTree, statistics: xr.Dataset) -> list[str]:
         rate = chaos_of(node).decay()["rate"].values
     except Exception:  # noqa: BLE001 - said where the verdicts are
         return ["–"] * len(names)
-    places = statistics["std"].values.argmax(axis=-1)
+    places = np.nan_to_num(statistics["std"].values, nan=-1.0).argmax(axis=-1)
     decades = [float(rate[k, place]) for k, place in enumerate(places)]
     return [f"÷ {_short(10**d)}" if math.isfinite(d) and -1 < d < 4 else "–" for d in decades]
 

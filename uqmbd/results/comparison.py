@@ -16,8 +16,9 @@ __all__ = ["choose_reference", "compare"]
 def choose_reference(nodes: Mapping[str, xr.DataTree]) -> str:
     """Choose the method to compare the others with.
 
-    Methods that state their own standard errors come first, since they alone say how far they may be off; among equals
-    the one with the most successful realisations; then the one that was given first.
+    Methods whose results end before the last time come last. Methods that state their own standard errors come first,
+    since they alone say how far they may be off; among equals the one with the most successful realisations; then the
+    one that was given first.
 
     Parameters
     ----------
@@ -44,10 +45,11 @@ def choose_reference(nodes: Mapping[str, xr.DataTree]) -> str:
     if not nodes:
         raise StudyError("A comparison needs the result of at least one propagator; there is none.")
 
-    def trust(label: str) -> tuple[bool, int]:
+    def trust(label: str) -> tuple[bool, bool, int]:
         node = nodes[label]
+        whole = "ends_at" not in node.attrs
         known = {"std_error_mean", "std_error_std"} <= set(node.children["statistics"].data_vars)
-        return known, int(node.attrs.get("realisations", 0)) - int(node.attrs.get("failures", 0))
+        return whole, known, int(node.attrs.get("realisations", 0)) - int(node.attrs.get("failures", 0))
 
     return max(nodes, key=trust)
 
@@ -68,9 +70,11 @@ def compare(nodes: Mapping[str, xr.DataTree], reference: str | None = None) -> x
         With the dimensions ``method`` and ``output``, in the units of the outputs: ``mean_difference_max`` and
         ``std_difference_max``, the largest absolute difference over time, and ``mean_difference_l2`` and
         ``std_difference_l2``, its root mean square over time (trapezoidal). ``reference_std_max (output)`` is a scale
-        for them. ``wall_time`` (s), ``realisations`` and ``failures`` by method. The attribute ``reference`` names the
-        reference, whose differences are 0. (Select with ``.sel({"method": label})``: ``method=`` means another thing
-        to xarray's ``sel``.)
+        for them. ``wall_time`` (s), ``realisations`` and ``failures`` by method. Where the results of a method, or of
+        the reference, end before the last time, differences are over the times that both have; ``compared_until``
+        (s, by method) is the last of them, NaN if there is none, and so are then the differences. The attribute
+        ``reference`` names the reference, whose differences are 0. (Select with ``.sel({"method": label})``:
+        ``method=`` means another thing to xarray's ``sel``.)
 
     Raises
     ------
@@ -92,14 +96,20 @@ def compare(nodes: Mapping[str, xr.DataTree], reference: str | None = None) -> x
     if chosen not in nodes:
         raise StudyError(f"The reference {chosen!r} is not among the methods {', '.join(map(repr, nodes))}.")
     base = nodes[chosen].children["statistics"].to_dataset()
+    times = base["time"].values if "time" in base["mean"].dims else np.zeros(1)
     columns: dict[str, list[NDArray[np.float64]]] = {}
+    until: list[float] = []
     for label, node in nodes.items():
         statistics = node.children["statistics"].to_dataset()
         _check_same_axes(label, statistics, chosen, base)
-        for name in ("mean", "std"):
-            difference = np.abs(statistics[name].values - base[name].values)
-            columns.setdefault(f"{name}_difference_max", []).append(_largest(difference))
-            columns.setdefault(f"{name}_difference_l2", []).append(_root_mean_square(difference, base))
+        both = [(name, statistics[name].values, base[name].values) for name in ("mean", "std")]
+        differences = {name: np.abs(a - b).reshape(-1, len(times)) for name, a, b in both}
+        common = np.all([np.isfinite(d).all(axis=0) for d in differences.values()], axis=0)
+        until.append(float(times[common].max(initial=-np.inf)) if common.any() else np.nan)
+        for name, difference in differences.items():
+            known = difference[:, common]
+            columns.setdefault(f"{name}_difference_max", []).append(_largest(known))
+            columns.setdefault(f"{name}_difference_l2", []).append(_root_mean_square(known, times[common]))
     comments = {"max": "largest absolute difference over time", "l2": "root mean square of the difference over time"}
     variables = {
         name: (("method", "output"), np.stack(rows), {"comment": comments[name.rsplit("_", 1)[1]]})
@@ -109,7 +119,8 @@ def compare(nodes: Mapping[str, xr.DataTree], reference: str | None = None) -> x
     return xr.Dataset(
         {
             **variables,
-            "reference_std_max": ("output", _largest(base["std"].values)),
+            "reference_std_max": ("output", _largest(_finite(base["std"].values))),
+            **_until(until, "time" in base["mean"].dims),
             "wall_time": ("method", np.array([float(a.get("wall_time", np.nan)) for a in attributes]), {"units": "s"}),
             "realisations": ("method", np.array([int(a.get("realisations", 0)) for a in attributes], dtype=np.int64)),
             "failures": ("method", np.array([int(a.get("failures", 0)) for a in attributes], dtype=np.int64)),
@@ -123,12 +134,23 @@ def compare(nodes: Mapping[str, xr.DataTree], reference: str | None = None) -> x
     )
 
 
+def _until(until: list[float], timed: bool) -> dict[str, tuple[str, NDArray[np.float64], dict[str, str]]]:
+    about = {"units": "s", "long_name": "last time of the comparison"}
+    return {"compared_until": ("method", np.array(until, dtype=float), about)} if timed else {}
+
+
+def _finite(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Values (O, ...) at the times at which all outputs have one."""
+    flat = values.reshape(len(values), -1)
+    return np.asarray(flat[:, np.isfinite(flat).all(axis=0)])
+
+
 def _largest(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.asarray(values.reshape(len(values), -1).max(axis=1), dtype=float)
+    """Maximum of each row; NaN of an empty one."""
+    return np.asarray(values.max(axis=1) if values.shape[1] else np.full(len(values), np.nan), dtype=float)
 
 
-def _root_mean_square(difference: NDArray[np.float64], base: xr.Dataset) -> NDArray[np.float64]:
-    times = base["time"].values if "time" in base["mean"].dims else np.zeros(1)
+def _root_mean_square(difference: NDArray[np.float64], times: NDArray[np.float64]) -> NDArray[np.float64]:
     if len(times) < 2:
         return _largest(difference)
     # Scaled, so that differences of 1e-200 do not vanish in their square.

@@ -113,11 +113,23 @@ def _validate_node(node: xr.DataTree, label: object) -> None:
     _require(usable, node.path, f"attribute 'wall_time' = {seconds!r}", "seconds, not negative")
 
     statistics = node.children["statistics"]
-    _validate_statistics(statistics)
+    end = _end(node, statistics)
+    _validate_statistics(statistics, end)
     if "samples" in node.children:
         _validate_samples(node.children["samples"], statistics, node)
     if "chaos" in node.children:
-        _validate_chaos(node.children["chaos"], statistics)
+        _validate_chaos(node.children["chaos"], statistics, end)
+
+
+def _end(node: xr.DataTree, statistics: xr.DataTree) -> float:
+    """Return the time (s) up to which there are results: attribute ``ends_at`` of what ended early, else infinity."""
+    end = node.attrs.get("ends_at", np.inf)
+    usable = isinstance(end, (int, float, np.number)) and not isinstance(end, bool) and not np.isnan(end)
+    _require(usable, node.path, f"attribute 'ends_at' = {end!r}", "the last time with results, s")
+    if "ends_at" in node.attrs:
+        known = "time" in statistics.coords and float(end) in statistics.coords["time"].values
+        _require(known, node.path, f"attribute 'ends_at' = {end!r}", "one of the times")
+    return float(end)
 
 
 def _dims(node: xr.DataTree, name: str, dims: tuple[str, ...]) -> None:
@@ -172,7 +184,7 @@ def _values(node: xr.DataTree, name: str, bad: xr.DataArray, found: str, expecte
         raise StudyError(f"{node.path}/{name}: found {found} at {_first(bad)}; expected {expected}.")
 
 
-def _validate_statistics(node: xr.DataTree) -> None:
+def _validate_statistics(node: xr.DataTree, end: float) -> None:
     for name in _PLAIN:
         _dims(node, name, ("output", "time"))
     _dims(node, "quantile", ("probability", "output", "time"))
@@ -193,7 +205,11 @@ def _validate_statistics(node: xr.DataTree) -> None:
         bool(np.all((levels >= 0) & (levels <= 1))), f"{node.path}/probability", f"{levels}", "numbers from 0 to 1"
     )
 
-    data: Mapping[str, xr.DataArray] = {str(k): v for k, v in node.to_dataset().data_vars.items()}
+    whole = node.to_dataset()
+    later = whole.sel(time=whole["time"] > end)
+    for name in (*_PLAIN, *(n for n in _OPTIONAL if n in later)):
+        _values(node, name, later[name].notnull(), "a number after the end of the results", "NaN after 'ends_at'")
+    data: Mapping[str, xr.DataArray] = {str(k): v for k, v in whole.sel(time=whole["time"] <= end).data_vars.items()}
     for name in ("mean", "std", "variance", *(n for n in _OPTIONAL if n in data)):
         _values(node, name, _not_finite(data[name]), "a value that is not finite", "a number: failures must not enter")
         if name != "mean":
@@ -254,7 +270,7 @@ def _validate_samples(node: xr.DataTree, statistics: xr.DataTree, parent: xr.Dat
     )
 
 
-def _validate_chaos(node: xr.DataTree, statistics: xr.DataTree) -> None:
+def _validate_chaos(node: xr.DataTree, statistics: xr.DataTree, end: float) -> None:
     # a chaos of elements has a dimension of these first
     elements = ("element",) if "coefficients" in node.data_vars and "element" in node["coefficients"].dims else ()
     _dims(node, "coefficients", (*elements, "term", "output", "time"))
@@ -262,9 +278,11 @@ def _validate_chaos(node: xr.DataTree, statistics: xr.DataTree) -> None:
     for name, dim in {"output": "output", "input": "input"}.items():
         if name in node.coords:
             _text_coord(node, name, dim)
-    for name in ("output", "time"):
-        same = name not in node.coords or np.array_equal(node.coords[name].values, statistics.coords[name].values)
-        _require(same, f"{node.path}/{name}", "a coordinate other than that of 'statistics'", "the same")
+    times = statistics.coords["time"].values
+    for name, expected in {"output": statistics.coords["output"].values, "time": times[times <= end]}.items():
+        same = name not in node.coords or np.array_equal(node.coords[name].values, expected)
+        wanted = "the same" if name == "output" or np.isinf(end) else "the same up to 'ends_at'"
+        _require(same, f"{node.path}/{name}", "a coordinate other than that of 'statistics'", wanted)
     data = node.to_dataset()
     _values(node, "coefficients", _not_finite(data["coefficients"]), "a value that is not finite", "a number")
     degrees = data["multi_index"]

@@ -1,0 +1,65 @@
+"""Densities of several methods in one figure, also of those that hold a surrogate only."""
+
+from __future__ import annotations
+
+import chaospy
+import numpy as np
+import pytest
+
+import uqmbd
+from uqmbd import report
+from uqmbd.results import load, save
+from uqmbd_collocation import Collocation
+from uqmbd_montecarlo import MonteCarlo
+
+
+@pytest.fixture(scope="module")
+def result():
+    """A body at rest; its output is normal with mean 3 and standard deviation 0.5 at all times."""
+    x = uqmbd.RandomVariable("x", chaospy.Normal(3, 0.5), units="1")
+    mechanism = uqmbd.Mechanism("rest", uqmbd.Translational())
+    mechanism.body("body", mass=1)
+    mechanism.output("ratio", x, units="1")
+    methods = [MonteCarlo(samples=400, seed=2), Collocation(order=2)]
+    study = uqmbd.Study("rest", mechanism, [0, 0.4, 1], methods, report_times=[0.4])
+    return study.run()
+
+
+def test_a_surrogate_is_drawn_beside_samples(result):
+    """The curve of the chaos is that of the normal distribution; the far tails do not stretch the axis."""
+    figure = report.histograms(result, "ratio", [0.4])
+    (axes,) = figure.axes
+    assert axes.get_title() == "t = 0.4 s"
+    assert axes.get_ylabel() == "density"
+    (_, chaos) = axes.get_lines()
+    z, density = chaos.get_data()
+    exact = np.exp(-(((z - 3) / 0.5) ** 2) / 2) / (0.5 * np.sqrt(2 * np.pi))
+    np.testing.assert_allclose(density, exact, atol=0.06 * exact.max())
+    low, high = axes.get_xlim()
+    assert 0.5 < low
+    assert high < 5.5
+    assert [t.get_text() for t in figure.legends[0].get_texts()] == ["monte-carlo", "collocation"]
+
+
+def test_a_surrogate_alone_has_a_curve_and_no_bars(result):
+    figure = report.histograms(result["collocation"], "ratio", [0.4])
+    assert len(figure.axes[0].get_lines()) == 1
+    assert not figure.axes[0].patches
+
+
+def test_the_report_shows_the_times_that_the_study_asks_for(result, tmp_path, monkeypatch):
+    from uqmbd.report import figures
+
+    asked, draw = [], figures.histograms
+    monkeypatch.setattr(
+        figures, "histograms", lambda nodes, name, times: asked.append(times) or draw(nodes, name, times)
+    )
+    stored = save(result, tmp_path / "results.nc")
+    report.write_report(load(stored), tmp_path / "report.html")
+    assert asked == [[0.4]]
+
+
+def test_report_times_must_lie_within_the_study():
+    mechanism = uqmbd.Mechanism("rest", uqmbd.Translational())
+    with pytest.raises(uqmbd.StudyError, match="report_times holds 3 s; expected times between 0 and 1 s"):
+        uqmbd.Study("rest", mechanism, [0, 1], report_times=[3])

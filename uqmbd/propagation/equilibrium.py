@@ -1,0 +1,185 @@
+"""Static equilibrium and eigenfrequencies, without any uncertainty."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from uqmbd.errors import AssemblyError, StudyError
+from uqmbd.propagation.deterministic import input_point, observed_model, variables_of
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from uqmbd.dynamics import Ensemble, Equilibrium, Model
+    from uqmbd.mechanism import Mechanism
+
+__all__ = ["eigenfrequencies", "static_equilibrium"]
+
+
+def static_equilibrium(
+    mechanism: Mechanism, values: Mapping[str, float] | None = None, time: float = 0.0
+) -> xr.Dataset:
+    """Compute the static equilibrium: at the means of the random variables, or at given values.
+
+    It is found from the drawn pose, downhill; a pose that is an unstable equilibrium exactly is left as it is.  Angles
+    that springs count follow the bodies on the way, any number of turns.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        With at least one output.
+    values : mapping, optional
+        Values of random variables by name; the others are at their means.
+    time : float
+        At which drivers and loads are held, s.
+
+    Returns
+    -------
+    xarray.Dataset
+        One variable for each output, with its units, at rest.  The attribute ``stable`` is 0 where the equilibrium is
+        unstable.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If something cannot be used.
+    uqmbd.AssemblyError
+        If there is no assembly, or no equilibrium; names the body that is farthest from balance.
+
+    Examples
+    --------
+    >>> import uqmbd
+    >>> from uqmbd_springs import SpringDamper
+    >>> mechanism = uqmbd.Mechanism("balance", uqmbd.Translational(gravity=(0, -10)))
+    >>> pan = mechanism.body("pan", mass=2, position=(0, -1))
+    >>> spring = mechanism.add(SpringDamper("spring", mechanism.ground, pan, (0, 0), (0, 0), 100, free_length=1))
+    >>> mechanism.output("height", pan.position[1], units="m")
+    >>> round(float(static_equilibrium(mechanism)["height"]), 9)
+    -1.2
+    """
+    import xarray as xr
+
+    from uqmbd.dynamics import Ensemble
+
+    where = f"static_equilibrium {_named(mechanism, 'static_equilibrium')!r}"
+    point = input_point(where, mechanism, values)
+    model = observed_model(mechanism, _moment(time, where))
+    ensemble = Ensemble(model, np.array([list(point.values())]))
+    found = _found(mechanism, ensemble)
+    states = np.concatenate([found.q, found.s, np.zeros_like(found.q)], axis=1)
+    response = ensemble.outputs(np.array([model.time]), states[:, None, :])[0, :, 0]
+    attrs = {"mechanism": mechanism.name, "stable": int(found.stable[0]), "steps": int(found.iterations[0])}
+    return xr.Dataset(variables_of(model, response), coords={"time": ((), model.time, {"units": "s"})}, attrs=attrs)
+
+
+def eigenfrequencies(
+    mechanism: Mechanism, values: Mapping[str, float] | None = None, at: str = "equilibrium", time: float = 0.0
+) -> xr.Dataset:
+    """Compute eigenfrequencies and damping of small motions: at the means of the random variables, or at given values.
+
+    Drivers hold still.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        Outputs are not needed.
+    values : mapping, optional
+        Values of random variables by name; the others are at their means.
+    at : {"equilibrium", "start"}
+        About the static equilibrium, or about the drawn pose, assembled, at rest.
+    time : float
+        At which drivers and loads are held, s.
+
+    Returns
+    -------
+    xarray.Dataset
+        Over the dimension ``mode``, sorted: ``frequency``, that of the undamped motion, ``|eigenvalue| / 2 pi``, Hz;
+        ``damping_ratio``, ``-Re(eigenvalue) / |eigenvalue|``; ``eigenvalue_real`` and ``eigenvalue_imaginary``, 1/s.
+        A degree of freedom that is damped too much to oscillate has two modes of damping ratio 1, an unstable one
+        a mode of damping ratio -1; a rigid-body mode has frequency and damping ratio 0.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If something cannot be used.
+    uqmbd.AssemblyError
+        If there is no assembly, or no equilibrium.
+
+    Examples
+    --------
+    >>> import uqmbd
+    >>> from uqmbd_springs import SpringDamper
+    >>> mechanism = uqmbd.Mechanism("oscillator", uqmbd.Translational())
+    >>> mass = mechanism.body("mass", mass=2, position=(1, 0))
+    >>> spring = mechanism.add(SpringDamper("spring", mechanism.ground, mass, (0, 0), (0, 0), stiffness=8))
+    >>> [round(float(f), 6) for f in eigenfrequencies(mechanism)["frequency"]]  # in both directions
+    [0.31831, 0.31831]
+    """
+    import xarray as xr
+
+    from uqmbd.dynamics import Ensemble, linearise
+
+    where = f"eigenfrequencies {_named(mechanism, 'eigenfrequencies')!r}"
+    if at not in ("equilibrium", "start"):
+        raise StudyError(f"{where}: at is {at!r}; expected 'equilibrium' or 'start'.")
+    point = input_point(where, mechanism, values)
+    ensemble = Ensemble(_any_model(mechanism, _moment(time, where)), np.array([list(point.values())]))
+    if at == "equilibrium":
+        found = _found(mechanism, ensemble)
+        modes = linearise(ensemble, found.q, found.s)
+    else:
+        start = ensemble.start
+        if start.messages[0]:
+            raise AssemblyError(f"mechanism {mechanism.name!r}: {start.messages[0]}")
+        modes = linearise(ensemble, start.q, start.s)
+    values_of = modes.eigenvalues[0]
+    return xr.Dataset(
+        {
+            "frequency": ("mode", modes.frequency[0], {"units": "Hz"}),
+            "damping_ratio": ("mode", modes.damping_ratio[0], {"units": "1"}),
+            "eigenvalue_real": ("mode", values_of.real.copy(), {"units": "1/s"}),
+            "eigenvalue_imaginary": ("mode", values_of.imag.copy(), {"units": "1/s"}),
+        },
+        coords={"mode": np.arange(1, len(values_of) + 1)},
+        attrs={"mechanism": mechanism.name, "at": at, "time": ensemble.model.time},
+    )
+
+
+def _named(mechanism: Mechanism, function: str) -> str:
+    from uqmbd.mechanism import Mechanism
+
+    if not isinstance(mechanism, Mechanism):
+        raise StudyError(f"{function}: the mechanism is {mechanism!r}; expected a uqmbd.Mechanism.")
+    return mechanism.name
+
+
+def _moment(time: float, where: str) -> float:
+    try:
+        moment = float(time)
+    except (TypeError, ValueError):
+        moment = float("nan")
+    if not np.isfinite(moment):
+        raise StudyError(f"{where}: time is {time!r}; expected a number in s.")
+    return moment
+
+
+def _any_model(mechanism: Mechanism, time: float) -> Model:
+    """Build a mechanism, whether it has outputs or not."""
+    from uqmbd.dynamics import build
+
+    if mechanism.outputs:
+        return observed_model(mechanism, time)
+    return mechanism.remembered(("model without outputs", time), lambda: build(mechanism, time))
+
+
+def _found(mechanism: Mechanism, ensemble: Ensemble) -> Equilibrium:
+    """Equilibrium of the one realisation of an ensemble."""
+    from uqmbd.dynamics import static_equilibria
+
+    found = static_equilibria(ensemble)
+    if found.messages[0]:
+        raise AssemblyError(f"mechanism {mechanism.name!r}: {found.messages[0]}")
+    return found
