@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass, field
 from itertools import product
 
@@ -12,72 +11,48 @@ from numpy.typing import NDArray
 import uqmbd
 from uqmbd.results import project
 from uqmbd_collocation.fitting import Fit, refitted
+from uqmbd_collocation.refinement import Limits, Refinement, Step, missed_share, scale_of, warn_unmet
 from uqmbd_collocation.runs import Runs
 
-__all__ = ["Refinement", "Step", "refine_dimensions"]
+__all__ = ["DEEPEST", "refine_dimensions"]
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 Level = tuple[int, ...]
 
 DEEPEST = 12
-"""Highest level of a germ."""
-
-
-@dataclass(frozen=True)
-class Step:
-    """What a refinement knew after one of its steps.
-
-    Attributes
-    ----------
-    realisations : int
-        So far.
-    terms : int
-        Of the chaos.
-    change_mean, change_std : float
-        Largest over outputs and times, over the largest standard deviation of the output over time.
-    """
-
-    realisations: int
-    terms: int
-    change_mean: float
-    change_std: float
-
-
-@dataclass(frozen=True)
-class Refinement:
-    """A fit, how it came about, and whether the tolerance was met."""
-
-    fit: Fit
-    steps: tuple[Step, ...]
-    met: bool
+"""Highest level of a germ: 25 nodes, degree 24."""
 
 
 @dataclass
 class _Grid:
     """Tensor projections of a downward closed set of levels, by the combination technique.
 
-    Each is a full pseudo-spectral projection of its own, so that the sum has no internal aliasing (P. R. Conrad and
-    Y. M. Marzouk, SIAM Journal on Scientific Computing 35 (2013) A2643-A2670).
+    Each is a full pseudo-spectral projection of its own, so that the sum has no internal aliasing [1]_.
+
+    References
+    ----------
+    .. [1] P. R. Conrad and Y. M. Marzouk, SIAM Journal on Scientific Computing 35 (2013) A2643-A2670.
     """
 
     runs: Runs
+    total: dict[Level, Array] = field(default_factory=dict)
+    """Coefficients by the degrees of their terms."""
     found: dict[Level, dict[Level, Array]] = field(default_factory=dict)
 
-    def nodes(self, level: Level) -> uqmbd.Quadrature:
-        """Return the Gauss rule of a level: ``2 l + 1`` nodes in each germ, which share the middle one."""
-        space = self.runs.space
-        counts = [
-            min(2 * k + 1, germ.values) if germ.values else 2 * k + 1
-            for k, germ in zip(level, space.germs, strict=True)
-        ]
-        return uqmbd.gauss_tensor(space, counts)
+    def counts(self, level: Level) -> list[int]:
+        """Return the number of nodes of each germ: ``2 l + 1``, which share the middle one of symmetric germs."""
+        return [min(2 * k + 1, germ.values or 2 * k + 1) for k, germ in zip(level, self.runs.space.germs, strict=True)]
+
+    def nodes(self, levels: list[Level]) -> Array:
+        """Return the Gauss nodes of levels, shape (K, d)."""
+        return np.concatenate([uqmbd.gauss_tensor(self.runs.space, self.counts(level)).nodes for level in levels])
 
     def projection(self, level: Level) -> dict[Level, Array]:
         """Coefficients of the tensor projection of a level, by the degrees of their terms."""
         if level not in self.found:
-            rule = self.nodes(level)
-            counts = [len(np.unique(np.round(column, 11))) for column in rule.nodes.T]
+            counts = self.counts(level)
+            rule = uqmbd.gauss_tensor(self.runs.space, counts)
             degrees = np.array(list(product(*(range(n) for n in counts))), dtype=np.int64)
             where = self.runs.at(rule.nodes)
             psi = self.runs.space.evaluate(rule.nodes, degrees)
@@ -94,41 +69,74 @@ class _Grid:
                 total[term] = total[term] + sign * value if term in total else sign * value
         return total
 
+    def add(self, level: Level) -> tuple[Array, Array]:
+        """Add a level, and return by how much it changes the mean and the variance, each (O, T)."""
+        mean: Array | float = 0.0
+        variance: Array | float = 0.0
+        for term, value in self.surplus(level).items():
+            before = self.total.get(term, np.zeros_like(value))
+            self.total[term] = before + value
+            if any(term):
+                variance = variance + value * (2 * before + value)
+            else:
+                mean = value
+        shape = next(iter(self.total.values())).shape
+        return np.broadcast_to(mean, shape), np.broadcast_to(variance, shape)
 
-def _measure(surplus: dict[Level, Array], scale: Array) -> tuple[float, float]:
-    """Size of a surplus in the mean and in the spread, over the scale of each output (O,)."""
-    mean = np.zeros(1)
-    spread: Array | float = 0.0
-    for term, value in surplus.items():
-        if any(term):
-            spread = spread + value**2
-        else:
-            mean = np.abs(value).max(axis=-1) / scale
-    size = np.sqrt(np.asarray(spread)).max(axis=-1) / scale if np.ndim(spread) else np.zeros(1)
-    return float(mean.max()), float(size.max())
+    def chaos(self) -> tuple[Array, Index]:
+        """Return coefficients (P, O, T) and degrees (P, d), the mean first."""
+        terms = sorted(self.total, key=lambda term: (sum(term), [-k for k in term]))
+        index = np.array(terms, dtype=np.int64).reshape(-1, self.runs.space.dimension)
+        return np.array([self.total[term] for term in terms]), index
+
+    def children(self, level: Level, done: set[Level]) -> tuple[list[Level], bool]:
+        """Return the next levels that have all smaller ones, and whether the depth cut any off."""
+        found, cut = [], False
+        for k, germ in enumerate(self.runs.space.germs):
+            if germ.values is not None and 2 * level[k] + 1 >= germ.values:
+                continue  # its values are all nodes already
+            if level[k] == DEEPEST:
+                cut = True
+                continue
+            child = (*level[:k], level[k] + 1, *level[k + 1 :])
+            below = ((*child[:i], child[i] - 1, *child[i + 1 :]) for i in range(len(child)) if child[i])
+            if all(b in done for b in below):
+                found.append(child)
+        return found, cut
 
 
-def _scale(terms: dict[Level, Array]) -> Array:
-    """Largest standard deviation of each output over time; where it vanishes the size of the mean, times rounding."""
-    mean = next(value for term, value in terms.items() if not any(term))
-    variance = sum((value**2 for term, value in terms.items() if any(term)), np.zeros_like(mean))
-    rounding = 1e-12 * np.abs(mean).max(axis=-1) + 1e-300
-    return np.asarray(np.maximum(np.sqrt(variance).max(axis=-1), rounding))
+@dataclass(frozen=True)
+class _Scale:
+    """What changes are measured by: the standard deviation (O, T), and its largest over time (O,)."""
+
+    std: Array
+    largest: Array
+
+    def measure(self, mean: Array, variance: Array) -> tuple[float, float]:
+        """Size of changes of mean and variance (O, T): in the mean and in the standard deviation."""
+        less = np.sqrt(np.maximum(self.std**2 - np.abs(variance), 0.0))
+        in_mean = (np.abs(mean).max(axis=-1) / self.largest).max()
+        return float(in_mean), float(((self.std - less).max(axis=-1) / self.largest).max())
 
 
-def refine_dimensions(runs: Runs, tolerance: float, most: int, label: str) -> Refinement:
+def refine_dimensions(runs: Runs, points: Array, limits: Limits, label: str) -> Refinement:
     """Refine a sparse grid where it changes mean and standard deviation most, until nothing does.
 
     Parameters
     ----------
     runs : Runs
         Realisations.
-    tolerance : float
-        Relative to the largest standard deviation of each output over time.
-    most : int
-        Realisations that may be spent.
+    points : array, shape (V, d)
+        Germ points of the verification: while the chaos misses more there than the tolerance, it is not met.
+    limits : Limits
+        When to end; the changes of all levels that have no successors yet are added up for it.
     label : str
         Of the propagator.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If not even the first levels can be computed with the realisations that are allowed.
 
     References
     ----------
@@ -136,69 +144,75 @@ def refine_dimensions(runs: Runs, tolerance: float, most: int, label: str) -> Re
     """
     grid, dimension = _Grid(runs), runs.space.dimension
     root = (0,) * dimension
-    done: set[Level] = set()
-    waiting: dict[Level, tuple[float, float]] = {}
-    total: dict[Level, Array] = {}
+    new, _ = grid.children(root, {root})
+    # one node tells nothing about a spread, so that each input is tried at once
+    first = np.concatenate([grid.nodes([root, *new]), points])
+    if len(runs.missing(first)) > limits.most:
+        raise uqmbd.StudyError(
+            f"{label}: the first step takes {len(runs.missing(first))} realisations, and max_realisations is "
+            f"{limits.most}; allow more."
+        )
+    runs.at(first)
+    done, reason = {root}, ""
     steps: list[Step] = []
-    met = False
-
-    def enter(levels: list[Level]) -> bool:
-        """Compute levels; False where a node failed."""
-        nodes = np.concatenate([grid.nodes(level).nodes for level in levels])
-        where = runs.at(nodes)
-        if (runs.status[where] != 0).any():
-            return False
-        for level in levels:
-            surplus = grid.surplus(level)
-            for term, value in surplus.items():
-                total[term] = total[term] + value if term in total else value
-            waiting[level] = _measure(surplus, _scale(total))
-        return True
-
-    sound = enter([root])
-    while sound:
-        # the root tells nothing about spread: its neighbours are always tried
-        mean, std = (max((m[k] for m in waiting.values()), default=0.0) for k in (0, 1))
-        steps.append(Step(len(runs), len(total), mean if len(done) else np.inf, std if len(done) else np.inf))
-        if len(done) and max(mean, std) < tolerance:
-            met = True
+    waiting: dict[Level, tuple[Array, Array]] = {}
+    ended: list[tuple[Array, Array]] = []
+    new = [root, *new]
+    while True:
+        where = runs.at(grid.nodes(new)) if new else np.zeros(0, dtype=np.int64)
+        if not runs.good(where).all():
+            return _after_failure(runs, [*grid.found, *new], grid, steps, limits, label)
+        for level in new:
+            waiting[level] = grid.add(level)
+        waiting.pop(root, None)
+        coefficients, multi_index = grid.chaos()
+        scale = _scale(coefficients, runs.problem.rtol)
+        changes = scale.measure(*(_sum(k, [*waiting.values(), *ended], scale.std) for k in (0, 1)))
+        settled = max(changes) < limits.tolerance
+        missed = missed_share(runs, coefficients, multi_index, points) if settled else np.nan
+        steps.append(Step(len(runs), len(multi_index), *changes, missed))
+        if settled and missed < limits.tolerance:
             break
-        worst = max(waiting, key=lambda level: (max(waiting[level]), [-k for k in level]))
-        del waiting[worst]
+        if not waiting:
+            reason = f"no level is higher than {DEEPEST}" if ended else "there are no further terms"
+            break
+        # what is far below the tolerance is as good as nothing: then small levels come first
+        size = {w: max(1e-3 * limits.tolerance, *scale.measure(*change)) for w, change in waiting.items()}
+        worst = max(waiting, key=lambda level: (size[level], -sum(level), level))
         done.add(worst)
-        new = []
-        for k in range(dimension):
-            level = (*worst[:k], worst[k] + 1, *worst[k + 1 :])
-            below = [(*level[:i], level[i] - 1, *level[i + 1 :]) for i in range(dimension) if level[i]]
-            germ = runs.space.germs[k]
-            deep = level[k] > DEEPEST or (germ.values is not None and 2 * level[k] - 1 >= germ.values)
-            if not deep and all(b in done for b in below):
-                new.append(level)
-        if not new and not waiting:
-            met = True
+        new, cut = grid.children(worst, done)
+        more = len(runs.missing(grid.nodes(new))) if new else 0
+        if len(runs) + more > limits.most:
+            reason = f"the next step needs {more} more, and max_realisations is {limits.most}"
             break
-        more = len(runs.missing(np.concatenate([grid.nodes(level).nodes for level in new]))) if new else 0
-        if len(runs) + more > most:
-            warnings.warn(
-                f"{label}: the tolerance {tolerance:g} was not met with {len(runs)} realisations; the next step needs "
-                f"{more} more, and max_realisations is {most}. Mean and standard deviation still change by "
-                f"{max(mean, std):.2g}.",
-                stacklevel=2,
-            )
-            break
-        if new:
-            sound = enter(new)
-    multi_index = _sorted(total, dimension)
-    if not sound:
-        if not len(multi_index):
-            multi_index = np.zeros((1, dimension), dtype=np.int64)
-        fit = refitted(runs, np.arange(len(runs)), multi_index, label)
-        return Refinement(fit, tuple(steps), met=False)
-    coefficients = np.array([total[tuple(row)] for row in multi_index.tolist()])
+        if cut:
+            ended.append(waiting[worst])
+        del waiting[worst]
+    if reason:
+        warn_unmet(label, limits, steps, reason)
     how = f"adaptive sparse grid of {len(grid.found)} tensor projections"
-    return Refinement(Fit(coefficients, multi_index, how), tuple(steps), met)
+    fit = Fit(coefficients, multi_index, how, runs.at(grid.nodes(list(grid.found))))
+    return Refinement(fit, tuple(steps), met=not reason)
 
 
-def _sorted(terms: dict[Level, Array], dimension: int) -> Index:
-    rows = sorted(terms, key=lambda term: (sum(term), [-k for k in term]))
-    return np.array(rows, dtype=np.int64).reshape(-1, dimension)
+def _scale(coefficients: Array, rtol: float) -> _Scale:
+    variance = np.sum(coefficients[1:] ** 2, axis=0)
+    return _Scale(np.sqrt(variance), scale_of(coefficients[0], variance, rtol))
+
+
+def _sum(which: int, changes: list[tuple[Array, Array]], like: Array) -> Array:
+    """Sum of the sizes of changes (O, T): of the mean (0) or the variance (1)."""
+    return sum((np.abs(change[which]) for change in changes), np.zeros_like(like))
+
+
+def _after_failure(
+    runs: Runs, tried: list[Level], grid: _Grid, steps: list[Step], limits: Limits, label: str
+) -> Refinement:
+    """Fit the terms that were found by regression on all nodes that did not fail."""
+    if grid.total:
+        _, multi_index = grid.chaos()
+    else:
+        multi_index = uqmbd.index_set(runs.space.dimension, 1)
+    fit = refitted(runs, np.unique(runs.at(grid.nodes(tried))), multi_index, label)
+    warn_unmet(label, limits, steps, "the grid is not refined further, because realisations failed")
+    return Refinement(fit, tuple(steps))

@@ -24,6 +24,8 @@ COARSE = 1e-6
 """Error of a rule for products of the basis beyond which it is worth a warning."""
 MOST_FAILURES = 0.5
 """Share of failed realisations beyond which there is nothing to fit: their region is no exception."""
+WORST_CONDITION = 1e4
+"""Condition number of the basis at the nodes that are left beyond which they do not determine it."""
 
 
 @dataclass(frozen=True)
@@ -41,7 +43,7 @@ class Fit:
     where : array of int, shape (K,)
         Places of the realisations that it comes from.
     leave_one_out : array, shape (O, T), optional
-        Of a regression.
+        Of a regression on samples.
     weights : array, shape (K,), optional
         Of a quadrature.
     failed : int
@@ -199,8 +201,9 @@ class Regression:
 def refitted(runs: Runs, every: Index, multi_index: Index, label: str, weights: Array | None = None) -> Fit:
     """Fit the nodes of a quadrature that did not fail, and say so.
 
-    Each counts by its weight where all weights are positive, else by the inverse of the sum of squares of the basis
-    there, which is the weight of a Gauss node [1]_.
+    Where they do not determine all terms (of a tensor rule often all nodes of one coordinate fail) those of the highest
+    total degrees are left out.  Each node counts by its weight where all weights are positive, else by the inverse of
+    the sum of squares of the basis there, which is the weight of a Gauss node [1]_.
 
     Parameters
     ----------
@@ -227,43 +230,41 @@ def refitted(runs: Runs, every: Index, multi_index: Index, label: str, weights: 
     good = runs.good(every)
     where, terms = every[good], len(multi_index)
     failed, reason = len(every) - len(where), runs.reason(every)
-    if len(where) < terms or failed > MOST_FAILURES * len(every):
+    if failed > MOST_FAILURES * len(every):
         raise uqmbd.IntegrationError(
-            f"{label}: {failed} of {len(every)} nodes failed; the {len(where)} others are too few for the {terms} "
-            "terms of the basis. Take a lower order, more nodes, or distributions that stay clear of the failure. "
+            f"{label}: {failed} of {len(every)} nodes failed. Take distributions that stay clear of the failure. "
             f"Reason of the failure: {reason}"
         )
-    psi = runs.space.evaluate(runs.germs[where], multi_index)
-    if weights is not None and bool((weights > 0).all()):
-        counted = weights[good]
+    degrees = multi_index.sum(axis=1)
+    for highest in range(int(degrees.max()), min(0, int(degrees.max()) - 1), -1):
+        kept = multi_index[degrees <= highest]
+        psi = runs.space.evaluate(runs.germs[where], kept)
+        if weights is not None and bool((weights > 0).all()):
+            counted = weights[good]
+        else:
+            counted = 1 / np.sum(psi**2, axis=1)
+        if len(kept) <= len(where) and np.linalg.cond(psi * np.sqrt(counted)[:, None]) < WORST_CONDITION:
+            break
     else:
-        counted = 1 / np.sum(psi**2, axis=1)
-    try:
-        coefficients, leave_one_out = _weighted_least_squares(runs.response[where], psi, counted / counted.sum())
-    except uqmbd.StudyError as error:
         raise uqmbd.IntegrationError(
-            f"{label}: {failed} of {len(every)} nodes failed, and the others do not determine the {terms} terms "
-            f"({error}). Reason of the failure: {reason}"
-        ) from None
+            f"{label}: {failed} of {len(every)} nodes failed; the {len(where)} others do not determine the "
+            f"{terms} terms of the basis, nor fewer. Take more nodes, or distributions that stay clear of the failure. "
+            f"Reason of the failure: {reason}"
+        )
+    root = np.sqrt(counted / counted.sum())[:, None]
+    # about the weighted mean, which the first term holds: no digits are lost for a small spread about a large mean
+    centre = np.tensordot(root[:, 0] ** 2, runs.response[where], axes=1)
+    found = least_squares((runs.response[where] - centre) * root[:, None], psi * root)
+    coefficients = found.coefficients.copy()
+    coefficients[0] += centre
+    fewer = "" if len(kept) == terms else f" with {len(kept)} of the {terms} terms, which is all they determine"
     warnings.warn(
         f"{label}: {failed} of {len(every)} nodes failed, so that the quadrature does not hold; the chaos was fitted "
-        f"to the {len(where)} others by regression instead, and is an extrapolation where the mechanism fails. "
+        f"to the {len(where)} others by regression instead{fewer}, and is an extrapolation where the mechanism fails. "
         f"Reason of the failure: {reason}",
         stacklevel=2,
     )
     how = f"regression on the {len(where)} of {len(every)} nodes that did not fail"
-    return Fit(coefficients, multi_index, how, where, leave_one_out, failed=failed)
-
-
-def _weighted_least_squares(response: Array, psi: Array, weights: Array) -> tuple[Array, Array]:
-    """Coefficients (P, O, T) of a basis whose first term is 1, and the leave-one-out error (O, T), both weighted."""
-    root = np.sqrt(weights)
-    centre = np.tensordot(weights, response, axes=1)
-    scaled = (response - centre) * root[:, None, None]
-    fit = least_squares(scaled, psi * root[:, None])
-    coefficients = fit.coefficients.copy()
-    coefficients[0] += centre
-    # relative to the variance about the weighted mean, not to that of the scaled values
-    spread, variance = np.sum((scaled - scaled.mean(axis=0)) ** 2, axis=0), np.sum(scaled**2, axis=0)
-    share = np.divide(spread, variance, out=np.ones_like(spread), where=variance > 0)
-    return coefficients, fit.leave_one_out * share
+    how += "" if len(kept) == terms else f", {len(kept)} of {terms} terms"
+    # no leave-one-out error: on a grid a node that is left out has neighbours in every coordinate, and hides errors
+    return Fit(coefficients, kept, how, where, failed=failed)

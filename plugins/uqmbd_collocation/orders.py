@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import warnings
+import math
 from collections.abc import Callable
 
 import numpy as np
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 import uqmbd
 from uqmbd_collocation.fitting import Fit, Projection, Regression
-from uqmbd_collocation.refinement import Limits, Refinement, Step, missed_share, scale_of
+from uqmbd_collocation.refinement import Limits, Refinement, Step, missed_share, scale_of, warn_unmet
 from uqmbd_collocation.runs import Runs
 
 __all__ = ["HIGHEST", "raise_order"]
@@ -70,29 +70,31 @@ def raise_order(
         except (uqmbd.StudyError, uqmbd.IntegrationError) as error:
             if fit is None:
                 raise
-            _warn(label, limits, steps, f"order {order} cannot be done: {error}")
+            warn_unmet(label, limits, steps, f"order {order} cannot be done: {error}")
             return Refinement(fit, tuple(steps))
-        steps.append(Step(len(runs), len(following.multi_index), *_changes(fit, following, runs.problem.rtol)))
+        changes = _changes(fit, following, runs.problem.rtol)
         fit = following
         missed = missed_share(runs, fit.coefficients, fit.multi_index, points)
-        if missed < limits.tolerance and (steps[-1].change < limits.tolerance or terms == _most_terms(runs.space)):
+        steps.append(Step(len(runs), len(fit.multi_index), *changes, missed))
+        complete = terms == _most_terms(runs.space)
+        if missed < limits.tolerance and (complete or steps[-1].change < limits.tolerance):
             return Refinement(fit, tuple(steps), met=not fit.failed)
         if fit.failed:
-            _warn(label, limits, steps, "the order is not raised further, because realisations failed")
+            warn_unmet(label, limits, steps, "the order is not raised further, because realisations failed")
             return Refinement(fit, tuple(steps))
-        if terms == _most_terms(runs.space):
-            _warn(label, limits, steps, f"there are no further terms than these {terms}")
+        if complete:
+            warn_unmet(label, limits, steps, f"there are no further terms than these {terms}")
             return Refinement(fit, tuple(steps))
     if fit is None:
         raise uqmbd.StudyError(f"{label}: no order was tried.")
-    _warn(label, limits, steps, f"order {max(first, HIGHEST)} is the highest that is tried")
+    warn_unmet(label, limits, steps, f"order {max(first, HIGHEST)} is the highest that is tried")
     return Refinement(fit, tuple(steps))
 
 
 def _most_terms(space: uqmbd.GermSpace) -> int | None:
-    """Number of terms of any order if all germs take few values; None: unlimited."""
-    values = [germ.values for germ in space.germs]
-    return None if None in values else int(np.prod(values, dtype=object))
+    """Return the number of terms of the highest order if all germs take few values; None: there is no highest."""
+    values = [germ.values for germ in space.germs if germ.values is not None]
+    return math.prod(values) if len(values) == space.dimension else None
 
 
 def _changes(before: Fit | None, now: Fit, rtol: float) -> tuple[float, float]:
@@ -104,12 +106,3 @@ def _changes(before: Fit | None, now: Fit, rtol: float) -> tuple[float, float]:
     mean = np.abs(now.coefficients[0] - before.coefficients[0]) / scale
     std = np.abs(np.sqrt(variance[1]) - np.sqrt(variance[0])) / scale
     return float(mean.max()), float(std.max())
-
-
-def _warn(label: str, limits: Limits, steps: list[Step], reason: str) -> None:
-    last = f"mean and standard deviation still changed by {steps[-1].change:.2g}" if len(steps) > 1 else "one order only"
-    warnings.warn(
-        f"{label}: the tolerance {limits.tolerance:g} was not met with {steps[-1].realisations} realisations ({last}): "
-        f"{reason}",
-        stacklevel=3,
-    )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,6 +21,8 @@ Index = NDArray[np.int64]
 
 VERIFICATION = 0x7E51F1
 """Enters the seed of the verification points, which must be no points of a design."""
+FEW = 100
+"""Samples below which a sparse regression gets as many as an ordinary one by default."""
 
 
 def basis(options: Collocation, space: uqmbd.GermSpace, order: int) -> Index:
@@ -42,17 +45,23 @@ def plan(options: Collocation, space: uqmbd.GermSpace, order: int, label: str) -
     multi_index = basis(options, space, order)
     if options.grid:
         if options.grid == "gauss":
-            _check_number(options, space, order, int(np.prod(_gauss_counts(options, space, multi_index), dtype=object)))
+            _check_number(options, space, order, math.prod(_gauss_counts(options, space, multi_index)))
         rule = _grid(options, space, order, multi_index)
         _check_number(options, space, order, len(rule))
         return Projection(rule, multi_index, _exact(options, rule, multi_index, space), label)
-    sparse = options.method in ("omp", "lars")
-    count = options.samples or max(len(multi_index) if sparse else 2 * len(multi_index), 3)
+    count = options.samples or _enough(len(multi_index), options.method)
     _check_number(options, space, order, count)
     rule = _samples(options, space, count)
     if options.method == "projection":
         return Projection(rule, multi_index, False, label)
     return Regression(rule.nodes, multi_index, options.method, label)
+
+
+def _enough(terms: int, method: str) -> int:
+    """Return the default number of samples."""
+    if method in ("omp", "lars"):
+        return max(min(2 * terms, max(terms, FEW)), 3)
+    return max(2 * terms, 2)
 
 
 def verification_points(space: uqmbd.GermSpace, count: int, seed: int) -> Array:
@@ -64,12 +73,17 @@ def verification_points(space: uqmbd.GermSpace, count: int, seed: int) -> Array:
 
 
 def _check_number(options: Collocation, space: uqmbd.GermSpace, order: int, nodes: int) -> None:
-    if nodes + options.verify > options.max_realisations:
-        raise uqmbd.StudyError(
-            f"Collocation: order {order} with {space.dimension} inputs takes {nodes} nodes and {options.verify} "
-            f"verification realisations, more than max_realisations = {options.max_realisations}. Use rule='smolyak', "
-            "method='regression' or 'omp', adaptive='dimension' or a lower order, or allow more."
-        )
+    if nodes + options.verify <= options.max_realisations:
+        return
+    if options.design in ("gauss", "clenshaw-curtis"):
+        fewer = "rule='smolyak', method='regression' or 'omp', adaptive='dimension'"
+    else:
+        fewer = "fewer samples" if options.samples else "method='omp', adaptive='dimension'"
+    raise uqmbd.StudyError(
+        f"Collocation: order {order} with {space.dimension} inputs takes {nodes} nodes and {options.verify} "
+        f"verification realisations, more than max_realisations = {options.max_realisations}. Use {fewer} or a lower "
+        "order, or allow more."
+    )
 
 
 def _gauss_counts(options: Collocation, space: uqmbd.GermSpace, multi_index: Index) -> list[int]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 from uqmbd_collocation.fitting import Fit
 from uqmbd_collocation.runs import Runs
 
-__all__ = ["Limits", "Refinement", "Step", "history", "missed_share", "scale_of"]
+__all__ = ["Limits", "Refinement", "Step", "history", "missed_share", "scale_of", "warn_unmet"]
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -27,10 +28,13 @@ class Limits:
         Of mean and standard deviation, relative to the largest standard deviation of each output over time.
     most : int
         Realisations, verification included.
+    rtol : float
+        Relative tolerance of the integration, which no tolerance can be far below.
     """
 
     tolerance: float
     most: int
+    rtol: float
 
 
 @dataclass(frozen=True)
@@ -45,17 +49,20 @@ class Step:
         Of the chaos.
     change_mean, change_std : float
         Largest over outputs and times, over the largest standard deviation of the output over time.
+    missed_std : float
+        What :func:`missed_share` said; NaN if it was not asked, because the changes were too large anyway.
     """
 
     realisations: int
     terms: int
     change_mean: float
     change_std: float
+    missed_std: float = np.nan
 
     @property
     def change(self) -> float:
-        """The larger of both."""
-        return max(self.change_mean, self.change_std)
+        """The largest of them."""
+        return float(np.nanmax([self.change_mean, self.change_std, self.missed_std]))
 
 
 @dataclass(frozen=True)
@@ -99,13 +106,28 @@ def missed_share(runs: Runs, coefficients: Array, multi_index: Index, points: Ar
     return float((error.max(axis=-1) / (2 * scale**2)).max())
 
 
+def warn_unmet(label: str, limits: Limits, steps: list[Step], reason: str) -> None:
+    """Warn that a refinement ended before its tolerance was met."""
+    known = bool(steps) and np.isfinite(steps[-1].change)
+    last = f"; mean and standard deviation are settled to {steps[-1].change:.2g} only" if known else ""
+    spent = steps[-1].realisations if steps else 0
+    if limits.tolerance < 100 * limits.rtol:
+        reason += f". So small changes may be errors of the integration (rtol={limits.rtol:g}): try a smaller rtol"
+    warnings.warn(
+        f"{label}: the tolerance {limits.tolerance:g} was not met with {spent} realisations{last}. Reason: {reason}",
+        stacklevel=3,
+    )
+
+
 def history(steps: tuple[Step, ...]) -> xr.Dataset:
     """Return the dataset `refinement` of a node."""
     note = {"comment": "largest over outputs and times, over the largest standard deviation of the output over time"}
+    missed = {"comment": "what the standard deviation lacks by the verification; NaN where it was not asked for"}
     found = {
         "realisations": ("step", np.array([s.realisations for s in steps], dtype=np.int64)),
         "terms": ("step", np.array([s.terms for s in steps], dtype=np.int64)),
         "change_mean": ("step", np.array([s.change_mean for s in steps], dtype=float), note),
         "change_std": ("step", np.array([s.change_std for s in steps], dtype=float), note),
+        "missed_std": ("step", np.array([s.missed_std for s in steps], dtype=float), missed),
     }
     return xr.Dataset(found)

@@ -42,7 +42,8 @@ def sparse_regression(response: Array, psi: Array, solver: str = "omp") -> tuple
     coefficients : array, shape (P, O, T)
         Mostly zeros.
     leave_one_out : array, shape (O, T)
-        Corrected leave-one-out error relative to the variance of the samples; 0 where they agree.
+        Corrected leave-one-out error relative to the variance of the samples; 0 where they agree.  The same samples
+        chose the terms, so that it can be several times too small where there are no few terms to be found.
 
     References
     ----------
@@ -79,6 +80,8 @@ def sparse_regression(response: Array, psi: Array, solver: str = "omp") -> tuple
 
 def _fit(values: Array, psi: Array, solver: str) -> tuple[Array, Array]:
     """Fit one component: coefficients (P,), and the error at each sample if it is left out, corrected (K,)."""
+    from scipy.linalg import solve_triangular
+
     samples = len(values)
     order = np.concatenate([[0], _entering(values, psi, solver)])
     basis, triangle = np.linalg.qr(psi[:, order])
@@ -86,14 +89,14 @@ def _fit(values: Array, psi: Array, solver: str) -> tuple[Array, Array]:
     residual = values[:, None] - np.cumsum(basis * (basis.T @ values), axis=1)
     errors = residual / np.maximum(1.0 - leverage, 1e-10)
     counts = np.arange(1, len(order) + 1)
-    # the correction of [1]_: K / (K - P) (1 + trace((Psi^T Psi)^-1)); the trace grows row by row of R^-1
-    inverse = np.linalg.solve(triangle, np.eye(len(order)))
-    trace = np.array([np.sum(inverse[:n, :n] ** 2) for n in counts])
+    # the correction of [1]_: K / (K - P) (1 + trace((Psi^T Psi)^-1)); the trace grows by the columns of R^-1
+    inverse = solve_triangular(triangle, np.eye(len(order)))
+    trace = np.cumsum(np.sum(inverse**2, axis=0))
     correction = samples / (samples - counts) * (1.0 + trace)
     score = np.mean(errors**2, axis=0) * correction
     best = int(np.argmin(score)) + 1
     coefficients = np.zeros(psi.shape[1])
-    coefficients[order[:best]] = np.linalg.solve(triangle[:best, :best], basis[:, :best].T @ values)
+    coefficients[order[:best]] = solve_triangular(triangle[:best, :best], basis[:, :best].T @ values)
     return coefficients, errors[:, best - 1] * np.sqrt(correction[best - 1])
 
 

@@ -1,0 +1,87 @@
+"""Sparse regression: the few terms that there are, found among many by fewer samples than terms."""
+
+from __future__ import annotations
+
+import chaospy
+import numpy as np
+import pytest
+from scipy.special import eval_legendre
+
+import uqmbd
+from uqmbd_collocation import Collocation
+from uqmbd_collocation.sparse import sparse_regression
+
+# degrees in ten inputs, and coefficients
+TRUE = {
+    (): 2.0,
+    ((0, 1),): 3.0,
+    ((3, 2),): -1.0,
+    ((7, 3),): 0.5,
+    ((1, 1), (4, 1)): 0.8,
+    ((2, 1), (5, 1), (9, 1)): -0.4,
+    ((6, 1), (8, 1)): 0.3,
+}
+TERMS = {tuple(dict(term).get(k, 0) for k in range(10)): value for term, value in TRUE.items()}
+
+
+def legendre(degree, x):
+    """Orthonormal polynomials of a uniform germ, written out."""
+    return [1, 3**0.5 * x, 5**0.5 * (3 * x**2 - 1) / 2, 7**0.5 * (5 * x**3 - 3 * x) / 2][degree]
+
+
+def polynomial(*x):
+    return sum(value * np.prod([legendre(k, x[i]) for i, k in term] or [1]) for term, value in TRUE.items())
+
+
+@pytest.mark.parametrize("method", ["omp", "lars"])
+@pytest.mark.parametrize("seed", [0, 1])
+def test_few_terms_of_ten_inputs(resting, chaos_of, method, seed):
+    study = resting(polynomial, *[chaospy.Uniform(-1, 1)] * 10)
+    node = study.propagate(Collocation(order=3, method=method, samples=90, seed=seed))
+    chaos = chaos_of(node)
+    assert "of 286 terms" in node.attrs["fit"]
+    assert node.attrs["realisations"] == 98
+    found = {
+        tuple(row): value for row, value in zip(chaos.multi_index.tolist(), chaos.coefficients[:, 0, 0], strict=True)
+    }
+    large = {term: value for term, value in found.items() if abs(value) > 1e-9}
+    assert set(large) == set(TERMS)
+    assert all(large[term] == pytest.approx(value, abs=1e-9) for term, value in TERMS.items())
+    assert node["statistics"]["verification_error"].max() < 1e-9
+    assert node["statistics"]["leave_one_out"].max() < 1e-15
+
+
+def test_least_squares_cannot(resting):
+    study = resting(polynomial, *[chaospy.Uniform(-1, 1)] * 10)
+    with pytest.raises(uqmbd.StudyError, match="286 terms, more than the 90 samples"):
+        study.propagate(Collocation(order=3, method="regression", samples=90))
+
+
+@pytest.mark.parametrize("method", ["omp", "lars"])
+def test_noise_does_not_fill_the_basis(method):
+    """Noise of 1 % in samples of three terms: the leave-one-out error stops in time, and states it."""
+    rng = np.random.default_rng(5)
+    x = rng.uniform(-1, 1, 80)
+    psi = np.stack([np.sqrt(2 * k + 1) * eval_legendre(k, x) for k in range(40)], axis=1)
+    noise = 0.01 * rng.normal(size=80)
+    coefficients, error = sparse_regression((1 + psi[:, 1] + psi[:, 6] + noise)[:, None, None], psi, method)
+    assert np.flatnonzero(coefficients[:, 0, 0]).size < 15
+    np.testing.assert_allclose(coefficients[[0, 1, 6], 0, 0], 1, atol=0.01)
+    assert 0.5 < np.sqrt(error[0, 0] * 2) / 0.01 < 3
+
+
+def test_outputs_over_time_are_fitted_together():
+    """Two outputs at 300 times, each made of two shapes in time; one that does not vary; one of another scale."""
+    rng = np.random.default_rng(1)
+    x, t = rng.uniform(-1, 1, (60, 1)), np.linspace(0, 1, 300)
+    psi = np.concatenate([np.sqrt(2 * k + 1) * eval_legendre(k, x) for k in range(8)], axis=1)
+    response = np.stack([psi[:, 1:2] * t + psi[:, 3:4] * np.sin(t), 1e9 * (2 + psi[:, 2:3] * t), 0 * x + t], axis=1)
+    for method in ("omp", "lars"):
+        coefficients, error = sparse_regression(response, psi, method)
+        expected = np.zeros((8, 3, 300))
+        expected[1, 0], expected[3, 0] = t, np.sin(t)
+        expected[0, 1], expected[2, 1] = 2e9, 1e9 * t
+        expected[0, 2] = t
+        scale = np.array([1, 1e9, 1])[:, None]
+        np.testing.assert_allclose(coefficients / scale, expected / scale, atol=1e-9)
+        assert error.max() < 1e-15
