@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import ClassVar
 
+import numpy as np
 import pytest
 import sympy
+import xarray as xr
 
 import uqmbd
 from uqmbd.testing import check_component
+from uqmbd.testing.methods import check_studies
+from uqmbd_collocation import Collocation
+from uqmbd_montecarlo import MonteCarlo
 
 
 class Base(uqmbd.Component):
@@ -107,6 +113,40 @@ class Optional(Base):
     terms = Sound.terms
 
 
+class Ratchet(Base):
+    """A spring whose length counts ways in either direction alike."""
+
+    def rate(self, p):
+        velocity = p.body_j.point_velocity(p.point_j) - p.body_i.point_velocity(p.point_i)
+        return (velocity.T * self.offset(p))[0]
+
+    def start(self, p):
+        return self.offset(p).dot(self.offset(p)) / 2
+
+    def terms(self, p):
+        way = p.state("way")
+        yield uqmbd.Auxiliary(way, self.rate(p) + self.rate(p) ** 2, self.start(p))
+        yield uqmbd.Potential(10 * way**2)
+
+
+class Escapement(Ratchet):
+    """A constraint on such a length."""
+
+    def terms(self, p):
+        way = p.state("way")
+        yield uqmbd.Auxiliary(way, self.rate(p) + self.rate(p) ** 2, self.start(p))
+        yield uqmbd.Constraint(way - 1, "way")
+
+
+class Clockwork(Ratchet):
+    """A spring that is wound up by a clock, which may do work."""
+
+    def terms(self, p):
+        wound = p.state("wound")
+        yield uqmbd.Auxiliary(wound, self.rate(p) + 1, self.start(p))
+        yield uqmbd.Potential(wound**2 / 2)
+
+
 class Exemplary(Base):
     """A force that follows a law, with an example of one."""
 
@@ -126,6 +166,8 @@ FAULTS = {
     Idle: "parameter 'rate' .*nothing|parameter 'rate' has no effect",
     Unitless: "Unitless.rate has no units",
     Undescribed: "Undescribed.rate has no description",
+    Ratchet: "energy is not conserved: a potential feeds in a power of",
+    Escapement: "energy is not conserved: constraint 0 feeds in a power of",
     Optional: "parameter 'law' is an option without choices",
 }
 
@@ -136,17 +178,66 @@ def test_faults_are_found(component, words):
         check_component(component)
 
 
-@pytest.mark.parametrize("component", [Sound, Exemplary])
+@pytest.mark.parametrize("component", [Sound, Exemplary, Clockwork])
 def test_sound_components_pass(component):
     check_component(component)
 
 
 def test_values_may_be_given():
-    check_component(Optional, given={"law": "whatever"})
+    check_component(Optional, given={"law": "whatever"}, propagators=())
+
+
+def test_what_is_no_mistake_says_so():
+    check_component(Ratchet, conservative=False, propagators=["collocation", MonteCarlo(samples=10)])
+
+
+def studied(component, *propagators):
+    check_studies(component, uqmbd.Planar, {}, np.random.default_rng(1), propagators)
+
+
+def test_energy_along_a_motion():
+    with pytest.raises(AssertionError, match=r"energy is not conserved: it changes by .* J of .* J in 0.1 s"):
+        studied(Ratchet, "collocation")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Biased(Collocation):
+    """A method with another mean than others."""
+
+    def propagate(self, problem):
+        node = super().propagate(problem)
+        statistics = node["statistics"].to_dataset()
+        return node.assign(statistics=xr.DataTree(statistics.assign(mean=statistics["mean"] + statistics["std"])))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Helpless(Collocation):
+    """A method that cannot do this."""
+
+    def propagate(self, problem):
+        raise KeyError("point_i")
+
+
+def test_methods_that_disagree():
+    with pytest.raises(
+        AssertionError,
+        match="Sound in Planar space, in a study with Biased.*: its mean of .* at .* is .*, that of Coll",
+    ):
+        studied(Sound, "collocation", Biased(order=1, verify=2, label="biased"))
+
+
+def test_method_that_fails():
+    with pytest.raises(AssertionError, match="Sound in Planar space, in a study with Helpless.*: it raised KeyError"):
+        studied(Sound, Helpless())
+
+
+def test_component_without_a_possible_motion():
+    with pytest.raises(AssertionError, match="none of 20 random poses can be assembled and moves: .*length"):
+        studied(Impossible, "collocation")
 
 
 def test_components_that_act_on_the_world_say_so():
-    check_component(OneSided, internal=False)
+    check_component(OneSided, internal=False, propagators=())
 
 
 def test_class_without_docstring():

@@ -2,14 +2,36 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
+import uqmbd
 from uqmbd import plugins
 from uqmbd.testing import check_component
+from uqmbd.testing.methods import check_studies
 
 EVERY = [(name, space) for name, component in sorted(plugins.components().items()) for space in component.spaces]
 
 
+# One force with a potential, one joint, one with an auxiliary state: with every method that is installed.
+REPRESENTATIVES = [("SpringDamper", "Spatial"), ("Revolute", "Planar"), ("TorsionSpringDamper", "Planar")]
+
+
 @pytest.mark.parametrize(("name", "space"), EVERY, ids=[f"{name}-{space.__name__}" for name, space in EVERY])
 def test_component(name, space):
-    check_component(plugins.component(name), spaces=(space,))
+    check_component(plugins.component(name), spaces=(space,), propagators=())
+
+
+def studied(name, space):
+    check_studies(plugins.component(name), space, {}, np.random.default_rng(5))
+
+
+@pytest.mark.parametrize(("name", "space"), REPRESENTATIVES)
+def test_component_with_every_propagator(name, space):
+    studied(name, getattr(uqmbd, space))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "space"), EVERY, ids=[f"{name}-{space.__name__}" for name, space in EVERY])
+def test_every_component_with_every_propagator(name, space):
+    studied(name, space)

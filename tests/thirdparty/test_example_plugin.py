@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import scipy.integrate
 
 from uqmbd import results
 
@@ -54,7 +55,7 @@ def test_it_is_discovered_by_its_entry_point_alone(site):
     assert (info["distribution"], info["version"]) == ("uqmbd-example-plugin", "1.2.3")
     assert info["status"] == "loaded", info["errors"]
     assert info["hooks"] == ["uqmbd_components", "uqmbd_propagators"]
-    assert info["components"] == ["Magnet"] and info["propagators"] == ["mean-value"]
+    assert info["components"] == ["Magnet"] and info["propagators"] == ["mean-value", "taylor"]
 
 
 def test_it_can_be_switched_off(site):
@@ -121,6 +122,51 @@ def test_study_runs_with_its_component_and_its_propagator(site, tmp_path):
     assert later == pytest.approx(-speed, rel=0.05)
 
 
+GALERKIN = """
+import chaospy
+import numpy as np
+
+import uqmbd
+import uqmbd.plugins
+
+Magnet, Galerkin = uqmbd.plugins.component("Magnet"), uqmbd.plugins.propagator("galerkin")
+strength = uqmbd.RandomVariable("strength", chaospy.Uniform(0.9, 1.1), units="N m^2")
+mass = uqmbd.RandomVariable("mass", chaospy.Normal(2, 0.05), units="kg")
+mechanism = uqmbd.Mechanism("attraction", uqmbd.Translational())
+bodies = [mechanism.body(name, mass=mass, position=(x, 0)) for name, x in (("left", -1), ("right", 1))]
+magnet = mechanism.add(Magnet("magnet", *bodies, point_i=(0, 0), point_j=(0, 0), strength=strength))
+mechanism.output("right", bodies[1].position[0], units="m")
+mechanism.output("pull", magnet.reaction_force[0], units="N")
+study = uqmbd.Study("attraction", mechanism, np.linspace(0, 1, 5), rtol=1e-8)
+for integrator in ("dop853", "ida"):
+    found = study.propagate(Galerkin(order=2, integrator=integrator))["statistics"]
+    print(*found["mean"].sel(time=1).values, *found["std"].sel(time=1).values)
+"""
+
+
+def test_its_component_runs_through_galerkin_unchanged(site, tmp_path):
+    """Its potential is no polynomial, and it knows nothing of chaos: against SciPy over a fine quadrature."""
+    (tmp_path / "attraction.py").write_text(GALERKIN)
+    run = python(site, "-W", "error::UserWarning", str(tmp_path / "attraction.py"))
+    assert run.returncode == 0, run.stderr
+    uniform, normal = np.polynomial.legendre.leggauss(6), np.polynomial.hermite_e.hermegauss(6)
+    x = []
+    for strength in 1 + 0.1 * uniform[0]:
+        for mass in 2 + 0.05 * normal[0]:
+            # each is pulled with strength / (2 x)^2
+            motion = scipy.integrate.solve_ivp(
+                lambda t, z, a=strength / mass: [z[1], -a / (4 * z[0] ** 2)], (0, 1), [1, 0], rtol=1e-10, atol=1e-12
+            )
+            x.append((motion.y[0, -1], -strength / (4 * motion.y[0, -1] ** 2)))
+    weights = np.outer(uniform[1] / 2, normal[1] / normal[1].sum()).ravel()
+    mean = weights @ x
+    std = np.sqrt(weights @ (np.array(x) - mean) ** 2)
+    for line in run.stdout.splitlines():
+        found = np.array(line.split(), dtype=float)
+        assert found[:2] == pytest.approx(mean, rel=1e-4)
+        assert found[2:] == pytest.approx(std, rel=1e-3)
+
+
 def test_check_command_knows_its_propagator(site, tmp_path):
     (tmp_path / "attraction.py").write_text(STUDY)
     run = python(site, "-m", "uqmbd.cli", "check", str(tmp_path / "attraction.py"))
@@ -128,7 +174,9 @@ def test_check_command_knows_its_propagator(site, tmp_path):
     assert "MeanValue" in run.stdout and "Magnet" in run.stdout
 
 
-def test_conformance_kit_accepts_its_component(site):
-    code = "from uqmbd.testing import check_component; from uqmbd_example import Magnet; check_component(Magnet)"
-    run = python(site, "-c", code)
-    assert run.returncode == 0, run.stderr
+def test_its_own_test_suite_passes(site):
+    """Which is the conformance kit: its component, in all propagators that are installed, and its own propagators."""
+    tests = site.parent / "source" / "tests"
+    run = python(site, "-m", "pytest", "-q", "-p", "no:cacheprovider", str(tests))
+    assert run.returncode == 0, run.stdout + run.stderr
+    assert "3 passed" in run.stdout

@@ -12,7 +12,7 @@ import sympy
 from uqmbd.mechanism import Body, Component, Mechanism, Parameter, Space, t
 from uqmbd.randomness import uniform_variable
 
-__all__ = ["Case", "cases", "name_of"]
+__all__ = ["Case", "cases", "moving_case", "name_of"]
 
 
 @dataclass(frozen=True)
@@ -69,6 +69,40 @@ def cases(
             yield _case(title, component, space, {**given, key: choice}, everything, rng)
 
 
+def moving_case(
+    component: type[Component], space: type[Space], given: Mapping[str, Any], rng: np.random.Generator
+) -> Case:
+    """Return a component at the ground, under gravity, with little that is random: for whole studies.
+
+    Its first two numbers vary by 1 %; where it has none, the mass of its last body does.  It need not be possible to
+    assemble the mechanism: poses are random.
+
+    Parameters
+    ----------
+    component, space, given, rng
+        As for `cases`.
+    """
+    declared = component.parameters()
+    given = {k: p.example for k, p in declared.items() if p.example is not None} | dict(given)
+    numeric = [k for k, p in declared.items() if p.kind not in ("option", "rotation") and k not in given]
+    numeric = [k for k in numeric if declared[k].size(space())][:2]
+    mechanism = Mechanism("trial", space(gravity=(0.0,) * (space().dimension - 1) + (-9.81,)))
+    count = len(component.bodies)
+    bodies: list[Any] = [
+        mechanism.ground if k == 0 and count > 1 else _body(mechanism, role, rng, heavy=not numeric and k == count - 1)
+        for k, role in enumerate(component.bodies)
+    ]
+    values = {
+        key: given[key]
+        if key in given
+        else _value(p, mechanism.space, rng, turning=key in numeric, moving=False, spread=0.01 * (key in numeric))
+        for key, p in declared.items()
+        if key in given or p.required or key in numeric
+    }
+    made = component("trial", *bodies, **{k: v for k, v in values.items() if v is not None})
+    return Case("in a study", mechanism, mechanism.add(made), free=False)
+
+
 def name_of(component: type[Component], space: type[Space]) -> str:
     """Return what messages call a component in a space."""
     return f"{component.__name__} in {space.__name__} space"
@@ -99,7 +133,7 @@ def _case(
     return Case(title, mechanism, mechanism.add(made), all(isinstance(b, Body) for b in bodies))
 
 
-def _body(mechanism: Mechanism, name: str, rng: np.random.Generator) -> Body:
+def _body(mechanism: Mechanism, name: str, rng: np.random.Generator, *, heavy: bool = False) -> Body:
     space = mechanism.space
     pose: dict[str, Any] = {"position": list(rng.uniform(-1, 1, space.dimension))}
     if space.turns and space.dimension == 2:
@@ -107,12 +141,15 @@ def _body(mechanism: Mechanism, name: str, rng: np.random.Generator) -> Body:
     elif space.turns:
         e = rng.normal(size=4)
         pose |= {"quaternion": e / np.linalg.norm(e), "inertia": (2, 1.5, 1, 0.1, 0.2, 0.3)}
-    return mechanism.body(name, mass=rng.uniform(0.5, 2), com=list(rng.uniform(-0.5, 0.5, space.dimension)), **pose)
+    mass = rng.uniform(0.5, 2) * (1 + uniform_variable("mass", -0.01, 0.01) if heavy else 1)
+    return mechanism.body(name, mass=mass, com=list(rng.uniform(-0.5, 0.5, space.dimension)), **pose)
 
 
-def _value(parameter: Parameter, space: Space, rng: np.random.Generator, *, turning: bool, moving: bool) -> Any:
+def _value(
+    parameter: Parameter, space: Space, rng: np.random.Generator, *, turning: bool, moving: bool, spread: float = 0.1
+) -> Any:
     """Return a random value of a declared kind that depends on a random variable; None: to be left out."""
-    u = uniform_variable(parameter.name, -0.1, 0.1, parameter.units)
+    u: Any = uniform_variable(parameter.name, -spread, spread, parameter.units) if spread else sympy.Integer(0)
     size = parameter.size(space)
     if parameter.kind == "option":
         if parameter.required and not parameter.choices:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import zlib
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,7 +16,10 @@ from uqmbd.dynamics.derivation import derive
 from uqmbd.dynamics.kernels import Kernel, cached, compile_kernel
 from uqmbd.dynamics.parameters import ParameterMap
 from uqmbd.mechanism import Component, Space
+from uqmbd.propagation import Propagator
 from uqmbd.testing.cases import Case, cases, name_of
+from uqmbd.testing.energy import check_energy
+from uqmbd.testing.methods import check_studies
 from uqmbd.testing.motion import displaced, random_turn, random_unit, virtual_motions
 
 __all__ = ["check_component"]
@@ -32,6 +35,8 @@ def check_component(
     spaces: tuple[type[Space], ...] | None = None,
     given: Mapping[str, Any] | None = None,
     internal: bool = True,
+    conservative: bool = True,
+    propagators: Sequence[str | Propagator] | None = None,
     seed: int = 0,
 ) -> None:
     """Check a component in mechanisms with random poses and values, in every space it declares.
@@ -41,6 +46,8 @@ def check_component(
     - Realisations are computed side by side as each would be alone.
     - Between two bodies: what it exerts on them cancels (action and reaction), and does not depend on where the bodies
       are as a whole and how they are turned.
+    - Potentials and constraints in which time does not appear neither make nor lose energy.
+    - Every installed propagator runs a study of a small mechanism with it, and they agree.
 
     Parameters
     ----------
@@ -52,6 +59,11 @@ def check_component(
         Values that are used as they are, by parameter, for those that need special ones.
     internal : bool
         Whether a component of several bodies acts between them alone, so that action equals reaction.
+    conservative : bool
+        Whether energy must stay where there are potentials and constraints only, without time in them.
+    propagators : sequence of str or Propagator, optional
+        Methods that run a study with it, by name (then with settings that cost little) or as objects; default all that
+        are installed; ``()`` for none, which is quicker.
     seed : int
         Of the random poses and values.
 
@@ -81,8 +93,11 @@ def check_component(
             _check_broadcasting(bench, rng)
             if number == 0 and space.turns:  # what a point mass has no use for is no mistake
                 _check_effects(bench, rng, set(given or ()))
+            if conservative:
+                check_energy(bench, rng)
             if internal and case.free and len(component.bodies) > 1:
                 _check_mechanics(bench, rng)
+        check_studies(component, space, given or {}, rng, propagators, conservative=conservative)
 
 
 def _check_declaration(component: type[Component]) -> None:

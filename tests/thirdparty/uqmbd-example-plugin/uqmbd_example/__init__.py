@@ -1,12 +1,13 @@
-"""An example of a plugin package: one component and one propagator, on the public interface of uqmbd only."""
+"""An example of a plugin package: a component and two propagators, on the public interface of uqmbd only."""
 
 from __future__ import annotations
 
 import uqmbd
 from uqmbd_example.magnet import Magnet
 from uqmbd_example.mean_value import MeanValue
+from uqmbd_example.taylor import Taylor
 
-__all__ = ["Magnet", "MeanValue"]
+__all__ = ["Magnet", "MeanValue", "Taylor"]
 
 
 @uqmbd.hookimpl
@@ -18,4 +19,4 @@ def uqmbd_components() -> list[type[uqmbd.Component]]:
 @uqmbd.hookimpl
 def uqmbd_propagators() -> list[type[uqmbd.Propagator]]:
     """Return the propagators of this package."""
-    return [MeanValue]
+    return [MeanValue, Taylor]

@@ -1,0 +1,71 @@
+"""Who computes and who listens while a propagator is checked: both keep count of what is done."""
+
+from __future__ import annotations
+
+import pickle
+from collections.abc import Callable
+from concurrent.futures import Executor, Future
+from typing import Any
+
+__all__ = ["Interruption", "Interrupter", "Recorder"]
+
+
+class Recorder(Executor):
+    """Computes in this process, on copies as another process would have them, and keeps count.
+
+    Attributes
+    ----------
+    chunks, realisations : int
+        Computed so far.
+    reasons : list of str
+        Of realisations that failed.
+
+    Examples
+    --------
+    >>> Recorder().submit(abs, -3).result()
+    3
+    """
+
+    def __init__(self) -> None:
+        self.chunks = self.realisations = 0
+        self.reasons: list[str] = []
+
+    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
+        """Compute at once."""
+        future: Future[Any] = Future()
+        work, arguments, keywords = pickle.loads(pickle.dumps((fn, args, kwargs)))  # noqa: S301 - made by ourselves
+        try:
+            found = work(*arguments, **keywords)
+        except Exception as error:  # noqa: BLE001 - handed to whoever waits for the result
+            future.set_exception(error)
+            return future
+        status = getattr(found, "status", ())
+        self.chunks += 1
+        self.realisations += len(status)
+        self.reasons += [m for m, s in zip(getattr(found, "messages", ()), status, strict=True) if s]
+        future.set_result(pickle.loads(pickle.dumps(found)))  # noqa: S301
+        return future
+
+
+class Interruption(BaseException):
+    """Ends a run, as Ctrl-C does."""
+
+
+class Interrupter:
+    """A progress that ends the run at the first finished chunk."""
+
+    def start(self, label: str, total: int) -> None:
+        """Let it begin."""
+
+    def advance(self, label: str, count: int = 1) -> None:
+        """End it.
+
+        Raises
+        ------
+        Interruption
+            Always.
+        """
+        raise Interruption
+
+    def finish(self, label: str) -> None:
+        """Hear of the end."""

@@ -1,0 +1,202 @@
+"""Small mechanisms whose moments are known: closed forms, and a quadrature of a motion that is integrated elsewhere."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import numpy as np
+import sympy
+from numpy.typing import NDArray
+
+from uqmbd.mechanism import Component, Constraint, Local, Mechanism, Parameter, Planar, Potential, Translational
+from uqmbd.propagation import Study
+from uqmbd.randomness import uniform_variable
+
+__all__ = ["CASES", "Known", "certain", "fragile"]
+
+Array = NDArray[np.float64]
+
+RTOL = 1e-8
+"""Of the integration: its error must not count beside that of a method."""
+
+GRAVITY = 9.81
+
+
+class _Spring(Component):
+    """A spring without length between the ground and a body."""
+
+    stiffness = Parameter("N/m", "spring rate")
+
+    def terms(self, p: Local) -> Iterator[Potential]:
+        d = p.body_j.position - p.body_i.position
+        yield Potential(p.stiffness * d.dot(d) / 2)
+
+
+class _Pin(Component):
+    """A point of a body that stays at the origin of another."""
+
+    point = Parameter("m", "pinned point, frame of body j", kind="point")
+
+    def terms(self, p: Local) -> Iterator[Constraint]:
+        yield Constraint(p.body_j.point(p.point) - p.body_i.position, "pin")
+
+
+class _Rod(Component):
+    """A massless rod from a point of the ground to a body."""
+
+    post = Parameter("m", "end, frame of body i", kind="point")
+    length = Parameter("m", "length")
+
+    def terms(self, p: Local) -> Iterator[Constraint]:
+        d = p.body_j.position - p.body_i.point(p.post)
+        yield Constraint(d.dot(d) - p.length**2, "length")
+
+
+@dataclass(frozen=True, eq=False)
+class Known:
+    """A study and the moments of its outputs.
+
+    Attributes
+    ----------
+    study : Study
+        Without propagators.
+    mean, std : array, shape (output, time)
+        What is to be found.
+    sobol_first : array, shape (input, output, time), optional
+        First-order Sobol' indices; NaN where nothing varies.
+    """
+
+    study: Study
+    mean: Array
+    std: Array
+    sobol_first: Array | None = None
+
+
+@cache
+def stone() -> Known:
+    """Throw a stone upwards, speed and gravity random: ``z = v t - g t^2 / 2``, linear in both.
+
+    Examples
+    --------
+    >>> print(stone().mean[0, -1].round(6), stone().std[0, -1].round(6))  # 3 - 9.81 / 2; sqrt(0.2^2 / 3 + 0.25^2 / 3)
+    -1.905 0.184842
+    """
+    speed = uniform_variable("launch speed", 2.8, 3.2, "m/s")
+    pull = uniform_variable("gravity", GRAVITY - 0.5, GRAVITY + 0.5, "m/s^2")
+    mechanism = Mechanism("stone", Translational(gravity=(0, -pull)))
+    body = mechanism.body("stone", mass=2, velocity=(0, speed))
+    mechanism.output("height of the stone", body.position[1], units="m")
+    mechanism.output("rise", body.velocity[1], units="m/s")
+    t = np.linspace(0, 1, 6)
+    variances = np.array([0.5, 0.2])[:, None, None] ** 2 / 3  # in the order of the names: gravity, launch speed
+    parts = variances * np.array([[t**2 / 2, t], [t, t**0]]) ** 2
+    total = parts.sum(axis=0)
+    mean = np.array([3 * t - GRAVITY * t**2 / 2, 3 - GRAVITY * t])
+    first = parts / np.where(total > 0, total, np.nan)
+    return Known(
+        Study("stone", mechanism, t, rtol=RTOL),
+        mean,
+        np.sqrt(total),
+        first,
+    )
+
+
+@cache
+def oscillator() -> Known:
+    """Let go 1 kg at 1 m on a spring of random stiffness k: ``x = cos(sqrt(k) t)``, integrated over ``sqrt(k)``.
+
+    Examples
+    --------
+    >>> print(f"{oscillator().mean[0, -1]:.12f} {oscillator().std[0, -1] ** 2:.12f}")  # at 1 s
+    -0.711691650930 0.086589399409
+    """
+    low, high = 80.0, 120.0
+    stiffness = uniform_variable("stiffness", low, high, "N/m")
+    mechanism = Mechanism("oscillator", Translational())
+    mass = mechanism.body("mass", mass=1, position=(1, 0))
+    mechanism.add(_Spring("spring", mechanism.ground, mass, stiffness=stiffness))
+    mechanism.output("x", mass.position[0], units="m")
+    t = np.linspace(0, 1, 5)
+
+    def expected_cosine(time: Array) -> Array:
+        """E[cos(w t)] where w^2 is uniform."""
+        w = np.sqrt([[low], [high]]) * time
+        lower, upper = 2 * (w * np.sin(w) + np.cos(w)) / (high - low)
+        return np.where(time > 0, (upper - lower) / np.where(time > 0, time, 1.0) ** 2, 1.0)
+
+    mean = expected_cosine(t)
+    square = (1 + expected_cosine(2 * t)) / 2
+    std = np.sqrt(np.maximum(square - mean**2, 0) * (t > 0))
+    study = Study("oscillator", mechanism, t, rtol=RTOL)
+    return Known(study, mean[None], std[None])
+
+
+@cache
+def pendulum() -> Known:
+    """Let go a rod of random length and spin, pinned at one end: ``angle'' = -3 g cos(angle) / (2 length)``.
+
+    The moments are a Gauss quadrature (12 x 12 nodes) of this equation, integrated by SciPy.
+
+    Examples
+    --------
+    >>> bool((pendulum().std[:, 1:] > 0.01).all())
+    True
+    """
+    from scipy.integrate import solve_ivp
+
+    length = uniform_variable("length", 0.9, 1.1, "m")
+    spin = uniform_variable("spin", -0.5, 0.5, "rad/s")
+    mechanism = Mechanism("pendulum", Planar(gravity=(0, -GRAVITY)))
+    rod = mechanism.body(
+        "rod", mass=2, inertia=2 * length**2 / 12, position=(length / 2, 0), angle=0, angular_velocity=spin
+    )
+    mechanism.add(_Pin("pin", mechanism.ground, rod, point=(-length / 2, 0)))
+    mechanism.output("angle", rod.angle, units="rad")
+    mechanism.output("tip", rod.point((length / 2, 0))[0], units="m")
+    t = np.linspace(0, 0.6, 5)
+    nodes, weights = np.polynomial.legendre.leggauss(12)
+    a, w = (x.ravel() for x in np.meshgrid(1 + 0.1 * nodes, 0.5 * nodes, indexing="ij"))
+    weight = np.outer(weights, weights).ravel() / 4
+    slope = -1.5 * GRAVITY / a
+
+    def rates(_: float, y: Array) -> Array:
+        return np.concatenate([y[len(a) :], slope * np.cos(y[: len(a)])])
+
+    found = solve_ivp(rates, (0, t[-1]), np.concatenate([0 * a, w]), "DOP853", t, rtol=1e-10, atol=1e-12)
+    angle = found.y[: len(a)]
+    values = np.array([angle, a[:, None] * np.cos(angle)])  # (output, node, time)
+    mean = np.einsum("k,okt->ot", weight, values)
+    variance = np.einsum("k,okt->ot", weight, (values - mean[:, None]) ** 2)
+    study = Study("pendulum", mechanism, t, rtol=RTOL)
+    return Known(study, mean, np.sqrt(variance))
+
+
+CASES: dict[str, Callable[[], Known]] = {"stone": stone, "oscillator": oscillator, "pendulum": pendulum}
+"""By name."""
+
+
+@cache
+def fragile(shortest: float, longest: float) -> Study:
+    """Return a study of a bob between two equal rods of random length from posts 1.8 m apart.
+
+    Rods shorter than 0.9 m do not reach each other: these realisations cannot be assembled.
+    """
+    length = uniform_variable("length", shortest, longest, "m")
+    mechanism = Mechanism("fragile", Translational())
+    bob = mechanism.body("bob", mass=1, position=(0, sympy.Rational(1, 2)))
+    for name, x in (("left", -0.9), ("right", 0.9)):
+        mechanism.add(_Rod(name, mechanism.ground, bob, post=(x, 0), length=length))
+    mechanism.output("y", bob.position[1], units="m")
+    return Study("fragile", mechanism, [0, 0.05, 0.1])
+
+
+@cache
+def certain() -> Study:
+    """Return a study in which nothing is random."""
+    mechanism = Mechanism("certain", Translational(gravity=(0, -GRAVITY)))
+    stone: Any = mechanism.body("stone", mass=1)
+    mechanism.output("height", stone.position[1], units="m")
+    return Study("certain", mechanism, [0, 0.1])

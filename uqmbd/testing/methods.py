@@ -1,0 +1,169 @@
+"""A component in whole studies: every method, on one small mechanism, tells the same."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from uqmbd import plugins
+from uqmbd.dynamics import Ensemble
+from uqmbd.dynamics.block import instances_of
+from uqmbd.dynamics.derivation import derive
+from uqmbd.errors import AssemblyError
+from uqmbd.mechanism import Component, Space
+from uqmbd.propagation import Propagator, Study
+from uqmbd.propagation.chunks import integrator_of
+from uqmbd.testing.cases import Case, moving_case, name_of
+from uqmbd.testing.energy import is_timeless
+from uqmbd.testing.moments import check_schema, stated_errors
+from uqmbd.testing.subject import described, quiet
+
+__all__ = ["cheap", "check_studies"]
+
+POSES = 20
+"""Random poses that are tried until one can be assembled."""
+
+LOOSE = 0.1
+"""Difference of two methods, over the standard deviation, that is allowed beside what they state."""
+
+RTOL = 1e-7
+
+
+def cheap(propagator: str | Propagator) -> Propagator:
+    """Return a propagator with settings that cost little; an object as it is.
+
+    Examples
+    --------
+    >>> cheap("collocation").order, cheap("monte-carlo").samples
+    (1, 20)
+    """
+    if isinstance(propagator, Propagator):
+        return propagator
+    kind = plugins.propagator(propagator)
+    known = {f.name for f in dataclasses.fields(kind)}
+    options: dict[str, Any] = {"order": 1, "verify": 2} if "order" in known else {"samples": 20}
+    made: Propagator = kind(**{name: value for name, value in options.items() if name in known})
+    return made
+
+
+def check_studies(
+    component: type[Component],
+    space: type[Space],
+    given: Mapping[str, Any],
+    rng: np.random.Generator,
+    propagators: Sequence[str | Propagator] | None = None,
+    *,
+    conservative: bool = True,
+) -> None:
+    """Run a study of a small mechanism that holds the component, with each propagator.
+
+    One body hangs on the component, which is attached to the ground, and moves under gravity for a tenth of a second.
+    Where the component has potentials and constraints only, and time is not in them, the energy must stay.
+
+    Parameters
+    ----------
+    component, space, given, rng
+        As for `uqmbd.testing.cases.cases`.
+    propagators : sequence of str or Propagator, optional
+        Names or objects; default all that are installed.
+    conservative : bool
+        Whether to check the energy.
+
+    Raises
+    ------
+    AssertionError
+        If a method fails, keeps not to the schema, or differs from another.
+    """
+    chosen = [cheap(p) for p in (sorted(plugins.propagators()) if propagators is None else propagators)]
+    title = f"{name_of(component, space)}, in a study"
+    if not chosen:
+        return
+    with quiet():
+        study = _possible(lambda: moving_case(component, space, given, rng), title, conservative=conservative)
+    found = {}
+    for propagator in chosen:
+        what = f"{title} with {described(propagator)}"
+        with quiet():
+            if propagator.obstacle(study):
+                continue  # a method that says that it cannot is no fault of the component
+            try:
+                node = study.propagate(propagator)
+            except Exception as error:
+                raise AssertionError(f"{what}: it raised {type(error).__name__}: {error}") from error
+        check_schema(node, propagator, study, what)
+        assert not node.attrs["failures"], f"{what}: {node.attrs['failures']} realisations failed."
+        found[what] = node
+    _compare(found)
+
+
+def _possible(make: Callable[[], Case], title: str, *, conservative: bool) -> Study:
+    """Return a study that can be assembled and moves over the whole range of its inputs."""
+    reason = ""
+    for _ in range(POSES):
+        case = make()
+        mechanism = case.mechanism
+        for body in mechanism.bodies.values():
+            for k, x in enumerate(body.position):
+                mechanism.output(f"{body.name} {'xyz'[k]}", x, units="m")
+        if len(case.component.bodies) > 1:
+            mechanism.output("force", case.component.reaction_force[0], units="N")
+        study = Study("trial", mechanism, [0, 0.05, 0.1], rtol=RTOL)
+        count = len(mechanism.inputs)
+        ends = np.array(np.meshgrid(*[[0.001, 0.999]] * count)).reshape(count, -1).T
+        try:
+            ensemble = Ensemble(study.model, mechanism.inputs.from_uniform(ends))
+        except AssemblyError as error:
+            reason = str(error)
+            continue
+        trajectories = integrator_of("auto")(ensemble, study.times, RTOL)
+        reason = next((m for m in trajectories.messages if m), "")
+        if not reason:
+            if conservative and _is_conservative(case):
+                _check_energy(ensemble.energies(study.times, trajectories.states), title)
+            return study
+    raise AssertionError(f"{title}: none of {POSES} random poses can be assembled and moves: {reason}")
+
+
+def _is_conservative(case: Case) -> bool:
+    derived = derive(instances_of([case.component], case.mechanism.space)[0].type)
+    return is_timeless(derived) and not derived.work
+
+
+def _check_energy(energy: np.ndarray[Any, np.dtype[np.float64]], title: str) -> None:
+    """Compare the sum of kinetic and potential energy, shape (K, 2, T), with that at the start."""
+    total = energy.sum(axis=1)
+    change = np.abs(total - total[:, :1]).max()
+    # within some hundred tolerances, of what goes back and forth between the two
+    allowed = 1000 * RTOL * max(1.0, np.abs(energy).max())
+    assert change < allowed, (
+        f"{title}: energy is not conserved: it changes by {change:.3g} J of {np.abs(energy).max():.3g} J in 0.1 s, "
+        "with potentials and constraints only, and no time in them. If that is intended: conservative=False."
+    )
+
+
+def _compare(found: Mapping[str, Any]) -> None:
+    """Compare each method with the first that makes a chaos, or else the first."""
+    if len(found) < 2:
+        return
+    first = next((what for what, node in found.items() if "chaos" in node.children), next(iter(found)))
+    reference = found[first].children["statistics"].to_dataset()
+    scale = reference["std"].max("time").values[:, None]
+    known = stated_errors(found[first])
+    for what, node in found.items():
+        statistics, errors = node.children["statistics"].to_dataset(), stated_errors(node)
+        for k, name in enumerate(("mean", "std")):
+            if name == "std" and "chaos" not in node.children and "std_error_std" not in statistics:
+                continue  # a method that says nothing of its error, and perhaps of the spread neither
+            a, b = statistics[name].values, reference[name].values
+            size = np.abs(reference["mean"]).max("time").values[:, None]
+            allowed = LOOSE * scale + errors[k] + known[k] + 100 * RTOL * (1 + size)
+            error = np.abs(a - b)
+            worst = np.unravel_index(int(np.argmax(error / allowed)), error.shape)
+            assert error[worst] <= allowed[worst], (
+                f"{what}: its {name} of {str(reference['output'].values[worst[0]])!r} at "
+                f"{reference['time'].values[worst[1]]:g} s is {a[worst]:.6g}, that of {first.rpartition(' with ')[2]} "
+                f"{b[worst]:.6g}; the difference {error[worst]:.2g} exceeds {allowed[worst]:.2g}."
+            )

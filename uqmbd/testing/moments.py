@@ -1,0 +1,208 @@
+"""Nodes of propagators against what is known: schema, names, units, moments; and against each other, bit by bit."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from uqmbd.errors import StudyError
+from uqmbd.propagation import Propagator, Study
+from uqmbd.results import validate
+from uqmbd.testing.known import Known
+
+__all__ = ["check_moments", "check_schema", "difference", "stated_errors"]
+
+Array = NDArray[np.float64]
+
+ERRORS = 5.0
+"""Standard errors by which an estimate may be off: exceeded by one of a million normal estimates."""
+
+SURROGATE = 3.0
+"""Verification errors by which moments of a surrogate may be off: a few realisations estimate these errors."""
+
+SILENT = 0.5
+"""Stated error, over the standard deviation of the output, from which a statement says nothing."""
+
+
+def check_schema(node: xr.DataTree, propagator: Propagator, study: Study, what: str) -> None:
+    """Check a node: the schema, and that it says what was asked of whom.
+
+    Parameters
+    ----------
+    node : xarray.DataTree
+        To check.
+    propagator : Propagator
+        Who made it.
+    study : Study
+        Of what.
+    what : str
+        How messages begin.
+    """
+    assert isinstance(node, xr.DataTree), (
+        f"{what}: schema: propagate returned {type(node).__name__}, no xarray.DataTree."
+    )
+    assert "statistics" in node.children, f"{what}: schema: the node has no child 'statistics'."
+    try:
+        validate(node)
+    except StudyError as error:
+        raise AssertionError(f"{what}: schema: {error}") from None
+    statistics = node.children["statistics"]
+    model = study.model.outputs
+    _same(statistics, "output", model.names, f"{what}: schema: names of outputs")
+    _same(statistics, "output_units", model.units, f"{what}: schema: units of outputs")
+    _same(statistics, "time", study.times.tolist(), f"{what}: schema: output times")
+    if model.turns.any():
+        _same(statistics, "output_angle", model.turns.tolist(), f"{what}: schema: outputs that are angles")
+    inputs = study.mechanism.inputs
+    for part in node.subtree:
+        if "input" in part.coords and part.coords["input"].dims == ("input",) and "input_units" in part.coords:
+            _same(part, "input", inputs.names, f"{what}: schema: {part.path}: names of inputs")
+            _same(part, "input_units", [v.units for v in inputs.variables], f"{what}: schema: {part.path}: their units")
+    expected: dict[str, Any] = {"propagator": propagator.name, "label": propagator.node_name}
+    if hasattr(propagator, "seed"):
+        expected["seed"] = propagator.seed
+    for name, value in expected.items():
+        found = node.attrs.get(name)
+        assert found == value, f"{what}: schema: attribute {name!r} is {found!r}; expected {value!r}."
+    assert node.name == propagator.node_name, (
+        f"{what}: schema: the node is called {node.name!r}; expected {propagator.node_name!r}."
+    )
+    options = {f.name for f in dataclasses.fields(propagator)} - {"label"}
+    missing = sorted(options - set(json.loads(node.attrs["options"])))
+    assert not missing, f"{what}: schema: option {missing[0]!r} is not recorded in the attribute 'options'."
+
+
+def _same(node: xr.DataTree, name: str, expected: Any, what: str) -> None:
+    found = node.coords[name].values.tolist() if name in node.coords else None
+    assert found == list(expected), f"{what} are {found}; expected {list(expected)}."
+
+
+def stated_errors(node: xr.DataTree) -> tuple[Array, Array]:
+    """Return how far mean and standard deviation may be off by the method's own words, each (output, time).
+
+    Standard errors count `ERRORS` times; the root mean square error of a surrogate, which bounds the errors of its
+    mean and of its standard deviation, `SURROGATE` times.
+    """
+    statistics = node.children["statistics"].to_dataset()
+    shape = statistics["mean"].shape
+    surrogate = np.zeros(shape)
+    chaos = node.children.get("chaos")
+    if chaos is not None and "verification_error" in chaos.data_vars:
+        std = statistics["std"].values
+        spread = np.maximum(std, 0.01 * std.max(axis=-1, keepdims=True))
+        error = chaos.to_dataset()["verification_error"]
+        # elements, where there are several, are independent: the largest error bounds all
+        extra = [d for d in error.dims if d not in ("output", "time")]
+        surrogate = SURROGATE * error.max(extra).values * spread
+    names = ("std_error_mean", "std_error_std")
+    noise = [ERRORS * statistics[n].values if n in statistics else np.zeros(shape) for n in names]
+    return noise[0] + surrogate, noise[1] + surrogate
+
+
+def check_moments(node: xr.DataTree, known: Known, tolerance: float, what: str) -> None:
+    """Compare mean, standard deviation and, where they are given, first-order Sobol' indices with what is known.
+
+    Parameters
+    ----------
+    node : xarray.DataTree
+        With the schema.
+    known : Known
+        What is to be found.
+    tolerance : float
+        Error that is allowed beside the stated ones, relative to the largest standard deviation of an output over time.
+    what : str
+        How messages begin.
+    """
+    statistics = node.children["statistics"].to_dataset()
+    scale = known.std.max(axis=1, keepdims=True)
+    for name, words, stated in zip(("mean", "std"), ("mean", "standard deviation"), stated_errors(node), strict=True):
+        found, exact = statistics[name].values, getattr(known, name)
+        error, allowed = np.abs(found - exact), stated + tolerance * scale
+        # a constant is known to rounding, by the closed form and by the integration
+        allowed = allowed + 1e-6 * scale
+        bad = ~(error <= allowed)
+        if bad.any():
+            k = _worst(error / allowed)
+            raise AssertionError(
+                f"{what}: moments: the {words} of {_where(statistics, k)} is {found[k]:.6g}, exactly {exact[k]:.6g}; "
+                f"the error {error[k]:.2g} exceeds {allowed[k]:.2g} (by its own statement {stated[k]:.2g}, "
+                f"and the tolerance {tolerance:g} of the standard deviation {scale[k[0], 0]:.4g})."
+            )
+        silent = stated > SILENT * scale * (ERRORS if "std_error_mean" in statistics else SURROGATE)
+        if silent.any():
+            k = _worst(stated / scale)
+            raise AssertionError(
+                f"{what}: moments: the stated error of the {words} of {_where(statistics, k)} is as large as what it "
+                f"describes: {stated[k]:.2g} is allowed by it, the standard deviation is {scale[k[0], 0]:.2g}; "
+                "give the method finer settings, or correct its statement."
+            )
+    if "sobol_first" in statistics and known.sobol_first is not None:
+        _check_sobol(statistics, known.sobol_first, tolerance, what)
+
+
+def _check_sobol(statistics: xr.Dataset, exact: Array, tolerance: float, what: str) -> None:
+    found = statistics["sobol_first"].values
+    allowed = np.full(found.shape, tolerance + 1e-6)
+    if "sobol_first_interval" in statistics:  # 95 %: two standard errors each way
+        lower, upper = statistics["sobol_first_interval"].transpose("bound", ...).values
+        allowed += ERRORS / 2 * np.maximum(upper - found, found - lower)
+    wrong = np.isfinite(exact) & ~(np.abs(found - exact) <= allowed)
+    if wrong.any():
+        k = _worst(np.where(wrong, np.nan_to_num(np.abs(found - exact), nan=np.inf), 0))
+        name = statistics["input"].values[k[0]]
+        raise AssertionError(
+            f"{what}: moments: the first-order Sobol' index of input {name!r} for {_where(statistics, k[1:])} is "
+            f"{found[k]:.4g}, exactly {exact[k]:.4g}; allowed is an error of {allowed[k]:.2g}."
+        )
+
+
+def _worst(values: Array) -> tuple[Any, ...]:
+    return np.unravel_index(int(np.argmax(np.nan_to_num(values, nan=np.inf))), values.shape)
+
+
+def _where(statistics: xr.Dataset, index: tuple[Any, ...]) -> str:
+    return f"{str(statistics['output'].values[index[0]])!r} at {statistics['time'].values[index[1]]:g} s"
+
+
+def difference(one: xr.DataTree, two: xr.DataTree) -> str:
+    """Say where two nodes differ in a bit of their data; empty if nowhere. Attributes and times of work do not count.
+
+    Examples
+    --------
+    >>> import xarray
+    >>> one, two = (xarray.DataTree(xarray.Dataset({"x": ("k", [1.0, x])})) for x in (2.0, 2.5))
+    >>> difference(one, one), difference(one, two)
+    ('', "'x' is 2 and 2.5 at k 1, the largest of 1 differences")
+    """
+    first, second = ({p.path[len(n.path) :].strip("/"): p for p in n.subtree} for n in (one, two))
+    if first.keys() != second.keys():
+        return f"one has the children {sorted(first)}, the other {sorted(second)}"
+    for path, part in first.items():
+        a, b = part.to_dataset(inherit=False), second[path].to_dataset(inherit=False)
+        if set(a.variables) != set(b.variables):
+            return f"{path!r} has the variables {sorted(map(str, a.variables))}, or {sorted(map(str, b.variables))}"
+        for name in a.variables:
+            if found := _differs(a[name], b[name]):
+                return f"{'/'.join(filter(None, (path, str(name))))!r} {found}"
+    return ""
+
+
+def _differs(a: xr.DataArray, b: xr.DataArray) -> str:
+    x, y = a.values, b.values
+    if x.shape != y.shape or x.dtype.kind != y.dtype.kind:
+        return f"has the shape {x.shape} and the type {x.dtype}, or {y.shape} and {y.dtype}"
+    if x.dtype.kind != "f":
+        return "" if np.array_equal(x, y) else "differs"
+    if x.tobytes() == y.tobytes() or np.array_equal(x, y, equal_nan=True):
+        return ""
+    off = np.where((x == y) | (np.isnan(x) & np.isnan(y)), 0.0, np.nan_to_num(np.abs(x - y), nan=np.inf))
+    k = _worst(off)
+    place = ", ".join(
+        f"{dim} {a.coords[dim].values[i] if dim in a.coords else i}" for dim, i in zip(a.dims, k, strict=True)
+    )
+    return f"is {x[k]:.17g} and {y[k]:.17g} at {place}, the largest of {np.count_nonzero(off)} differences"
