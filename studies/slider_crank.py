@@ -11,6 +11,7 @@ import sympy
 
 import uqmbd
 from uqmbd_collocation import Collocation
+from uqmbd_galerkin import Galerkin
 from uqmbd_joints import Prismatic, Revolute
 from uqmbd_montecarlo import MonteCarlo
 from uqmbd_springs import Torque, TorsionSpringDamper
@@ -53,5 +54,5 @@ study = uqmbd.Study(
     "slider_crank",
     mechanism,
     times=np.linspace(0, 2, 401),
-    propagators=[MonteCarlo(samples=500, seed=1), Collocation(order=3)],
+    propagators=[MonteCarlo(samples=500, seed=1), Collocation(order=3), Galerkin(order=3)],
 )

@@ -24,6 +24,9 @@ Array = NDArray[np.float64]
 SAMPLES = 16384
 """Samples of the surrogate for quantiles and densities, unless another number is given."""
 
+FEWER = 4096
+"""The same for quantiles of all outputs at all times together."""
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class PolynomialChaos(ChaosTrust):
@@ -171,7 +174,7 @@ class PolynomialChaos(ChaosTrust):
         return PolynomialChaos(self.coefficients[kept], self.multi_index[kept], self.space, self.labels)
 
     def statistics(
-        self, probabilities: Sequence[float] = DEFAULT_PROBABILITIES, *, samples: int = SAMPLES, seed: int = 0
+        self, probabilities: Sequence[float] = DEFAULT_PROBABILITIES, *, samples: int = FEWER, seed: int = 0
     ) -> xr.Dataset:
         """Build the dataset `statistics` of a propagator's node.
 
