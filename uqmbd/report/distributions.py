@@ -136,8 +136,7 @@ def histograms(results: Results | Samples, output: str, times: Sequence[float] |
     else:
         chosen = sorted({int(np.abs(grid_of_times - t).argmin()) for t in times})
     units = str(first["output_units"].item())
-    whole = isinstance(results, xr.Dataset)
-    bars = whole or "samples" in nodes_of(results)[next(iter(responses))].children
+    bars = isinstance(results, xr.Dataset) or "samples" in nodes_of(results)[next(iter(responses))].children
     figure, grid = axes_grid(len(chosen), 1.75)
     for place, (axes, k) in enumerate(zip(grid, chosen, strict=True)):
         time = float(grid_of_times[k])
