@@ -51,10 +51,10 @@ class Bushing(uqmbd.Component):
         relative = uqmbd.relative_quaternion(i.attitude(p.turn), j.quaternion)
         # q and -q are one rotation: the sign of the scalar part goes with the vector part
         angle = 2 * relative[0] * sympy.Matrix(relative[1:])
-        # in the axes of body i, as the displacement
+        # in the axes of body i, as the displacement: it was in those of body j as drawn
         if p.space.dimension == 3:
-            axes = (1, 0, 0), (0, 1, 0), (0, 0, 1)
-            angle = into * sum((i.direction(a) * x for a, x in zip(axes, angle, strict=True)), sympy.zeros(3, 1))
+            back = (p.turn[0], *(-x for x in p.turn[1:]))
+            angle = sympy.Matrix(uqmbd.quaternion_product(uqmbd.quaternion_product(p.turn, (0, *angle)), back)[1:])
         size = p.space.dimension + len(angle)
         k, c = (sympy.Matrix(size, size, list(x)) for x in (p.k, p.c))
         strain = sympy.Matrix([*(into * offset), *angle])

@@ -150,6 +150,21 @@ def test_a_force_that_jumps_at_random_times(method):
     np.testing.assert_allclose(x, expected, atol=1e-12 if method == "auto" else 5e-5)
 
 
+@pytest.mark.parametrize("count", [7, 13, 31])
+def test_an_output_time_that_is_a_break_time_is_written(count):
+    """Ends of segments are met by rounding only: a step that begins at 0.1 s, which is an output time."""
+    mechanism = uqmbd.Mechanism("pushed", uqmbd.Translational())
+    mass = mechanism.body("mass", mass=2)
+    mechanism.add(PointForce("push", mass, (0, 0), (uqmbd.step(uqmbd.t, 0.1, 0, 0.3, 4), 0)))
+    mechanism.output("v", mass.velocity[0], units="m/s")
+    times = np.linspace(0, 0.6, count)
+    data = uqmbd.simulate(mechanism, times)
+    x = np.clip((times - 0.1) / 0.2, 0, 1)
+    # the integral of the cubic step 3 x^2 - 2 x^3, then of the whole force
+    exact = 2 * (0.2 * (x**3 - x**4 / 2) + np.maximum(times - 0.3, 0))
+    np.testing.assert_allclose(data.v, exact, atol=1e-10)
+
+
 def slider_crank(length):
     mechanism = uqmbd.Mechanism("slider_crank", uqmbd.Planar(gravity=(0, -9.81)))
     ground = mechanism.ground

@@ -98,6 +98,22 @@ def test_bushing_in_space_turns_back_like_a_pendulum(close):
     close(data["sine"], np.sin(half), relative=1e-6)
 
 
+def test_a_bushing_turns_in_the_axes_of_body_i_however_body_j_is_drawn(close):
+    """Body j drawn turned by a quarter about z: a spin about x of body i still feels the stiffness about x."""
+    mechanism = uqmbd.Mechanism("mount", uqmbd.Spatial())
+    half = np.sqrt(0.5)
+    # about the world's x: in the axes of body j, drawn turned by a quarter about z, that is -y
+    body = mechanism.body(
+        "body", mass=1, inertia=(0.9, 0.9, 0.9), quaternion=(half, 0, 0, half), angular_velocity=(0, -1.2, 0)
+    )
+    mechanism.add(Bushing("mount", mechanism.ground, body, (0, 0, 0), (0, 0, 0), stiffness=(9, 9, 9, 5, 70, 70)))
+    # the second axis of body j starts along -x ... the first along y, which turns towards z
+    mechanism.output("sine", body.rotation[2, 0], units="1")
+    data = uqmbd.simulate(mechanism, TIMES, rtol=1e-9)
+    w0 = np.sqrt(5 / 0.9)
+    close(data["sine"], np.sin(np.arcsin(1.2 / w0 * ellipj(w0 * TIMES, (1.2 / w0) ** 2)[0])), relative=1e-6)
+
+
 def test_bushing_with_a_full_matrix_conserves_energy(energy):
     rng = np.random.default_rng(3)
     root = rng.normal(size=(6, 6))

@@ -11,6 +11,7 @@ from rich.text import Text
 
 from uqmbd import plugins
 from uqmbd.cli.tables import console, plain_table
+from uqmbd.errors import StudyError
 from uqmbd.propagation.script import load_study
 
 if TYPE_CHECKING:
@@ -35,7 +36,7 @@ def show_check(script: Path) -> None:
     screen.print(Text(f"{study.name}: mechanism {study.mechanism.name}", style="bold"))
     screen.print(f"  bodies      {len(found.bodies)}: {', '.join(found.bodies)}", markup=False)
     screen.print(f"  times       {len(study.times)}, from {study.times[0]:g} s to {study.times[-1]:g} s")
-    screen.print(f"  start       {STARTS[study.start]}")
+    screen.print(f"  start       {STARTS[_start(study)]}")
     screen.print(f"  coordinates {found.coordinates}")
     screen.print(f"  equations   {found.equations} constraint equations, {found.rank} of them independent")
     screen.print(f"  mobility    {found.mobility} degree{'' if found.mobility == 1 else 's'} of freedom")
@@ -51,7 +52,10 @@ def show_check(script: Path) -> None:
 
 def _show_frequencies(screen: Console, study: Study) -> None:
     """Print natural frequencies and damping at the means; nothing where small motions are no vibrations."""
-    modes, where = _modes(study)
+    try:
+        modes, where = _modes(study)
+    except StudyError:  # it has equations, but cannot move so: running it tells why
+        return
     if not (modes["frequency"] > 0).any():
         return
     kinds = []
@@ -75,9 +79,14 @@ def _modes(study: Study) -> tuple[xr.Dataset, str]:
         try:
             return uqmbd.eigenfrequencies(study.mechanism, time=time), "in static equilibrium"
         except uqmbd.AssemblyError:
-            if study.start == "equilibrium":
+            if _start(study) == "equilibrium":
                 raise
         return uqmbd.eigenfrequencies(study.mechanism, at="start", time=time), "as drawn"
+
+
+def _start(study: Study) -> str:
+    """Say where realisations start; studies of other makes start as drawn."""
+    return str(getattr(study, "start", "drawn"))
 
 
 def _show_components(screen: Console, components: tuple[tuple[str, str, int], ...]) -> None:

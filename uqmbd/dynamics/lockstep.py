@@ -211,7 +211,8 @@ class LockStep:
                 wanted, rejected = size * factor, True
                 continue
             surplus = self.equations.excess()
-            self._write(now, size)
+            # now + size may miss the end by rounding
+            self._write(now, size, end if size >= end - now else now + size)
             gone = self._judge(size, error, new)
             now = end if size >= end - now else now + size
             self._project(new, surplus)
@@ -277,9 +278,8 @@ class LockStep:
         error = size * fifth / np.sqrt((fifth + 0.01 * third) * equations.moving + 1e-300)
         return error, new
 
-    def _write(self, now: float, size: float) -> None:
-        """Write the output times of a step, by the interpolant."""
-        last = now + size
+    def _write(self, now: float, size: float, last: float) -> None:
+        """Write the output times of a step to `last`, by the interpolant."""
         if abs(self.times[-1] - last) <= 1e-12 * max(1.0, abs(last)):
             last = self.times[-1]
         inside = np.arange(*np.searchsorted(self.times, (now, last), side="right"))

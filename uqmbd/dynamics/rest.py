@@ -81,6 +81,10 @@ class Forces:
     carry: Array
     settle: Array
 
+    def select(self, members: Index) -> Forces:
+        """Take some of the states."""
+        return Forces(**{name: value[members] for name, value in vars(self).items()})
+
     def multipliers(self) -> Array:
         """Multipliers that balance the forces as well as constraints can, in the least-squares sense."""
         return _normal(self.gradient, apply(self.gradient, self.force))

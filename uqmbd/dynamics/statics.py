@@ -51,7 +51,7 @@ PARTS = 8
 """Parts of a step where auxiliary states are known by their way alone."""
 
 BALANCED = 1e-9
-"""Force along a direction without stiffness, as a part of the largest force on the way, that counts as none."""
+"""Force along a direction without stiffness, as a part of the largest on the way, that counts as none."""
 
 
 @dataclass(frozen=True)
@@ -101,8 +101,8 @@ def equilibrium_start(ensemble: Ensemble) -> Start:
         v[good], contradictions = velocities(model, q, s, time, some, some)
         a[good], multipliers[good], rates[good] = accelerations(model, q, s, v[good], time, some)
         for k, contradiction in zip(good, contradictions, strict=True):
-            singular = "" if np.isfinite(a[k]).all() else "the accelerations are not determined: the pose is singular"
-            messages[k] = contradiction or singular
+            fine = np.isfinite(a[k]).all()
+            messages[k] = contradiction or ("" if fine else "the accelerations are not determined: a singular pose")
     return Start(found.q, found.s, v, a, rates, multipliers, tuple(messages))
 
 
@@ -125,9 +125,7 @@ def static_equilibria(ensemble: Ensemble) -> Equilibrium:
     q, s = start.q.copy(), start.s.copy()
     messages = list(start.messages)
     stable, steps = np.ones(len(q), dtype=bool), np.zeros(len(q), dtype=np.int64)
-    good = np.flatnonzero(start.ok)
-    if not len(ensemble.model.layout.free):
-        good = good[:0]
+    good = np.flatnonzero(start.ok if len(ensemble.model.layout.free) else np.zeros(len(q), dtype=bool))
     for first in range(0, len(good), BLOCK):
         members = good[first : first + BLOCK]
         search = _Search(ensemble.select(members))
@@ -165,13 +163,13 @@ class _Search:
             now = self.rest.forces(active, self.q[active], self.s[active])
             step, done = self._newton(active, now)
             moved = self._advance(active, now, step, done)
-            for k in active[~moved]:
-                self.messages[k] = self._unbalanced(int(k))
+            for k in active[~moved].tolist():
+                self.messages[k] = self._unbalanced(k)
             active = active[moved & ~done]
             if not len(active):
                 return
-        for k in active:
-            self.messages[k] = self._unbalanced(int(k))
+        for k in active.tolist():
+            self.messages[k] = self._unbalanced(k)
 
     def _newton(self, active: Index, now: Forces) -> tuple[Array, Mask]:
         """Find the steps (K, n), and whether they are the last ones."""
@@ -214,7 +212,7 @@ class _Search:
         pending = np.arange(len(active))
         for halving in range(20):
             k = active[pending]
-            q, s, work = self._along(k, _some(now, pending), step[pending] * 0.5**halving)
+            q, s, work = self._along(k, now.select(pending), step[pending] * 0.5**halving)
             after = np.full(len(k), np.inf)
             closed = np.isfinite(q).all(axis=1)
             there = self.rest.forces(k[closed], q[closed], s[closed])
@@ -303,7 +301,3 @@ class _Search:
             "nothing holds it, or was it drawn far from where it comes to rest? Hold it with a spring or a joint, or "
             "draw it closer."
         )
-
-
-def _some(forces: Forces, which: Index) -> Forces:
-    return Forces(**{name: value[which] for name, value in vars(forces).items()})

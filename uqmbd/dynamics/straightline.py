@@ -7,6 +7,7 @@ through an array.
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 from typing import Any
 
@@ -23,6 +24,9 @@ Index = NDArray[np.int64]
 
 STAGE = 2000
 """Operations that are compiled together."""
+
+DEEP = 10**12
+"""Size, as a tree without shared parts, of an expression that ends a stage: deeper ones take the compiler minutes."""
 
 LIMIT = 4000
 """Operations up to which compilation pays."""
@@ -120,6 +124,7 @@ def straight_line(
     key = (
         "straight line",
         STAGE,
+        DEEP,
         given,
         wanted,
         rows.tolist(),
@@ -233,16 +238,30 @@ def _compiled(operations: list[Operation], first: int, solution: list[int]) -> t
         for operand in operation[1:]:
             if operand >= 0:
                 last_use[operand] = max(k, last_use.get(operand, -1))
-    if len(operations) <= STAGE:  # reads everything in order and writes the solution: nothing needs to be kept
+    edges = _edges(operations, first)
+    if len(edges) == 2:  # reads everything in order and writes the solution: nothing needs to be kept
         return (_stage(operations, first, 0, list(range(first)), solution),)
     stages = []
-    for begin in range(0, len(operations), STAGE):
-        part = operations[begin : begin + STAGE]
-        made = range(first + begin, first + begin + len(part))
+    for begin, end in itertools.pairwise(edges):
+        part = operations[begin:end]
+        made = range(first + begin, first + end)
         reads = sorted({x for o in part for x in o[1:] if x >= 0 and x not in made})
-        writes = [x for x in made if last_use.get(x, -1) >= begin + len(part)]
+        writes = [x for x in made if last_use.get(x, -1) >= end]
         stages.append(_stage(part, first, begin, reads, writes))
     return tuple(stages)
+
+
+def _edges(operations: list[Operation], first: int) -> list[int]:
+    """First operation of each stage, and the end: stages are neither too long nor too deep."""
+    edges, size = [0], dict[int, int]()
+    for k, (_, *operands) in enumerate(operations):
+        total = 1 + sum(size.get(x, 1) for x in operands if x >= 0)
+        if total > DEEP or k - edges[-1] >= STAGE:
+            edges.append(k)
+            size.clear()
+            total = 1 + len(operands)
+        size[first + k] = total
+    return [*edges, len(operations)]
 
 
 def _stage(part: list[Operation], first: int, begin: int, reads: list[int], writes: list[int]) -> _Stage:

@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 SAMPLES = 16384
 """Samples of the surrogate for quantiles and densities, unless another number is given."""
 
-FEWER = 4096
+FEWER = 8192
 """The same for quantiles of all outputs at all times together."""
 
 
