@@ -121,12 +121,23 @@ class Galerkin(uqmbd.Propagator):
             object.__setattr__(self, "nodes", tuple(int(x) for x in given))
         if self.samples is not None and not (isinstance(self.samples, (int, np.integer)) and self.samples > 0):
             raise uqmbd.StudyError(f"Galerkin: samples is {self.samples!r}; expected a whole number above 0.")
+        if self.samples is not None and self.rule == "gauss":
+            raise uqmbd.StudyError(
+                "Galerkin: samples is given, but rule='gauss' is a grid; give nodes, or a rule of samples, as 'sobol'."
+            )
+        if self.weights is not None:
+            listed = self.weights if isinstance(self.weights, (tuple, list)) else (None,)
+            if not listed or not all(isinstance(x, (int, float, np.number)) and x > 0 for x in listed):
+                raise uqmbd.StudyError(
+                    f"Galerkin: weights is {self.weights!r}; expected one positive number for each input."
+                )
         if self.nodes is not None and self.rule != "gauss":
             raise uqmbd.StudyError(f"Galerkin: nodes is for rule='gauss'; for rule={self.rule!r} give samples.")
         if self.rule != "gauss" and self.samples is None:
             what = "the level" if self.rule == "smolyak" else "how many"
             raise uqmbd.StudyError(f"Galerkin: rule={self.rule!r} needs samples={what}.")
-        if self.stop_at is not None and not (self.stop_at > 0 and self.verify):
+        usable = isinstance(self.stop_at, (int, float, np.number)) and not isinstance(self.stop_at, bool)
+        if self.stop_at is not None and not (usable and self.stop_at > 0 and self.verify):
             raise uqmbd.StudyError(
                 f"Galerkin: stop_at is {self.stop_at!r} with verify={self.verify}; expected an error above 0, such as "
                 "0.05, and verification realisations that can tell it."
@@ -198,7 +209,13 @@ class Galerkin(uqmbd.Propagator):
         stopped = horizons(chaos, limit, problem.rtol)
         if stopped:
             # up to the horizon, and not beyond
-            count = max(1, int(np.searchsorted(problem.times, min(stopped.values()))))
+            count = int(np.searchsorted(problem.times, min(stopped.values())))
+            if count < 2:
+                name = min(stopped, key=lambda key: stopped[key])
+                raise uqmbd.IntegrationError(
+                    f"{problem.label}: the stated error of {name!r} passes stop_at = {limit:g} at the first times "
+                    "already; nothing usable is left. Raise the order, or stop_at."
+                )
             chaos = respond(found.coefficients, count)
         wall_time = clock.perf_counter() - begin
         problem.progress.finish(problem.label)

@@ -219,7 +219,10 @@ class LockStep:
             self.steps += 1
             factor = min(5.0, 0.9 * max(worst, 1e-10) ** (-1 / ORDER))
             wanted, rejected = size * (min(1.0, factor) if rejected else factor), False
-            for which, reason in gone:
+            # places change when somebody leaves: members are told apart by their numbers
+            gone_members = [(self.members[which], reason) for which, reason in gone]
+            for members, reason in gone_members:
+                which = np.flatnonzero(np.isin(self.members, members))
                 self._leave(which, reason and f"{reason} at t = {now:.6g} s")
         return wanted
 

@@ -96,7 +96,7 @@ def _relative_error(node: xr.DataTree, name: str) -> tuple[float, int] | None:
     if "samples" not in node.children or not varies(node, name):
         return None
     data = _at(node, name)
-    largest = int(data["std"].values.argmax())
+    largest = int(np.nan_to_num(data["std"].values, nan=-1.0).argmax())
     error = float(data["std_error_std"][largest]) if "std_error_std" in data else math.nan
     share = NORMAL_95 * error / float(data["std"][largest])
     return (share, largest) if math.isfinite(share) and share > 0 else None
@@ -270,6 +270,11 @@ def summary(tree: xr.DataTree, nodes: Mapping[str, xr.DataTree]) -> list[str]:
             text.append(
                 f"Means and standard deviations of {label} are those of all {format_integer(total)}; quantiles, "
                 f"histograms and densities are those of the first {format_integer(kept)}, which the results hold."
+            )
+        if "ends_at" in node.attrs:
+            text.append(
+                f"Results of {label} end at t = {format_number(float(node.attrs['ends_at']))} s, before the end of the "
+                "study: beyond, they could not be computed, or not be trusted."
             )
     text += _overall_precision(nodes)
     label, node = next(iter(nodes.items()))

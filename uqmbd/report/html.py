@@ -73,6 +73,7 @@ def write_report(tree: xr.DataTree, path: str | os.PathLike[str], *, sections: S
     nodes = propagator_nodes(tree)
     if not nodes:
         raise StudyError("A report needs the result of at least one propagator; there is none.")
+    nodes = _until_known(nodes)
     environment = Environment(
         loader=PackageLoader("uqmbd.report"),
         autoescape=True,
@@ -103,6 +104,19 @@ def write_report(tree: xr.DataTree, path: str | os.PathLike[str], *, sections: S
 
 DENSITIES = 6
 """Most methods whose densities are drawn in one figure."""
+
+
+def _until_known(nodes: Mapping[str, xr.DataTree]) -> dict[str, xr.DataTree]:
+    """Leave out times at which no method has a result: where all end early."""
+    ends = [node.attrs.get("ends_at") for node in nodes.values()]
+    if any(end is None for end in ends):
+        return dict(nodes)
+    last = max(float(end) for end in ends if end is not None)
+
+    def cut(data: xr.Dataset) -> xr.Dataset:
+        return data.sel(time=slice(None, last)) if "time" in data.dims else data
+
+    return {label: node.map_over_datasets(cut) for label, node in nodes.items()}
 
 
 def _output(tree: xr.DataTree, nodes: Mapping[str, xr.DataTree], name: str) -> dict[str, Any]:

@@ -98,7 +98,7 @@ def succeeded(node: Samples, output: str) -> xr.DataArray:
 def automatic_times(times: NDArray[np.float64], std: NDArray[np.float64]) -> list[int]:
     """Choose up to four indices: a third, two thirds, the largest standard deviation, and the end."""
     last = len(times) - 1
-    wanted = {last, int(np.argmax(std))}
+    wanted = {last, int(np.argmax(np.nan_to_num(std, nan=-1.0)))}
     for share in (1 / 3, 2 / 3, 1 / 2):
         candidate = int(np.abs(times - (times[0] + share * (times[-1] - times[0]))).argmin())
         # Two panels a few steps apart would show the same thing twice.
