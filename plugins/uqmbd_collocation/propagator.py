@@ -159,7 +159,10 @@ class Collocation(uqmbd.Propagator):
                 f"{problem.label}: nothing in mechanism {problem.mechanism!r} is random; "
                 "declare a uqmbd.RandomVariable, or use uqmbd.simulate."
             )
-        space = uqmbd.GermSpace.of(problem.inputs, self.transform)
+        try:
+            space = uqmbd.GermSpace.of(problem.inputs, self.transform)
+        except uqmbd.StudyError as error:
+            raise uqmbd.StudyError(f"{problem.label}: {error}") from None
         # threads on small matrices cost more than they bring, and their number would change the last bits
         with threadpool_limits(limits=1):
             points = verification_points(space, self.verify, self.seed)

@@ -169,7 +169,10 @@ class Galerkin(uqmbd.Propagator):
                 "declare a uqmbd.RandomVariable, or use uqmbd.simulate."
             )
         begin = clock.perf_counter()
-        space = uqmbd.GermSpace.of(problem.inputs, self.transform)
+        try:
+            space = uqmbd.GermSpace.of(problem.inputs, self.transform)
+        except uqmbd.StudyError as error:
+            raise uqmbd.StudyError(f"{problem.label}: {error}") from None
         with threadpool_limits(limits=1):
             return self._propagate(problem, space, begin)
 

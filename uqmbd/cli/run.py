@@ -14,10 +14,13 @@ from uqmbd.cli.progress import seconds, shown_progress
 from uqmbd.cli.report import write
 from uqmbd.cli.settings import apply_settings, check_labels
 from uqmbd.cli.tables import show_summary
-from uqmbd.errors import StudyError
+from uqmbd.errors import StudyError, UqmbdError
 from uqmbd.propagation.script import load_study
 
 __all__ = ["run_study"]
+
+UNFINISHED = "unfinished"
+"""Folder of finished chunks within that of the results."""
 
 
 def run_study(
@@ -66,6 +69,16 @@ def run_study(
             tree = study.run(executor, only=list(only) or None, progress=progress, folder=out, resume=resume)
         except KeyboardInterrupt:
             print(_how_to_go_on(script, out), file=sys.stderr, flush=True)
+            raise
+        except UqmbdError:
+            chosen = list(only) or [p.node_name for p in study.propagators]
+            if len(chosen) > 1 and any((out / UNFINISHED).glob("*")):
+                print(
+                    f"What the other methods have computed is kept in {out}: to leave out the one that cannot go on, "
+                    f"name the others, as in uqmbd run {script} --out {out} --only {chosen[0]} --resume",
+                    file=sys.stderr,
+                    flush=True,
+                )
             raise
     from uqmbd.results import save
 
