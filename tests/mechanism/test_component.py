@@ -10,6 +10,9 @@ import pytest
 import sympy
 
 import uqmbd
+from uqmbd.dynamics.block import instances_of
+from uqmbd.dynamics.derivation import derive
+from uqmbd.dynamics.kernels import compile_kernel
 from uqmbd_drivers import RotationDriver
 from uqmbd_joints import Distance, Fixed, Prismatic, Revolute
 from uqmbd_springs import PointForce, SpringDamper, Torque, TorsionSpringDamper
@@ -196,3 +199,76 @@ def test_signature_is_what_help_shows():
 
 def test_parameter_reads_as_its_declaration_on_the_class():
     assert Revolute.point_i.units == "m" and Revolute.parameters()["point_i"] is Revolute.point_i
+
+
+class Guide(uqmbd.Component):
+    """A spring and damper to a curved guide, and a point held on another one, written out or with named quantities."""
+
+    bodies = ("body",)
+    stiffness = uqmbd.Parameter("N/m", "spring rate")
+    named = uqmbd.Parameter("", "whether long expressions have names", kind="option", default=True)
+
+    def terms(self, p):
+        """Yield the same terms in either way."""
+        x, z = p.body.point((0.1, 0.2))[0], p.body.point((0.1, 0.2))[1]
+        gap = sympy.sqrt(z**2 + (x - p.time) ** 2 + 1)
+        rate = sum(gap.diff(a) * b for a, b in zip(p.body.q, p.body.v, strict=True)) + gap.diff(p.time)
+        if p.named:
+            gap = p.let("gap", gap)
+            half = p.let("half the gap", gap / 2)
+            gap, rate = 2 * half, 2 * p.rate(half)
+        yield uqmbd.Potential(p.stiffness * gap**3)
+        yield uqmbd.VirtualWork(-rate * gap, rate)
+        yield uqmbd.Constraint(gap - x - 1)
+        state = p.state("memory")
+        yield uqmbd.Auxiliary(state, rate - state, gap)
+
+
+def evaluated(named, kind):
+    """Results of one kind at a fixed random state, by target."""
+    mechanism = uqmbd.Mechanism("guided", uqmbd.Planar())
+    body = mechanism.body("ball", mass=1, inertia=1, position=(1, 1), angle=0.3)
+    mechanism.add(Guide("guide", body, 3, named=named))
+    block = instances_of(mechanism.all_components(), mechanism.space)[-1].type
+    derived = derive(block)
+    arguments = [x for *_, x in derived.arguments(kind)] + derived.p
+    values = np.random.default_rng(3).uniform(0.2, 0.8, len(arguments))
+    equations = derived.equations(kind)
+    return dict(
+        zip(equations.targets, compile_kernel(arguments, equations.expressions)(values[None, :])[0], strict=True)
+    )
+
+
+@pytest.mark.parametrize("kind", ["residual", "jacobian", "acceleration", "position", "velocity"])
+def test_named_quantities_change_nothing(kind):
+    """What is derived through named quantities equals what is derived from the expressions written out."""
+    plain, named = evaluated(False, kind), evaluated(True, kind)
+    for target in plain.keys() | named.keys():
+        assert named.get(target, 0) == pytest.approx(plain.get(target, 0), rel=1e-12, abs=1e-12), target
+
+
+def test_named_quantities_are_written_out_for_other_derivations():
+    """`mechanism_terms` knows no names."""
+    mechanism = uqmbd.Mechanism("guided", uqmbd.Planar())
+    body = mechanism.body("ball", mass=1, inertia=1, position=(1, 1))
+    mechanism.add(Guide("guide", body, 3))
+    terms = uqmbd.mechanism_terms(mechanism)
+    known = {*terms.coordinates, *terms.velocities, *terms.states, uqmbd.t}
+    for e in [*terms.potential, *terms.constraints, *terms.rates, *(x for w in terms.work for x in w)]:
+        assert e.free_symbols <= known
+
+
+def test_a_named_quantity_is_not_differentiated_in_ignorance():
+    """SymPy would take it for a constant."""
+
+    class Wrong(uqmbd.Component):
+        bodies = ("body",)
+
+        def terms(self, p):
+            gap = p.let("gap", p.body.position[0] ** 2)
+            yield uqmbd.Potential((3 * gap**2).diff(p.body.q[0]))
+
+    mechanism = uqmbd.Mechanism("wrong", uqmbd.Planar())
+    mechanism.add(Wrong("wrong", mechanism.body("ball", mass=1, inertia=1)))
+    with pytest.raises(TypeError, match=r"'gap' is a quantity made by let\(\).*use rate\(\)"):
+        instances_of(mechanism.all_components(), mechanism.space)

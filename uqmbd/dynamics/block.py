@@ -84,6 +84,7 @@ class BlockType:
     cosines: tuple[sympy.Expr, ...]
     cosine_labels: tuple[str, ...]
     reaction_point: tuple[sympy.Expr, ...]
+    quantities: tuple[tuple[sympy.Symbol, str, sympy.Expr], ...]  # symbol, "value" or "rate", expression; in order
     reaction_on: int  # local body that the reaction acts on; its sign is in `reaction_sign`
     reaction_sign: int
 
@@ -91,6 +92,31 @@ class BlockType:
     def coordinates(self) -> int:
         """Number of local coordinates."""
         return self.bodies * self.space.size
+
+    @property
+    def expressions(self) -> list[sympy.Expr]:
+        """Everything that the equations of motion are derived from."""
+        work = [x for pair in self.work for x in pair]
+        named = [e for _, _, e in self.quantities]
+        return [self.kinetic, self.potential, *self.constraints, *self.rates, *work, *named]
+
+    def whole(self, expression: sympy.Expr) -> sympy.Expr:
+        """Insert what named quantities stand for."""
+        if not self.quantities:
+            return expression
+        return expression.xreplace(self._quantities)
+
+    @cached_property
+    def _quantities(self) -> dict[sympy.Basic, sympy.Expr]:
+        flow = {sympy.Symbol(f"_q{k}", real=True): sympy.Symbol(f"_v{k}", real=True) for k in range(self.coordinates)}
+        found: dict[sympy.Basic, sympy.Expr] = {}
+        flow |= {sympy.Symbol(f"_s{k}", real=True): rate for k, rate in enumerate(self.rates)}
+        for symbol, kind, expression in self.quantities:
+            e = expression.xreplace(found)
+            if kind == "rate":
+                e = e.diff(TIME) + sympy.Add(*(e.diff(x) * dx.xreplace(found) for x, dx in flow.items()))
+            found[symbol] = e
+        return found
 
     @cached_property
     def digest(self) -> str:
@@ -105,6 +131,7 @@ class BlockType:
                 sympy.Tuple(
                     self.kinetic, self.potential, *(x for w in self.work for x in w), sympy.S.Zero, *self.constraints,
                     sympy.S.Zero, *self.rates, *self.initial, sympy.S.Zero, *self.cosines,
+                    *(x for s, kind, e in self.quantities for x in (s, sympy.Integer(kind == "rate"), e)),
                 )
             ),
         )  # fmt: skip
@@ -215,7 +242,21 @@ def _block(
     moving = [Frame(space, q[n * b : n * b + n], v[n * b : n * b + n]) for b in range(len(bodies))]
     frames = {role: moving[k] if k >= 0 else Frame(space) for role, k in zip(component.attached, kinds, strict=True)}
     local = Local(space, frames, values, TIME)
-    terms = component.terms(local)
+    terms = list(component.terms(local))
+    named = {symbol: sympy.Symbol(f"_u{k}", real=True) for k, symbol in enumerate(local.quantities)}
+    quantities = tuple(
+        (named[symbol], kind, plain(e).xreplace(named)) for symbol, (kind, e) in local.quantities.items()
+    )
+
+    def settled(expression: Any) -> sympy.Expr:
+        return plain(expression).xreplace(named) if named else plain(expression)
+
+    velocities, coordinates = set(v), set(q) | set(local.states.values())
+    for symbol, kind, e in quantities:
+        if kind == "rate" or e.free_symbols & velocities:
+            velocities.add(symbol)
+        if e.free_symbols & coordinates:
+            coordinates.add(symbol)
     where = f"{type(component).__name__} {component.name!r}"
     kinetic: sympy.Expr = sympy.S.Zero
     potential: sympy.Expr = sympy.S.Zero
@@ -227,9 +268,9 @@ def _block(
     for term in terms:
         match term:
             case Kinetic(energy):
-                kinetic += plain(energy)
+                kinetic += settled(energy)
             case Potential(energy):
-                potential += plain(energy)
+                potential += settled(energy)
             case VirtualWork(force, velocity):
                 f, w = flatten(force), flatten(velocity)
                 if len(f) != len(w):
@@ -237,24 +278,24 @@ def _block(
                         f"{where}: VirtualWork has a force of {len(f)} components and "
                         f"a velocity of {len(w)}; they must be alike."
                     )
-                pairs = [(plain(a), plain(b)) for a, b in zip(f, w, strict=True)]
+                pairs = [(settled(a), settled(b)) for a, b in zip(f, w, strict=True)]
                 for _, rate in pairs:
-                    if rate.free_symbols and not rate.free_symbols & set(v):
+                    if rate.free_symbols and not rate.free_symbols & velocities:
                         raise StudyError(
                             f"{where}: VirtualWork(force, velocity) is given {rate}, which contains no velocity; "
                             "the work of a force on a point is VirtualWork(force, body.point_velocity(point))."
                         )
                 work += pairs
             case Constraint(equations, label):
-                parts = [plain(e) for e in flatten(equations)]
+                parts = [settled(e) for e in flatten(equations)]
                 names = ["x", "y", "z"] if len(parts) in (2, 3) else [str(k + 1) for k in range(len(parts))]
                 word = label or "equation"
                 labels += [word] if len(parts) == 1 else [f"{word} {x}" for x in names[: len(parts)]]
                 constraints += parts
             case Auxiliary(state, rate, initial):
-                rates[state] = (plain(rate), plain(initial))
+                rates[state] = (settled(rate), settled(initial))
             case Upright(cosine, label):
-                uprights.append((plain(cosine), label))
+                uprights.append((settled(cosine), label))
             case _:
                 raise StudyError(
                     f"{where}: terms() yielded {term!r}; expected Kinetic, Potential, VirtualWork, "
@@ -263,7 +304,7 @@ def _block(
     for state, symbol in local.states.items():
         if symbol not in rates:
             raise StudyError(f"{where}: the state {state!r} is used but no Auxiliary term gives its rate.")
-    clash = [e for e in constraints if not e.free_symbols & (set(q) | set(local.states.values()))]
+    clash = [e for e in constraints if not e.free_symbols & coordinates]
     if clash:
         raise StudyError(f"{where}: the constraint {clash[0]} = 0 contains no coordinate of a body.")
     point = component.reaction_point(local)
@@ -284,7 +325,8 @@ def _block(
         initial=tuple(rates[s][1] for s in local.states.values()),
         cosines=tuple(u for u, _ in uprights),
         cosine_labels=tuple(x for _, x in uprights),
-        reaction_point=tuple(point),
+        reaction_point=tuple(settled(x) for x in point),
+        quantities=quantities,
         reaction_on=on,
         reaction_sign=sign,
     )

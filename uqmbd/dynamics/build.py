@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import warnings
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import sympy
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 
 from uqmbd.dynamics.assembly import independent_rows, positions
 from uqmbd.dynamics.block import TIME, Instance, instances_of
+from uqmbd.dynamics.derivation import derive
 from uqmbd.dynamics.index1 import index1_system, massless_direction, state_arguments
 from uqmbd.dynamics.model import (
     FUSED_LIMIT,
@@ -32,6 +34,9 @@ __all__ = ["build", "kinematic_model"]
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
+
+FUSED_LENGTH = 6000
+"""Operations of named quantities in a Jacobian up to which it is one kernel: beyond, compilation takes seconds."""
 
 NAMED = 40
 """Redundant equations that a warning names; `uqmbd.check` names them all."""
@@ -188,10 +193,9 @@ def _breaks(instances: list[Instance]) -> list[sympy.Expr]:
     found: list[sympy.Expr] = []
     for instance in instances:
         block = instance.type
-        parts = [block.kinetic, block.potential, *block.constraints, *block.rates, *(x for w in block.work for x in w)]
-        timed = [e for e in parts if e.has(sympy.Piecewise) and e.has(TIME)]
+        timed = [e for e in block.expressions if e.has(sympy.Piecewise) and (e.has(TIME) or block.quantities)]
         values = {sympy.Symbol(f"_p{k}", real=True): p for k, p in enumerate(instance.parameters)}
-        for root in break_times(timed, TIME):
+        for root in break_times(timed, TIME, block.whole):
             value = root.xreplace(values)
             if value not in found and not any(str(s).startswith("_") for s in value.free_symbols):
                 found.append(value)
@@ -202,9 +206,15 @@ def _corners(instance: Instance) -> bool:
     """Whether forces of an instance have corners that depend on its state, not on time alone."""
     block = instance.type
     kinds = (sympy.Piecewise, sympy.Max, sympy.Min, sympy.Abs, sympy.sign, sympy.Heaviside)
-    parts = [block.kinetic, block.potential, *block.constraints, *block.rates, *(x for w in block.work for x in w)]
-    corners = [x for e in parts if e.has(*kinds) for x in e.atoms(*kinds)]
-    return any(s.name[:2] in ("_q", "_v", "_s") for x in corners for s in x.free_symbols)
+    corners = [x for e in block.expressions if e.has(*kinds) for x in e.atoms(*kinds)]
+    moving = {"_q", "_v", "_s"}
+    named = {
+        s for s, kind, e in block.quantities if kind == "rate" or any(x.name[:2] in moving for x in e.free_symbols)
+    }
+    for s, _, e in block.quantities:
+        if e.free_symbols & named:
+            named.add(s)
+    return any(s.name[:2] in moving or s in named for x in corners for s in x.free_symbols)
 
 
 def build(mechanism: Mechanism, time: float = 0.0, *, fuse: bool | None = None) -> Model:
@@ -251,15 +261,11 @@ def build(mechanism: Mechanism, time: float = 0.0, *, fuse: bool | None = None) 
     fuse = layout.unknowns <= FUSED_LIMIT if fuse is None else fuse
     evaluators = dict(model.evaluators)
     for kind in ("residual", "jacobian", "acceleration", "drift"):
-        evaluators[kind] = evaluator(kind, instances, order, layout, blocks, fuse=fuse)
-    outputs = output_map(
-        list(mechanism.outputs.values()),
-        instances,
-        place(instances, order),
-        order,
-        mechanism.inputs.variables,
-        (layout.coordinates, layout.states, layout.constraints),
-    )
+        small = kind != "jacobian" or _length(instances) <= FUSED_LENGTH
+        evaluators[kind] = evaluator(kind, instances, order, layout, blocks, fuse=fuse and small)
+    sizes = (layout.coordinates, layout.states, layout.constraints)
+    about = (instances, place(instances, order), order, mechanism.inputs.variables, sizes)
+    outputs = output_map(list(mechanism.outputs.values()), *about)
     model = replace(
         model,
         rough=any(_corners(i) for i in instances),
@@ -278,6 +284,21 @@ def build(mechanism: Mechanism, time: float = 0.0, *, fuse: bool | None = None) 
             "in which it is free to move. Give it mass and inertia, or hold it with a joint."
         )
     return model
+
+
+def _length(instances: list[Instance]) -> int:
+    """Operations in the Jacobians of blocks with named quantities; others are short enough."""
+    seen: dict[str, int] = {}
+    for block in {i.type.digest: i.type for i in instances if i.type.quantities}.values():
+        known: set[Any] = set()
+        waiting = list(derive(block).jacobian().expressions)
+        while waiting:
+            e = waiting.pop()
+            if e not in known:
+                known.add(e)
+                waiting += e.args
+        seen[block.digest] = len(known)
+    return sum(seen.get(i.type.digest, 0) for i in instances)
 
 
 def _digest(mechanism: Mechanism, instances: list[Instance]) -> str:

@@ -69,7 +69,7 @@ class Derived:
         self.l, self.m = _symbols("l", m), _symbols("m", m)
         self.p = _symbols("p", block.parameters)
         self.t, self.c = se.Symbol("_t"), se.Symbol("_c")
-        convert: Callable[[Any], Any] = se.sympify
+        convert = self._converter()
         self.kinetic, self.potential = convert(block.kinetic), convert(block.potential)
         self.work = [(convert(f), convert(w)) for f, w in block.work]
         self.phi = [convert(e) for e in block.constraints]
@@ -77,6 +77,24 @@ class Derived:
         self.s0 = [convert(e) for e in block.initial]
         self.cosines = [convert(e) for e in block.cosines]
         self._derive()
+
+    def _converter(self) -> Callable[[Any], Any]:
+        """From SymPy to SymEngine, with what named quantities stand for.
+
+        It is inserted here, since SymEngine keeps one copy of a part that expressions share and treats it once.
+        """
+        known: dict[Any, Any] = {}
+
+        def convert(e: Any) -> Any:
+            return se.sympify(e).xreplace(known) if known else se.sympify(e)
+
+        for symbol, kind, expression in self.block.quantities:
+            e = convert(expression)
+            if kind == "rate":
+                flow = list(zip([*self.q, *self.s], [*self.v, *map(convert, self.block.rates)], strict=True))
+                e = _diff(e, self.t) + _sum(_diff(e, x) * dx for x, dx in flow)
+            known[se.Symbol(symbol.name)] = e
+        return convert
 
     def _derive(self) -> None:
         q, v, a, s, t = self.q, self.v, self.a, self.s, self.t

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from uqmbd.dynamics.block import BlockType
 from uqmbd.dynamics.derivation import Kind, derive
-from uqmbd.dynamics.kernels import Kernel, cached, compile_kernel
+from uqmbd.dynamics.kernels import Kernel, cached, compile_kernel, replaced
 
 __all__ = ["Evaluator", "Placement", "fused", "typed"]
 
@@ -92,7 +92,8 @@ class Evaluator:
                 local = np.concatenate([arguments, parameters[:, : group.parameters.shape[1]]], axis=1)
             else:
                 local = np.concatenate([arguments[:, group.gather], parameters[:, group.parameters]], axis=2)
-            parts.append(group.kernel(local).reshape(count, len(group.gather) * group.kernel.outputs))
+            found = group.kernel.fast(local.reshape(-1, local.shape[-1]))
+            parts.append(found.reshape(count, len(group.gather) * group.kernel.outputs))
         if not parts:
             return np.zeros((count, 0))
         values = parts[0] if len(parts) == 1 else np.concatenate(parts, axis=1)
@@ -224,7 +225,8 @@ def typed(
 
 def _zero_column(columns: dict[tuple[str, int], int]) -> int:
     """Return the column that is always zero: the one that no variable has."""
-    return next(c for c in range(len(columns) + 1) if c not in set(columns.values()))
+    used = set(columns.values())
+    return next(c for c in range(len(columns) + 1) if c not in used)
 
 
 def _order(
@@ -262,10 +264,11 @@ def fused(
             }
             swap |= {x: se.Symbol(f"_g{int(k)}") for x, k in zip(derived.p, place.parameters, strict=True)}
             equations = derived.equations(kind)
-            for e, local in zip(equations.expressions, equations.targets, strict=True):
+            swapped = replaced(equations.expressions, swap)
+            for e, local in zip(swapped, equations.targets, strict=True):
                 target = _globalise(local, place, kind)
                 if target is not None:
-                    sums.setdefault(target, []).append(e.xreplace(swap))
+                    sums.setdefault(target, []).append(e)
         targets = sorted(sums)
         arguments = [names.get(k, se.Symbol(f"_y{k}")) for k in range(width)]
         arguments += [se.Symbol(f"_g{k}") for k in range(parameters)]

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Kernel", "cache_folder", "cached", "compile_kernel", "compilations"]
+__all__ = ["Kernel", "cache_folder", "cached", "compilations", "compile_kernel", "replaced"]
 
 Array = NDArray[np.float64]
 
@@ -88,15 +88,38 @@ def compile_kernel(arguments: Sequence[Any], expressions: Sequence[Any], *, opt_
     # LLVM wants at least one argument
     symbols = list(arguments) or [se.Symbol("_none")]
     nothing = {se.Symbol("_nothing"): se.Symbol("_nowhere")}
-    rebuilt = [se.sympify(e).xreplace(nothing) for e in expressions]
+    rebuilt = replaced(expressions, nothing)
     function = se.Lambdify(symbols, rebuilt, backend="llvm", cse=True, opt_level=opt_level)
     point = np.random.default_rng(0).uniform(0.1, 0.9, len(symbols))
-    expected = se.Lambdify(symbols, list(expressions), backend="lambda", cse=False)(point)
+    expected = _plainly(expressions, dict(zip(symbols, point, strict=True)))
     with np.errstate(all="ignore"):
         same = np.allclose(function(point), expected, rtol=1e-9, atol=1e-12, equal_nan=True)
     if not same:
         function = se.Lambdify(symbols, rebuilt, backend="llvm", cse=False, opt_level=opt_level)
     return Kernel(function, len(symbols), len(expressions))
+
+
+def replaced(expressions: Sequence[Any], known: dict[Any, Any]) -> Sequence[Any]:
+    """Replace symbols in SymEngine expressions; all at once, so that the parts that they share stay shared."""
+    import symengine as se
+
+    found: Sequence[Any] = se.Function("_all")(*expressions).xreplace(known).args if expressions else ()
+    return found
+
+
+def _plainly(expressions: Sequence[Any], point: dict[Any, float]) -> Array:
+    """Evaluate expressions by inserting numbers, which treats a part that they share once; NaN where that fails."""
+    import symengine as se
+
+    values = {symbol: se.RealDouble(x) for symbol, x in point.items()}
+
+    def number(e: Any) -> float:
+        try:
+            return float(e.n())
+        except (RuntimeError, TypeError, ValueError):
+            return float("nan")
+
+    return np.array([number(e) for e in replaced(expressions, values)])
 
 
 def straight_line_kernel(arguments: Sequence[Any], expressions: Sequence[Any]) -> Kernel:

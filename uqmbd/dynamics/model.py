@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -156,6 +157,8 @@ class Model:
     digest: str = ""
     """Hash of all equations, parameters and outputs, as symbols."""
     outputs: Any = field(default=None, repr=False)
+    scalars: Any = field(default=None, repr=False)
+    """Compiled outputs without a time, or None."""
     system: Any = field(default=None, repr=False)
     pattern: tuple[Index, Index] = field(default=(np.zeros(0, int), np.zeros(0, int)), repr=False)
     """Row indices and column pointers of the Jacobian, compressed by columns."""
@@ -276,12 +279,17 @@ def csc_pattern(jacobian: Evaluator, unknowns: int) -> tuple[Index, Index]:
     return rows, pointers.astype(np.int64)
 
 
-def break_times(expressions: list[sympy.Expr], time: sympy.Symbol) -> list[sympy.Expr]:
-    """Find the times at which expressions may change branch: roots of conditions that are linear in time."""
+def break_times(
+    expressions: list[sympy.Expr], time: sympy.Symbol, whole: Callable[[sympy.Expr], sympy.Expr] = lambda e: e
+) -> list[sympy.Expr]:
+    """Find the times at which expressions may change branch: roots of conditions that are linear in time.
+
+    `whole` inserts what named quantities in a condition stand for.
+    """
     found: list[sympy.Expr] = []
     for e in expressions:
         for condition in sorted(e.atoms(sympy.core.relational.Relational), key=str):
-            difference = condition.lhs - condition.rhs
+            difference = whole(condition.lhs - condition.rhs)
             slope = difference.diff(time)
             if slope != 0 and not slope.has(time):
                 root = -difference.subs(time, 0) / slope

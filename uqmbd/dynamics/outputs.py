@@ -267,7 +267,7 @@ def _reaction(used: list[tuple[Instance, Placement]], symbol: Any, column: Any) 
     if symbol.quantity == "reaction_force":
         e = load[symbol.index]
     else:
-        arm = sympy.Matrix(q[:d]) - sympy.Matrix(block.reaction_point)
+        arm = sympy.Matrix(q[:d]) - sympy.Matrix([block.whole(x) for x in block.reaction_point])
         force = sympy.Matrix(load[:d])
         moment = space.moment(q[d:], load[d:])
         extra = arm.cross(force) if d == 3 else sympy.Matrix([arm[0] * force[1] - arm[1] * force[0]])

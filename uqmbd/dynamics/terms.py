@@ -84,16 +84,17 @@ def mechanism_terms(mechanism: Mechanism) -> MechanismTerms:
     for instance in instances_of(mechanism.all_components(), mechanism.space):
         block, own = instance.type, _states(instance)
         known = _globals(instance, own)
+        whole = block.whole
         if block.kinetic != 0:
-            kinetic.append(block.kinetic.xreplace(known))
+            kinetic.append(whole(block.kinetic).xreplace(known))
         if block.potential != 0:
-            potential.append(block.potential.xreplace(known))
-        work += [(f.xreplace(known), w.xreplace(known)) for f, w in block.work]
-        constraints += [e.xreplace(known) for e in block.constraints]
+            potential.append(whole(block.potential).xreplace(known))
+        work += [(whole(f).xreplace(known), whole(w).xreplace(known)) for f, w in block.work]
+        constraints += [whole(e).xreplace(known) for e in block.constraints]
         equations += [f"{instance.component.name}: {label}" for label in block.labels]
         states += own
-        rates += [e.xreplace(known) for e in block.rates]
-        initial += [e.xreplace(known) for e in block.initial]
+        rates += [whole(e).xreplace(known) for e in block.rates]
+        initial += [whole(e).xreplace(known) for e in block.initial]
     bodies = mechanism.bodies.values()
     return MechanismTerms(
         tuple(x for body in bodies for x in body.q),
