@@ -29,6 +29,8 @@ _WHERE = {
     "Local": "uqmbd.mechanism",
     "Frame": "uqmbd.mechanism",
     "aligned": "uqmbd.mechanism",
+    "counted_angle": "uqmbd.mechanism",
+    "half_angle": "uqmbd.mechanism",
     "joint_frames": "uqmbd.mechanism",
     "nominal": "uqmbd.mechanism",
     "quaternion_product": "uqmbd.mechanism",
@@ -106,6 +108,8 @@ if TYPE_CHECKING:
     from uqmbd.mechanism import Upright as Upright
     from uqmbd.mechanism import VirtualWork as VirtualWork
     from uqmbd.mechanism import aligned as aligned
+    from uqmbd.mechanism import counted_angle as counted_angle
+    from uqmbd.mechanism import half_angle as half_angle
     from uqmbd.mechanism import joint_frames as joint_frames
     from uqmbd.mechanism import nominal as nominal
     from uqmbd.mechanism import perpendiculars as perpendiculars

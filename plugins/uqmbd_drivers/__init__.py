@@ -5,11 +5,12 @@ from __future__ import annotations
 import uqmbd
 from uqmbd_drivers.position import DistanceDriver, PositionDriver
 from uqmbd_drivers.rotation import RotationDriver
+from uqmbd_drivers.speed import LinearSpeedDriver, SpeedDriver
 
-__all__ = ["DistanceDriver", "PositionDriver", "RotationDriver"]
+__all__ = ["DistanceDriver", "LinearSpeedDriver", "PositionDriver", "RotationDriver", "SpeedDriver"]
 
 
 @uqmbd.hookimpl
 def uqmbd_components() -> list[type[uqmbd.Component]]:
     """Return the drivers of this package."""
-    return [DistanceDriver, PositionDriver, RotationDriver]
+    return [DistanceDriver, LinearSpeedDriver, PositionDriver, RotationDriver, SpeedDriver]

@@ -38,6 +38,7 @@ class DistanceDriver(uqmbd.Component):
     '(name, body_i, body_j, point_i, point_j, length)'
     """
 
+    drawn_by = ()
     point_i = uqmbd.Parameter("m", "one end, frame of body i", kind="point")
     point_j = uqmbd.Parameter("m", "other end, frame of body j", kind="point")
     length = uqmbd.Parameter("m", "distance, an expression in uqmbd.t")

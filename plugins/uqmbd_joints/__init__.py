@@ -6,12 +6,14 @@ import uqmbd
 from uqmbd_joints.cylindrical import Cylindrical
 from uqmbd_joints.distance import Distance
 from uqmbd_joints.fixed import Fixed
+from uqmbd_joints.gears import Gear, RackAndPinion
 from uqmbd_joints.parallel1 import Parallel1
 from uqmbd_joints.points import PointOnLine, PointOnPlane
 from uqmbd_joints.primitives import Dot1, Dot2, Parallel2
 from uqmbd_joints.prismatic import Prismatic
 from uqmbd_joints.revolute import Revolute
 from uqmbd_joints.revolute_spherical import RevoluteSpherical
+from uqmbd_joints.screw import Screw
 from uqmbd_joints.spherical import Spherical
 from uqmbd_joints.universal import Universal
 
@@ -21,13 +23,16 @@ __all__ = [
     "Dot1",
     "Dot2",
     "Fixed",
+    "Gear",
     "Parallel1",
     "Parallel2",
     "PointOnLine",
     "PointOnPlane",
     "Prismatic",
+    "RackAndPinion",
     "Revolute",
     "RevoluteSpherical",
+    "Screw",
     "Spherical",
     "Universal",
 ]
@@ -42,13 +47,16 @@ def uqmbd_components() -> list[type[uqmbd.Component]]:
         Dot1,
         Dot2,
         Fixed,
+        Gear,
         Parallel1,
         Parallel2,
         PointOnLine,
         PointOnPlane,
         Prismatic,
+        RackAndPinion,
         Revolute,
         RevoluteSpherical,
+        Screw,
         Spherical,
         Universal,
     ]

@@ -22,6 +22,7 @@ class Dot1(uqmbd.Component):
     """
 
     spaces = (uqmbd.Spatial, uqmbd.Planar)
+    drawn_by = ()
     axis_i = uqmbd.Parameter("1", "axis, frame of body i", kind="axis")
     axis_j = uqmbd.Parameter("1", "axis, frame of body j", kind="axis")
 

@@ -21,6 +21,7 @@ class RevoluteSpherical(uqmbd.Component):
     """
 
     spaces = (uqmbd.Spatial,)
+    drawn_by = ("axis",)
     point_i = uqmbd.Parameter("m", "hinge, frame of body i", kind="point")
     point_j = uqmbd.Parameter("m", "ball, frame of body j", kind="point")
     axis_i = uqmbd.Parameter("1", "axis of the hinge, frame of body i", kind="axis")

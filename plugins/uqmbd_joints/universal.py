@@ -19,6 +19,7 @@ class Universal(uqmbd.Component):
     """
 
     spaces = (uqmbd.Spatial,)
+    drawn_by = ("at",)
     point_i = uqmbd.Parameter("m", "centre of the cross, frame of body i", kind="point")
     point_j = uqmbd.Parameter("m", "centre of the cross, frame of body j", kind="point")
     axis_i = uqmbd.Parameter("1", "axis of the cross in body i, its frame", kind="axis")

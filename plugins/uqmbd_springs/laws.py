@@ -9,6 +9,7 @@ import sympy
 
 import uqmbd
 from uqmbd_springs.turning import turning
+from uqmbd_springs.userlaw import coefficients, inserted
 
 __all__ = ["NonlinearSpringDamper", "NonlinearTorsionSpringDamper", "length", "rate"]
 
@@ -17,17 +18,6 @@ length = sympy.Symbol("length", real=True)
 
 rate = sympy.Symbol("rate", real=True)
 """Rate of the length (m/s), or of the angle (rad/s), in a law."""
-
-
-def _coefficients(law: Any) -> list[sympy.Symbol]:
-    """Random variables, time and whatever else a law contains beside length and rate, in a fixed order."""
-    return sorted(sympy.sympify(law).free_symbols - {length, rate}, key=str)
-
-
-def _force(law: Any, values: dict[sympy.Symbol, Any], p: uqmbd.Local) -> sympy.Expr:
-    """Insert length, rate and coefficients into a law."""
-    coefficients = {symbol: getattr(p, f"coefficient_{k}") for k, symbol in enumerate(_coefficients(law))}
-    return sympy.sympify(law).xreplace(coefficients | values)
 
 
 class NonlinearSpringDamper(uqmbd.Component):
@@ -44,20 +34,21 @@ class NonlinearSpringDamper(uqmbd.Component):
     >>> cubic = 1000 * (length - 0.3) ** 3
     """
 
+    drawn_by = ()
     point_i = uqmbd.Parameter("m", "end, frame of body i", kind="point")
     point_j = uqmbd.Parameter("m", "end, frame of body j", kind="point")
     law = uqmbd.Parameter("N", "tension", kind="option", example=3 * (length - 0.4) ** 3 + rate * sympy.Abs(rate) / 5)
 
     def prepare(self) -> dict[str, Any]:
         """Give the coefficients of the law to each realisation."""
-        return {f"coefficient_{k}": symbol for k, symbol in enumerate(_coefficients(self.law))}
+        return coefficients(self.law, length, rate)
 
     def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.VirtualWork]:
         """Yield its virtual work."""
         d = p.body_j.point(p.point_j) - p.body_i.point(p.point_i)
         size = sympy.sqrt(d.dot(d) + sympy.Float(1e-18))
         speed = d.dot(p.body_j.point_velocity(p.point_j) - p.body_i.point_velocity(p.point_i)) / size
-        yield uqmbd.VirtualWork(-_force(p.law, {length: size, rate: speed}, p), speed)
+        yield uqmbd.VirtualWork(-inserted(p.law, {length: size, rate: speed}, p), speed)
 
 
 class NonlinearTorsionSpringDamper(uqmbd.Component):
@@ -78,7 +69,7 @@ class NonlinearTorsionSpringDamper(uqmbd.Component):
 
     def prepare(self) -> dict[str, Any]:
         """Give the coefficients of the law to each realisation; lay a frame on each axis."""
-        found = {f"coefficient_{k}": symbol for k, symbol in enumerate(_coefficients(self.law))}
+        found = coefficients(self.law, length, rate)
         if not self.axis_i:
             return {**found, "drawn": self.drawn_angle()}
         frame_i, frame_j = uqmbd.joint_frames(self.axis_i, self.axis_j)
@@ -89,4 +80,4 @@ class NonlinearTorsionSpringDamper(uqmbd.Component):
         speed, start = turning(p)
         angle = p.state("angle")
         yield uqmbd.Auxiliary(angle, speed, start)
-        yield uqmbd.VirtualWork(-_force(p.law, {length: angle, rate: speed}, p), speed)
+        yield uqmbd.VirtualWork(-inserted(p.law, {length: angle, rate: speed}, p), speed)

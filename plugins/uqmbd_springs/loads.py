@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
+
+import sympy
 
 import uqmbd
 
-__all__ = ["PointForce", "Torque"]
+__all__ = ["FollowerForce", "Gravity", "PointForce", "Torque"]
 
 
 class PointForce(uqmbd.Component):
@@ -27,6 +30,46 @@ class PointForce(uqmbd.Component):
     def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.VirtualWork]:
         """Yield its virtual work."""
         yield uqmbd.VirtualWork(p.force, p.body.point_velocity(p.point))
+
+
+class FollowerForce(uqmbd.Component):
+    """A force on a point of a body, in the axes of the body, with which it turns: a thrust.
+
+    Examples
+    --------
+    >>> FollowerForce.signature()
+    '(name, body, point, force)'
+    """
+
+    bodies = ("body",)
+    point = uqmbd.Parameter("m", "where it acts, body frame", kind="point")
+    force = uqmbd.Parameter("N", "the force, body axes", kind="vector")
+
+    def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.VirtualWork]:
+        """Yield its virtual work."""
+        yield uqmbd.VirtualWork(p.body.direction(p.force), p.body.point_velocity(p.point))
+
+
+class Gravity(uqmbd.Component):
+    """Gravity of one body's own, added to that of the space: its negative switches that off, a difference tilts it.
+
+    Examples
+    --------
+    >>> Gravity.signature()
+    '(name, body, acceleration)'
+    """
+
+    bodies = ("body",)
+    acceleration = uqmbd.Parameter("m/s^2", "acceleration of free fall to be added, world axes", kind="vector")
+
+    def prepare(self) -> dict[str, Any]:
+        """Take mass and centre of mass from the body."""
+        body = self.attached["body"]
+        return {"mass": body.mass, "com": tuple(body.com)}
+
+    def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.Potential]:
+        """Yield its energy."""
+        yield uqmbd.Potential(-p.mass * sympy.Matrix(p.acceleration).dot(p.body.point(p.com)))
 
 
 class Torque(uqmbd.Component):

@@ -14,6 +14,7 @@ from uqmbd.mechanism.component import (
     Upright,
     VirtualWork,
 )
+from uqmbd.mechanism.counting import counted_angle, half_angle
 from uqmbd.mechanism.frame import Frame
 from uqmbd.mechanism.geometry import (
     aligned,
@@ -48,6 +49,8 @@ __all__ = [
     "Upright",
     "VirtualWork",
     "aligned",
+    "counted_angle",
+    "half_angle",
     "joint_frames",
     "nominal",
     "perpendiculars",

@@ -15,6 +15,7 @@ from uqmbd.mechanism.geometry import relative_quaternion
 from uqmbd.mechanism.numbers import flatten
 from uqmbd.mechanism.reaction import PlaneReaction, ReactionSymbol
 from uqmbd.mechanism.space import Planar, Space, Spatial, Translational
+from uqmbd.mechanism.world import KEYWORDS, replaced
 from uqmbd.names import check_name
 
 if TYPE_CHECKING:
@@ -262,9 +263,13 @@ class Local:
 class Component:
     """Base of joints, drivers, springs and forces.
 
-    A subclass names its body arguments in `bodies` and the spaces it makes sense in in `spaces`, declares each
-    `Parameter` as a class attribute, and yields terms.  Everything else (equations of motion, Jacobians, reactions) is
-    derived.
+    A subclass names its body arguments in `bodies` (in `grounded` those that may be left out: the ground) and the
+    spaces it makes sense in in `spaces`, declares each `Parameter` as a class attribute, and yields terms.  Everything
+    else (equations of motion, Jacobians, reactions) is derived.
+
+    Instead of `point_i` and `point_j` one point in the world may be given, ``at=``, and instead of `axis_i` and
+    `axis_j` (or the one that there is) one axis in the world, ``axis=``: as the bodies are drawn, and no random ones.
+    A component whose points or axes do not coincide leaves the keyword out of `drawn_by`.
 
     Parameters
     ----------
@@ -294,12 +299,14 @@ class Component:
     """
 
     bodies: ClassVar[tuple[str, ...]] = ("body_i", "body_j")
+    grounded: ClassVar[tuple[str, ...]] = ()
+    drawn_by: ClassVar[tuple[str, ...]] = ("at", "axis")
     spaces: ClassVar[tuple[type[Space], ...]] = (Spatial, Planar, Translational)
 
     def __init__(self, name: str, *arguments: Any, **keywords: Any) -> None:
         kind = type(self).__name__
         self.name = check_name(name, kind)
-        names = [*self.bodies, *self.parameters()]
+        names = [*(x for x in self.bodies if x not in self.grounded), *self.parameters()]
         where = f"{kind} {name!r}"
         usage = f"Usage: {kind}{self.signature()}."
         if len(arguments) > len(names):
@@ -307,16 +314,19 @@ class Component:
                 f"{where}: {len(arguments) + 1} arguments given by position, at most {len(names) + 1} fit. {usage}"
             )
         given = dict(zip(names, arguments, strict=False))
+        self.world_pose = {key: keywords.pop(key) for key in KEYWORDS if key in keywords and replaced(type(self), key)}
         for key, value in keywords.items():
-            if key not in names:
+            if key not in (*names, *self.grounded):
                 raise StudyError(f"{where}: there is no argument {key!r}. {usage}")
             if key in given:
                 raise StudyError(f"{where}: {key!r} is given twice. {usage}")
             given[key] = value
         for key in self.bodies:
-            if key not in given:
+            if key not in given and key not in self.grounded:
                 raise StudyError(f"{where}: {key!r} is missing; give a body or mechanism.ground. {usage}")
-        self.attached: dict[str, Body | Ground] = {key: given.pop(key) for key in self.bodies}
+        # reactions are those on the last one, which is never one that may be left out
+        roles = sorted(self.bodies, key=lambda key: (key != self.bodies[0], key not in self.grounded))
+        self.attached: dict[str, Body | Ground] = {key: given.pop(key, None) for key in roles}
         self.given = given
         self.values: dict[str, Any] = {}
 
@@ -331,18 +341,20 @@ class Component:
     @classmethod
     def signature(cls) -> str:
         """Return the argument list as text."""
-        words = ["name", *cls.bodies]
+        words = ["name", *(x for x in cls.bodies if x not in cls.grounded)]
         words += [k if p.required else f"{k}={p.default!r}" for k, p in cls.parameters().items()]
+        words += [f"{x}=ground" for x in cls.grounded]
         return f"({', '.join(words)})"
 
     def __init_subclass__(cls, **keywords: Any) -> None:
         super().__init_subclass__(**keywords)
         kind = inspect.Parameter.POSITIONAL_OR_KEYWORD
-        parts = [inspect.Parameter(n, kind) for n in ("name", *cls.bodies)]
+        parts = [inspect.Parameter(n, kind) for n in ("name", *cls.bodies) if n not in cls.grounded]
         rest = sorted(cls.parameters().items(), key=lambda item: not item[1].required)
         parts += [
             inspect.Parameter(n, kind, default=inspect.Parameter.empty if p.required else p.default) for n, p in rest
         ]
+        parts += [inspect.Parameter(n, inspect.Parameter.KEYWORD_ONLY, default=None) for n in cls.grounded]
         cls.__signature__ = inspect.Signature(parts)  # type: ignore[attr-defined]  # what help() shows
 
     def prepare(self) -> Mapping[str, Any]:
@@ -390,6 +402,18 @@ class Component:
         angle_i, angle_j = (getattr(getattr(self.attached[b], "pose", None), "angle", 0) for b in (body_i, body_j))
         return sympy.sympify(angle_j) - sympy.sympify(angle_i)
 
+    def drawn_frame(self, body: str) -> Frame:
+        """Frame of one of its bodies in the drawn pose, at rest, for `prepare`."""
+        attached = self.attached[body]
+        pose = getattr(attached, "pose", None)
+        return Frame(self._space(), attached.q if pose is None else pose.q)
+
+    def drawn_displacement(self) -> sympy.Expr:
+        """Displacement of `point_j` from `point_i` along `axis_i` in the drawn pose, for `prepare`."""
+        i, j = (self.drawn_frame(key) for key in ("body_i", "body_j"))
+        point_i, point_j, axis_i = (self.values[key] for key in ("point_i", "point_j", "axis_i"))
+        return i.direction(axis_i).dot(j.point(point_j) - i.point(point_i))
+
     def _space(self) -> Space:
         for body in self.attached.values():
             space = getattr(body, "space", None)
@@ -398,7 +422,7 @@ class Component:
         raise StudyError(f"{type(self).__name__} {self.name!r}: none of its bodies belongs to a mechanism.")
 
     def __repr__(self) -> str:
-        where = ", ".join(getattr(b, "name", repr(b)) for b in self.attached.values())
+        where = ", ".join(getattr(self.attached[b], "name", repr(self.attached[b])) for b in self.bodies)
         return f"<{type(self).__name__} {self.name!r}: {where}>"
 
 

@@ -200,6 +200,8 @@ class Mechanism:
                 f"{where}: it makes no sense in {type(self.space).__name__} space, "
                 f"which mechanism {self.name!r} is in; it works in: {fitting}."
             )
+        left_out = [role for role in component.grounded if component.attached[role] is None]
+        component.attached.update(dict.fromkeys(left_out, self.ground))
         self._require_bodies(where, component)
         for key, value in settle(where, component, self.space).items():
             declared = component.parameters().get(key)

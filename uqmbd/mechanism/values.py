@@ -11,6 +11,7 @@ from uqmbd.mechanism.component import Component, Parameter
 from uqmbd.mechanism.geometry import quaternion_of_matrix, unit
 from uqmbd.mechanism.numbers import flatten, numbers, shown
 from uqmbd.mechanism.space import Space
+from uqmbd.mechanism.world import KEYWORDS, localised, replaced
 
 __all__ = ["settle"]
 
@@ -37,17 +38,20 @@ def settle(where: str, component: Component, space: Space) -> dict[str, Any]:
     uqmbd.StudyError
         If a parameter is missing, or its value is not what the declaration says.
     """
+    given = localised(where, component, space)
     for key, parameter in component.parameters().items():
         left_out = parameter.kind == "turning_axis" and parameter.size(space) == 0
-        if key not in component.given and parameter.required and not left_out:
+        if key not in given and parameter.required and not left_out:
             units = f", {parameter.units}" if parameter.units else ""
+            other = [word for word in KEYWORDS if key in replaced(type(component), word)]
             raise StudyError(
                 f"{where}: {key!r} is missing ({parameter.description}{units}). "
-                f"Usage: {type(component).__name__}{component.signature()}."
+                f"Usage: {type(component).__name__}{component.signature()}"
+                + (f", or {other[0]}= in world axes, as drawn." if other else ".")
             )
-        value = component.given.get(key, None if parameter.required else parameter.default)
+        value = given.get(key, None if parameter.required else parameter.default)
         try:
-            component.values[key] = _value(where, key, parameter, value, space, stated=key in component.given)
+            component.values[key] = _value(where, key, parameter, value, space, stated=key in given)
         except StudyError as error:
             # helpers on axes and rotations do not know whom they work for
             raise StudyError(str(error) if str(error).startswith(where) else f"{where}: {key}: {error}") from None

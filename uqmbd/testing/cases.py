@@ -99,7 +99,7 @@ def moving_case(
         for key, p in declared.items()
         if key in given or p.required or key in numeric
     }
-    made = component("trial", *bodies, **{k: v for k, v in values.items() if v is not None})
+    made = component("trial", **_arguments(component, bodies, values))
     return Case("in a study", mechanism, mechanism.add(made), free=False)
 
 
@@ -129,8 +129,13 @@ def _case(
         for key, parameter in component.parameters().items()
         if key in given or key in wanted
     }
-    made = component("trial", *bodies, **{k: v for k, v in values.items() if v is not None})
+    made = component("trial", **_arguments(component, bodies, values))
     return Case(title, mechanism, mechanism.add(made), all(isinstance(b, Body) for b in bodies))
+
+
+def _arguments(component: type[Component], bodies: list[Any], values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return bodies and values by name; None is left out."""
+    return {**dict(zip(component.bodies, bodies, strict=True)), **{k: v for k, v in values.items() if v is not None}}
 
 
 def _body(mechanism: Mechanism, name: str, rng: np.random.Generator, *, heavy: bool = False) -> Body:

@@ -1,0 +1,63 @@
+"""Drivers of speed: what is prescribed is integrated, so that any function of time may be given."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import sympy
+
+import uqmbd
+
+__all__ = ["LinearSpeedDriver", "SpeedDriver"]
+
+
+class SpeedDriver(uqmbd.Component):
+    """Body j turns relative to body i, about a common axis, at a speed that is a function of time; it starts as drawn.
+
+    Examples
+    --------
+    >>> SpeedDriver.signature()
+    '(name, body_i, body_j, speed, axis_j)'
+    """
+
+    spaces = (uqmbd.Spatial, uqmbd.Planar)
+    speed = uqmbd.Parameter("rad/s", "angular speed, an expression in uqmbd.t")
+    axis_j = uqmbd.Parameter("1", "axis, frame of body j (left out in the plane)", kind="turning_axis")
+
+    def prepare(self) -> dict[str, Any]:
+        """Take the attitude to start from out of the drawing."""
+        return {"drawn": self.drawn_quaternion()}
+
+    def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.Constraint | uqmbd.Auxiliary]:
+        """Yield the geometry."""
+        angle = p.state("angle")
+        yield uqmbd.Auxiliary(angle, p.speed, 0)
+        cosine, sine = uqmbd.half_angle(p, p.body_i, p.body_j, p.drawn, p.axis_j)
+        yield uqmbd.Constraint(cosine * sympy.sin(angle / 2) - sine * sympy.cos(angle / 2), "angle")
+
+
+class LinearSpeedDriver(uqmbd.Component):
+    """A point of body j moves along an axis fixed in body i at a speed that is a function of time; it starts as drawn.
+
+    Examples
+    --------
+    >>> LinearSpeedDriver.signature()
+    '(name, body_i, body_j, point_i, point_j, axis_i, speed)'
+    """
+
+    point_i = uqmbd.Parameter("m", "a point to measure from, frame of body i", kind="point")
+    point_j = uqmbd.Parameter("m", "the driven point, frame of body j", kind="point")
+    axis_i = uqmbd.Parameter("1", "direction, frame of body i", kind="axis")
+    speed = uqmbd.Parameter("m/s", "speed, an expression in uqmbd.t")
+
+    def prepare(self) -> dict[str, Any]:
+        """Take the displacement to start from out of the drawing."""
+        return {"start": self.drawn_displacement()}
+
+    def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.Constraint | uqmbd.Auxiliary]:
+        """Yield the geometry."""
+        displacement = p.state("displacement")
+        yield uqmbd.Auxiliary(displacement, p.speed, p.start)
+        offset = p.body_j.point(p.point_j) - p.body_i.point(p.point_i)
+        yield uqmbd.Constraint(p.body_i.direction(p.axis_i).dot(offset) - displacement, "displacement")

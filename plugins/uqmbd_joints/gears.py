@@ -1,0 +1,84 @@
+"""Gears, and rack and pinion."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import uqmbd
+
+__all__ = ["Gear", "RackAndPinion"]
+
+
+class Gear(uqmbd.Component):
+    """Two gears that mesh: relative to the carrier of their axes, body i makes `ratio` turns for each of body j.
+
+    Each turns about its axis from the drawn pose on; what holds the axes in the carrier are other joints.  Reactions
+    are moments: that on body j is reported; where body j is the ground, that on body i with the other sign.
+
+    Examples
+    --------
+    >>> Gear.signature()
+    "(name, body_i, body_j, ratio, axis_i, axis_j, mesh='external', carrier=ground)"
+    """
+
+    bodies = ("body_i", "body_j", "carrier")
+    grounded = ("carrier",)
+    spaces = (uqmbd.Spatial, uqmbd.Planar)
+    ratio = uqmbd.Parameter("1", "turns of body i per turn of body j: teeth of j over teeth of i")
+    axis_i = uqmbd.Parameter("1", "axis of body i, in its frame (left out in the plane)", kind="turning_axis")
+    axis_j = uqmbd.Parameter("1", "axis of body j, in its frame (left out in the plane)", kind="turning_axis")
+    mesh = uqmbd.Parameter(
+        "", "external: opposite turns; internal: alike", kind="option", default="external",
+        choices=("external", "internal"),
+    )  # fmt: skip
+
+    def prepare(self) -> dict[str, Any]:
+        """Take the attitudes to start from out of the drawing."""
+        for x in "ij":
+            if self.attached[f"body_{x}"] is self.attached["carrier"]:
+                raise uqmbd.StudyError(
+                    f"body_{x} is the ground, and so is the carrier: relative to it body_{x} does not turn, nor could "
+                    "the other gear; give carrier=, the body that holds the axes of the gears."
+                )
+        return {f"drawn_{x}": self.drawn_quaternion("carrier", f"body_{x}") for x in "ij"}
+
+    def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.Constraint | uqmbd.Auxiliary]:
+        """Yield the geometry."""
+        first, turns_i = uqmbd.counted_angle(p, "angle_i", p.carrier, p.body_i, p.drawn_i, p.axis_i)
+        second, turns_j = uqmbd.counted_angle(p, "angle_j", p.carrier, p.body_j, p.drawn_j, p.axis_j)
+        yield turns_i
+        yield turns_j
+        yield uqmbd.Constraint(first + (p.ratio if p.mesh == "external" else -p.ratio) * second, "mesh")
+
+
+class RackAndPinion(uqmbd.Component):
+    """A pinion, body j, rolls on a rack, body i: as it turns, its centre advances from where it is drawn.
+
+    What keeps the pinion at the rack are other joints.  A wheel that rolls on the ground is a pinion too.
+
+    Examples
+    --------
+    >>> RackAndPinion.signature()
+    '(name, body_i, body_j, point_i, point_j, axis_i, axis_j, radius)'
+    """
+
+    spaces = (uqmbd.Spatial, uqmbd.Planar)
+    drawn_by = ("at",)
+    point_i = uqmbd.Parameter("m", "a point of the rack, frame of body i", kind="point")
+    point_j = uqmbd.Parameter("m", "centre of the pinion, frame of body j", kind="point")
+    axis_i = uqmbd.Parameter("1", "direction of the rack, frame of body i", kind="axis")
+    axis_j = uqmbd.Parameter("1", "axis of the pinion, frame of body j (left out in the plane)", kind="turning_axis")
+    radius = uqmbd.Parameter("m", "advance per radian; negative where a positive turn moves the pinion backwards")
+
+    def prepare(self) -> dict[str, Any]:
+        """Take turn and place to start from out of the drawing."""
+        return {"drawn": self.drawn_quaternion(), "start": self.drawn_displacement()}
+
+    def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.Constraint | uqmbd.Auxiliary]:
+        """Yield the geometry."""
+        angle, turns = uqmbd.counted_angle(p, "angle", p.body_i, p.body_j, p.drawn, p.axis_j)
+        yield turns
+        offset = p.body_j.point(p.point_j) - p.body_i.point(p.point_i)
+        advance = p.body_i.direction(p.axis_i).dot(offset) - p.start
+        yield uqmbd.Constraint(advance - p.radius * angle, "rolling")

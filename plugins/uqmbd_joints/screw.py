@@ -1,0 +1,38 @@
+"""The screw joint."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import sympy
+
+import uqmbd
+from uqmbd_joints.cylindrical import Cylindrical
+
+__all__ = ["Screw"]
+
+
+class Screw(Cylindrical):
+    """A nut on a thread: cylindrical, and body j advances along the axis by the pitch in each turn from the drawn pose.
+
+    Examples
+    --------
+    >>> Screw.signature()
+    '(name, body_i, body_j, point_i, point_j, axis_i, axis_j, pitch)'
+    """
+
+    pitch = uqmbd.Parameter("m", "advance per turn; negative: left-handed")
+
+    def prepare(self) -> dict[str, Any]:
+        """Take turn and displacement to start from out of the drawing."""
+        return {**super().prepare(), "drawn": self.drawn_quaternion(), "start": self.drawn_displacement()}
+
+    def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.Constraint | uqmbd.Auxiliary]:
+        """Yield the geometry."""
+        yield from super().terms(p)
+        angle, turns = uqmbd.counted_angle(p, "angle", p.body_i, p.body_j, p.drawn, p.axis_j)
+        yield turns
+        offset = p.body_j.point(p.point_j) - p.body_i.point(p.point_i)
+        advance = p.body_i.direction(p.axis_i).dot(offset) - p.start
+        yield uqmbd.Constraint(advance - p.pitch * angle / (2 * sympy.pi), "thread")

@@ -1,0 +1,67 @@
+"""Friction in joints: viscous, and that of Coulomb under a constant load, smoothed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import sympy
+
+import uqmbd
+
+__all__ = ["RotationalFriction", "SlidingFriction"]
+
+
+def _smooth(p: uqmbd.Local, speed: Any) -> uqmbd.VirtualWork:
+    """Friction against a speed: ``damping v + friction v / sqrt(v^2 + transition^2)``."""
+    return uqmbd.VirtualWork(-p.damping * speed - p.friction * speed / sympy.sqrt(speed**2 + p.transition**2), speed)
+
+
+class RotationalFriction(uqmbd.Component):
+    """A moment against the rotation of body j relative to body i about a common axis.
+
+    Coulomb's is smooth, ``friction w / sqrt(w^2 + transition^2)``: what should stick creeps, at less than the
+    transition speed; a lower one is truer, and dearer to integrate.
+
+    Examples
+    --------
+    >>> RotationalFriction.signature()
+    '(name, body_i, body_j, friction, damping=0, transition=0.01, axis_i)'
+    """
+
+    spaces = (uqmbd.Spatial, uqmbd.Planar)
+    friction = uqmbd.Parameter("N m", "Coulomb's moment: coefficient times constant load times radius; 0: none")
+    damping = uqmbd.Parameter("N m s/rad", "viscous friction", default=0)
+    transition = uqmbd.Parameter("rad/s", "speed at which 71 % of Coulomb's moment act", default=0.01)
+    axis_i = uqmbd.Parameter("1", "axis, frame of body i (left out in the plane)", kind="turning_axis")
+
+    def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.VirtualWork]:
+        """Yield the dissipation."""
+        spin = p.body_j.angular_velocity - p.body_i.angular_velocity
+        yield _smooth(p, spin[0] if p.space.dimension == 2 else spin.dot(p.body_i.direction(p.axis_i)))
+
+
+class SlidingFriction(uqmbd.Component):
+    """A force against the sliding of a point of body j along an axis fixed in body i.
+
+    Coulomb's is smooth, ``friction v / sqrt(v^2 + transition^2)``: what should stick creeps, at less than the
+    transition speed; a lower one is truer, and dearer to integrate.
+
+    Examples
+    --------
+    >>> SlidingFriction.signature()
+    '(name, body_i, body_j, point_i, point_j, axis_i, friction, damping=0, transition=0.01)'
+    """
+
+    point_i = uqmbd.Parameter("m", "a point of the axis, frame of body i", kind="point")
+    point_j = uqmbd.Parameter("m", "the point that slides, frame of body j", kind="point")
+    axis_i = uqmbd.Parameter("1", "direction, frame of body i", kind="axis")
+    friction = uqmbd.Parameter("N", "Coulomb's force: coefficient times constant load; 0: none")
+    damping = uqmbd.Parameter("N s/m", "viscous friction", default=0)
+    transition = uqmbd.Parameter("m/s", "speed at which 71 % of Coulomb's force act", default=0.01)
+
+    def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.VirtualWork]:
+        """Yield the dissipation."""
+        offset = p.let("offset", p.body_j.point(p.point_j) - p.body_i.point(p.point_i))
+        axis = p.let("axis", p.body_i.direction(p.axis_i))
+        yield _smooth(p, p.rate(axis.dot(offset)))

@@ -1,0 +1,80 @@
+"""Wheels on a road, with a tyre or without."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import sympy
+
+import uqmbd
+from uqmbd_springs.roads import distance, haversine_bump
+from uqmbd_springs.userlaw import coefficients, inserted
+
+__all__ = ["RadialTyre", "RoadFollower"]
+
+ROAD = haversine_bump(sympy.Rational(1, 5), 1, start=-sympy.Rational(1, 2))
+
+
+class RoadFollower(uqmbd.Component):
+    """A point of body j, the centre of a wheel, follows a road: its height is that of the road below it, plus `height`.
+
+    The road lies in body i: forward is its first axis, up its last one.  Its profile is an expression in
+    ``uqmbd_springs.distance``, the forward coordinate of the point, or in `uqmbd.t`; random variables may enter it.
+
+    Examples
+    --------
+    >>> RoadFollower.signature()
+    '(name, body_i, body_j, point, road, height=0)'
+    """
+
+    point = uqmbd.Parameter("m", "the point, frame of body j", kind="point")
+    road = uqmbd.Parameter("m", "height of the road", kind="option", example=ROAD)
+    height = uqmbd.Parameter("m", "height of the point above the road: the radius of a wheel", default=0)
+
+    def prepare(self) -> dict[str, Any]:
+        """Give what the profile contains to each realisation."""
+        return coefficients(self.road, distance)
+
+    def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.Constraint]:
+        """Yield the geometry."""
+        place = p.let("place", p.body_i.rotation.T * (p.body_j.point(p.point) - p.body_i.position))
+        yield uqmbd.Constraint(place[-1] - p.height - inserted(p.road, {distance: place[0]}, p), "road")
+
+    def reaction_point(self, p: uqmbd.Local) -> sympy.Matrix:
+        """World position of the point."""
+        return p.body_j.point(p.point)
+
+
+class RadialTyre(uqmbd.Component):
+    """A vertical spring and damper between the centre of a wheel, a point of body j, and the road below it.
+
+    The road is that of `RoadFollower`.  With the compression ``c = road + radius - height`` the load is
+    ``f = stiffness c + damping c' (1 + c / sqrt(c^2 + e^2)) / 2``, smoothly cut off where it would pull:
+    ``(f + sqrt(f^2 + (stiffness e)^2)) / 2``.  Where the road is inclined it acts along the normal of the profile, so
+    that rolling takes no energy; `f` is its vertical part.
+
+    Examples
+    --------
+    >>> RadialTyre.signature()
+    '(name, body_i, body_j, point, road, radius, stiffness, damping=0, transition=0.0001)'
+    """
+
+    point = uqmbd.Parameter("m", "centre of the wheel, frame of body j", kind="point")
+    road = uqmbd.Parameter("m", "height of the road", kind="option", example=ROAD)
+    radius = uqmbd.Parameter("m", "radius of the wheel without load")
+    stiffness = uqmbd.Parameter("N/m", "spring rate")
+    damping = uqmbd.Parameter("N s/m", "damper rate", default=0)
+    transition = uqmbd.Parameter("m", "compression e within which contact begins", default=1e-4)
+
+    prepare = RoadFollower.prepare
+    reaction_point = RoadFollower.reaction_point
+
+    def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.VirtualWork]:
+        """Yield its virtual work."""
+        place = p.let("place", p.body_i.rotation.T * (p.body_j.point(p.point) - p.body_i.position))
+        compression = p.let("compression", inserted(p.road, {distance: place[0]}, p) + p.radius - place[-1])
+        rate = p.rate(compression)
+        contact = (1 + compression / sympy.sqrt(compression**2 + p.transition**2)) / 2
+        load = p.let("load", p.stiffness * compression + p.damping * contact * rate)
+        yield uqmbd.VirtualWork(-(load + sympy.sqrt(load**2 + (p.stiffness * p.transition) ** 2)) / 2, rate)
