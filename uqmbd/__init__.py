@@ -20,6 +20,8 @@ _WHERE = {
     "Translational": "uqmbd.mechanism",
     "Component": "uqmbd.mechanism",
     "Parameter": "uqmbd.mechanism",
+    "Event": "uqmbd.mechanism",
+    "Impact": "uqmbd.mechanism",
     "Kinetic": "uqmbd.mechanism",
     "Potential": "uqmbd.mechanism",
     "VirtualWork": "uqmbd.mechanism",
@@ -29,6 +31,9 @@ _WHERE = {
     "Local": "uqmbd.mechanism",
     "Frame": "uqmbd.mechanism",
     "aligned": "uqmbd.mechanism",
+    "at_equilibrium": "uqmbd.mechanism",
+    "damping_ratio": "uqmbd.mechanism",
+    "eigenfrequency": "uqmbd.mechanism",
     "counted_angle": "uqmbd.mechanism",
     "half_angle": "uqmbd.mechanism",
     "joint_frames": "uqmbd.mechanism",
@@ -41,7 +46,9 @@ _WHERE = {
     "step": "uqmbd.mechanism",
     "RandomVariable": "uqmbd.randomness",
     "random_vector": "uqmbd.randomness",
+    "GermBox": "uqmbd.randomness",
     "GermSpace": "uqmbd.randomness",
+    "History": "uqmbd.propagation",
     "Quadrature": "uqmbd.randomness",
     "clenshaw_curtis": "uqmbd.randomness",
     "combination_coefficients": "uqmbd.randomness",
@@ -62,6 +69,9 @@ _WHERE = {
     "ProjectedTrajectories": "uqmbd.dynamics",
     "Trajectories": "uqmbd.dynamics",
     "mechanism_terms": "uqmbd.dynamics",
+    "ElementLimits": "uqmbd.propagation",
+    "ElementRefinement": "uqmbd.propagation",
+    "refine_elements": "uqmbd.propagation",
     "Study": "uqmbd.propagation",
     "Propagator": "uqmbd.propagation",
     "Problem": "uqmbd.propagation",
@@ -96,7 +106,9 @@ if TYPE_CHECKING:
     from uqmbd.mechanism import Auxiliary as Auxiliary
     from uqmbd.mechanism import Component as Component
     from uqmbd.mechanism import Constraint as Constraint
+    from uqmbd.mechanism import Event as Event
     from uqmbd.mechanism import Frame as Frame
+    from uqmbd.mechanism import Impact as Impact
     from uqmbd.mechanism import Kinetic as Kinetic
     from uqmbd.mechanism import Local as Local
     from uqmbd.mechanism import Mechanism as Mechanism
@@ -108,7 +120,10 @@ if TYPE_CHECKING:
     from uqmbd.mechanism import Upright as Upright
     from uqmbd.mechanism import VirtualWork as VirtualWork
     from uqmbd.mechanism import aligned as aligned
+    from uqmbd.mechanism import at_equilibrium as at_equilibrium
     from uqmbd.mechanism import counted_angle as counted_angle
+    from uqmbd.mechanism import damping_ratio as damping_ratio
+    from uqmbd.mechanism import eigenfrequency as eigenfrequency
     from uqmbd.mechanism import half_angle as half_angle
     from uqmbd.mechanism import joint_frames as joint_frames
     from uqmbd.mechanism import nominal as nominal
@@ -119,14 +134,19 @@ if TYPE_CHECKING:
     from uqmbd.mechanism import step as step
     from uqmbd.mechanism import t as t
     from uqmbd.plugins import hookimpl as hookimpl
+    from uqmbd.propagation import ElementLimits as ElementLimits
+    from uqmbd.propagation import ElementRefinement as ElementRefinement
+    from uqmbd.propagation import History as History
     from uqmbd.propagation import Problem as Problem
     from uqmbd.propagation import Progress as Progress
     from uqmbd.propagation import Propagator as Propagator
     from uqmbd.propagation import Realisations as Realisations
     from uqmbd.propagation import Study as Study
     from uqmbd.propagation import eigenfrequencies as eigenfrequencies
+    from uqmbd.propagation import refine_elements as refine_elements
     from uqmbd.propagation import simulate as simulate
     from uqmbd.propagation import static_equilibrium as static_equilibrium
+    from uqmbd.randomness import GermBox as GermBox
     from uqmbd.randomness import GermSpace as GermSpace
     from uqmbd.randomness import Quadrature as Quadrature
     from uqmbd.randomness import RandomVariable as RandomVariable

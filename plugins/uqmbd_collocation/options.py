@@ -52,6 +52,28 @@ def check_options(options: Collocation) -> None:
 
 
 def _check_contradictions(options: Collocation) -> None:
+    if options.elements is not None:
+        uqmbd.ElementLimits(options.elements, options.max_elements, options.threshold)
+        if options.adaptive != "no":
+            raise uqmbd.StudyError(
+                f"Collocation: elements={options.elements!r} contradicts adaptive={options.adaptive!r}; elements are "
+                "refined by splitting, at a fixed order."
+            )
+        if not options.order:
+            raise uqmbd.StudyError(
+                "Collocation: elements are split by their top order; order is 0, expected 1 or more."
+            )
+    if options.alignment is not None:
+        if options.alignment != "events":
+            raise uqmbd.StudyError(
+                f"Collocation: alignment is {options.alignment!r}; expected 'events', or leave it out."
+            )
+        _refuse(options, ("nodes", "level", "samples", "elements", "rule"), "alignment='events', which has its own")
+        if options.method != "projection" or options.adaptive != "no":
+            raise uqmbd.StudyError(
+                "Collocation: alignment='events' projects on Gauss nodes at a fixed order; leave method and adaptive "
+                "as they are by default."
+            )
     if options.method != "projection" and options.rule in GRIDS:
         raise uqmbd.StudyError(
             f"Collocation: method={options.method!r} fits samples, but rule={options.rule!r} is a grid; use "

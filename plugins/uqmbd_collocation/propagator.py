@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Literal
 
 import numpy as np
 import xarray as xr
@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 import uqmbd
 from uqmbd.results import PolynomialChaos
 from uqmbd_collocation.adaptive import refine_dimensions
+from uqmbd_collocation.alignment import align_with_events
+from uqmbd_collocation.elements import collocate_elements
 from uqmbd_collocation.fitting import Fit
 from uqmbd_collocation.options import GRIDS, Adaptive, Method, Rule, Terms, Transform, check_options
 from uqmbd_collocation.orders import raise_order
@@ -63,6 +65,18 @@ class Collocation(uqmbd.Propagator):
         Of a refinement: relative to the largest standard deviation of each output over time.
     max_realisations : int
         Most realisations, verification included.
+    elements : int or "adaptive", optional
+        Split the germ space into so many boxes, or until `threshold` is met, each with a chaos of its own: where the
+        response jumps or has a kink (contact, friction, locking).  A split element is computed anew.
+    max_elements : int
+        Most elements of an adaptive refinement.
+    threshold : float
+        Of an adaptive refinement: error of the surrogate, over the largest standard deviation of each output over time.
+    alignment : {"events"}, optional
+        For mechanisms with events (impacts): expand the times of events, and the motion between them in normalised
+        time, separately.  Outputs at a fixed time jump with the inputs where an event is early or late; these do not.
+        Where the sequence of events is not the same everywhere the germ space is split first, into `max_elements`
+        boxes at most.
     transform : {"rosenblatt", "nataf"}
         How dependent inputs become functions of independent germs.
     verify : int
@@ -109,6 +123,10 @@ class Collocation(uqmbd.Propagator):
     adaptive: Adaptive = "no"
     tolerance: float = 1e-3
     max_realisations: int = 5000
+    elements: int | Literal["adaptive"] | None = None
+    max_elements: int = 32
+    threshold: float = 0.01
+    alignment: Literal["events"] | None = None
     transform: Transform = "rosenblatt"
     verify: int = 8
     seed: int = 0
@@ -164,6 +182,12 @@ class Collocation(uqmbd.Propagator):
         except uqmbd.StudyError as error:
             raise uqmbd.StudyError(f"{problem.label}: {error}") from None
         # threads on small matrices cost more than they bring, and their number would change the last bits
+        if self.alignment is not None and not problem.timeless:
+            with threadpool_limits(limits=1):
+                return align_with_events(self, problem, space)
+        if self.elements is not None:
+            with threadpool_limits(limits=1):
+                return collocate_elements(self, problem, space)
         with threadpool_limits(limits=1):
             points = verification_points(space, self.verify, self.seed)
             runs, fit, refinement = self._computed(problem, space, points)
@@ -184,6 +208,11 @@ class Collocation(uqmbd.Propagator):
                 verification_response=runs.response[good] if len(good) else None,
             )
             warn_of_idle_inputs(runs, fit, problem.label)
+            # a refinement has words of its own, and samples that are too few look the same
+            plain = self.adaptive == "no" and bool(self.grid)
+            suspicions = [one.words() for one in chaos.discontinuities() if plain and one and one.clear]
+            if suspicions:
+                warnings.warn(f"{problem.label}: {'; '.join(suspicions)}.", stacklevel=2)
             statistics = chaos.statistics()
         if fit.leave_one_out is not None:
             note = {"long_name": "leave-one-out error of the regression, over the variance of the samples"}

@@ -44,6 +44,30 @@ class Runs:
     _parts: list[uqmbd.Realisations] = field(default_factory=list)
     _joined: Array | None = None
 
+    @classmethod
+    def filled(
+        cls, problem: uqmbd.Problem, space: uqmbd.GermSpace, germs: Array, found: uqmbd.Realisations, start: int
+    ) -> Runs:
+        """Return the runs of a part of realisations: at `germs` (K, d), those from `start` on."""
+        runs, part = cls(problem, space), slice(start, start + len(germs))
+        first: dict[tuple[float, ...], int] = {}
+        for k, key in enumerate(cls._keys(germs)):
+            first.setdefault(key, k)
+        rows = np.array(list(first.values()), dtype=np.int64)
+        runs._where = {key: place for place, key in enumerate(first)}
+        runs._germs = [germs[rows]]
+        runs._parts = [
+            uqmbd.Realisations(
+                found.values[part][rows],
+                found.response[part][rows],
+                found.status[part][rows],
+                tuple(found.messages[start + k] for k in rows),
+                {},
+                0.0,
+            )
+        ]
+        return runs
+
     def __len__(self) -> int:
         return len(self._where)
 

@@ -60,6 +60,9 @@ def warn(
             f"{message} The expansion of order {order} may have stopped being valid: {remedy}.",
             stacklevel=4,
         )
+    suspicions = [one.words() for one in chaos.discontinuities() if one and one.clear]
+    if suspicions:
+        warnings.warn(f"{label}: {'; '.join(suspicions)}.", stacklevel=4)
     doubtful = horizons(chaos, DOUBTFUL, problem.rtol)
     if doubtful:
         warnings.warn(

@@ -14,7 +14,10 @@ from numpy.typing import NDArray
 import uqmbd
 from uqmbd.results import PolynomialChaos
 from uqmbd_galerkin.diagnostics import diagnostics
+from uqmbd_galerkin.elements import galerkin_elements
 from uqmbd_galerkin.ending import finished, padded, warn
+from uqmbd_galerkin.impacts import refuse_impacts
+from uqmbd_galerkin.scalars import projected_scalars
 from uqmbd_galerkin.verification import Verification, horizons
 
 __all__ = ["Galerkin"]
@@ -53,6 +56,13 @@ class Galerkin(uqmbd.Propagator):
         Of the quadrature; its weights must be positive.
     samples : int, optional
         Nodes of a rule of samples, or level of ``smolyak``.
+    elements : int or "adaptive", optional
+        Split the germ space into so many boxes, or until `threshold` is met, each with an expansion of its own: where
+        the response has a kink or jumps (contact, friction, locking).  A split element starts again at the beginning.
+    max_elements : int
+        Most elements of an adaptive refinement.
+    threshold : float
+        Of an adaptive refinement: error of the surrogate, over the largest standard deviation of each output over time.
     transform : {"rosenblatt", "nataf"}
         How dependent inputs become functions of independent germs.
     linear_solver : {"auto", "dense", "sparse", "krylov-nodal", "krylov-mean"}
@@ -87,6 +97,9 @@ class Galerkin(uqmbd.Propagator):
     nodes: tuple[int, ...] | None = None
     rule: Rule = "gauss"
     samples: int | None = None
+    elements: int | Literal["adaptive"] | None = None
+    max_elements: int = 32
+    threshold: float = 0.01
     transform: Literal["rosenblatt", "nataf"] = "rosenblatt"
     linear_solver: LinearSolver = "auto"
     integrator: Literal["auto", "dop853", "ida"] | None = None
@@ -136,6 +149,13 @@ class Galerkin(uqmbd.Propagator):
         if self.rule != "gauss" and self.samples is None:
             what = "the level" if self.rule == "smolyak" else "how many"
             raise uqmbd.StudyError(f"Galerkin: rule={self.rule!r} needs samples={what}.")
+        if self.elements is not None:
+            uqmbd.ElementLimits(self.elements, self.max_elements, self.threshold)
+            if self.stop_at is not None or not self.order:
+                raise uqmbd.StudyError(
+                    f"Galerkin: elements={self.elements!r} needs an order of 1 or more, and cannot be combined with "
+                    f"stop_at; order is {self.order}, stop_at {self.stop_at!r}."
+                )
         usable = isinstance(self.stop_at, (int, float, np.number)) and not isinstance(self.stop_at, bool)
         if self.stop_at is not None and not (usable and self.stop_at > 0 and self.verify):
             raise uqmbd.StudyError(
@@ -149,11 +169,12 @@ class Galerkin(uqmbd.Propagator):
             return "nothing in the mechanism is random"
         try:
             space = uqmbd.GermSpace.of(study.mechanism.inputs, self.transform)
-            terms = self._terms(space)
-            rule = self._quadrature(self.node_name, space, terms)
+            terms = self.basis(space)
+            rule = self.quadrature(self.node_name, space, terms)
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore", uqmbd.RedundantConstraintWarning)
                 ensemble = study.problem(self).ensemble(space.to_inputs(rule.nodes))
+            refuse_impacts(self.node_name, ensemble)
             self._projected(self.node_name, ensemble, space, terms, rule)
         except (uqmbd.StudyError, uqmbd.AssemblyError) as error:
             return str(error).removeprefix(f"{self.node_name}: ")
@@ -177,8 +198,14 @@ class Galerkin(uqmbd.Propagator):
             return self._propagate(problem, space, begin)
 
     def _propagate(self, problem: uqmbd.Problem, space: uqmbd.GermSpace, begin: float) -> xr.DataTree:
-        terms = self._terms(space)
-        rule = self._quadrature(problem.label, space, terms)
+        terms = self.basis(space)
+        rule = self.quadrature(problem.label, space, terms)
+        refuse_impacts(problem.label, problem.ensemble(space.to_inputs(rule.nodes[:1])))
+        if problem.timeless:
+            verification = Verification(problem, space, self.verify, self.seed)
+            return projected_scalars(self, problem, space, terms, rule, verification, begin)
+        if self.elements is not None:
+            return galerkin_elements(self, problem, space, begin)
         ensemble = problem.ensemble(space.to_inputs(rule.nodes))
         projected = self._projected(problem.label, ensemble, space, terms, rule)
         verification = Verification(problem, space, self.verify, self.seed)
@@ -247,7 +274,7 @@ class Galerkin(uqmbd.Propagator):
             },
         )
 
-    def _terms(self, space: uqmbd.GermSpace) -> Index:
+    def basis(self, space: uqmbd.GermSpace) -> Index:
         """Index set, without degrees that a germ of few values does not have: below them its basis is complete."""
         terms = uqmbd.index_set(space.dimension, self.order, self.index_set, self.weights)
         highest = [self.order if germ.values is None else germ.values - 1 for germ in space.germs]
@@ -264,7 +291,14 @@ class Galerkin(uqmbd.Propagator):
                 "use Monte Carlo, which counts such samples."
             ) from None
 
-    def _quadrature(self, label: str, space: uqmbd.GermSpace, terms: Index) -> uqmbd.Quadrature:
+    def quadrature(self, label: str, space: uqmbd.GermSpace, terms: Index) -> uqmbd.Quadrature:
+        """Return nodes and weights for a basis.
+
+        Raises
+        ------
+        uqmbd.StudyError
+            If the rule does not suit the inputs, or not the basis.
+        """
         if self.rule == "gauss":
             given = self.nodes or (self.order + 1,)
             counts: Any = given[0] if len(given) == 1 else given

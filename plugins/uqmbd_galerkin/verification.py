@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import uqmbd
-from uqmbd.results import PolynomialChaos
+from uqmbd.results import PiecewiseChaos, PolynomialChaos
 
 __all__ = ["Verification", "horizons", "verification_points"]
 
@@ -26,14 +26,14 @@ def verification_points(space: uqmbd.GermSpace, count: int, seed: int) -> Array:
     return np.asarray(uqmbd.monte_carlo_rule(space, count, mixed, "sobol").nodes)
 
 
-def horizons(chaos: PolynomialChaos, limit: float, rtol: float) -> dict[str, float]:
+def horizons(chaos: PolynomialChaos | PiecewiseChaos, limit: float, rtol: float) -> dict[str, float]:
     """Find the first time at which the stated error of an output exceeds a limit; outputs that never do are left out.
 
     An output that varies by no more than the tolerance of the integration has no error worth a word.
 
     Parameters
     ----------
-    chaos : uqmbd.results.PolynomialChaos
+    chaos : uqmbd.results.PolynomialChaos or uqmbd.results.PiecewiseChaos
         Without verification data nothing is known, and nothing found.
     limit : float
         Over the standard deviation.

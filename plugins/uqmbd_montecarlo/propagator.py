@@ -143,7 +143,9 @@ class MonteCarlo(uqmbd.Propagator):
         self._check_problem(problem)
         sizes = replicate_sizes(self.sampling, self.samples, self.replicates)
         uniform = uniform_samples(self.sampling, sizes, len(problem.inputs), self.seed)
-        surrogate = None if self.control is None else surrogate_of(self.control, problem)
+        # a chaos of outputs over time says nothing of those without
+        silent = problem.timeless and isinstance(self.control, PolynomialChaos)
+        surrogate = None if self.control is None or silent else surrogate_of(self.control, problem)
         sums = None if surrogate is None else ControlledSums(surrogate.chaos, uniform)
         values = problem.inputs.from_uniform(uniform)
         found = gather(problem, values, sizes, self.keep, None if sums is None else sums.add)

@@ -64,4 +64,4 @@ class SlidingFriction(uqmbd.Component):
         """Yield the dissipation."""
         offset = p.let("offset", p.body_j.point(p.point_j) - p.body_i.point(p.point_i))
         axis = p.let("axis", p.body_i.direction(p.axis_i))
-        yield _smooth(p, p.rate(axis.dot(offset)))
+        yield _smooth(p, p.rate_of(axis.dot(offset)))

@@ -74,7 +74,7 @@ class RadialTyre(uqmbd.Component):
         """Yield its virtual work."""
         place = p.let("place", p.body_i.rotation.T * (p.body_j.point(p.point) - p.body_i.position))
         compression = p.let("compression", inserted(p.road, {distance: place[0]}, p) + p.radius - place[-1])
-        rate = p.rate(compression)
+        rate = p.rate_of(compression)
         contact = (1 + compression / sympy.sqrt(compression**2 + p.transition**2)) / 2
         load = p.let("load", p.stiffness * compression + p.damping * contact * rate)
         yield uqmbd.VirtualWork(-(load + sympy.sqrt(load**2 + (p.stiffness * p.transition) ** 2)) / 2, rate)

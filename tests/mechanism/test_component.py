@@ -216,7 +216,7 @@ class Guide(uqmbd.Component):
         if p.named:
             gap = p.let("gap", gap)
             half = p.let("half the gap", gap / 2)
-            gap, rate = 2 * half, 2 * p.rate(half)
+            gap, rate = 2 * half, 2 * p.rate_of(half)
         yield uqmbd.Potential(p.stiffness * gap**3)
         yield uqmbd.VirtualWork(-rate * gap, rate)
         yield uqmbd.Constraint(gap - x - 1)
@@ -270,5 +270,5 @@ def test_a_named_quantity_is_not_differentiated_in_ignorance():
 
     mechanism = uqmbd.Mechanism("wrong", uqmbd.Planar())
     mechanism.add(Wrong("wrong", mechanism.body("ball", mass=1, inertia=1)))
-    with pytest.raises(TypeError, match=r"'gap' is a quantity made by let\(\).*use rate\(\)"):
+    with pytest.raises(TypeError, match=r"'gap' is a quantity made by let\(\).*use rate_of\(\)"):
         instances_of(mechanism.all_components(), mechanism.space)

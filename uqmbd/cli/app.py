@@ -83,14 +83,45 @@ def run(
 
 
 @app.command()
-def check(script: Script) -> None:
+def check(
+    script: Script,
+    figure: Annotated[
+        Path | None,
+        typer.Option("--figure", metavar="FILE", help="Draw the mechanism: a .png, .svg or .pdf."),
+    ] = None,
+) -> None:
     """Show what a study computes, without running it.
 
     Its bodies, equations, rank, redundant equations, mobility, inputs and propagators.
     """
     from uqmbd.cli.check import show_check
 
-    show_check(script)
+    show_check(script, figure)
+
+
+@app.command()
+def animate(
+    script: Script,
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", metavar="FILE", help="A .gif, or a .mp4 where ffmpeg is installed (default: STUDY.gif)."),
+    ] = None,
+    samples: Annotated[
+        int, typer.Option("--samples", metavar="N", min=0, help="Realisations around the motion at the means.")
+    ] = 20,
+    method: Annotated[
+        str | None, typer.Option("--method", metavar="LABEL", help="Show the realisations of this propagator.")
+    ] = None,
+    fps: Annotated[float, typer.Option("--fps", metavar="N", help="Pictures per second.")] = 20.0,
+    seconds: Annotated[
+        float | None,
+        typer.Option("--seconds", metavar="S", help="Duration (default: that of the motion, from 3 to 8)."),
+    ] = None,
+) -> None:
+    """Show the mechanism in motion: at the means of the inputs, with a cloud of realisations."""
+    from uqmbd.cli.animate import animate_study
+
+    animate_study(script, out=out, samples=samples, method=method, fps=fps, seconds=seconds)
 
 
 @app.command()
@@ -115,10 +146,18 @@ def report(
 
 @app.command()
 def compare(
-    first: Annotated[Path, typer.Argument(metavar="A.nc", help="Results of one run.")],
-    second: Annotated[Path, typer.Argument(metavar="B.nc", help="Results of another run.")],
+    results: Annotated[
+        list[Path],
+        typer.Argument(metavar="A.nc B.nc ...", help="Result files, or folders of runs.", show_default=False),
+    ],
+    reference: Annotated[
+        str | None, typer.Option("--reference", metavar="LABEL", help="Compare all methods with this one.")
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="DIR", help="Write DIR/comparison.nc and DIR/report.html too.")
+    ] = None,
 ) -> None:
-    """Show how far two results are apart."""
+    """Show how far results are apart, whether they agree, and what else differs."""
     from uqmbd.cli.compare import show_comparison
 
-    show_comparison(first, second)
+    show_comparison(results, reference=reference, out=out)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from rich.text import Text
 
 from uqmbd import plugins
+from uqmbd.cli.picture import draw_figure, require_format
 from uqmbd.cli.tables import console, plain_table
 from uqmbd.errors import StudyError
 from uqmbd.propagation.script import load_study
@@ -26,11 +27,23 @@ STARTS = {"drawn": "as drawn", "equilibrium": "each realisation in its own stati
 FREQUENCIES = 8  # as many natural frequencies are shown
 
 
-def show_check(script: Path) -> None:
-    """Print bodies, equations, rank, redundancy, mobility, inputs and propagators of a study."""
+def show_check(script: Path, figure: Path | None = None) -> None:
+    """Print bodies, equations, rank, redundancy, mobility, inputs and propagators of a study.
+
+    Parameters
+    ----------
+    script : Path
+        The study script.
+    figure : Path, optional
+        Where to draw the mechanism, too; also one that cannot be assembled.
+    """
     import uqmbd
 
+    if figure is not None:
+        require_format(figure)
     study = load_study(script)
+    if figure is not None:
+        draw_figure(study, figure)
     found: Any = uqmbd.check(study.mechanism)
     screen = console()
     screen.print(Text(f"{study.name}: mechanism {study.mechanism.name}", style="bold"))
@@ -43,6 +56,9 @@ def show_check(script: Path) -> None:
     if found.redundant:
         redundant = ", ".join(found.redundant)
         screen.print(f"  redundant   {redundant} (follow from the others, and are left out)", markup=False)
+    if found.not_unique:
+        undetermined = ", ".join(found.not_unique)
+        screen.print(f"  not unique  {undetermined} (redundant equations leave them undetermined)", markup=False)
     if found.mobility:
         _show_frequencies(screen, study)
     _show_components(screen, found.components)

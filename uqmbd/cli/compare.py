@@ -1,64 +1,166 @@
-"""`uqmbd compare`: how far two stored results are apart."""
+"""`uqmbd compare`: how far stored results are apart, whether they agree, and what else differs between them."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rich.text import Text
 
-from uqmbd.cli.tables import console, plain_table, units_of
+from uqmbd.cli.differences import what_differs
+from uqmbd.cli.tables import console, plain_table
 from uqmbd.errors import StudyError
 
 if TYPE_CHECKING:
     import xarray as xr
+    from rich.console import Console
 
 __all__ = ["show_comparison"]
 
 
-def show_comparison(first: Path, second: Path) -> None:
-    """Print the largest differences of means and standard deviations over time between two result files.
+def show_comparison(paths: Sequence[Path], *, reference: str | None = None, out: Path | None = None) -> None:
+    """Compare stored results: files, or folders of runs.
 
-    Methods with the same label are compared with each other; if there are none, and each file holds one
-    method, these are.
+    Methods with the same label are compared with that of the first file that has it; without any, or with `reference`,
+    all methods of all files are compared with one.
+
+    Parameters
+    ----------
+    paths : sequence of Path
+        Result files or folders that hold a ``results.nc``; two or more, or one with several methods.
+    reference : str, optional
+        Such as ``"A collocation"``, the method of that label in the first file, or a label that is there once.
+    out : Path, optional
+        Folder for ``comparison.nc`` and ``report.html`` of all methods together.
     """
-    from uqmbd.results import compare, load, propagator_nodes
+    from uqmbd.results import compare, load, propagator_nodes, scalar_nodes
 
-    nodes = [propagator_nodes(load(path)) for path in (first, second)]
+    trees = {chr(ord("A") + k): load(_file(path)) for k, path in enumerate(paths)}
+    nodes: dict[str, xr.DataTree] = {}
     screen = console()
-    for one, other in _pairs(nodes[0], nodes[1], first, second):
-        # Neither the labels nor the paths need differ, so the two results are told apart by letters.
-        found = compare({"A": nodes[0][one], "B": nodes[1][other]}, reference="A")
-        screen.print(Text(f"\n{second}: {other}  against  {first}: {one}", style="bold"))
-        table = plain_table(
-            "output", "units", "largest mean difference", "largest std difference", "largest std", right=3
-        )
-        differences = found.sel({"method": "B"})  # `method` as a keyword is another thing to xarray
-        scales = [float(value) for value in found["reference_std_max"].values]
-        units = units_of(nodes[0][one]["statistics"].to_dataset())
-        for number, (output, scale) in enumerate(zip(found["output"].values, scales, strict=True)):
-            mean = float(differences["mean_difference_max"].values[number])
-            std = float(differences["std_difference_max"].values[number])
+    for (letter, tree), path in zip(trees.items(), paths, strict=True):
+        found = propagator_nodes(tree)
+        if not found:
+            raise StudyError(f"{path} holds no result of any method.")
+        nodes |= {f"{letter} {label}": node for label, node in found.items()}
+        screen.print(Text(f"{letter}  {path}: {', '.join(found)}"))
+    if len(nodes) < 2:
+        raise StudyError(f"{paths[0]} holds one method only; give another result to compare it with.")
+    _show_differences(screen, trees)
+    rtol = max(float(tree.attrs.get("rtol", 0.0)) for tree in trees.values())
+    from uqmbd.results import align
+
+    chosen = _chosen(reference, list(nodes)) if reference else None
+    # outputs over time, then those without
+    moving = {label: node for label, node in nodes.items() if node["statistics"].sizes["output"]}
+    for some in (moving, scalar_nodes(nodes)):
+        for group in _groups(list(some), chosen) if len(some) > 1 else ():
+            aligned, notes = align({label: some[label] for label in group})
+            for note in notes:
+                screen.print(Text(note, style="bold"))
+            known = chosen if chosen in some else None
+            _show_group(screen, compare(aligned, reference=known or _first(group, some), rtol=rtol), notes)
+    print("Largest differences over time; percentages are of the largest standard deviation of the reference.")
+    if out is not None:
+        _write(out, nodes, chosen, rtol, trees)
+
+
+def _file(path: Path) -> Path:
+    if path.is_dir() and path.suffix != ".zarr":
+        if not (path / "results.nc").exists():
+            raise StudyError(f"There is no results.nc in {path}; give a result file, or the folder of a run.")
+        return path / "results.nc"
+    return path
+
+
+def _chosen(reference: str, labels: list[str]) -> str:
+    found = [label for label in labels if reference in (label, label.partition(" ")[2])]
+    if not found:
+        raise StudyError(f"--reference {reference}: there is no such method; there are {', '.join(labels)}.")
+    return found[0]
+
+
+def _groups(labels: list[str], chosen: str | None) -> list[list[str]]:
+    """Return which methods are compared with each other: those of one label; all, where no two files share one."""
+    by_name: dict[str, list[str]] = {}
+    for label in labels:
+        by_name.setdefault(label.partition(" ")[2], []).append(label)
+    shared = [group for group in by_name.values() if len(group) > 1]
+    return shared if shared and chosen is None else [labels]
+
+
+def _first(group: Sequence[str], nodes: Mapping[str, xr.DataTree]) -> str:
+    """Return the reference of a group: the first of one label; else the best of the first file."""
+    from uqmbd.results import choose_reference
+
+    if len({label.partition(" ")[2] for label in group}) == 1:
+        return group[0]
+    letter = group[0].partition(" ")[0]
+    return choose_reference({label: nodes[label] for label in group if label.partition(" ")[0] == letter})
+
+
+def _show_differences(screen: Console, trees: Mapping[str, xr.DataTree]) -> None:
+    found = what_differs(trees)
+    if len(trees) < 2:
+        return
+    if not found:
+        screen.print("Studies, inputs, options and versions are the same.")
+        return
+    table = plain_table("what differs", *trees)
+    for name, given in found:
+        table.add_row(Text(name), *(Text(given[letter]) for letter in trees))
+    screen.print()
+    screen.print(table)
+
+
+def _show_group(screen: Console, found: xr.Dataset, notes: Sequence[str]) -> None:
+    reference = str(found.attrs["reference"])
+    for label in (str(m) for m in found["method"].values):
+        if label == reference:
+            continue
+        screen.print(Text(f"\n{label}  against  {reference}", style="bold"))
+        table = plain_table("output", "units", "largest mean difference", "largest std difference", "verdict")
+        row = found.sel({"method": label})  # `method` as a keyword is another thing to xarray
+        for number, output in enumerate(found["output"].values):
+            scale = float(found["reference_std_max"].values[number])
             table.add_row(
-                Text(str(output)), Text(units[number]), _relative(mean, scale), _relative(std, scale), f"{scale:.4g}"
+                Text(str(output)),
+                Text(str(found["output_units"].values[number])),
+                _relative(float(row["mean_difference_max"].values[number]), scale),
+                _relative(float(row["std_difference_max"].values[number]), scale),
+                Text(str(row["verdict"].values[number])),
             )
         screen.print(table)
-    print("The largest differences over time; percentages are of the largest standard deviation in the first file.")
-
-
-def _pairs(
-    first: dict[str, xr.DataTree], second: dict[str, xr.DataTree], path: Path, other: Path
-) -> list[tuple[str, str]]:
-    shared = [(label, label) for label in first if label in second]
-    if shared:
-        return shared
-    if len(first) == len(second) == 1:
-        return [(next(iter(first)), next(iter(second)))]
-    raise StudyError(
-        f"No method is in both files: {path} holds {', '.join(first)}, and {other} holds {', '.join(second)}. "
-        "Methods are matched by their labels."
-    )
+    if found.attrs.get("recommendation"):
+        screen.print()
+        print(found.attrs["recommendation"])
 
 
 def _relative(difference: float, scale: float) -> str:
     return f"{difference:.3g} ({100 * difference / scale:.3g} %)" if scale > 0 else f"{difference:.3g}"
+
+
+def _write(
+    out: Path, nodes: Mapping[str, xr.DataTree], chosen: str | None, rtol: float, trees: Mapping[str, xr.DataTree]
+) -> None:
+    """Write all methods of all files as one result, with its report."""
+    from uqmbd.cli.report import write
+    from uqmbd.results import align, save, study_tree
+
+    aligned, notes = align(nodes)
+    names = [str(tree.attrs.get("study", "study")) for tree in trees.values()]
+    mechanisms = dict.fromkeys(str(tree.attrs.get("mechanism", "")) for tree in trees.values())
+    attrs = {"rtol": rtol, **({"notes": " ".join(notes)} if notes else {})}
+    attrs |= {
+        f"what differs: {n}": "; ".join(f"{k}: {v}" for k, v in given.items()) for n, given in what_differs(trees)
+    }
+    tree = study_tree(
+        aligned.values(),
+        study=" and ".join(dict.fromkeys(names)),
+        mechanism=", ".join(mechanisms),
+        reference=chosen or _first(list(nodes), nodes),
+        attrs={name.replace("/", "-"): value for name, value in attrs.items()},
+    )
+    print(f"results  {save(tree, out / 'comparison.nc')}")
+    print(f"report   {write(tree, out / 'report.html')}")

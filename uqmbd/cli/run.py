@@ -80,8 +80,12 @@ def run_study(
                     flush=True,
                 )
             raise
+    from uqmbd.report.animation import with_motion
     from uqmbd.results import save
 
+    tree, missing = with_motion(tree, study)
+    if missing:
+        print(f"Note: the report shows no animation of the mechanism: {missing}", file=sys.stderr, flush=True)
     results = save(tree, out / "results.nc")
     report = write(tree, out / "report.html")
     show_summary(tree, files={"results": results, "report": report}, title=f"{study.name}: ")

@@ -58,18 +58,24 @@ def with_spread(mean: float, std: float) -> str:
 
 def show_summary(tree: xr.DataTree, *, files: Mapping[str, Path], title: str = "") -> None:
     """Print each output at the end time, failures, wall times and where the files are."""
-    from uqmbd.results import propagator_nodes
+    from uqmbd.results import propagator_nodes, scalar_nodes
 
     nodes = propagator_nodes(tree)
+    still = scalar_nodes(nodes)
     first = next(iter(nodes.values()))["statistics"].to_dataset()
     names = [str(name) for name in first["output"].values]
     units = units_of(first)
     end = f" at t = {float(first['time'].values[-1]):g} s" if "time" in first.coords else ""
     screen = console()
+    end = end if names else ""
     screen.print(Text(f"\n{title}mean ± standard deviation{end}", style="bold"))
     table = plain_table("output", "units", *nodes, right=len(nodes))
     for number, (name, unit) in enumerate(zip(names[:LINES], units, strict=False)):
         table.add_row(Text(name), Text(unit), *(_final(node, number) for node in nodes.values()))
+    if names and still:
+        table.add_row("")
+        table.add_row(Text("without a time", style="italic"))
+    _add_scalars(table, list(nodes), still)
     table.add_section()
     counts = [(int(node.attrs.get("failures", 0)), int(node.attrs.get("realisations", 0))) for node in nodes.values()]
     failed = (Text(f"{bad} of {all_}", style="bold red" if bad else "") for bad, all_ in counts)
@@ -78,10 +84,31 @@ def show_summary(tree: xr.DataTree, *, files: Mapping[str, Path], title: str = "
     screen.print(table)
     if len(names) > LINES:
         screen.print(f"... and {len(names) - LINES} more outputs; the report has all of them.")
+    _show_recommendation(tree)
     width = max(map(len, files), default=0)
     for kind, path in files.items():
         # Not through rich, which would wrap a long path where it cannot be copied any more.
         print(f"{kind:<{width}}  {path}")
+
+
+def _show_recommendation(tree: xr.DataTree) -> None:
+    """Print which method to use, and what is to be said of the others."""
+    said = tree.children["comparison"].attrs.get("recommendation", "") if "comparison" in tree.children else ""
+    if said:
+        print(f"\n{said}\n")
+
+
+def _add_scalars(table: Table, labels: list[str], still: Mapping[str, xr.DataTree]) -> None:
+    """Add rows of the outputs without a time, which not every method need have."""
+    if not still:
+        return
+    first = next(iter(still.values()))["statistics"].to_dataset()
+    names = [str(name) for name in first["output"].values]
+    for number, (name, unit) in enumerate(zip(names[:LINES], units_of(first), strict=False)):
+        cells = (_final(still[label], number) if label in still else "–" for label in labels)
+        table.add_row(Text(name), Text(unit), *cells)
+    if len(names) > LINES:
+        table.add_row(Text(f"... and {len(names) - LINES} more"))
 
 
 def units_of(statistics: xr.Dataset) -> list[str]:

@@ -7,12 +7,15 @@ from __future__ import annotations
 
 from uqmbd.dynamics.build import build, kinematic_model
 from uqmbd.dynamics.check import Check, check
+from uqmbd.dynamics.contacts import Lens
 from uqmbd.dynamics.ensemble import Ensemble
+from uqmbd.dynamics.hybrid import Hybrid
 from uqmbd.dynamics.integration import INTEGRATORS, Integrator, integrate
 from uqmbd.dynamics.linearisation import Modes, linearise
 from uqmbd.dynamics.model import Layout, Model
 from uqmbd.dynamics.projected import ProjectedEnsemble
 from uqmbd.dynamics.projected_integration import ProjectedTrajectories
+from uqmbd.dynamics.scalars import ScalarValues, scalars_of
 from uqmbd.dynamics.statics import Equilibrium, static_equilibria
 from uqmbd.dynamics.terms import MechanismTerms, mechanism_terms
 from uqmbd.dynamics.trajectories import Counters, Trajectories
@@ -22,14 +25,17 @@ __all__ = [
     "Counters",
     "Ensemble",
     "Equilibrium",
+    "Hybrid",
     "INTEGRATORS",
     "Integrator",
     "Layout",
+    "Lens",
     "MechanismTerms",
     "Model",
     "Modes",
     "ProjectedEnsemble",
     "ProjectedTrajectories",
+    "ScalarValues",
     "Trajectories",
     "build",
     "check",
@@ -37,5 +43,6 @@ __all__ = [
     "kinematic_model",
     "linearise",
     "mechanism_terms",
+    "scalars_of",
     "static_equilibria",
 ]

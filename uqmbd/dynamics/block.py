@@ -7,7 +7,7 @@ Local symbols are plain SymPy symbols with fixed names, so that two instances of
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -20,6 +20,7 @@ from uqmbd.mechanism.component import (
     Auxiliary,
     Component,
     Constraint,
+    Event,
     Kinetic,
     Local,
     Potential,
@@ -65,6 +66,22 @@ def _piecewise(e: sympy.Expr) -> sympy.Expr:
 
 
 @dataclass(frozen=True)
+class EventType:
+    """An event in local symbols; one that makes velocities jump has directions: the normal one first."""
+
+    label: str
+    guard: sympy.Expr
+    directions: tuple[sympy.Expr, ...] = ()
+    restitution: sympy.Expr = sympy.S.Zero
+    friction: sympy.Expr = sympy.S.Zero
+
+    @property
+    def expressions(self) -> tuple[sympy.Expr, ...]:
+        """All of them."""
+        return (self.guard, *self.directions, self.restitution, self.friction)
+
+
+@dataclass(frozen=True)
 class BlockType:
     """Terms of a component type in local symbols."""
 
@@ -85,6 +102,7 @@ class BlockType:
     cosine_labels: tuple[str, ...]
     reaction_point: tuple[sympy.Expr, ...]
     quantities: tuple[tuple[sympy.Symbol, str, sympy.Expr], ...]  # symbol, "value" or "rate", expression; in order
+    events: tuple[EventType, ...]
     reaction_on: int  # local body that the reaction acts on; its sign is in `reaction_sign`
     reaction_sign: int
 
@@ -131,6 +149,7 @@ class BlockType:
                 sympy.Tuple(
                     self.kinetic, self.potential, *(x for w in self.work for x in w), sympy.S.Zero, *self.constraints,
                     sympy.S.Zero, *self.rates, *self.initial, sympy.S.Zero, *self.cosines,
+                    *(x for e in self.events for x in (sympy.Symbol(e.label), *e.expressions)),
                     *(x for s, kind, e in self.quantities for x in (s, sympy.Integer(kind == "rate"), e)),
                 )
             ),
@@ -265,6 +284,7 @@ def _block(
     labels: list[str] = []
     rates: dict[sympy.Symbol, tuple[sympy.Expr, sympy.Expr]] = {}
     uprights: list[tuple[sympy.Expr, str]] = []
+    events: list[EventType] = []
     for term in terms:
         match term:
             case Kinetic(energy):
@@ -294,12 +314,14 @@ def _block(
                 constraints += parts
             case Auxiliary(state, rate, initial):
                 rates[state] = (settled(rate), settled(initial))
+            case Event():
+                events.append(_event(where, term, settled, velocities))
             case Upright(cosine, label):
                 uprights.append((settled(cosine), label))
             case _:
                 raise StudyError(
                     f"{where}: terms() yielded {term!r}; expected Kinetic, Potential, VirtualWork, "
-                    "Constraint, Auxiliary or Upright."
+                    "Constraint, Auxiliary, Event or Upright."
                 )
     for state, symbol in local.states.items():
         if symbol not in rates:
@@ -327,6 +349,23 @@ def _block(
         cosine_labels=tuple(x for _, x in uprights),
         reaction_point=tuple(settled(x) for x in point),
         quantities=quantities,
+        events=tuple(events),
         reaction_on=on,
         reaction_sign=sign,
     )
+
+
+def _event(where: str, event: Event, settled: Callable[[Any], sympy.Expr], velocities: set[sympy.Symbol]) -> EventType:
+    guard, jump = settled(event.guard), event.jump
+    if jump is None:
+        return EventType(event.label, guard)
+    sliding = [settled(x) for x in flatten(jump.sliding)]
+    directions = (settled(jump.speed), *sliding)
+    if still := [x for x in directions if x != 0 and not x.free_symbols & velocities]:
+        raise StudyError(f"{where}: the speed {still[0]} of an Impact contains no velocity; give p.rate_of(gap).")
+    friction = settled(jump.friction)
+    if friction != 0 and not sliding:
+        raise StudyError(f"{where}: an Impact has friction but no sliding velocity; give sliding=.")
+    if friction == 0:
+        directions = directions[:1]
+    return EventType(event.label, guard, directions, settled(jump.restitution), friction)

@@ -27,8 +27,10 @@ from uqmbd.dynamics.model import (
 )
 from uqmbd.dynamics.outputs import angle_counters, output_map
 from uqmbd.dynamics.parameters import ParameterMap
+from uqmbd.dynamics.scalars import scalar_map
+from uqmbd.dynamics.uniqueness import not_unique, reaction_symbols
 from uqmbd.errors import AssemblyError, RedundantConstraintWarning, StudyError
-from uqmbd.mechanism import Mechanism
+from uqmbd.mechanism import Mechanism, Output
 
 __all__ = ["build", "kinematic_model"]
 
@@ -63,6 +65,29 @@ def kinematic_model(mechanism: Mechanism, time: float = 0.0) -> Model:
         If it cannot be assembled at the means.
     """
     return _kinematics(mechanism, time)[0]
+
+
+def reactions_not_unique(mechanism: Mechanism, time: float = 0.0) -> tuple[str, ...]:
+    """Name the reactions that redundant constraints leave undetermined, at the means, as in ``A.reaction_force[0]``.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        What to look at.
+    time : float
+        Initial time, s.
+    """
+    model, instances = _kinematics(mechanism, time)
+    layout = model.layout
+    if layout.constraints == layout.rank:
+        return ()
+    order = {name: k for k, name in enumerate(mechanism.bodies)}
+    sizes = (layout.coordinates, layout.states, layout.constraints)
+    reactions = [Output(str(s), s, "") for s in reaction_symbols(mechanism, set(model.owners))]
+    outputs = output_map(reactions, instances, place(instances, order), order, mechanism.inputs.variables, sizes)
+    parameters = model.parameters(mechanism.inputs.means[None, :])
+    q, _ = positions(model, parameters[:, model.drawn], time, parameters)
+    return not_unique(model, outputs, q[0], time, parameters[0])
 
 
 def _kinematics(mechanism: Mechanism, time: float) -> tuple[Model, list[Instance]]:
@@ -252,7 +277,7 @@ def build(mechanism: Mechanism, time: float = 0.0, *, fuse: bool | None = None) 
         warnings.warn(
             f"mechanism {mechanism.name!r}: {len(redundant)} of {layout.constraints} constraint equations "
             f"are redundant and are dropped: {names}{more}. The motion is not affected; "
-            "the reactions of these joints are not unique.",
+            "some reactions are not unique (`uqmbd check` names them).",
             RedundantConstraintWarning,
             stacklevel=3,
         )
@@ -260,7 +285,8 @@ def build(mechanism: Mechanism, time: float = 0.0, *, fuse: bool | None = None) 
     blocks = model.block_parameters
     fuse = layout.unknowns <= FUSED_LIMIT if fuse is None else fuse
     evaluators = dict(model.evaluators)
-    for kind in ("residual", "jacobian", "acceleration", "drift"):
+    events = tuple((i.component.name, e.label, len(e.directions)) for i in instances for e in i.type.events)
+    for kind in ("residual", "jacobian", "acceleration", "drift", *(("contact",) if events else ())):
         small = kind != "jacobian" or _length(instances) <= FUSED_LENGTH
         evaluators[kind] = evaluator(kind, instances, order, layout, blocks, fuse=fuse and small)
     sizes = (layout.coordinates, layout.states, layout.constraints)
@@ -271,12 +297,17 @@ def build(mechanism: Mechanism, time: float = 0.0, *, fuse: bool | None = None) 
         rough=any(_corners(i) for i in instances),
         digest=_digest(mechanism, instances),
         evaluators=evaluators,
+        events=events,
         outputs=outputs,
+        scalars=scalar_map(list(mechanism.scalars.values()), *about),
         pattern=csc_pattern(evaluators["jacobian"], layout.unknowns),
     )
     parameters = model.parameters(mechanism.inputs.means[None, :])
     q, _ = positions(model, parameters[:, model.drawn], time, parameters, layout.kept)
     model = replace(model, system=index1_system(model, _typical(model, q, time, parameters)))
+    if len(redundant):
+        unsettled = not_unique(model, outputs, q[0], time, parameters[0])
+        model = replace(model, outputs=replace(outputs, not_unique=unsettled))
     body = massless_direction(model, q, np.zeros((1, layout.states)), time, parameters)
     if body:
         raise StudyError(
@@ -307,7 +338,7 @@ def _digest(mechanism: Mechanism, instances: list[Instance]) -> str:
     for i in instances:
         text.update(repr((i.type.digest, i.component.name, [b.name for b in i.bodies])).encode())
         text.update(str(i.parameters).encode())
-    for output in mechanism.outputs.values():
+    for output in (*mechanism.outputs.values(), *mechanism.scalars.values()):
         text.update(f"{output.name} {sympy.srepr(output.expression)}".encode())
     for body in mechanism.bodies.values():
         text.update(f"{body.name} {body.pose}".encode())

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from uqmbd.dynamics.build import kinematic_model
+from uqmbd.dynamics.build import kinematic_model, reactions_not_unique
 from uqmbd.mechanism import Mechanism
 
 __all__ = ["Check", "check"]
@@ -24,6 +24,8 @@ class Check:
         Equations include the unit norm of each quaternion; ``mobility = coordinates - rank``.
     redundant : tuple of str
         Equations that follow from the others.
+    not_unique : tuple of str
+        Reactions that these leave undetermined, as in ``A.reaction_force[0]``.
     inputs : tuple of (name, distribution, units)
     unused_inputs : tuple of str
         Declared, but entering nothing.
@@ -36,6 +38,7 @@ class Check:
     rank: int
     redundant: tuple[str, ...]
     mobility: int
+    not_unique: tuple[str, ...]
     inputs: tuple[tuple[str, str, str], ...]
     unused_inputs: tuple[str, ...]
 
@@ -83,6 +86,7 @@ def check(mechanism: Mechanism, time: float = 0.0) -> Check:
         rank=layout.rank,
         redundant=tuple(model.equations[k] for k in redundant),
         mobility=layout.coordinates - layout.rank,
+        not_unique=reactions_not_unique(mechanism, time) if len(redundant) else (),
         inputs=tuple((v.name, v.description, v.units) for v in inputs.variables),
         unused_inputs=tuple(n for n in inputs.names if n not in used),
     )

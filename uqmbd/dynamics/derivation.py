@@ -28,7 +28,7 @@ from uqmbd.dynamics.block import BlockType
 __all__ = ["KINDS", "Derived", "Equations", "Kind", "derive", "source_digest"]
 
 Kind = str
-KINDS = ("residual", "jacobian", "position", "velocity", "initial", "acceleration", "drift", "energy")
+KINDS = ("residual", "jacobian", "position", "velocity", "initial", "acceleration", "drift", "energy", "contact")
 
 
 def source_digest() -> bytes:
@@ -68,6 +68,7 @@ class Derived:
         self.s, self.sd = _symbols("s", k), _symbols("r", k)
         self.l, self.m = _symbols("l", m), _symbols("m", m)
         self.p = _symbols("p", block.parameters)
+        self.f = _symbols("f", sum(len(e.directions) for e in block.events))
         self.t, self.c = se.Symbol("_t"), se.Symbol("_c")
         convert = self._converter()
         self.kinetic, self.potential = convert(block.kinetic), convert(block.potential)
@@ -76,6 +77,10 @@ class Derived:
         self.g = [convert(e) for e in block.rates]
         self.s0 = [convert(e) for e in block.initial]
         self.cosines = [convert(e) for e in block.cosines]
+        self.events = [
+            (convert(e.guard), [convert(w) for w in e.directions], convert(e.restitution), convert(e.friction))
+            for e in block.events
+        ]
         self._derive()
 
     def _converter(self) -> Callable[[Any], Any]:
@@ -118,6 +123,7 @@ class Derived:
         self.psi = [flow(e, accelerate=False) for e in self.phi]
         self.d = [[_diff(e, x) for x in v] for e in self.psi]
         self.gamma = [-flow(e, accelerate=False) for e in self.psi]
+        self.bias = [[flow(w, accelerate=False) for w in directions] for _, directions, *_ in self.events]
 
     def constraint_force(self, multipliers: list[Any], k: int) -> Any:
         """``(D^T multipliers)_k``."""
@@ -217,14 +223,37 @@ class Derived:
         targets += [("s", k) for k in range(len(self.g))]
         return _nonzero(e, targets)
 
+    def contact(self) -> Equations:
+        """Guards of events; of those with directions their speeds ``w``, ``dw/dv``, ``w'`` without accelerations, laws.
+
+        Laws are the coefficients of restitution and of friction.
+        """
+        e: list[Any] = []
+        targets: list[tuple[Any, ...]] = []
+        direction = 0
+        for k, ((guard, directions, *law), bias) in enumerate(zip(self.events, self.bias, strict=True)):
+            e += [guard, *law]
+            targets += [("guard", k), ("law", k, 0), ("law", k, 1)]
+            for w, rest in zip(directions, bias, strict=True):
+                e += [w, rest, *(_diff(w, x) for x in self.v)]
+                targets += [("speed", direction), ("bias", direction)]
+                targets += [("slope", direction, i) for i in range(len(self.v))]
+                direction += 1
+        return _nonzero(e, targets)
+
     def energy(self) -> Equations:
         """Kinetic and potential energy."""
         return _nonzero([self.kinetic, self.potential], [("energy", 0), ("energy", 1)])
 
     def generalised_force(self) -> list[Any]:
-        """Return what the block exerts on its coordinates through constraints, potentials and virtual work."""
+        """Return what the block exerts on its coordinates: constraints, potentials, virtual work, lasting contacts."""
+        directions = [w for _, along, *_ in self.events for w in along]
         return [
-            -self.constraint_force(self.l, k) + self.potential_force[k] + self.work_force[k] for k in range(len(self.q))
+            -self.constraint_force(self.l, k)
+            + self.potential_force[k]
+            + self.work_force[k]
+            + _sum(_diff(w, x) * f for w, f in zip(directions, self.f, strict=True))
+            for k, x in enumerate(self.v)
         ]
 
     def equations(self, kind: Kind) -> Equations:

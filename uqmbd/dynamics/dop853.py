@@ -11,7 +11,7 @@ References
 from __future__ import annotations
 
 import time as clock
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,9 @@ from numpy.typing import NDArray
 from uqmbd.dynamics.ensemble import Ensemble
 from uqmbd.dynamics.index1 import System, excess
 from uqmbd.dynamics.lockstep import LockStep, Out, longest_step
+from uqmbd.dynamics.model import Model
+from uqmbd.dynamics.passage import Guard
+from uqmbd.dynamics.rank import named
 from uqmbd.dynamics.trajectories import Counters, Solved
 
 __all__ = ["integrate_by_dop853"]
@@ -28,6 +31,14 @@ Index = NDArray[np.int64]
 
 BLOCK = 2048
 """States that are projected at once."""
+FAR = 1000.0
+"""Tolerances by which an interpolated state may be off the constraints: beyond, it is integrated to."""
+FARTHEST = 3e-3
+"""The same as a number, for loose tolerances."""
+POOR = 50
+"""Most states that are integrated to."""
+VIOLATION = 1e-3
+"""Residual of an equation that was left out as redundant, over the size of the mechanism: it was not."""
 
 
 def integrate_by_dop853(ensemble: Ensemble, members: Index, times: Array, rtol: float) -> Solved:
@@ -51,38 +62,45 @@ def integrate_by_dop853(ensemble: Ensemble, members: Index, times: Array, rtol: 
     """
     begin = clock.perf_counter()
     states = np.full((len(members), len(times), ensemble.model.layout.width), np.nan)
-    messages = [""] * len(members)
+    messages, final, notes = [""] * len(members), [False] * len(members), list[str]()
     counters = Counters()
     todo = [np.arange(len(members))]
     while todo:
         part = todo.pop(0)
         some = ensemble.select(members[part])
-        start, equations = some.start, _Equations(some)
+        start, equations = some.start, _Equations(some.model, some.block)
+        guard = Guard(some.model, _Equations, rtol)
         longest = longest_step(some.model.rough, times)
         length = np.minimum(1.0, np.maximum(1e-3, np.abs(start.q).max(axis=1, initial=0.0)))
         initial = np.concatenate([start.q, start.s, start.v], axis=1)
-        stack = LockStep(equations, initial, times, some.breaks, rtol, rtol * length[:, None], longest=longest)
+        stack = LockStep(equations, initial, times, some.breaks, rtol, rtol * length[:, None], None, longest, guard)
         stack.run()
-        states[part] = _projected(some, times, stack.result)
+        states[part] = _projected(some, guard.models, times, stack.result, rtol)
+        for k, message in enumerate(_violated(some, times, states[part])):
+            messages[part[k]], final[part[k]] = message, bool(message)
         apart = [part[k] for k in sorted(stack.apart)]
         todo += [np.array([k]) for k in apart]
         for k, message in stack.failed.items():
-            messages[part[k]] = message
+            messages[part[k]], final[part[k]] = message, guard.final
+        notes += [note for note in guard.notes if note not in notes]
         counters = counters + Counters(
             integrations=1,
             alone=len(apart),
-            accelerations=equations.evaluations,
+            accelerations=stack.equations.evaluations,
             steps=stack.steps,
-            stiff=len(stack.failed),
+            stiff=len(stack.failed) if not guard.final else 0,
+            passages=guard.passed,
+            repivots=len(guard.notes),
         )
-    return Solved(states, tuple(messages), counters + Counters(seconds=clock.perf_counter() - begin))
+    counters = counters + Counters(seconds=clock.perf_counter() - begin)
+    return Solved(states, tuple(messages), counters, tuple(final), tuple(notes))
 
 
 class _Equations:
     """Rates and projection of M realisations, with buffers of their own."""
 
-    def __init__(self, ensemble: Ensemble) -> None:
-        model, layout = ensemble.model, ensemble.model.layout
+    def __init__(self, model: Model, block: Array) -> None:
+        layout = model.layout
         self.n, self.velocities, self.width = layout.coordinates, layout.coordinates + layout.states, layout.width
         system: System = model.system
         assert system.accelerate is not None and system.project is not None
@@ -93,7 +111,7 @@ class _Equations:
         self.kernel = self.motion.fused_kernel
         self.evaluations, self.coupled = 0, False
         self.moving = layout.width - 2 * len(layout.frozen)
-        self._allocate(ensemble.block)
+        self._allocate(block)
 
     def _allocate(self, block: Array) -> None:
         """Lay out the arguments ``(state, t, 0, parameters)``, and everything that is computed from them."""
@@ -157,18 +175,76 @@ class _Equations:
         self._allocate(self.block[rows])
 
 
-def _projected(ensemble: Ensemble, times: Array, states: Array) -> Array:
-    """Put interpolated states (M, T, width) on the constraints, but the first, which are there."""
-    model, (count, number, width) = ensemble.model, states.shape
-    n, velocities = model.layout.coordinates, model.layout.coordinates + model.layout.states
+def _projected(
+    ensemble: Ensemble, models: Sequence[tuple[float, Model]], times: Array, states: Array, rtol: float
+) -> Array:
+    """Put interpolated states (M, T, width) on the constraints, but the first, which are there.
+
+    `models` are the choices of independent equations, each with the time from which it holds.  Within a step over a
+    singular pose interpolation may be poor: states that are far off the constraints are integrated to instead.
+    """
+    layout, (count, number, width) = ensemble.model.layout, states.shape
+    n, velocities = layout.coordinates, layout.coordinates + layout.states
     time, owner = np.tile(times, count), np.repeat(np.arange(count), number)
+    poor: list[tuple[int, int]] = []
+    off = min(FAR * rtol, FARTHEST)
+    part: slice | Index
     flat = states.reshape(-1, width).copy()
-    for first in range(0, len(flat), BLOCK):
-        part = slice(first, first + BLOCK)
-        with np.errstate(all="ignore"):
-            q, v = excess(model, flat[part], time[part], ensemble.block[owner[part]])
-        flat[part, :n] -= q
-        flat[part, velocities:] -= v
+    since = np.searchsorted([begin for begin, _ in models], time, side="right") - 1
+    for k, (_, model) in enumerate(models):
+        held = np.flatnonzero(since == k) if len(models) > 1 else np.zeros(0, dtype=np.int64)
+        for first in range(0, len(held) if len(models) > 1 else len(flat), BLOCK):
+            part = held[first : first + BLOCK] if len(models) > 1 else slice(first, first + BLOCK)
+            with np.errstate(all="ignore"):
+                q, v = excess(model, flat[part], time[part], ensemble.block[owner[part]])
+            flat[part, :n] -= q
+            flat[part, velocities:] -= v
+            if not max(q.max(), -q.min(), v.max(), -v.min()) <= off:
+                far = np.maximum(np.abs(q).max(axis=1), np.abs(v).max(axis=1)) > off
+                poor += [divmod(int(row), number) for row in np.arange(len(flat))[part][far]]
     found = flat.reshape(states.shape)
     found[:, 0] = states[:, 0]
+    for member, where in poor[:POOR]:
+        before = found[member, where - 1 : where]
+        if where and np.isfinite(before).all():
+            model = models[int(since[member * number + where])][1]
+            block = ensemble.block[member : member + 1]
+            equations, grid = _Equations(model, block), times[where - 1 : where + 1]
+            run = LockStep(equations, before, grid, ensemble.breaks[member], rtol, np.full((1, 1), rtol))
+            run.steps_at_most = 100
+            run.run()
+            if np.isfinite(run.result[0, -1]).all():
+                found[member, where] = run.result[0, -1]
     return found
+
+
+def _violated(ensemble: Ensemble, times: Array, states: Array) -> list[str]:
+    """Name equations that were left out as redundant, but are not satisfied by states (M, T, width); one text each."""
+    model, layout = ensemble.model, ensemble.model.layout
+    count, number, width = states.shape
+    dropped = np.setdiff1d(np.arange(layout.constraints), layout.kept)
+    if not len(dropped):
+        return [""] * count
+    drift = model.evaluators["drift"]
+    found, (rows,) = drift.index.get("phi", (np.zeros(0, dtype=np.int64), (np.zeros(0, dtype=np.int64),)))
+    wanted = np.isin(rows, dropped)
+    arguments = np.concatenate(
+        [states.reshape(-1, width), np.tile(times, count)[:, None], np.zeros((count * number, 1))], axis=1
+    )
+    values = np.zeros((len(arguments), layout.constraints))
+    for first in range(0, len(arguments), BLOCK):
+        part = slice(first, first + BLOCK)
+        block = ensemble.block[np.repeat(np.arange(count), number)[part]]
+        values[part, rows[wanted]] = drift(arguments[part], block)[:, found[wanted]]
+    size = np.maximum(1.0, np.abs(states[:, 0, : layout.coordinates]).max(axis=1))
+    off = np.abs(values).reshape(count, number, -1) > VIOLATION * size[:, None, None]
+    texts = []
+    for member in off:
+        when = np.flatnonzero(member.any(axis=1))
+        texts.append(
+            f"the equations {named(model, np.flatnonzero(member[when[0]]))}, left out as redundant at the start, are "
+            f"violated from t = {times[when[0]]:.6g} s: the drawn pose is singular. Draw the mechanism in another pose"
+            if len(when)
+            else ""
+        )
+    return texts

@@ -177,10 +177,24 @@ class Ensemble:
             q[:, quaternions] = e / np.linalg.norm(e, axis=2, keepdims=True)
         parameters = self.block[owner]
         a, multipliers = np.zeros_like(q), np.zeros((len(q), layout.constraints))
+        forces = None
         if model.outputs.accelerates:
             a, multipliers[:, layout.kept], _ = accelerations(model, q, s, v, time, parameters)
+            if model.events:
+                forces = self._add_contacts(states, time, parameters, a, multipliers)
         state = np.concatenate([q, s, v, a, multipliers, time[:, None]], axis=1)
-        return np.asarray(model.outputs(state, self.values[owner], parameters))
+        return np.asarray(model.outputs(state, self.values[owner], parameters, forces))
+
+    def _add_contacts(self, states: Array, time: Array, parameters: Array, a: Array, multipliers: Array) -> Array:
+        """Put right what contacts that last change of accelerations and multipliers; their forces (S, direction)."""
+        from uqmbd.dynamics.contacts import Lens, lasting
+
+        lens = Lens(self.model)
+        forces = np.zeros((len(states), lens.directions))
+        n, kept = self.model.layout.coordinates, self.model.layout.kept
+        for k, resting in lasting(lens, time, states, parameters):
+            a[k], multipliers[k, kept], forces[k] = resting.motion[0, :n], resting.motion[0, n:], resting.force[0]
+        return forces
 
     def energies(self, times: Array, states: Array) -> Array:
         """Kinetic and potential energy along trajectories, J, shape (K, 2, T)."""

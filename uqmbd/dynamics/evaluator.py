@@ -99,7 +99,21 @@ class Evaluator:
         values = parts[0] if len(parts) == 1 else np.concatenate(parts, axis=1)
         if self.order is None or self.starts is None:
             return values
-        return np.add.reduceat(values[:, self.order], self.starts, axis=1) if len(self.order) else np.zeros((count, 0))
+        first, several, order, starts = self._sums
+        result: Array = values[:, first]
+        if len(several):
+            result[:, several] = np.add.reduceat(values[:, order], starts, axis=1)
+        return result
+
+    @cached_property
+    def _sums(self) -> tuple[Index, Index, Index, Index]:
+        """First result of each target, the targets that are sums, their results in order, and the first of each."""
+        assert self.order is not None
+        assert self.starts is not None
+        counts = np.diff([*self.starts, len(self.order)])
+        several = np.flatnonzero(counts > 1)
+        starts = np.cumsum([0, *counts[several]])[:-1]
+        return self.order[self.starts], several, self.order[np.repeat(counts > 1, counts)], starts
 
     @property
     def fused_kernel(self) -> Kernel | None:
@@ -143,6 +157,11 @@ def _globalise(target: tuple[Any, ...], place: Placement, kind: Kind) -> tuple[A
         "gamma": ("row",),
         "s": ("state",),
         "energy": (None,),
+        "guard": ("event",),
+        "law": ("event", None),
+        "speed": ("direction",),
+        "bias": ("direction",),
+        "slope": ("direction", "q"),
     }[name]
     return (name, *(int(i if x is None else where[x][i]) for x, i in zip(letters, target[1:], strict=True)))
 

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from uqmbd.dynamics.ensemble import Ensemble
 from uqmbd.dynamics.index1 import accelerations
 from uqmbd.dynamics.model import Model
+from uqmbd.dynamics.rank import dead_end, rank_along
 from uqmbd.dynamics.trajectories import Counters, Solved, stops
 
 __all__ = ["RELAXED", "STEPS", "diagnosis", "integrate_by_ida"]
@@ -47,6 +48,7 @@ class _Run:
     states: Array
     message: str
     counters: Counters
+    singular: bool = False
 
 
 def integrate_by_ida(ensemble: Ensemble, members: Index, times: Array, rtol: float) -> Solved:
@@ -68,7 +70,7 @@ def integrate_by_ida(ensemble: Ensemble, members: Index, times: Array, rtol: flo
     Solved
     """
     states = np.full((len(members), len(times), ensemble.model.layout.width), np.nan)
-    messages = [""] * len(members)
+    messages, final = [""] * len(members), [False] * len(members)
     counters = Counters()
     todo = [np.arange(len(members))]
     while todo:
@@ -82,13 +84,13 @@ def integrate_by_ida(ensemble: Ensemble, members: Index, times: Array, rtol: flo
             continue
         states[part] = run.states
         if run.message:
-            messages[part[0]] = run.message
+            messages[part[0]], final[part[0]] = run.message, run.singular
         if len(part) > 1:
             rough = _roughness(ensemble, run.states)
             hard = part[rough > OUTLIER * np.sqrt(np.mean(rough**2))]
             todo = [*(np.array([k]) for k in hard), *todo]
             counters = counters + Counters(alone=len(hard))
-    return Solved(states, tuple(messages), counters)
+    return Solved(states, tuple(messages), counters, tuple(final))
 
 
 def _integrate_stack(ensemble: Ensemble, times: Array, rtol: float) -> _Run:
@@ -124,9 +126,20 @@ def _integrate_stack(ensemble: Ensemble, times: Array, rtol: float) -> _Run:
         result[:, inside[done]] = np.concatenate(ensemble.expand(found[where[done]].transpose(1, 0, 2)), axis=2)
         if not solution.success or reached < len(grid):
             last = float(solution.t[-1]) if len(solution.t) else now
-            return _Run(result, diagnosis(solution, last, rtol), counters)
+            dead = _dead_end(ensemble, found, last)
+            return _Run(result, dead or diagnosis(solution, last, rtol), counters, bool(dead))
         now, y = stop, found[-1].copy()
     return _Run(result, "", counters)
+
+
+def _dead_end(ensemble: Ensemble, found: Array, time: float) -> str:
+    """Name the equations that become dependent where one realisation stopped, if there are any."""
+    if len(ensemble) > 1 or not len(found):
+        return ""
+    (q, s, v), model = ensemble.expand(found[-1]), ensemble.model
+    if not np.isfinite(found[-1]).all():
+        return ""
+    return dead_end(model, time, rank_along(model, q[0], s[0], v[0], time, ensemble.parameters[0]), sure=False)
 
 
 def _consistent(ensemble: Ensemble, time: float, y: Array) -> tuple[Array, Array]:

@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 import contextlib
-from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from uqmbd.dynamics.elimination import Elimination, plan
 from uqmbd.dynamics.evaluator import Evaluator
-from uqmbd.dynamics.kernels import Kernel
-from uqmbd.dynamics.model import Layout, Model
-from uqmbd.dynamics.straightline import StraightLine, residual_kernel, straight_line
+from uqmbd.dynamics.model import Model
+from uqmbd.dynamics.system import System, index1_system
 
 __all__ = [
+    "DENSE_LIMIT",
     "RANK_TOLERANCE",
     "System",
     "accelerations",
@@ -33,8 +31,11 @@ Index = NDArray[np.int64]
 FEW = 24
 """Systems up to which LAPACK is faster than operations on short vectors."""
 
-ELIMINATION_LIMIT = 160
-"""Unknowns of the index-1 system up to which a fixed order of elimination is planned."""
+DENSE_LIMIT = 120
+"""Unknowns up to which LAPACK is faster than a sparse factorisation."""
+
+LEAST, CACHE = 32, 500_000
+"""States that are evaluated at once: at least so many, and not many more than have so many bytes of results."""
 
 RESIDUAL = 1e-10
 """Relative residual above which a solution by fixed pivots is poor."""
@@ -48,6 +49,7 @@ def dense(model: Model, kind: str, arguments: Array, parameters: Array) -> dict[
     e = model.evaluators[kind]
     values = e(arguments, parameters)
     n, m, k = model.layout.coordinates, model.layout.constraints, model.layout.states
+    directions = sum(count for *_, count in model.events)
     shapes = {
         "phi": (m,),
         "phi_q": (m, n),
@@ -59,6 +61,11 @@ def dense(model: Model, kind: str, arguments: Array, parameters: Array) -> dict[
         "gamma": (m,),
         "s": (k,),
         "energy": (2,),
+        "guard": (len(model.events),),
+        "law": (len(model.events), 2),
+        "speed": (directions,),
+        "bias": (directions,),
+        "slope": (directions, n),
     }
     wanted = {
         "position": ("phi", "phi_q", "cos"),
@@ -66,6 +73,7 @@ def dense(model: Model, kind: str, arguments: Array, parameters: Array) -> dict[
         "initial": ("s",),
         "acceleration": ("mass", "force", "d", "gamma", "s"),
         "energy": ("energy",),
+        "contact": ("guard", "law", "speed", "bias", "slope"),
     }[kind]
     result: dict[str, Array] = {}
     for name in wanted:
@@ -106,10 +114,23 @@ def accelerations(
         singular.
     """
     evaluator = model.evaluators["acceleration"]
-    values = evaluator(state_arguments(q, s, v, time), parameters)
-    rates = _columns(evaluator, values, "s", model.layout.states)
-    a, multipliers = _solve(model, values)
+    arguments = state_arguments(q, s, v, time)
+    results = []
+    for part in _blocks(model, len(q)):
+        values = evaluator(arguments[part], parameters[part])
+        rates = _columns(evaluator, values, "s", model.layout.states)
+        results.append((*_solve(model, values), rates))
+    if len(results) == 1:
+        return results[0]
+    a, multipliers, rates = (np.concatenate(x) for x in zip(*results, strict=True))
     return a, multipliers, rates
+
+
+def _blocks(model: Model, count: int) -> list[slice]:
+    """Cut states into blocks whose results stay in the processor's cache."""
+    results = sum(len(model.evaluators[kind].targets) for kind in ("acceleration", "drift") if kind in model.evaluators)
+    size = max(LEAST, CACHE // (8 * max(1, results)))
+    return [slice(first, first + size) for first in range(0, max(1, count), size)]
 
 
 def excess(model: Model, states: Array, time: Array, parameters: Array) -> tuple[Array, Array]:
@@ -132,8 +153,10 @@ def excess(model: Model, states: Array, time: Array, parameters: Array) -> tuple
         To be subtracted; the norm is that of the masses, and the error quadratic in the excess.
     """
     arguments = np.concatenate([states, time[:, None], np.zeros((len(states), 1))], axis=1)
-    values = [model.evaluators[kind](arguments, parameters) for kind in ("acceleration", "drift")]
-    both = model.system.project(np.concatenate(values, axis=1))
+    both = np.empty((len(states), 2 * model.layout.coordinates))
+    for part in _blocks(model, len(states)):
+        values = [model.evaluators[kind](arguments[part], parameters[part]) for kind in ("acceleration", "drift")]
+        both[part] = model.system.project(np.concatenate(values, axis=1))
     n = model.layout.coordinates
     return both[:, :n], both[:, n:]
 
@@ -146,151 +169,46 @@ def _columns(evaluator: Evaluator, values: Array, letter: str, count: int) -> Ar
     return result
 
 
-@dataclass(frozen=True)
-class System:
-    """Where the results of the ``acceleration`` evaluator stand in the symmetric index-1 system.
-
-    Attributes
-    ----------
-    rows, columns, source : array of int, shape (nnz,)
-        Place of each entry, sorted by rows, and the result that it is.
-    starts : array of int
-        First entry of each row.
-    """
-
-    rows: Index
-    columns: Index
-    source: Index
-    starts: Index
-    size: int
-    elimination: Elimination | None
-    motion: Index = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
-    """Which result of the ``acceleration`` evaluator each entry of the right-hand side is; -1: zero."""
-    solve: StraightLine | None = None
-    """Compiled: results of the ``acceleration`` evaluator -> accelerations and multipliers."""
-    residual: Kernel | None = None
-    """Compiled: these results and the solution -> how well it satisfies the system."""
-    accelerate: StraightLine | None = None
-    """Compiled: results of the ``acceleration`` evaluator -> accelerations."""
-    project: StraightLine | None = None
-    """Compiled: these results, then those of the ``drift`` evaluator -> what is too much of coordinates and velocities,
-    by the least norm in the metric of the masses."""
-
-
-def index1_system(model: Model, typical: Array | None) -> System:
-    """Lay out the index-1 system of a model.
-
-    Parameters
-    ----------
-    model : Model
-        With its kept equations.
-    typical : array, shape (S, result), or None
-        Results of the ``acceleration`` evaluator for which the order of elimination is chosen; None: systems are solved
-        by LAPACK.
-    """
-    index = model.evaluators["acceleration"].index
-    n, kept = model.layout.coordinates, model.layout.kept
-    number = np.full(model.layout.constraints, -1, dtype=np.int64)
-    number[kept] = np.arange(len(kept))
-    rows, columns, source = [], [], []
-    if "mass" in index:
-        results, (i, k) = index["mass"]
-        rows, columns, source = [i], [k], [results]
-    if "d" in index:
-        results, (i, k) = index["d"]
-        used = number[i] >= 0
-        row = n + number[i][used]
-        rows += [row, k[used]]
-        columns += [k[used], row]
-        source += [results[used], results[used]]
-    all_rows, all_columns = np.concatenate(rows), np.concatenate(columns)
-    order = np.lexsort((all_columns, all_rows))
-    size = n + len(kept)
-    system = System(
-        all_rows[order],
-        all_columns[order],
-        np.concatenate(source)[order],
-        np.searchsorted(all_rows[order], np.arange(size)),
-        size,
-        None,
-    )
-    # a row without entries would break the sums over rows; such a system is singular anyhow
-    if typical is None or size > ELIMINATION_LIMIT or len(np.unique(system.rows)) < size:
-        return system
-    matrix = np.zeros((len(typical), size, size))
-    matrix[:, system.rows, system.columns] = typical[:, system.source]
-    return _compiled(model, replace(system, elimination=plan(system.rows, system.columns, matrix)))
-
-
-def _compiled(model: Model, system: System) -> System:
-    """Compile the solution of the system for the right-hand sides that occur, if it is not too long."""
-    assert system.elimination is not None
-    evaluators, layout = model.evaluators, model.layout
-    given, drift = len(evaluators["acceleration"].targets), evaluators["drift"].index
-    motion = np.full((1, system.size), -1, dtype=np.int64)
-    for letter, first in (("force", 0), ("gamma", layout.coordinates)):
-        _place(motion[0], evaluators["acceleration"].index.get(letter), first, layout, 0)
-    excess = np.full((2, system.size), -1, dtype=np.int64)
-    for side, letter in zip(excess, ("phi", "psi"), strict=True):
-        _place(side, drift.get(letter), layout.coordinates, layout, given)
-
-    def code(rights: Index, values: int, wanted: int) -> StraightLine | None:
-        order = system.elimination
-        assert order is not None
-        return straight_line(order, system.rows, system.columns, system.source, rights, values, wanted)
-
-    solve = code(motion, given, system.size)
-    if solve is None:
-        return system
-    n = layout.coordinates
-    total = given + len(evaluators["drift"].targets)
-    residual = residual_kernel(system.rows, system.columns, system.source, motion[0], given)
-    return replace(
-        system,
-        motion=motion[0],
-        solve=solve,
-        residual=residual,
-        accelerate=code(motion, given, n),
-        project=code(excess, total, n),
-    )
-
-
-def _place(side: Index, found: tuple[Index, tuple[Index, ...]] | None, first: int, layout: Layout, offset: int) -> None:
-    """Enter the results of an evaluator into a right-hand side; rows of dropped equations are left out."""
-    if found is None:
-        return
-    results, (rows,) = found
-    if first:  # a constraint
-        number = np.full(layout.constraints, -1, dtype=np.int64)
-        number[layout.kept] = np.arange(len(layout.kept))
-        rows = number[rows]
-    side[first + rows[rows >= 0]] = offset + results[rows >= 0]
-
-
 def _solve(model: Model, values: Array) -> tuple[Array, Array]:
     """Solve the index-1 systems whose entries are results of the ``acceleration`` evaluator."""
     layout = model.layout
     system = model.system or index1_system(model, None)
     n = layout.coordinates
-    if system.solve is not None and system.residual is not None:
+    if system.solve is not None:
         values = np.ascontiguousarray(values)
         found = system.solve(values)
-        with np.errstate(all="ignore"):
-            residual = system.residual.fast(np.concatenate([values, found], axis=1))[:, 0]
-        poor = np.flatnonzero(~(residual <= RESIDUAL**2))
+        poor = _poor(system, values, found)
         if len(poor):
-            found[poor] = _lapack(system, *_system(model, system, values[poor])).T
+            found[poor] = _direct(model, system, values[poor])
+        return found[:, :n], found[:, n:]
+    if system.elimination is None or len(values) < FEW:
+        found = _direct(model, system, values)
         return found[:, :n], found[:, n:]
     entries, right = _system(model, system, values)
-    if system.elimination is None or len(values) < FEW:
-        solution = _lapack(system, entries, right)
-    else:
-        where = system.elimination.slots[system.rows, system.columns]
-        solution = system.elimination.solve(entries, where, right.copy())
-        poor = np.flatnonzero(~_accurate(system, entries, right, solution))
-        if len(poor):
-            solution[:, poor] = _lapack(system, entries[:, poor], right[:, poor])
+    where = system.elimination.slots[system.rows, system.columns]
+    solution = system.elimination.solve(entries, where, right.copy())
+    poor = np.flatnonzero(~_accurate(system, entries, right, solution))
+    if len(poor):
+        solution[:, poor] = _lapack(system, entries[:, poor], right[:, poor])
     return solution[:n].T, solution[n:].T
+
+
+def _poor(system: System, values: Array, found: Array) -> Index:
+    """Find the systems whose solutions (K, size) by fixed pivots are poor."""
+    if system.residual is None:
+        right = np.where(system.motion < 0, 0.0, values[:, system.motion])
+        return system.pattern.poor(values, right, found, RESIDUAL)
+    with np.errstate(all="ignore"):
+        residual = system.residual.fast(np.concatenate([values, found], axis=1))[:, 0]
+    return np.flatnonzero(~(residual <= RESIDUAL**2))
+
+
+def _direct(model: Model, system: System, values: Array) -> Array:
+    """Solve each system with pivots of its own, shape (K, size); NaN where it is singular."""
+    entries, right = _system(model, system, values)
+    if system.size > DENSE_LIMIT:
+        return system.pattern.factorise(values).solve(right.T)
+    return _lapack(system, entries, right).T
 
 
 def _system(model: Model, system: System, values: Array) -> tuple[Array, Array]:
@@ -333,6 +251,8 @@ def _lapack(system: System, entries: Array, right: Array) -> Array:
 
 def massless_direction(model: Model, q: Array, s: Array, time: float, parameters: Array) -> str:
     """Name a body that could be accelerated without any force, or nothing: one realisation."""
+    if model.system is not None and model.system.fronts is not None:
+        return ""  # a body without mass in a free direction leaves no regular blocks
     found = dense(model, "acceleration", state_arguments(q, s, np.zeros_like(q), time), parameters)
     null = scipy.linalg.null_space(found["d"][0], rcond=RANK_TOLERANCE)
     if not null.shape[1]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from typing import Literal
 
 import numpy as np
@@ -9,9 +10,10 @@ from numpy.typing import NDArray
 
 from uqmbd.dynamics.dop853 import integrate_by_dop853
 from uqmbd.dynamics.ensemble import Ensemble
+from uqmbd.dynamics.hybrid import event_times, integrate_with_events
 from uqmbd.dynamics.ida import integrate_by_ida
 from uqmbd.dynamics.trajectories import Counters, Trajectories
-from uqmbd.errors import StudyError
+from uqmbd.errors import RedundantConstraintWarning, StudyError
 
 __all__ = ["INTEGRATORS", "STACK", "Integrator", "integrate"]
 
@@ -40,7 +42,8 @@ def integrate(
     stack : int
         Most realisations that are integrated together.
     method : {"auto", "ida", "dop853"}
-        ``ida``: the stabilised index-2 form by IDA, implicit, for stiff mechanisms too.  ``dop853``: the index-1 form
+        ``ida``: the stabilised index-2 form by IDA, implicit, for stiff mechanisms too; realisations that it cannot
+        lead over a singular pose are integrated by ``dop853``.  ``dop853``: the index-1 form
         by an explicit method of order 8 with projection.  ``auto``: the latter where the mechanism is small enough for
         its linear algebra to be compiled; realisations that turn out to be stiff, or fail, are integrated by IDA.
 
@@ -49,15 +52,22 @@ def integrate(
     uqmbd.StudyError
         If the mechanism is too large for ``dop853``.
 
+    Warns
+    -----
+    uqmbd.RedundantConstraintWarning
+        If the independent equations became dependent on the way, and others were chosen.
+
     Returns
     -------
     Trajectories
         A realisation that fails does not disturb the others.
     """
+    if ensemble.model.events:
+        return _with_events(ensemble, times, rtol)
     start, layout = ensemble.start, ensemble.model.layout
     states = np.full((len(ensemble), len(times), layout.width), np.nan)
     messages = list(start.messages)
-    counters = Counters()
+    counters, notes = Counters(), list[str]()
     assembled = np.flatnonzero(start.ok)
     explicit = method != "ida" and _compiled(ensemble)
     if method == "dop853" and not explicit:
@@ -73,16 +83,48 @@ def integrate(
             counters = counters + solved.counters
             for member, message in zip(members, solved.messages, strict=True):
                 messages[member] = message
+            notes += [note for note in solved.notes if note not in notes]
             if method == "dop853":
                 continue
-            members = members[[bool(message) for message in solved.messages]]
+            again = [bool(m) and not final for m, final in zip(solved.messages, solved.final, strict=True)]
+            members = members[again]
         if len(members):
             solved = integrate_by_ida(ensemble, members, times, rtol)
             states[members] = solved.states
             counters = counters + solved.counters
             for member, message in zip(members, solved.messages, strict=True):
                 messages[member] = message
-    return Trajectories(times, states, tuple(messages), counters)
+            members = members[np.array(solved.final, dtype=bool)]
+        if len(members) and method == "ida" and layout.unknowns and _compiled(ensemble):
+            # in a singular pose it stops; the explicit method passes over it, or knows that no motion leads on
+            solved = integrate_by_dop853(ensemble, members, times, rtol)
+            counters = counters + solved.counters
+            notes += [note for note in solved.notes if note not in notes]
+            for k, (message, final) in enumerate(zip(solved.messages, solved.final, strict=True)):
+                if final or not message:
+                    states[members[k]], messages[members[k]] = solved.states[k], message
+    if notes:
+        more = f" (and {len(notes) - 1} more such changes)" if len(notes) > 1 else ""
+        warnings.warn(
+            f"mechanism {ensemble.model.name!r}: {notes[0]}{more}. The motion is not affected; "
+            "the reactions of these joints are not unique.",
+            RedundantConstraintWarning,
+            stacklevel=2,
+        )
+    return Trajectories(times, states, tuple(messages), counters, notes=tuple(notes))
+
+
+def _with_events(ensemble: Ensemble, times: Array, rtol: float) -> Trajectories:
+    """Integrate a model with events: by the explicit method, whatever is asked for, one realisation after the other."""
+    states = np.full((len(ensemble), len(times), ensemble.model.layout.width), np.nan)
+    messages = list(ensemble.start.messages)
+    assembled = np.flatnonzero(ensemble.start.ok)
+    solved, runs = integrate_with_events(ensemble, assembled, times, rtol)
+    states[assembled] = solved.states
+    for member, message in zip(assembled, solved.messages, strict=True):
+        messages[member] = message
+    scalars = event_times(ensemble, assembled, runs)
+    return Trajectories(times, states, tuple(messages), solved.counters, scalars)
 
 
 def _compiled(ensemble: Ensemble) -> bool:

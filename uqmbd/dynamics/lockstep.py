@@ -13,16 +13,17 @@ References
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections import deque
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from uqmbd.dynamics.trajectories import stops
 
-__all__ = ["Equations", "LockStep", "Out", "longest_step"]
+__all__ = ["Course", "Equations", "LockStep", "Node", "Out", "Watcher", "longest_step"]
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -41,6 +42,12 @@ APART_FOR = 5
 """... this many steps in a row, is integrated alone."""
 STEPS = 20_000
 """Most attempted steps."""
+SETTLED = 3
+"""Projections by which a state is put on the constraints to rounding."""
+REFUSALS = 3
+"""Refused steps in a row, and ..."""
+SURPLUS = 4.0
+"""... by how many tolerances a step may leave the constraints, before the rank is looked at."""
 
 
 @dataclass(frozen=True)
@@ -68,6 +75,57 @@ def _tableau() -> _Tableau:
     )
 
 
+class Node(NamedTuple):
+    """An accepted state of one realisation, shape (width,), and its rate."""
+
+    time: float
+    z: Array
+    rate: Array
+
+
+@dataclass(frozen=True)
+class Course:
+    """How one realisation is to go on.
+
+    Attributes
+    ----------
+    reason : str
+        Not at all, because ...
+    back : bool
+        From the node before.
+    equations : Equations, optional
+        With these.
+    state : array, shape (width,), optional
+        From this state at `time`, the motion until then being ``curve(time)``.
+    """
+
+    reason: str = ""
+    back: bool = False
+    equations: Any = None
+    time: float = 0.0
+    state: Array | None = None
+    curve: Callable[[Any], Array] | None = None
+
+
+class Watcher(Protocol):
+    """Is asked where steps become difficult: `uqmbd.dynamics.passage.Guard`."""
+
+    limit: float
+
+    @property
+    def alert(self) -> bool:
+        """Whether it wants to be asked after each step."""
+
+    def near(self, time: float, z: Array, size: float, parameters: Array) -> bool:
+        """Whether a realisation among others is to be integrated alone."""
+
+    def look(self, now: float, nodes: Sequence[Node], size: float, end: float, equations: Any) -> Course | None:
+        """How a realisation that is alone is to go on; None: as before."""
+
+    def reason(self, now: float, z: Array, parameters: Array) -> str:
+        """Why steps became too small, or nothing."""
+
+
 class Equations(Protocol):
     """Equations of motion of all rows, with a buffer for their states.
 
@@ -83,6 +141,8 @@ class Equations(Protocol):
         So far.
     state : array, shape (row, width)
         Where states are put before they are evaluated.
+    block : array, shape (row, parameter)
+        Parameters.
     """
 
     n: int
@@ -91,6 +151,7 @@ class Equations(Protocol):
     coupled: bool
     evaluations: int
     state: Array
+    block: Array
 
     def rate(self, time: float, out: Out) -> None:
         """Write the rates of ``self.state``."""
@@ -123,6 +184,8 @@ class LockStep:
         Asked every twentieth of the output times with the result so far; true: stop.
     longest : float
         Longest step, s.
+    guard : Watcher, optional
+        Of the rank; for rows that are not coupled.
 
     Attributes
     ----------
@@ -146,6 +209,7 @@ class LockStep:
         floor: Array,
         watch: Callable[[Array], bool] | None = None,
         longest: float = np.inf,
+        guard: Watcher | None = None,
     ) -> None:
         self.equations, self.times, self.rtol, self.floor = equations, times, rtol, floor
         self.stops = [*stops(breaks, times).tolist(), float(times[-1])]
@@ -158,7 +222,10 @@ class LockStep:
         self.failed: dict[int, str] = {}
         self.steps = 0
         self.watch, self.watched, self.stopped = watch, 0, False
-        self.longest = longest
+        self.longest, self.guard = longest, guard
+        self.nodes: deque[Node] = deque(maxlen=4)
+        self.steps_at_most = STEPS
+        self.least = float(np.min(floor)) ** 2 if np.size(floor) else 0.0
         self._allocate()
         self.tableau = _tableau()
         self.scaled = np.empty_like(self.tableau.a)
@@ -192,31 +259,49 @@ class LockStep:
         now = begin
         self._rate(now, self.z, 0)
         size = min(size or self._first_size(now, end), end - begin)
-        wanted, attempts, rejected = size, 0, False
+        wanted, attempts, rejected, refusals = size, 0, False, 0
+        self.nodes.clear()
+        self._remember(now)
         while now < end - eps and len(self.members) and not self.stopped:
-            size = min(wanted, end - now, self.longest)
+            size = min(wanted, end - now, self.longest, self.guard.limit if self.guard is not None else np.inf)
             if now + size > end - 0.1 * size:  # no tiny last step
                 size = end - now
             attempts += 1
             least = 1e-13 * max(abs(now), end - begin)
             error, new = self._attempt(now, size)
             worst = float(error.max()) if np.isfinite(error).all() else np.inf
-            if attempts > STEPS or size < least:
+            if attempts > self.steps_at_most or size < least:
                 self._leave(np.flatnonzero(~(error < min(worst, 1e300))), self._reason(now, size, attempts))
+                self.nodes.clear()
+                self._remember(now)
                 attempts, wanted = 0, max(size, 1e-6 * (end - begin))
                 self._rate(now, self.z, 0)
                 continue
             if worst >= 1.0:
                 factor = max(0.2, 0.9 * worst ** (-1 / ORDER)) if np.isfinite(worst) else 0.2
-                wanted, rejected = size * factor, True
+                wanted, rejected, refusals = size * factor, True, refusals + 1
+                if refusals % REFUSALS == 0:
+                    now = self._doubt(now, size, end, np.flatnonzero(~(error < 1.0)))[0]
                 continue
             surplus = self.equations.excess()
+            if self.guard is not None and len(far := self._far(surplus)):
+                now, void = self._doubt(now, size, end, far)
+                if void:
+                    wanted, refusals = size, 0
+                    continue
+            refusals = 0
             # now + size may miss the end by rounding
             self._write(now, size, end if size >= end - now else now + size)
             gone = self._judge(size, error, new)
             now = end if size >= end - now else now + size
             self._project(new, surplus)
             self.steps += 1
+            if self.guard is not None and self.guard.alert and now < end - eps:
+                self._settle(now)
+                self._remember(now)
+                now = self._doubt(now, size, end, np.zeros(1, dtype=np.int64))[0]
+            else:
+                self._remember(now)
             factor = min(5.0, 0.9 * max(worst, 1e-10) ** (-1 / ORDER))
             wanted, rejected = size * (min(1.0, factor) if rejected else factor), False
             # places change when somebody leaves: members are told apart by their numbers
@@ -225,6 +310,74 @@ class LockStep:
                 which = np.flatnonzero(np.isin(self.members, members))
                 self._leave(which, reason and f"{reason} at t = {now:.6g} s")
         return wanted
+
+    def _remember(self, now: float) -> None:
+        """Keep the state and its rate, for the guard."""
+        if self.guard is not None and len(self.members) == 1 and not self.equations.coupled:
+            self.nodes.append(Node(now, self.z[0].copy(), self.k[0, 0].copy()))
+
+    def _settle(self, now: float) -> None:
+        """Put the state on the constraints to rounding: next to a singular pose any residual is magnified."""
+        self.z = self.z.copy()
+        for _ in range(SETTLED):
+            self._rate(now, self.z, 0)
+            q, v = self.equations.excess()
+            self.z[:, : self.equations.n] -= q
+            self.z[:, self.equations.velocities :] -= v
+        self._rate(now, self.z, 0)
+
+    def _far(self, surplus: tuple[Array, Array]) -> Index:
+        """Members that a step has led far off the constraints."""
+        q, v = surplus
+        most = SURPLUS**2 * self.equations.moving
+        if np.einsum("kw,kw->", q, q) + np.einsum("kw,kw->", v, v) <= most * self.least:  # nobody can be
+            return np.zeros(0, dtype=np.int64)
+        scale = self.floor + self.rtol * np.abs(self.z)
+        n, velocities = self.equations.n, self.equations.velocities
+        off = self._squares(q / scale[:, :n]) + self._squares(v / scale[:, velocities:])
+        return np.flatnonzero(~(off <= most))
+
+    def _doubt(self, now: float, size: float, end: float, which: Index) -> tuple[float, bool]:
+        """Ask the guard about members in difficulties: the time from which to go on, and whether the step is void."""
+        if self.guard is None or not len(self.members):
+            return now, False
+        if len(self.members) > 1:
+            block = self.equations.block
+            near = [k for k in which.tolist() if self.guard.near(now, self.z[k], size, block[k])]
+            if near:
+                self._leave(np.array(near), "")
+                if len(self.members) == 1:
+                    self._remember(now)
+            return now, bool(near)
+        calm = not self.guard.alert
+        course = self.guard.look(now, self.nodes, size, end, self.equations)
+        if course is None:
+            return now, False
+        if course.reason:
+            self._leave(np.zeros(1, dtype=np.int64), course.reason)
+            return now, True
+        if course.equations is not None:
+            course.equations.evaluations += self.equations.evaluations
+            self.equations = course.equations
+            self._settle(now)
+            self.nodes.clear()
+        elif course.back and len(self.nodes) > 1:
+            self.nodes.pop()
+            node = self.nodes.pop()
+            now, self.z = node.time, node.z[None].copy()
+        elif course.state is not None and course.curve is not None:
+            inside = np.flatnonzero((self.times > now) & (self.times <= course.time))
+            self.result[self.rows[0], inside] = course.curve(self.times[inside]) if len(inside) else 0.0
+            now, self.z = course.time, course.state[None].copy()
+            self.nodes.clear()
+        elif calm and self.guard.alert:
+            self._settle(now)
+            self.nodes.pop()
+        else:
+            return now, self.guard.limit < size
+        self._rate(now, self.z, 0)
+        self._remember(now)
+        return self._doubt(now, size, end, which)[0] if course.back else now, True
 
     def _rate(self, time: float, z: Array, stage: int) -> None:
         self.equations.state[:] = z
@@ -335,7 +488,6 @@ class LockStep:
         self.members, self.stiff, self.slow = self.members[stay], self.stiff[stay], self.slow[stay]
         if self.equations.coupled:
             return
-        self.result[self.rows[which]] = np.nan
         self.equations.keep(stay)
         self.rows, self.z, self.floor = self.rows[stay], self.z[stay], self.floor[stay]
         first = self.k[0, stay]
@@ -343,8 +495,12 @@ class LockStep:
         self.k[0] = first
 
     def _reason(self, now: float, size: float, attempts: int) -> str:
-        if attempts > STEPS:
-            return f"the integration stopped at t = {now:.6g} s: more than {STEPS} steps"
+        if self.guard is not None and len(self.members) == 1:
+            found = self.guard.reason(now, self.z[0], self.equations.block[0])
+            if found:
+                return found
+        if attempts > self.steps_at_most:
+            return f"the integration stopped at t = {now:.6g} s: more than {self.steps_at_most} steps"
         return (
             f"the integration stopped at t = {now:.6g} s: the step size fell to {size:.1g} s; probably a singular "
             "pose, a stop or an impact, or a force that jumps"

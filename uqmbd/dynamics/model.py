@@ -152,6 +152,8 @@ class Model:
     breaks: Index
     positive: tuple[tuple[str, int], ...]
     evaluators: dict[str, Evaluator] = field(repr=False)
+    events: tuple[tuple[str, str, int], ...] = ()
+    """Component and label of each event, and in how many directions velocities jump, the normal one first; 0: none."""
     rough: bool = False
     """Whether a force has corners in the state (contact, stops, friction): long steps could step over them."""
     digest: str = ""
@@ -192,7 +194,7 @@ def place(instances: list[Instance], order: dict[str, int], kept: Index | None =
     number = np.full(total, -1, dtype=np.int64)
     kept = np.arange(total) if kept is None else kept
     number[kept] = np.arange(len(kept))
-    rows = states = cosines = parameters = 0
+    rows = states = cosines = parameters = events = directions = 0
     placements = []
     for instance in instances:
         block = instance.type
@@ -202,6 +204,7 @@ def place(instances: list[Instance], order: dict[str, int], kept: Index | None =
         state = np.arange(states, states + len(block.states))
         multipliers = number[row]
         one = np.zeros(1, dtype=np.int64)
+        along = sum(len(e.directions) for e in block.events)
         placements.append(
             Placement(
                 {
@@ -218,12 +221,15 @@ def place(instances: list[Instance], order: dict[str, int], kept: Index | None =
                     "row": row,
                     "state": state,
                     "cos": np.arange(cosines, cosines + len(block.cosines)),
+                    "event": np.arange(events, events + len(block.events)),
+                    "direction": np.arange(directions, directions + along),
                 },  # fmt: skip
                 np.arange(parameters, parameters + block.parameters),
             )
         )
         rows, states = rows + len(block.constraints), states + len(block.states)
         cosines, parameters = cosines + len(block.cosines), parameters + block.parameters
+        events, directions = events + len(block.events), directions + along
     return placements
 
 

@@ -1,4 +1,4 @@
-"""The index-1 systems at the nodes of a projection, with right-hand sides of any kind: compiled, or by LAPACK."""
+"""The index-1 systems at the nodes of a projection, with right-hand sides of any kind: compiled, or factorised."""
 
 from __future__ import annotations
 
@@ -7,11 +7,20 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from uqmbd.dynamics.index1 import System
+from uqmbd.dynamics.index1 import DENSE_LIMIT, System
 from uqmbd.dynamics.model import Model
-from uqmbd.dynamics.straightline import defect_kernel, straight_line
+from uqmbd.dynamics.sparse import Factors
+from uqmbd.dynamics.straightline import StraightLine, defect_kernel, straight_line
 
-__all__ = ["CompiledSystems", "LapackSystems", "NodalSystems", "nodal_systems", "right_sides"]
+__all__ = [
+    "CompiledSystems",
+    "FrontalSystems",
+    "LapackSystems",
+    "NodalSystems",
+    "SparseSystems",
+    "nodal_systems",
+    "right_sides",
+]
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -50,13 +59,15 @@ class NodalSystems(Protocol):
 def nodal_systems(model: Model, count: int) -> NodalSystems:
     """Make the systems of `count` nodes: compiled where that is not too long."""
     system: System = model.system
-    if system.elimination is not None and system.solve is not None and system.project is not None:
+    if system.fronts is not None:
+        return FrontalSystems(model)
+    if system.elimination is not None and isinstance(system.solve, StraightLine) and system.project is not None:
         given, size = system.solve.given, system.size
         rights = given + np.arange(size)[None, :]
         code = straight_line(system.elimination, system.rows, system.columns, system.source, rights, given + size, size)
         if code is not None:
             return CompiledSystems(system, code, count)
-    return LapackSystems(model)
+    return SparseSystems(model) if system.size > DENSE_LIMIT else LapackSystems(model)
 
 
 def right_sides(model: Model, drift: Array) -> tuple[Array, Array]:
@@ -122,6 +133,77 @@ class CompiledSystems:
         return self.system.project(np.concatenate([self.values, drift], axis=1))
 
 
+class SparseSystems:
+    """Sparse factorisations, for large mechanisms whose elimination cannot be compiled."""
+
+    compiled = False
+
+    def __init__(self, model: Model) -> None:
+        self.model, self.system = model, model.system
+        self.values = np.zeros((0, 0))
+        self.factors = Factors((), np.zeros((0, 0)))
+        self.sides = _motion(model)
+
+    def place(self, values: Array) -> None:
+        """See `NodalSystems`."""
+        self.values = values
+        self.factors = self.system.pattern.factorise(values)
+
+    def motion(self) -> Array:
+        """See `NodalSystems`."""
+        return self.solve(self._right())
+
+    def solve(self, right: Array) -> Array:
+        """See `NodalSystems`."""
+        return self.factors.solve(right)
+
+    def apply(self, x: Array) -> Array:
+        """See `NodalSystems`."""
+        return -np.asarray(self.system.pattern.product(self.values, x))
+
+    def defect(self, x: Array) -> Array:
+        """See `NodalSystems`."""
+        return self._right() + self.apply(x)
+
+    def excess(self, drift: Array) -> Array:
+        """See `NodalSystems`."""
+        n = self.model.layout.coordinates
+        return np.concatenate([self.solve(side)[:, :n] for side in right_sides(self.model, drift)], axis=1)
+
+    def _right(self) -> Array:
+        return np.where(self.sides < 0, 0.0, self.values[:, self.sides])
+
+
+class FrontalSystems(SparseSystems):
+    """The model's own elimination by blocks."""
+
+    compiled = True
+
+    def place(self, values: Array) -> None:
+        """See `NodalSystems`."""
+        self.values = values
+
+    def solve(self, right: Array) -> Array:
+        """See `NodalSystems`."""
+        found: Array = self.system.fronts.solve(self.values, right)
+        return found
+
+
+def _motion(model: Model) -> Index:
+    """Which result of the ``acceleration`` evaluator each entry of the right-hand side is; -1: zero."""
+    layout = model.layout
+    sides = np.full(layout.coordinates + len(layout.kept), -1, dtype=np.int64)
+    number = np.full(layout.constraints, -1, dtype=np.int64)
+    number[layout.kept] = layout.coordinates + np.arange(len(layout.kept))
+    index = model.evaluators["acceleration"].index
+    for letter, place in (("force", np.arange(layout.coordinates)), ("gamma", number)):
+        if letter in index:
+            columns, (rows,) = index[letter]
+            used = place[rows] >= 0
+            sides[place[rows[used]]] = columns[used]
+    return sides
+
+
 class LapackSystems:
     """Dense inverses: for mechanisms whose elimination is too long to compile, at the starts of an integration."""
 
@@ -134,7 +216,7 @@ class LapackSystems:
 
     def place(self, values: Array) -> None:
         """See `NodalSystems`."""
-        system, layout = self.system, self.model.layout
+        system = self.system
         self.matrix = np.zeros((len(values), system.size, system.size))
         self.matrix[:, system.rows, system.columns] = values[:, system.source]
         # rows of light bodies are scaled up: the pivots see comparable numbers
@@ -144,15 +226,8 @@ class LapackSystems:
             self.inverse = np.linalg.inv(self.matrix / scale[:, :, None]) / scale[:, None, :]
         except np.linalg.LinAlgError:
             self.inverse = np.full_like(self.matrix, np.nan)
-        self.right = np.zeros((len(values), system.size))
-        number = np.full(layout.constraints, -1)
-        number[layout.kept] = layout.coordinates + np.arange(len(layout.kept))
-        index = self.model.evaluators["acceleration"].index
-        for letter, place in (("force", np.arange(layout.coordinates)), ("gamma", number)):
-            if letter in index:
-                columns, (rows,) = index[letter]
-                used = place[rows] >= 0
-                self.right[:, place[rows[used]]] = values[:, columns[used]]
+        sides = _motion(self.model)
+        self.right = np.where(sides < 0, 0.0, values[:, sides])
 
     def motion(self) -> Array:
         """See `NodalSystems`."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -47,7 +47,7 @@ class AngleCounter(Component):
 def angle_counters(mechanism: Mechanism) -> list[Component]:
     """Make a counter for every body whose angle is an output."""
     owners: dict[str, Body] = {}
-    for output in mechanism.outputs.values():
+    for output in (*mechanism.outputs.values(), *mechanism.scalars.values()):
         for symbol in output.expression.free_symbols:
             if isinstance(symbol, StateSymbol) and symbol.quantity == "angle":
                 owners[symbol.owner.name] = symbol.owner
@@ -77,6 +77,10 @@ class OutputMap:
         Which of them the integration makes continuous already.
     reference : array, shape (output,)
         Angles near which realisations start; see `uqmbd.dynamics.ensemble.referenced`.
+    not_unique : tuple of str
+        Names of the outputs that redundant constraints leave undetermined (some reactions).
+    directions : array of int
+        Directions of contacts whose forces are arguments too, the last ones.
     """
 
     names: tuple[str, ...]
@@ -87,10 +91,18 @@ class OutputMap:
     turns: Array
     counted: NDArray[np.bool_]
     reference: Array
+    not_unique: tuple[str, ...] = ()
+    directions: Index = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
 
-    def __call__(self, state: Array, inputs: Array, parameters: Array) -> Array:
-        """Evaluate at ``state = (q, s, v, a, lambda, t)``; all arguments have the same leading shape."""
-        arguments = np.concatenate([state, inputs, parameters[..., self.needed]], axis=-1)
+    def __call__(self, state: Array, inputs: Array, parameters: Array, forces: Array | None = None) -> Array:
+        """Evaluate at ``state = (q, s, v, a, lambda, t)``; all arguments have the same leading shape.
+
+        `forces` are those of contacts that last, in all directions; None: there are none.
+        """
+        pushes = np.zeros((*state.shape[:-1], len(self.directions)))
+        if forces is not None:
+            pushes = forces[..., self.directions]
+        arguments = np.concatenate([state, inputs, parameters[..., self.needed], pushes], axis=-1)
         return self.kernel(np.ascontiguousarray(arguments))
 
     def unwrap(self, response: Array) -> Array:
@@ -190,7 +202,7 @@ def output_map(
     wanted = [(h, kind, str(s)) for h, (kind, s) in holders.items()]
     width = 3 * n + k + m + 1
 
-    def make() -> tuple[Kernel, Index, bool]:
+    def make() -> tuple[Kernel, Index, bool, Index]:
         import symengine as se
 
         swap = {
@@ -201,16 +213,18 @@ def output_map(
         names = {str(s) for e in expressions for s in e.free_symbols}
         needed = sorted(int(x[2:]) for x in names if x.startswith("_g"))
         late = any(x.startswith("_y") and start["a"] <= int(x[2:]) < start["t"] for x in names)
+        pushes = sorted(int(x[2:]) for x in names if x.startswith("_w"))
         arguments = [se.Symbol(f"_y{c}") for c in range(width)] + [se.Symbol(f"_x{c}") for c in range(len(inputs))]
-        arguments += [se.Symbol(f"_g{c}") for c in needed]
-        return compile_kernel(arguments, expressions), np.array(needed, dtype=np.int64), late
+        arguments += [se.Symbol(f"_g{c}") for c in needed] + [se.Symbol(f"_w{c}") for c in pushes]
+        kernel = compile_kernel(arguments, expressions)
+        return kernel, np.array(needed, dtype=np.int64), late or bool(pushes), np.array(pushes, dtype=np.int64)
 
-    key = ("outputs", width, len(inputs), layout, wanted, sympy.srepr(sympy.Tuple(*local)))
-    kernel, needed, late = cached(key, make)
+    key = ("outputs with contacts", width, len(inputs), layout, wanted, sympy.srepr(sympy.Tuple(*local)))
+    kernel, needed, late, pushes = cached(key, make)
     turns = np.array([o.turn for o in outputs], dtype=float)
     counted = np.array([_counted(o.expression) for o in outputs], dtype=bool)
     names, units = tuple(o.name for o in outputs), tuple(o.units for o in outputs)
-    return OutputMap(names, units, late, kernel, needed, turns, counted, np.zeros(len(outputs)))
+    return OutputMap(names, units, late, kernel, needed, turns, counted, np.zeros(len(outputs)), directions=pushes)
 
 
 def _counted(expression: sympy.Expr) -> bool:
@@ -251,6 +265,7 @@ def _global(instance: Instance, place: Placement, column: Any) -> dict[Any, Any]
     for letter, symbols in (("q", derived.q), ("s", derived.s), ("v", derived.v)):
         swap |= {x: se.Symbol(column(letter, int(g))) for x, g in zip(symbols, place.letters[letter], strict=True)}
     swap |= {x: se.Symbol(column("l", int(g))) for x, g in zip(derived.l, place.letters["row"], strict=True)}
+    swap |= {x: se.Symbol(f"_w{int(g)}") for x, g in zip(derived.f, place.letters["direction"], strict=True)}
     return swap | {x: se.Symbol(f"_g{int(g)}") for x, g in zip(derived.p, place.parameters, strict=True)}
 
 

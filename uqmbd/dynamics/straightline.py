@@ -17,7 +17,17 @@ from numpy.typing import NDArray
 from uqmbd.dynamics.elimination import Elimination
 from uqmbd.dynamics.kernels import Kernel, cached, straight_line_kernel
 
-__all__ = ["LIMIT", "StraightLine", "defect_kernel", "residual_kernel", "straight_line"]
+__all__ = [
+    "LIMIT",
+    "Operation",
+    "StraightLine",
+    "defect_kernel",
+    "eliminated",
+    "residual_kernel",
+    "stage_kernel",
+    "straight_line",
+    "worth_while",
+]
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -118,8 +128,8 @@ def straight_line(
     wanted : int
         The first so many unknowns are wanted.
     """
-    operations, solution = _operations(elimination, rows, columns, entries, rights, given, wanted)
-    if len(operations) > LIMIT:
+    operations, solution = eliminated(elimination, rows, columns, entries, rights, given, wanted)
+    if not worth_while(operations):
         return None
     key = (
         "straight line",
@@ -135,6 +145,11 @@ def straight_line(
     )
     stages: tuple[_Stage, ...] = cached(key, lambda: _compiled(operations, given, solution))
     return StraightLine(given, given + len(operations), stages, np.array(solution, dtype=np.int64))
+
+
+def worth_while(operations: list[Operation]) -> bool:
+    """Whether operations are not too many to be compiled."""
+    return len(operations) <= LIMIT
 
 
 def residual_kernel(rows: Index, columns: Index, entries: Index, right: Index, given: int) -> Kernel:
@@ -183,10 +198,18 @@ Operation = tuple[str, int, int, int]
 """Inverse ``1 / a``, product ``a b``, difference ``a - b c`` (without a: ``- b c``), of values by number."""
 
 
-def _operations(
+def eliminated(
     elimination: Elimination, rows: Index, columns: Index, entries: Index, rights: Index, given: int, wanted: int
 ) -> tuple[list[Operation], list[int]]:
-    """Write the elimination down; each operation makes one new value, numbered after the given ones."""
+    """Write an elimination down; the arguments are those of `straight_line`.
+
+    Returns
+    -------
+    operations : list of Operation
+        Each makes one new value, numbered after the given ones.
+    solution : list of int
+        Numbers of the wanted unknowns, of one right-hand side after the other.
+    """
     slots = elimination.slots
     value: dict[int, int] = {}
     operations: list[Operation] = []
@@ -262,6 +285,11 @@ def _edges(operations: list[Operation], first: int) -> list[int]:
             total = 1 + len(operands)
         size[first + k] = total
     return [*edges, len(operations)]
+
+
+def stage_kernel(operations: list[Operation], given: int, writes: list[int]) -> Kernel:
+    """Compile operations that read all given values and make those of numbers `writes`."""
+    return _stage(operations, given, 0, list(range(given)), writes).kernel
 
 
 def _stage(part: list[Operation], first: int, begin: int, reads: list[int], writes: list[int]) -> _Stage:

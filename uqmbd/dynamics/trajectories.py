@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 
 import numpy as np
@@ -30,6 +31,12 @@ class Counters:
         Accepted steps of the explicit integrator.
     stiff : int
         Realisations that the explicit integrator left to IDA.
+    passages : int
+        Singular poses that were passed over.
+    repivots : int
+        Times that other equations were chosen as the independent ones.
+    events : int
+        Impacts and other events.
     seconds : float
         Wall time.
     """
@@ -41,6 +48,9 @@ class Counters:
     accelerations: int = 0
     steps: int = 0
     stiff: int = 0
+    passages: int = 0
+    repivots: int = 0
+    events: int = 0
     seconds: float = 0.0
 
     def __add__(self, other: Counters) -> Counters:
@@ -62,12 +72,18 @@ class Trajectories:
         Reason of failure of each realisation, or empty.
     counters : Counters
         Cost.
+    scalars : mapping of str to array, shape (K,)
+        Numbers that the motion yields once, as times of events, by name; NaN where a realisation has none.
+    notes : tuple of str
+        What was changed on the way: choices of other independent equations.
     """
 
     times: Array
     states: Array
     messages: tuple[str, ...]
     counters: Counters = field(default_factory=Counters)
+    scalars: Mapping[str, Array] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -82,11 +98,17 @@ class Solved:
         Reason of failure of each, or empty.
     counters : Counters
         Cost.
+    final : tuple of bool
+        Of each: the mechanism itself cannot go on, so that no other integrator could; empty: not known.
+    notes : tuple of str
+        What was changed on the way.
     """
 
     states: Array
     messages: tuple[str, ...]
     counters: Counters
+    final: tuple[bool, ...] = ()
+    notes: tuple[str, ...] = ()
 
 
 def stops(breaks: Array, times: Array) -> Array:

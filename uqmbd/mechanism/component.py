@@ -14,6 +14,7 @@ from uqmbd.mechanism.frame import Frame
 from uqmbd.mechanism.geometry import relative_quaternion
 from uqmbd.mechanism.numbers import flatten
 from uqmbd.mechanism.reaction import PlaneReaction, ReactionSymbol
+from uqmbd.mechanism.scalars import MotionSymbol
 from uqmbd.mechanism.space import Planar, Space, Spatial, Translational
 from uqmbd.mechanism.world import KEYWORDS, replaced
 from uqmbd.names import check_name
@@ -25,6 +26,8 @@ __all__ = [
     "Auxiliary",
     "Component",
     "Constraint",
+    "Event",
+    "Impact",
     "Kinetic",
     "Local",
     "Parameter",
@@ -109,7 +112,51 @@ class Upright:
     label: str = "axis"
 
 
-Term = Kinetic | Potential | VirtualWork | Constraint | Auxiliary | Upright
+@dataclass(frozen=True)
+class Impact:
+    """How velocities jump where bodies hit each other: Newton's law of restitution, with Coulomb friction.
+
+    Parameters
+    ----------
+    speed : expression
+        Rate at which the gap opens, m/s (``p.rate_of(gap)``), linear in the velocities; after the impact it is
+        ``-restitution`` times what it was.
+    restitution : expression
+        From 0 (they stay together) to 1.
+    sliding : expression, or vector of them
+        Relative velocity along the surface, m/s, linear in the velocities; may be left out without friction.
+    friction : expression
+        Coefficient of friction, of the impulses and of the forces where bodies stay in contact.
+    """
+
+    speed: Any
+    restitution: Any = 0
+    sliding: Any = ()
+    friction: Any = 0
+
+
+@dataclass(frozen=True)
+class Event:
+    """What happens where an expression falls through zero.
+
+    The time is found, and is available to outputs as `Component.event_time`.
+
+    Parameters
+    ----------
+    guard : expression
+        In coordinates, velocities, states and time; of an impact the gap, m.
+    jump : Impact, optional
+        None: nothing happens, the time is only noted.
+    label : str
+        What it is called.
+    """
+
+    guard: Any
+    jump: Impact | None = None
+    label: str = "impact"
+
+
+Term = Kinetic | Potential | VirtualWork | Constraint | Auxiliary | Upright | Event
 
 _REQUIRED: Any = type("Required", (), {"__repr__": lambda self: "required"})()
 
@@ -171,6 +218,10 @@ class Parameter:
         return 0 if self.kind == "option" else 1
 
 
+RESERVED = frozenset({"let", "rate_of", "space", "state", "states", "time", "quantities"})
+"""Names of `Local` that parameters would hide."""
+
+
 class Quantity(sympy.Dummy):
     """Symbol of a named quantity, see `Local.let`; SymPy must not differentiate past it."""
 
@@ -185,7 +236,7 @@ class Quantity(sympy.Dummy):
         if s not in self.contains:
             return super()._eval_derivative_n_times(s, n)
         raise TypeError(
-            f"{self.name!r} is a quantity made by let(), whose derivative is not known here; use rate() "
+            f"{self.name!r} is a quantity made by let(), whose derivative is not known here; use rate_of() "
             "for its rate in time, or differentiate the expression before it is given to let()."
         )
 
@@ -238,7 +289,7 @@ class Local:
         """
         return self._named(name, expression, "value")
 
-    def rate(self, expression: Any) -> Any:  # noqa: ANN401 - an expression, or a column of them
+    def rate_of(self, expression: Any) -> Any:  # noqa: ANN401 - an expression, or a column of them
         """Rate in time of an expression, or of a vector of them, in coordinates, states, time and quantities.
 
         Returns
@@ -348,6 +399,11 @@ class Component:
 
     def __init_subclass__(cls, **keywords: Any) -> None:
         super().__init_subclass__(**keywords)
+        if hidden := sorted(RESERVED & cls.parameters().keys()):
+            raise StudyError(
+                f"{cls.__name__}: a parameter cannot be called {hidden[0]!r}: p.{hidden[0]} of terms() "
+                "is something else; take another name."
+            )
         kind = inspect.Parameter.POSITIONAL_OR_KEYWORD
         parts = [inspect.Parameter(n, kind) for n in ("name", *cls.bodies) if n not in cls.grounded]
         rest = sorted(cls.parameters().items(), key=lambda item: not item[1].required)
@@ -393,6 +449,23 @@ class Component:
             return PlaneReaction(self, "reaction_moment", 0)
         return tuple(ReactionSymbol(self, "reaction_moment", k) for k in range(3))
 
+    def event_time(self, label: str, number: int = 1) -> sympy.Symbol:
+        """Time of an event, s, for outputs without a time.
+
+        Parameters
+        ----------
+        label : str
+            That of the `Event` ("impact"); an impact has "rest" (bodies stay in contact), "lift-off", "stick" and
+            "slip" too.
+        number : int
+            1: the first.  A realisation in which it does not happen until the last output time has none.
+        """
+        if isinstance(number, bool) or not isinstance(number, int) or number < 1:
+            raise StudyError(
+                f"{type(self).__name__} {self.name!r}: event_time({label!r}, {number!r}): events are counted from 1."
+            )
+        return MotionSymbol(event_name(self.name, label, number))
+
     def drawn_quaternion(self, body_i: str = "body_i", body_j: str = "body_j") -> tuple[sympy.Expr, ...]:
         """Quaternion of one body relative to another in the drawn pose, ``conj(e_i) e_j``, for `prepare`."""
         return relative_quaternion(*(_drawn(self.attached[b]) for b in (body_i, body_j)))
@@ -424,6 +497,11 @@ class Component:
     def __repr__(self) -> str:
         where = ", ".join(getattr(self.attached[b], "name", repr(self.attached[b])) for b in self.bodies)
         return f"<{type(self).__name__} {self.name!r}: {where}>"
+
+
+def event_name(component: str, label: str, number: int) -> str:
+    """Name of the time of an event among what a motion yields."""
+    return f"{component}: {label} {number}"
 
 
 def _drawn(body: Any) -> tuple[sympy.Expr, ...]:

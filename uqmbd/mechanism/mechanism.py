@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import math
 from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass
@@ -15,6 +16,7 @@ from uqmbd.mechanism.component import Component
 from uqmbd.mechanism.frame import Frame
 from uqmbd.mechanism.numbers import flatten, numbers, random_variables, shown
 from uqmbd.mechanism.rigid_body import inertia_entries, mass_number, orientation
+from uqmbd.mechanism.scalars import check_scalar, is_scalar
 from uqmbd.mechanism.space import Space
 from uqmbd.mechanism.symbols import require_known
 from uqmbd.mechanism.values import settle
@@ -73,6 +75,8 @@ class Mechanism:
         self.space = space
         self.ground = Ground(space)
         self.outputs: dict[str, Output] = {}
+        self.scalars: dict[str, Output] = {}
+        """Outputs without a time."""
         self._memory: dict[Hashable, tuple[tuple[int, ...], Any]] = {}
 
     def body(
@@ -230,7 +234,9 @@ class Mechanism:
         name : str
             What appears in data, plots and messages.
         expression : SymPy expression
-            In positions, velocities, accelerations, reactions, random variables and `uqmbd.t`.
+            In positions, velocities, accelerations, reactions, random variables and `uqmbd.t`; or, for an output that
+            has one value per realisation and no time, in `uqmbd.eigenfrequency`, `uqmbd.damping_ratio`,
+            `uqmbd.at_equilibrium` and random variables.
         units : str
             Its units.
         angle : bool
@@ -253,7 +259,7 @@ class Mechanism:
         [0.0, 2.0, 4.0, 6.0]
         """
         where = f"output {check_name(name, 'output')!r}"
-        if name in self.outputs:
+        if name in self.outputs or name in self.scalars:
             raise StudyError(f"{where}: there is an output of that name already; every output needs its own.")
         value = _scalar(where, expression)
         if not value.free_symbols:
@@ -270,6 +276,12 @@ class Mechanism:
                 f"{where}: it is declared an angle, and its units are {units!r}; expected 'rad' or 'deg', which say "
                 "how long a turn is. State the units, or leave angle=True out."
             )
+        if is_scalar(value):
+            check_scalar(where, value)
+            if angle:
+                raise StudyError(f"{where}: it has no time over which to unwrap an angle; leave angle=True out.")
+            self.scalars[name] = Output(name, value, units)
+            return
         self.outputs[name] = Output(name, value, units, TURNS[units] if angle else 0.0)
 
     def remembered(self, key: Hashable, make: Callable[[], T]) -> T:
@@ -282,7 +294,7 @@ class Mechanism:
         make : callable
             Makes it.
         """
-        revision = (len(self.bodies), len(self.components), len(self.outputs))
+        revision = (len(self.bodies), len(self.components), len(self.outputs), len(self.scalars))
         known = self._memory.get(key)
         if known is None or known[0] != revision:
             known = (revision, make())
@@ -306,7 +318,7 @@ class Mechanism:
     def _used(self) -> set[RandomVariable]:
         values: list[Any] = [value for c in self.all_components() for value in c.values.values()]
         values += [part for b in self.bodies.values() for part in (b.pose.q, b.pose.velocity, b.pose.angular_velocity)]
-        values += [output.expression for output in self.outputs.values()]
+        values += [output.expression for output in (*self.outputs.values(), *self.scalars.values())]
         values.append(self.space.gravity)
         return {variable for value in values for variable in random_variables(value)}
 
@@ -350,10 +362,23 @@ class Mechanism:
                 f"at least one must be a body. {known}"
             )
 
+    def _repr_html_(self) -> str:
+        """Tables and a picture, for notebooks."""
+        # by its name: what is described does not depend on how it is shown
+        html: str = importlib.import_module("uqmbd.report.notebook").mechanism_html(self)
+        return html
+
+    def __copy__(self) -> Mechanism:
+        """Copy what it consists of, so that the copy may have other outputs; bodies and components are shared."""
+        other = object.__new__(type(self))
+        kept = {k: dict(v) if isinstance(v, dict) else v for k, v in vars(self).items()}
+        other.__dict__.update({**kept, "_memory": {}})
+        return other
+
     def __repr__(self) -> str:
         return (
             f"<mechanism {self.name!r}: {len(self.bodies)} bodies, {len(self.components)} components, "
-            f"{len(self.outputs)} outputs>"
+            f"{len(self.outputs) + len(self.scalars)} outputs>"
         )
 
 

@@ -12,6 +12,7 @@ from uqmbd.mechanism.body import Body, StateSymbol
 from uqmbd.mechanism.component import Component
 from uqmbd.mechanism.numbers import flatten
 from uqmbd.mechanism.reaction import ReactionSymbol
+from uqmbd.mechanism.scalars import ScalarSymbol, is_scalar
 from uqmbd.mechanism.time import t
 from uqmbd.randomness import RandomVariable
 
@@ -45,9 +46,14 @@ def require_known(mechanism: Mechanism, where: str, value: Any, scope: Scope) ->
     uqmbd.StudyError
         Naming the symbol, and what may stand there.
     """
+    for part in flatten(value) if scope != "output" else ():
+        if is_scalar(part):
+            raise StudyError(
+                f"{where}: it contains {part}, which is computed from the mechanism; it can only be an output."
+            )
     symbols = {s for part in flatten(value) if isinstance(part, sympy.Basic) for s in part.free_symbols}
     for symbol in sorted(symbols, key=str):
-        if isinstance(symbol, RandomVariable):
+        if isinstance(symbol, (RandomVariable, ScalarSymbol)):
             continue
         if isinstance(symbol, StateSymbol):
             _require_member(mechanism.bodies, symbol.owner, mechanism, f"{where}: it contains {symbol}")

@@ -3,19 +3,26 @@
 from __future__ import annotations
 
 from uqmbd.propagation.deterministic import simulate
+from uqmbd.propagation.elements import ElementLimits, ElementRefinement, refine_elements
 from uqmbd.propagation.equilibrium import eigenfrequencies, static_equilibrium
-from uqmbd.propagation.problem import Problem, Realisations
+from uqmbd.propagation.histories import History
+from uqmbd.propagation.problem import Problem
 from uqmbd.propagation.progress import Progress
 from uqmbd.propagation.propagator import Propagator
+from uqmbd.propagation.realisations import Realisations
 from uqmbd.propagation.study import Study
 
 __all__ = [
+    "ElementLimits",
+    "ElementRefinement",
+    "History",
     "Problem",
     "Progress",
     "Propagator",
     "Realisations",
     "Study",
     "eigenfrequencies",
+    "refine_elements",
     "simulate",
     "static_equilibrium",
 ]

@@ -10,9 +10,11 @@ import shutil
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from uqmbd.dynamics import ScalarValues
 from uqmbd.propagation.chunks import Chunk
 
 __all__ = ["Checkpoint", "clear"]
@@ -45,7 +47,11 @@ class Checkpoint:
         try:
             with np.load(self.place / f"{key}.npz", allow_pickle=False) as data:
                 extra = json.loads(str(data["extra"]))
-                return Chunk(data["response"], data["status"], tuple(extra["messages"]), extra["counters"])
+                scalars = None
+                if "scalars" in data:
+                    reasons = tuple(extra["scalar_messages"])
+                    scalars = ScalarValues(data["scalars"], data["scalar_status"], reasons)
+                return Chunk(data["response"], data["status"], tuple(extra["messages"]), extra["counters"], scalars)
         except (OSError, ValueError, KeyError, EOFError):
             return None
         except Exception as error:  # noqa: BLE001 - zipfile has exceptions of its own for damage
@@ -56,9 +62,14 @@ class Checkpoint:
     def save(self, key: str, chunk: Chunk) -> None:
         """Write a finished chunk; it is there as a whole or not at all."""
         self.place.mkdir(parents=True, exist_ok=True)
-        extra = json.dumps({"messages": chunk.messages, "counters": chunk.counters})
+        about: dict[str, Any] = {"messages": chunk.messages, "counters": chunk.counters}
+        arrays: dict[str, Any] = {"response": chunk.response, "status": chunk.status}
+        if chunk.scalars is not None:
+            about["scalar_messages"] = chunk.scalars.messages
+            arrays |= {"scalars": chunk.scalars.values, "scalar_status": chunk.scalars.status}
+        extra = json.dumps(about)
         with tempfile.NamedTemporaryFile(dir=self.place, suffix=".part", delete=False) as file:
-            np.savez(file, response=chunk.response, status=chunk.status, extra=np.array(extra))
+            np.savez(file, extra=np.array(extra), **arrays)
         os.replace(file.name, self.place / f"{key}.npz")
 
 

@@ -4,15 +4,24 @@ from __future__ import annotations
 
 import pickle
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import lru_cache, partial
 
 import numpy as np
 from numpy.typing import NDArray
 
-from uqmbd.dynamics import INTEGRATORS, Ensemble, Model, Trajectories, integrate
+from uqmbd.dynamics import INTEGRATORS, Ensemble, Model, ScalarValues, Trajectories, integrate, scalars_of
 
-__all__ = ["ASSEMBLY_FAILED", "CHUNK", "INTEGRATION_FAILED", "OK", "Chunk", "compute_chunk", "integrator_of"]
+__all__ = [
+    "ASSEMBLY_FAILED",
+    "CHUNK",
+    "INTEGRATION_FAILED",
+    "OK",
+    "Chunk",
+    "compute_chunk",
+    "integrator_of",
+    "model_of",
+]
 
 Array = NDArray[np.float64]
 
@@ -36,12 +45,22 @@ class Chunk:
         Reasons.
     counters : dict
         Solver counters.
+    scalars : ScalarValues, optional
+        Outputs without a time, where the mechanism has some.
     """
 
     response: Array
     status: NDArray[np.int64]
     messages: tuple[str, ...]
     counters: dict[str, float]
+    scalars: ScalarValues | None = None
+
+    def timeless(self) -> Chunk:
+        """Return the chunk in which outputs without a time are those at a single time."""
+        found = self.scalars
+        if found is None:
+            raise ValueError("no scalars")
+        return Chunk(found.values[:, :, None], found.status, found.messages, {})
 
 
 def integrator_of(name: str) -> Callable[[Ensemble, Array, float], Trajectories]:
@@ -55,12 +74,15 @@ def integrator_of(name: str) -> Callable[[Ensemble, Array, float], Trajectories]
 
 
 @lru_cache(maxsize=4)
-def _model(data: bytes) -> Model:
+def model_of(data: bytes) -> Model:
+    """Return the model that was pickled; the last few are kept."""
     model: Model = pickle.loads(data)  # noqa: S301 - made by the same program
     return model
 
 
-def compute_chunk(data: bytes, values: Array, times: Array, rtol: float, integrator: str = "auto") -> Chunk:
+def compute_chunk(
+    data: bytes, values: Array, times: Array, rtol: float, integrator: str = "auto", timeless: bool = False
+) -> Chunk:
     """Assemble, integrate and observe some realisations.
 
     Parameters
@@ -75,13 +97,19 @@ def compute_chunk(data: bytes, values: Array, times: Array, rtol: float, integra
         Relative tolerance.
     integrator : str
         Name of the integrator.
+    timeless : bool
+        Whether outputs without a time are all that is wanted, as those at a single time; nothing is integrated then
+        unless they need it.
     """
     from threadpoolctl import threadpool_limits
 
-    model = _model(data)
+    model = model_of(data)
     # threads on blocks of some dozen rows cost a factor, and their number would change the last bits
     with threadpool_limits(limits=1):
         ensemble = Ensemble(model, values)
+        if timeless and not model.scalars.needs_motion:
+            found = scalars_of(ensemble)
+            return Chunk(found.values[:, :, None], found.status, found.messages, {})
         trajectories = integrator_of(integrator)(ensemble, times, rtol)
         status = np.zeros(len(values), dtype=np.int64)
         for k, message in enumerate(trajectories.messages):
@@ -91,4 +119,6 @@ def compute_chunk(data: bytes, values: Array, times: Array, rtol: float, integra
         good = np.flatnonzero(status == OK)
         if len(good):
             response[good] = ensemble.select(good).outputs(times, trajectories.states[good])
-    return Chunk(response, status, trajectories.messages, asdict(trajectories.counters))
+        scalars = None if model.scalars is None else scalars_of(ensemble, trajectories)
+    chunk = Chunk(response, status, trajectories.messages, asdict(trajectories.counters), scalars)
+    return replace(chunk.timeless(), counters=chunk.counters) if timeless else chunk

@@ -15,7 +15,7 @@ from uqmbd.propagation.options import check_integrator, check_rtol, check_start,
 if TYPE_CHECKING:
     import xarray as xr
 
-    from uqmbd.dynamics import Model
+    from uqmbd.dynamics import Ensemble, Model, Trajectories
     from uqmbd.mechanism import Mechanism
 
 __all__ = ["input_point", "observed_model", "simulate", "variables_of"]
@@ -51,7 +51,8 @@ def simulate(
     -------
     xarray.Dataset
         One variable for each output, with its units, over the dimension ``time``.  Angles are unwrapped, as in a
-        study, and have the length of a turn as an attribute.
+        study, and have the length of a turn as an attribute.  Outputs without a time have no dimension; where there are
+        no others, and statics tells them, nothing is integrated.
 
     Raises
     ------
@@ -84,6 +85,9 @@ def simulate(
     point = input_point(where, mechanism, values)
     model = observed_model(mechanism, float(grid[0]), start)
     ensemble = Ensemble(model, np.array([list(point.values())]))
+    if not model.outputs.names and not model.scalars.needs_motion:
+        still = {"mechanism": mechanism.name, "start": start}
+        return xr.Dataset(_scalars(mechanism, ensemble, None), attrs=still)
     trajectories = integrator_of(integrator)(ensemble, grid, rtol)
     if trajectories.messages[0]:
         message = f"mechanism {mechanism.name!r}: {trajectories.messages[0]}"
@@ -97,10 +101,29 @@ def simulate(
         "start": start,
         "residual_evaluations": counters.residuals,
         "jacobian_evaluations": counters.jacobians,
+        **not_unique_attribute(model),
     }
-    return xr.Dataset(
-        variables_of(model, response, "time"), coords={"time": ("time", grid, {"units": "s"})}, attrs=attrs
-    )
+    variables = variables_of(model, response, "time")
+    if model.scalars is not None:
+        variables |= _scalars(mechanism, ensemble, trajectories)
+    return xr.Dataset(variables, coords={"time": ("time", grid, {"units": "s"})}, attrs=attrs)
+
+
+def _scalars(mechanism: Mechanism, ensemble: Ensemble, trajectories: Trajectories | None) -> dict[str, tuple[Any, ...]]:
+    """Variables of the outputs without a time."""
+    from uqmbd.dynamics import scalars_of
+
+    found, seen = scalars_of(ensemble, trajectories), ensemble.model.scalars
+    if found.messages[0]:
+        raise AssemblyError(f"mechanism {mechanism.name!r}: {found.messages[0]}")
+    about = zip(seen.names, seen.units, found.values[0], strict=True)
+    return {name: ((), value, {"units": units}) for name, units, value in about}
+
+
+def not_unique_attribute(model: Model) -> dict[str, str]:
+    """Return the attribute that names outputs that redundant constraints leave undetermined, if there are any."""
+    names = model.outputs.not_unique
+    return {"not_unique": ", ".join(names)} if names else {}
 
 
 def variables_of(model: Model, response: Array, *dimensions: str) -> dict[str, tuple[Any, ...]]:
@@ -136,7 +159,7 @@ def observed_model(mechanism: Mechanism, time: float, start: str = "drawn") -> M
     from uqmbd.dynamics import build
     from uqmbd.dynamics.ensemble import referenced
 
-    if not mechanism.outputs:
+    if not (mechanism.outputs or mechanism.scalars):
         raise StudyError(
             f"mechanism {mechanism.name!r} has no outputs; say what to observe, "
             "e.g. mechanism.output('x', body.position[0], units='m')."

@@ -6,9 +6,9 @@ import hashlib
 import pickle
 import time as clock
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,11 +17,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uqmbd import __version__
-from uqmbd.dynamics import Ensemble, Model
+from uqmbd.dynamics import Ensemble, Model, ScalarValues
 from uqmbd.errors import StudyError
 from uqmbd.propagation.checkpoint import Checkpoint
 from uqmbd.propagation.chunks import CHUNK, Chunk, compute_chunk
+from uqmbd.propagation.deterministic import not_unique_attribute
+from uqmbd.propagation.histories import History, event_histories
 from uqmbd.propagation.progress import Progress, Silent
+from uqmbd.propagation.realisations import Realisations
+from uqmbd.propagation.tasks import Arrays, run_tasks
 from uqmbd.randomness import JointInput
 from uqmbd.results import InputInfo, Labels, OutputInfo, labels, propagator_node
 
@@ -36,47 +40,6 @@ Array = NDArray[np.float64]
 
 AHEAD = 64
 """Chunks that are computed or held ahead of the one that is wanted next."""
-
-
-@dataclass(frozen=True)
-class Realisations:
-    """Responses of a mechanism to given inputs.
-
-    Attributes
-    ----------
-    values : array, shape (K, input)
-        The inputs.
-    response : array, shape (K, output, time)
-        NaN where a realisation failed.
-    status : array of int, shape (K,)
-        0: fine; `uqmbd.results.STATUS_MEANINGS` names the others.
-    messages : tuple of str
-        Reason of each failure, else empty.
-    counters : dict
-        Solver counters, summed.
-    wall_time : float
-        s.
-    """
-
-    values: Array
-    response: Array
-    status: NDArray[np.int64]
-    messages: tuple[str, ...]
-    counters: dict[str, float]
-    wall_time: float
-
-    @property
-    def failures(self) -> int:
-        """How many failed."""
-        return int(np.count_nonzero(self.status))
-
-    def most_frequent_reason(self) -> str:
-        """Return the reason that most failures share (numbers aside), in its first wording."""
-        reasons = [m for m in self.messages if m]
-        if not reasons:
-            return ""
-        shapes = ["".join(c for c in m if not c.isdigit()) for m in reasons]
-        return reasons[shapes.index(Counter(shapes).most_common(1)[0][0])]
 
 
 @dataclass(frozen=True)
@@ -95,6 +58,9 @@ class Problem:
         Relative tolerance of the integration.
     integrator : str
         Name of the integrator.
+    over : array, optional
+        Given where the outputs are those without a time (`timeless`): the times of the study.  `times` is then its
+        first time only, at which these outputs stand.
     """
 
     study: str
@@ -108,17 +74,37 @@ class Problem:
     executor: Executor | None = field(default=None, repr=False)
     progress: Progress = field(default_factory=Silent, repr=False)
     checkpoint: Checkpoint | None = field(default=None, repr=False)
+    over: Array | None = field(default=None, repr=False)
+    known: dict[bytes, Chunk] = field(default_factory=dict, repr=False, compare=False)
+    """Outputs without a time that were computed beside the others, by the inputs."""
+
+    @property
+    def timeless(self) -> bool:
+        """Whether the outputs are those without a time, given as if at one time.
+
+        A method need not know: its results lose the dimension afterwards.  One that does not compute realisations (it
+        solves for all together) must compute realisations here.
+        """
+        return self.over is not None
+
+    def without_time(self) -> Problem:
+        """Return the problem of the outputs without a time; what is known of them is not computed again."""
+        label = f"{self.label}-scalars"
+        checkpoint = self.checkpoint and replace(self.checkpoint, label=label)
+        return replace(self, label=label, times=self.times[:1], over=self.times, checkpoint=checkpoint)
 
     @property
     def labels(self) -> Labels:
         """Names and units of outputs, inputs and times, for `uqmbd.results`."""
-        seen = self.model.outputs
-        outputs = [OutputInfo(*about) for about in zip(seen.names, seen.units, seen.turns.tolist(), strict=True)]
+        seen = self.model.scalars if self.timeless else self.model.outputs
+        turns = [0.0] * len(seen.names) if self.timeless else seen.turns.tolist()
+        outputs = [OutputInfo(*about) for about in zip(seen.names, seen.units, turns, strict=True)]
         variables = self.inputs.variables
         return labels(outputs, [InputInfo(v.name, v.units, v.description) for v in variables], self.times)
 
     @cached_property
     def _packed(self) -> bytes:
+        """The model, for workers."""
         return pickle.dumps(self.model)
 
     def ensemble(self, values: Array) -> Ensemble:
@@ -149,7 +135,8 @@ class Problem:
         counters: Counter[str] = Counter()
         for part in parts:
             counters.update(part.counters)
-        empty = np.zeros((0, len(self.model.outputs.names), len(self.times)))
+        empty = np.zeros((0, *self.labels.shape))
+        scalars = [p.scalars for p in parts if p.scalars is not None]
         return Realisations(
             self._checked(values),
             np.concatenate([empty, *(p.response for p in parts)]),
@@ -157,6 +144,7 @@ class Problem:
             tuple(m for p in parts for m in p.messages),
             dict(counters),
             clock.perf_counter() - begin,
+            ScalarValues.joined(scalars) if scalars else None,
         )
 
     def stream(self, values: Array) -> Iterator[Realisations]:
@@ -181,11 +169,40 @@ class Problem:
         for index, chunk in self._chunks(parts):
             now = clock.perf_counter()
             yield Realisations(
-                parts[index], chunk.response, chunk.status, chunk.messages, dict(chunk.counters), now - begin
+                parts[index],
+                chunk.response,
+                chunk.status,
+                chunk.messages,
+                dict(chunk.counters),
+                now - begin,
+                chunk.scalars,
             )
             begin = now
             self.progress.advance(self.label, len(chunk.status))
         self.progress.finish(self.label)
+
+    def run(self, function: Callable[..., Arrays], tasks: Sequence[tuple[Any, ...]]) -> Iterator[Arrays]:
+        """Do work that is not a row of realisations, on all workers, as a method that solves parts of its own does.
+
+        Parameters
+        ----------
+        function : callable
+            Of a module, so that it can be sent to a worker: from the model (as of :attr:`model`) and a task to arrays
+            by name, by arithmetic alone.
+        tasks : sequence of tuple
+            Further arguments; plain data.
+
+        Yields
+        ------
+        dict of str to numpy.ndarray
+            Of each task, in order; the same bits for any number of workers.  What an interrupted run had finished is
+            not done again.
+        """
+        return run_tasks(self._packed, self._fingerprint, self.executor, self.checkpoint, function, tasks)
+
+    def histories(self, values: Array, points: int, least: int = 1) -> list[History]:
+        """Follow realisations from event to event, for methods that expand event times; see `History`."""
+        return event_histories(self, self._checked(values), points, least)
 
     def _chunks(self, parts: list[Array]) -> Iterator[tuple[int, Chunk]]:
         """Finished chunks in order; each is stored as soon as it is finished."""
@@ -198,7 +215,7 @@ class Problem:
                     # some in reserve for every worker, but never all at once: results must not pile up
                     while submitted < len(parts) and len(running) + len(ready) < AHEAD:
                         index, submitted = submitted, submitted + 1
-                        found = self.checkpoint.load(self._key(parts[index])) if self.checkpoint else None
+                        found = self._found(parts[index])
                         if found is not None:
                             ready[index] = found
                         elif self.executor is None:
@@ -217,13 +234,26 @@ class Problem:
             for future in running:
                 future.cancel()
 
-    def _task(self, part: Array) -> tuple[bytes, Array, Array, float, str]:
-        return self._packed, part, self.times, self.rtol, self.integrator
+    def _task(self, part: Array) -> tuple[bytes, Array, Array, float, str, bool]:
+        times = self.times if self.over is None else self.over
+        return self._packed, part, times, self.rtol, self.integrator, self.timeless
+
+    def _found(self, part: Array) -> Chunk | None:
+        """Return a chunk that need not be computed."""
+        if self.timeless and (known := self.known.get(part.tobytes())) is not None:
+            return known
+        found = self.checkpoint.load(self._key(part)) if self.checkpoint else None
+        return None if found is None else self._noted(part, found)
+
+    def _noted(self, part: Array, chunk: Chunk) -> Chunk:
+        if chunk.scalars is not None:
+            self.known[part.tobytes()] = chunk.timeless()
+        return chunk
 
     def _keep(self, part: Array, chunk: Chunk) -> Chunk:
         if self.checkpoint:
             self.checkpoint.save(self._key(part), chunk)
-        return chunk
+        return self._noted(part, chunk)
 
     @property
     def folder(self) -> Path | None:
@@ -241,7 +271,8 @@ class Problem:
         """What the numbers of a chunk depend on besides its inputs: equations and outputs as symbols, and options."""
         model = self.model
         options = (self.rtol, self.integrator, model.start_at)
-        parts = (model.digest, self.inputs.names, *options, self.times.tobytes(), __version__)
+        times = (self.times.tobytes(),) if self.over is None else ("timeless", self.over.tobytes())
+        parts = (model.digest, self.inputs.names, *options, *times, __version__)
         turns = model.outputs.turns
         # angles start near those at the means
         angles = (turns.tobytes(), self.inputs.means.tobytes()) if turns.any() else ()
@@ -295,5 +326,5 @@ class Problem:
             options=options,
             solver_counters=counters,
             children=children,
-            attrs={"start": self.model.start_at, **(attrs or {})},
+            attrs={"start": self.model.start_at, **not_unique_attribute(self.model), **(attrs or {})},
         )

@@ -1,10 +1,16 @@
-"""Progress of long work, as the command line and notebooks show it."""
+"""Progress of long work, as the command line, scripts and notebooks show it."""
 
 from __future__ import annotations
 
-from typing import Protocol
+import importlib
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from html import escape
+from typing import Any, Protocol, TextIO
 
-__all__ = ["Progress", "Silent"]
+__all__ = ["Lines", "Notebook", "Progress", "Silent", "in_notebook", "seconds", "told"]
 
 
 class Progress(Protocol):
@@ -31,3 +37,158 @@ class Silent:
 
     def finish(self, label: str) -> None:
         """Say nothing."""
+
+
+def told(progress: Progress | bool | None) -> Progress:
+    """Return whom to tell: somebody, everybody (True), nobody (False), or who runs a notebook (None).
+
+    Examples
+    --------
+    >>> type(told(None)).__name__, type(told(True)).__name__, type(told(False)).__name__
+    ('Silent', 'Lines', 'Silent')
+    """
+    if progress is None or isinstance(progress, bool):
+        if progress is not False and in_notebook():
+            return Notebook()
+        return Lines(sys.stderr) if progress else Silent()
+    return progress
+
+
+def in_notebook() -> bool:
+    """Tell whether this is a notebook: an IPython with a kernel, not one on a terminal."""
+    shell = getattr(sys.modules.get("IPython"), "get_ipython", lambda: None)()
+    return getattr(shell, "kernel", None) is not None
+
+
+@dataclass
+class _Work:
+    total: int
+    begin: float
+    last: float
+    done: int = 0
+
+
+@dataclass
+class Lines:
+    """A line when something begins, one per interval, and one at its end: for log files.
+
+    Examples
+    --------
+    >>> import sys
+    >>> seconds = iter([0.0, 4.0, 12.0, 20.0])
+    >>> lines = Lines(sys.stdout, clock=lambda: next(seconds))
+    >>> lines.start("monte-carlo", 100)
+    monte-carlo: 0 of 100
+    >>> lines.advance("monte-carlo", 20)
+    >>> lines.advance("monte-carlo", 40)
+    monte-carlo: 60 of 100 (60 %) after 12 s, about 8 s left
+    >>> lines.finish("monte-carlo")
+    monte-carlo: done after 20 s
+    """
+
+    stream: TextIO
+    interval: float = 10.0
+    clock: Callable[[], float] = time.monotonic
+    works: dict[str, _Work] = field(default_factory=dict)
+
+    def start(self, label: str, total: int) -> None:
+        """Write that it begins."""
+        now = self.clock()
+        self.works[label] = _Work(total, begin=now, last=now)
+        self._write(f"{label}: 0 of {total}")
+
+    def advance(self, label: str, count: int = 1) -> None:
+        """Write how far it is, if the last line is old enough."""
+        work = self.works.get(label)
+        if work is None:
+            return
+        work.done += count
+        now = self.clock()
+        if now - work.last < self.interval:
+            return
+        work.last = now
+        spent = now - work.begin
+        left = spent / work.done * max(work.total - work.done, 0) if work.done else None
+        percent = f" ({100 * work.done / work.total:.0f} %)" if work.total else ""
+        ending = f", about {seconds(left)} left" if left is not None else ""
+        self._write(f"{label}: {work.done} of {work.total}{percent} after {seconds(spent)}{ending}")
+
+    def finish(self, label: str) -> None:
+        """Write that it is done."""
+        if label in self.works:
+            self._write(f"{label}: done after {seconds(self.clock() - self.works[label].begin)}")
+
+    def _write(self, text: str) -> None:
+        print(text, file=self.stream, flush=True)
+
+
+def seconds(value: float) -> str:
+    """Write a duration as one would say it.
+
+    >>> [seconds(value) for value in (0.123, 4.21, 75, 7320)]
+    ['0.1 s', '4.2 s', '1 min 15 s', '2 h 2 min']
+    """
+    if value < 60:
+        return f"{value:.0f} s" if value >= 10 or value == int(value) else f"{value:.1f} s"
+    minutes, rest = divmod(round(value), 60)
+    if minutes < 60:
+        return f"{minutes} min {rest} s"
+    return f"{minutes // 60} h {minutes % 60} min"
+
+
+@dataclass
+class Notebook:
+    """A bar for each label in the output of a notebook's cell, which changes in place.
+
+    Attributes
+    ----------
+    interval : float
+        Least time between two changes, s.
+    clock : callable
+        Time, s.
+    """
+
+    interval: float = 0.2
+    clock: Callable[[], float] = time.monotonic
+    works: dict[str, _Work] = field(default_factory=dict)
+    handles: dict[str, Any] = field(default_factory=dict)
+
+    def start(self, label: str, total: int) -> None:
+        """Show a bar; one of the same label starts again."""
+        now = self.clock()
+        self.works[label] = _Work(total, begin=now, last=now)
+        if label in self.handles:
+            self._show(label)
+        else:
+            display = importlib.import_module("IPython.display")
+            self.handles[label] = display.display(display.HTML(self._html(label)), display_id=True)
+
+    def advance(self, label: str, count: int = 1) -> None:
+        """Move the bar."""
+        work = self.works.get(label)
+        if work is None:
+            return
+        work.done += count
+        if self.clock() - work.last >= self.interval:
+            work.last = self.clock()
+            self._show(label)
+
+    def finish(self, label: str) -> None:
+        """Fill the bar and say how long it took."""
+        if label in self.works:
+            self.works[label].done = max(self.works[label].done, self.works[label].total)
+            self._show(label)
+
+    def _show(self, label: str) -> None:
+        html = importlib.import_module("IPython.display").HTML
+        if self.handles.get(label) is not None:
+            self.handles[label].update(html(self._html(label)))
+
+    def _html(self, label: str) -> str:
+        work = self.works[label]
+        spent = seconds(self.clock() - work.begin)
+        total = max(work.total, 1)
+        return (
+            f"<div>{escape(label)} <progress value='{min(work.done, total)}' max='{total}'></progress> "
+            f"{work.done} of {work.total}, {spent}</div>"
+        )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import importlib
 from collections.abc import Iterable, Sequence
 from concurrent.futures import Executor
 from functools import cached_property
@@ -15,8 +16,9 @@ from uqmbd.errors import StudyError
 from uqmbd.names import check_name
 from uqmbd.propagation.deterministic import observed_model
 from uqmbd.propagation.options import check_integrator, check_report_times, check_rtol, check_start, check_times
-from uqmbd.propagation.progress import Progress, Silent
+from uqmbd.propagation.progress import Progress, told
 from uqmbd.propagation.propagator import Propagator
+from uqmbd.propagation.scalars import propagated
 from uqmbd.propagation.workers import pool
 
 if TYPE_CHECKING:
@@ -140,7 +142,7 @@ class Study:
         self,
         propagator: Propagator,
         executor: Executor | None = None,
-        progress: Progress | None = None,
+        progress: Progress | bool | None = None,
         folder: Path | None = None,
     ) -> Problem:
         """Make the problem that a propagator is given."""
@@ -157,12 +159,12 @@ class Study:
             integrator=self.integrator,
             model=self.model,
             executor=executor,
-            progress=progress or Silent(),
+            progress=told(progress),
             checkpoint=Checkpoint(folder, propagator.node_name) if folder else None,
         )
 
     def propagate(
-        self, propagator: Propagator, workers: int | Executor = 1, progress: Progress | None = None
+        self, propagator: Propagator, workers: int | Executor = 1, progress: Progress | bool | None = None
     ) -> xr.DataTree:
         """Run one propagator, which need not be among those of the study.
 
@@ -173,14 +175,14 @@ class Study:
         """
         self._checked([propagator])
         with pool(workers) as executor:
-            return propagator.propagate(self.problem(propagator, executor, progress))
+            return propagated(propagator, self.problem(propagator, executor, progress))
 
     def run(
         self,
         workers: int | Executor = 1,
         *,
         only: Sequence[str] | None = None,
-        progress: Progress | None = None,
+        progress: Progress | bool | None = None,
         folder: Path | None = None,
         resume: bool = False,
     ) -> xr.DataTree:
@@ -192,8 +194,9 @@ class Study:
             Number of processes, or who does the work.  Results do not depend on it.
         only : sequence of str, optional
             Labels of the propagators to run; all by default.
-        progress : Progress, optional
-            Whom to tell.
+        progress : Progress or bool, optional
+            Whom to tell; True: lines on the standard error stream, in a notebook bars; False: nobody.  By default
+            only notebooks show something.
         folder : Path, optional
             Where to keep finished chunks while it runs.
         resume : bool
@@ -217,7 +220,7 @@ class Study:
         if folder and not resume:
             clear(folder)
         with pool(workers) as executor:
-            nodes = [p.propagate(self.problem(p, executor, progress, folder)) for p in chosen]
+            nodes = [propagated(p, self.problem(p, executor, progress, folder)) for p in chosen]
         shown = {"report_times": list(self.report_times)} if self.report_times else {}
         tree = study_tree(
             nodes,
@@ -229,6 +232,23 @@ class Study:
             clear(folder)
         return tree
 
+    def converge(
+        self,
+        propagators: Propagator | type[Propagator] | Sequence[Propagator | type[Propagator]],
+        *,
+        reference: xr.DataTree | Propagator | None = None,
+        workers: int | Executor = 1,
+        progress: Progress | None = None,
+        **levels: Sequence[Any],
+    ) -> xr.Dataset:
+        """Run methods over lists of orders or sample numbers, and compare errors with costs.
+
+        As ``study.converge(Collocation, order=[1, 2, 3, 4])``; see :func:`uqmbd.propagation.converge.converge`.
+        """
+        from uqmbd.propagation.converge import converge
+
+        return converge(self, propagators, reference=reference, workers=workers, progress=progress, **levels)
+
     def _chosen(self, only: Sequence[str]) -> tuple[Propagator, ...]:
         wanted = [only] if isinstance(only, str) else list(only)
         known = {p.node_name: p for p in self.propagators}
@@ -238,6 +258,12 @@ class Study:
                 f"study {self.name!r} has no propagator {unknown[0]!r}; its propagators are: {', '.join(known)}."
             )
         return tuple(p for label, p in known.items() if label in wanted)
+
+    def _repr_html_(self) -> str:
+        """Tables and a picture, for notebooks."""
+        # by its name: what is computed does not depend on how it is shown
+        html: str = importlib.import_module("uqmbd.report.notebook").study_html(self)
+        return html
 
     def __repr__(self) -> str:
         names = ", ".join(p.node_name for p in self.propagators) or "no propagators"

@@ -5,16 +5,19 @@ The only place that imports chaospy.
 
 from __future__ import annotations
 
+from uqmbd.randomness.elements import GermBox, located
 from uqmbd.randomness.germ import Germ
 from uqmbd.randomness.germspace import GermSpace
 from uqmbd.randomness.indexsets import index_set
 from uqmbd.randomness.joint import JointInput
 from uqmbd.randomness.quadrature import Quadrature, clenshaw_curtis, gauss_tensor, gram_error, monte_carlo_rule
 from uqmbd.randomness.sparse import combination_coefficients, smolyak, sparse_rule
+from uqmbd.randomness.truncation import truncated
 from uqmbd.randomness.variable import RandomVariable, random_vector, uniform_variable
 
 __all__ = [
     "Germ",
+    "GermBox",
     "GermSpace",
     "JointInput",
     "Quadrature",
@@ -24,9 +27,11 @@ __all__ = [
     "gauss_tensor",
     "gram_error",
     "index_set",
+    "located",
     "monte_carlo_rule",
     "random_vector",
     "smolyak",
     "sparse_rule",
+    "truncated",
     "uniform_variable",
 ]

@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+from uqmbd.report.animation import animate, motion, with_motion
 from uqmbd.report.figures import (
     bands,
     coefficient_decay,
     convergence,
     differences,
+    error_cost,
     failure_inputs,
     histograms,
     inputs,
+    mechanism,
     order_convergence,
+    poses,
     sobol_indices,
+    split_pattern,
     std_over_time,
     time_history_histogram,
     verification,
@@ -20,17 +25,24 @@ from uqmbd.report.html import Section, write_report
 
 __all__ = [
     "Section",
+    "animate",
     "bands",
     "coefficient_decay",
     "convergence",
     "differences",
+    "error_cost",
     "failure_inputs",
     "histograms",
     "inputs",
+    "mechanism",
+    "motion",
     "order_convergence",
+    "poses",
     "sobol_indices",
+    "split_pattern",
     "std_over_time",
     "time_history_histogram",
     "verification",
+    "with_motion",
     "write_report",
 ]

@@ -11,6 +11,7 @@ import xarray as xr
 
 from uqmbd.report.convergence import NORMAL_95, design_of
 from uqmbd.report.failures import failure_reasons, failure_words
+from uqmbd.report.scalars import scalar_differences, scalar_names
 from uqmbd.report.selection import automatic_times, runs_of
 from uqmbd.report.wording import format_count, format_duration, format_integer, format_number, minus
 
@@ -252,11 +253,12 @@ def report_times(tree: xr.DataTree) -> list[float] | None:
 def summary(tree: xr.DataTree, nodes: Mapping[str, xr.DataTree]) -> list[str]:
     """Describe the study in a few sentences."""
     rows, names = input_rows(nodes), output_names(nodes)
+    count = len(names) + len(scalar_names(nodes))
     what = "the uncertainty of " + format_count(len(rows), "input") if rows else "uncertain inputs"
     methods = ", ".join(nodes)
     text = [
         f"This study carried {what} through the mechanism {tree.attrs.get('mechanism', '')!s} "
-        f"to {format_count(len(names), 'output')} with {format_count(len(nodes), 'method')}: {methods}."
+        f"to {format_count(count, 'output')} with {format_count(len(nodes), 'method')}: {methods}."
     ]
     for label, node in nodes.items():
         total, failed = _numbers(node)
@@ -353,4 +355,4 @@ def comparison(tree: xr.DataTree) -> dict[str, Any] | None:
                 share = f" ({100 * value / scale:.2g} %)" if scale > 0 and math.isfinite(value) else ""
                 row[key] = _with_units(format_number(value), units) + share
             rows.append(row)
-    return {"reference": reference, "rows": rows}
+    return {"reference": reference, "rows": rows + scalar_differences(data)}

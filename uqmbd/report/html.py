@@ -16,9 +16,12 @@ from uqmbd.report import content, figures, record
 from uqmbd.report.convergence import design_of
 from uqmbd.report.failures import ENOUGH
 from uqmbd.report.images import image
+from uqmbd.report.motion_section import moving_picture
+from uqmbd.report.scalars import scalars
 from uqmbd.report.surrogates import chaos_nodes, shown_methods
 from uqmbd.report.trust import influence, trust
-from uqmbd.results import choose_reference, propagator_nodes
+from uqmbd.report.verdicts import agreement
+from uqmbd.results import choose_reference, propagator_nodes, scalar_nodes
 
 __all__ = ["Section", "write_report"]
 
@@ -86,7 +89,9 @@ def write_report(tree: xr.DataTree, path: str | os.PathLike[str], *, sections: S
         summary=content.summary(tree, nodes),
         statistics=content.output_rows(nodes),
         inputs=content.input_rows(nodes),
-        inputs_figure=_inputs_figure(nodes),
+        motion=moving_picture(tree),
+        inputs_figure=_inputs_figure(nodes) or _inputs_figure(scalar_nodes(nodes)),
+        scalars=scalars(nodes),
         outputs=[_output(tree, nodes, name) for name in content.output_names(nodes)],
         influence=influence(nodes),
         trust=trust(nodes),
@@ -94,6 +99,7 @@ def write_report(tree: xr.DataTree, path: str | os.PathLike[str], *, sections: S
         failures=[_failures(label, node) for label, node in nodes.items()],
         costs=[record.cost(label, node) for label, node in nodes.items()],
         comparison=content.comparison(tree),
+        agreement=agreement(tree),
         provenance=[record.provenance(label, node) for label, node in nodes.items()],
         study_attributes=record.study_attributes(tree),
         command=tree.attrs.get("command"),

@@ -21,10 +21,14 @@ _COUNTERS = {
     "factorisations": "factorisations of the Jacobian",
     "integrations": "integrations (each of many realisations at once)",
     "accelerations": "evaluations of the equations of motion",
+    "passages": "singular poses passed over",
+    "repivots": "changes to other independent equations on the way",
     "stiff": "realisations too stiff for the explicit integrator, integrated by IDA",
     "alone": "realisations integrated alone",
     "seconds": "time in the integrator, summed over workers",
 }
+
+_ATTRIBUTES = {"not_unique": "not unique, as constraints are redundant"}
 
 
 def cost(label: str, node: xr.DataTree) -> dict[str, Any]:
@@ -62,7 +66,7 @@ def provenance(label: str, node: xr.DataTree) -> dict[str, Any]:
     facts += [(f"option {name}", value) for name, value in _pairs(attrs.get("options"))]
     known = {"propagator", "label", "seed", "created", "uqmbd_version", "options", "versions", "solver_counters"}
     known |= {"wall_time", "realisations", "failures"}
-    facts += [(str(k), str(v)) for k, v in attrs.items() if k not in known]
+    facts += [(_ATTRIBUTES.get(str(k), str(k)), str(v)) for k, v in attrs.items() if k not in known]
     return {"label": label, "facts": facts, "versions": _pairs(attrs.get("versions"))}
 
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from uqmbd.errors import StudyError
 from uqmbd.report.selection import Results, nodes_of, of_output
-from uqmbd.results import PolynomialChaos
+from uqmbd.results import PiecewiseChaos, PolynomialChaos, chaos_from_dataset
 
 __all__ = [
     "chaos_nodes",
@@ -38,10 +38,11 @@ def _has_chaos(node: xr.DataTree) -> bool:
         return False
     chaos = node.children["chaos"]
     found = [tuple(map(str, chaos[n].dims)) if n in chaos.data_vars else () for n in ("coefficients", "multi_index")]
-    return found == [("term", "output", "time"), ("term", "input")]
+    plain = ("term", "output", "time")
+    return found[0] in (plain, ("element", *plain)) and found[1] == ("term", "input")
 
 
-def chaos_of(node: xr.DataTree, output: str | None = None) -> PolynomialChaos:
+def chaos_of(node: xr.DataTree, output: str | None = None) -> PolynomialChaos | PiecewiseChaos:
     """Return the chaos of a method, or that of one of its outputs; a method without one is an error."""
     if not _has_chaos(node):
         raise StudyError(
@@ -52,7 +53,7 @@ def chaos_of(node: xr.DataTree, output: str | None = None) -> PolynomialChaos:
     if output is not None:
         of_output(data, output)  # an unknown name is an error
         data = data.isel(output=[str(name) for name in data["output"].values].index(output) + np.arange(1))
-    return PolynomialChaos.from_dataset(data)
+    return chaos_from_dataset(data)
 
 
 def order_of(node: xr.DataTree) -> int:
@@ -125,6 +126,8 @@ def series(nodes: Mapping[str, xr.DataTree]) -> dict[str, list[str]]:
         except (TypeError, ValueError):
             options = {}
         texts = sorted(f"{k}={v}" for k, v in options.items() if isinstance(v, str) and k != "label")
+        if options.get("elements") is not None:
+            texts.append("with elements")  # a number of them is no kind of its own, but none at all is
         groups.setdefault((str(node.attrs.get("propagator", "")), *texts), []).append(label)
     named: dict[str, list[str]] = {}
     for (propagator, *_), members in groups.items():

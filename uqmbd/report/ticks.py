@@ -32,6 +32,8 @@ def freeze_ticks(figure: Figure) -> None:
     'x [m]'
     """
     for axes in figure.axes:
+        if hasattr(axes, "get_zlim"):
+            continue  # axes in space draw their own ticks
         axes.axis(axes.axis())  # the limits as they are, from now on
         _freeze(axes, "x")
         _freeze(axes, "y")

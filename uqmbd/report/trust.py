@@ -14,6 +14,7 @@ from uqmbd.report import figures
 from uqmbd.report.agreement import orders_of
 from uqmbd.report.content import varies
 from uqmbd.report.decay import LIMIT, horizon
+from uqmbd.report.elements import elements_in_words, has_elements
 from uqmbd.report.images import image
 from uqmbd.report.influence import OF_GERMS, Indices, has_indices, indices_of, node_with_indices
 from uqmbd.report.selection import label_of
@@ -107,7 +108,10 @@ def trust(nodes: Mapping[str, xr.DataTree]) -> dict[str, Any] | None:
         "rows": rows,
         "stated": any(row["error"] != "–" for row in rows),
         "left_out": any(row["left_out"] != "–" for row in rows),
-        "figures": [_verification(label, best[label]) for label in stating[:_VERIFIED]],
+        "figures": [
+            *(_verification(label, best[label]) for label in stating[:_VERIFIED]),
+            *(_elements(node) for node in best.values() if has_elements(node)),
+        ],
         "outputs": [_of_output(nodes, name, several) for name in _outputs(last) if varies(last, name)],
     }
 
@@ -118,6 +122,8 @@ def _outputs(node: xr.DataTree) -> list[str]:
 
 def _verdicts(label: str, node: xr.DataTree) -> dict[str, Any]:
     what = f"order {order_of(node)}, {format_count(node.children['chaos'].sizes['term'], 'term')}"
+    if has_elements(node):
+        what += f" in each of {node.children['chaos'].sizes['element']} elements"
     what += f", {node.attrs['fit']}" if node.attrs.get("fit") else ""
     try:
         return {"label": label, "what": what, "problem": "", "verdicts": chaos_of(node).verdicts(LIMIT)}
@@ -190,6 +196,15 @@ def _verification(label: str, node: xr.DataTree) -> dict[str, str]:
         + "; ".join(_verdicts(label, node)["verdicts"]),
         f"What {label} states of its own error: at {where} that did not enter the surrogate, relative to the standard "
         "deviation. A dot marks where the limit of 1 % is passed for the first time.",
+    )
+
+
+def _elements(node: xr.DataTree) -> dict[str, str]:
+    words = elements_in_words(node)
+    return image(
+        functools.partial(figures.split_pattern, node),
+        f"The elements in the plane of the inputs that were split most, or along the only one. {words}",
+        f"{words} Small elements lie where the response has a kink or a jump.",
     )
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from uqmbd.results.aligned_chaos import AlignedChaos, AlignedElement
+from uqmbd.results.alignment import align
 from uqmbd.results.axes import InputInfo, Labels, OutputInfo, labels
 from uqmbd.results.chaos import PolynomialChaos
 from uqmbd.results.comparison import choose_reference, compare
@@ -14,16 +16,22 @@ from uqmbd.results.directions import (
 )
 from uqmbd.results.moments import Moments
 from uqmbd.results.nodes import propagator_node, study_tree
+from uqmbd.results.piecewise import PiecewiseChaos, chaos_from_dataset
 from uqmbd.results.projection import LeastSquares, least_squares, project
+from uqmbd.results.recommendation import overall, recommend
+from uqmbd.results.relative_errors import relative_errors
 from uqmbd.results.replicates import replicate_errors
 from uqmbd.results.rotations import mean_rotation, rotation_std
 from uqmbd.results.samplefile import SampleFile, sample_file
+from uqmbd.results.scalars import scalar_nodes, with_scalars
 from uqmbd.results.schema import DEFAULT_PROBABILITIES, STATUS_MEANINGS, sample_dataset, statistics_dataset
 from uqmbd.results.statistics import sample_statistics, statistics_of_samples
 from uqmbd.results.storage import load, save
 from uqmbd.results.validation import propagator_nodes, validate
 
 __all__ = [
+    "AlignedChaos",
+    "AlignedElement",
     "DEFAULT_PROBABILITIES",
     "STATUS_MEANINGS",
     "InputInfo",
@@ -31,8 +39,11 @@ __all__ = [
     "LeastSquares",
     "Moments",
     "OutputInfo",
+    "PiecewiseChaos",
     "PolynomialChaos",
     "SampleFile",
+    "align",
+    "chaos_from_dataset",
     "choose_reference",
     "circular_mean",
     "circular_of_components",
@@ -43,18 +54,23 @@ __all__ = [
     "load",
     "mean_direction",
     "mean_rotation",
+    "overall",
     "project",
     "propagator_node",
     "propagator_nodes",
+    "recommend",
+    "relative_errors",
     "replicate_errors",
     "rotation_std",
     "sample_dataset",
     "sample_file",
     "sample_statistics",
     "save",
+    "scalar_nodes",
     "statistics_dataset",
     "statistics_of_samples",
     "study_tree",
     "unwrap_samples",
     "validate",
+    "with_scalars",
 ]

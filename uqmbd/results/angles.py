@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from uqmbd.results.directions import circular_mean, circular_std
 from uqmbd.results.projection import one_thread
 
-__all__ = ["circular_of_samples", "circular_of_surrogate"]
+__all__ = ["circular_of_blocks", "circular_of_samples", "circular_of_surrogate"]
 
 Array = NDArray[np.float64]
 
@@ -63,6 +63,25 @@ def circular_of_surrogate(basis: Array, coefficients: Array, turns: Array) -> di
     """
     flat = coefficients.reshape(*coefficients.shape[:2], -1)
     return _by_blocks(coefficients.shape[1:], len(basis), turns, lambda output, part: basis @ flat[:, output, part])
+
+
+def circular_of_blocks(
+    shape: tuple[int, ...], count: int, turns: Array, samples: Callable[[int, slice], Array]
+) -> dict[str, Array]:
+    """Average the directions of samples that are made block by block.
+
+    Parameters
+    ----------
+    shape : tuple of int
+        (O, T) or (O,).
+    count : int
+        Samples, S.
+    turns : array, shape (O,)
+        As for :func:`circular_of_samples`.
+    samples : callable
+        From an output and a slice of its times to samples, shape (S, t).
+    """
+    return _by_blocks(shape, count, turns, samples)
 
 
 def _by_blocks(

@@ -7,25 +7,18 @@ from dataclasses import dataclass
 
 import numpy as np
 import xarray as xr
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from uqmbd.errors import StudyError
 from uqmbd.results.angles import circular_of_surrogate
-from uqmbd.results.axes import fixed_width
-from uqmbd.results.chaos_sampling import basis_values, kernel_density, random_germs, sample_quantiles, spread_germs
+from uqmbd.results.chaos_interface import SAMPLES
+from uqmbd.results.chaos_sampling import basis_values, sample_quantiles, spread_germs
 from uqmbd.results.chaos_storage import chaos_arguments, chaos_dataset
 from uqmbd.results.chaos_trust import ChaosTrust
-from uqmbd.results.schema import DEFAULT_PROBABILITIES, statistics_dataset
+from uqmbd.results.schema import DEFAULT_PROBABILITIES
 
 __all__ = ["PolynomialChaos"]
 
 Array = NDArray[np.float64]
-
-SAMPLES = 16384
-"""Samples of the surrogate for quantiles and densities, unless another number is given."""
-
-FEWER = 8192
-"""The same for quantiles of all outputs at all times together."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -89,21 +82,6 @@ class PolynomialChaos(ChaosTrust):
     [[2.0, 2.4]]
     """
 
-    def evaluate(self, inputs: ArrayLike) -> Array:
-        """Evaluate at inputs (K, d), in their units: (K, O, T), in the units of the outputs.
-
-        Raises
-        ------
-        StudyError
-            If an input lies outside its distribution.
-        """
-        return self.evaluate_germs(self.space.to_germs(np.asarray(inputs, dtype=float)))
-
-    def sample(self, count: int, seed: int) -> tuple[Array, Array]:
-        """Draw inputs (K, d) as they are distributed, independently, and evaluate at them: (K, O, T)."""
-        germs = random_germs(self.space, count, seed)
-        return np.asarray(self.space.to_inputs(germs), dtype=float), self.evaluate_germs(germs)
-
     def quantiles(
         self, probabilities: Sequence[float] = DEFAULT_PROBABILITIES, *, samples: int = SAMPLES, seed: int = 0
     ) -> Array:
@@ -126,37 +104,10 @@ class PolynomialChaos(ChaosTrust):
         basis = basis_values(self.space, spread_germs(self.space, samples, seed), self.multi_index)
         return circular_of_surrogate(basis, self.coefficients, self.labels.turns)
 
-    def density(
-        self, values: ArrayLike, output: str, time: float | None = None, *, samples: int = SAMPLES, seed: int = 0
-    ) -> Array:
-        """Estimate the probability density of an output at one time, by Gaussian kernels over surrogate samples.
-
-        Parameters
-        ----------
-        values : array_like, shape (N,)
-            Where, in the units of the output.
-        output : str
-        time : float, optional
-            One of the times, in s.
-        samples, seed : int
-            As for :meth:`quantiles`.
-
-        Returns
-        -------
-        array, shape (N,)
-            In one over the units of the output.
-
-        Raises
-        ------
-        StudyError
-            If output or time are unknown, or the output does not vary there.
-        """
-        where = (self._output(output), *self._time(time, needed=True))
-        if self.std[where] <= 32 * np.finfo(float).eps * abs(self.mean[where]):
-            raise StudyError(f"Output {output!r} does not vary there: it is {self.mean[where]:g} and has no density.")
-        basis = basis_values(self.space, spread_germs(self.space, samples, seed), self.multi_index)
+    def _column(self, germs: Array, where: tuple[int, ...]) -> Array:
+        """Evaluate one output at one time at germ points (K, d): (K,)."""
         column = np.moveaxis(self.coefficients, 0, -1)[where]
-        return kernel_density(np.asarray(basis @ column), values)
+        return np.asarray(basis_values(self.space, germs, self.multi_index) @ column)
 
     def marginal(self, *names: str) -> PolynomialChaos:
         """Return the chaos of the expectation of the outputs given some germs: only their terms are kept.
@@ -172,44 +123,6 @@ class PolynomialChaos(ChaosTrust):
         others = np.delete(self.multi_index, self._columns(names), axis=1)
         kept = ~np.any(others > 0, axis=1)
         return PolynomialChaos(self.coefficients[kept], self.multi_index[kept], self.space, self.labels)
-
-    def statistics(
-        self, probabilities: Sequence[float] = DEFAULT_PROBABILITIES, *, samples: int = FEWER, seed: int = 0
-    ) -> xr.Dataset:
-        """Build the dataset `statistics` of a propagator's node.
-
-        Returns
-        -------
-        xarray.Dataset
-            As of :func:`uqmbd.results.statistics_dataset`, with Sobol' indices of inputs where these are independent;
-            else `sobol_first_germ` and `sobol_total_germ` (germ, output, time). With `verification_error` if it is
-            known, and `circular_mean` and `circular_std` where an output is an angle.
-        """
-        independent = self.space.independent
-        found = statistics_dataset(
-            self.labels,
-            mean=self.mean,
-            std=self.std,
-            variance=self.variance,
-            skewness=self.skewness,
-            kurtosis=self.kurtosis,
-            quantile=self.quantiles(probabilities, samples=samples, seed=seed),
-            probability=probabilities,
-            sobol_first=self.sobol_first if independent else None,
-            sobol_total=self.sobol_total if independent else None,
-            **self.circular(samples=samples, seed=seed),
-        )
-        if not independent:
-            note = {"comment": "of germs: inputs depend on one another, so no share belongs to an input"}
-            dims = ("germ", *self.labels.dims)
-            found = found.assign(
-                sobol_first_germ=(dims, self.sobol_first_germ, {"long_name": "first-order Sobol' index"} | note),
-                sobol_total_germ=(dims, self.sobol_total_germ, {"long_name": "total Sobol' index"} | note),
-            ).assign_coords(germ=("germ", fixed_width(self.germ_names)))
-        if self.verification_germs is not None:
-            note = {"long_name": "stated error of the surrogate, over the standard deviation"}
-            found = found.assign(verification_error=(self.labels.dims, self.verification_error(), note))
-        return found
 
     def to_dataset(self) -> xr.Dataset:
         """Build the dataset `chaos` of a propagator's node; see :meth:`from_dataset`."""

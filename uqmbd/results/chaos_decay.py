@@ -67,10 +67,12 @@ def top_order(multi_index: IntArray) -> tuple[int, NDArray[np.bool_]]:
     return int(tops.max(initial=0)), edge
 
 
-def verdict_of_error(name: str, error: Array, times: Array | None, limit: float) -> str:
+def verdict_of_error(
+    name: str, error: Array, times: Array | None, limit: float, remedy: str = "raise the order"
+) -> str:
     """Say how far a surrogate can be trusted by its stated error (T,), or (1,) without times."""
     if times is None:
-        advice = "; raise the order" if error[0] > limit else ""
+        advice = f"; {remedy}" if error[0] > limit else ""
         return f"{name}: stated error of the surrogate {percent(float(error[0]))} of the standard deviation{advice}"
     first, worst = first_above(error, limit), int(error.argmax())
     if first is None:
@@ -85,7 +87,7 @@ def verdict_of_error(name: str, error: Array, times: Array | None, limit: float)
             since = f"above {percent(limit)} of the standard deviation already at {times[0]:g} s"
     tell = worst if error[-1] <= limit else len(error) - 1
     amount = f"{percent(float(error[tell]))} at {times[tell]:g} s"
-    return f"{name}: stated error of the surrogate {since}, {amount}; raise the order"
+    return f"{name}: stated error of the surrogate {since}, {amount}; {remedy}"
 
 
 def verdict_of_decay(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,7 +14,14 @@ from uqmbd.results.projection import one_thread
 if TYPE_CHECKING:
     from uqmbd.randomness.germspace import GermSpace
 
-__all__ = ["basis_values", "kernel_density", "random_germs", "sample_quantiles", "spread_germs"]
+__all__ = [
+    "basis_values",
+    "kernel_density",
+    "quantiles_of_rows",
+    "random_germs",
+    "sample_quantiles",
+    "spread_germs",
+]
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -65,21 +73,43 @@ def sample_quantiles(basis: Array, coefficients: Array, probabilities: ArrayLike
     StudyError
         If the probabilities do not increase between 0 and 1.
     """
+
+    def rows(part: slice) -> Array:
+        # one row for each column, contiguous for the search
+        return np.asarray(np.ascontiguousarray(coefficients[:, part].T) @ basis.T)
+
+    return quantiles_of_rows(rows, len(basis), coefficients.shape[1], probabilities)
+
+
+def quantiles_of_rows(rows: Callable[[slice], Array], count: int, columns: int, probabilities: ArrayLike) -> Array:
+    """Return quantiles (N, C) of samples that are made block by block.
+
+    Parameters
+    ----------
+    rows : callable
+        From a slice of the C columns to their samples, shape (c, K), in any order, to be overwritten.
+    count, columns : int
+        K samples, C columns.
+    probabilities : array_like, shape (N,)
+
+    Raises
+    ------
+    StudyError
+        If the probabilities do not increase between 0 and 1.
+    """
     levels = np.array(probabilities, dtype=float)
     if levels.ndim != 1 or not levels.size or np.any((levels < 0) | (levels > 1)) or np.any(np.diff(levels) <= 0):
         raise StudyError(f"Probabilities must increase between 0 and 1; {levels.tolist()} was given.")
-    count = len(basis)
     position = levels * (count - 1)
     below = np.minimum(position.astype(int), max(count - 2, 0))
     above = np.minimum(below + 1, count - 1)
     needed = np.unique(np.concatenate([below, above]))
-    found = np.empty((len(levels), coefficients.shape[1]))
+    found = np.empty((len(levels), columns))
     size = max(1, BLOCK_NUMBERS // count)
     with one_thread():
-        for start in range(0, coefficients.shape[1], size):
-            part = slice(start, start + size)
-            # one row for each column, contiguous for the search
-            values = np.ascontiguousarray(coefficients[:, part].T) @ basis.T
+        for start in range(0, columns, size):
+            part = slice(start, min(start + size, columns))
+            values = rows(part)
             values.partition(needed, axis=1)
             low, high = values[:, below], values[:, above]
             found[:, part] = (low + (position - below) * (high - low)).T

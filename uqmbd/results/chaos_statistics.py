@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from uqmbd.errors import StudyError
 from uqmbd.results.axes import Labels
+from uqmbd.results.chaos_interface import ChaosInterface
 from uqmbd.results.chaos_moments import skewness_kurtosis, standard_deviation
 from uqmbd.results.chaos_sampling import basis_values
 from uqmbd.results.chaos_sobol import (
@@ -33,7 +34,7 @@ _Kind = TypeVar("_Kind", bound=np.generic)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ChaosStatistics:
+class ChaosStatistics(ChaosInterface):
     """The data of :class:`uqmbd.results.PolynomialChaos`, and what follows from them without a sample."""
 
     coefficients: Array
@@ -84,11 +85,6 @@ class ChaosStatistics:
         top = int(self.multi_index.max())
         return f"<{type(self).__name__} of {', '.join(self.germ_names)} up to degree {top} ({axes})>"
 
-    @property
-    def germ_names(self) -> tuple[str, ...]:
-        """Names of the germs: those of the inputs where these are independent."""
-        return tuple(self.space.names)
-
     @cached_property
     def mean(self) -> Array:
         """Expectation, shape (O, T), in the units of the outputs."""
@@ -113,21 +109,6 @@ class ChaosStatistics:
     def kurtosis(self) -> Array:
         """Fourth standardised moment, shape (O, T), not the excess: 3 for a normal, and where it does not vary."""
         return self._shape_moments[1]
-
-    @cached_property
-    def sobol_first(self) -> Array:
-        """First-order Sobol' indices, shape (input, O, T): the share of the variance that one input alone explains."""
-        return self._by_input("sobol_first")
-
-    @cached_property
-    def sobol_total(self) -> Array:
-        """Total Sobol' indices, shape (input, O, T): the share of the variance that vanishes with an input."""
-        return self._by_input("sobol_total")
-
-    @cached_property
-    def sobol_second(self) -> Array:
-        """Sobol' indices of pairs, shape (input, input, O, T): symmetric, 0 on the diagonal."""
-        return self._by_input("sobol_second")
 
     @cached_property
     def sobol_first_germ(self) -> Array:
@@ -187,52 +168,12 @@ class ChaosStatistics:
         skewness, kurtosis = skewness_kurtosis(self._flat, self.multi_index, self.space.germs)
         return self._shaped(skewness), self._shaped(kurtosis)
 
-    def _by_input(self, name: str) -> Array:
-        if not self.space.independent:
-            raise StudyError(
-                f"'{name}' has no meaning here: inputs depend on one another, so that shares of the variance belong to "
-                f"the germs {', '.join(self.germ_names)}. Use '{name}_germ', in that order."
-            )
-        found: Array = getattr(self, f"{name}_germ")
-        return found
-
     def _shares(self, masks: NDArray[np.bool_]) -> Array:
         found = variance_shares(self._flat, masks, self.std.ravel())
         return _frozen(found.reshape(len(masks), *self.labels.shape))
 
     def _shaped(self, columns: Array) -> Array:
         return _frozen(columns.reshape(self.labels.shape))
-
-    def _columns(self, names: tuple[str, ...]) -> list[int]:
-        known = self.germ_names
-        for k, name in enumerate(names):
-            if name not in known or name in names[:k]:
-                raise StudyError(f"Different germs are expected, of {', '.join(known)}; {', '.join(names)} was given.")
-        if not names:
-            raise StudyError(f"At least one germ is expected, of {', '.join(known)}; none was given.")
-        return [known.index(name) for name in names]
-
-    def _output(self, name: str) -> int:
-        names = [o.name for o in self.labels.outputs]
-        if name not in names:
-            raise StudyError(f"There is no output {name!r}; there are {', '.join(names)}.")
-        return names.index(name)
-
-    def _time(self, time: float | None, *, needed: bool = False) -> tuple[int, ...]:
-        """Return the index of a time, or nothing where none is asked for."""
-        times = self.labels.times
-        if times is None:
-            if time is not None:
-                raise StudyError(f"These outputs have no times; time = {time!r} was given.")
-            return ()
-        if time is None:
-            if needed:
-                raise StudyError(f"A time is needed, from {times[0]:g} s to {times[-1]:g} s.")
-            return ()
-        nearest = int(np.abs(times - time).argmin())
-        if abs(times[nearest] - time) > 1e-9 * max(1.0, abs(float(times[-1] - times[0]))):
-            raise StudyError(f"Time {time!r} s is none of the times; the nearest is {times[nearest]:g} s.")
-        return (nearest,)
 
     def _set(self, name: str, value: Any) -> None:
         object.__setattr__(self, name, _frozen(value))

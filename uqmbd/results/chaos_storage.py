@@ -13,7 +13,7 @@ from uqmbd.results.axes import InputInfo, Labels, output_infos
 if TYPE_CHECKING:
     from uqmbd.results.chaos import PolynomialChaos
 
-__all__ = ["chaos_arguments", "chaos_dataset"]
+__all__ = ["chaos_arguments", "chaos_dataset", "stored_labels"]
 
 
 def chaos_dataset(chaos: PolynomialChaos) -> xr.Dataset:
@@ -61,16 +61,9 @@ def chaos_arguments(dataset: xr.Dataset | xr.DataTree) -> dict[str, Any]:
             raise StudyError(
                 f"A dataset 'chaos' needs the variable {name!r}; found {sorted(map(str, data.data_vars))}."
             )
-    for name in ("output", "output_units", "input", "input_units", "input_description"):
-        if name not in data.coords:
-            raise StudyError(f"A dataset 'chaos' needs the coordinate {name!r}; found {sorted(map(str, data.coords))}.")
-    timed = "time" in data["coefficients"].dims
-    inputs = zip(*(data[name].values for name in ("input", "input_units", "input_description")), strict=True)
-    labels = Labels(
-        outputs=output_infos(data),
-        inputs=tuple(InputInfo(*map(str, texts)) for texts in inputs),
-        times=np.array(data["time"].values, dtype=float) if timed else None,
-    )
+    if "element" in data["coefficients"].dims:
+        raise StudyError("This chaos has elements; read it by uqmbd.results.PiecewiseChaos, or chaos_from_dataset.")
+    labels = stored_labels(data)
     verified = "verification_germs" in data
     return {
         "coefficients": data["coefficients"].transpose("term", *labels.dims).values,
@@ -80,3 +73,17 @@ def chaos_arguments(dataset: xr.Dataset | xr.DataTree) -> dict[str, Any]:
         "verification_germs": data["verification_germs"].values if verified else None,
         "verification_response": data["verification_response"].values if verified else None,
     }
+
+
+def stored_labels(data: xr.Dataset) -> Labels:
+    """Read the meaning of the axes from a dataset `chaos`."""
+    for name in ("output", "output_units", "input", "input_units", "input_description"):
+        if name not in data.coords:
+            raise StudyError(f"A dataset 'chaos' needs the coordinate {name!r}; found {sorted(map(str, data.coords))}.")
+    timed = "time" in data.coords
+    inputs = zip(*(data[name].values for name in ("input", "input_units", "input_description")), strict=True)
+    return Labels(
+        outputs=output_infos(data),
+        inputs=tuple(InputInfo(*map(str, texts)) for texts in inputs),
+        times=np.array(data["time"].values, dtype=float) if timed else None,
+    )

@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 from uqmbd.errors import StudyError
 from uqmbd.results import chaos_decay as decaying
 from uqmbd.results.axes import fixed_width
+from uqmbd.results.chaos_discontinuity import Discontinuity, find_discontinuities
 from uqmbd.results.chaos_moments import constant_columns
 from uqmbd.results.chaos_statistics import ChaosStatistics
-from uqmbd.results.chaos_verification import first_above, stated_error
+from uqmbd.results.chaos_verification import stated_error
 
 __all__ = ["ChaosTrust"]
 
@@ -24,41 +25,19 @@ Array = NDArray[np.float64]
 class ChaosTrust(ChaosStatistics):
     """What :class:`uqmbd.results.PolynomialChaos` says of its own error."""
 
-    def verification_error(self, output: str | None = None, time: float | None = None) -> Array:
-        """Return the stated error: that of the surrogate at the verification realisations, over the standard deviation.
+    @property
+    def top_energy(self) -> Array:
+        """Sum of squared coefficients (O, T) of the terms of the top order: what the next order would add, or more."""
+        _, edge = decaying.top_order(self.multi_index)
+        return np.asarray(np.sum(self.coefficients[edge] ** 2, axis=0))
 
-        The root mean square over the realisations; where the standard deviation is below 1 % of its maximum over
-        time, 1 % of that maximum stands in for it. An output that does not vary in the chaos (as at order 0) has the
-        error 1 where the realisations differ from its mean.
-
-        Parameters
-        ----------
-        output : str, optional
-            Default: all.
-        time : float, optional
-            One of the times, in s. Default: all.
-
-        Returns
-        -------
-        array, shape (O, T), without the axes that were chosen
-
-        Raises
-        ------
-        StudyError
-            If there is no verification data, or output or time are unknown.
-        """
-        found = self._stated_error().reshape(self.labels.shape)
-        row = slice(None) if output is None else self._output(output)
-        return np.asarray(found[(row, *self._time(time))])
-
-    def horizon(self, limit: float = 0.01) -> dict[str, float | None]:
-        """Return for each output the first time (s) at which the stated error exceeds a limit; None: at none."""
-        if self.labels.times is None:
-            raise StudyError("These outputs have no times, hence no horizon; see 'verification_error'.")
-        first = [first_above(row, limit) for row in self._stated_error()]
-        names = (o.name for o in self.labels.outputs)
-        times = self.labels.times
-        return {n: None if k is None else float(times[k]) for n, k in zip(names, first, strict=True)}
+    @property
+    def top_energy_germ(self) -> Array:
+        """Parts of :attr:`top_energy` by germ (d, O, T): a term counts by its degrees."""
+        _, edge = decaying.top_order(self.multi_index)
+        degrees = self.multi_index[edge] / np.maximum(self.multi_index[edge].sum(axis=1, keepdims=True), 1)
+        found: Array = np.einsum("pd,p...->d...", degrees, self.coefficients[edge] ** 2)
+        return found
 
     def decay(self) -> xr.Dataset:
         """Build a dataset of how the coefficients fall with the order.
@@ -90,11 +69,26 @@ class ChaosTrust(ChaosStatistics):
             },
         )
 
+    def discontinuities(self) -> tuple[Discontinuity | None, ...]:
+        """Suspect each output of a discontinuity or a kink in the germ space, or not (None).
+
+        Suspicious is a stated error of more than 5 % together with coefficients that hardly fall with the order; each
+        suspicion names the time and the input. Without verification realisations there is none.
+
+        Returns
+        -------
+        tuple of Discontinuity or None, length O
+        """
+        if self.verification_germs is None:
+            return (None,) * len(self.labels.outputs)
+        return find_discontinuities(self, self._stated_error())
+
     def verdicts(self, tolerance: float = 0.01) -> tuple[str, ...]:
         """Say for each output, in a sentence, how far the chaos can be trusted.
 
-        By the stated error where there is verification data. Else by the decay: whether the terms of the top order
-        carry more than a part `tolerance` of the standard deviation, and from when on; a small part is no proof.
+        By the stated error where there is verification data; what looks like a discontinuity is named. Else by the
+        decay: whether the terms of the top order carry more than a part `tolerance` of the standard deviation, and
+        from when on; a small part is no proof.
 
         Parameters
         ----------
@@ -108,8 +102,10 @@ class ChaosTrust(ChaosStatistics):
         times, names = self.labels.times, [o.name for o in self.labels.outputs]
         if self.verification_germs is not None:
             rows = self._stated_error()
+            seen = self.discontinuities()
             return tuple(
-                decaying.verdict_of_error(n, row, times, tolerance) for n, row in zip(names, rows, strict=True)
+                decaying.verdict_of_error(n, row, times, tolerance) + (f". {one.words()}" if one else "")
+                for n, row, one in zip(names, rows, seen, strict=True)
             )
         return tuple(
             decaying.verdict_of_decay(n, self.coefficients[:, k], self.multi_index, self.germ_names, times, tolerance)

@@ -24,7 +24,9 @@ def reference_spread(std: Array) -> Array:
     return np.asarray(np.maximum(std, SPREAD_FLOOR * std.max(axis=-1, keepdims=True, initial=0.0)))
 
 
-def stated_error(surrogate: Array, response: Array, coefficients: Array, std: Array) -> Array:
+def stated_error(
+    surrogate: Array, response: Array, coefficients: Array, std: Array, weights: Array | None = None
+) -> Array:
     """Return the error of a surrogate relative to the standard deviation.
 
     Parameters
@@ -34,6 +36,8 @@ def stated_error(surrogate: Array, response: Array, coefficients: Array, std: Ar
     coefficients : array, shape (P, O, T)
     std : array, shape (O, T)
         Standard deviation of the chaos.
+    weights : array, shape (V,), optional
+        Of the points, where they are spread unevenly; they sum to 1.
 
     Returns
     -------
@@ -42,10 +46,10 @@ def stated_error(surrogate: Array, response: Array, coefficients: Array, std: Ar
         chaos at any time is compared with the root mean square of the responses about its mean: 1, the surrogate
         misses all. A difference that is rounding of the mean counts as 0.
     """
-    error = _root_mean_square(surrogate - response)
+    error = _root_mean_square(surrogate - response, weights)
     flat = coefficients.reshape(len(coefficients), -1)
     constant = constant_columns(flat, std.ravel()).reshape(std.shape)
-    missed = _root_mean_square(response - coefficients[0])
+    missed = _root_mean_square(response - coefficients[0], weights)
     still = constant.all(axis=-1, keepdims=True)
     spread = reference_spread(np.where(still, missed, np.where(constant, 0.0, std)))
     rounding = constant_columns(flat, error.ravel()).reshape(std.shape) & constant
@@ -58,8 +62,9 @@ def first_above(values: Array, limit: float) -> int | None:
     return int(above.argmax()) if above.any() else None
 
 
-def _root_mean_square(values: Array) -> Array:
+def _root_mean_square(values: Array, weights: Array | None = None) -> Array:
     scale = np.abs(values).max(axis=0)
     scaled = values / np.where(scale > 0, scale, 1.0)
-    result: Array = scale * np.sqrt(np.mean(scaled * scaled, axis=0))
+    mean = np.mean(scaled * scaled, axis=0) if weights is None else np.tensordot(weights, scaled * scaled, axes=1)
+    result: Array = scale * np.sqrt(mean)
     return result

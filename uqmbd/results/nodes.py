@@ -13,11 +13,11 @@ import numpy as np
 import xarray as xr
 
 from uqmbd.errors import StudyError
-from uqmbd.results.comparison import compare
+from uqmbd.results.scalars import compare_both
 
 __all__ = ["propagator_node", "study_tree"]
 
-RESERVED_LABELS = frozenset({"comparison", "statistics", "samples", "chaos", "scalars"})
+RESERVED_LABELS = frozenset({"comparison", "motion", "statistics", "samples", "chaos", "scalars"})
 _RECORDED_PACKAGES = ("numpy", "scipy", "xarray", "sympy", "symengine", "scikit-sundae", "chaospy")
 
 
@@ -158,7 +158,7 @@ def study_tree(
         for part in node.subtree:
             relative = part.path[len(node.path) :].strip("/")
             datasets[f"{label}/{relative}".rstrip("/")] = part.to_dataset(inherit=False)
-    datasets["comparison"] = compare(by_label, reference=reference)
+    datasets["comparison"] = compare_both(by_label, reference, float((attrs or {}).get("rtol", 0.0)))
     return xr.DataTree.from_dict(datasets)
 
 

@@ -9,6 +9,7 @@ import numpy as np
 import xarray as xr
 
 from uqmbd.errors import StudyError
+from uqmbd.results.scalars import validate_scalars
 
 __all__ = ["propagator_nodes", "validate"]
 
@@ -23,7 +24,7 @@ _JSON_ATTRS = ("versions", "options", "solver_counters")
 
 
 def propagator_nodes(tree: xr.DataTree) -> dict[str, xr.DataTree]:
-    """Return the propagator nodes of a result by label: all children but ``comparison``.
+    """Return the propagator nodes of a result by label: all children but ``comparison`` and ``motion``.
 
     Parameters
     ----------
@@ -43,7 +44,7 @@ def propagator_nodes(tree: xr.DataTree) -> dict[str, xr.DataTree]:
     """
     if "statistics" in tree.children:
         return {str(tree.attrs.get("label", tree.name)): tree}
-    return {str(name): node for name, node in tree.children.items() if name != "comparison"}
+    return {str(name): node for name, node in tree.children.items() if name not in ("comparison", "motion")}
 
 
 def validate(tree: xr.DataTree) -> None:
@@ -119,6 +120,8 @@ def _validate_node(node: xr.DataTree, label: object) -> None:
         _validate_samples(node.children["samples"], statistics, node)
     if "chaos" in node.children:
         _validate_chaos(node.children["chaos"], statistics, end)
+    if "scalars" in node.children:
+        validate_scalars(node.children["scalars"])
 
 
 def _end(node: xr.DataTree, statistics: xr.DataTree) -> float:

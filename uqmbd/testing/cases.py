@@ -53,7 +53,7 @@ def cases(
     rng : numpy.random.Generator
         For poses and values.
     """
-    declared = component.parameters()
+    declared, chosen = component.parameters(), set(given)
     given = {k: p.example for k, p in declared.items() if p.example is not None} | dict(given)
     everything = set(declared)
     yield _case("between bodies", component, space, given, everything, rng, turning=True)
@@ -64,7 +64,7 @@ def cases(
         required = {k for k, p in declared.items() if p.required}
         yield _case("with the defaults", component, space, given, required, rng)
     for key, parameter in declared.items():
-        for choice in parameter.choices if key not in given else ():
+        for choice in parameter.choices if key not in chosen else ():
             title = f"with {key}={choice!r}"
             yield _case(title, component, space, {**given, key: choice}, everything, rng)
 

@@ -19,6 +19,7 @@ from uqmbd.mechanism import Component, Space
 from uqmbd.propagation import Propagator
 from uqmbd.testing.cases import Case, cases, name_of
 from uqmbd.testing.energy import check_energy
+from uqmbd.testing.events import check_events
 from uqmbd.testing.methods import check_studies
 from uqmbd.testing.motion import displaced, random_turn, random_unit, virtual_motions
 
@@ -27,6 +28,8 @@ __all__ = ["check_component"]
 Array = NDArray[np.float64]
 
 REALISATIONS = 3
+STATES = 10
+"""Random states in which a parameter may have its effect."""
 
 
 def check_component(
@@ -46,6 +49,8 @@ def check_component(
     - Realisations are computed side by side as each would be alone.
     - Between two bodies: what it exerts on them cancels (action and reaction), and does not depend on where the bodies
       are as a whole and how they are turned.
+    - Events that make velocities jump: the speed of the impact is the rate of its gap, and impulses act between the
+      bodies alone.
     - Potentials and constraints in which time does not appear neither make nor lose energy.
     - Every installed propagator runs a study of a small mechanism with it, and they agree.
 
@@ -91,6 +96,7 @@ def check_component(
             bench = Bench.of(f"{name_of(component, space)}, {case.title}", case, rng)
             _check_jacobian(bench, rng)
             _check_broadcasting(bench, rng)
+            check_events(bench, rng, between=internal and case.free and len(component.bodies) > 1)
             if number == 0 and space.turns:  # what a point mass has no use for is no mistake
                 _check_effects(bench, rng, set(given or ()))
             if conservative:
@@ -211,21 +217,29 @@ def _check_broadcasting(bench: Bench, rng: np.random.Generator) -> None:
 
 
 def _check_effects(bench: Bench, rng: np.random.Generator, given: set[str]) -> None:
-    state = bench.state(rng)
-
-    def everything(inputs: Array) -> Array:
-        kinds = ("residual", "position", "initial")
-        return np.concatenate([bench.evaluate(kind, state, bench.parameters(inputs)) for kind in kinds], axis=1)
-
-    before = everything(bench.inputs)
-    for column, name in enumerate(bench.case.mechanism.inputs.names):
-        changed = bench.inputs.copy()
-        changed[:, column] += 0.01
-        assert not np.allclose(everything(changed), before, rtol=1e-9, atol=0), (
-            f"{bench.title}: parameter {name!r} has no effect."
-        )
+    names = bench.case.mechanism.inputs.names
+    idle = set(names)
+    for _ in range(STATES):  # some have an effect in some states only, such as those of a contact
+        idle &= _without_effect(bench, bench.state(rng), names)
+    assert not idle, f"{bench.title}: parameter {min(idle)!r} has no effect."
     missing = _numeric(bench.case.component, given) - set(bench.case.mechanism.inputs.names)
     assert not missing, f"{bench.title}: parameter {min(missing)!r} is declared, but its value enters nothing."
+
+
+def _without_effect(bench: Bench, state: dict[str, Array], names: Sequence[str]) -> set[str]:
+    """Name the inputs on which nothing depends in a state."""
+
+    def everything(inputs: Array) -> Array:
+        kinds = ("residual", "position", "initial", "contact")
+        return np.concatenate([bench.evaluate(kind, state, bench.parameters(inputs)) for kind in kinds], axis=1)
+
+    before, found = everything(bench.inputs), set[str]()
+    for column, name in enumerate(names):
+        changed = bench.inputs.copy()
+        changed[:, column] += 0.01
+        if np.allclose(everything(changed), before, rtol=1e-9, atol=0):
+            found.add(name)
+    return found
 
 
 def _numeric(component: Component, given: set[str]) -> set[str]:

@@ -1,0 +1,81 @@
+"""A quarter car on a random road with twelve random inputs.
+
+The height of the road is a Gaussian process of the distance with the covariance ``s^2 exp(-|x - y| / c)``, s = 10 mm,
+c = 5 m, cut off after twelve terms of its Karhunen-Loeve expansion over the 40 m that are driven at 20 m/s; their
+coefficients are independent and standard normal.  What is left out has a share of the variance that `LEFT_OUT` states.
+The tyre lifts off where it would pull.
+
+Sprung mass 300 kg, unsprung 40 kg, suspension 20 kN/m and 1.2 kN s/m, tyre 180 kN/m and 100 N s/m.
+"""
+
+import chaospy
+import numpy as np
+import scipy.optimize
+import sympy
+
+import uqmbd
+from uqmbd_collocation import Collocation
+from uqmbd_galerkin import Galerkin
+from uqmbd_joints import PointOnPlane
+from uqmbd_montecarlo import MonteCarlo
+from uqmbd_springs import RadialTyre, SpringDamper
+
+SPEED, DURATION, DEVIATION, CORRELATION, TERMS = 20.0, 2.0, 0.01, 5.0, 12
+HALF = SPEED * DURATION / 2
+
+
+def karhunen_loeve(terms):
+    """Frequencies (1/m) and eigenvalues of the covariance over (-HALF, HALF); cosines and sines take turns.
+
+    R. G. Ghanem and P. D. Spanos, Stochastic Finite Elements, Springer 1991, section 2.3.3.
+    """
+    c = 1 / CORRELATION
+    found = []
+    for k in range(terms):
+        low, high = k * np.pi / (2 * HALF) + 1e-12, (k + 1) * np.pi / (2 * HALF) - 1e-12
+        even = lambda w: c - w * np.tan(w * HALF)  # noqa: E731
+        odd = lambda w: w + c * np.tan(w * HALF)  # noqa: E731
+        frequency = scipy.optimize.brentq(even if k % 2 == 0 else odd, low, high)
+        found.append((frequency, DEVIATION**2 * 2 * c / (frequency**2 + c**2)))
+    return found
+
+
+modes = karhunen_loeve(TERMS)
+LEFT_OUT = 1 - sum(value for _, value in modes) / (DEVIATION**2 * 2 * HALF)
+
+place = SPEED * uqmbd.t - HALF
+road = sympy.Integer(0)
+for k, (frequency, value) in enumerate(modes):
+    sign, wave = (1, sympy.cos) if k % 2 == 0 else (-1, sympy.sin)
+    size = np.sqrt(HALF + sign * np.sin(2 * frequency * HALF) / (2 * frequency))
+    coefficient = uqmbd.RandomVariable(f"road_{k + 1}", chaospy.Normal(0, 1), units="1")
+    road += coefficient * float(np.sqrt(value) / size) * wave(frequency * place)
+
+mechanism = uqmbd.Mechanism("quarter_car", uqmbd.Translational(gravity=(0.0, -9.81)))
+wheel = mechanism.body("wheel", mass=40, position=(0, 0.3))
+body = mechanism.body("body", mass=300, position=(0, 0.8))
+for name, moving in (("wheel_guide", wheel), ("body_guide", body)):
+    mechanism.add(PointOnPlane(name, mechanism.ground, moving, (0, 0), (0, 0), axis_i=(1, 0)))
+mechanism.add(
+    SpringDamper("suspension", wheel, body, (0, 0), (0, 0), stiffness=20_000, damping=1_200, free_length=0.65)
+)
+tyre = mechanism.add(
+    RadialTyre("tyre", mechanism.ground, wheel, (0, 0), road=road, radius=0.32, stiffness=180_000, damping=100)
+)
+
+mechanism.output("body_height", body.position[1], units="m")
+mechanism.output("body_acceleration", body.acceleration[1], units="m/s^2")
+mechanism.output("suspension_travel", body.position[1] - wheel.position[1], units="m")
+mechanism.output("tyre_force", tyre.reaction_force[1], units="N")
+
+study = uqmbd.Study(
+    "quarter_car",
+    mechanism,
+    times=np.linspace(0, DURATION, 201),
+    propagators=[
+        MonteCarlo(samples=500, seed=1),
+        Collocation(order=2, method="regression"),
+        Galerkin(order=1, rule="sobol", samples=64),
+    ],
+    start="equilibrium",
+)

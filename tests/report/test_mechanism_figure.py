@@ -1,0 +1,211 @@
+"""The picture of a mechanism: what is where, at which scale, and that names do not cover each other."""
+
+from __future__ import annotations
+
+import itertools
+
+import chaospy
+import numpy as np
+import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+import uqmbd
+from uqmbd.mechanism.skeleton import skeleton
+from uqmbd.propagation.motion import drawn_pose
+from uqmbd.report import figures
+from uqmbd.report.sketch import Sketch, world
+from uqmbd.report.stage import stage
+from uqmbd_drivers import PositionDriver, RotationDriver
+from uqmbd_joints import Cylindrical, Distance, Fixed, Parallel1, Prismatic, Revolute, Spherical, Universal
+from uqmbd_springs import PointForce, SpringDamper, Torque, TorsionSpringDamper
+
+
+def crank(name="crank $x_1$"):
+    """A slider-crank whose crank length is random, drawn a little apart."""
+    length = uqmbd.RandomVariable("length", chaospy.Normal(0.2, 0.01), units="m")
+    made = uqmbd.Mechanism(name, uqmbd.Planar(gravity=(0, -9.81)))
+    ground = made.ground
+    arm = made.body("arm", mass=1, inertia=0.1, position=(0, length / 2), angle=np.pi / 2)
+    rod = made.body("rod", mass=1, inertia=0.1, position=(0.2, 0.1), angle=-0.4)
+    slider = made.body("slider", mass=1, inertia=0.1, position=(0.41, 0))
+    made.add(Revolute("bearing", ground, arm, (0, 0), (-length / 2, 0)))
+    made.add(Revolute("pin", arm, rod, (length / 2, 0), (-0.25, 0)))
+    made.add(Revolute("piston pin", rod, slider, (0.25, 0), (0, 0)))
+    made.add(Prismatic("guide", ground, slider, (0, 0), (0, 0), (1, 0), (1, 0)))
+    made.add(Torque("drive", arm, 1))
+    made.add(TorsionSpringDamper("friction", ground, arm, 0, 0.1))
+    made.add(SpringDamper("spring", ground, slider, (0.9, 0), (0.05, 0), 10))
+    made.output("tip", rod.point((0.1, 0.05))[0], units="m")
+    return made
+
+
+def spatial():
+    """Many kinds of joints in space."""
+    made = uqmbd.Mechanism("space", uqmbd.Spatial(gravity=(0, 0, -9.81)))
+    ground, (x, y, z) = made.ground, np.eye(3).tolist()
+    a = made.body("a", mass=1, inertia=(1, 1, 1), position=(0, 0, 0.2))
+    b = made.body("b", mass=1, inertia=(1, 1, 1), position=(0.8, 0.1, 0.2))
+    c = made.body("c", mass=1, inertia=(1, 1, 1), position=(1.6, -0.3, 0))
+    d = made.body("d", mass=1, inertia=(1, 1, 1), position=(1.4, 0.6, 0.2))
+    made.add(Prismatic("rail", ground, a, (0, 0, 0), (0, 0, -0.2), x, x))
+    made.add(Spherical("ball", a, b, (0.3, 0.1, 0), (-0.5, 0, 0)))
+    made.add(Universal("cardan", b, d, (0.3, 0.5, 0), (-0.3, 0, 0), y, z))
+    made.add(Cylindrical("sleeve", ground, c, (1.6, -0.6, 0), (0, 0, 0), y, y))
+    made.add(Parallel1("parallel", b, c, z, z))
+    made.add(PointForce("wind", d, (0, 0.1, 0), (-3, 1, 0)))
+    return made
+
+
+class Magnet(uqmbd.Component):
+    """A third party's force, of which the figure knows nothing but its points."""
+
+    point_i = uqmbd.Parameter("m", "pole, frame of body i", kind="point")
+    point_j = uqmbd.Parameter("m", "pole, frame of body j", kind="point")
+
+    def terms(self, p):
+        d = p.body_j.point(p.point_j) - p.body_i.point(p.point_i)
+        yield uqmbd.Potential(d.dot(d))
+
+
+def boxes(figure):
+    """Names in a figure and the room that they take, pixels."""
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()
+    renderer = canvas.get_renderer()
+    return {text.get_text(): text.get_window_extent(renderer) for text in figure.texts}
+
+
+@pytest.mark.parametrize("make", [crank, spatial])
+def test_names_are_there_and_cover_neither_each_other_nor_the_edge(make):
+    """By the extents that Matplotlib measures, not those that the placing estimates."""
+    made = make()
+    found = boxes(figures.mechanism(made))
+    assert {made.name, *made.bodies, *made.components} == set(found)
+    for (one, a), (other, b) in itertools.combinations(found.items(), 2):
+        assert not a.overlaps(b), (one, other)
+    width, height = figures.mechanism(made).get_size_inches() * 100
+    assert all(b.x0 >= -1 and b.y0 >= -1 and b.x1 <= width + 1 and b.y1 <= height + 1 for b in found.values())
+
+
+def test_points_are_where_geometry_says():
+    """The assembled crank: pin above the bearing, slider where Pythagoras puts it; for other lengths, too."""
+    made = crank()
+    for length in (0.2, 0.23):
+        data = drawn_pose(made, {"length": length})
+        points = world(data)[0, 0]
+        at = {
+            (str(c), str(b)): points[k]
+            for k, (c, b) in enumerate(zip(data["point_component"].values, data["point_body"].values, strict=True))
+            if data["point_kind"].values[k] == "point"
+        }
+        np.testing.assert_allclose(at["bearing", "arm"], (0, 0), atol=1e-7)
+        # closed by the smallest change: the parts of each joint meet
+        np.testing.assert_allclose(at["pin", "arm"], at["pin", "rod"], atol=1e-7)
+        np.testing.assert_allclose(np.hypot(*at["pin", "arm"]), length, atol=1e-7)
+        np.testing.assert_allclose(np.hypot(*(at["piston pin", "rod"] - at["pin", "arm"])), 0.5, atol=1e-7)
+        assert abs(at["guide", "slider"][1]) < 1e-7
+
+
+def test_scale_is_equal_and_in_metres():
+    """A metre is as long upwards as across; in space unit vectors project with squares that add up to two."""
+    figure = figures.mechanism(crank())
+    figure.canvas.draw()
+    (axes,) = figure.axes
+    box = axes.get_window_extent()
+    across = box.width / np.ptp(axes.get_xlim())
+    assert across == pytest.approx(box.height / np.ptp(axes.get_ylim()), rel=1e-6)
+    assert axes.get_xlabel() == "x [m]" and axes.get_ylabel() == "y [m]"
+    made = stage(np.array([[0.0, 0, 0], [3, 1, 0.2]]))
+    ends = made.project(np.concatenate([np.zeros((1, 3)), np.eye(3)]))
+    assert np.sum((ends[1:] - ends[0]) ** 2) == pytest.approx(2 / made.unit**2, rel=1e-6)
+    # what is projected lies where mplot3d draws it
+    made.axes.plot([0, 3], [0, 1], [0, 0.2], color=(1, 0, 0), lw=2, solid_capstyle="butt")
+    canvas = FigureCanvasAgg(made.figure)
+    canvas.draw()
+    pixels = np.asarray(canvas.buffer_rgba())[::-1, :, :3].astype(int)
+    rows, columns = np.nonzero((pixels[..., 0] > 200) & (pixels[..., 1:].max(axis=-1) < 80))
+    drawn = np.array([[columns.min(), rows[columns.argmin()]], [columns.max(), rows[columns.argmax()]]])
+    expected = made.project(np.array([[0.0, 0, 0], [3, 1, 0.2]])) * made.figure.dpi
+    np.testing.assert_allclose(drawn, expected, atol=2.5)
+
+
+def test_symbols_follow_from_what_components_say():
+    """Joints by what their constraints hold together, forces by their parameters; a stranger by its points."""
+    made = crank()
+    arm, rod = made.bodies["arm"], made.bodies["rod"]
+    made.add(Magnet("magnet", arm, rod, (0, 0.1), (0, 0.1)))
+    made.add(Distance("rope", made.ground, rod, (0.2, -0.3), (0, 0), 0.4))
+    symbols = dict(
+        zip(*(drawn_pose(made)[k].values.astype(str).tolist() for k in ("component", "component_symbol")), strict=True)
+    )
+    assert symbols == {
+        "bearing": "hinge", "pin": "hinge", "piston pin": "hinge", "guide": "slide", "drive": "torque",
+        "friction": "coil", "spring": "spring", "magnet": "spring", "rope": "rod",
+    }  # fmt: skip
+    symbols = drawn_pose(spatial())["component_symbol"].values.tolist()
+    assert symbols == ["slide", "ball", "universal", "cylinder", "", "force"]
+    driven = uqmbd.Mechanism("driven", uqmbd.Planar())
+    one, two = (driven.body(n, mass=1, inertia=1) for n in ("one", "two"))
+    driven.add(Fixed("weld", driven.ground, one, (0, 0), (0, 0)))
+    driven.add(Revolute("hinge", one, two, (0, 0), (0, 0)))
+    driven.add(RotationDriver("turn", one, two, uqmbd.t))
+    assert drawn_pose(driven)["component_symbol"].values.tolist() == ["weld", "hinge", "driver"]
+    driven = uqmbd.Mechanism("driven", uqmbd.Translational())
+    driven.add(PositionDriver("push", driven.ground, driven.body("mass", mass=1), (0, 0), (0, 0), (1, 0), uqmbd.t))
+    assert drawn_pose(driven)["component_symbol"].values.tolist() == ["driver"]
+    assert len(figures.mechanism(driven).axes) == 1
+
+
+def test_observed_points_are_read_back_from_outputs():
+    """``body.point(local)[k]`` gives `local` again, in every space; what is no point of one body gives nothing."""
+    rng = np.random.default_rng(1)
+    for space, dimension in ((uqmbd.Planar(), 2), (uqmbd.Spatial(), 3)):
+        for k in range(dimension):
+            made = uqmbd.Mechanism("m", space)
+            body = made.body("body", mass=0, inertia=0 if dimension == 2 else (0, 0, 0))
+            local = rng.normal(size=dimension)
+            made.output("point", body.point(local)[k])
+            made.output("no point", body.point(local)[k] ** 2)
+            made.output("speed", body.point_velocity(local)[k])
+            (mark,) = (m for m in skeleton(made) if m.kind == "observed")
+            np.testing.assert_allclose([float(x) for x in mark.local], local, rtol=1e-9)
+
+
+def test_a_mechanism_that_cannot_be_assembled_is_shown_as_drawn():
+    made = uqmbd.Mechanism("gap", uqmbd.Planar())
+    bar = made.body("bar", mass=1, inertia=1, position=(0.5, 0))
+    made.add(Revolute("left", made.ground, bar, (0, 0), (-0.5, 0)))
+    made.add(Revolute("right", made.ground, bar, (3, 0), (0.5, 0)))
+    with pytest.raises(uqmbd.AssemblyError):
+        uqmbd.check(made)
+    title = next(t.get_text() for t in figures.mechanism(made).texts if t.get_text().startswith("gap"))
+    assert "cannot be assembled" in title
+    data = drawn_pose(made)
+    np.testing.assert_allclose(data["pose"].squeeze()[:2], (0.5, 0))
+    assert "right" in data.attrs["note"] or "left" in data.attrs["note"]
+
+
+def test_mistakes():
+    with pytest.raises(uqmbd.StudyError, match="no bodies to draw"):
+        figures.mechanism(uqmbd.Mechanism("empty", uqmbd.Planar()))
+    with pytest.raises(uqmbd.StudyError, match="no random variable 'lenght'"):
+        figures.mechanism(crank(), {"lenght": 1})
+
+
+def test_a_single_body_without_anything_is_drawn():
+    for space, more in ((uqmbd.Translational(), {}), (uqmbd.Spatial(), {"inertia": (0, 0, 0)})):
+        made = uqmbd.Mechanism("one", space)
+        made.body("dust", mass=0, **more)
+        figure = figures.mechanism(made)
+        figure.canvas.draw()
+        assert "dust" in [text.get_text() for text in figure.texts]
+
+
+def test_one_motion_of_a_guide_is_shown_along_its_whole_way():
+    """The guide's reach covers where the slider has been."""
+    data = drawn_pose(crank())
+    sketch, points = Sketch(data), world(data)[0]
+    moved = np.repeat(points, 3, axis=0)
+    slide = next(p for p in sketch.parts if p.name == "guide")
+    moved[:, slide.points[1], 0] = (0.1, 0.5, 0.3)
+    assert sketch.reaches(moved)["guide"] == pytest.approx((0.0, 0.5))

@@ -1,0 +1,157 @@
+"""What notebooks show: well-formed HTML with everything that a mechanism, a study or a chaos consists of."""
+
+from __future__ import annotations
+
+import sys
+import types
+from html.parser import HTMLParser
+
+import chaospy
+import numpy as np
+import pytest
+
+import uqmbd
+from uqmbd.propagation.progress import Lines, Notebook, Silent, told
+from uqmbd.results import PolynomialChaos
+from uqmbd_collocation import Collocation
+from uqmbd_joints import Revolute
+from uqmbd_montecarlo import MonteCarlo
+
+VOID = {"img", "br", "meta"}
+
+
+class Page(HTMLParser):
+    """Parses strictly: every element that opens closes, in order."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.open, self.texts, self.images, self.heads = [], [], [], 0
+        self.feed(text)
+        assert self.open == []
+
+    def handle_starttag(self, tag, attrs):
+        if tag == "img":
+            self.images.append(dict(attrs))
+        self.heads += tag == "th"
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        self.texts.append(data)
+
+
+@pytest.fixture(scope="module")
+def study():
+    length = uqmbd.RandomVariable("length", chaospy.Normal(1, 0.05), units="m")
+    mechanism = uqmbd.Mechanism("<script>pendulum", uqmbd.Planar(gravity=(0, -9.81)))
+    rod = mechanism.body("rod & bob", mass=2, inertia=length**2, position=(length / 2, 0))
+    mechanism.add(Revolute("pivot", mechanism.ground, rod, (0, 0), (-length / 2, 0)))
+    mechanism.output("tip", rod.point((length / 2, 0))[1], units="m")
+    return uqmbd.Study("swing", mechanism, np.linspace(0, 1, 5), [MonteCarlo(samples=20, seed=1), Collocation(order=2)])
+
+
+def test_mechanism(study):
+    page = Page(study.mechanism._repr_html_())
+    for text in (
+        "rod & bob",
+        "pivot",
+        "Revolute",
+        "ground, rod & bob",
+        "Normal(mu=1, sigma=0.05)",
+        "tip",
+        "length/2, 0",
+    ):
+        assert text in page.texts, text
+    assert not any("<script>" in text for text in ("".join(page.texts).split("<script>pendulum")))
+    (image,) = page.images
+    assert image["src"].startswith("data:image/svg+xml") and "pendulum" in image["alt"]
+
+
+def test_unfinished_mechanisms_show_themselves():
+    empty = uqmbd.Mechanism("empty", uqmbd.Spatial())
+    assert Page(empty._repr_html_()).images == []
+    empty.body("one", mass=1, inertia=(1, 1, 1))
+    assert len(Page(empty._repr_html_()).images) == 1
+
+
+def test_study(study):
+    page = Page(study._repr_html_())
+    for text in ("swing – study", "5, from 0 s to 1 s", "monte-carlo", "MonteCarlo", "samples=20, seed=1", "order=2"):
+        assert text in page.texts, text
+    assert "rod & bob" in page.texts
+
+
+def test_chaos(study):
+    node = study.propagate(study.propagators[1])
+    chaos = PolynomialChaos.from_dataset(node["chaos"])
+    page = Page(chaos._repr_html_())
+    assert "Order 2, 3 terms." in page.texts and "Outputs at t = 1 s" in page.texts
+    assert f"{float(node['statistics']['std'][0, -1]):.4g}" in page.texts
+    assert set(chaos.verdicts()) <= set(page.texts)
+
+
+class Display:
+    """Stands for IPython.display: remembers what each cell output showed."""
+
+    def __init__(self):
+        self.shown = []
+
+    def display(self, content, display_id):
+        assert display_id is True
+        index = len(self.shown)
+        self.shown.append([content])
+        return types.SimpleNamespace(update=self.shown[index].append)
+
+    def HTML(self, text):
+        Page(text)
+        return text
+
+
+@pytest.fixture
+def display(monkeypatch):
+    """A notebook: IPython with a kernel."""
+    made = Display()
+    shell = types.SimpleNamespace(kernel=object())
+    monkeypatch.setitem(sys.modules, "IPython", types.SimpleNamespace(get_ipython=lambda: shell))
+    monkeypatch.setitem(sys.modules, "IPython.display", made)
+    return made
+
+
+def test_a_notebook_shows_progress_by_itself(study, display):
+    study.run()
+    assert len(display.shown) >= 2
+    first = display.shown[0]
+    assert "monte-carlo" in first[0] and "0 of 20" in first[0]
+    assert "20 of 20" in first[-1] and "value='20' max='20'" in first[-1]
+
+
+def test_a_bar_changes_in_place_and_not_too_often(display):
+    now = [0.0]
+    bar = Notebook(clock=lambda: now[0])
+    bar.start("a & b", 1000)
+    for _ in range(1000):
+        now[0] += 0.01
+        bar.advance("a & b")
+    bar.finish("a & b")
+    bar.advance("stranger")
+    (changes,) = display.shown
+    assert 40 <= len(changes) <= 60 and "1000 of 1000, 10" in changes[-1]
+
+
+def test_scripts_choose(study, capsys, monkeypatch):
+    monkeypatch.delitem(sys.modules, "IPython", raising=False)
+    study.propagate(study.propagators[0])
+    assert capsys.readouterr().err == ""
+    study.propagate(study.propagators[0], progress=True)
+    assert "monte-carlo: 0 of 20" in capsys.readouterr().err
+    assert isinstance(told(None), Silent) and isinstance(told(False), Silent)
+    lines = Lines(sys.stderr)
+    assert told(lines) is lines
+
+
+def test_a_terminal_with_ipython_is_no_notebook(monkeypatch):
+    monkeypatch.setitem(sys.modules, "IPython", types.SimpleNamespace(get_ipython=lambda: types.SimpleNamespace()))
+    assert isinstance(told(None), Silent)

@@ -1,0 +1,296 @@
+"""Verdicts: planted disagreements are called by name, and methods that agree are not said to differ.
+
+The family of one comparison (all methods, outputs and times) is tested at the level 5 %.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import chaospy
+import numpy as np
+import pytest
+import scipy.stats
+import xarray as xr
+
+import uqmbd
+from uqmbd import results
+from uqmbd.cli.compare import show_comparison
+from uqmbd.errors import StudyError
+from uqmbd.randomness import GermSpace, JointInput, gauss_tensor, index_set
+from uqmbd.report import error_cost
+from uqmbd.report.verdicts import agreement
+from uqmbd.results import verdicts
+from uqmbd.results.distances import distances, ks_by_chance
+from uqmbd.results.simultaneous import chance, curve_length, pointwise_level
+from uqmbd_collocation import Collocation
+from uqmbd_montecarlo import MonteCarlo
+
+TIMES = np.linspace(0.0, 2.0, 101)
+OUTPUTS = [("x", "m"), ("v", "m/s"), ("f", "N")]
+SPACE = GermSpace.of(
+    JointInput.of(
+        [
+            uqmbd.RandomVariable("stiffness", chaospy.Normal(40, 2), units="N/m"),
+            uqmbd.RandomVariable("mass", chaospy.Uniform(0.95, 1.05), units="kg"),
+        ]
+    )
+)
+AXES = results.labels(OUTPUTS, list(SPACE.inputs), TIMES)
+
+
+def oscillator(germs: np.ndarray) -> np.ndarray:
+    """Motion, velocity and spring force of an oscillator released at 1 m, (K, 3, T)."""
+    columns = [SPACE.inputs.index(name) for name in ("stiffness", "mass")]
+    stiffness, mass = np.asarray(SPACE.to_inputs(germs))[:, columns].T[:, :, None]
+    rate = np.sqrt(stiffness / mass)
+    x = np.cos(rate * TIMES)
+    return np.stack([x, -rate * np.sin(rate * TIMES), stiffness * x], axis=1)
+
+
+def sampled(label: str, count: int, seed: int, change=lambda response: response, axes=AXES) -> xr.DataTree:
+    """Return a Monte Carlo node, whose responses may be changed."""
+    germs = SPACE.from_uniform(np.random.default_rng(seed).random((count, 2)))
+    data = results.sample_dataset(change(oscillator(germs)), np.asarray(SPACE.to_inputs(germs)), axes)
+    return results.propagator_node(
+        label,
+        results.statistics_of_samples(data),
+        data,
+        propagator="monte-carlo",
+        realisations=count,
+        wall_time=0.01 * count,
+        options={"samples": count, "sampling": "random"},
+    )
+
+
+def projected(label: str, order: int, *, shift=0.0, factor=1.0, stretch=1.0, verify=8) -> xr.DataTree:
+    """Return the chaos of the oscillator, or of one of another mean, deviation, or range of times."""
+    rule, index = gauss_tensor(SPACE, order + 1), index_set(2, order)
+    coefficients = results.project(oscillator(rule.nodes), SPACE.evaluate(rule.nodes, index), rule.weights)
+    points = SPACE.from_uniform(np.random.default_rng(5).random((verify, 2)))
+    more = {"verification_germs": points, "verification_response": oscillator(points)} if verify else {}
+    chaos = results.PolynomialChaos(coefficients, index, SPACE, AXES, **more)
+    statistics = chaos.statistics(samples=256)
+    statistics["std"] = factor * statistics["std"]
+    statistics["variance"] = statistics["std"] ** 2
+    statistics["mean"] = statistics["mean"] + shift * statistics["std"].max("time")
+    return results.propagator_node(
+        label,
+        statistics,
+        propagator="collocation",
+        realisations=len(rule.nodes),
+        wall_time=0.01 * len(rule.nodes),
+        children={"chaos": chaos.to_dataset()},
+    )
+
+
+@pytest.fixture(scope="module")
+def exact() -> xr.DataTree:
+    """Return a chaos that is exact to some 1e-5."""
+    return projected("exact", 8)
+
+
+def kinds(nodes: list[xr.DataTree], reference: str, method: str) -> list[str]:
+    return results.compare(nodes, reference).sel({"method": method})["verdict_kind"].values.tolist()
+
+
+def test_methods_that_agree_are_not_said_to_differ(exact: xr.DataTree) -> None:
+    """In 100 seeded repetitions with three methods a false alarm in any output at any time is rarer than 5 %."""
+    surrogate = projected("surrogate", 5)
+    statistics = surrogate["statistics"].to_dataset()
+    bare = results.propagator_node("surrogate", statistics, propagator="collocation", realisations=36, wall_time=0.36)
+    alarms = 0
+    for seed in range(100):
+        nodes = [sampled("a", 100, 2 * seed), sampled("b", 100, 2 * seed + 1), bare]
+        found = results.compare(nodes, ["a", "surrogate"][seed % 2])
+        alarms += bool((found["verdict_kind"] == verdicts.DIFFERS).any())
+    assert alarms <= 5
+    assert kinds([exact, surrogate], "exact", "surrogate") == ["agrees"] * 3
+
+
+@pytest.mark.slow
+def test_false_alarms_of_normal_processes_meet_the_level() -> None:
+    """Smooth normal processes with different correlation lengths: at most 5 % over a hundred repetitions."""
+    rate = np.arange(1, 7)[:, None] * np.pi
+    axes = results.labels(OUTPUTS, list(SPACE.inputs), TIMES)
+    alarms = 0
+    for seed in range(100):
+        nodes = []
+        for label in ("a", "b"):
+            rng = np.random.default_rng([seed, label == "a"])
+
+            def process(response: np.ndarray, rng=rng) -> np.ndarray:
+                a, b = rng.standard_normal((2, len(response), 3, 6))
+                weights = np.exp(-np.outer([1.0, 0.5, 0.1], np.arange(6)))[None]
+                return (weights * a) @ np.cos(rate * TIMES) + (weights * b) @ np.sin(rate * TIMES)
+
+            nodes.append(sampled(label, 100, seed, process, axes))
+        alarms += verdicts.DIFFERS in kinds(nodes, "a", "b")
+    assert alarms <= 5
+
+
+def test_a_shifted_mean_is_named(exact: xr.DataTree) -> None:
+    """A third of a standard deviation is seen among 400 samples, and the size and the units are said."""
+    for seed in range(10):
+        found = results.compare([exact, sampled("mc", 400, seed, lambda r: r + 0.35 * r.std(axis=0).max(-1)[:, None])])
+        row = found.sel({"method": "mc" if found.attrs["reference"] == "exact" else "exact"})
+        assert row["verdict_kind"].values.tolist() == ["differs"] * 3
+        assert all("mean shifted by" in text for text in row["verdict"].values)
+    planted = results.compare([exact, projected("planted", 5, shift=0.1)], "exact").sel({"method": "planted"})
+    assert "differs: mean shifted by" in planted["verdict"].values[0] and " m (10 % of" in planted["verdict"].values[0]
+    assert "standard deviation too" not in " ".join(planted["verdict"].values)
+
+
+def test_a_wrong_standard_deviation_is_named(exact: xr.DataTree) -> None:
+    """23 % too small: by that number against a chaos, and within the noise of 600 samples against Monte Carlo."""
+    planted = projected("planted", 5, factor=0.77)
+    found = results.compare([exact, planted], "exact").sel({"method": "planted"})["verdict"].values.tolist()
+    assert found == ["differs: standard deviation too small by 23 %"] * 3
+    for seed in range(10):
+        one = results.compare([sampled("mc", 600, seed), planted])
+        assert one.attrs["reference"] == "mc"
+        text = one.sel({"method": "planted"})["verdict"].values.tolist()
+        # the standard deviation of 600 samples is itself known to 3 %, three times of which is allowed here
+        assert all(14 <= int(t.removeprefix("differs: standard deviation too small by ")[:2]) <= 31 for t in text), text
+
+
+def test_an_order_that_is_too_low_is_named(exact: xr.DataTree) -> None:
+    """With its own verification or without: by the difference, and by the terms that are missing."""
+    for verify in (8, 0):
+        low = projected("low", 1, verify=verify)
+        for other in (exact, sampled("mc", 1000, 3)):
+            found = results.compare([other, low], str(other.name)).sel({"method": "low"})
+            assert "under-resolved" in found["verdict_kind"].values
+            if verify:
+                assert any("order 1 is too low, its stated error is" in t for t in found["verdict"].values)
+
+
+def test_too_few_samples_are_named(exact: xr.DataTree) -> None:
+    """Twelve or thirty samples neither agree nor differ, in every repetition."""
+    for count in (12, 30):
+        for seed in range(5):
+            found = results.compare([exact, sampled("mc", count, seed)], "exact").sel({"method": "mc"})
+            assert found["verdict_kind"].values.tolist() == ["too few samples"] * 3
+            assert f"mc has {count}" in found["verdict"].values[0]
+    # the more converged one is the reference
+    assert results.choose_reference({"mc": sampled("mc", 12, 1), "exact": exact}) == "exact"
+
+
+def test_recommendation(exact: xr.DataTree) -> None:
+    """The cheapest of those that agree; what is said of the others are the reasons not to take them."""
+    nodes = [sampled("monte-carlo", 1000, 1), projected("fine", 5), projected("low", 1), projected("off", 5, shift=0.5)]
+    found = results.compare(nodes)
+    lead, *others = results.recommend(found)
+    assert lead.startswith("Use fine: it agrees with monte-carlo, its own error is below ")
+    assert "28 times cheaper than monte-carlo (360 ms instead of 10 s; 36 realisations instead of 1000)." in lead
+    assert others[0].startswith("low") and "is under-resolved: order 1 is too low" in others[0]
+    assert others[1].startswith("off differs from monte-carlo: mean shifted by ")
+    assert found.attrs["recommendation"] == "\n".join((lead, *others))
+    alone = results.recommend(results.compare([nodes[0], nodes[3]]))
+    assert alone[0].startswith("No other method agrees with monte-carlo")
+    shown = agreement(results.study_tree(nodes, study="s", mechanism="m"))
+    assert shown is not None and shown["lead"] == lead and len(shown["each"]) == 9
+
+
+def test_chance_of_a_process_in_closed_form() -> None:
+    """X cos t + Y sin t over half a turn: the largest size is Rayleigh distributed."""
+    t = np.linspace(0, np.pi, 2001)
+    assert curve_length([np.array([np.cos(t), np.sin(t)])]) == pytest.approx(np.pi, rel=1e-6)
+    for bound in (2.5, 3.5, 4.5):
+        exactly = np.exp(-0.5 * bound**2)
+        assert exactly <= chance(bound, np.pi, 2001) <= 1.3 * exactly
+    assert pointwise_level(0.05, np.inf, 401) == pytest.approx(0.05 / 401)
+
+
+def test_distances_against_scipy() -> None:
+    """The distances of SciPy, for samples of different numbers with ties; Massart's bound."""
+    rng = np.random.default_rng(1)
+    one, other = rng.normal(size=300).round(1), rng.normal(0.3, 1.2, 170).round(1)
+    wasserstein, ks = distances(one, other)
+    assert wasserstein == pytest.approx(scipy.stats.wasserstein_distance(one, other))
+    assert ks == pytest.approx(scipy.stats.ks_2samp(one, other).statistic)
+    assert scipy.stats.kstwo.sf(ks_by_chance([200, np.inf], 0.05), 200) == pytest.approx(0.05, abs=0.005)
+    found = results.compare([sampled("a", 500, 1), projected("b", 5)])
+    assert (found["ks"].sel({"method": "b"}) < found["ks_by_chance"].sel({"method": "b"})).all()
+
+
+def test_outputs_without_time() -> None:
+    """The same verdicts hold for results that have no time."""
+    axes = results.labels([("frequency", "Hz")], [], None)
+
+    def node(label: str, seed: int, mean: float) -> xr.DataTree:
+        values = np.random.default_rng(seed).normal(mean, 1.0, (300, 1))
+        data = results.sample_dataset(values, np.zeros((300, 0)), axes)
+        statistics = results.statistics_of_samples(data)
+        return results.propagator_node(label, statistics, data, propagator="p", realisations=300, wall_time=1.0)
+
+    nodes = [node("a", 1, 5.0), node("b", 2, 5.0), node("c", 3, 5.5)]
+    assert kinds(nodes, "a", "b") == ["agrees"]
+    assert kinds(nodes, "a", "c") == ["differs"]
+
+
+def test_files_of_different_runs(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Common times only, and what else differs is said; what cannot be compared is a StudyError."""
+    nodes = {"mc": sampled("mc", 200, 1), "surrogate": projected("surrogate", 4)}
+    coarse = results.align({"surrogate": nodes["surrogate"]})[0]["surrogate"]
+    every = {n: coarse[n].to_dataset().isel(time=slice(None, None, 4)) for n in ("statistics", "chaos")}
+    part = xr.DataTree.from_dict({"/": xr.Dataset(attrs=coarse.attrs), **every}, name="other")
+    paths = []
+    for name, group, more in (("one", nodes.values(), {"rtol": 1e-6}), ("two", [part], {"rtol": 1e-8})):
+        tree = results.study_tree(group, study="s", mechanism="m", attrs=more)
+        paths.append(results.save(tree, tmp_path / name / "results.nc").parent)
+    monkeypatch.setattr("uqmbd.cli.report.write", lambda tree, path: path)  # whose figures take their time
+    show_comparison(paths, out=tmp_path / "both")
+    said = capsys.readouterr().out
+    assert "Only 26 times are common to all: of 101 of A mc, 101 of A surrogate, 26 of B other" in said
+    assert "rtol" in said and "1e-08" in said
+    assert "B other  against  A mc" in said and "agrees (to within" in said
+    both = results.load(tmp_path / "both" / "comparison.nc")
+    results.validate(both)
+    assert both["comparison"].attrs["reference"] == "A mc" and "what differs: rtol" in both.attrs
+    with pytest.raises(StudyError, match="there is no such method"):
+        show_comparison(paths, reference="nobody")
+    with pytest.raises(StudyError, match="no results.nc"):
+        show_comparison([tmp_path, paths[0]])
+
+
+def test_results_that_have_nothing_in_common() -> None:
+    """Other units leave an output out; other times or outputs cannot be compared."""
+    node = sampled("a", 30, 1)
+    moved = node.copy()
+    data = {n: moved[n].to_dataset() for n in ("statistics", "samples")}
+    later = {n: d.assign_coords(time=d["time"] + 0.001) for n, d in data.items()}
+    with pytest.raises(StudyError, match="no time in common"):
+        results.align({"a": node, "b": xr.DataTree.from_dict(later, name="b")})
+    other = {n: d.assign_coords(output_units=("output", ["mm", "m/s", "N"])) for n, d in data.items()}
+    aligned, notes = results.align({"a": node, "b": xr.DataTree.from_dict(other, name="b")})
+    assert aligned["a"]["statistics"]["output"].values.tolist() == ["v", "f"]
+    assert "Output x has other units (m in a, mm in b)" in notes[0]
+
+
+def test_error_against_cost() -> None:
+    """The square of a normal output: order 1 misses the known part, order 2 nothing; a level that fails is one only."""
+    mechanism = uqmbd.Mechanism("fall", uqmbd.Translational(gravity=(0, -9.81)))
+    speed = uqmbd.RandomVariable("speed", chaospy.Normal(3, 0.5), units="m/s")
+    stone = mechanism.body("stone", mass=1, velocity=(0, speed))
+    mechanism.output("square", stone.velocity[1] ** 2, units="m^2/s^2")
+    study = uqmbd.Study("fall", mechanism, np.array([0.0, 0.1]))
+    methods = [Collocation(), MonteCarlo(seed=3)]
+    found = study.converge(methods, order=[1, 2, 9999], samples=[50, 800], reference=Collocation(order=3))
+    # (m + s z)^2 = m^2 + s^2 + 2 m s z + s^2 (z^2 - 1): order 1 misses 2 s^4 of the variance 4 m^2 s^2 + 2 s^4
+    m, s = 3 - 9.81 * np.array([0.0, 0.1]), 0.5
+    whole = np.sqrt(4 * m**2 * s**2 + 2 * s**4)
+    off = whole - 2 * m * s
+    expected = np.sqrt(np.trapezoid(off**2) / np.trapezoid(whole**2))
+    assert found["std_error_l2"].values[0, 0, 0] == pytest.approx(expected, rel=1e-4)
+    assert found["std_error_l2"].values[0, 1, 0] < 1e-6
+    assert found["problem"].values[0, 2].startswith("StudyError") and np.isnan(found["std_error_l2"].values[0, 2, 0])
+    assert found["realisations"].values[1, :2].tolist() == [50, 800]
+    assert found["option"].values.tolist() == ["order", "samples"]
+    assert len(error_cost(found, "square").axes) == 2
+    with pytest.raises(StudyError, match="has no option tolerances"):
+        study.converge(Collocation, tolerances=[1])
+    with pytest.raises(StudyError, match="give the levels"):
+        study.converge(Collocation)

@@ -1,0 +1,122 @@
+"""`uqmbd animate` and `uqmbd check --figure`: files are written, and mistakes cost no computation."""
+
+from __future__ import annotations
+
+import sys
+import textwrap
+import warnings
+
+import pytest
+from PIL import Image
+
+import uqmbd
+from uqmbd.cli import main
+
+SCRIPT = """
+    import chaospy
+    import uqmbd
+    from uqmbd_montecarlo import MonteCarlo
+    speed = uqmbd.RandomVariable("speed", chaospy.Uniform(1, 2))
+    mechanism = uqmbd.Mechanism("fall", uqmbd.Translational(gravity=(0, -9.81)))
+    stone = mechanism.body("stone", mass=1, velocity=(speed, 0))
+    mechanism.output("x", stone.position[0], units="m")
+    study = uqmbd.Study("fall", mechanism, [0, 0.5, 1], [MonteCarlo(samples=4, seed=1)])
+"""
+
+
+@pytest.fixture
+def cli(monkeypatch, tmp_path, capsys):
+    """Run the command line in a folder with a script; return status, output and errors."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    (tmp_path / "falling_stone.py").write_text(textwrap.dedent(SCRIPT))
+
+    def run(*words):
+        with pytest.raises(SystemExit) as left, warnings.catch_warnings():
+            warnings.simplefilter("default", UserWarning)
+            main(list(words))
+        captured = capsys.readouterr()
+        return left.value.code, captured.out, captured.err
+
+    yield run
+    sys.modules.pop("falling_stone", None)
+
+
+def test_animate(cli, tmp_path):
+    status, out, err = cli("animate", "falling_stone.py", "--samples", "3", "--fps", "5", "--seconds", "2")
+    assert (status, err) == (0, "")
+    with Image.open(tmp_path / "falling_stone.gif") as film:
+        assert film.n_frames == 10 and film.info["duration"] == 200
+    assert "10 pictures in 2 s" in out and "2 times as long as the motion takes" in out and "3 realisations" in out
+
+
+def test_animate_a_method(cli, tmp_path):
+    status, out, _ = cli("animate", "falling_stone.py", "--out", "a/b.gif", "--method", "monte-carlo", "--fps", "2")
+    assert status == 0 and "4 realisations" in out and (tmp_path / "a" / "b.gif").exists()
+
+
+@pytest.mark.parametrize(
+    ("words", "part"),
+    [
+        (["--out", "x.avi"], "written as .gif or .mp4"),
+        (["--method", "galerkin"], "no method 'galerkin'; its methods are: monte-carlo"),
+        (["--fps", "0"], "--fps 0: both are expected to be positive"),
+        (["--seconds", "900"], "18000 pictures"),
+        (["--samples", "-1"], "--samples"),
+    ],
+)
+def test_mistakes(cli, words, part):
+    status, out, err = cli("animate", "falling_stone.py", *words)
+    assert status == 2 and part in err and "Traceback" not in err and out == ""
+
+
+def test_film_without_ffmpeg(cli, monkeypatch, tmp_path):
+    monkeypatch.setenv("PATH", str(tmp_path))
+    status, _, err = cli("animate", "nowhere.py", "--out", "x.mp4")
+    assert status == 2 and "ffmpeg, which is not on the path" in err
+
+
+@pytest.mark.parametrize(("ending", "start"), [("png", b"\x89PNG"), ("svg", b"<?xml"), ("pdf", b"%PDF")])
+def test_check_draws(cli, tmp_path, ending, start):
+    status, out, _ = cli("check", "falling_stone.py", "--figure", f"new/figure.{ending}")
+    assert status == 0 and "1: stone" in out and f"figure  new/figure.{ending}" in out
+    assert (tmp_path / "new" / f"figure.{ending}").read_bytes().startswith(start)
+
+
+def test_check_refuses_other_pictures_before_the_script_runs(cli, tmp_path):
+    status, _, err = cli("check", "nowhere.py", "--figure", "figure.docx")
+    assert status == 2 and ".png, .svg or .pdf" in err
+    (tmp_path / "file").write_text("")
+    status, _, err = cli("check", "falling_stone.py", "--figure", "file/figure.png")
+    assert status == 2 and "the picture cannot be written" in err
+
+
+def test_check_draws_what_cannot_be_assembled(cli, tmp_path):
+    with (tmp_path / "falling_stone.py").open("a") as script:
+        script.write(
+            "from uqmbd_joints import Distance\n"
+            "mechanism.add(Distance('a', mechanism.ground, stone, (0, 0), (0, 0), 1))\n"
+            "mechanism.add(Distance('b', mechanism.ground, stone, (5, 0), (0, 0), 1))\n"
+        )
+    status, out, err = cli("check", "falling_stone.py", "--figure", "figure.png")
+    assert status == 1 and "cannot be assembled" in err
+    assert "figure.png" in out and (tmp_path / "figure.png").exists()
+
+
+def test_run_stores_poses_and_shows_them(cli, tmp_path):
+    status, _, _ = cli("run", "falling_stone.py")
+    assert status == 0
+    from uqmbd.results import load
+
+    tree = load(tmp_path / "results" / "results.nc")
+    assert tree["motion"]["pose"].dims == ("realisation", "time", "body", "coordinate")
+    (tmp_path / "results" / "report.html").unlink()
+    assert cli("report", "results")[0] == 0
+    assert "image/gif" in (tmp_path / "results" / "report.html").read_text()
+
+
+def test_a_run_outlives_a_picture_that_fails(cli, tmp_path, monkeypatch):
+    monkeypatch.setattr(uqmbd.report.animation, "motion", lambda *_, **__: 1 / 0)
+    status, _, err = cli("run", "falling_stone.py")
+    assert status == 0 and "no animation of the mechanism: ZeroDivisionError" in err
+    assert (tmp_path / "results" / "report.html").exists()

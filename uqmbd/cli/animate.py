@@ -1,0 +1,66 @@
+"""`uqmbd animate`: the mechanism of a study in motion, with a cloud of realisations."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from uqmbd.cli.progress import seconds as spoken
+from uqmbd.errors import StudyError
+from uqmbd.propagation.script import load_study
+
+__all__ = ["animate_study"]
+
+MOST_FRAMES = 3000
+
+
+def animate_study(
+    script: Path,
+    *,
+    out: Path | None = None,
+    samples: int = 20,
+    method: str | None = None,
+    fps: float = 20.0,
+    seconds: float | None = None,
+) -> None:
+    """Write an animation of a study.
+
+    Parameters
+    ----------
+    script : Path
+        The study script.
+    out : Path, optional
+        A ``.gif`` or ``.mp4``; by default a GIF named like the script, in the current folder.
+    samples : int
+        Realisations besides the one at the means of the inputs.
+    method : str, optional
+        Label of the propagator whose realisations are shown.
+    fps : float
+        Pictures per second.
+    seconds : float, optional
+        How long the animation takes; by default as long as the motion, but between 3 and 8 s.
+    """
+    from uqmbd.report.animation import SECONDS, animate, check_target, motion
+
+    target = Path(f"{script.stem}.gif") if out is None else out
+    # before the work, not after it
+    check_target(target)
+    study = load_study(script)
+    length = float(study.times[-1] - study.times[0])
+    lasting = min(max(length, SECONDS[0]), SECONDS[1]) if seconds is None else seconds
+    if not (lasting > 0 and fps > 0):
+        raise StudyError(f"--seconds {lasting:g} --fps {fps:g}: both are expected to be positive.")
+    frames = max(2, round(fps * lasting))
+    if frames > MOST_FRAMES:
+        raise StudyError(
+            f"{frames} pictures ({fps:g} per second for {lasting:g} s) are too many; at most {MOST_FRAMES} are made."
+        )
+    data = motion(study, samples=samples, frames=frames, method=method)
+    written = animate(data, target, seconds=lasting)
+    shown = data.sizes["realisation"] - 1
+    failed = int(data.attrs.get("failures", 0))
+    factor = lasting / length
+    speed = "as fast as it is" if abs(factor - 1) < 0.01 else f"{factor:.3g} times as long as the motion takes"
+    cloud = f"; {shown} realisations beside the motion at the means" if shown else "; the motion at the means"
+    lost = f" ({failed} failed and are left out)" if failed else ""
+    print(f"animation  {written}")
+    print(f"{frames} pictures in {spoken(lasting)}, {speed}{cloud}{lost}.")

@@ -1,0 +1,199 @@
+"""The rank of the constraint equations along a motion: how near a singular pose is, and which equations are concerned.
+
+A pose is singular where the equations of motion's constraints lose rank.  Near it the smallest singular values change
+linearly with time, unless the mechanism locks up: then they vanish like the square root of the time that is left.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uqmbd.dynamics.index1 import dense, state_arguments
+from uqmbd.dynamics.model import Model
+
+__all__ = ["Rank", "dead_end", "gradient", "joints", "named", "null_equations", "rank_along"]
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+WATCHED = 6
+"""Most singular values whose zeros are looked for."""
+
+SMALL = 0.3
+"""Relative size of a singular value below which its zero is looked for."""
+
+
+@dataclass(frozen=True)
+class Rank:
+    """How well the constraint equations of one realisation determine its motion.
+
+    Attributes
+    ----------
+    every : float
+        Smallest relevant singular value of all equations, each scaled to length one: as many are relevant as the
+        equations have at a general pose.
+    kept : float
+        Smallest singular value of the kept equations.
+    ahead : float
+        Time until the nearest singular pose of all equations, s, to first order; negative: it lies behind; infinite:
+        there is none near.
+    kept_ahead : float
+        The same for the kept equations.
+    equations : array of int
+        Those that are about to become dependent, the most concerned first.
+    kept_equations : array of int
+        The same among the kept ones.
+    """
+
+    every: float
+    kept: float
+    ahead: float
+    kept_ahead: float
+    equations: Index
+    kept_equations: Index
+
+
+def gradient(model: Model, q: Array, s: Array, time: float, parameters: Array) -> Array:
+    """Constraint Jacobian of all equations, each scaled to length one, of one realisation.
+
+    Parameters
+    ----------
+    model : Model
+        With its ``velocity`` evaluator.
+    q, s : array, shape (coordinate,) and (state,)
+        Pose and auxiliary states.
+    time : float
+        s.
+    parameters : array, shape (parameter,)
+        Of the realisation.
+
+    Returns
+    -------
+    array, shape (equation, coordinate)
+    """
+    state = state_arguments(q[None], s[None], np.zeros_like(q)[None], time)
+    d = dense(model, "velocity", state, parameters[None])["d"][0]
+    norm = np.linalg.norm(d, axis=1)
+    scaled: Array = d / np.where(norm > 1e-9, norm, 1.0)[:, None]
+    return scaled
+
+
+def rank_along(model: Model, q: Array, s: Array, v: Array, time: float, parameters: Array) -> Rank:
+    """Judge the rank at a state, and where it is lost along the present velocity.
+
+    Parameters
+    ----------
+    model : Model
+        With its kept equations.
+    q, s, v : array
+        State of one realisation.
+    time : float
+        s.
+    parameters : array, shape (parameter,)
+        Of the realisation.
+
+    Returns
+    -------
+    Rank
+    """
+    here = gradient(model, q, s, time, parameters)
+    # a short way along the motion: long enough to be seen, short enough to be straight
+    delta = 1e-5 / max(float(np.abs(v).max(initial=0.0)), 1e-3)
+    slope = (gradient(model, q + delta * v, s, time + delta, parameters) - here) / delta
+    kept = model.layout.kept
+    every, ahead, equations = _nearest(here, slope, model.layout.rank)
+    if len(kept) == len(here):
+        return Rank(every, every, ahead, ahead, equations, equations)
+    least, kept_ahead, some = _nearest(here[kept], slope[kept], len(kept))
+    return Rank(every, least, ahead, kept_ahead, equations, kept[some])
+
+
+def _nearest(a: Array, slope: Array, rank: int) -> tuple[float, float, Index]:
+    """Smallest relevant singular value, time to its zero (or that of others that are small), and rows concerned."""
+    if not rank:
+        return 1.0, np.inf, np.zeros(0, dtype=np.int64)
+    left, values, right = np.linalg.svd(a)
+    values = np.concatenate([values, np.zeros(max(0, rank - len(values)))])
+    size = max(float(values[0]), 1e-300)
+    small = np.arange(max(0, rank - WATCHED), rank)
+    small = small[values[small] < SMALL * size]
+    weakest = left[:, rank - 1]
+    order = np.argsort(-np.abs(weakest), kind="stable")
+    rows = order[np.abs(weakest[order]) > 0.1 * np.abs(weakest).max()].astype(np.int64)
+    ahead = np.inf
+    if len(small):
+        # singular where sigma + t U^T D' W is: it changes linearly for small times
+        change = left[:, small].T @ slope @ right[small].T
+        inverse = np.linalg.eigvals(-change / values[small][:, None]) if values[small].all() else np.array([np.inf])
+        real = np.where(np.abs(inverse.imag) <= 0.5 * np.abs(inverse.real), inverse.real, 0.0)
+        strongest = real[np.argmax(np.abs(real))]
+        ahead = float(1.0 / strongest) if strongest else np.inf
+    return float(values[rank - 1] / size), ahead, rows
+
+
+def null_equations(model: Model, q: Array, s: Array, time: float, parameters: Array) -> Array:
+    """Find combinations of constraint equations that no coordinate feels: multipliers that may be added at will.
+
+    Parameters
+    ----------
+    model : Model
+        With its ``velocity`` evaluator and its kept equations.
+    q, s : array, shape (coordinate,) and (state,)
+        Pose and auxiliary states of one realisation.
+    time : float
+        s.
+    parameters : array, shape (parameter,)
+        Of the realisation.
+
+    Returns
+    -------
+    array, shape (equation, redundancy)
+        Orthonormal before each row is divided by the length of its equation's gradient.
+    """
+    state = state_arguments(q[None], s[None], np.zeros_like(q)[None], time)
+    d = dense(model, "velocity", state, parameters[None])["d"][0]
+    norm = np.linalg.norm(d, axis=1)
+    norm = np.where(norm > 1e-9, norm, 1.0)
+    left = np.linalg.svd(d / norm[:, None])[0]
+    free: Array = left[:, model.layout.rank :] / norm[:, None]
+    return free
+
+
+def dead_end(model: Model, time: float, rank: Rank, *, sure: bool = True) -> str:
+    """Say that a motion ends where constraints become dependent; nothing if they do not.
+
+    Parameters
+    ----------
+    model : Model
+        For the names.
+    time : float
+        Last time that was reached, s.
+    rank : Rank
+        There.
+    sure : bool
+        Whether it was tried to pass over the pose.
+    """
+    if min(rank.every, rank.kept) > 1e-3 and abs(rank.ahead) > 1e-6 * max(1.0, abs(time)):
+        return ""
+    what, end = ("locks up", ", and no motion leads on") if sure else ("locks up, or is in a singular pose", "")
+    return (
+        f"the integration stopped at t = {time:.6g} s: the mechanism {what}; there the equations "
+        f"{named(model, rank.equations)} become dependent{end}. "
+        f"Check lengths and drivers at the joints {joints(model, rank.equations)}, "
+        "or end before"
+    )
+
+
+def named(model: Model, equations: Index, most: int = 4) -> str:
+    """List equations by joint and direction, unit quaternions left out."""
+    names = [repr(model.equations[k]) for k in equations if not model.equations[k].endswith(": unit quaternion")]
+    return ", ".join(names[:most]) + (f" and {len(names) - most} more" if len(names) > most else "")
+
+
+def joints(model: Model, equations: Index) -> str:
+    """List the components that own equations."""
+    found = dict.fromkeys(model.owners[k] for k in equations if not model.equations[k].endswith(": unit quaternion"))
+    return ", ".join(map(repr, found))

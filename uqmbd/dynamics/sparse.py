@@ -1,0 +1,137 @@
+"""Many large systems of one sparse pattern: products, residuals, and solutions by SuperLU."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["Factors", "SparsePattern"]
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+BLOCK = 256
+"""Systems that are multiplied at once."""
+
+PIVOT = 0.1
+"""A pivot may be smaller than the largest entry of its column by this factor, for the sake of sparsity."""
+
+
+@dataclass(frozen=True)
+class SparsePattern:
+    """A pattern of systems.
+
+    Attributes
+    ----------
+    rows, columns : array of int, shape (nnz,)
+        Place of each entry, sorted by rows, none of which is empty.
+    source : array of int, shape (nnz,)
+        Which of the values that are given with a system it is.
+    size : int
+        Number of unknowns.
+    """
+
+    rows: Index
+    columns: Index
+    source: Index
+    size: int
+
+    @cached_property
+    def starts(self) -> Index:
+        """First entry of each row."""
+        return np.searchsorted(self.rows, np.arange(self.size)).astype(np.int64)
+
+    @cached_property
+    def compressed(self) -> tuple[Index, Index, Index]:
+        """Order of the entries by columns, their rows, and where each column begins."""
+        order = np.lexsort((self.rows, self.columns))
+        pointers = np.searchsorted(self.columns[order], np.arange(self.size + 1))
+        return order, self.rows[order], pointers
+
+    def product(self, values: Array, x: Array) -> Array:
+        """``A_k x_k``.
+
+        Parameters
+        ----------
+        values : array, shape (K, value)
+            Given with each system.
+        x : array, shape (K, size)
+            Vectors.
+
+        Returns
+        -------
+        array, shape (K, size)
+        """
+        result = np.empty_like(x)
+        for first in range(0, len(x), BLOCK):
+            part = slice(first, first + BLOCK)
+            terms = values[part].take(self.source, axis=1) * x[part].take(self.columns, axis=1)
+            result[part] = np.add.reduceat(terms, self.starts, axis=1)
+        return result
+
+    def poor(self, values: Array, right: Array, x: Array, tolerance: float) -> Index:
+        """Find the systems that their solutions ``x`` (K, size) do not satisfy to a relative tolerance."""
+        worst = np.empty(len(x))
+        with np.errstate(all="ignore"):
+            for first in range(0, len(x), BLOCK):
+                part = slice(first, first + BLOCK)
+                terms = values[part].take(self.source, axis=1) * x[part].take(self.columns, axis=1)
+                defect = np.abs(np.add.reduceat(terms, self.starts, axis=1) - right[part])
+                size = np.add.reduceat(np.abs(terms), self.starts, axis=1) + np.abs(right[part])
+                worst[part] = (defect / (size + 1e-300)).max(axis=1)
+        return np.flatnonzero(~(worst <= tolerance))
+
+    def factorise(self, values: Array) -> Factors:
+        """Factorise each system by SuperLU, its columns ordered for little fill.
+
+        Parameters
+        ----------
+        values : array, shape (K, value)
+            Given with each system.
+        """
+        import scipy.sparse
+        import scipy.sparse.linalg
+
+        order, rows, pointers = self.compressed
+        entries, factors = values.take(self.source[order], axis=1), []
+        scales = np.ones((len(values), self.size))
+        for k, data in enumerate(entries):
+            # rows of light bodies are scaled up: the pivots of the factorisation see comparable numbers
+            largest = np.zeros(self.size)
+            np.maximum.at(largest, rows, np.abs(data))
+            scales[k] = np.where(largest > 0, largest, 1.0)
+            matrix = scipy.sparse.csc_matrix((data / scales[k, rows], rows, pointers), (self.size, self.size))
+            try:
+                factor = scipy.sparse.linalg.splu(matrix, diag_pivot_thresh=PIVOT) if np.isfinite(data).all() else None
+            except RuntimeError:  # it is singular
+                factor = None
+            factors.append(factor)
+        return Factors(tuple(factors), scales)
+
+
+@dataclass(frozen=True)
+class Factors:
+    """Factorised systems.
+
+    Attributes
+    ----------
+    factors : tuple
+        SciPy's object of each system; None where it is singular.
+    scales : array, shape (K, size)
+        By which its rows were divided.
+    """
+
+    factors: tuple[Any, ...]
+    scales: Array
+
+    def solve(self, right: Array) -> Array:
+        """Solve for right-hand sides (K, size); NaN where a system is singular."""
+        found = np.full(right.shape, np.nan)
+        for k, factor in enumerate(self.factors):
+            if factor is not None and np.isfinite(right[k]).all():
+                found[k] = factor.solve(right[k] / self.scales[k])
+        return found

@@ -1,0 +1,161 @@
+"""The points of bodies that a mechanism's description knows: what can be drawn of it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import sympy
+
+from uqmbd.mechanism.body import Body, StateSymbol
+from uqmbd.mechanism.component import Component, Parameter
+from uqmbd.mechanism.mechanism import Mechanism
+from uqmbd.mechanism.time import t
+from uqmbd.randomness import RandomVariable
+
+__all__ = ["Mark", "skeleton"]
+
+QUARTER_TURNS = {2: ((1, 0), (1, 1)), 3: ((1, 0, 0, 0), (1, 1, 0, 0), (1, 0, 1, 0), (1, 0, 0, 1))}
+"""Quaternions, of any length, that turn every axis onto every other."""
+
+
+@dataclass(frozen=True)
+class Mark:
+    """A point or a direction that is fixed in a body.
+
+    Attributes
+    ----------
+    kind : str
+        ``point``, ``direction``, ``com`` (centre of mass) or ``observed`` (a point that an output records).
+    body : str
+        Its name, or ``ground``.
+    component : str
+        Name of the component that it belongs to, or empty.
+    role : str
+        Name of the component's parameter, or of the output.
+    local : tuple of expressions
+        In the frame of the body, m (a direction: of any length); they contain random variables only.
+    """
+
+    kind: str
+    body: str
+    component: str
+    role: str
+    local: tuple[sympy.Expr, ...]
+
+
+def skeleton(mechanism: Mechanism, time: float = 0.0) -> list[Mark]:
+    """Collect what is known of the shape of each body: joint points, ends of springs, centres of mass, observed points.
+
+    Whatever component declares parameters of the kinds ``point``, ``axis``, ``turning_axis`` or ``vector`` is drawn; a
+    parameter belongs to the body argument that ends alike (`point_i` to `body_i`), else to the only or first body.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        Any.
+    time : float
+        At which points that depend on time are taken, s.
+
+    Examples
+    --------
+    >>> import uqmbd
+    >>> mechanism = uqmbd.Mechanism("pendulum", uqmbd.Planar())
+    >>> bob = mechanism.body("bob", mass=1, inertia=1)
+    >>> mechanism.output("tip", bob.point((3, 0))[1])
+    >>> [(mark.kind, mark.body, mark.local) for mark in skeleton(mechanism)]
+    [('com', 'bob', (0, 0)), ('observed', 'bob', (3, 0))]
+    """
+    found = [mark for component in mechanism.components.values() for mark in _marks(component, mechanism, time)]
+    for body in mechanism.bodies.values():
+        if body.mass != 0:
+            found.append(Mark("com", body.name, "", "com", _points(list(body.com), time) or ()))
+    found += list(_observed(mechanism))
+    bare = set(mechanism.bodies) - {m.body for m in found if m.kind != "direction" and m.local}
+    origin = (sympy.S.Zero,) * mechanism.space.dimension
+    found += [Mark("point", body, "", "origin", origin) for body in mechanism.bodies if body in bare]
+    return [mark for mark in found if mark.local]
+
+
+def _marks(component: Component, mechanism: Mechanism, time: float) -> Iterator[Mark]:
+    dimension = mechanism.space.dimension
+    for key, parameter in component.parameters().items():
+        value = component.values.get(key)
+        if not isinstance(value, (tuple, list)) or len(value) == 0:
+            continue
+        body = getattr(component.attached[_role(component, key)], "name", "ground")
+        if parameter.kind == "point":
+            local = _points(list(value), time)
+            if local:
+                yield Mark("point", body, component.name, key, local)
+        elif parameter.kind in ("axis", "turning_axis", "vector") or (parameter.kind == "moment" and dimension == 3):
+            turned = body if parameter.kind in ("axis", "turning_axis") or _in_body_axes(parameter) else "ground"
+            local = tuple(_still(x, time) for x in value)
+            if any(x != 0 for x in local):
+                yield Mark("direction", turned, component.name, key, local)
+
+
+def _role(component: Component, parameter: str) -> str:
+    """Body argument that a parameter belongs to."""
+    ending = parameter.rsplit("_", 1)[-1]
+    alike = [role for role in component.bodies if role.rsplit("_", 1)[-1] == ending]
+    return alike[0] if alike else component.bodies[0]
+
+
+def _in_body_axes(parameter: Parameter) -> bool:
+    return "body axes" in parameter.description or "frame of" in parameter.description
+
+
+def _points(value: list[Any], time: float) -> tuple[sympy.Expr, ...] | None:
+    """Point at a time; None where it depends on the motion."""
+    entries = tuple(sympy.sympify(x).xreplace({t: sympy.Float(time)}) for x in value)
+    return entries if all(_settled(x) for x in entries) else None
+
+
+def _still(value: Any, time: float) -> sympy.Expr:
+    """Entry of a direction; one that depends on time or motion counts as one, unless it is zero for good."""
+    entry = sympy.sympify(value)
+    return entry if _settled(entry) else sympy.S.One
+
+
+def _settled(value: sympy.Expr) -> bool:
+    return all(isinstance(s, RandomVariable) for s in value.free_symbols)
+
+
+def _observed(mechanism: Mechanism) -> Iterator[Mark]:
+    """Points whose position an output records: ``body.point(local)[k]``, read back from the expression."""
+    for output in mechanism.outputs.values():
+        owners = {s.owner for s in output.expression.free_symbols if isinstance(s, StateSymbol)}
+        body = next(iter(owners), None)
+        if len(owners) == 1 and isinstance(body, Body):
+            local = _point_of(output.expression, body)
+            if local is not None:
+                yield Mark("observed", body.name, "", output.name, local)
+
+
+def _point_of(expression: sympy.Expr, body: Body) -> tuple[sympy.Expr, ...] | None:
+    """Point of a body of which an expression is a world coordinate, or None."""
+    space = body.space
+    d = space.dimension
+    places = [k for k in range(d) if expression.coeff(body.q[k]) == 1]
+    if len(places) != 1:
+        return None
+    k = places[0]
+    rest = sympy.expand(expression - body.q[k])
+    turning = tuple(body.q[d:])
+    if not all(isinstance(s, RandomVariable) or s in turning for s in rest.free_symbols):
+        return None
+    if not turning:
+        return (sympy.S.Zero,) * d if rest == 0 else None
+    local = [sympy.S.Zero] * d
+    for quaternion in QUARTER_TURNS[d]:
+        row = space.rotation(quaternion)[k, :]
+        hits = [j for j in range(d) if row[j] != 0]
+        if len(hits) == 1:
+            local[hits[0]] = rest.xreplace(dict(zip(turning, map(sympy.Integer, quaternion), strict=True)))
+            local[hits[0]] /= row[hits[0]]
+    left = sympy.expand(rest - (space.rotation(turning) * sympy.Matrix(local))[k])
+    size = max([abs(c) for c in rest.as_coefficients_dict().values()], default=sympy.S.One)
+    close = all(abs(c) <= 1e-9 * size for c in left.as_coefficients_dict().values())
+    return tuple(local) if close else None

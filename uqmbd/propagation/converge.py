@@ -1,0 +1,222 @@
+"""Error against cost: a method at several orders, or numbers of samples."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, fields, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uqmbd.errors import StudyError, UqmbdError
+from uqmbd.propagation.progress import Progress
+from uqmbd.propagation.propagator import Propagator
+from uqmbd.propagation.workers import pool
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from uqmbd.propagation.study import Study
+
+__all__ = ["converge"]
+
+Array = NDArray[np.float64]
+Method = Propagator | type[Propagator]
+
+SHAPES = ("mean_error_l2", "std_error_l2", "mean_error_max", "std_error_max", "stated_error")
+
+
+@dataclass(frozen=True)
+class _Series:
+    """A method, the option that changes, and its values."""
+
+    propagator: Propagator
+    option: str
+    values: tuple[Any, ...]
+
+
+def converge(
+    study: Study,
+    propagators: Method | Sequence[Method],
+    *,
+    reference: xr.DataTree | Propagator | None = None,
+    workers: int | Executor = 1,
+    progress: Progress | None = None,
+    **levels: Sequence[Any],
+) -> xr.Dataset:
+    r"""Run methods at several orders, or numbers of samples, and compare their errors with what they cost.
+
+    Parameters
+    ----------
+    study : Study
+    propagators : Propagator, class of one, or sequence of these
+        Each takes the first of `levels` that is an option of it; a class its default options otherwise.
+    reference : xarray.DataTree or Propagator, optional
+        A node, or a method that is run. Default: of the results the one that states the least error itself (where none
+        does, the last level of the first method), whose errors are NaN.
+    workers : int or concurrent.futures.Executor
+    progress : Progress, optional
+    **levels : sequence
+        Values of an option, as ``order=[1, 2, 3]`` or ``samples=[100, 400, 1600]``.
+
+    Returns
+    -------
+    xarray.Dataset
+        With the dimensions ``method``, ``level`` and ``output``: ``mean_error_l2`` and ``std_error_l2``, the norms over
+        time of the differences to the reference, relative to the norm of its mean, or standard deviation;
+        ``mean_error_max`` and ``std_error_max``, the largest ones, relative to its largest standard deviation;
+        ``stated_error``, what the result states itself of its standard deviation. ``value``, ``realisations``,
+        ``wall_time`` (s) and ``problem`` (empty, or why a level failed, whose numbers are NaN) ``(method, level)``.
+        ``reference_mean_error`` and ``reference_std_error`` ``(output)``: own errors of the reference, in the measure
+        of ``..._error_l2``; NaN where it states none.
+
+        ``mean_rate`` and ``std_rate`` ``(method, output)`` are the fitted orders of convergence p, of errors above
+        those of the reference: for ``order`` the decades by which the error falls with each order,
+        :math:`e \sim 10^{-p\,\mathrm{order}}`, for other options :math:`e \sim \mathrm{value}^{-p}` (1/2 for plain
+        Monte Carlo); NaN for fewer than two such errors. The coordinate ``option (method)`` says which option changes.
+
+    Raises
+    ------
+    StudyError
+        If there are no levels, a method has none of the options, or no level of any method succeeded.
+
+    Examples
+    --------
+    >>> import chaospy, numpy as np, uqmbd
+    >>> from uqmbd_collocation import Collocation
+    >>> mechanism = uqmbd.Mechanism("fall", uqmbd.Translational(gravity=(0, -9.81)))
+    >>> speed = uqmbd.RandomVariable("speed", chaospy.Normal(3, 0.2), units="m/s")
+    >>> stone = mechanism.body("stone", mass=1, velocity=(0, speed))
+    >>> mechanism.output("square", stone.position[1] ** 2, units="m^2")
+    >>> study = uqmbd.Study("fall", mechanism, np.linspace(0, 1, 3))
+    >>> found = study.converge(Collocation(verify=0), order=[1, 2], reference=Collocation(order=3))
+    >>> found["std_error_l2"].values[0, :, 0] < 1e-6
+    array([False,  True])
+    """
+    series = _series(study, propagators, levels)
+    with pool(workers) as executor:
+        nodes: dict[tuple[int, int], xr.DataTree] = {}
+        problems: dict[tuple[int, int], str] = {}
+        # first, because nothing is of use without it
+        base = study.propagate(reference, executor or 1, progress) if isinstance(reference, Propagator) else reference
+        for m, one in enumerate(series):
+            for k, value in enumerate(one.values):
+                try:
+                    label = f"{one.propagator.node_name}-{value}"
+                    made = replace(one.propagator, label=label, **{one.option: value})
+                    nodes[m, k] = study.propagate(made, executor or 1, progress)
+                except (UqmbdError, ArithmeticError, ValueError, MemoryError) as error:
+                    problems[m, k] = f"{type(error).__name__}: {error}"
+    if not nodes:
+        raise StudyError(
+            f"study {study.name!r}: no level of any method succeeded; the first failed by "
+            f"{next(iter(problems.values()), 'nothing')}"
+        )
+    own = None
+    if base is None:
+        own = _most_converged(nodes)
+        base = nodes[own]
+    return _dataset(series, nodes, problems, base, own)
+
+
+def _most_converged(nodes: dict[tuple[int, int], xr.DataTree]) -> tuple[int, int]:
+    """Return the result that states the least error; where none does, the last level of the first method."""
+    from uqmbd.results import relative_errors
+
+    stated = {key: relative_errors(node, node)["stated_error"] for key, node in nodes.items()}
+    worst = {key: float(np.where(np.isnan(e), np.inf, e).max(initial=0.0)) for key, e in stated.items()}
+    return min(nodes, key=lambda key: (worst[key], key[0], -key[1]))
+
+
+def _series(study: Study, given: Method | Sequence[Method], levels: dict[str, Sequence[Any]]) -> list[_Series]:
+    if not levels:
+        raise StudyError("converge: give the levels, as in study.converge(Collocation, order=[1, 2, 3, 4]).")
+    for name, values in levels.items():
+        if isinstance(values, (str, bytes)) or not isinstance(values, Iterable) or not len(list(values)):
+            raise StudyError(f"converge: {name} is {values!r}; expected a list of levels, as in {name}=[1, 2, 3].")
+    methods = list(given) if isinstance(given, Iterable) else [given]
+    found: list[_Series] = []
+    for method in methods:
+        made = method() if isinstance(method, type) and issubclass(method, Propagator) else method
+        if not isinstance(made, Propagator):
+            raise StudyError(f"converge: {method!r} is no propagator; expected as in study.converge(Collocation, ...).")
+        options = [f.name for f in fields(made) if f.name != "label"]
+        chosen = next((name for name in levels if name in options), None)
+        if chosen is None:
+            raise StudyError(
+                f"converge: {type(made).__name__} has no option {' or '.join(levels)}; its options are: "
+                f"{', '.join(options)}."
+            )
+        found.append(_Series(made, chosen, tuple(levels[chosen])))
+    study.with_propagators([one.propagator for one in found])  # labels must differ
+    return found
+
+
+def _dataset(
+    series: list[_Series],
+    nodes: dict[tuple[int, int], xr.DataTree],
+    problems: dict[tuple[int, int], str],
+    base: xr.DataTree,
+    skip: tuple[int, int] | None,
+) -> xr.Dataset:
+    import xarray as xr
+
+    from uqmbd.results import relative_errors
+
+    statistics = base.children["statistics"].to_dataset()
+    outputs = statistics["output"].values
+    size = (len(series), max(len(one.values) for one in series))
+    errors = {name: np.full((*size, len(outputs)), np.nan) for name in SHAPES}
+    value, wall, runs = (np.full(size, np.nan) for _ in range(3))
+    texts = np.full(size, "", dtype=object)
+    for m, one in enumerate(series):
+        for k, number in enumerate(one.values):
+            value[m, k] = float(number) if isinstance(number, (int, float)) else k
+            texts[m, k] = problems.get((m, k), "")
+            node = nodes.get((m, k))
+            if node is None:
+                continue
+            wall[m, k] = float(node.attrs.get("wall_time", np.nan))
+            runs[m, k] = float(node.attrs.get("realisations", np.nan))
+            for name, found in relative_errors(node, base).items():
+                if name in errors and ((m, k) != skip or name == "stated_error"):
+                    errors[name][m, k] = found
+    own = relative_errors(base, base)
+    limits = {name: own[f"own_{name}_error"] for name in ("mean", "std")}
+    rates = {name: _rates(series, value, errors[f"{name}_error_l2"], limits[name]) for name in ("mean", "std")}
+    dims = ("method", "level", "output")
+    data: dict[str, Any] = {name: (dims, found) for name, found in errors.items()}
+    for name in ("mean", "std"):
+        data[f"{name}_rate"] = (("method", "output"), rates[name], {"long_name": "order of convergence"})
+        data[f"reference_{name}_error"] = ("output", limits[name], {"long_name": "own error of the reference"})
+    return xr.Dataset(
+        {
+            **data,
+            "value": (("method", "level"), value),
+            "realisations": (("method", "level"), runs),
+            "wall_time": (("method", "level"), wall, {"units": "s"}),
+            "problem": (("method", "level"), texts.astype(np.str_)),
+        },
+        coords={
+            "method": ("method", np.array([one.propagator.node_name for one in series], dtype=np.str_)),
+            "option": ("method", np.array([one.option for one in series], dtype=np.str_)),
+            "output": ("output", outputs),
+            "output_units": ("output", statistics["output_units"].values),
+        },
+        attrs={"reference": str(base.attrs.get("label", base.name))},
+    )
+
+
+def _rates(series: list[_Series], value: Array, errors: Array, limits: Array) -> Array:
+    """Fit the order of convergence (method, output) by least squares."""
+    found = np.full((len(series), errors.shape[-1]), np.nan)
+    for m, one in enumerate(series):
+        for o in range(errors.shape[-1]):
+            least = max(1e-13, float(np.nan_to_num(limits[o])))
+            used = np.isfinite(errors[m, :, o]) & (errors[m, :, o] > least)
+            x = value[m, used] if one.option == "order" else np.log10(np.maximum(value[m, used], 1e-300))
+            if used.sum() >= 2 and np.ptp(x) > 0:
+                found[m, o] = -np.polyfit(x, np.log10(errors[m, used, o]), 1)[0]
+    return found

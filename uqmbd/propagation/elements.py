@@ -1,0 +1,316 @@
+"""Which elements of the germ space to split: the rule that all methods of multi-element chaos share."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from operator import index
+from typing import Any, Literal
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from uqmbd.errors import IntegrationError, StudyError
+from uqmbd.randomness import GermBox, GermSpace
+from uqmbd.results import PiecewiseChaos, PolynomialChaos
+
+__all__ = ["ElementLimits", "ElementRefinement", "refine_elements"]
+
+Array = NDArray[np.float64]
+Compute = Callable[[Sequence[GermBox]], Sequence[PolynomialChaos]]
+
+TOGETHER = 0.25
+"""Elements whose contribution to the squared error is more than this part of the largest are split together."""
+
+
+LOST = 0.1
+"""Error, over the local standard deviation, from which the guilty input is told by the local variance."""
+
+
+@dataclass(frozen=True)
+class ElementLimits:
+    """How many elements, and when to end.
+
+    Parameters
+    ----------
+    elements : int or "adaptive"
+        A number that is split until it is reached, or ``"adaptive"``: until the error is below the threshold.
+    most : int
+        Most elements of an adaptive refinement.
+    threshold : float
+        Estimated error of the surrogate, root mean square over the germ space, over the largest standard deviation of
+        each output over time.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If one of them cannot be used.
+
+    Examples
+    --------
+    >>> ElementLimits("adaptive").count
+    32
+    >>> ElementLimits(5).count
+    5
+    """
+
+    elements: int | Literal["adaptive"]
+    most: int = 32
+    threshold: float = 0.01
+
+    def __post_init__(self) -> None:
+        """Check."""
+        whole = _whole(self.elements)
+        if self.elements != "adaptive" and (whole is None or whole < 1):
+            raise StudyError(f"elements is {self.elements!r}; expected a number, 1 or more, or 'adaptive'.")
+        if (_whole(self.most) or 0) < 1:
+            raise StudyError(f"max_elements is {self.most!r}; expected a whole number, 1 or more.")
+        usable = isinstance(self.threshold, (int, float, np.number)) and not isinstance(self.threshold, bool)
+        if not (usable and 0 < float(self.threshold) < np.inf):
+            raise StudyError(f"threshold is {self.threshold!r}; expected a number above 0, such as 0.01.")
+
+    @property
+    def adaptive(self) -> bool:
+        """Whether the error decides."""
+        return self.elements == "adaptive"
+
+    @property
+    def count(self) -> int:
+        """Most elements."""
+        return int(self.most if self.elements == "adaptive" else self.elements)
+
+
+@dataclass(frozen=True)
+class ElementRefinement:
+    """Elements, and how they came about.
+
+    Attributes
+    ----------
+    chaos : PiecewiseChaos
+        Up to the last time that all elements have.
+    steps : xarray.Dataset
+        Over the rounds of splitting: ``elements``, ``computed`` (all so far, replaced ones too), ``error``.  Over the
+        splits: their ``round``, the germ that was split (``split_germ``) and where (``split_at``).
+    met : bool
+        Whether the error is below the threshold.
+    computed : int
+        Elements that were computed, replaced ones too.
+    kept : tuple of int
+        Which of them, in the order of computation, are the elements.
+    """
+
+    chaos: PiecewiseChaos
+    steps: xr.Dataset
+    met: bool
+    computed: int
+    kept: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class _Part:
+    """An element with its chaos, and when it was computed."""
+
+    box: GermBox
+    chaos: PolynomialChaos
+    number: int
+
+
+def refine_elements(
+    space: GermSpace,
+    compute: Compute,
+    limits: ElementLimits,
+    *,
+    label: str,
+    rtol: float = 1e-6,
+    affordable: Callable[[], int] | None = None,
+) -> ElementRefinement:
+    """Split the germ space where a chaos says that it is not enough.
+
+    In each round the error of every element is estimated: at each output and time the larger of the energy of its top
+    order and of the mean square at its verification realisations, times its probability.  Those with the largest
+    contributions are split at the median along the input that has most of the energy of the top order (where the
+    error is more than a tenth of the local standard deviation, the local variance counts as much), and replaced by
+    their halves, which are computed from the start.  The result does not depend on who computes.
+
+    Parameters
+    ----------
+    space : GermSpace
+        The whole.
+    compute : callable
+        From boxes to their chaoses, each on its ``box.local``; one that ends before the others is split first.
+    limits : ElementLimits
+        When to end.
+    label : str
+        Of the propagator.
+    rtol : float
+        Relative tolerance of the integration, below which nothing is told apart.
+    affordable : callable, optional
+        Says before each round how many elements may still be split.
+
+    Warns
+    -----
+    UserWarning
+        If the threshold of an adaptive refinement was not met.
+
+    References
+    ----------
+    X. Wan and G. E. Karniadakis, Journal of Computational Physics 209 (2005) 617-642.
+    """
+    whole = GermBox.whole(space)
+    parts = [_Part(whole, compute([whole])[0], 0)]
+    computed, reason = 1, ""
+    rounds: list[tuple[int, int, float]] = []
+    splits: list[tuple[int, int, float]] = []
+    while True:
+        contributions, blame = _contributions(parts, rtol)
+        error = float(np.sqrt(contributions.sum(axis=0).max()))
+        rounds.append((len(parts), computed, error))
+        if limits.adaptive and error <= limits.threshold:
+            break
+        room = limits.count - len(parts)
+        if not room:
+            reason = f"max_elements is {limits.count}"
+            break
+        room = min(room, affordable()) if affordable else room
+        if room < 1:
+            reason = "max_realisations does not allow more"
+            break
+        chosen = _chosen(parts, contributions, room)
+        halves: dict[int, tuple[GermBox, GermBox]] = {}
+        for k in chosen:
+            germ = _guilty(parts[k].box, blame[k])
+            halves[k] = parts[k].box.split(germ)
+            splits.append((len(rounds) - 1, germ, halves[k][0].upper[germ]))
+        if not halves:
+            reason = "no element can be split further"
+            break
+        boxes = [half for k in chosen for half in halves[k]]
+        found = [_Part(b, c, computed + n) for n, (b, c) in enumerate(zip(boxes, compute(boxes), strict=True))]
+        computed += len(boxes)
+        by_parent = {k: found[2 * n : 2 * n + 2] for n, k in enumerate(chosen)}
+        parts = [p for k, part in enumerate(parts) for p in by_parent.get(k, [part])]
+    met = error <= limits.threshold
+    if limits.adaptive and not met:
+        warnings.warn(
+            f"{label}: with {len(parts)} elements the estimated error is {error:.2g} of the largest standard "
+            f"deviation; the threshold {limits.threshold:g} was not met. Reason: {reason}. Raise max_elements or the "
+            "order.",
+            stacklevel=3,
+        )
+    elif len(parts) < limits.count and not met:
+        warnings.warn(f"{label}: {len(parts)} elements instead of {limits.count}. Reason: {reason}.", stacklevel=3)
+    count = min(_times(p.chaos) for p in parts)
+    if count < 2 <= max(_times(p.chaos) for p in parts):
+        raise IntegrationError(
+            f"{label}: an element has results at the first time only; nothing usable is left. Allow more elements, or "
+            "raise the order."
+        )
+    chaos = PiecewiseChaos(tuple(_until(p.chaos, count) for p in parts), tuple(p.box for p in parts))
+    return ElementRefinement(chaos, _steps(space, rounds, splits), met, computed, tuple(p.number for p in parts))
+
+
+def _contributions(parts: list[_Part], rtol: float) -> tuple[Array, Array]:
+    """Return what each element adds to the squared error (E, C), and the energy of its top order by germ (E, d)."""
+    count = min(_times(p.chaos) for p in parts)
+    probability = np.array([p.box.probability for p in parts])
+    mean = np.stack([_columns(p.chaos.mean, count) for p in parts])
+    std = np.stack([_columns(p.chaos.std, count) for p in parts])
+    centre = np.tensordot(probability, mean, axes=1)
+    variance = np.tensordot(probability, std**2 + (mean - centre) ** 2, axes=1)
+    # (O, T): relative to the largest standard deviation over time, or to what an integration can tell
+    scale = np.maximum(np.sqrt(variance.max(axis=1)), 100 * rtol * np.abs(centre).max(axis=1) + 1e-300)[:, None]
+    errors, blame = [], []
+    for part in parts:
+        chaos = part.chaos
+        squared = _columns(chaos.top_energy, count)
+        if chaos.verification_germs is not None and chaos.verification_response is not None:
+            wrong = chaos.evaluate_germs(chaos.verification_germs) - chaos.verification_response
+            seen = _columns(np.mean(wrong**2, axis=0), count)
+            # the top order of order 1 is the slope, which is no error
+            squared = np.maximum(squared, seen) if int(chaos.multi_index.max()) > 1 else seen
+        own = part.box.probability * squared / scale**2
+        # one that ends early has no results afterwards: that is as wrong as can be
+        early = _times(chaos) == count < max(_times(p.chaos) for p in parts)
+        errors.append(own.ravel() + (1e6 * part.box.probability if early else 0.0))
+        # where an expansion is not valid at all its top order may name anybody: the local variance is heard too
+        lost = bool(squared.max() > LOST**2 * max(float((_columns(chaos.std, count) ** 2).max()), 1e-300))
+        witnesses = [chaos.top_energy_germ, *([_variance_by_germ(chaos)] if lost else [])]
+        shares = [np.stack([_columns(e, count) for e in w]) / scale**2 for w in witnesses]
+        sums = [share.mean(axis=2).sum(axis=1) for share in shares]
+        blame.append(np.sum([x / (x.sum() or 1.0) for x in sums], axis=0))
+    return np.array(errors), np.array(blame)
+
+
+def _variance_by_germ(chaos: PolynomialChaos) -> Array:
+    """Return parts of the variance by germ (d, O, T): a term counts by its degrees."""
+    degrees = chaos.multi_index / np.maximum(chaos.multi_index.sum(axis=1, keepdims=True), 1)
+    found: Array = np.einsum("pd,p...->d...", degrees, chaos.coefficients**2)
+    return found
+
+
+def _chosen(parts: list[_Part], contributions: Array, room: int) -> list[int]:
+    """Return the elements to split: the largest contribution, and those not much smaller, in their order."""
+    size = contributions.max(axis=1)
+    able = [k for k, p in enumerate(parts) if any(map(p.box.divisible, range(p.box.space.dimension)))]
+    if not able:
+        return []
+    # of equals the most probable
+    ranked = sorted(able, key=lambda k: (-size[k], -parts[k].box.probability, k))
+    limit = TOGETHER * size[ranked[0]]
+    return sorted(k for k in ranked[:room] if size[k] >= limit)
+
+
+def _guilty(box: GermBox, blame: Array) -> int:
+    """Return the germ to split along: that of most energy in the top order, or the widest if there is none."""
+    able = [k for k in range(len(blame)) if box.divisible(k)]
+    return max(able, key=lambda k: (blame[k], box.probabilities[k], -k))
+
+
+def _times(chaos: PolynomialChaos) -> int:
+    return 1 if chaos.labels.times is None else len(chaos.labels.times)
+
+
+def _columns(values: Array, count: int) -> Array:
+    """Return values (O, T) or (O,) as (O, count)."""
+    return values.reshape(len(values), -1)[:, :count]
+
+
+def _until(chaos: PolynomialChaos, count: int) -> PolynomialChaos:
+    """Return a chaos of its first times."""
+    if chaos.labels.times is None or len(chaos.labels.times) == count:
+        return chaos
+    known = chaos.verification_response
+    return PolynomialChaos(
+        chaos.coefficients[:, :, :count],
+        chaos.multi_index,
+        chaos.space,
+        replace(chaos.labels, times=chaos.labels.times[:count]),
+        verification_germs=chaos.verification_germs,
+        verification_response=None if known is None else known[:, :, :count],
+    )
+
+
+def _steps(space: GermSpace, rounds: list[tuple[int, int, float]], splits: list[tuple[int, int, float]]) -> xr.Dataset:
+    names = np.array([space.names[germ] for _, germ, _ in splits], dtype=np.str_)
+    note = {"long_name": "estimated error", "comment": "over the largest standard deviation of an output over time"}
+    return xr.Dataset(
+        {
+            "elements": ("round", np.array([r[0] for r in rounds], dtype=np.int64)),
+            "computed": ("round", np.array([r[1] for r in rounds], dtype=np.int64)),
+            "error": ("round", np.array([r[2] for r in rounds], dtype=float), note),
+            "split_round": ("split", np.array([s[0] for s in splits], dtype=np.int64)),
+            "split_germ": ("split", names),
+            "split_at": ("split", np.array([s[2] for s in splits], dtype=float)),
+        }
+    )
+
+
+def _whole(value: Any) -> int | None:
+    if isinstance(value, (bool, str)):
+        return None
+    try:
+        return index(value)
+    except TypeError:
+        return None

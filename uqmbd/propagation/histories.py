@@ -1,0 +1,136 @@
+"""Motions from event to event: what methods need that follow events instead of times."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uqmbd.dynamics import Ensemble, Hybrid, Lens, Model
+
+if TYPE_CHECKING:
+    from uqmbd.propagation.problem import Problem
+
+__all__ = ["History", "event_histories", "segment_points"]
+
+Array = NDArray[np.float64]
+
+MARGIN = 1
+"""Further segments that a realisation is followed for: others may have more of them within the output times."""
+
+LONGEST = 8.0
+"""How much longer than the output times a realisation is followed for its next events."""
+
+
+@dataclass(frozen=True)
+class History:
+    """The motion of one realisation from event to event.
+
+    Attributes
+    ----------
+    labels : tuple of str, length S
+        What ends each segment ("floor: impact"; a force that switches: "break"); empty where it ends without an event.
+    edges : array, shape (S + 1,)
+        Times at which segments begin and end, s.
+    response : array, shape (S, output, P)
+        Outputs at `segment_points` of each segment; at its ends right after and right before the events.
+    message : str
+        Reason of failure, or empty.
+    inside : int
+        Segments that begin before the last output time.
+    final : bool
+        No further event happens for long after the last output time.
+    """
+
+    labels: tuple[str, ...]
+    edges: Array
+    response: Array
+    message: str = ""
+    inside: int = 0
+    final: bool = False
+
+
+def segment_points(count: int) -> Array:
+    """Chebyshev points of the second kind in a segment's normalised time, from 0 to 1, shape (count,)."""
+    found: Array = (1 - np.cos(np.pi * np.arange(count) / (count - 1))) / 2
+    return found
+
+
+def event_histories(problem: Problem, values: Array, points: int, least: int = 1) -> list[History]:
+    """Follow each row of inputs from event to event, on all workers.
+
+    Parameters
+    ----------
+    problem : Problem
+        Of a mechanism with events.
+    values : array, shape (K, input)
+        Inputs.
+    points : int
+        Points of a segment.
+    least : int
+        Segments that each is to have, for which it is followed beyond the last output time (eight times as long at
+        most).
+    """
+    times = (float(problem.times[0]), float(problem.times[-1]))
+    tasks = [(row, times, problem.rtol, points, least) for row in np.ascontiguousarray(values, dtype=float)]
+    found = []
+    for arrays in problem.run(followed, tasks):
+        labels = tuple(arrays["labels"].tolist())
+        message = str(arrays["message"][0])
+        inside, final = int(arrays["inside"][0]), bool(arrays["final"][0])
+        found.append(History(labels, arrays["edges"], arrays["response"], message, inside, final))
+    return found
+
+
+def followed(
+    model: Model, values: Array, times: tuple[float, float], rtol: float, points: int, least: int
+) -> dict[str, NDArray[Any]]:
+    """Follow one realisation; the arrays are those of a `History`."""
+    ensemble = Ensemble(model, values[None, :])
+    begin, end = times
+    none = {
+        "labels": np.zeros(0, dtype="U1"),
+        "edges": np.zeros(1),
+        "inside": np.zeros(1, dtype=np.int64),
+        "final": np.ones(1, dtype=bool),
+    }
+    empty = np.zeros((0, len(model.outputs.names), points))
+    if not ensemble.start.ok[0]:
+        return {**none, "response": empty, "message": np.array([ensemble.start.messages[0]])}
+    span, lens = 1.0, Lens(model)
+    while True:
+        run = Hybrid(ensemble, np.array([begin, begin + span * (end - begin)]), rtol, lens)
+        with np.errstate(all="ignore"):
+            run.run()
+        inside = sum(piece.begin < end for piece in run.pieces)
+        complete = len(run.pieces) - 1  # the last one was ended by no event
+        if run.message or complete >= max(least, inside + MARGIN) or span >= LONGEST:
+            break
+        span = min(2 * span, LONGEST)
+    if run.message:
+        return {**none, "response": empty, "message": np.array([run.message])}
+    final = complete < max(least, inside + MARGIN)
+    pieces = run.pieces if final else run.pieces[:-1]
+    where = segment_points(points)
+    states = [run.observed(p.begin + where * (p.end - p.begin), p) for p in pieces]
+    at = np.concatenate([p.begin + where * (p.end - p.begin) for p in pieces])
+    response = ensemble.outputs(at, np.concatenate(states)[None])[0]
+    return {
+        "labels": np.array([_label(run, piece.end, last=piece is run.pieces[-1]) for piece in pieces]),
+        "edges": np.array([pieces[0].begin, *(piece.end for piece in pieces)]),
+        "response": np.stack(np.split(response, len(pieces), axis=1)),
+        "message": np.array([""]),
+        "inside": np.array([inside]),
+        "final": np.array([final]),
+    }
+
+
+def _label(run: Hybrid, end: float, *, last: bool) -> str:
+    """Say what ended a segment."""
+    names: Sequence[str] = [
+        f"{run.ensemble.model.events[h.event][0]}: {h.label}" for h in run.happenings if h.time == end
+    ]
+    return ", ".join(dict.fromkeys(names)) or ("" if last else "break")

@@ -1,0 +1,94 @@
+"""Where names go, so that they cover neither each other nor what they name."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["Label", "Placed", "place"]
+
+Array = NDArray[np.float64]
+
+DISTANCES = (0.11, 0.17, 0.25, 0.36, 0.5, 0.7, 0.95, 1.25)  # inches
+ANGLES = np.deg2rad(np.arange(0, 360, 22.5))
+HEIGHT, CHARACTER = 1.5 / 72, 0.58 / 72  # inches for each point of the size: height of a line, width of a character
+
+
+@dataclass(frozen=True)
+class Label:
+    """A name and what it names, at a place on the page in inches."""
+
+    text: str
+    anchor: Array
+    size: float
+    colour: str = "0.15"
+    bold: bool = False
+
+    @property
+    def extent(self) -> Array:
+        """Width and height of the text, estimated, inches."""
+        wide = 1.08 if self.bold else 1.0
+        return np.array([CHARACTER * wide * len(self.text), HEIGHT]) * self.size
+
+
+@dataclass(frozen=True)
+class Placed:
+    """A name in its place: the centre of the text, and how far it is from what it names, inches."""
+
+    label: Label
+    centre: Array
+    distance: float
+
+
+def place(labels: Sequence[Label], obstacles: Array, box: tuple[float, float, float, float]) -> list[Placed]:
+    """Put names beside what they name, one after the other, where they cover least.
+
+    Parameters
+    ----------
+    labels : sequence of Label
+        The most important first.
+    obstacles : array, shape (N, 2)
+        Points that names should not cover, inches.
+    box : (left, bottom, right, top)
+        Where they have room, inches.
+
+    Returns
+    -------
+    list of Placed
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> both = [Label("one", np.array([1.0, 1.0]), 9), Label("two", np.array([1.0, 1.0]), 9)]
+    >>> one, two = place(both, np.zeros((0, 2)), (0, 0, 2, 2))
+    >>> bool(np.any(abs(one.centre - two.centre) >= (one.label.extent + two.label.extent) / 2))
+    True
+    """
+    done: list[Placed] = []
+    corners = np.array([[box[0], box[1]], [box[2], box[3]]])
+    directions = np.column_stack([np.cos(ANGLES), np.sin(ANGLES)])
+    for label in labels:
+        half = label.extent / 2
+        distances = np.repeat(DISTANCES, len(directions))
+        around = np.tile(directions, (len(DISTANCES), 1))
+        # as far beside the anchor as the text is large in that direction
+        centres = label.anchor + around * distances[:, None] + half * np.clip(1.6 * around, -1, 1)
+        cost = 1.6 * distances
+        cost += 60 * np.maximum(corners[0] - (centres - half), 0).sum(axis=1)
+        cost += 60 * np.maximum((centres + half) - corners[1], 0).sum(axis=1)
+        if len(obstacles):
+            inside = np.all(abs(centres[:, None] - obstacles[None]) < half + 0.02, axis=2)
+            cost += 0.35 * inside.sum(axis=1)
+        for other in done:
+            gap = half + other.label.extent / 2 + 0.015 - abs(centres - other.centre)
+            cost += np.where((gap > 0).all(axis=1), 20 + 40 * gap.min(axis=1), 0)
+            # a line from the name to what it names should not run through another name
+            middle = (centres + label.anchor) / 2
+            crossed = np.all(abs(middle - other.centre) < other.label.extent / 2, axis=1)
+            cost += np.where(crossed & (distances > DISTANCES[2]), 3, 0)
+        best = int(np.argmin(cost))
+        done.append(Placed(label, centres[best], float(distances[best])))
+    return done

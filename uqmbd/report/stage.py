@@ -1,0 +1,256 @@
+"""What a mechanism is drawn on: axes in metres with equal scale, and a page in inches above them.
+
+Shapes are laid on the page in inches, so that joints look alike whatever the size of the mechanism, and in every file
+format; where they lie follows from the axes, plane or spatial.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from matplotlib.artist import Artist
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+__all__ = ["Shape", "Stage", "stage"]
+
+Array = NDArray[np.float64]
+
+LEFT, RIGHT, BOTTOM, TOP = 0.72, 0.15, 0.5, 0.34  # inches around the axes
+SIDES = 0.68  # inches around the box of a spatial view, for ticks and labels
+MARGIN = 0.5  # inches between the axes and the points: joints, names and the ground need them
+LOWEST, HIGHEST = 1.9, 5.2  # inches: height of plane axes
+VIEW = (24.0, -58.0)  # degrees: elevation and azimuth of the spatial view
+
+
+@dataclass(frozen=True)
+class Shape:
+    """A line or area on the page.
+
+    Attributes
+    ----------
+    vertices : array, shape (N, 2)
+        Inches; a line is broken where they are NaN.
+    edge, face : str or tuple, optional
+        Colours; no face: a line.
+    width : float
+        Of the line, points.
+    closed : bool
+        Whether the last vertex joins the first.
+    style : object
+        Line style of Matplotlib.
+    order : float
+        What is higher lies above.
+    alpha : float
+        Opacity.
+    """
+
+    vertices: Array
+    edge: Any = "0.15"
+    face: Any = None
+    width: float = 1.0
+    closed: bool = False
+    style: Any = "-"
+    order: float = 3.0
+    alpha: float = 1.0
+
+
+@dataclass(frozen=True)
+class Stage:
+    """Axes and page.
+
+    Attributes
+    ----------
+    figure, axes : matplotlib objects
+    project : callable
+        From points (..., 2 or 3), m, to the page (..., 2), inches.
+    depth : callable
+        From points to their distance behind the page, for drawing those behind first.
+    unit : float
+        Metres to an inch.
+    box : (left, bottom, right, top)
+        Where there is room for names, inches.
+    spatial : bool
+        Whether the view is one of space.
+    """
+
+    figure: Figure
+    axes: Axes
+    project: Callable[[Array], Array]
+    depth: Callable[[Array], Array]
+    unit: float
+    box: tuple[float, float, float, float]
+    spatial: bool
+
+    def artists(self, shapes: Iterable[Shape]) -> list[Artist]:
+        """Make what Matplotlib draws, from the back to the front; it is not yet part of the figure."""
+        from matplotlib.patches import PathPatch
+        from matplotlib.path import Path
+
+        made: list[Artist] = []
+        for shape in sorted(shapes, key=lambda s: s.order):
+            vertices = shape.vertices
+            if shape.closed:
+                codes = [Path.MOVETO, *[Path.LINETO] * (len(vertices) - 1), Path.CLOSEPOLY]
+                path = Path(np.concatenate([vertices, vertices[:1]]), codes)
+            else:
+                path = Path(vertices)
+            patch = PathPatch(
+                path, edgecolor=shape.edge, facecolor="none" if shape.face is None else shape.face, lw=shape.width,
+                ls=shape.style, alpha=shape.alpha, capstyle="round", joinstyle="round", zorder=2 + shape.order,
+                transform=self.figure.dpi_scale_trans,
+            )  # fmt: skip
+            made.append(self.own(patch))
+        return made
+
+    def own(self, artist: Any) -> Any:
+        """Tell an artist which figure it is drawn on, and keep it inside plane axes."""
+        artist.set_figure(self.figure)
+        if not self.spatial:
+            artist.set_clip_path(self.axes.patch)
+        return artist
+
+    def draw(self, shapes: Iterable[Shape]) -> None:
+        """Add shapes to the figure."""
+        for artist in self.artists(shapes):
+            clip = artist.get_clip_path()
+            self.figure.add_artist(artist)
+            artist.set_clip_path(clip)
+
+
+def stage(points: Array, *, width: float = 6.4, labels: str = "") -> Stage:
+    """Make axes that hold all points.
+
+    Parameters
+    ----------
+    points : array, shape (N, 2 or 3)
+        m; those that are not finite do not count.
+    width : float
+        Of the figure, inches.
+    labels : str
+        What the axes say after their letter.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> made = stage(np.array([[0.0, 0.0], [2.0, 0.5]]))
+    >>> a, b, c = made.project(np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]))
+    >>> bool(np.isclose(b[0] - a[0], c[1] - a[1]))
+    True
+    """
+    known = points[np.isfinite(points).all(axis=-1)]
+    if not len(known):
+        known = np.zeros((1, points.shape[-1]))
+    low, high = known.min(axis=0), known.max(axis=0)
+    return _space(low, high, width, labels) if points.shape[-1] == 3 else _plane(low, high, width, labels)
+
+
+def _plane(low: Array, high: Array, width: float, labels: str) -> Stage:
+    from matplotlib.figure import Figure
+
+    inner = width - LEFT - RIGHT
+    size = high - low
+    floor = 1e-9 + 0.25 * float(size.max()) if size.max() > 0 else 0.5
+    unit = max(float(size[0]), floor) / (inner - 2 * MARGIN)
+    height = float(np.clip(size[1] / unit + 2 * MARGIN, LOWEST, HIGHEST))
+    unit = max(unit, float(size[1]) / (height - 2 * MARGIN))
+    centre = (low + high) / 2
+    figure = Figure(figsize=(width, height + BOTTOM + TOP))
+    whole = height + BOTTOM + TOP
+    axes = figure.add_axes((LEFT / width, BOTTOM / whole, inner / width, height / whole))
+    axes.set_xlim(centre[0] - unit * inner / 2, centre[0] + unit * inner / 2)
+    axes.set_ylim(centre[1] - unit * height / 2, centre[1] + unit * height / 2)
+    axes.set_aspect("equal")
+    axes.grid(color="0.93", lw=0.7)
+    axes.set_axisbelow(True)
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.tick_params(labelsize=8.5, colors="0.35")
+    axes.set_xlabel(f"x{labels} [m]", fontsize=9, color="0.25")
+    axes.set_ylabel(f"y{labels} [m]", fontsize=9, color="0.25")
+    # stated places spare Matplotlib from measuring ticks, which the report has drawn already
+    axes.xaxis.set_label_coords(0.5, -0.27 / height)
+    axes.yaxis.set_label_coords(-0.5 / inner, 0.5)
+    corner = np.array([axes.get_xlim()[0], axes.get_ylim()[0]])
+
+    def project(points: Array) -> Array:
+        page: Array = np.array([LEFT, BOTTOM]) + (points - corner) / unit
+        return page
+
+    def depth(points: Array) -> Array:
+        return np.zeros(points.shape[:-1])
+
+    return Stage(figure, axes, project, depth, unit, (LEFT, BOTTOM, width - RIGHT, BOTTOM + height), spatial=False)
+
+
+def _space(low: Array, high: Array, width: float, labels: str) -> Stage:
+    from matplotlib.figure import Figure
+    from mpl_toolkits.mplot3d import Axes3D  # type: ignore[import-untyped]
+
+    reach = float((high - low).max()) or 0.5
+    half = np.maximum((high - low) / 2, 0.2 * reach) * 1.15
+    centre = (low + high) / 2
+    figure = Figure(figsize=(width, width))
+    axes: Any = Axes3D(
+        figure, (0.0, 0.0, 1.0, 1.0), computed_zorder=False, proj_type="ortho", azim=VIEW[1], elev=VIEW[0]
+    )
+    figure.add_axes(axes)
+    for name, middle, extent in zip("xyz", centre, half, strict=True):
+        getattr(axes, f"set_{name}lim")(middle - extent, middle + extent)
+        axis: Any = getattr(axes, f"{name}axis")
+        axis.set_pane_color((0.97, 0.975, 0.98, 1.0))
+        axis._axinfo["grid"].update(color="0.9", linewidth=0.7)
+        axis.set_tick_params(labelsize=8, colors="0.35", pad=1)
+        axis.set_major_locator(_few())
+        getattr(axes, f"set_{name}label")(f"{name}{labels} [m]", fontsize=9, color="0.25")
+    axes.set_box_aspect(tuple(half))
+    # as a tuple: an array would be scaled in place
+    corners = centre + half * np.array([[a, b, c] for a in (-1, 1) for b in (-1, 1) for c in (-1, 1)])
+    across, up = np.ptp(_onto_page(figure, axes)(corners)[0], axis=0)
+    # mplot3d leaves wide margins: the box is enlarged until its ticks and labels just fit
+    zoom = min((width - 2 * SIDES) / across, (0.9 * width - 2 * SIDES) / up)
+    height = zoom * float(up) + 2 * SIDES
+    figure.set_figheight(height)
+    # the vertical axis is on the right
+    axes.set_position((-0.18 / width, (height - width) / 2 / height, 1.0, width / height))
+    axes.set_box_aspect(tuple(half), zoom=zoom)
+    along = _onto_page(figure, axes)
+
+    def project(points: Array) -> Array:
+        return along(points)[0]
+
+    def depth(points: Array) -> Array:
+        return along(points)[1]
+
+    ends = project(np.concatenate([centre[None], centre + reach * np.eye(3)]))
+    # of an orthographic view of equal scale, the squares of the projected unit vectors add up to two
+    inches = np.sqrt(np.sum((ends[1:] - ends[0]) ** 2) / 2) / reach
+    return Stage(figure, axes, project, depth, 1 / float(inches), (0.1, 0.1, width - 0.1, height - TOP), spatial=True)
+
+
+def _onto_page(figure: Figure, axes: Any) -> Callable[[Array], tuple[Array, Array]]:
+    """Return the function that maps points in space (..., 3) to the page (..., 2), inches, and to their depth."""
+    from mpl_toolkits.mplot3d import proj3d
+
+    axes.apply_aspect()
+    matrix = axes.get_proj()
+    to_inches = (axes.transData + figure.dpi_scale_trans.inverted()).frozen()
+
+    def along(points: Array) -> tuple[Array, Array]:
+        flat = points.reshape(-1, 3)
+        x, y, z = proj3d.proj_transform(flat[:, 0], flat[:, 1], flat[:, 2], matrix)
+        page = to_inches.transform(np.column_stack([x, y]))
+        return page.reshape(*points.shape[:-1], 2), np.asarray(z, dtype=float).reshape(points.shape[:-1])
+
+    return along
+
+
+def _few() -> Any:
+    from matplotlib.ticker import MaxNLocator
+
+    return MaxNLocator(nbins=5, steps=[1, 2, 2.5, 5, 10])

@@ -1,0 +1,138 @@
+"""Results of different runs, restricted to what they have in common: nothing is interpolated."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from uqmbd.errors import StudyError
+
+__all__ = ["align"]
+
+SAME_TIME = 1e-9
+"""Times that differ by less than this part of the whole duration are the same."""
+
+_KEPT = ("statistics", "samples", "chaos")
+
+
+def align(nodes: Mapping[str, xr.DataTree]) -> tuple[dict[str, xr.DataTree], tuple[str, ...]]:
+    """Restrict results of different runs to their common outputs and times.
+
+    Parameters
+    ----------
+    nodes : mapping of str to xarray.DataTree
+        Propagator nodes by label; not empty.
+
+    Returns
+    -------
+    aligned : dict of str to xarray.DataTree
+        Nodes with ``statistics``, ``samples`` and ``chaos`` at the common times, in the order of the first.
+    notes : tuple of str
+        What was left out, in sentences; empty if nothing was.
+
+    Raises
+    ------
+    StudyError
+        If there is no node, or no output, or no time, is common to all.
+
+    Examples
+    --------
+    >>> from uqmbd.results import labels, propagator_node, statistics_dataset
+    >>> def node(times):
+    ...     statistics = statistics_dataset(labels(["x"], [], times), mean=[times], std=[times])
+    ...     return propagator_node("a", statistics, propagator="p", realisations=1, wall_time=0.0)
+    >>> aligned, notes = align({"a": node([0.0, 1.0, 2.0]), "b": node([0.0, 0.5, 1.0])})
+    >>> aligned["b"]["statistics"]["time"].values.tolist(), notes
+    ([0.0, 1.0], ('Only 2 times are common to all: of 3 of a, 3 of b. Nothing was interpolated.',))
+    """
+    if not nodes:
+        raise StudyError("A comparison needs the result of at least one propagator; there is none.")
+    statistics = {label: node.children["statistics"].to_dataset() for label, node in nodes.items()}
+    outputs, notes = _common_outputs(statistics)
+    where, more = _common_times(statistics)
+    aligned = {label: _restricted(node, label, outputs, where[label]) for label, node in nodes.items()}
+    return aligned, (*notes, *more)
+
+
+def _names(data: xr.Dataset) -> list[str]:
+    return [str(name) for name in data["output"].values]
+
+
+def _common_outputs(statistics: Mapping[str, xr.Dataset]) -> tuple[list[str], list[str]]:
+    first = next(iter(statistics.values()))
+    names = {label: _names(data) for label, data in statistics.items()}
+    shared = [name for name in _names(first) if all(name in other for other in names.values())]
+    units = {
+        label: dict(zip(names[label], map(str, data["output_units"].values), strict=True))
+        for label, data in statistics.items()
+    }
+    notes = []
+    for name in list(shared):
+        given = {label: units[label][name] for label in statistics}
+        if len(set(given.values())) > 1:
+            said = ", ".join(f"{unit or 'none'} in {label}" for label, unit in given.items())
+            notes.append(f"Output {name} has other units ({said}) and was left out.")
+            shared.remove(name)
+    left = list(dict.fromkeys(n for other in names.values() for n in other if any(n not in o for o in names.values())))
+    if left:
+        notes.append(f"Outputs that are not in all results were left out: {', '.join(left)}.")
+    if not shared:
+        said = "; ".join(f"{label}: {', '.join(other)}" for label, other in names.items())
+        raise StudyError(f"These results have no output of the same name and units in common: {said}.")
+    return shared, notes
+
+
+def _common_times(
+    statistics: Mapping[str, xr.Dataset],
+) -> tuple[dict[str, NDArray[np.intp] | None], list[str]]:
+    timed = ["time" in data["mean"].dims for data in statistics.values()]
+    if not any(timed):
+        return dict.fromkeys(statistics), []
+    if not all(timed):
+        raise StudyError("Some of these results are over time and some are not; they cannot be compared.")
+    times = {label: np.asarray(data["time"].values, dtype=float) for label, data in statistics.items()}
+    first = next(iter(times.values()))
+    near = SAME_TIME * max(float(max(t[-1] for t in times.values()) - min(t[0] for t in times.values())), 1e-300)
+    common = first
+    for other in times.values():
+        common = common[np.abs(common[:, None] - other[None, :]).min(axis=1) <= near]
+    if not len(common):
+        said = ", ".join(f"{label} from {t[0]:g} s to {t[-1]:g} s ({len(t)})" for label, t in times.items())
+        raise StudyError(f"These results have no time in common: {said}. Give both studies the same times.")
+    where = {label: np.abs(t[None, :] - common[:, None]).argmin(axis=1) for label, t in times.items()}
+    if all(len(t) == len(common) for t in times.values()):
+        return dict(where), []
+    said = ", ".join(f"{len(t)} of {label}" for label, t in times.items())
+    count = f"{len(common)} times are" if len(common) > 1 else "1 time is"
+    return dict(where), [f"Only {count} common to all: of {said}. Nothing was interpolated."]
+
+
+def _restricted(node: xr.DataTree, label: str, outputs: list[str], where: NDArray[np.intp] | None) -> xr.DataTree:
+    datasets = {"/": xr.Dataset(attrs={**node.attrs, "label": label})}
+    for name in _KEPT:
+        if name not in node.children:
+            continue
+        data = node.children[name].to_dataset()
+        if "output" in data.dims:
+            known = _names(data)
+            data = data.isel(output=[known.index(output) for output in outputs])
+        if "time" in data.dims and where is not None:
+            data = data.isel(time=where)
+        datasets[name] = data
+    made = xr.DataTree.from_dict(datasets, name=label)
+    return _at_common_times(made, where)
+
+
+def _at_common_times(node: xr.DataTree, where: NDArray[np.intp] | None) -> xr.DataTree:
+    """Note an end that is among the times no more."""
+    if where is not None and "ends_at" in node.attrs:
+        statistics = node.children["statistics"].to_dataset()
+        known = np.isfinite(statistics["mean"].values).all(axis=0)
+        if known.all():
+            del node.attrs["ends_at"]
+        elif known.any():
+            node.attrs["ends_at"] = float(statistics["time"].values[known].max())
+    return node

@@ -1,0 +1,107 @@
+"""Events that make velocities jump: is their speed the rate of the gap, and do impulses act between the bodies."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uqmbd.testing.motion import displaced, random_turn, virtual_motions
+
+if TYPE_CHECKING:
+    from uqmbd.testing.component import Bench
+
+__all__ = ["check_events"]
+
+Array = NDArray[np.float64]
+
+STEP = 1e-5
+"""Of central differences along the motion, s."""
+
+
+def check_events(bench: Bench, rng: np.random.Generator, *, between: bool) -> None:
+    """Check the events of a component at random states.
+
+    Parameters
+    ----------
+    bench : Bench
+        A component with its parameters.
+    rng : numpy.random.Generator
+        For the states.
+    between : bool
+        Whether the component acts between its bodies alone.
+
+    Raises
+    ------
+    AssertionError
+        If a speed is not the rate of its gap; and, between bodies: if gaps, speeds or the size of the sliding velocity
+        change when everything is moved and turned as a whole, or impulses do not cancel.
+    """
+    block, space = bench.instance.type, bench.case.mechanism.space
+    if not any(e.directions for e in block.events):
+        return
+    state, parameters = bench.state(rng), bench.parameters(bench.inputs)
+    if space.turns:  # quaternions keep their length
+        shape = (len(parameters), -1, space.size)
+        e, de = (state[x].reshape(shape)[:, :, space.dimension :] for x in "qv")
+        de -= (e * de).sum(axis=2, keepdims=True) * e
+    here = _seen(bench, state, parameters)
+    ahead, behind = (
+        {**state, "q": state["q"] + sign * STEP * state["v"], "t": state["t"] + sign * STEP} for sign in (1, -1)
+    )
+    change = (_seen(bench, ahead, parameters)["guard"] - _seen(bench, behind, parameters)["guard"]) / (2 * STEP)
+    directions = np.cumsum([0, *(len(e.directions) for e in block.events)])
+    jumps = [k for k, e in enumerate(block.events) if e.directions]
+    for k in jumps if not block.states else ():
+        speed = here["speed"][:, directions[k]]
+        error = abs(speed - change[:, k]).max()
+        assert error < 1e-6 * (1 + abs(change).max()), (
+            f"{bench.title}: the speed of event {block.events[k].label!r} is {speed}, the rate of its gap by central "
+            f"differences {change[:, k]}. Give Impact the speed p.rate_of(gap)."
+        )
+    if not between:
+        return
+    moved = {x: state[x].copy() for x in state}
+    turn, shift = random_turn(space, rng), rng.uniform(-1, 1, space.dimension)
+    for row in range(len(parameters)):
+        moved["q"][row] = displaced(space, turn, state["q"][row], shift)
+        moved["v"][row] = displaced(space, turn, state["v"][row])
+        slope = here["slope"][row].reshape(directions[-1], -1)
+        power = abs(slope @ virtual_motions(space, state["q"][row]).T).max()
+        assert power < 1e-9 * (1 + abs(slope).max()), (
+            f"{bench.title}: the impulses of its events do not cancel: a speed changes by {power:.2g} where all bodies "
+            "move as one."
+        )
+    there = _seen(bench, moved, parameters)
+    for k in jumps:
+        first, last = directions[k], directions[k + 1]
+        pairs = [
+            (x["guard"][:, k], x["speed"][:, first], _length(x["speed"][:, first + 1 : last])) for x in (here, there)
+        ]
+        for name, a, b in zip(("gap", "speed", "sliding velocity"), *pairs, strict=True):
+            assert abs(a - b).max() < 1e-9 * (1 + abs(a).max()), (
+                f"{bench.title}: the {name} of event {block.events[k].label!r} changes by {abs(a - b).max():.2g} when "
+                "everything is moved and turned as a whole."
+            )
+
+
+def _length(x: Array) -> Array:
+    return np.asarray(np.linalg.norm(x, axis=1))
+
+
+def _seen(bench: Bench, state: dict[str, Array], parameters: Array) -> dict[str, Array]:
+    """Guards (K, event), speeds (K, direction) and slopes (K, direction * coordinate)."""
+    block, targets = bench.instance.type, bench.kernel("contact")[1]
+    directions = sum(len(e.directions) for e in block.events)
+    count = len(parameters)
+    found = {
+        "guard": np.zeros((count, len(block.events))),
+        "speed": np.zeros((count, directions)),
+        "slope": np.zeros((count, directions * block.coordinates)),
+    }
+    for column, (name, *where) in zip(bench.evaluate("contact", state, parameters).T, targets, strict=True):
+        if name in found:
+            place = where[0] * block.coordinates + where[1] if name == "slope" else where[0]
+            found[name][:, place] = column
+    return found
