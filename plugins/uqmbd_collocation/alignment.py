@@ -24,9 +24,9 @@ __all__ = ["align_with_events"]
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
-POINTS = 17
+POINTS = 65
 """Chebyshev points of a segment."""
-NOISE = 1e-13
+NOISE = 1e-10
 """Size of a coefficient in time, over the largest one of its output, that is rounding."""
 
 MOST_SEGMENTS = 60

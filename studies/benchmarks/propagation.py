@@ -1,6 +1,6 @@
-"""Time and error of every way to carry uncertainty, on the slider-crank and on the Agile Eye.
+"""Time and error of every way to carry uncertainty, on the slider-crank, the Agile Eye and the motorcycle.
 
-Run with ``OMP_NUM_THREADS=1 python studies/benchmarks/propagation.py [--repeat N] [--quick]``.
+Run with ``OMP_NUM_THREADS=1 python studies/benchmarks/propagation.py [--repeat N] [--quick] [--only STUDY]``.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ sys.path[:0] = [str(HERE), str(HERE.parent)]
 
 import agile_eye
 import mechanisms
+import motorcycle
 import numpy as np
 import slider_crank
 from measure import Contender, console, interleave
@@ -244,6 +245,7 @@ def _ratios(task: Task, cpu: dict[str, Array]) -> None:
         )
         add("the same", f"collocation {order} likewise", cpu[f"{name}, study"], cpu[f"Collocation {order}, study"])
     for how in SAMPLES:
+        add(f"500 samples {how}", "Galerkin 2, with statistics", 500 * cpu[how], cpu["Galerkin 2, study"])
         for n in (need.min(), need.max()):
             add(f"Monte Carlo {how} to 1 %: {n:.0f} samples", "Galerkin 4", n * cpu[how], cpu["Galerkin 4"])
             add("the same", "collocation 4", n * cpu[how], cpu["collocation 4"])
@@ -293,14 +295,22 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--repeat", type=int, default=9, help="rounds that count (default 9)")
     parser.add_argument("--quick", action="store_true", help="orders to 4, four inputs, two rounds")
+    tasks = {
+        "slider_crank": Task(slider_crank.study),
+        "agile_eye": Task(agile_eye.study, at=0.4),
+        "motorcycle": Task(motorcycle.study),
+    }
+    parser.add_argument("--only", choices=tasks, help="one study only")
     options = parser.parse_args()
     repeat, most, count = (2, 4, 4) if options.quick else (options.repeat, 6, 6)
     console.width = 190
     with warnings.catch_warnings(), threadpool_limits(limits=1):
         warnings.simplefilter("ignore", UserWarning)  # what they say stands in the columns of errors
-        for task in (Task(slider_crank.study), Task(agile_eye.study, at=0.4)):
-            run(task, range(1, most + 1), repeat)
-        inputs(range(2, count + 1), max(2, repeat // 3))
+        for name, task in tasks.items():
+            if options.only in (None, name):
+                run(task, range(1, most + 1), repeat)
+        if options.only is None:
+            inputs(range(2, count + 1), max(2, repeat // 3))
 
 
 if __name__ == "__main__":

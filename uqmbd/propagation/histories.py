@@ -114,13 +114,16 @@ def followed(
         return {**none, "response": empty, "message": np.array([run.message])}
     final = complete < max(least, inside + MARGIN)
     pieces = run.pieces if final else run.pieces[:-1]
+    # where nothing ends a motion, the output times do
+    ends = [max(p.begin, min(p.end, end)) if final and p is pieces[-1] else p.end for p in pieces]
     where = segment_points(points)
-    states = [run.observed(p.begin + where * (p.end - p.begin), p) for p in pieces]
-    at = np.concatenate([p.begin + where * (p.end - p.begin) for p in pieces])
+    moments = [p.begin + where * (last - p.begin) for p, last in zip(pieces, ends, strict=True)]
+    states = [run.observed(at, p) for p, at in zip(pieces, moments, strict=True)]
+    at = np.concatenate(moments)
     response = ensemble.outputs(at, np.concatenate(states)[None])[0]
     return {
         "labels": np.array([_label(run, piece.end, last=piece is run.pieces[-1]) for piece in pieces]),
-        "edges": np.array([pieces[0].begin, *(piece.end for piece in pieces)]),
+        "edges": np.array([pieces[0].begin, *ends]),
         "response": np.stack(np.split(response, len(pieces), axis=1)),
         "message": np.array([""]),
         "inside": np.array([inside]),

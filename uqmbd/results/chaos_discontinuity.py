@@ -27,6 +27,9 @@ SLOW = 0.35
 CLEAR = 0.18
 """The same from which it is no doubt: smooth responses of large spread were seen to fall by 0.2."""
 
+FEWEST = 3
+"""Order from which a decay is told from so many coefficients that there is no doubt."""
+
 STEEP = 0.3
 """Part of what is missing that two orders leave, below which the response is smooth and only the order too low."""
 
@@ -63,7 +66,7 @@ class Discontinuity:
     @property
     def clear(self) -> bool:
         """Whether the decay is so slow that a method warns of it, and not only says it among its verdicts."""
-        return self.rate < CLEAR
+        return self.rate < CLEAR and self.order >= FEWEST
 
     def words(self, *, events: bool = False) -> str:
         """Say it in a sentence; with `events` (the mechanism has some) alignment is proposed too.

@@ -81,20 +81,24 @@ def realisations_at(node: xr.DataTree, where: Sequence[int]) -> tuple[Array, flo
         The realisations, and how many of them count as independent: infinite for those of a chaos. None where a method
         kept neither.
     """
+    from uqmbd.results.aligned_chaos import AlignedChaos
     from uqmbd.results.piecewise import chaos_from_dataset
 
-    for name in ("samples", "chaos"):
+    for name in ("samples", "chaos", "aligned"):
         if name not in node.children:
             continue
         data = node.children[name].to_dataset()
-        data = data.isel(time=list(where)) if "time" in data.dims else data
+        if "time" in data.sizes:
+            if max(where, default=0) >= data.sizes["time"]:  # it ended early
+                continue
+            data = data.isel(time=list(where))
         if name == "samples":
             response = data["response"].isel(sample=np.flatnonzero(data["status"].values == 0)).values
             if len(response):
                 return response.reshape(*response.shape[:2], -1), float(len(response))
             continue
         try:
-            chaos = chaos_from_dataset(data)
+            chaos = AlignedChaos.from_dataset(data) if name == "aligned" else chaos_from_dataset(data)
         except (UqmbdError, KeyError, ValueError):  # of another kind, whose results stand without
             continue
         values = chaos.evaluate_germs(spread_germs(chaos.space, SURROGATE_SAMPLES, 0))
