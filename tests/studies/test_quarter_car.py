@@ -1,0 +1,71 @@
+"""The quarter car: its road against the covariance it stands for, its response against linear algebra."""
+
+from __future__ import annotations
+
+import runpy
+from pathlib import Path
+
+import numpy as np
+import pytest
+import scipy.integrate
+import sympy
+
+import uqmbd
+from uqmbd_collocation import Collocation
+from uqmbd_galerkin import Galerkin
+from uqmbd_montecarlo import MonteCarlo
+
+STUDY = Path(__file__).parents[2] / "studies" / "quarter_car.py"
+
+
+@pytest.fixture(scope="module")
+def made():
+    return runpy.run_path(str(STUDY))
+
+
+def test_eigenvalues_of_the_road(made):
+    """Against those of the covariance matrix on a fine grid (Nystrom's method)."""
+    count = 1000
+    x = (np.arange(count) + 0.5) / count * 2 * made["HALF"]
+    covariance = made["DEVIATION"] ** 2 * np.exp(-abs(x[:, None] - x) / made["CORRELATION"])
+    expected = np.sort(np.linalg.eigvalsh(covariance * (x[1] - x[0])))[::-1][: made["TERMS"]]
+    np.testing.assert_allclose([value for _, value in made["modes"]], expected, rtol=5e-4)
+    assert made["LEFT_OUT"] == pytest.approx(1 - expected.sum() / (made["DEVIATION"] ** 2 * 2 * made["HALF"]), abs=2e-4)
+
+
+def response(made, times):
+    """Standard deviations of body height, suspension travel and tyre force, by the linear equations of motion."""
+    ms, mu, ks, cs, kt, ct = 300, 40, 20_000, 1_200, 180_000, 100
+    found = []
+    for variable in sorted(made["road"].free_symbols - {uqmbd.t}, key=str):
+        wave = made["road"].coeff(variable)
+        height = sympy.lambdify(uqmbd.t, wave)
+        slope = sympy.lambdify(uqmbd.t, wave.diff(uqmbd.t))
+
+        def rate(t, y, height=height, slope=slope):
+            zs, zu, vs, vu = y
+            pull = ks * (zu - zs) + cs * (vu - vs)
+            push = kt * (height(t) - zu) + ct * (slope(t) - vu)
+            return [vs, vu, pull / ms, (push - pull) / mu]
+
+        # at rest on a road that moves: its rate bears on the tyre's damper
+        start = float(height(0.0) + ct / kt * slope(0.0))
+        solved = scipy.integrate.solve_ivp(rate, (0, 2), [start, start, 0, 0], t_eval=times, rtol=1e-9, atol=1e-12).y
+        push = kt * (height(times) - solved[1]) + ct * (slope(times) - solved[3])
+        found.append([solved[0], solved[0] - solved[1], push])
+    return np.sqrt((np.array(found) ** 2).sum(axis=0))
+
+
+def test_three_methods_find_the_spread(made):
+    """Twelve inputs: both expansions to 1e-4, samples within their errors (the tyre never lifts off)."""
+    study = made["study"]
+    times = study.times
+    expected = response(made, times)
+    most = expected.max(axis=1, keepdims=True)
+    chosen = ["body_height", "suspension_travel", "tyre_force"]
+    for method in (Collocation(order=2, method="regression"), Galerkin(order=1, rule="sobol", samples=64)):
+        std = study.propagate(method)["statistics"]["std"].sel(output=chosen).values
+        np.testing.assert_allclose(std / most, expected / most, atol=1e-4)
+    sampled = study.propagate(MonteCarlo(samples=300, seed=2))["statistics"].sel(output=chosen)
+    away = abs(sampled["std"].values - expected) / (sampled["std_error_std"].values + 1e-6 * most)
+    assert away.max() < 5
