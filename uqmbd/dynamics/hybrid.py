@@ -35,8 +35,15 @@ DEEP = 1e-6
 """Penetration at the start, over the size of the mechanism, that is no mistake of the drawing."""
 TINY = 1e-10
 """Gap, over the size of the mechanism, by which an interpolant may be wrong where bodies touch."""
-MOST = 20_000
+MOST = 10_000
 """Events of a realisation that are taken for a motion that does not end."""
+CROWD = 100
+"""As many events ..."""
+CROWDED = 2e-3
+"""... within this share of the output times let bodies stay together from a speed that `COARSER` times larger ..."""
+COARSER = 4.0
+COARSEST = 1e4
+"""... until it is larger by this at most, or there was no event for ten such times."""
 AT_ONCE = 100
 """Events of a realisation without progress in time that are."""
 STEPS = 50_000
@@ -130,6 +137,7 @@ class Hybrid:
         self.modes: dict[int, Mode] = {}
         self.headings: dict[int, Array] = {}
         self.fastest, self.size, self.stalled = 0.0, 0.0, 0
+        self.crowd, self.coarse = list[float](), 1.0
         self.seen: tuple[float, Array, Contacts] | None = None
         size = float(np.abs(self.ensemble.start.q[0]).max(initial=0.0))
         self.length = max(1e-3, min(1.0, size))
@@ -266,7 +274,7 @@ class Hybrid:
             sliding = contacts.sliding(k)[0]
             fast = float(np.linalg.norm(sliding))
             if len(sliding) > 1 and fast > 0:
-                if fast <= self._slow(fast) and self.steps and sliding @ self.headings[k] >= 0:
+                if fast <= self._slow() and sliding @ self.headings[k] >= 0:
                     rate = at_rest(contacts, self.modes, self.headings).rate[0, contacts.tangents(k)]
                     if rate @ sliding < 0:
                         return Guard("stick", k)
@@ -274,9 +282,20 @@ class Hybrid:
         return None
 
     # -- guards ------------------------------------------------------------------------------------------------------
-    def _slow(self, fast: float = 0.0) -> float:
+    def _slow(self) -> float:
         """Speed that is none, m/s."""
-        return max(SLOWEST * self.fastest, 1e-12 * self.length)
+        return max(self.coarse * SLOWEST * self.fastest, 1e-12 * self.length)
+
+    def _count(self, time: float) -> None:
+        """Let bodies stay together earlier where they chatter: in a corner, friction may feed bounces for long."""
+        window = CROWDED * float(self.times[-1] - self.times[0])
+        if self.crowd and time - self.crowd[-1] > 10 * window:
+            self.coarse, self.crowd = 1.0, []
+        self.crowd.append(time)
+        if len(self.crowd) >= CROWD:
+            if self.crowd[-1] - self.crowd[-CROWD] < window:
+                self.coarse = min(self.coarse * COARSER, COARSEST)
+            self.crowd = self.crowd[1:] if self.crowd[-1] - self.crowd[-CROWD] >= window else self.crowd[-1:]
 
     def _guards(self, now: float, z: Array) -> tuple[list[Guard], float]:
         """Find what may end the motion from here, and how long the shortest flight lasts, about."""
@@ -361,6 +380,7 @@ class Hybrid:
     # -- events ------------------------------------------------------------------------------------------------------
     def _happen(self, time: float, z: Array, guard: Guard, begin: float) -> Array:
         """State after an event."""
+        self._count(time)
         self.stalled = self.stalled + 1 if time - begin <= 1e-14 * max(1.0, abs(time)) else 0
         if self.stalled > AT_ONCE or len(self.happenings) > MOST:
             many = len(self.happenings) > MOST

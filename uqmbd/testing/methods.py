@@ -129,7 +129,7 @@ def _possible(make: Callable[[], Case], title: str, *, conservative: bool) -> St
 
 def _is_conservative(case: Case) -> bool:
     derived = derive(instances_of([case.component], case.mechanism.space)[0].type)
-    return is_timeless(derived) and not derived.work
+    return is_timeless(derived) and not derived.work and not derived.events
 
 
 def _check_energy(energy: np.ndarray[Any, np.dtype[np.float64]], title: str) -> None:

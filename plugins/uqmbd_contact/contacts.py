@@ -1,0 +1,92 @@
+"""Contacts with compliance: normal force by one of four laws, and regularised Coulomb friction."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import ClassVar
+
+import sympy
+
+import uqmbd
+from uqmbd_contact.geometry import InBearing, Meeting, OnPlane, OnRoad, OnSphere
+from uqmbd_contact.laws import LAWS, friction_force, normal_force
+
+__all__ = ["ClearanceJoint", "PlaneContact", "RoadContact", "SphereContact"]
+
+
+class _Contact(uqmbd.Component):
+    """What all contacts share: law, friction, and the virtual work of both."""
+
+    law = uqmbd.Parameter(
+        "", "law of the normal force", kind="option", default="hertz", choices=LAWS, example="hunt-crossley"
+    )
+    # bodies that are tried in random poses may overlap deeply: softly
+    stiffness = uqmbd.Parameter("N/m^n", "stiffness of the law", default=1e6, example=20.0)
+    exponent = uqmbd.Parameter("1", "exponent of hunt-crossley", default=sympy.Rational(3, 2))
+    damping = uqmbd.Parameter("s/m, N s/m", "D of hunt-crossley, c of kelvin-voigt", default=0)
+    friction = uqmbd.Parameter("1", "coefficient of friction", default=0)
+    slow = uqmbd.Parameter("m/s", "speed below which friction is viscous", default=1e-3)
+
+    meeting: ClassVar[Callable[..., Meeting]]
+
+    def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.VirtualWork]:
+        """Yield the virtual work of the normal force and of friction."""
+        meeting = self.meeting(p)
+        opening = p.rate_of(meeting.gap)
+        force = normal_force(p.law, -meeting.gap, -opening, p.stiffness, p.exponent, p.damping)
+        force = p.let("normal force", force)
+        yield uqmbd.VirtualWork(force, opening)
+        if p.friction != 0:
+            sliding = meeting.relative - meeting.normal.dot(meeting.relative) * meeting.normal
+            sliding = p.let("sliding", sliding)
+            yield uqmbd.VirtualWork(friction_force(force, p.friction, sliding, p.slow), meeting.relative)
+
+
+class PlaneContact(_Contact, OnPlane):
+    """A sphere (or point, of radius 0) of body j on a plane fixed in body i.
+
+    Examples
+    --------
+    >>> import uqmbd
+    >>> mechanism = uqmbd.Mechanism("ball", uqmbd.Translational(gravity=(0, -9.81)))
+    >>> ball = mechanism.body("ball", mass=1, position=(0, 1))
+    >>> mechanism.add(PlaneContact("floor", mechanism.ground, ball, (0, 0), (0, 0), (0, 1), law="linear"))
+    <PlaneContact 'floor': ground, ball>
+    """
+
+
+class SphereContact(_Contact, OnSphere):
+    """A sphere of body j and a sphere of body i.
+
+    Examples
+    --------
+    >>> SphereContact.signature()[:65]
+    '(name, body_i, body_j, point_i, point_j, radius_i, radius_j, law='
+    """
+
+
+class RoadContact(_Contact, OnRoad):
+    """A point of body j on a road that lies in body i: forward is its first axis, up its last one.
+
+    The profile is an expression in ``uqmbd_contact.distance``, the forward coordinate of the point, which is the same
+    symbol as ``uqmbd_springs.distance``, and in `uqmbd.t`; random variables may enter it.  The gap is that along the
+    normal of the road below the point, right where the depth of contact is small beside the radius of curvature.
+
+    Examples
+    --------
+    >>> RoadContact.signature()[:42]
+    '(name, body_i, body_j, point_j, road, law='
+    """
+
+
+class ClearanceJoint(_Contact, InBearing):
+    """A hinge with clearance: a journal, a circle of body j, moves inside a bearing, a circle of body i.
+
+    Between the two is free flight, impact and contact; the forces are those of the law of contact, and friction.  The
+    radius of the bearing is that of the journal plus the `clearance`.  In space it is a ball in a socket.
+
+    Examples
+    --------
+    >>> ClearanceJoint.signature()[:64]
+    '(name, body_i, body_j, point_i, point_j, radius, clearance, law='
+    """

@@ -1,0 +1,159 @@
+"""Where two bodies meet: gap, normal, tangents and relative velocity."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import sympy
+
+import uqmbd
+from uqmbd_contact.profile import distance, inserted, profile_symbols
+
+__all__ = ["InBearing", "Meeting", "OnPlane", "OnRoad", "OnSphere", "tangents"]
+
+BUMP = sympy.sin(distance) / 4
+
+
+@dataclass(frozen=True)
+class Meeting:
+    """Two bodies close to each other.
+
+    Attributes
+    ----------
+    gap : expression
+        m; negative where they overlap.
+    normal : column
+        Unit normal from body i to body j, world axes.
+    relative : column
+        Velocity of body j relative to body i where they meet, m/s.
+    fixed_i : column, optional
+        The normal in the frame of body i, where it does not change.
+    """
+
+    gap: sympy.Expr
+    normal: sympy.Matrix
+    relative: sympy.Matrix
+    fixed_i: sympy.Matrix | None = None
+
+
+class OnPlane(uqmbd.Component):
+    """Geometry of a sphere of body j on a plane of body i."""
+
+    drawn_by = ()
+    point_i = uqmbd.Parameter("m", "a point of the plane, frame of body i", kind="point")
+    point_j = uqmbd.Parameter("m", "centre of the sphere, frame of body j", kind="point")
+    normal_i = uqmbd.Parameter("1", "normal of the plane towards body j, frame of body i", kind="axis")
+    radius = uqmbd.Parameter("m", "radius of the sphere; 0: a point", default=0)
+
+    def meeting(self, p: uqmbd.Local) -> Meeting:
+        """Return where they meet: the point of the plane below the centre."""
+        normal = p.let("normal", p.body_i.direction(p.normal_i))
+        centre = p.let("centre", p.body_j.point(p.point_j))
+        gap = p.let("gap", normal.dot(centre - p.body_i.point(p.point_i)) - p.radius)
+        return Meeting(gap, normal, _relative(p, centre - p.radius * normal), sympy.Matrix(p.normal_i))
+
+
+class OnSphere(uqmbd.Component):
+    """Geometry of two spheres."""
+
+    drawn_by = ()
+    point_i = uqmbd.Parameter("m", "centre of the sphere, frame of body i", kind="point")
+    point_j = uqmbd.Parameter("m", "centre of the sphere, frame of body j", kind="point")
+    radius_i = uqmbd.Parameter("m", "radius of the sphere of body i")
+    radius_j = uqmbd.Parameter("m", "radius of the sphere of body j")
+
+    def meeting(self, p: uqmbd.Local) -> Meeting:
+        """Return where they meet: the point of sphere i towards the centre of sphere j."""
+        first = p.let("centre i", p.body_i.point(p.point_i))
+        offset = p.let("offset", p.body_j.point(p.point_j) - first)
+        between = p.let("distance", sympy.sqrt(offset.dot(offset)))
+        normal = p.let("normal", offset / between)
+        gap = p.let("gap", between - p.radius_i - p.radius_j)
+        return Meeting(gap, normal, _relative(p, first + p.radius_i * normal))
+
+
+class OnRoad(uqmbd.Component):
+    """Geometry of a point of body j on a road in body i: a curve in the plane, its cylinder in space."""
+
+    drawn_by = ()
+    point_j = uqmbd.Parameter("m", "the point, frame of body j", kind="point")
+    road = uqmbd.Parameter("m", "height of the road over uqmbd_contact.distance", kind="option", example=BUMP)
+
+    def prepare(self) -> dict[str, Any]:
+        """Give what the profile contains to each realisation."""
+        return profile_symbols(self.road)
+
+    def meeting(self, p: uqmbd.Local) -> Meeting:
+        """Return where they meet: at the point; the gap is along the normal of the road below it."""
+        frame = p.body_i
+        point = p.let("point", p.body_j.point(p.point_j))
+        place = p.let("place", frame.rotation.T * (point - frame.position))
+        height, slope = (inserted(e, place[0], p) for e in (p.road, sympy.diff(p.road, distance)))
+        slope = p.let("slope", slope)
+        steep = p.let("steepness", sympy.sqrt(1 + slope**2))
+        gap = p.let("gap", (place[-1] - height) / steep)
+        up = [-slope / steep, *[0] * (len(place) - 2), 1 / steep]
+        return Meeting(gap, p.let("normal", frame.direction(up)), _relative(p, point))
+
+    def reaction_point(self, p: uqmbd.Local) -> sympy.Matrix:
+        """World position of the point."""
+        return p.body_j.point(p.point_j)
+
+
+class InBearing(uqmbd.Component):
+    """Geometry of a circle of body j inside a slightly larger one of body i; in space, of a ball in a socket."""
+
+    point_i = uqmbd.Parameter("m", "centre of the bearing, frame of body i", kind="point")
+    point_j = uqmbd.Parameter("m", "centre of the journal, frame of body j", kind="point")
+    radius = uqmbd.Parameter("m", "radius of the journal")
+    clearance = uqmbd.Parameter("m", "radius of the bearing without that of the journal")
+
+    def meeting(self, p: uqmbd.Local) -> Meeting:
+        """Return where they meet: the point of the bearing that is nearest to the journal."""
+        first = p.let("centre i", p.body_i.point(p.point_i))
+        offset = p.let("offset", p.body_j.point(p.point_j) - first)
+        # where the centres coincide no direction is the nearest; there is no contact either
+        eccentricity = p.let("eccentricity", sympy.sqrt(offset.dot(offset) + sympy.Float(1e-18)))
+        inwards = p.let("normal", -offset / eccentricity)
+        gap = p.let("gap", p.clearance - eccentricity)
+        return Meeting(gap, inwards, _relative(p, first - (p.radius + p.clearance) * inwards))
+
+
+def tangents(p: uqmbd.Local, meeting: Meeting) -> tuple[sympy.Matrix, ...]:
+    """Return unit vectors along the surface, world axes: one in the plane, two in space."""
+    if meeting.fixed_i is not None:  # they turn with body i
+        return tuple(p.let("tangent", p.body_i.direction(x)) for x in _across(meeting.fixed_i))
+    return tuple(p.let("tangent", x) for x in _across(meeting.normal))
+
+
+def _relative(p: uqmbd.Local, point: sympy.Matrix) -> sympy.Matrix:
+    meeting = p.let("point", point)
+    found: sympy.Matrix = p.let("relative velocity", _velocity(p.body_j, meeting) - _velocity(p.body_i, meeting))
+    return found
+
+
+def _velocity(frame: uqmbd.Frame, point: sympy.Matrix) -> sympy.Matrix:
+    """Velocity of the material of a body at a world point."""
+    if not frame.space.turns:
+        return frame.velocity
+    arm, w = point - frame.position, frame.angular_velocity
+    if frame.space.dimension == 2:
+        return frame.velocity + w[0] * sympy.Matrix([-arm[1], arm[0]])
+    return frame.velocity + w.cross(arm)
+
+
+def _across(normal: sympy.Matrix) -> tuple[sympy.Matrix, ...]:
+    """Return unit vectors that are perpendicular to a unit vector and to each other."""
+    normal = sympy.Matrix(normal)
+    if len(normal) == 2:
+        return (sympy.Matrix([normal[1], -normal[0]]),)
+    # Duff et al., Journal of Computer Graphics Techniques 6 (2017) no. 1: continuous but for a half-plane's edge
+    x, y, z = normal
+    sign = sympy.Piecewise((1, z >= 0), (-1, True))
+    a = -1 / (sign + z)
+    b = x * y * a
+    return (
+        sympy.Matrix([1 + sign * x**2 * a, sign * b, -sign * x]),
+        sympy.Matrix([b, sign + y**2 * a, -y]),
+    )

@@ -1,0 +1,66 @@
+"""Impacts of rigid bodies: Newton's law of restitution with Coulomb friction."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import ClassVar
+
+import uqmbd
+from uqmbd_contact.geometry import Meeting, OnPlane, OnRoad, OnSphere, tangents
+
+__all__ = ["PlaneImpact", "RoadImpact", "SphereImpact"]
+
+
+class _Impact(uqmbd.Component):
+    """What all impacts share."""
+
+    restitution = uqmbd.Parameter("1", "coefficient of restitution, 0 to 1", default=1)
+    friction = uqmbd.Parameter("1", "coefficient of friction", default=0)
+
+    meeting: ClassVar[Callable[..., Meeting]]
+
+    def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.Event]:
+        """Yield the event at which two bodies meet."""
+        meeting = self.meeting(p)
+        sliding = [axis.dot(meeting.relative) for axis in tangents(p, meeting)] if p.friction != 0 else ()
+        yield uqmbd.Event(meeting.gap, uqmbd.Impact(p.rate_of(meeting.gap), p.restitution, sliding, p.friction))
+
+
+class PlaneImpact(_Impact, OnPlane):
+    """Impacts of a sphere (or point, of radius 0) of body j on a plane fixed in body i.
+
+    Newton's law of restitution with Coulomb friction; bounces that die down end in a contact that lasts, and sticks,
+    rolls or slides.  Events, for `event_time`: "impact", "rest", "lift-off", "stick", "slip".
+
+    Examples
+    --------
+    >>> import uqmbd
+    >>> mechanism = uqmbd.Mechanism("ball", uqmbd.Translational(gravity=(0, -9.81)))
+    >>> ball = mechanism.body("ball", mass=1, position=(0, 1))
+    >>> floor = mechanism.add(PlaneImpact("floor", mechanism.ground, ball, (0, 0), (0, 0), (0, 1), restitution=0.8))
+    >>> mechanism.output("second", floor.event_time("impact", 2), units="s")
+    >>> round(float(uqmbd.simulate(mechanism, [0, 2])["second"]), 9)
+    1.173961467
+    """
+
+
+class SphereImpact(_Impact, OnSphere):
+    """Impacts of a sphere of body j on a sphere of body i, as of `PlaneImpact`.
+
+    Examples
+    --------
+    >>> SphereImpact.signature()
+    '(name, body_i, body_j, point_i, point_j, radius_i, radius_j, restitution=1, friction=0)'
+    """
+
+
+class RoadImpact(_Impact, OnRoad):
+    """Impacts of a point of body j on a road that lies in body i, as of `PlaneImpact`.
+
+    The road is that of `RoadContact`.
+
+    Examples
+    --------
+    >>> RoadImpact.signature()
+    '(name, body_i, body_j, point_j, road, restitution=1, friction=0)'
+    """

@@ -1,0 +1,101 @@
+"""Event times and heights with distributions, by sampling and by expansion; what Galerkin says."""
+
+from __future__ import annotations
+
+import chaospy
+import numpy as np
+import pytest
+
+import uqmbd
+from uqmbd.testing import check_component
+from uqmbd_collocation import Collocation
+from uqmbd_contact import PlaneImpact, SphereImpact
+from uqmbd_galerkin import Galerkin
+from uqmbd_montecarlo import MonteCarlo
+
+G = 9.81
+
+
+def bouncing(times, *propagators):
+    h = uqmbd.RandomVariable("h", chaospy.Uniform(0.9, 1.1), units="m")
+    e = uqmbd.RandomVariable("e", chaospy.Uniform(0.75, 0.85))
+    mechanism = uqmbd.Mechanism("ball", uqmbd.Translational(gravity=(0, -G)))
+    ball = mechanism.body("ball", mass=1, position=(0, h))
+    floor = mechanism.add(PlaneImpact("floor", mechanism.ground, ball, (0, 0), (0, 0), (0, 1), restitution=e))
+    mechanism.output("height", ball.position[1], units="m")
+    mechanism.output("second", floor.event_time("impact", 2), units="s")
+    return uqmbd.Study("bouncing", mechanism, times, propagators)
+
+
+def second(h, e):
+    return np.sqrt(2 * h / G) * (1 + 2 * e)
+
+
+def moments():
+    """Mean and standard deviation of the second impact, by Gauss rules of sixty nodes."""
+    x, w = np.polynomial.legendre.leggauss(60)
+    t = second(1 + 0.1 * x[:, None], 0.8 + 0.05 * x[None])
+    weights = np.outer(w, w) / 4
+    mean = (weights * t).sum()
+    return mean, np.sqrt((weights * (t - mean) ** 2).sum())
+
+
+def test_second_impact():
+    study = bouncing([0, 0.7, 1.4], MonteCarlo(samples=300, seed=1), Collocation(order=5))
+    results = study.run()
+    mean, std = moments()
+    chaos = results["collocation/scalars/statistics"].to_dataset().isel(output=0)
+    np.testing.assert_allclose([chaos["mean"], chaos["std"]], [mean, std], rtol=1e-9)
+    sampled = results["monte-carlo/scalars/statistics"].to_dataset().isel(output=0)
+    assert abs(float(sampled["mean"]) - mean) < 4 * std / np.sqrt(300)
+    assert abs(float(sampled["std"]) - std) < 4 * std / np.sqrt(600)
+    samples = results["monte-carlo/scalars/samples"].to_dataset()
+    h, e = (samples["inputs"].sel(input=name).values for name in ("h", "e"))
+    np.testing.assert_allclose(samples["response"].isel(output=0), second(h, e), rtol=1e-11)
+
+
+def test_samples_without_an_event_are_counted():
+    """Some realisations have no second impact by the last time."""
+    study = bouncing([0, 0.7, 1.2], MonteCarlo(samples=40, seed=2))
+    node = study.propagate(study.propagators[0])
+    status = node["scalars/samples"]["status"].values
+    assert "has no floor: impact 2" in str(node["scalars/samples"]["message"].values)
+    h, e = (node["scalars/samples"]["inputs"].sel(input=name).values for name in ("h", "e"))
+    assert ((status == 0) == (second(h, e) < 1.2)).all() and 0 < (status != 0).sum() < 40
+
+
+def test_galerkin_says_that_impacts_are_not_for_it():
+    study = bouncing([0, 0.5])
+    found = Galerkin().obstacle(study)
+    assert found.startswith("at the impacts of 'floor' velocities jump") and "elements='adaptive'" in found
+    with pytest.raises(uqmbd.StudyError, match="galerkin: at the impacts of 'floor' velocities jump"):
+        study.propagate(Galerkin())
+    assert Collocation().obstacle(study) is None and MonteCarlo(samples=2, seed=1).obstacle(study) is None
+
+
+class Slow(PlaneImpact):
+    """An impact with half the speed."""
+
+    def terms(self, p):
+        for event in super().terms(p):
+            yield uqmbd.Event(
+                event.guard, uqmbd.Impact(event.jump.speed / 2, p.restitution, event.jump.sliding, p.friction)
+            )
+
+
+class Anchored(SphereImpact):
+    """An impact that acts on one of its bodies alone."""
+
+    def terms(self, p):
+        for _ in super().terms(p):
+            speed = p.body_j.velocity[0]
+            yield uqmbd.Event(p.body_j.position[0], uqmbd.Impact(speed, p.restitution, speed, p.friction * p.radius_i))
+
+
+@pytest.mark.parametrize(
+    ("component", "told"),
+    [(Slow, "is .* the rate of its gap by central"), (Anchored, "the impulses of its events do not")],
+)
+def test_the_kit_finds_faults_of_events(component, told):
+    with pytest.raises(AssertionError, match=told):
+        check_component(component, spaces=(uqmbd.Planar,), propagators=())
