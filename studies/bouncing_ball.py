@@ -48,6 +48,7 @@ study = uqmbd.Study(
         MonteCarlo(samples=500, seed=1),
         Collocation(order=6, label="plain"),
         Collocation(order=2, elements="adaptive", max_elements=64, label="multi-element"),
+        Collocation(order=5, alignment="events", label="event-aligned"),
     ],
     report_times=[0.4, 1.0, 1.9],
 )

@@ -45,8 +45,10 @@ class Galerkin(uqmbd.Propagator):
     ----------
     order : int
         Highest degree of the polynomials.
-    index_set : {"total", "tensor", "hyperbolic"}
-        Which products of one-dimensional polynomials.
+    index_set : {"total", "tensor", "hyperbolic"}, optional
+        Which products of one-dimensional polynomials.  Default: those of a total degree of at most `order`; with
+        `elements` all products (``tensor``).  There a force may set in at each node at another time, which an expansion
+        only follows that has as many terms as nodes: with fewer it drags the others along.
     weights : tuple of float, optional
         Anisotropy: an input (in the order of their names) of weight 2 gets half the order.
     nodes : tuple of int, optional
@@ -92,7 +94,7 @@ class Galerkin(uqmbd.Propagator):
 
     name: ClassVar[str] = "galerkin"
     order: int = 3
-    index_set: Terms = "total"
+    index_set: Terms | None = None
     weights: tuple[float, ...] | None = None
     nodes: tuple[int, ...] | None = None
     rule: Rule = "gauss"
@@ -113,7 +115,7 @@ class Galerkin(uqmbd.Propagator):
             if not isinstance(value, int) or isinstance(value, bool) or value < least:
                 raise uqmbd.StudyError(f"Galerkin: {name} is {value!r}; expected a whole number, {least} or more.")
         choices = (
-            ("index_set", get_args(Terms)),
+            ("index_set", (*get_args(Terms), None)),
             ("rule", get_args(Rule)),
             ("transform", ("rosenblatt", "nataf")),
             ("linear_solver", get_args(LinearSolver)),
@@ -274,9 +276,14 @@ class Galerkin(uqmbd.Propagator):
             },
         )
 
+    @property
+    def products(self) -> Terms:
+        """The index set, chosen to suit if none is given."""
+        return self.index_set or ("total" if self.elements is None else "tensor")
+
     def basis(self, space: uqmbd.GermSpace) -> Index:
         """Index set, without degrees that a germ of few values does not have: below them its basis is complete."""
-        terms = uqmbd.index_set(space.dimension, self.order, self.index_set, self.weights)
+        terms = uqmbd.index_set(space.dimension, self.order, self.products, self.weights)
         highest = [self.order if germ.values is None else germ.values - 1 for germ in space.germs]
         return np.asarray(terms[(terms <= highest).all(axis=1)])
 

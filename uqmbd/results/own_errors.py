@@ -29,7 +29,7 @@ class OwnError:
 
     Attributes
     ----------
-    mean, std : array, shape (O, T)
+    mean, std, kurtosis : array, shape (O, T)
         The statistics themselves.
     noise_mean, noise_std : array, shape (O, T)
         Standard errors, 0 where the method states none.
@@ -52,6 +52,7 @@ class OwnError:
 
     mean: Array
     std: Array
+    kurtosis: Array
     noise_mean: Array
     noise_std: Array
     bias: Array
@@ -64,9 +65,21 @@ class OwnError:
 
     def isel(self, used: NDArray[np.bool_]) -> OwnError:
         """Return the same at some of the times (T,)."""
-        names = ("mean", "std", "noise_mean", "noise_std", "bias")
+        names = ("mean", "std", "kurtosis", "noise_mean", "noise_std", "bias")
         parts = {name: getattr(self, name)[:, used] for name in names}
         return replace(self, **parts, response=None if self.response is None else self.response[:, :, used])
+
+    def informed(self, other: OwnError) -> OwnError:
+        """Return the same with the standard errors of the standard deviation that follow from the other's kurtosis.
+
+        Where something rare happens (a few realisations that hit what the others miss), samples that hold none of it
+        do not know how wrong they are; a surrogate does, or other samples do.
+        """
+        if not self.samples:
+            return self
+        known = np.isfinite(other.kurtosis) & (self.kurtosis > 1)
+        excess = np.where(known, (other.kurtosis - 1) / np.where(known, self.kurtosis - 1, 1.0), 1.0)
+        return replace(self, noise_std=self.noise_std * np.sqrt(np.maximum(excess, 1.0)))
 
     def relative(self, times: Array) -> Array:
         """Return the own error of the standard deviation (O,), relative to it; infinite where none is known.
@@ -138,6 +151,7 @@ def own_error(node: xr.DataTree) -> OwnError:
     return OwnError(
         mean=mean,
         std=std,
+        kurtosis=over_time(statistics["kurtosis"].values) if "kurtosis" in statistics else np.full_like(std, 3.0),
         noise_mean=noise[0],
         noise_std=noise[1],
         bias=bias,

@@ -109,6 +109,7 @@ def verdicts(
     -------
     list of Verdict, length O
     """
+    found, base = found.informed(base), base.informed(found)
     share = level / (2 * max(len(units), 1))
     return [_verdict(found, base, o, times, units[o], share, float(floor[o]), names) for o in range(len(units))]
 
