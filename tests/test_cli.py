@@ -296,6 +296,7 @@ def test_check(cli, study, monkeypatch):
         rank=5,
         redundant=("B.point[1]",),
         mobility=1,
+        not_unique=("B.reaction_force[1]",),
         inputs=(("length", "Normal(mu=1, sigma=0.02)", "m"), ("mass", "Uniform(1, 2)", "kg")),
         unused_inputs=("mass",),
     )

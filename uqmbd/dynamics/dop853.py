@@ -21,7 +21,6 @@ from uqmbd.dynamics.index1 import System, excess
 from uqmbd.dynamics.lockstep import LockStep, Out, longest_step
 from uqmbd.dynamics.model import Model
 from uqmbd.dynamics.passage import Guard
-from uqmbd.dynamics.rank import named
 from uqmbd.dynamics.trajectories import Counters, Solved
 
 __all__ = ["integrate_by_dop853"]
@@ -37,8 +36,6 @@ FARTHEST = 3e-3
 """The same as a number, for loose tolerances."""
 POOR = 50
 """Most states that are integrated to."""
-VIOLATION = 1e-3
-"""Residual of an equation that was left out as redundant, over the size of the mechanism: it was not."""
 
 
 def integrate_by_dop853(ensemble: Ensemble, members: Index, times: Array, rtol: float) -> Solved:
@@ -76,8 +73,6 @@ def integrate_by_dop853(ensemble: Ensemble, members: Index, times: Array, rtol: 
         stack = LockStep(equations, initial, times, some.breaks, rtol, rtol * length[:, None], None, longest, guard)
         stack.run()
         states[part] = _projected(some, guard.models, times, stack.result, rtol)
-        for k, message in enumerate(_violated(some, times, states[part])):
-            messages[part[k]], final[part[k]] = message, bool(message)
         apart = [part[k] for k in sorted(stack.apart)]
         todo += [np.array([k]) for k in apart]
         for k, message in stack.failed.items():
@@ -188,18 +183,15 @@ def _projected(
     time, owner = np.tile(times, count), np.repeat(np.arange(count), number)
     poor: list[tuple[int, int]] = []
     off = min(FAR * rtol, FARTHEST)
-    part: slice | Index
     flat = states.reshape(-1, width).copy()
-    since = np.searchsorted([begin for begin, _ in models], time, side="right") - 1
+    since = _since(models, time)
     for k, (_, model) in enumerate(models):
-        held = np.flatnonzero(since == k) if len(models) > 1 else np.zeros(0, dtype=np.int64)
-        for first in range(0, len(held) if len(models) > 1 else len(flat), BLOCK):
-            part = held[first : first + BLOCK] if len(models) > 1 else slice(first, first + BLOCK)
+        for part in _parts(since, k, len(models)):
             with np.errstate(all="ignore"):
                 q, v = excess(model, flat[part], time[part], ensemble.block[owner[part]])
             flat[part, :n] -= q
             flat[part, velocities:] -= v
-            if not max(q.max(), -q.min(), v.max(), -v.min()) <= off:
+            if not np.vdot(q, q) + np.vdot(v, v) <= off**2:  # else nobody can be
                 far = np.maximum(np.abs(q).max(axis=1), np.abs(v).max(axis=1)) > off
                 poor += [divmod(int(row), number) for row in np.arange(len(flat))[part][far]]
     found = flat.reshape(states.shape)
@@ -218,33 +210,16 @@ def _projected(
     return found
 
 
-def _violated(ensemble: Ensemble, times: Array, states: Array) -> list[str]:
-    """Name equations that were left out as redundant, but are not satisfied by states (M, T, width); one text each."""
-    model, layout = ensemble.model, ensemble.model.layout
-    count, number, width = states.shape
-    dropped = np.setdiff1d(np.arange(layout.constraints), layout.kept)
-    if not len(dropped):
-        return [""] * count
-    drift = model.evaluators["drift"]
-    found, (rows,) = drift.index.get("phi", (np.zeros(0, dtype=np.int64), (np.zeros(0, dtype=np.int64),)))
-    wanted = np.isin(rows, dropped)
-    arguments = np.concatenate(
-        [states.reshape(-1, width), np.tile(times, count)[:, None], np.zeros((count * number, 1))], axis=1
-    )
-    values = np.zeros((len(arguments), layout.constraints))
-    for first in range(0, len(arguments), BLOCK):
-        part = slice(first, first + BLOCK)
-        block = ensemble.block[np.repeat(np.arange(count), number)[part]]
-        values[part, rows[wanted]] = drift(arguments[part], block)[:, found[wanted]]
-    size = np.maximum(1.0, np.abs(states[:, 0, : layout.coordinates]).max(axis=1))
-    off = np.abs(values).reshape(count, number, -1) > VIOLATION * size[:, None, None]
-    texts = []
-    for member in off:
-        when = np.flatnonzero(member.any(axis=1))
-        texts.append(
-            f"the equations {named(model, np.flatnonzero(member[when[0]]))}, left out as redundant at the start, are "
-            f"violated from t = {times[when[0]]:.6g} s: the drawn pose is singular. Draw the mechanism in another pose"
-            if len(when)
-            else ""
-        )
-    return texts
+def _since(models: Sequence[tuple[float, Model]], times: Array) -> Index:
+    """Find the choice of equations that holds at each time, by number."""
+    if len(models) == 1:
+        return np.zeros(len(times), dtype=np.int64)
+    return np.searchsorted([begin for begin, _ in models], times, side="right") - 1
+
+
+def _parts(since: Index, choice: int, choices: int) -> list[slice] | list[Index]:
+    """Cut the states for which a choice holds into blocks."""
+    if choices == 1:
+        return [slice(first, first + BLOCK) for first in range(0, len(since), BLOCK)]
+    held = np.flatnonzero(since == choice)
+    return [held[first : first + BLOCK] for first in range(0, len(held), BLOCK)]

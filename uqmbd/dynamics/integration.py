@@ -12,6 +12,7 @@ from uqmbd.dynamics.dop853 import integrate_by_dop853
 from uqmbd.dynamics.ensemble import Ensemble
 from uqmbd.dynamics.hybrid import event_times, integrate_with_events
 from uqmbd.dynamics.ida import integrate_by_ida
+from uqmbd.dynamics.rank import violated
 from uqmbd.dynamics.trajectories import Counters, Trajectories
 from uqmbd.errors import RedundantConstraintWarning, StudyError
 
@@ -103,6 +104,7 @@ def integrate(
             for k, (message, final) in enumerate(zip(solved.messages, solved.final, strict=True)):
                 if final or not message:
                     states[members[k]], messages[members[k]] = solved.states[k], message
+    _stop_violations(ensemble, times, states, messages)
     if notes:
         more = f" (and {len(notes) - 1} more such changes)" if len(notes) > 1 else ""
         warnings.warn(
@@ -123,8 +125,16 @@ def _with_events(ensemble: Ensemble, times: Array, rtol: float) -> Trajectories:
     states[assembled] = solved.states
     for member, message in zip(assembled, solved.messages, strict=True):
         messages[member] = message
+    _stop_violations(ensemble, times, states, messages)
     scalars = event_times(ensemble, assembled, runs)
     return Trajectories(times, states, tuple(messages), solved.counters, scalars)
+
+
+def _stop_violations(ensemble: Ensemble, times: Array, states: Array, messages: list[str]) -> None:
+    """Let realisations fail that violate equations which were left out as redundant."""
+    for k, (first, text) in violated(ensemble.model, times, states, ensemble.block).items():
+        if not messages[k]:
+            states[k, first:], messages[k] = np.nan, text
 
 
 def _compiled(ensemble: Ensemble) -> bool:

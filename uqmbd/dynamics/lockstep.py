@@ -48,6 +48,8 @@ REFUSALS = 3
 """Refused steps in a row, and ..."""
 SURPLUS = 4.0
 """... by how many tolerances a step may leave the constraints, before the rank is looked at."""
+NODES = 5
+"""Accepted states that are remembered."""
 
 
 @dataclass(frozen=True)
@@ -223,9 +225,9 @@ class LockStep:
         self.steps = 0
         self.watch, self.watched, self.stopped = watch, 0, False
         self.longest, self.guard = longest, guard
-        self.nodes: deque[Node] = deque(maxlen=4)
+        self.nodes: deque[tuple[float, Array]] = deque(maxlen=NODES)
         self.steps_at_most = STEPS
-        self.least = float(np.min(floor)) ** 2 if np.size(floor) else 0.0
+        self.allowed = SURPLUS**2 * equations.moving * (float(np.min(floor)) ** 2 if np.size(floor) else 0.0)
         self._allocate()
         self.tableau = _tableau()
         self.scaled = np.empty_like(self.tableau.a)
@@ -284,8 +286,8 @@ class LockStep:
                     now = self._doubt(now, size, end, np.flatnonzero(~(error < 1.0)))[0]
                 continue
             surplus = self.equations.excess()
-            if self.guard is not None and len(far := self._far(surplus)):
-                now, void = self._doubt(now, size, end, far)
+            if self.guard is not None and self._strayed(surplus):
+                now, void = self._doubt(now, size, end, self._far(surplus))
                 if void:
                     wanted, refusals = size, 0
                     continue
@@ -312,9 +314,17 @@ class LockStep:
         return wanted
 
     def _remember(self, now: float) -> None:
-        """Keep the state and its rate, for the guard."""
-        if self.guard is not None and len(self.members) == 1 and not self.equations.coupled:
-            self.nodes.append(Node(now, self.z[0].copy(), self.k[0, 0].copy()))
+        """Keep the state, which nothing overwrites, for the guard."""
+        if self.guard is not None and len(self.members) == 1:
+            self.nodes.append((now, self.z))
+
+    def _remembered(self) -> list[Node]:
+        """Give the states that were kept their rates."""
+        found = []
+        for time, z in self.nodes:
+            self._rate(time, z, STAGES + 3)
+            found.append(Node(time, z[0], self.k[STAGES + 3, 0].copy()))
+        return found
 
     def _settle(self, now: float) -> None:
         """Put the state on the constraints to rounding: next to a singular pose any residual is magnified."""
@@ -326,12 +336,15 @@ class LockStep:
             self.z[:, self.equations.velocities :] -= v
         self._rate(now, self.z, 0)
 
+    def _strayed(self, surplus: tuple[Array, Array]) -> bool:
+        """Whether a step may have led anybody far off the constraints."""
+        q, v = surplus
+        return not np.vdot(q, q) + np.vdot(v, v) <= self.allowed
+
     def _far(self, surplus: tuple[Array, Array]) -> Index:
         """Members that a step has led far off the constraints."""
         q, v = surplus
         most = SURPLUS**2 * self.equations.moving
-        if np.einsum("kw,kw->", q, q) + np.einsum("kw,kw->", v, v) <= most * self.least:  # nobody can be
-            return np.zeros(0, dtype=np.int64)
         scale = self.floor + self.rtol * np.abs(self.z)
         n, velocities = self.equations.n, self.equations.velocities
         off = self._squares(q / scale[:, :n]) + self._squares(v / scale[:, velocities:])
@@ -339,7 +352,7 @@ class LockStep:
 
     def _doubt(self, now: float, size: float, end: float, which: Index) -> tuple[float, bool]:
         """Ask the guard about members in difficulties: the time from which to go on, and whether the step is void."""
-        if self.guard is None or not len(self.members):
+        if self.guard is None or not len(which):
             return now, False
         if len(self.members) > 1:
             block = self.equations.block
@@ -349,8 +362,10 @@ class LockStep:
                 if len(self.members) == 1:
                     self._remember(now)
             return now, bool(near)
+        if not self.nodes:  # the others have left just now
+            self._remember(now)
         calm = not self.guard.alert
-        course = self.guard.look(now, self.nodes, size, end, self.equations)
+        course = self.guard.look(now, self._remembered(), size, end, self.equations)
         if course is None:
             return now, False
         if course.reason:
@@ -363,8 +378,7 @@ class LockStep:
             self.nodes.clear()
         elif course.back and len(self.nodes) > 1:
             self.nodes.pop()
-            node = self.nodes.pop()
-            now, self.z = node.time, node.z[None].copy()
+            now, self.z = self.nodes.pop()
         elif course.state is not None and course.curve is not None:
             inside = np.flatnonzero((self.times > now) & (self.times <= course.time))
             self.result[self.rows[0], inside] = course.curve(self.times[inside]) if len(inside) else 0.0

@@ -3,8 +3,10 @@
 In a singular pose branches of motions meet, and the equations of motion do not say which one is taken: the motion that
 comes is continued smoothly, as momentum has it.  So the last states before the pose are continued by the polynomial
 that has their rates, too [1]_, to as far behind the pose as they are before it, and put on the constraints there.  That
-is done from so near that polynomials of degree 7 and 5 agree within the tolerance; a motion that ends in the pose (a
-mechanism that locks up) has no such polynomial.
+is done from so near that polynomials of degree 9 and 7 (or 7 and 5) agree within the tolerance; a motion that ends in
+the pose (a mechanism that locks up) has no such polynomial.  Next to the pose rounding is magnified by the inverse
+square of the distance: where it hides the tolerance, the continuation with the least difference is taken, if that is
+small enough.
 
 References
 ----------
@@ -37,8 +39,12 @@ FOOTING = 0.1
 """A step that ends nearer to a singular pose than this part of itself is taken back."""
 APPROACH = 0.4
 """Part of the time to a singular pose that a step may use."""
-PATIENT = 8
-"""Looks at the same pose after which the polynomials may differ by more than the tolerance, by a factor 2 each."""
+FEWEST = 4
+"""States from which a motion is continued; one fewer give the estimate of the error."""
+PAST = 0.2
+"""Part of the distance of the best continuation so far at which that one is taken: rounding has won."""
+ROUNDING = 1e-7
+"""Largest relative error of a continuation whose tolerance is out of reach because of rounding."""
 LOOKS = 60
 """Looks at the same pose after which it is given up."""
 END = 1e-10
@@ -124,6 +130,8 @@ class Guard:
         self.notes: list[str] = []
         self.models: list[tuple[float, Model]] = [(-np.inf, self.model)]
         self.looks, self.final = 0, False
+        self.best: Course | None = None
+        self.least, self.distance = np.inf, np.inf
 
     @property
     def alert(self) -> bool:
@@ -167,8 +175,9 @@ class Guard:
         self.looks += 1
         self.limit = APPROACH * rank.ahead
         if rank.ahead < END * max(1.0, abs(now)) or self.looks > LOOKS:
-            self.final = True
-            return Course(reason=dead_end(self.model, now, replace(rank, every=0.0)))
+            # with many looks it may be rounding that forbids to pass: another method may be lucky
+            self.final = sure = self.looks <= LOOKS
+            return Course(reason=dead_end(self.model, now, replace(rank, every=0.0), sure=sure))
         return self._over(now, nodes, rank, end, equations) or Course()
 
     def reason(self, now: float, z: Array, parameters: Array) -> str:
@@ -187,6 +196,7 @@ class Guard:
     def _calm(self) -> Course | None:
         """Go on as if nothing had been."""
         before, self.looks, self.limit = self.looks, 0, np.inf
+        self.best, self.least, self.distance = None, np.inf, np.inf
         return Course() if before else None
 
     def _others(self, now: float, z: Array, rank: Rank, equations: Equations) -> Course | None:
@@ -208,21 +218,28 @@ class Guard:
 
     def _over(self, now: float, nodes: Sequence[Node], rank: Rank, end: float, equations: Equations) -> Course | None:
         """Pass over a singular pose, if the motion can be continued well enough."""
-        if len(nodes) < 3:
+        if len(nodes) >= FEWEST:
+            self._continue(now, nodes, rank, end, equations)
+        allowed = self.tolerance if rank.ahead > PAST * self.distance else max(self.tolerance, ROUNDING)
+        if self.best is None or self.least > allowed:
             return None
-        curve, lower = (_polynomial(list(nodes)[-count:]) for count in (4, 3))
+        course = self.best
+        self.passed += 1
+        self._calm()
+        return course
+
+    def _continue(self, now: float, nodes: Sequence[Node], rank: Rank, end: float, equations: Equations) -> None:
+        """Continue the motion behind a singular pose; remember it if that is better than from farther away."""
+        curve, lower = _polynomial(nodes), _polynomial(nodes[1:])
         n = self.model.layout.coordinates
         velocities = n + self.model.layout.states
         way = max(self._speed(nodes[-1].z) * rank.ahead, 1e-300)
         for factor in (2.0, 3.0):
             time = now + factor * rank.ahead
-            if time > end:
-                return None
             there = curve(time)
-            scale = self.tolerance * (1.0 + np.abs(there))
-            error = np.sqrt(np.mean(((there - lower(time)) / scale) ** 2))
-            if not error < 2.0 ** max(0, self.looks - PATIENT):
-                return None
+            error = float(np.sqrt(np.mean(((there - lower(time)) / (1.0 + np.abs(there))) ** 2)))
+            if time > end or not error < self.least:
+                return
             state = there.copy()
             for _ in range(4):
                 equations.state[:] = state
@@ -237,10 +254,9 @@ class Guard:
             ):
                 continue
             if -4 * rank.ahead < self._rank(time, state, equations.block[0]).ahead < -0.2 * rank.ahead:
-                self.passed += 1
-                self._calm()
-                return Course(time=time, state=state, curve=curve)
-        return None
+                self.best = Course(time=time, state=state, curve=curve)
+                self.least, self.distance = error, rank.ahead
+                return
 
 
 def _scrap(equations: Equations, width: int) -> tuple[Array, Array, Array]:

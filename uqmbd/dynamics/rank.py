@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from uqmbd.dynamics.index1 import dense, state_arguments
 from uqmbd.dynamics.model import Model
 
-__all__ = ["Rank", "dead_end", "gradient", "joints", "named", "null_equations", "rank_along"]
+__all__ = ["Rank", "dead_end", "gradient", "joints", "named", "null_equations", "rank_along", "violated"]
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -24,6 +24,12 @@ WATCHED = 6
 
 SMALL = 0.3
 """Relative size of a singular value below which its zero is looked for."""
+
+VIOLATION = 1e-3
+"""Residual of an equation that was left out as redundant, over the size of the mechanism: it was not."""
+
+BLOCK = 2048
+"""States whose residuals are evaluated at once."""
 
 
 @dataclass(frozen=True)
@@ -160,6 +166,55 @@ def null_equations(model: Model, q: Array, s: Array, time: float, parameters: Ar
     left = np.linalg.svd(d / norm[:, None])[0]
     free: Array = left[:, model.layout.rank :] / norm[:, None]
     return free
+
+
+def violated(model: Model, times: Array, states: Array, parameters: Array) -> dict[int, tuple[int, str]]:
+    """Find motions that violate equations which were left out as redundant: they were not, but singular at the start.
+
+    Parameters
+    ----------
+    model : Model
+        With its kept equations.
+    times : array, shape (T,)
+        s.
+    states : array, shape (K, T, 2 coordinate + state)
+        Coordinates, auxiliary states and velocities; NaN where there are none.
+    parameters : array, shape (K, parameter)
+        Of the realisations.
+
+    Returns
+    -------
+    dict of int to (int, str)
+        By realisation: the number of the first time at which that is so, and what to say.
+    """
+    layout = model.layout
+    if layout.rank == layout.constraints:
+        return {}
+    count, number, width = states.shape
+    evaluator = model.evaluators["drift"]
+    if "phi" not in evaluator.index:
+        return {}
+    columns, (rows,) = evaluator.index["phi"]
+    dropped = np.isin(rows, np.setdiff1d(np.arange(layout.constraints), layout.kept))
+    flat, values = states.reshape(-1, width), np.zeros((count * number, layout.constraints))
+    for first in range(0, len(flat), BLOCK):
+        part = np.arange(first, min(first + BLOCK, len(flat)))
+        arguments = np.concatenate([flat[part], times[part % number][:, None], np.zeros((len(part), 1))], axis=1)
+        found = evaluator(arguments, parameters[part // number])
+        values[part[:, None], rows[dropped]] = found[:, columns[dropped]]
+    size = np.maximum(1.0, np.abs(states[:, 0, : layout.coordinates]).max(axis=1, initial=0.0))
+    off = np.abs(values).reshape(count, number, -1) > VIOLATION * size[:, None, None]
+    texts: dict[int, tuple[int, str]] = {}
+    for k in np.flatnonzero(off.any(axis=(1, 2))).tolist():
+        first = int(np.argmax(off[k].any(axis=1)))
+        names = named(model, np.flatnonzero(off[k, first]))
+        texts[k] = (
+            first,
+            f"the equations {names}, left out as redundant at the start, are violated from t = {times[first]:.6g} s: "
+            "the drawn pose is singular, and does not say which motion is meant. Draw the mechanism in another pose, "
+            "if only a little farther along the motion",
+        )
+    return texts
 
 
 def dead_end(model: Model, time: float, rank: Rank, *, sure: bool = True) -> str:
