@@ -85,7 +85,7 @@ class FakeStudy:
         return results.study_tree(nodes, study=self.name, mechanism="machine")
 
 
-def fake_report(tree, path, *, sections=()):
+def fake_report(tree, path, *, sections=(), folder=None):
     path.write_text("<html>" + "".join(section.render(tree) for section in sections))
     return path
 

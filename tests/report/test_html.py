@@ -124,7 +124,7 @@ def test_it_says_everything(source: str, study: xr.DataTree) -> None:
         "realisations integrated alone3",
         "time in the integrator, summed over workers1 min 15 s",
         "my counter1.5",
-        "Time of the largest standard deviation",
+        "Largest standard deviation",
         "with 95 % confidence",
         "240 samples instead of 60 would halve the uncertainty",
         "Differences from second, the reference",

@@ -14,7 +14,10 @@ if TYPE_CHECKING:
 
     from uqmbd.report import Section
 
-__all__ = ["rewrite_report", "write"]
+__all__ = ["FIGURES", "rewrite_report", "write"]
+
+FIGURES = "figures"
+"""Folder of the report's figures as files, beside the report."""
 
 
 def rewrite_report(folder: Path) -> None:
@@ -29,10 +32,10 @@ def rewrite_report(folder: Path) -> None:
 
 
 def write(tree: xr.DataTree, path: Path) -> Path:
-    """Write a report with the sections that plugins add, and return its path."""
+    """Write a report with the sections that plugins add, its figures as files beside it, and return its path."""
     from uqmbd.report import write_report
 
-    return write_report(tree, path, sections=_sections())
+    return write_report(tree, path, sections=_sections(), folder=path.parent / FIGURES)
 
 
 def _sections() -> list[Section]:

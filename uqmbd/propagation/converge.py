@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+import warnings
+from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import Executor
+from contextlib import contextmanager
 from dataclasses import dataclass, fields, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,14 +16,18 @@ from numpy.typing import NDArray
 from uqmbd.errors import StudyError, UqmbdError
 from uqmbd.propagation.progress import Progress
 from uqmbd.propagation.propagator import Propagator
+from uqmbd.propagation.reference import reference_node
+from uqmbd.propagation.scalars import propagated
 from uqmbd.propagation.workers import pool
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     import xarray as xr
 
     from uqmbd.propagation.study import Study
 
-__all__ = ["converge"]
+__all__ = ["check_convergence", "converge"]
 
 Array = NDArray[np.float64]
 Method = Propagator | type[Propagator]
@@ -41,10 +48,11 @@ def converge(
     study: Study,
     propagators: Method | Sequence[Method],
     *,
-    reference: xr.DataTree | Propagator | None = None,
+    reference: xr.DataTree | xr.Dataset | Propagator | None = None,
     workers: int | Executor = 1,
-    progress: Progress | None = None,
-    **levels: Sequence[Any],
+    progress: Progress | bool | None = None,
+    folder: Path | None = None,
+    **levels: Any,
 ) -> xr.Dataset:
     r"""Run methods at several orders, or numbers of samples, and compare their errors with what they cost.
 
@@ -52,14 +60,19 @@ def converge(
     ----------
     study : Study
     propagators : Propagator, class of one, or sequence of these
-        Each takes the first of `levels` that is an option of it; a class its default options otherwise.
-    reference : xarray.DataTree or Propagator, optional
-        A node, or a method that is run. Default: of the results the one that states the least error itself (where none
-        does, the last level of the first method), whose errors are NaN.
+        Each takes the first of `levels` that is an option of it; a class its default options otherwise. Several of one
+        class with different options need labels of their own.
+    reference : xarray.DataTree, xarray.Dataset or Propagator, optional
+        A node; a method that is run; or a dataset of what is known, as in closed form: `mean` and `std`
+        ``(output, time)``, exact. Default: of the results the one that states the least error itself (where none does,
+        the last level of the first method), whose errors are NaN.
     workers : int or concurrent.futures.Executor
-    progress : Progress, optional
-    **levels : sequence
-        Values of an option, as ``order=[1, 2, 3]`` or ``samples=[100, 400, 1600]``.
+    progress : Progress or bool, optional
+    folder : Path, optional
+        Where finished chunks are kept while it runs, as of `Study.run`.
+    **levels : sequence, or mapping of str to sequence
+        Values of an option, as ``order=[1, 2, 3]`` or ``samples=[100, 400, 1600]``: for all methods that have it, or
+        for those of some labels, which then take no other: ``order={"plain": [2, 4, 6]}, elements={"split": [4, 16]}``.
 
     Returns
     -------
@@ -68,7 +81,8 @@ def converge(
         time of the differences to the reference, relative to the norm of its mean, or standard deviation;
         ``mean_error_max`` and ``std_error_max``, the largest ones, relative to its largest standard deviation;
         ``stated_error``, what the result states itself of its standard deviation. ``value``, ``realisations``,
-        ``wall_time`` (s) and ``problem`` (empty, or why a level failed, whose numbers are NaN) ``(method, level)``.
+        ``wall_time`` (s), ``level_name`` and ``problem`` (empty, or why a level failed, whose numbers are NaN)
+        ``(method, level)``.
         ``reference_mean_error`` and ``reference_std_error`` ``(output)``: own errors of the reference, in the measure
         of ``..._error_l2``; NaN where it states none.
 
@@ -100,13 +114,14 @@ def converge(
         nodes: dict[tuple[int, int], xr.DataTree] = {}
         problems: dict[tuple[int, int], str] = {}
         # first, because nothing is of use without it
-        base = study.propagate(reference, executor or 1, progress) if isinstance(reference, Propagator) else reference
+        base = reference_node(study, reference, executor, progress, folder)
         for m, one in enumerate(series):
             for k, value in enumerate(one.values):
                 try:
                     label = f"{one.propagator.node_name}-{value}"
                     made = replace(one.propagator, label=label, **{one.option: value})
-                    nodes[m, k] = study.propagate(made, executor or 1, progress)
+                    with _coarse_on_purpose():
+                        nodes[m, k] = propagated(made, study.problem(made, executor, progress, folder))
                 except (UqmbdError, ArithmeticError, ValueError, MemoryError) as error:
                     problems[m, k] = f"{type(error).__name__}: {error}"
     if not nodes:
@@ -121,6 +136,14 @@ def converge(
     return _dataset(series, nodes, problems, base, own)
 
 
+@contextmanager
+def _coarse_on_purpose() -> Iterator[None]:
+    """Pass over what methods warn of at low orders: that is what is measured here."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)
+        yield
+
+
 def _most_converged(nodes: dict[tuple[int, int], xr.DataTree]) -> tuple[int, int]:
     """Return the result that states the least error; where none does, the last level of the first method."""
     from uqmbd.results import relative_errors
@@ -130,12 +153,18 @@ def _most_converged(nodes: dict[tuple[int, int], xr.DataTree]) -> tuple[int, int
     return min(nodes, key=lambda key: (worst[key], key[0], -key[1]))
 
 
-def _series(study: Study, given: Method | Sequence[Method], levels: dict[str, Sequence[Any]]) -> list[_Series]:
+def check_convergence(study: Study, given: Method | Sequence[Method], levels: Mapping[str, Any]) -> None:
+    """Raise a StudyError where methods and levels of `converge` do not fit together."""
+    _series(study, given, levels)
+
+
+def _series(study: Study, given: Method | Sequence[Method], levels: Mapping[str, Any]) -> list[_Series]:
     if not levels:
         raise StudyError("converge: give the levels, as in study.converge(Collocation, order=[1, 2, 3, 4]).")
     for name, values in levels.items():
-        if isinstance(values, (str, bytes)) or not isinstance(values, Iterable) or not len(list(values)):
-            raise StudyError(f"converge: {name} is {values!r}; expected a list of levels, as in {name}=[1, 2, 3].")
+        for one in values.values() if isinstance(values, Mapping) else [values]:
+            if isinstance(one, (str, bytes)) or not isinstance(one, Iterable) or not len(list(one)):
+                raise StudyError(f"converge: {name} is {one!r}; expected a list of levels, as in {name}=[1, 2, 3].")
     methods = list(given) if isinstance(given, Iterable) else [given]
     found: list[_Series] = []
     for method in methods:
@@ -143,14 +172,20 @@ def _series(study: Study, given: Method | Sequence[Method], levels: dict[str, Se
         if not isinstance(made, Propagator):
             raise StudyError(f"converge: {method!r} is no propagator; expected as in study.converge(Collocation, ...).")
         options = [f.name for f in fields(made) if f.name != "label"]
-        chosen = next((name for name in levels if name in options), None)
+        own = {name: v[made.node_name] for name, v in levels.items() if isinstance(v, Mapping) and made.node_name in v}
+        usable = own or {name: v for name, v in levels.items() if not isinstance(v, Mapping)}
+        chosen = next((name for name in usable if name in options), None)
         if chosen is None:
             raise StudyError(
-                f"converge: {type(made).__name__} has no option {' or '.join(levels)}; its options are: "
-                f"{', '.join(options)}."
+                f"converge: {made.node_name} ({type(made).__name__}) has no option "
+                f"{' or '.join(usable or levels)}, or is given no levels of it; its options are: {', '.join(options)}."
             )
-        found.append(_Series(made, chosen, tuple(levels[chosen])))
+        found.append(_Series(made, chosen, tuple(usable[chosen])))
     study.with_propagators([one.propagator for one in found])  # labels must differ
+    known = [one.propagator.node_name for one in found]
+    unknown = [x for v in levels.values() if isinstance(v, Mapping) for x in v if x not in known]
+    if unknown:
+        raise StudyError(f"converge: levels are given for {unknown[0]!r}; the methods are: {', '.join(known)}.")
     return found
 
 
@@ -170,11 +205,11 @@ def _dataset(
     size = (len(series), max(len(one.values) for one in series))
     errors = {name: np.full((*size, len(outputs)), np.nan) for name in SHAPES}
     value, wall, runs = (np.full(size, np.nan) for _ in range(3))
-    texts = np.full(size, "", dtype=object)
+    texts, names = (np.full(size, "", dtype=object) for _ in range(2))
     for m, one in enumerate(series):
         for k, number in enumerate(one.values):
             value[m, k] = float(number) if isinstance(number, (int, float)) else k
-            texts[m, k] = problems.get((m, k), "")
+            texts[m, k], names[m, k] = problems.get((m, k), ""), f"{one.option} {number}"
             node = nodes.get((m, k))
             if node is None:
                 continue
@@ -197,6 +232,7 @@ def _dataset(
             "value": (("method", "level"), value),
             "realisations": (("method", "level"), runs),
             "wall_time": (("method", "level"), wall, {"units": "s"}),
+            "level_name": (("method", "level"), names.astype(np.str_)),
             "problem": (("method", "level"), texts.astype(np.str_)),
         },
         coords={

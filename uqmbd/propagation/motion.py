@@ -173,7 +173,7 @@ def _integrated(study: Study, times: Array, values: Array) -> tuple[Array, str]:
 def _of_method(study: Study, times: Array, samples: int, seed: int, method: str) -> tuple[Array, Array]:
     """Return inputs (realisation, input) and coordinates (realisation, time, coordinate), as a method has them."""
     from uqmbd.propagation.study import Study
-    from uqmbd.results import PolynomialChaos
+    from uqmbd.results import surrogate
 
     propagators = {p.node_name: p for p in study.propagators}
     if method not in propagators:
@@ -195,8 +195,8 @@ def _of_method(study: Study, times: Array, samples: int, seed: int, method: str)
         data = data.isel(sample=np.flatnonzero(data["status"].values == 0)[:samples])
         drawn = data["inputs"].sel(input=list(observed.inputs.names)).transpose("sample", "input")
         return drawn.values, data["response"].sel(output=names).transpose("sample", "time", "output").values
-    if "chaos" in node.children:
-        chaos = PolynomialChaos.from_dataset(node["chaos"].to_dataset())
+    if {"chaos", "aligned"} & set(node.children):
+        chaos = surrogate(node)
         inputs, response = chaos.sample(samples, seed)
         known = [output.name for output in chaos.labels.outputs]
         order = [i.name for i in chaos.labels.inputs]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 import importlib
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import Executor
 from functools import cached_property
 from pathlib import Path
@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 from uqmbd.errors import StudyError
 from uqmbd.names import check_name
 from uqmbd.propagation.deterministic import observed_model
+from uqmbd.propagation.growing import check_convergence_of, with_convergence
 from uqmbd.propagation.options import check_integrator, check_report_times, check_rtol, check_start, check_times
 from uqmbd.propagation.progress import Progress, told
 from uqmbd.propagation.propagator import Propagator
@@ -55,6 +56,10 @@ class Study:
         start move what they drive.  A realisation without equilibrium has failed.
     report_times : sequence of float
         Times, s, at which the report shows distributions; by default it chooses some.
+    convergence : mapping, optional
+        Arguments of :meth:`converge`, which a run then computes after the methods, for the report's curves of error
+        against cost: ``{"propagators": [Collocation, MonteCarlo(seed=1)], "order": [1, 2, 3], "samples": [50, 200],
+        "reference": "monte-carlo"}``. The reference may be the label of a propagator of the study.
 
     Raises
     ------
@@ -84,6 +89,7 @@ class Study:
         integrator: str = "auto",
         start: str = "drawn",
         report_times: Sequence[float] = (),
+        convergence: Mapping[str, Any] | None = None,
     ) -> None:
         from uqmbd.mechanism import Mechanism
 
@@ -97,6 +103,9 @@ class Study:
         self.start = check_start(start, f"study {name!r}")
         self.report_times = check_report_times(report_times, self.times, f"study {name!r}")
         self.propagators = self._checked(propagators)
+        self.convergence: Mapping[str, Any] | None = None
+        if convergence is not None:
+            self.convergence = check_convergence_of(self, convergence)
 
     def _checked(self, propagators: Any) -> tuple[Propagator, ...]:
         if isinstance(propagators, (Propagator, type)):
@@ -205,7 +214,8 @@ class Study:
         Returns
         -------
         xarray.DataTree
-            One node for each propagator, named by its label, and ``comparison``.
+            One node for each propagator, named by its label, and ``comparison``; and ``convergence`` if the study asks
+            for it and all propagators are run.
         """
         from uqmbd.propagation.checkpoint import clear
         from uqmbd.results import study_tree
@@ -221,13 +231,15 @@ class Study:
             clear(folder)
         with pool(workers) as executor:
             nodes = [propagated(p, self.problem(p, executor, progress, folder)) for p in chosen]
-        shown = {"report_times": list(self.report_times)} if self.report_times else {}
-        tree = study_tree(
-            nodes,
-            study=self.name,
-            mechanism=self.mechanism.name,
-            attrs={"rtol": self.rtol, "integrator": self.integrator, "start": self.start, **shown},
-        )
+            shown = {"report_times": list(self.report_times)} if self.report_times else {}
+            tree = study_tree(
+                nodes,
+                study=self.name,
+                mechanism=self.mechanism.name,
+                attrs={"rtol": self.rtol, "integrator": self.integrator, "start": self.start, **shown},
+            )
+            if only is None:
+                tree = with_convergence(self, tree, executor, progress, folder)
         if folder:
             clear(folder)
         return tree
@@ -236,10 +248,10 @@ class Study:
         self,
         propagators: Propagator | type[Propagator] | Sequence[Propagator | type[Propagator]],
         *,
-        reference: xr.DataTree | Propagator | None = None,
+        reference: xr.DataTree | xr.Dataset | Propagator | None = None,
         workers: int | Executor = 1,
-        progress: Progress | None = None,
-        **levels: Sequence[Any],
+        progress: Progress | bool | None = None,
+        **levels: Any,
     ) -> xr.Dataset:
         """Run methods over lists of orders or sample numbers, and compare errors with costs.
 

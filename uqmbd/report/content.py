@@ -28,12 +28,17 @@ __all__ = [
     "output_rows",
     "precision",
     "report_times",
+    "statistics",
     "summary",
     "varies",
 ]
 
 _SHOWN_FAILURES = 20
 _SHOWN_REASONS = 6
+
+FEW_ROWS = 18
+"""Rows of a table that an eye takes in; longer ones are folded, or only their most important part is shown."""
+
 # How well a standard deviation should be known: above the first it is a rough figure, above the second hardly one.
 _WELL_KNOWN, _ROUGHLY_KNOWN = 0.05, 0.15
 
@@ -123,7 +128,10 @@ def _advice(node: xr.DataTree, share: float) -> str:
 
 
 def precision(node: xr.DataTree, name: str) -> str:
-    """Say in words how well the largest standard deviation of an output is known; empty if the method cannot tell."""
+    """Say in words how well the largest standard deviation of an output is known; empty if the method cannot tell.
+
+    What is to be done about it is in the summary.
+    """
     found = _relative_error(node, name)
     if found is None:
         return ""
@@ -131,7 +139,7 @@ def precision(node: xr.DataTree, name: str) -> str:
     data = _at(node, name)
     text = (
         f"The standard deviation at t = {float(data['time'][largest]):.4g} s, where it is largest, is known to within "
-        f"{_percent(share)} (with 95 % confidence). {_advice(node, share)}"
+        f"{_percent(share)} (with 95 % confidence)."
     )
     if float(data["kurtosis"][largest]) > 30:
         text += (
@@ -222,6 +230,23 @@ def output_rows(nodes: Mapping[str, xr.DataTree]) -> list[dict[str, str]]:
     ]
 
 
+def statistics(tree: xr.DataTree, nodes: Mapping[str, xr.DataTree]) -> dict[str, Any]:
+    """Return the table of outputs for the summary: of few rows all, of many those of one method, and all of them apart.
+
+    Returns
+    -------
+    dict
+        ``rows``, ``of``: the method whose rows these are, or empty; ``all``: every row, where ``rows`` are not all.
+    """
+    rows = output_rows(nodes)
+    if len(nodes) < 2 or len(rows) <= FEW_ROWS:
+        return {"rows": rows, "of": "", "all": []}
+    data = tree.children["comparison"].attrs if "comparison" in tree.children else {}
+    label = str(data.get("reference", next(iter(nodes))))
+    chosen = [row for row in rows if row["method"] == label]
+    return {"rows": chosen, "of": label, "all": rows} if chosen else {"rows": rows, "of": "", "all": []}
+
+
 def input_rows(nodes: Mapping[str, xr.DataTree]) -> list[dict[str, str]]:
     """Return the table of inputs: name, distribution and units, from the first method that tells."""
     for node in nodes.values():
@@ -260,13 +285,17 @@ def summary(tree: xr.DataTree, nodes: Mapping[str, xr.DataTree]) -> list[str]:
         f"This study carried {what} through the mechanism {tree.attrs.get('mechanism', '')!s} "
         f"to {format_count(count, 'output')} with {format_count(len(nodes), 'method')}: {methods}."
     ]
+    compared = len(nodes) > 1 and "comparison" in tree.children and "verdict" in tree.children["comparison"].data_vars
+    if compared and not any(_numbers(node)[1] for node in nodes.values()):
+        text[0] += " All realisations succeeded."
     for label, node in nodes.items():
         total, failed = _numbers(node)
         seconds = format_duration(float(node.attrs.get("wall_time", math.nan)))
         outcome = "all succeeded" if not failed else f"{failed} failed and did not enter the statistics"
         if failed and node.attrs.get("fit"):
             outcome = f"{failed} failed, and the surrogate was found without them: {node.attrs['fit']}"
-        text.append(f"{label} computed {format_count(total, 'realisation')} in {seconds}; {outcome}.")
+        if failed or not compared:  # else the table of methods has it
+            text.append(f"{label} computed {format_count(total, 'realisation')} in {seconds}; {outcome}.")
         kept = node.children["samples"].sizes["sample"] if "samples" in node.children else total
         if kept < total:
             text.append(
@@ -279,7 +308,6 @@ def summary(tree: xr.DataTree, nodes: Mapping[str, xr.DataTree]) -> list[str]:
                 "study: beyond, they could not be computed, or not be trusted."
             )
     text += _overall_precision(nodes)
-    label, node = next(iter(nodes.items()))
     constant = [name for name in names if has_output(node, name) and not varies(node, name)]
     if constant:
         text.append(f"The inputs have no influence on {', '.join(constant)}.")

@@ -23,7 +23,7 @@ from uqmbd.report.drawing import (
     wrapped,
 )
 from uqmbd.report.selection import Results, Samples, automatic_times, label_of, nodes_of, samples_of, succeeded
-from uqmbd.report.surrogates import chaos_nodes, chaos_of
+from uqmbd.report.surrogates import surrogate_nodes, surrogate_of
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -175,7 +175,7 @@ def _responses(results: Results | Samples, output: str) -> dict[str, xr.DataArra
         return {"samples": succeeded(results, output)}
     nodes = nodes_of(results)
     sampled = {label: node for label, node in nodes.items() if "samples" in node.children}
-    surrogates = {label: node for label, node in chaos_nodes(nodes).items() if label not in sampled}
+    surrogates = {label: node for label, node in surrogate_nodes(nodes).items() if label not in sampled}
     # With none at all, the error of the first names it.
     kept = sampled if sampled or surrogates else dict(list(nodes.items())[:1])
     failed = [label for label, node in kept.items() if not np.any(samples_of(node)["status"].values == 0)]
@@ -192,7 +192,7 @@ def _of_surrogate(node: xr.DataTree, output: str) -> xr.DataArray:
     """Sample a chaos: a response (sample, time)."""
     import xarray as xr
 
-    chaos = chaos_of(node, output)
+    chaos = surrogate_of(node, output)
     _, values = chaos.sample(SURROGATE_SAMPLES, seed=0)
     units = chaos.labels.outputs[0].units
     return xr.DataArray(

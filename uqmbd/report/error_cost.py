@@ -52,6 +52,8 @@ def error_cost(convergence: xr.Dataset, output: str) -> Figure:
     >>> figure.axes[0].get_xlabel(), figure.axes[0].lines[0].get_ydata().tolist()
     ('realisations', [0.01, 0.001])
     """
+    from matplotlib.lines import Line2D
+
     names = [str(name) for name in convergence["output"].values]
     if output not in names:
         raise StudyError(f"There is no output {output!r}; there are {', '.join(map(repr, names))}.")
@@ -72,7 +74,8 @@ def error_cost(convergence: xr.Dataset, output: str) -> Figure:
                 (drawn,) = axes.plot(spent[used][order], errors[used][order], mfc=fill, clip_on=False, **looks)
                 reach += spent[used].tolist()
                 seen += errors[used].tolist()
-            handles[f"{label}: {'mean' if name == 'mean' else 'standard deviation'}"] = drawn
+            if name == "mean":
+                handles[label] = drawn
     if not seen or not ranges[1]:
         raise StudyError(f"There is no error of {output!r} above zero to draw.")
     for axes, reach, label in zip(grid, ranges, ("realisations", "wall time [s]"), strict=True):
@@ -83,9 +86,11 @@ def error_cost(convergence: xr.Dataset, output: str) -> Figure:
             own = float(np.nan_to_num(data[f"reference_{name}_error"]))
             if low < own < high:
                 what = "mean" if name == "mean" else "standard deviation"
-                handles[f"own error of the reference: {what}"] = axes.axhline(own, color="0.55", ls=line, lw=1.0)
+                handles[f"error of the reference: {what}"] = axes.axhline(own, color="0.55", ls=line, lw=1.0)
         axes.set_xlabel(label)
         axes.grid(color="0.9", lw=0.7)
+    for what, line, fill in (("mean", "-", "0.3"), ("standard deviation", (0, (4, 2)), "white")):
+        handles[what] = Line2D([], [], color="0.3", ls=line, lw=1.5, marker="o", ms=5, mfc=fill)
     reference = shortened(f"reference: {convergence.attrs.get('reference', '')}").replace("$", r"\$")
     grid[0].set_title(reference, fontsize=9, y=1.0, loc="left")
     grid[0].set_ylabel("relative error")

@@ -12,6 +12,7 @@ from uqmbd.report.decay import coefficient_decay, verification
 from uqmbd.report.distributions import histograms, inputs
 from uqmbd.report.elements import split_pattern
 from uqmbd.report.error_cost import error_cost
+from uqmbd.report.event_times import event_times
 from uqmbd.report.failures import failure_inputs
 from uqmbd.report.influence import sobol_indices
 from uqmbd.report.mechanism_figure import mechanism
@@ -27,6 +28,7 @@ __all__ = [
     "convergence",
     "differences",
     "error_cost",
+    "event_times",
     "failure_inputs",
     "histograms",
     "inputs",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import os
+import re
 import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -13,17 +14,21 @@ import xarray as xr
 
 from uqmbd.errors import StudyError
 from uqmbd.report import content, figures, record
-from uqmbd.report.convergence import design_of
+from uqmbd.report.error_cost_section import error_against_cost
+from uqmbd.report.events_section import events
 from uqmbd.report.failures import ENOUGH
-from uqmbd.report.images import image
+from uqmbd.report.images import image, write_images
 from uqmbd.report.motion_section import moving_picture
+from uqmbd.report.outputs import outputs
 from uqmbd.report.scalars import scalars
-from uqmbd.report.surrogates import chaos_nodes, shown_methods
 from uqmbd.report.trust import influence, trust
 from uqmbd.report.verdicts import agreement
-from uqmbd.results import choose_reference, propagator_nodes, scalar_nodes
+from uqmbd.results import propagator_nodes, scalar_nodes
 
 __all__ = ["Section", "write_report"]
+
+
+_PERCENT = re.compile(r"(\d) %")
 
 
 class Section(Protocol):
@@ -37,7 +42,13 @@ class Section(Protocol):
         """Return an HTML fragment; what it quotes from the data it must escape itself."""
 
 
-def write_report(tree: xr.DataTree, path: str | os.PathLike[str], *, sections: Sequence[Section] = ()) -> Path:
+def write_report(
+    tree: xr.DataTree,
+    path: str | os.PathLike[str],
+    *,
+    sections: Sequence[Section] = (),
+    folder: str | os.PathLike[str] | None = None,
+) -> Path:
     """Write the report of a study.
 
     Parameters
@@ -48,6 +59,9 @@ def write_report(tree: xr.DataTree, path: str | os.PathLike[str], *, sections: S
         Of the HTML file; folders on the way are made. An earlier report is replaced only by a complete one.
     sections : sequence of Section
         Sections of plugins, shown after the outputs. One that raises becomes a note with its name and the reason.
+    folder : path-like, optional
+        Where every figure of the report is written as a file, too (SVG, the animation as GIF), under its output's
+        name and its own. Default: nowhere.
 
     Returns
     -------
@@ -84,15 +98,16 @@ def write_report(tree: xr.DataTree, path: str | os.PathLike[str], *, sections: S
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    page = environment.get_template("report.html.j2").render(
+    shown: dict[str, Any] = dict(
         heading=content.heading(tree),
         summary=content.summary(tree, nodes),
-        statistics=content.output_rows(nodes),
+        statistics=content.statistics(tree, nodes),
         inputs=content.input_rows(nodes),
         motion=moving_picture(tree),
         inputs_figure=_inputs_figure(nodes) or _inputs_figure(scalar_nodes(nodes)),
         scalars=scalars(nodes),
-        outputs=[_output(tree, nodes, name) for name in content.output_names(nodes)],
+        over_time=outputs(tree, nodes),
+        events=events(nodes),
         influence=influence(nodes),
         trust=trust(nodes),
         sections=[_section(section, tree) for section in sections],
@@ -100,16 +115,21 @@ def write_report(tree: xr.DataTree, path: str | os.PathLike[str], *, sections: S
         costs=[record.cost(label, node) for label, node in nodes.items()],
         comparison=content.comparison(tree),
         agreement=agreement(tree),
+        growth=error_against_cost(tree, nodes),
         provenance=[record.provenance(label, node) for label, node in nodes.items()],
         study_attributes=record.study_attributes(tree),
         command=tree.attrs.get("command"),
         several=len(nodes) > 1,
     )
-    return _write(page, Path(path))
-
-
-DENSITIES = 6
-"""Most methods whose densities are drawn in one figure."""
+    target = _write(environment.get_template("report.html.j2").render(shown), Path(path))
+    if folder is not None:
+        try:
+            write_images(shown, Path(folder))
+        except OSError as error:
+            raise StudyError(
+                f"Figures cannot be written to {str(folder)!r}: {error.strerror or error}; the report is {target}."
+            ) from error
+    return target
 
 
 def _until_known(nodes: Mapping[str, xr.DataTree]) -> dict[str, xr.DataTree]:
@@ -125,103 +145,16 @@ def _until_known(nodes: Mapping[str, xr.DataTree]) -> dict[str, xr.DataTree]:
     return {label: node.map_over_datasets(cut) for label, node in nodes.items()}
 
 
-def _output(tree: xr.DataTree, nodes: Mapping[str, xr.DataTree], name: str) -> dict[str, Any]:
-    every = {label: node for label, node in nodes.items() if content.has_output(node, name)}
-    holders = shown_methods(every)
-    lower = " Of a surrogate with several orders, only the highest is drawn." if len(holders) < len(every) else ""
-    first = next(iter(holders.values()))
-    varying = any(content.varies(node, name) for node in holders.values())
-    drawn = [
-        image(
-            lambda: figures.bands(holders, name),
-            f"Mean of {name} over time, with the bands that hold 50 % and 95 % of the realisations. "
-            + content.in_words(first, name),
-            "How it moves: the mean, and the bands in which 50 % and 95 % of the realisations lie." + lower,
-        )
-    ]
-    if not varying:
-        return {
-            "name": name,
-            "figures": drawn,
-            "note": "The inputs have no influence on this output.",
-            "words": "",
-            "numbers": [],
-        }
-    sampled = {label: node for label, node in holders.items() if content.has_histograms(node)}
-    deviation = image(
-        lambda: figures.std_over_time(holders, name),
-        f"Standard deviation of {name} over time. " + content.in_words(first, name),
-        "When it is uncertain: the standard deviation over time; the shaded band is plus and minus two standard "
-        "errors, where they are known.",
-    )
-    if sampled:
-        label, node = next(iter(sampled.items()))
-        from_surrogates = " (of a surrogate, from samples of it)" if chaos_nodes(every) else ""
-        dense = dict(list((sampled | chaos_nodes(every)).items())[:DENSITIES])
-        from_label = f" (samples of {label})" if len(nodes) > 1 else ""
-        drawn += [
-            image(
-                lambda: figures.time_history_histogram(node, name),
-                f"Time-history histogram of {name}: how many samples have which value at which time.",
-                f"Where the samples are: the darker, the more of them have this value at this time{from_label}. "
-                "White: none.",
-            ),
-            image(
-                lambda: figures.histograms(dense, name, content.report_times(tree)),
-                f"Probability densities of {name} at chosen times.",
-                "How it is distributed at chosen times: bars are the histogram, curves a smooth estimate of the "
-                f"density{from_surrogates}; the area under each is 1.",
-            ),
-            image(
-                lambda: figures.convergence(node, name),
-                f"Mean and standard deviation of {name} as samples are added. " + content.precision(node, name),
-                _convergence_caption(node) + from_label + ".",
-            ),
-        ]
-    compared = []
-    if len(holders) > 1 and chaos_nodes(holders):
-        reference = choose_reference(holders)
-        compared.append(
-            image(
-                lambda: figures.differences(holders, name, reference=reference),
-                f"Difference of the mean and the standard deviation of {name} between methods, over time.",
-                f"How far the methods agree: the mean and the standard deviation of each, less those of {reference}. "
-                "A shaded band is plus and minus two standard errors of these, where they are known.",
-            )
-        )
-    words = [content.in_words(first, name), *(content.precision(node, name) for node in list(sampled.values())[:1])]
-    return {
-        "name": name,
-        "figures": [*drawn, deviation, *compared],
-        "note": "",
-        "words": " ".join(filter(None, words)),
-        "numbers": content.numbers(first, name),
-    }
-
-
-def _convergence_caption(node: xr.DataTree) -> str:
-    design = design_of(node.attrs)
-    if design.independent:
-        return (
-            "Whether there are enough samples: the estimates from the first samples only, and the band that holds the "
-            "true value with 95 % confidence, at the time of the largest standard deviation"
-        )
-    return (
-        f"Whether there are enough samples: the points of a {design.name} design count as a whole only, so the "
-        "estimates are shown against the number of its independent replicates, with the band that holds the true value "
-        "with 95 % confidence, at the time of the largest standard deviation"
-    )
-
-
 def _failures(label: str, node: xr.DataTree) -> dict[str, Any]:
     found = content.failures(label, node)
-    for row in found["reasons"]:
+    for number, row in enumerate(found["reasons"], 1):
         group = row.pop("group")
         row["figure"] = (
             image(
                 functools.partial(figures.failure_inputs, node, group),
                 f"Inputs of the failed samples among those of the others. {' '.join(row['words'])}",
                 "Each point is a sample: pale ones succeeded, dark ones failed for this reason.",
+                f"failures-{label}-{number}",
             )
             if found["names"] and len(group.samples) >= ENOUGH
             else None
@@ -235,7 +168,7 @@ def _inputs_figure(nodes: Mapping[str, xr.DataTree]) -> dict[str, str] | None:
     if sampled is None:
         return None
     caption = f"The inputs as {sampled.attrs['label']} sampled them."
-    return image(lambda: figures.inputs(sampled), "Histograms of the sampled inputs.", caption)
+    return image(lambda: figures.inputs(sampled), "Histograms of the sampled inputs.", caption, "inputs")
 
 
 def _section(section: Section, tree: xr.DataTree) -> dict[str, str]:
@@ -252,6 +185,7 @@ def _section(section: Section, tree: xr.DataTree) -> dict[str, str]:
 
 
 def _write(page: str, target: Path) -> Path:
+    page = _PERCENT.sub("\\1\N{NO-BREAK SPACE}%", page)
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(dir=target.parent, prefix=f".{target.name}.") as scratch:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from uqmbd.errors import StudyError
 from uqmbd.report.drawing import arrange, axes_grid, limit_times, style, with_units, wrapped
 from uqmbd.report.selection import Results, label_of, nodes_of, of_output, thinned
-from uqmbd.report.surrogates import chaos_nodes, finest, times_of, varies_over_time
+from uqmbd.report.surrogates import finest, stated_error_of, surrogate_nodes, times_of, varies_over_time
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -24,6 +24,8 @@ Array = NDArray[np.float64]
 
 NEGLIGIBLE = 0.02
 """Inputs whose total index never exceeds this, where the output spreads, are not shown one by one."""
+TOO_LARGE = 0.1
+"""Stated error of a chaos above which another one tells better what matters."""
 OF_GERMS = "“b | a” is what b adds once a is known"
 _OTHERS, _INTERACTIONS, _QUIET = "0.45", "0.8", "#ECECEC"
 
@@ -76,12 +78,28 @@ def _kind(node: xr.DataTree) -> str | None:
 
 
 def node_with_indices(results: Results) -> xr.DataTree:
-    """Return the method whose indices to show: the one with the finest chaos, else the first that has any."""
+    """Return the method whose indices to show: the one with the finest chaos, else the first that has any.
+
+    Where that chaos states an error of more than 10 %, the one that states the least.
+    """
     nodes = nodes_of(results)
     holders = {label: node for label, node in nodes.items() if has_indices(node)}
     if not holders:
         raise StudyError(f"There are no Sobol' indices over time in {', '.join(map(repr, nodes))}.")
-    return holders[finest(holders) if chaos_nodes(holders) else next(iter(holders))]
+    if not surrogate_nodes(holders):
+        return next(iter(holders.values()))
+    chosen, errors = finest(holders), {label: _typical_error(node) for label, node in holders.items()}
+    # a high order that misses a jump says less than a lower one that follows it
+    wrong = np.isfinite(errors[chosen]) and errors[chosen] > TOO_LARGE
+    return holders[min(errors, key=lambda label: errors[label]) if wrong else chosen]
+
+
+def _typical_error(node: xr.DataTree) -> float:
+    """Return the stated error of the output that has the largest, a root mean square over time; infinite: unknown."""
+    stated = stated_error_of(node)
+    if stated is None or not np.isfinite(stated.values).all():
+        return np.inf
+    return float(np.sqrt((stated.values**2).mean(axis=-1)).max(initial=0.0))
 
 
 def indices_of(node: xr.DataTree, output: str) -> Indices:

@@ -57,6 +57,7 @@ def moving_picture(tree: xr.DataTree) -> dict[str, str] | None:
             + (left_out if failed else "")
             + " Bodies are drawn from what is known of them: their joint points, centres of mass and observed points.",
             "problem": "",
+            "name": "motion",
         }
     except Exception as error:  # noqa: BLE001 - the node may come from anywhere; the rest of the report must stand
         return {"problem": f"{type(error).__name__}: {error}"}

@@ -17,7 +17,7 @@ from uqmbd.report.drawing import COLOURS, arrange, axes_grid, draw_histogram, fe
 from uqmbd.report.images import image
 from uqmbd.report.selection import Results, nodes_of
 from uqmbd.report.wording import format_count, format_number
-from uqmbd.results import PolynomialChaos, scalar_nodes
+from uqmbd.results import scalar_nodes, surrogate
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -53,6 +53,7 @@ def scalars(nodes: Mapping[str, xr.DataTree]) -> dict[str, Any] | None:
                 f"Probability densities of {', '.join(names[:MOST])}.",
                 "How they are distributed: bars are the histogram of the first method with samples, curves a smooth "
                 "estimate of the density (of a surrogate, from samples of it); the area under each is 1.",
+                "outputs-without-time",
             )
         ]
         if any({"samples", "chaos"} & set(node.children) for node in inner.values())
@@ -171,7 +172,7 @@ def _responses(node: xr.DataTree) -> dict[str, NDArray[np.float64]]:
     if "chaos" in node.children:
         # a general joint distribution cannot be sampled without its mechanism
         with contextlib.suppress(StudyError):
-            _, values = PolynomialChaos.from_dataset(node.children["chaos"]).sample(SURROGATE_SAMPLES, seed=0)
+            _, values = surrogate(node).sample(SURROGATE_SAMPLES, seed=0)
             return dict(zip(_names(node), values.T, strict=True))
     return {}
 
@@ -216,7 +217,7 @@ def _error(data: xr.Dataset) -> str:
 def _words(label: str, node: xr.DataTree) -> list[str]:
     total, failed = (int(node.attrs.get(key, 0)) for key in ("realisations", "failures"))
     words = []
-    if node.attrs.get("fit"):
+    if node.attrs.get("fit") and failed:
         words.append(f"With {label}: {node.attrs['fit']}.")
     if failed:
         reason = ""

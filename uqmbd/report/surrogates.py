@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from uqmbd.errors import StudyError
 from uqmbd.report.selection import Results, nodes_of, of_output
-from uqmbd.results import PiecewiseChaos, PolynomialChaos, chaos_from_dataset
+from uqmbd.results import AlignedChaos, PiecewiseChaos, PolynomialChaos, chaos_from_dataset, surrogate
 
 __all__ = [
     "chaos_nodes",
@@ -23,6 +23,8 @@ __all__ = [
     "series",
     "shown_methods",
     "stated_error_of",
+    "surrogate_nodes",
+    "surrogate_of",
     "times_of",
     "varies_over_time",
 ]
@@ -31,6 +33,18 @@ __all__ = [
 def chaos_nodes(nodes: Mapping[str, xr.DataTree]) -> dict[str, xr.DataTree]:
     """Return the methods that hold one chaos, with coefficients of each term, output and time."""
     return {label: node for label, node in nodes.items() if _has_chaos(node)}
+
+
+def surrogate_nodes(nodes: Mapping[str, xr.DataTree]) -> dict[str, xr.DataTree]:
+    """Return the methods that hold a surrogate of outputs over time: one chaos, or one that follows events."""
+    return {label: node for label, node in nodes.items() if _has_chaos(node) or "aligned" in node.children}
+
+
+def surrogate_of(node: xr.DataTree, output: str | None = None) -> PolynomialChaos | PiecewiseChaos | AlignedChaos:
+    """Return the surrogate of a method over time, or that of one of its outputs."""
+    if "aligned" in node.children and not _has_chaos(node):
+        return surrogate(node, output)
+    return chaos_of(node, output)
 
 
 def _has_chaos(node: xr.DataTree) -> bool:
@@ -57,13 +71,17 @@ def chaos_of(node: xr.DataTree, output: str | None = None) -> PolynomialChaos | 
 
 
 def order_of(node: xr.DataTree) -> int:
-    """Return the order of a method's chaos: the largest degree of any input."""
-    return int(np.max(node.children["chaos"].to_dataset()["multi_index"].values, initial=0))
+    """Return the order of a method's surrogate: the largest degree of any input."""
+    child = next(name for name in ("chaos", "aligned") if name in node.children)
+    return int(np.max(node.children[child].to_dataset()["multi_index"].values, initial=0))
 
 
 def finest(nodes: Mapping[str, xr.DataTree]) -> str:
-    """Return the label of the chaos of the highest order; among equals the one with the most realisations."""
-    found = chaos_nodes(nodes)
+    """Return the label of the chaos of the highest order; among equals the one with the most realisations.
+
+    Only where there is no other, one that follows events.
+    """
+    found = chaos_nodes(nodes) or surrogate_nodes(nodes)
     if not found:
         raise StudyError("None of these results holds a polynomial chaos of outputs over time.")
     return max(found, key=lambda label: (order_of(found[label]), int(found[label].attrs.get("realisations", 0))))
@@ -77,7 +95,7 @@ def one_node(results: Results) -> xr.DataTree:
 
 def stated_error_of(node: xr.DataTree) -> xr.DataArray | None:
     """Return the stated error (output, time) of a method's surrogate; None if it states none."""
-    for child in ("statistics", "chaos"):
+    for child in ("statistics", "chaos"):  # an aligned one states it with its statistics
         if child in node.children and "verification_error" in node.children[child].data_vars:
             found = node.children[child].to_dataset()["verification_error"]
             return found if "time" in found.dims else None
@@ -109,7 +127,7 @@ def varies_over_time(std: NDArray[np.float64], mean: NDArray[np.float64]) -> NDA
 
 
 def series(nodes: Mapping[str, xr.DataTree]) -> dict[str, list[str]]:
-    """Group methods with a chaos that differ in their order only, each group by rising order.
+    """Group methods with a surrogate that differ in their order only, each group by rising order.
 
     Methods belong together if their propagator and all options that are texts agree: a rule, a kind of fit.
 
@@ -119,7 +137,7 @@ def series(nodes: Mapping[str, xr.DataTree]) -> dict[str, list[str]]:
         Labels by the name of the group: what its labels begin with, or its propagator.
     """
     groups: dict[tuple[str, ...], list[str]] = {}
-    found = chaos_nodes(nodes)
+    found = surrogate_nodes(nodes)
     for label, node in found.items():
         try:
             options = dict(json.loads(node.attrs.get("options", "{}")))

@@ -17,8 +17,18 @@ from uqmbd.report.decay import LIMIT, horizon
 from uqmbd.report.elements import elements_in_words, has_elements
 from uqmbd.report.images import image
 from uqmbd.report.influence import OF_GERMS, Indices, has_indices, indices_of, node_with_indices
+from uqmbd.report.outputs import most_uncertain
 from uqmbd.report.selection import label_of
-from uqmbd.report.surrogates import chaos_nodes, chaos_of, finest, order_of, series, stated_error_of
+from uqmbd.report.surrogates import (
+    chaos_nodes,
+    chaos_of,
+    finest,
+    order_of,
+    series,
+    stated_error_of,
+    surrogate_nodes,
+    surrogate_of,
+)
 from uqmbd.report.wording import format_count, format_integer
 
 __all__ = ["influence", "trust"]
@@ -58,14 +68,19 @@ def influence(nodes: Mapping[str, xr.DataTree]) -> dict[str, Any] | None:
         {"name": name, "cells": [f"{_share(total[k])} ({_share(alone[k])})" for alone, total in shares.values()]}
         for k, name in enumerate(first.names)
     ]
+    shown = most_uncertain(nodes, list(varying))
     drawn = [
         image(
             functools.partial(figures.sobol_indices, node, name),
             f"Sobol' indices of {name} over time, and its standard deviation. {_in_words(name, one)}",
             _in_words(name, one),
+            f"{name}-sobol-indices",
         )
         for name, one in varying.items()
+        if name in shown
     ]
+    if len(drawn) < len(varying):
+        words.append(f"Figures are those of the {len(drawn)} most uncertain outputs; the table is that of all.")
     return {"words": words, "kind": kind, "outputs": list(varying), "rows": rows, "figures": drawn}
 
 
@@ -90,8 +105,8 @@ def _share(value: float) -> str:
 
 
 def trust(nodes: Mapping[str, xr.DataTree]) -> dict[str, Any] | None:
-    """Return what the section on the errors of surrogates says and shows; None if no method holds a chaos."""
-    holders = chaos_nodes(nodes)
+    """Return what the section on the errors of surrogates says and shows; None if no method holds a surrogate."""
+    holders = surrogate_nodes(nodes)
     if not holders:
         return None
     groups = series(holders)
@@ -102,6 +117,8 @@ def trust(nodes: Mapping[str, xr.DataTree]) -> dict[str, Any] | None:
     last = holders[finest(holders)]
     stating = [label for label, node in best.items() if stated_error_of(node) is not None]
     stating.sort(key=lambda label: -order_of(best[label]))
+    names = [name for name in _outputs(last) if varies(last, name)]
+    shown = most_uncertain(nodes, names)
     several = max(len({order_of(nodes[m]) for m in members}) for members in groups.values()) > 2
     return {
         "methods": [_verdicts(label, node) for label, node in best.items()],
@@ -112,7 +129,8 @@ def trust(nodes: Mapping[str, xr.DataTree]) -> dict[str, Any] | None:
             *(_verification(label, best[label]) for label in stating[:_VERIFIED]),
             *(_elements(node) for node in best.values() if has_elements(node)),
         ],
-        "outputs": [_of_output(nodes, name, several) for name in _outputs(last) if varies(last, name)],
+        "outputs": [_of_output(nodes, name, several) for name in shown],
+        "note": f"Figures are those of the {len(shown)} most uncertain outputs." if len(shown) < len(names) else "",
     }
 
 
@@ -120,13 +138,18 @@ def _outputs(node: xr.DataTree) -> list[str]:
     return [str(name) for name in node.children["statistics"].coords["output"].values]
 
 
+def _stored(node: xr.DataTree) -> xr.DataTree:
+    return node.children["chaos" if "chaos" in node.children else "aligned"]
+
+
 def _verdicts(label: str, node: xr.DataTree) -> dict[str, Any]:
-    what = f"order {order_of(node)}, {format_count(node.children['chaos'].sizes['term'], 'term')}"
-    if has_elements(node):
-        what += f" in each of {node.children['chaos'].sizes['element']} elements"
+    sizes = _stored(node).sizes
+    what = f"order {order_of(node)}, {format_count(sizes['term'], 'term')}"
+    if sizes.get("element", 1) > 1:
+        what += f" in each of {sizes['element']} elements"
     what += f", {node.attrs['fit']}" if node.attrs.get("fit") else ""
     try:
-        return {"label": label, "what": what, "problem": "", "verdicts": chaos_of(node).verdicts(LIMIT)}
+        return {"label": label, "what": what, "problem": "", "verdicts": surrogate_of(node).verdicts(LIMIT)}
     except Exception as error:  # noqa: BLE001 - a chaos of another package may lack anything; the rest must stand
         problem = f"The chaos of {label} cannot be read: {type(error).__name__}: {error}"
         return {"label": label, "what": what, "problem": problem, "verdicts": ()}
@@ -144,7 +167,7 @@ def _rows(label: str, node: xr.DataTree) -> list[dict[str, str]]:
             "output": name,
             "method": label,
             "order": str(order_of(node)),
-            "terms": format_integer(node.children["chaos"].sizes["term"]),
+            "terms": format_integer(_stored(node).sizes["term"]),
             "realisations": format_integer(int(node.attrs.get("realisations", 0))),
             "error": "–",
             "horizon": "–",
@@ -187,8 +210,7 @@ def _short(value: float) -> str:
 
 
 def _verification(label: str, node: xr.DataTree) -> dict[str, str]:
-    chaos = node.children["chaos"]
-    count = chaos.sizes.get("verification", 0)
+    count = _stored(node).sizes.get("verification", 0)
     where = format_count(count, "realisation") if count else "realisations"
     return image(
         functools.partial(figures.verification, node),
@@ -196,6 +218,7 @@ def _verification(label: str, node: xr.DataTree) -> dict[str, str]:
         + "; ".join(_verdicts(label, node)["verdicts"]),
         f"What {label} states of its own error: at {where} that did not enter the surrogate, relative to the standard "
         "deviation. A dot marks where the limit of 1 % is passed for the first time.",
+        f"{label}-stated-error",
     )
 
 
@@ -205,18 +228,22 @@ def _elements(node: xr.DataTree) -> dict[str, str]:
         functools.partial(figures.split_pattern, node),
         f"The elements in the plane of the inputs that were split most, or along the only one. {words}",
         f"{words} Small elements lie where the response has a kink or a jump.",
+        f"{label_of(node)}-elements",
     )
 
 
 def _of_output(nodes: Mapping[str, xr.DataTree], name: str, several: bool) -> dict[str, Any]:
-    drawn = [
-        image(
-            functools.partial(figures.coefficient_decay, nodes, name),
-            f"Part of the standard deviation of {name} that the polynomials of each order carry.",
-            "Whether the order suffices: the part of the spread in the polynomials of each total order (left), and of "
-            "each degree in each input (right). It should fall from order to order, and end well below 1 %.",
+    drawn = []
+    if chaos_nodes(nodes):
+        drawn.append(
+            image(
+                functools.partial(figures.coefficient_decay, nodes, name),
+                f"Part of the standard deviation of {name} that the polynomials of each order carry.",
+                "Whether the order suffices: the part of the spread in the polynomials of each total order (left), and "
+                "of each degree in each input (right). It should fall from order to order, and end well below 1 %.",
+                f"{name}-coefficient-decay",
+            )
         )
-    ]
     words: list[str] = []
     if several:
         words = _convergence_words(nodes, name)
@@ -228,6 +255,7 @@ def _of_output(nodes: Mapping[str, xr.DataTree], name: str, several: bool) -> di
                 "How the error falls with the order, and with what it costs: the largest difference over time to the "
                 "surrogate of the highest order. Exponential convergence is a straight line on the left; a floor that "
                 "no order lowers is the accuracy of the time integration.",
+                f"{name}-orders",
             )
         )
     return {"name": name, "words": words, "figures": drawn}

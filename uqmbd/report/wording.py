@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-__all__ = ["format_count", "format_duration", "format_integer", "format_number", "minus"]
+__all__ = ["format_count", "format_duration", "format_integer", "format_number", "format_percent", "minus"]
 
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
@@ -94,6 +94,23 @@ def format_count(number: int, one: str, many: str | None = None) -> str:
     ('1 sample', '3 bodies')
     """
     return f"{format_integer(number)} {one if number == 1 else many or one + 's'}"
+
+
+def format_percent(share: float) -> str:
+    """Write a share that is an error in per cent, with two digits.
+
+    Examples
+    --------
+    >>> [format_percent(x) for x in (0.0123, 1.7, 2e-9, 0.0, float("nan"))]
+    ['1.2 %', '170 %', 'below 0.0001 %', '0', '–']
+    """
+    if not math.isfinite(share):
+        return "–"
+    if share == 0:
+        return "0"
+    if share < 1e-6:
+        return "below 0.0001 %"
+    return f"{100 * share:.2g} %" if share < 0.995 else f"{100 * share:.0f} %"
 
 
 def minus(text: str) -> str:

@@ -27,6 +27,7 @@ from uqmbd.results.scalars import scalar_nodes, with_scalars
 from uqmbd.results.schema import DEFAULT_PROBABILITIES, STATUS_MEANINGS, sample_dataset, statistics_dataset
 from uqmbd.results.statistics import sample_statistics, statistics_of_samples
 from uqmbd.results.storage import load, save
+from uqmbd.results.surrogate import surrogate
 from uqmbd.results.validation import propagator_nodes, validate
 
 __all__ = [
@@ -70,6 +71,7 @@ __all__ = [
     "statistics_dataset",
     "statistics_of_samples",
     "study_tree",
+    "surrogate",
     "unwrap_samples",
     "validate",
     "with_scalars",

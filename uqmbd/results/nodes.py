@@ -17,7 +17,7 @@ from uqmbd.results.scalars import compare_both
 
 __all__ = ["propagator_node", "study_tree"]
 
-RESERVED_LABELS = frozenset({"comparison", "motion", "statistics", "samples", "chaos", "scalars"})
+RESERVED_LABELS = frozenset({"comparison", "convergence", "motion", "statistics", "samples", "chaos", "scalars"})
 _RECORDED_PACKAGES = ("numpy", "scipy", "xarray", "sympy", "symengine", "scikit-sundae", "chaospy")
 
 

@@ -13,6 +13,9 @@ from uqmbd.results.scalars import validate_scalars
 
 __all__ = ["propagator_nodes", "validate"]
 
+BESIDE = ("comparison", "convergence", "motion")
+"""Children of a study's results that belong to no propagator."""
+
 _PLAIN = ("mean", "std", "variance", "skewness", "kurtosis")
 _OPTIONAL = ("std_error_mean", "std_error_std", "variance_reduction", "variance_reduction_std")
 _CIRCULAR = ("circular_mean", "circular_std")
@@ -24,7 +27,7 @@ _JSON_ATTRS = ("versions", "options", "solver_counters")
 
 
 def propagator_nodes(tree: xr.DataTree) -> dict[str, xr.DataTree]:
-    """Return the propagator nodes of a result by label: all children but ``comparison`` and ``motion``.
+    """Return the propagator nodes of a result by label: the children that are no ``comparison`` and the like.
 
     Parameters
     ----------
@@ -44,7 +47,7 @@ def propagator_nodes(tree: xr.DataTree) -> dict[str, xr.DataTree]:
     """
     if "statistics" in tree.children:
         return {str(tree.attrs.get("label", tree.name)): tree}
-    return {str(name): node for name, node in tree.children.items() if name not in ("comparison", "motion")}
+    return {str(name): node for name, node in tree.children.items() if name not in BESIDE}
 
 
 def validate(tree: xr.DataTree) -> None:

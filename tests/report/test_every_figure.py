@@ -1,0 +1,155 @@
+"""Every figure function: public, from results to a Matplotlib figure of its own; and every figure as a file."""
+
+from __future__ import annotations
+
+import io
+import re
+import xml.etree.ElementTree as ET
+from collections.abc import Callable
+from pathlib import Path
+
+import chaospy
+import numpy as np
+import pytest
+import xarray as xr
+from matplotlib.figure import Figure
+
+import uqmbd
+from uqmbd import report
+from uqmbd.report import figures
+from uqmbd_collocation import Collocation
+from uqmbd_contact import PlaneImpact
+from uqmbd_montecarlo import MonteCarlo
+
+G = 9.81
+
+
+def ball() -> uqmbd.Study:
+    """A ball on a plane, from a height between 0.9 m and 1.1 m; its first impact is known in closed form."""
+    mechanism = uqmbd.Mechanism("ball", uqmbd.Translational(gravity=(0, -G)))
+    height = uqmbd.RandomVariable("h0", chaospy.Uniform(0.9, 1.1), units="m")
+    body = mechanism.body("ball", mass=1, position=(0, height), velocity=(0, 0))
+    floor = mechanism.add(PlaneImpact("floor", mechanism.ground, body, (0, 0), (0, 0), (0, 1), restitution=0.8))
+    mechanism.output("height", body.position[1], units="m")
+    mechanism.output("first", floor.event_time("impact", 1), units="s")
+    methods = [
+        MonteCarlo(samples=60, seed=1),
+        Collocation(order=3, alignment="events", label="event-aligned"),
+        Collocation(order=1, label="plain-1"),
+        Collocation(order=2, label="plain-2"),
+        Collocation(order=1, elements=2, label="split"),
+    ]
+    growth = {"propagators": Collocation(verify=0), "order": [1, 2], "reference": "event-aligned"}
+    return uqmbd.Study("ball", mechanism, np.linspace(0, 1.15, 24), methods, convergence=growth)
+
+
+@pytest.fixture(scope="module")
+def study() -> uqmbd.Study:
+    """Return the study."""
+    return ball()
+
+
+@pytest.fixture(scope="module")
+def tree(study: uqmbd.Study) -> xr.DataTree:
+    """Return its results, with what the animation is made of."""
+    found = study.run()
+    found["motion"] = xr.DataTree(report.motion(study, samples=3, frames=8))
+    return found
+
+
+def failing(tree: xr.DataTree) -> xr.DataTree:
+    """Plant failures among the samples."""
+    node = tree["monte-carlo"].copy(deep=True)
+    node["samples"]["status"].values[:5] = 2
+    return node
+
+
+CALLS: dict[str, Callable[[xr.DataTree, uqmbd.Study], Figure]] = {
+    "bands": lambda tree, study: figures.bands(tree, "height"),
+    "coefficient_decay": lambda tree, study: figures.coefficient_decay(tree["plain-2"], "height"),
+    "convergence": lambda tree, study: figures.convergence(tree["monte-carlo"], "height"),
+    "differences": lambda tree, study: figures.differences(tree, "height"),
+    "error_cost": lambda tree, study: figures.error_cost(tree["convergence"].to_dataset(), "height"),
+    "event_times": lambda tree, study: figures.event_times(tree),
+    "failure_inputs": lambda tree, study: figures.failure_inputs(failing(tree)),
+    "histograms": lambda tree, study: figures.histograms(tree, "height", [0.3, 1.0]),
+    "inputs": lambda tree, study: figures.inputs(tree["monte-carlo"]),
+    "mechanism": lambda tree, study: figures.mechanism(study.mechanism),
+    "order_convergence": lambda tree, study: figures.order_convergence(
+        {label: tree[label] for label in ("plain-1", "plain-2")}, "height"
+    ),
+    "poses": lambda tree, study: figures.poses(tree["motion"].to_dataset()),
+    "scalar_densities": lambda tree, study: figures.scalar_densities(tree),
+    "sobol_indices": lambda tree, study: figures.sobol_indices(tree, "height"),
+    "split_pattern": lambda tree, study: figures.split_pattern(tree),
+    "std_over_time": lambda tree, study: figures.std_over_time(tree, "height"),
+    "time_history_histogram": lambda tree, study: figures.time_history_histogram(tree["monte-carlo"], "height"),
+    "verification": lambda tree, study: figures.verification(tree),
+}
+
+
+def test_none_is_forgotten() -> None:
+    """All that is public is drawn here, and is public in uqmbd.report, too."""
+    assert set(figures.__all__) - {"Results", "Samples"} == set(CALLS)
+    assert set(CALLS) <= set(report.__all__)
+
+
+@pytest.mark.parametrize("name", sorted(CALLS))
+def test_it_draws(name: str, tree: xr.DataTree, study: uqmbd.Study) -> None:
+    """A figure with axes and something in them, outside pyplot."""
+    import matplotlib.pyplot as plt
+
+    before = plt.get_fignums()
+    figure = CALLS[name](tree, study)
+    assert isinstance(figure, Figure) and figure.axes
+    file = io.StringIO()
+    figure.savefig(file, format="svg")
+    drawn = file.getvalue()
+    assert drawn.count("<path") + drawn.count("<image") > 6 and drawn.count("<text") + drawn.count("text_") > 4
+    assert plt.get_fignums() == before
+
+
+def test_event_times_are_those_of_the_closed_form(tree: xr.DataTree) -> None:
+    """The first impact of a ball from a uniform height: its mean is known, and so are its ends."""
+    from uqmbd.report.event_times import events_of
+
+    first, *others = events_of(tree["event-aligned"])
+    low, high = (np.sqrt(2 * h / G) for h in (0.9, 1.1))
+    mean = np.sqrt(2 / G) * (1.1**1.5 - 0.9**1.5) / (1.5 * 0.2)
+    assert first.number == 1 and first.share == 1.0
+    assert first.times.mean() == pytest.approx(mean, rel=1e-3)
+    assert low - 1e-5 < first.times.min() < first.times.max() < high + 1e-5
+    # the second comes after 1 + 2 e times as long: for some realisations after the end of the study
+    reached = (1.15 / 2.6) ** 2 * G / 2
+    assert [event.number for event in others] == [2]
+    assert others[0].share == pytest.approx(float(np.clip((reached - 0.9) / 0.2, 0, 1)), abs=0.03)
+
+
+def test_an_aligned_surrogate_is_used_as_any_other(tree: xr.DataTree, study: uqmbd.Study) -> None:
+    """Densities from samples of it, the reader of any surrogate, and an animation by its method."""
+    figure = figures.histograms(tree["event-aligned"], "height", [0.3])
+    drawn = figure.axes[0].lines[0].get_xdata()
+    assert drawn.min() < 0.9 - G * 0.3**2 / 2 + 0.01 and drawn.max() > 1.1 - G * 0.3**2 / 2 - 0.01
+    surrogate = uqmbd.results.surrogate(tree["event-aligned"], "height")
+    after = np.sqrt(2 * 1.0 / G)
+    expected = 0.8 * G * after * (0.7 - after) - G * (0.7 - after) ** 2 / 2
+    column = int(np.abs(study.times - 0.7).argmin())
+    assert study.times[column] == pytest.approx(0.7)
+    assert float(surrogate.evaluate([[1.0]])[0, 0, column]) == pytest.approx(expected, abs=1e-4)
+    film = report.motion(study, samples=3, frames=5, method="event-aligned")
+    assert film.sizes["realisation"] == 4 and np.isfinite(film["pose"].values).all()
+
+
+def test_every_figure_is_a_file(tree: xr.DataTree, tmp_path: Path) -> None:
+    """As many files as images, each a picture that can be read, with names of their own."""
+    page = report.write_report(tree, tmp_path / "report.html", folder=tmp_path / "figures").read_text(encoding="utf-8")
+    files = sorted((tmp_path / "figures").iterdir())
+    assert len(files) == page.count("<img ") == len(re.findall(r'alt="[^"]+"', page))
+    assert not re.search("could not be (drawn|made)", page)
+    for file in files:
+        assert file.read_bytes()[:6] in (b"GIF89a", b"<?xml ")
+        if file.suffix == ".svg":
+            assert ET.parse(file).getroot().tag.endswith("svg")
+    names = {file.name for file in files}
+    assert {"height-bands.svg", "event-aligned-event-times.svg", "motion.gif", "split-elements.svg"} <= names
+    assert "When events happen" in page and "no. 1" in page
