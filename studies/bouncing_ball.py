@@ -51,4 +51,14 @@ study = uqmbd.Study(
         Collocation(order=5, alignment="events", label="event-aligned"),
     ],
     report_times=[0.4, 1.0, 1.9],
+    convergence={
+        "propagators": [
+            Collocation(label="plain"),
+            Collocation(order=2, max_elements=64, label="multi-element"),
+            Collocation(alignment="events", label="event-aligned"),
+        ],
+        "order": {"plain": [2, 4, 6, 8], "event-aligned": [2, 3, 4, 5, 6]},
+        "elements": {"multi-element": [4, 8, 16, 32]},
+        "reference": Collocation(order=8, alignment="events", label="event-aligned-8"),
+    },
 )
