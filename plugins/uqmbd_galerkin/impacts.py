@@ -1,4 +1,4 @@
-"""Impacts, at which velocities jump: no equation of coefficients holds through them."""
+"""Impacts, at which velocities jump: which expansions follow them."""
 
 from __future__ import annotations
 
@@ -7,10 +7,11 @@ import uqmbd
 __all__ = ["refuse_impacts"]
 
 
-def refuse_impacts(label: str, ensemble: uqmbd.Ensemble) -> None:
-    """Raise where a mechanism has impacts.
+def refuse_impacts(label: str, ensemble: uqmbd.Ensemble, *, terms: int, nodes: int) -> None:
+    """Raise where a mechanism has impacts that an expansion cannot follow.
 
-    Realisations meet at times of their own: coefficients of an expansion would have to jump all the time.
+    Realisations meet at times of their own.  With as many terms as nodes the projected laws of impact hold at each
+    node; with fewer the jump of one would be a jump of all.
 
     Raises
     ------
@@ -18,10 +19,10 @@ def refuse_impacts(label: str, ensemble: uqmbd.Ensemble) -> None:
         Which components, and what to use instead.
     """
     names = dict.fromkeys(component for component, _, directions in ensemble.model.events if directions)
-    if names:
+    if names and terms != nodes:
         listed = ", ".join(map(repr, names))
         raise uqmbd.StudyError(
             f"{label}: at the impacts of {listed} velocities jump, at another time in each realisation, which a "
-            "Galerkin projection cannot follow. Use a compliant contact (such as PlaneContact) with "
-            "elements='adaptive', or collocation, or Monte Carlo."
+            f"Galerkin projection of {terms} terms on {nodes} nodes cannot follow. Use elements='adaptive', which has "
+            "as many terms as nodes, or index_set='tensor', or collocation with alignment='events'."
         )

@@ -176,7 +176,7 @@ class Galerkin(uqmbd.Propagator):
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore", uqmbd.RedundantConstraintWarning)
                 ensemble = study.problem(self).ensemble(space.to_inputs(rule.nodes))
-            refuse_impacts(self.node_name, ensemble)
+            refuse_impacts(self.node_name, ensemble, terms=len(terms), nodes=len(rule.nodes))
             self._projected(self.node_name, ensemble, space, terms, rule)
         except (uqmbd.StudyError, uqmbd.AssemblyError) as error:
             return str(error).removeprefix(f"{self.node_name}: ")
@@ -202,7 +202,8 @@ class Galerkin(uqmbd.Propagator):
     def _propagate(self, problem: uqmbd.Problem, space: uqmbd.GermSpace, begin: float) -> xr.DataTree:
         terms = self.basis(space)
         rule = self.quadrature(problem.label, space, terms)
-        refuse_impacts(problem.label, problem.ensemble(space.to_inputs(rule.nodes[:1])))
+        one = problem.ensemble(space.to_inputs(rule.nodes[:1]))
+        refuse_impacts(problem.label, one, terms=len(terms), nodes=len(rule.nodes))
         if problem.timeless:
             verification = Verification(problem, space, self.verify, self.seed)
             return projected_scalars(self, problem, space, terms, rule, verification, begin)

@@ -14,10 +14,14 @@ if TYPE_CHECKING:
 
     from uqmbd.report import Section
 
-__all__ = ["FIGURES", "rewrite_report", "write"]
+__all__ = ["FIGURES", "MOTION", "keep_motion", "rewrite_report", "write"]
 
 FIGURES = "figures"
 """Folder of the report's figures as files, beside the report."""
+
+
+MOTION = "motion.nc"
+"""Poses of the mechanism, from which the report draws its motion."""
 
 
 def rewrite_report(folder: Path) -> None:
@@ -28,7 +32,21 @@ def rewrite_report(folder: Path) -> None:
     source = folder if folder.is_file() else folder / "results.nc"
     if not source.exists():
         raise StudyError(f"There is no {source}; give the folder that `uqmbd run STUDY.py --out DIR` wrote.")
-    print(f"report   {write(load(source), source.parent / 'report.html')}")
+    tree = load(source)
+    if (motion := source.parent / MOTION).exists():
+        import xarray as xr
+
+        with xr.open_dataset(motion, engine="h5netcdf") as poses:
+            tree["motion"] = xr.DataTree(poses.load())
+    print(f"report   {write(tree, source.parent / 'report.html')}")
+
+
+def keep_motion(tree: xr.DataTree, folder: Path) -> None:
+    """Write the poses from which the report draws the motion, if there are any, beside ``results.nc``."""
+    path = folder / MOTION
+    path.unlink(missing_ok=True)
+    if "motion" in tree.children:
+        tree["motion"].to_dataset().to_netcdf(path, engine="h5netcdf")
 
 
 def write(tree: xr.DataTree, path: Path) -> Path:

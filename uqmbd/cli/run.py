@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from uqmbd.cli.progress import seconds, shown_progress
-from uqmbd.cli.report import write
+from uqmbd.cli.report import keep_motion, write
 from uqmbd.cli.settings import apply_settings, check_labels
 from uqmbd.cli.tables import show_summary
 from uqmbd.errors import StudyError, UqmbdError
@@ -83,10 +83,13 @@ def run_study(
     from uqmbd.report.animation import with_motion
     from uqmbd.results import save
 
+    print("writing the report ...", file=sys.stderr, flush=True)
     tree, missing = with_motion(tree, study)
     if missing:
         print(f"Note: the report shows no animation of the mechanism: {missing}", file=sys.stderr, flush=True)
-    results = save(tree, out / "results.nc")
+    # poses have a file of their own: a result holds its methods and their comparison
+    results = save(tree.drop_nodes("motion", errors="ignore"), out / "results.nc")
+    keep_motion(tree, out)
     report = write(tree, out / "report.html")
     show_summary(tree, files={"results": results, "report": report}, title=f"{study.name}: ")
     print(f"Done in {seconds(time.monotonic() - begin)}.")

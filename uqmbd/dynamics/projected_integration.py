@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import time as clock
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from uqmbd.dynamics.integration import INTEGRATORS
+from uqmbd.dynamics.integration import INTEGRATORS, integrate
 from uqmbd.dynamics.projected import ProjectedEnsemble
 from uqmbd.dynamics.projected_dop853 import lock_step
 from uqmbd.dynamics.projected_ida import LINEAR_SOLVERS, LinearSolver, implicit
@@ -37,7 +37,7 @@ class ProjectedTrajectories:
     message : str
         Why it stopped, or empty.
     integrator : str
-        ``dop853`` or ``ida``.
+        ``dop853``, ``ida``, or ``none`` where nothing moves.
     counters : dict
         What it cost.
     """
@@ -89,6 +89,8 @@ def integrate_projected(
             f"mechanism {projected.model.name!r} has too many equations for the integrator 'dop853', whose linear "
             "algebra is compiled; use 'auto' or 'ida'."
         )
+    if projected.model.events:
+        return _with_events(projected, times, rtol)
     counters: dict[str, Any] = {}
     message = ""
     if not projected.model.layout.unknowns:  # nothing can move
@@ -117,6 +119,23 @@ def integrate_projected(
     if found.message and explicit and _reached(run.result) > _reached(found.coefficients):
         return ProjectedTrajectories(times, run.result, message, "dop853", both)
     return ProjectedTrajectories(times, found.coefficients, found.message, "ida", both)
+
+
+def _with_events(projected: ProjectedEnsemble, times: Array, rtol: float) -> ProjectedTrajectories:
+    """Integrate from event to event, where as many terms as nodes make the projected equations those of the nodes.
+
+    ``Psi^T W r = 0`` with a square and invertible ``Psi^T W`` is ``r = 0`` at every node, and so are the projected laws of
+    impact; coefficients are those of the nodal states.
+    """
+    if not projected.collocates:
+        raise StudyError(
+            f"mechanism {projected.model.name!r} has events, which happen at another time at each node; a projection "
+            f"follows them only with as many terms as nodes, and has {projected.terms} terms on "
+            f"{len(projected.weights)} nodes."
+        )
+    found = integrate(projected.ensemble, times, rtol)
+    message = next((m for m in found.messages if m), "")
+    return ProjectedTrajectories(times, projected.project(found.states), message, "dop853", asdict(found.counters))
 
 
 def _reached(coefficients: Array) -> int:
