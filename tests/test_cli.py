@@ -17,12 +17,16 @@ from typing import ClassVar, Literal
 
 import numpy as np
 import pytest
+from rich.console import Console
 
 import uqmbd
 import uqmbd.report
 from uqmbd import plugins, results
 from uqmbd.cli import main, progress, tables
+from uqmbd.cli.check import _equations, _show_apart
 from uqmbd.cli.settings import apply_settings, parse_value
+from uqmbd_joints import Revolute
+from uqmbd_springs import SpringDamper
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -150,6 +154,7 @@ def test_run_writes_results_and_report(cli, study, tmp_path):
     assert "angle [1]" in out  # square brackets are no markup here
     assert "new/folder/report.html" in out
     assert "monte-carlo: 0 of 100" in err  # no terminal: progress by lines
+    assert err.index("monte-carlo: 0 of 100") < err.index("writing the report ...")
     assert "Warning: the second crank hangs in the air" in err and "RedundantConstraintWarning" not in err
 
 
@@ -167,12 +172,14 @@ def test_options_reach_the_study(cli, study, tmp_path):
 @pytest.mark.parametrize(
     ("words", "parts"),
     [
-        (["--only", "galerkin"], ["--only galerkin", "no propagator", "monte-carlo (FakeMonteCarlo)", "samples: int"]),
+        (["--only", "galerkin"], ["--only galerkin", "no propagator", "It has: monte-carlo (FakeMonteCarlo).\n"]),
+        (["--only", "montecarlo"], ["with this label; did you mean 'monte-carlo'?\nIt has: monte-carlo (Fake"]),
+        (["--set", "montecarlo.samples=3"], ["no propagator 'montecarlo'; did you mean 'monte-carlo'?\nIt has: monte"]),
         (["--set", "galerkin.order=3"], ["no propagator 'galerkin'", "monte-carlo (FakeMonteCarlo)"]),
         (
             ["--set", "monte-carlo.sample=3"],
             [
-                "no option 'sample'",
+                "no option 'sample'; did you mean 'samples'? Its options:\n",
                 "samples: int, default 100",
                 "seed: int or none, default None",
                 "'random' or 'sobol'",
@@ -194,6 +201,9 @@ def test_mistakes_on_the_command_line(cli, study, words, parts):
     assert "Traceback" not in err and out == ""
     for part in parts:
         assert part in err
+    assert ("samples: int" in err) == any(
+        "no option" in part for part in parts
+    )  # options only where they are asked for
 
 
 @pytest.mark.parametrize(
@@ -285,6 +295,49 @@ def test_compare(cli, study):
     assert "slider_x" in out and "1 (3.23e+03 %)" in out
     status, _, err = cli("compare", "a/results.nc", "c.nc")
     assert status == 2 and "c.nc" in err
+    for missing in ("missing", "missing.nc"):
+        status, _, err = cli("compare", "a", missing)
+        assert status == 2 and f"There is no such file or folder: {missing};" in err
+
+
+def test_compare_names_what_only_one_mechanism_has(cli, study):
+    """Parts that both results state are compared; of a result that states none nothing is said."""
+    paths = []
+    for name, components in (("a", {"A": "Revolute", "k": "SpringDamper"}), ("b", {"A": "Fixed"}), ("c", None)):
+        cli("run", study(), "--out", name)
+        tree = results.load(Path(name) / "results.nc")
+        if components is not None:
+            tree.attrs["parts"] = json.dumps({"bodies": ["rod", f"mass {name}"], "components": components})
+        paths.append(str(results.save(tree, Path(f"{name}.nc"))))
+    status, out, err = cli("compare", *paths[:2])
+    assert status == 0, err
+    rows = [line.split() for line in out.splitlines()]
+    assert ["component", "k", "SpringDamper", "–"] in rows and ["component", "A", "Revolute", "Fixed"] in rows
+    assert ["body", "mass", "b", "–", "yes"] in rows and not any(row[:2] == ["body", "rod"] for row in rows)
+    assert "parts" not in out
+    assert "component" not in cli("compare", paths[0], paths[2])[1]
+
+
+def test_check_of_bodies_that_nothing_holds():
+    """Counts by hand: a planar body has four coordinates, of which the half-angle pair has unit length."""
+    made = uqmbd.Mechanism("parts", uqmbd.Planar())
+    made.body("ball", mass=1, inertia=1)
+    alone = uqmbd.check(made)
+    assert (alone.equations, alone.unit_lengths, alone.apart) == (1, 1, (("ball",),))
+    assert _equations(alone).startswith("1 constraint equation, independent; it is the unit length")
+    one, two, held = (made.body(name, mass=1, inertia=1) for name in ("one", "two", "held"))
+    made.add(Revolute("pin", one, two, (0, 0), (0, 0)))
+    made.add(SpringDamper("spring", made.ground, held, (1, 0), (0, 0), 10))
+    found = uqmbd.check(made)
+    assert found.apart == (("ball",), ("one", "two"))
+    assert _equations(found) == (
+        "6 constraint equations, 6 of them independent; 4 are the unit lengths of the bodies' half-angle pairs, "
+        "not of joints"
+    )
+    screen = io.StringIO()
+    _show_apart(Console(file=screen, width=200), found)
+    assert "body 'ball' is connected to nothing" in screen.getvalue()
+    assert "bodies 'one', 'two' are connected with each other only" in screen.getvalue()
 
 
 def test_check(cli, study, monkeypatch):

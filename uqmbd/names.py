@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import difflib
+from collections.abc import Iterable
+
 from uqmbd.errors import StudyError
 
-__all__ = ["check_name", "check_units"]
+__all__ = ["check_name", "check_units", "did_you_mean"]
 
 
 def check_name(name: object, what: str) -> str:
@@ -63,3 +66,24 @@ def check_units(units: object, where: str) -> str:
     if not isinstance(units, str):
         raise StudyError(f"{where}: units is {units!r} ({type(units).__name__}); expected a text such as 'm' or 'N m'.")
     return units
+
+
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """Return the known name that is nearest to a misspelt one, as the end of a sentence; empty if none is near.
+
+    Parameters
+    ----------
+    name : str
+        What the user gave.
+    known : iterable of str
+        What there is.
+
+    Examples
+    --------
+    >>> did_you_mean("colocation", ["monte-carlo", "collocation"])
+    "; did you mean 'collocation'?"
+    >>> did_you_mean("x", ["monte-carlo", "collocation"])
+    ''
+    """
+    near = difflib.get_close_matches(name, list(known), n=1)
+    return f"; did you mean {near[0]!r}?" if near else ""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections import Counter
 from dataclasses import dataclass
 from typing import Any, ClassVar, Literal, get_args
@@ -39,7 +40,7 @@ class MonteCarlo(uqmbd.Propagator):
         Independent replicates into which a Latin hypercube or Sobol' design is split, for its standard errors.  Sobol'
         needs `replicates` times a power of two samples.
     max_failures : float
-        Share of failed samples above which the run is an error.
+        Share of failed samples above which the run is an error; fewer are a warning.
     keep : int
         Samples that are kept in the results.  Where there are more, moments are gathered while they come, quantiles
         are those of the kept ones, and all samples go to ``LABEL-samples.nc`` in the folder of the run: the memory
@@ -58,6 +59,11 @@ class MonteCarlo(uqmbd.Propagator):
         not depend on each other.  The other statistics are those of the samples, the same as without this option.
     label : str, optional
         Name of the results, by default ``monte-carlo``.
+
+    Warns
+    -----
+    UserWarning
+        In a run, if realisations fail: how many, and the most frequent reason.
 
     Raises
     ------
@@ -160,7 +166,20 @@ class MonteCarlo(uqmbd.Propagator):
         statistics = self._statistics(samples, found)
         if sums is not None:
             statistics = sums.apply(statistics)
+        if found.failures:
+            warnings.warn(
+                f"{problem.label}: {found.failures} of {self.samples} realisations failed; the statistics are those of "
+                f"the others. Most frequent reason: {found.reason or 'an output is not finite'}",
+                stacklevel=2,
+            )
         sobol = run_sobol(problem, kept, self.seed, self.max_failures) if self.sobol_indices else None
+        if sobol is not None and sobol.failures:
+            warnings.warn(
+                f"{problem.label}: {sobol.failures} of {len(sobol.mixed.status)} further realisations for Sobol' "
+                f"indices failed; {sobol.dropped} rows are left out. Most frequent reason: "
+                f"{sobol.mixed.most_frequent_reason() or 'an output is not finite'}",
+                stacklevel=2,
+            )
         if sobol is not None:
             statistics = statistics.merge(sobol.variables, compat="equals", join="exact")
         return self._node(problem, statistics, samples, found, surrogate, sobol)

@@ -272,3 +272,52 @@ def test_a_named_quantity_is_not_differentiated_in_ignorance():
     mechanism.add(Wrong("wrong", mechanism.body("ball", mass=1, inertia=1)))
     with pytest.raises(TypeError, match=r"'gap' is a quantity made by let\(\).*use rate_of\(\)"):
         instances_of(mechanism.all_components(), mechanism.space)
+
+
+class Scalar(uqmbd.Component):
+    """A plugin's component whose point is declared as a single number by mistake."""
+
+    bodies: ClassVar[tuple[str, ...]] = ("body",)
+    where = uqmbd.Parameter("m", "where it is")
+
+    def terms(self, p):
+        yield uqmbd.Potential(p.body.point(p.where)[0])
+
+
+def test_a_single_number_is_no_point(plane):
+    made = Scalar("scalar", plane.bodies["rod"], where=2)
+    words = "point() needs 2 numbers", "if it is a parameter of a component declare it with kind='point'"
+    plane.add(made)
+    refused(lambda: instances_of([made], plane.space), *words)
+    refused(lambda: plane.bodies["rod"].point((1, 2, 3)), "point() needs 2 numbers", "(1, 2, 3)")
+    refused(lambda: plane.bodies["rod"].direction(1), "direction() needs 2 numbers", "kind='vector'")
+
+
+ROOT = sympy.sqrt(1 - 2 * LENGTH)
+
+
+@pytest.mark.parametrize(
+    ("pose", "words"),
+    [
+        ({"angle": -sympy.asin(2 * LENGTH)}, "body 'bar': its drawn pose is nan at .*: angle = -asin.*; length = 1"),
+        ({"position": (0, ROOT)}, r"body 'bar': its drawn pose is nan at .*: y = sqrt\(1 - 2\*length\); length = 1"),
+        ({"velocity": (ROOT, 0)}, "body 'bar': its velocity is nan at .*: velocity = sqrt.*; length = 1"),
+    ],
+)
+def test_what_is_not_finite_at_the_means_is_named(pose, words):
+    mechanism = uqmbd.Mechanism("flat", uqmbd.Planar())
+    bar = mechanism.body("bar", mass=1, inertia=1, **pose)
+    mechanism.output("turned", bar.angle)
+    with pytest.raises(uqmbd.StudyError, match=f"mechanism 'flat': {words}"):
+        uqmbd.simulate(mechanism, [0, 1])
+
+
+def test_parameter_of_a_component_that_is_not_finite_at_the_means_is_named():
+    mechanism = uqmbd.Mechanism("flat", uqmbd.Planar())
+    bar = mechanism.body("bar", mass=1, inertia=1)
+    mechanism.add(SpringDamper("spring", mechanism.ground, bar, (0, 1), (0, 0), stiffness=ROOT, free_length=1))
+    mechanism.output("x", bar.position[0])
+    with pytest.raises(
+        uqmbd.StudyError, match="SpringDamper 'spring': its parameter 'stiffness' is nan at .*length = 1"
+    ):
+        uqmbd.simulate(mechanism, [0, 1])

@@ -14,6 +14,7 @@ from scipy.integrate import quad
 import uqmbd
 import uqmbd.propagation.chunks as chunks
 import uqmbd.propagation.problem as problems
+import uqmbd.report.animation
 from uqmbd.mechanism import MotionSymbol
 from uqmbd.report import write_report
 from uqmbd.results import PolynomialChaos, load, save, statistics_dataset, validate
@@ -300,7 +301,8 @@ def test_realisations_without_a_mode_are_counted():
     study = uqmbd.Study(
         "oscillator", oscillator(over_time=True, damping=damping), TIMES, [MonteCarlo(samples=100, seed=4)]
     )
-    node = study.run()["monte-carlo"]
+    with pytest.warns(UserWarning, match="realisations failed; .* 0 of its modes oscillate"):
+        node = study.run()["monte-carlo"]
     samples, scalars = node["samples"], node["scalars/samples"]
     names = list(scalars["input"].values)
     c, k = (scalars["inputs"].values[:, names.index(n)] for n in ("damping", "stiffness"))
@@ -386,7 +388,8 @@ def test_an_integration_can_yield_them(monkeypatch):
         return replace(integrate(ensemble, times, rtol), scalars={"lowest time": found})
 
     monkeypatch.setattr(chunks, "integrator_of", lambda name: with_times)
-    node = uqmbd.Study("oscillator", mechanism, TIMES).propagate(MonteCarlo(samples=50, seed=1))
+    with pytest.warns(UserWarning, match="realisations failed; .*its motion has no lowest time"):
+        node = uqmbd.Study("oscillator", mechanism, TIMES).propagate(MonteCarlo(samples=50, seed=1))
     samples = node["scalars/samples"]
     k = samples["inputs"].values[:, 0]
     stiff = k > 90
@@ -407,6 +410,34 @@ def test_they_are_reported(mixed, tmp_path, capsys):
     show_summary(mixed, files={})
     said = capsys.readouterr().out
     assert "without a time" in said and "1.589 ± 0.092" in said
+
+
+def test_times_may_be_left_out_where_nothing_moves(tree, tmp_path):
+    study = uqmbd.Study("oscillator", oscillator(), propagators=METHODS)
+    assert "no times" in repr(study) and "none" in study._repr_html_()
+    found = study.run()
+    validate(found)
+    for label in ("monte-carlo", "collocation", "galerkin"):
+        for name in ("mean", "std"):
+            one, other = (x[f"{label}/scalars/statistics"][name].values for x in (found, tree))
+            np.testing.assert_allclose(one, other, rtol=1e-12, atol=1e-15)
+    assert write_report(found, tmp_path / "report.html").exists()
+    with pytest.raises(uqmbd.StudyError, match="no output times, so that nothing moves"):
+        uqmbd.report.animation.motion(study)
+
+
+def test_outputs_over_time_need_times():
+    with pytest.raises(uqmbd.StudyError, match=r"study 's': times are missing; expected .*linspace.* for 'y'"):
+        uqmbd.Study("s", oscillator(over_time=True), propagators=METHODS)
+    moving = oscillator()
+    moving.output("lowest", MotionSymbol("lowest time"), units="s")
+    with pytest.raises(uqmbd.StudyError, match="times are missing; .* for 'lowest'"):
+        uqmbd.Study("s", moving)
+    later = oscillator()
+    study = uqmbd.Study("s", later, propagators=METHODS)
+    later.output("y", later.bodies["pan"].position[1], units="m")
+    with pytest.raises(uqmbd.StudyError, match="times are missing"):
+        study.run()
 
 
 def test_misuse_is_one_clear_message():

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import concurrent.futures
+import copy
 import dataclasses
+import inspect
+import pickle
 import re
 import subprocess
 import sys
@@ -15,6 +18,7 @@ import xarray as xr
 
 import uqmbd
 from uqmbd_montecarlo import MonteCarlo
+from uqmbd_montecarlo.designs import uniform_samples
 
 from .conftest import fragile, oscillator
 
@@ -192,7 +196,8 @@ def test_nothing_random_is_an_obstacle_that_can_be_told_beforehand():
 
 def test_samples_that_cannot_be_assembled_are_counted_named_and_left_out():
     study = uqmbd.Study("s", fragile(highest=5.0), TIMES, [MonteCarlo(samples=100, seed=1)])
-    node = study.run()["monte-carlo"]
+    with pytest.warns(UserWarning, match="of 100 realisations failed") as told:
+        node = study.run()["monte-carlo"]
     samples = node["samples"]
     length = samples["inputs"].sel(input="length").values
     short = length < 0.9  # two rods from posts 1.8 m apart
@@ -202,6 +207,19 @@ def test_samples_that_cannot_be_assembled_are_counted_named_and_left_out():
     assert np.isfinite(node["statistics"]["mean"].values).all()
     mean = samples["response"].values[~short].mean(axis=0)
     assert node["statistics"]["mean"].values == pytest.approx(mean)
+    (said,) = (str(w.message) for w in told)
+    assert said.startswith(f"monte-carlo: {short.sum()} of 100 realisations failed; the statistics are those of the ")
+    assert re.search(r"Most frequent reason: .*(left|right)", said)
+
+
+def test_a_single_failure_is_a_warning():
+    """The range of the length is such that of the draws of this seed only the shortest rod does not reach."""
+    uniform = np.sort(uniform_samples("random", [40], 1, 1)[:, 0])
+    # length = 0.5 + u (highest - 0.5) is below 0.9 for the first of them only
+    highest = 0.5 + 0.4 / uniform[:2].mean()
+    study = uqmbd.Study("s", fragile(highest=highest), TIMES)
+    with pytest.warns(UserWarning, match="monte-carlo: 1 of 40 realisations failed"):
+        study.propagate(MonteCarlo(samples=40, seed=1))
 
 
 def test_too_many_failures_are_an_error_with_the_most_frequent_reason():
@@ -263,3 +281,13 @@ def test_script_with_a_guard_runs_and_its_workers_ignore_interrupts_and_may_die(
     samples, ignored, message = run.stdout.splitlines()
     assert (samples, ignored) == ("70", "True"), run.stderr
     assert message.startswith("A worker process ended unexpectedly")
+
+
+def test_misspelt_option_of_a_method_is_a_study_error_that_suggests():
+    with pytest.raises(uqmbd.StudyError, match="MonteCarlo: there is no option 'sample'; did you mean 'samples'"):
+        MonteCarlo(sample=100)
+    with pytest.raises(uqmbd.StudyError, match=r"no option 'x'\. Its options are label, samples, seed"):
+        MonteCarlo(x=100)
+    one = MonteCarlo(samples=100, seed=2)
+    assert pickle.loads(pickle.dumps(one)) == copy.copy(one) == dataclasses.replace(one) == one
+    assert list(inspect.signature(MonteCarlo).parameters)[:3] == ["label", "samples", "seed"]

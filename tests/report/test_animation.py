@@ -112,6 +112,17 @@ def test_realisations_make_a_cloud(data):
     assert sum(len(lines.get_segments()) for lines in Film(data.isel(realisation=[0]), 4, 50).cloud(3)) == 0
 
 
+def test_realisations_lie_above_the_bodies_and_beneath_the_joints(data):
+    """Thin lines that are seen: above all that is filled with a body's colour, and no wider than its outline."""
+    film = Film(data, 4, 50)
+    (cloud,) = film.cloud(3)
+    bodies = [s for s in film.shapes(3) if s.edge == film.sketch.colour("wheel")]
+    assert cloud.get_zorder() > 2 + max(s.order for s in bodies)
+    assert cloud.get_linewidths()[0] < 1
+    assert cloud.get_alpha() >= 0.3
+    assert max(cloud.get_colors()[0][:3]) < 0.7
+
+
 def test_a_still_is_where_realisations_are_farthest_apart(data):
     figure = poses(data)
     assert Film(data, 4, 50).widest == int(np.argmax(abs(rim(data) - rim(data)[:1]).max(axis=(0, 2))))

@@ -13,11 +13,13 @@ import uqmbd
 from uqmbd.mechanism.skeleton import skeleton
 from uqmbd.propagation.motion import drawn_pose
 from uqmbd.report import figures
+from uqmbd.report.drawing import FAILED
 from uqmbd.report.sketch import Sketch, world
 from uqmbd.report.stage import stage
+from uqmbd_contact import PlaneContact, PlaneImpact, SphereContact
 from uqmbd_drivers import PositionDriver, RotationDriver
 from uqmbd_joints import Cylindrical, Distance, Fixed, Parallel1, Prismatic, Revolute, Spherical, Universal
-from uqmbd_springs import PointForce, SpringDamper, Torque, TorsionSpringDamper
+from uqmbd_springs import PointForce, RadialTyre, SpringDamper, Torque, TorsionSpringDamper, distance
 
 
 def crank(name="crank $x_1$"):
@@ -209,3 +211,66 @@ def test_one_motion_of_a_guide_is_shown_along_its_whole_way():
     slide = next(p for p in sketch.parts if p.name == "guide")
     moved[:, slide.points[1], 0] = (0.1, 0.5, 0.3)
     assert sketch.reaches(moved)["guide"] == pytest.approx((0.0, 0.5))
+
+
+def test_contacts_are_planes_and_circles():
+    """Of a disc on an incline: a line perpendicular to the normal that reaches the disc, and a circle of its radius."""
+    normal = np.array([np.sin(0.3), np.cos(0.3)])
+    along = np.array([normal[1], -normal[0]])
+    made = uqmbd.Mechanism("incline", uqmbd.Planar())
+    centre = -0.8 * along + 0.2 * normal
+    disc = made.body("disc", mass=1, inertia=1, position=tuple(centre))
+    other = made.body("other", mass=1, inertia=1, position=(1, 1))
+    made.add(PlaneImpact("slope", made.ground, disc, (0, 0), (0, 0), tuple(normal), radius=0.2))
+    made.add(SphereContact("knock", disc, other, (0, 0), (0.1, 0), radius_i=0.2, radius_j=0.3, stiffness=1e3))
+    made.add(SpringDamper("dashpot", disc, other, (0, 0), (0, 0), 0, 2))
+    data = drawn_pose(made)
+    assert data["component_symbol"].values.tolist() == ["contact", "contact", "damper"]
+    assert data["point_radius"].values[0].tolist()[:5] == [0, 0.2, 0, 0.2, 0.3]
+    sketch, points = Sketch(data), world(data)[0, 0]
+    drawn = stage(sketch.extent(points))
+    shapes = sketch.draw(drawn, points).shapes
+    line = next(s.vertices for s in shapes if s.width == 1.2 and len(s.vertices) == 2 and s.order == 0.9)
+    zero = drawn.project(np.zeros(2))
+    np.testing.assert_allclose((line - zero) @ normal, 0, atol=1e-6)
+    reach = np.sort((line - zero) @ along) * drawn.unit
+    assert reach[0] < -0.8 and reach[1] > 0
+    circle = next(s.vertices for s in shapes if s.face is None and s.closed)
+    away = np.hypot(*(circle - drawn.project(centre)).T) * drawn.unit
+    np.testing.assert_allclose(away, 0.2, rtol=1e-6)
+    # the largest circle is inside the axes
+    assert drawn.axes.get_xlim()[1] > 1.4 and drawn.axes.get_ylim()[1] > 1.3
+
+
+def test_planes_in_space_are_patches():
+    made = uqmbd.Mechanism("space", uqmbd.Spatial())
+    ball = made.body("ball", mass=1, inertia=(1, 1, 1), position=(0.3, 0.2, 1))
+    made.add(PlaneContact("floor", made.ground, ball, (0, 0, 0), (0, 0, 0), (0, 0, 2), radius=0.1, stiffness=1))
+    data = drawn_pose(made)
+    sketch, points = Sketch(data), world(data)[0, 0]
+    reaches = sketch.reaches(points[None])
+    assert sorted(high - low for low, high in reaches.values()) == pytest.approx([0.2, 0.3])
+    assert len(figures.mechanism(made).axes) == 1
+
+
+def test_a_wheel_is_a_circle_of_its_body():
+    """The tyre's point is that of body j, as its description says."""
+    made = uqmbd.Mechanism("wheel", uqmbd.Planar())
+    wheel = made.body("wheel", mass=1, inertia=1, position=(0, 0.3))
+    made.add(RadialTyre("tyre", made.ground, wheel, (0, 0), 0 * distance, 0.3, 1e5))
+    mark = next(m for m in skeleton(made) if m.component == "tyre")
+    assert (mark.body, mark.radius) == ("wheel", 0.3)
+
+
+def test_a_joint_that_is_open_is_a_red_line():
+    """From one of its points to the other, and no spring; a joint that is closed has none."""
+    made = uqmbd.Mechanism("gap", uqmbd.Planar())
+    bar = made.body("bar", mass=1, inertia=1, position=(0.5, 0))
+    made.add(Revolute("left", made.ground, bar, (0, 0), (-0.5, 0)))
+    made.add(Revolute("right", made.ground, bar, (3, 0), (0.5, 0)))
+    data = drawn_pose(made)
+    assert data["component_symbol"].values.tolist() == ["hinge", "hinge"]
+    sketch, points = Sketch(data), world(data)[0, 0]
+    drawn = stage(points[sketch.placed])
+    (line,) = (s.vertices for s in sketch.draw(drawn, points).shapes if s.edge == FAILED)
+    np.testing.assert_allclose(line, drawn.project(np.array([[3, 0], [1, 0]])), atol=1e-9)

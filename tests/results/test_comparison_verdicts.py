@@ -289,7 +289,12 @@ def test_error_against_cost() -> None:
     assert found["problem"].values[0, 2].startswith("StudyError") and np.isnan(found["std_error_l2"].values[0, 2, 0])
     assert found["realisations"].values[1, :2].tolist() == [50, 800]
     assert found["option"].values.tolist() == ["order", "samples"]
-    assert len(error_cost(found, "square").axes) == 2
+    drawn = error_cost(found, "square")
+    assert len(drawn.axes) == 2
+    for axes in drawn.axes:  # no point lies on an axis
+        for line in (one for one in axes.lines if one.get_marker() != "None"):
+            for values, (low, high) in ((line.get_xdata(), axes.get_xlim()), (line.get_ydata(), axes.get_ylim())):
+                assert np.all((low < values) & (values < high))
     with pytest.raises(StudyError, match="has no option tolerances"):
         study.converge(Collocation, tolerances=[1])
     with pytest.raises(StudyError, match="give the levels"):

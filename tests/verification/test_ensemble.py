@@ -57,7 +57,8 @@ def test_failing_samples_are_reported_and_the_others_stand(close):
     mechanism = driven_slider_crank(length)
     times = np.linspace(0, np.pi / 2, 9)
     study = uqmbd.Study("study", mechanism, times, [MonteCarlo(samples=100, seed=4)])
-    samples = study.propagate(MonteCarlo(samples=100, seed=4))["samples"]
+    with pytest.warns(UserWarning, match="realisations failed; .*locks up"):
+        samples = study.propagate(MonteCarlo(samples=100, seed=4))["samples"]
     lengths = samples["inputs"].sel(input="rod_length").values
     status = samples["status"].values
     locked = lengths < 0.15
@@ -79,7 +80,8 @@ def test_samples_that_cannot_be_assembled_are_reported_and_the_others_stand(clos
     mechanism.add(Distance("strut", mechanism.ground, lever, (3, 0), (1, 0), length=length))
     mechanism.output("angle", lever.angle, units="rad")
     study = uqmbd.Study("study", mechanism, [0, 0.1, 0.2], [MonteCarlo(samples=100, seed=2)])
-    node = study.propagate(MonteCarlo(samples=100, seed=2))
+    with pytest.warns(UserWarning, match="realisations failed; .*'strut' cannot be closed"):
+        node = study.propagate(MonteCarlo(samples=100, seed=2))
     samples = node["samples"]
     lengths, status = samples["inputs"].values[:, 0], samples["status"].values
     short = lengths < 2
@@ -180,7 +182,8 @@ def test_sample_with_a_singular_system_is_reported_and_the_others_stand():
     particle = mechanism.body("particle", mass=mass)
     mechanism.output("height", particle.position[1], units="m")
     study = uqmbd.Study("particle", mechanism, [0, 1, 2])
-    node = study.propagate(MonteCarlo(samples=80, seed=1, max_failures=0.9))
+    with pytest.warns(UserWarning, match="realisations failed; .*singular"):
+        node = study.propagate(MonteCarlo(samples=80, seed=1, max_failures=0.9))
     samples = node["samples"]
     massless = samples["inputs"].values[:, 0] == 0
     assert 0 < massless.sum() < 80

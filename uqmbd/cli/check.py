@@ -48,10 +48,12 @@ def show_check(script: Path, figure: Path | None = None) -> None:
     screen = console()
     screen.print(Text(f"{study.name}: mechanism {study.mechanism.name}", style="bold"))
     screen.print(f"  bodies      {len(found.bodies)}: {', '.join(found.bodies)}", markup=False)
-    screen.print(f"  times       {len(study.times)}, from {study.times[0]:g} s to {study.times[-1]:g} s")
+    many = len(study.times) > 1
+    times = f"{len(study.times)}, from {study.times[0]:g} s to {study.times[-1]:g} s" if many else "none"
+    screen.print(f"  times       {times}")
     screen.print(f"  start       {STARTS[_start(study)]}")
     screen.print(f"  coordinates {found.coordinates}")
-    screen.print(f"  equations   {found.equations} constraint equations, {found.rank} of them independent")
+    screen.print(f"  equations   {_equations(found)}")
     screen.print(f"  mobility    {found.mobility} degree{'' if found.mobility == 1 else 's'} of freedom")
     if found.redundant:
         redundant = ", ".join(found.redundant)
@@ -61,9 +63,45 @@ def show_check(script: Path, figure: Path | None = None) -> None:
         screen.print(f"  not unique  {undetermined} (redundant equations leave them undetermined)", markup=False)
     if found.mobility:
         _show_frequencies(screen, study)
+    _show_apart(screen, found)
     _show_components(screen, found.components)
     _show_inputs(screen, found.inputs, found.unused_inputs)
     _show_propagators(screen, study)
+
+
+def _equations(found: Any) -> str:
+    """Count the constraint equations, those of joints and those that keep half-angle pairs and quaternions at length 1.
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace
+    >>> _equations(SimpleNamespace(equations=1, rank=1, unit_lengths=1, coordinates=4, bodies=("ball",)))
+    "1 constraint equation, independent; it is the unit length of the body's half-angle pair, not of a joint"
+    """
+    count, units = found.equations, getattr(found, "unit_lengths", 0)
+    text = f"{count} constraint equation{'' if count == 1 else 's'}"
+    if count:
+        text += f", {found.rank} of them independent" if count > 1 else ", independent" if found.rank else ", dependent"
+    if not units:
+        return text
+    pair = "half-angle pair" if found.coordinates == 4 * len(found.bodies) else "quaternion"
+    if count == units == 1:
+        return f"{text}; it is the unit length of the body's {pair}, not of a joint"
+    if units == 1:
+        return f"{text}; one is the unit length of the body's {pair}, not of a joint"
+    which = "all" if count == units else str(units)
+    return f"{text}; {which} are the unit lengths of the bodies' {pair}s, not of joints"
+
+
+def _show_apart(screen: Console, found: Any) -> None:
+    """Note bodies that nothing connects with the ground; no components at all are told elsewhere."""
+    for names in getattr(found, "apart", ()) if found.components else ():
+        if len(names) == 1:
+            note = f"body {names[0]!r} is connected to nothing: no component leads to another body or the ground"
+        else:
+            every = ", ".join(map(repr, names))
+            note = f"bodies {every} are connected with each other only: no component leads to the ground"
+        screen.print(f"  note        {note}", markup=False)
 
 
 def _show_frequencies(screen: Console, study: Study) -> None:

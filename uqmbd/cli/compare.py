@@ -67,6 +67,8 @@ def show_comparison(paths: Sequence[Path], *, reference: str | None = None, out:
 
 
 def _file(path: Path) -> Path:
+    if not path.exists():
+        raise StudyError(f"There is no such file or folder: {path}; give a result file, or the folder of a run.")
     if path.is_dir() and path.suffix != ".zarr":
         if not (path / "results.nc").exists():
             raise StudyError(f"There is no results.nc in {path}; give a result file, or the folder of a run.")

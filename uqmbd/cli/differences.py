@@ -10,7 +10,7 @@ import xarray as xr
 
 __all__ = ["what_differs"]
 
-_PASSED_OVER = frozenset({"created", "command"})
+_PASSED_OVER = frozenset({"created", "command", "parts"})
 
 
 def what_differs(trees: Mapping[str, xr.DataTree]) -> list[tuple[str, dict[str, str]]]:
@@ -22,6 +22,9 @@ def what_differs(trees: Mapping[str, xr.DataTree]) -> list[tuple[str, dict[str, 
         Results of studies, by letter.
     """
     facts = {letter: _facts(tree) for letter, tree in trees.items()}
+    # results of earlier versions do not say what their mechanisms consist of
+    if all("parts" in tree.attrs for tree in trees.values()):
+        facts = {letter: {**_parts(trees[letter]), **own} for letter, own in facts.items()}
     names = list(dict.fromkeys(name for one in facts.values() for name in one))
     found = []
     for name in names:
@@ -61,6 +64,13 @@ def _facts(tree: xr.DataTree) -> dict[str, str]:
             for name, value in _pairs(node.attrs.get(text)).items():
                 facts[f"{label}: {kind}{name}" if kind else f"version of {name}"] = str(value)
     return facts
+
+
+def _parts(tree: xr.DataTree) -> dict[str, str]:
+    """Bodies and components of the mechanism, each a fact of its own."""
+    parts = _pairs(tree.attrs["parts"])
+    facts = {f"body {name}": "yes" for name in parts.get("bodies", ())}
+    return {**facts, **{f"component {name}": str(kind) for name, kind in parts.get("components", {}).items()}}
 
 
 def _inputs(node: xr.DataTree) -> dict[str, str]:

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Literal, Union
 
 from uqmbd.errors import StudyError, UqmbdError
+from uqmbd.names import did_you_mean
 
 if TYPE_CHECKING:
     from uqmbd.propagation import Propagator
@@ -23,7 +24,10 @@ def check_labels(labels: Sequence[str], propagators: Sequence[Propagator]) -> No
     known = {propagator.node_name: propagator for propagator in propagators}
     for label in labels:
         if label not in known:
-            raise StudyError(f"--only {label}: the study has no propagator with this label.\n{_listed(propagators)}")
+            raise StudyError(
+                f"--only {label}: the study has no propagator with this label{did_you_mean(label, known) or '.'}\n"
+                f"{_listed(propagators)}"
+            )
 
 
 def apply_settings(settings: Sequence[str], propagators: Sequence[Propagator]) -> tuple[Propagator, ...]:
@@ -51,11 +55,16 @@ def apply_settings(settings: Sequence[str], propagators: Sequence[Propagator]) -
             example = f"{next(iter(known), 'monte-carlo')}.{_example(propagators)}"
             raise StudyError(f"--set {setting}: expected LABEL.option=value, such as {example}.")
         if label not in known:
-            raise StudyError(f"--set {setting}: the study has no propagator {label!r}.\n{_listed(propagators)}")
+            raise StudyError(
+                f"--set {setting}: the study has no propagator {label!r}{did_you_mean(label, known) or '.'}\n"
+                f"{_listed(propagators)}"
+            )
         types_of = _option_types(known[label])
         if option not in types_of:
             raise StudyError(
-                f"--set {setting}: {label!r} has no option {option!r}. Its options:\n{_options(known[label])}"
+                f"--set {setting}: {label!r} has no option {option!r}{did_you_mean(option, types_of) or '.'} "
+                f"Its options:\n"
+                f"{_options(known[label])}"
             )
         try:
             value = parse_value(text.strip(), types_of[option])
@@ -155,13 +164,10 @@ def _option_types(propagator: Propagator) -> dict[str, Any]:
 def _listed(propagators: Sequence[Propagator]) -> str:
     if not propagators:
         return "It has no propagators at all."
-    return "It has:\n" + "\n".join(
-        f"  {propagator.node_name} ({type(propagator).__name__})\n{_options(propagator, indent='      ')}"
-        for propagator in propagators
-    )
+    return "It has: " + ", ".join(f"{p.node_name} ({type(p).__name__})" for p in propagators) + "."
 
 
-def _options(propagator: Propagator, indent: str = "  ") -> str:
+def _options(propagator: Propagator) -> str:
     """List options with type, value in the study, and default."""
     lines = []
     fields = {option.name: option for option in dataclasses.fields(propagator)}
@@ -171,8 +177,8 @@ def _options(propagator: Propagator, indent: str = "  ") -> str:
         said = "no default" if default is dataclasses.MISSING else f"default {default!r}"
         value = getattr(propagator, name)
         now = "" if value is default or value == default else f"; {value!r} in the study"
-        lines.append(f"{indent}{name}: {_type_name(annotation)}, {said}{now}")
-    return "\n".join(lines) or f"{indent}(no options)"
+        lines.append(f"  {name}: {_type_name(annotation)}, {said}{now}")
+    return "\n".join(lines) or "  (no options)"
 
 
 def _type_name(annotation: Any) -> str:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from uqmbd.dynamics.assembly import independent_rows, positions
 from uqmbd.dynamics.block import TIME, Instance, instances_of
 from uqmbd.dynamics.derivation import derive
+from uqmbd.dynamics.finite import not_finite
 from uqmbd.dynamics.index1 import index1_system, massless_direction, state_arguments
 from uqmbd.dynamics.model import (
     FUSED_LIMIT,
@@ -65,6 +66,12 @@ def kinematic_model(mechanism: Mechanism, time: float = 0.0) -> Model:
         If it cannot be assembled at the means.
     """
     return _kinematics(mechanism, time)[0]
+
+
+def equation_names(mechanism: Mechanism) -> tuple[str, ...]:
+    """Name all constraint equations of a mechanism, assembled or not: component and what it holds together."""
+    instances = instances_of([*mechanism.all_components(), *angle_counters(mechanism)], mechanism.space)
+    return tuple(f"{i.component.name}: {label}" for i in instances for label in i.type.labels)
 
 
 def reactions_not_unique(mechanism: Mechanism, time: float = 0.0) -> tuple[str, ...]:
@@ -163,7 +170,10 @@ def _kinematics(mechanism: Mechanism, time: float) -> tuple[Model, list[Instance
     )
     parameters = model.parameters(inputs.means[None, :])
     if not np.isfinite(parameters).all():
-        raise StudyError(f"mechanism {mechanism.name!r}: a parameter is not finite at the means of the inputs.")
+        raise StudyError(
+            f"mechanism {mechanism.name!r}: {not_finite(mechanism, model, instances, expressions, parameters[0])}. "
+            "Expected a finite number there; look at the expression and at the distributions of its inputs."
+        )
     q, messages = positions(model, parameters[:, drawn], time, parameters)
     if messages[0]:
         raise AssemblyError(f"mechanism {mechanism.name!r} cannot be assembled: {messages[0]}")

@@ -29,6 +29,10 @@ class Check:
     inputs : tuple of (name, distribution, units)
     unused_inputs : tuple of str
         Declared, but entering nothing.
+    unit_lengths : int
+        As many of the equations are the unit lengths of the half-angle pairs or quaternions of bodies.
+    apart : tuple of tuple of str
+        Groups of bodies that no component connects with each other or the ground.
     """
 
     bodies: tuple[str, ...]
@@ -41,6 +45,8 @@ class Check:
     not_unique: tuple[str, ...]
     inputs: tuple[tuple[str, str, str], ...]
     unused_inputs: tuple[str, ...]
+    unit_lengths: int = 0
+    apart: tuple[tuple[str, ...], ...] = ()
 
 
 def check(mechanism: Mechanism, time: float = 0.0) -> Check:
@@ -89,4 +95,17 @@ def check(mechanism: Mechanism, time: float = 0.0) -> Check:
         not_unique=reactions_not_unique(mechanism, time) if len(redundant) else (),
         inputs=tuple((v.name, v.description, v.units) for v in inputs.variables),
         unused_inputs=tuple(n for n in inputs.names if n not in used),
+        unit_lengths=sum(name.endswith(": unit quaternion") for name in model.equations),
+        apart=_apart(mechanism),
     )
+
+
+def _apart(mechanism: Mechanism) -> tuple[tuple[str, ...], ...]:
+    """Return groups of bodies that no component connects with each other or the ground."""
+    group = {name: {name} for name in ("ground", *mechanism.bodies)}
+    for component in mechanism.components.values():
+        names = [str(getattr(component.attached[role], "name", "ground")) for role in component.bodies]
+        joined = set().union(*(group[name] for name in names))
+        group |= dict.fromkeys(joined, joined)
+    found = {name: tuple(n for n in mechanism.bodies if n in group[name]) for name in mechanism.bodies}
+    return tuple(dict.fromkeys(names for name, names in found.items() if name not in group["ground"]))

@@ -7,7 +7,9 @@ from typing import Any
 
 import sympy
 
+from uqmbd.errors import StudyError
 from uqmbd.mechanism.geometry import quaternion_product
+from uqmbd.mechanism.numbers import flatten, shown
 from uqmbd.mechanism.space import Space
 
 __all__ = ["Frame"]
@@ -101,11 +103,11 @@ class Frame:
 
     def direction(self, local: Sequence[Any]) -> sympy.Matrix:
         """Turn a vector from body axes to world axes."""
-        return self.rotation * sympy.Matrix(list(local))
+        return self.rotation * self._column(local, "direction", "vector")
 
     def point(self, local: Sequence[Any]) -> sympy.Matrix:
         """World position of a point given in the body frame."""
-        return self.position + self.direction(local)
+        return self.position + self.rotation * self._column(local, "point", "point")
 
     def point_velocity(self, local: Sequence[Any]) -> sympy.Matrix:
         """World velocity of a point fixed in the body, ``r' + d/dt(A c)``: quadratic in the quaternion."""
@@ -114,6 +116,17 @@ class Frame:
     def point_acceleration(self, local: Sequence[Any]) -> sympy.Matrix:
         """World acceleration of a point fixed in the body (outputs only)."""
         return self._rate(self.point_velocity(local))
+
+    def _column(self, local: Any, method: str, kind: str) -> sympy.Matrix:
+        """Return components as a column, or say that there are not as many as there are dimensions."""
+        given = flatten(local)
+        if len(given) != self.space.dimension or any(isinstance(x, (str, bytes)) for x in given):
+            raise StudyError(
+                f"{method}() needs {self.space.dimension} numbers, one for each axis of the body; it was given "
+                f"{shown(local)}; if it is a parameter of a component declare it with kind={kind!r}, as in "
+                f"uqmbd.Parameter(..., kind={kind!r})."
+            )
+        return sympy.Matrix(given)
 
     def _rate(self, vector: sympy.Matrix) -> sympy.Matrix:
         if self.is_ground:

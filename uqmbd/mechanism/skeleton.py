@@ -36,6 +36,8 @@ class Mark:
         Name of the component's parameter, or of the output.
     local : tuple of expressions
         In the frame of the body, m (a direction: of any length); they contain random variables only.
+    radius : expression
+        Of the sphere or wheel about a point, m; 0 for most.
     """
 
     kind: str
@@ -43,6 +45,7 @@ class Mark:
     component: str
     role: str
     local: tuple[sympy.Expr, ...]
+    radius: sympy.Expr = sympy.S.Zero
 
 
 def skeleton(mechanism: Mechanism, time: float = 0.0) -> list[Mark]:
@@ -88,7 +91,7 @@ def _marks(component: Component, mechanism: Mechanism, time: float) -> Iterator[
         if parameter.kind == "point":
             local = _points(list(value), time)
             if local:
-                yield Mark("point", body, component.name, key, local)
+                yield Mark("point", body, component.name, key, local, _radius(component, key))
         elif parameter.kind in ("axis", "turning_axis", "vector") or (parameter.kind == "moment" and dimension == 3):
             turned = body if parameter.kind in ("axis", "turning_axis") or _in_body_axes(parameter) else "ground"
             local = tuple(_still(x, time) for x in value)
@@ -100,7 +103,20 @@ def _role(component: Component, parameter: str) -> str:
     """Body argument that a parameter belongs to."""
     ending = parameter.rsplit("_", 1)[-1]
     alike = [role for role in component.bodies if role.rsplit("_", 1)[-1] == ending]
+    if not alike:  # as "centre of the wheel, frame of body j"
+        text = component.parameters()[parameter].description
+        alike = [role for role in component.bodies if text.endswith(f"frame of body {role.rsplit('_', 1)[-1]}")]
     return alike[0] if alike else component.bodies[0]
+
+
+def _radius(component: Component, point: str) -> sympy.Expr:
+    """Radius about a point: ``radius_i`` about `point_i`; a ``radius`` of no body belongs to the last one."""
+    ending = point.rsplit("_", 1)[-1]
+    own = component.values.get(f"radius_{ending}")
+    if own is None and _role(component, point) == component.bodies[-1]:
+        own = component.values.get("radius")
+    value = sympy.sympify(own or 0)
+    return value if _settled(value) else sympy.S.Zero
 
 
 def _in_body_axes(parameter: Parameter) -> bool:

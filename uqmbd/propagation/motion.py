@@ -82,6 +82,7 @@ def drawn_pose(mechanism: Mechanism, values: Mapping[str, float] | None = None, 
     """
     from uqmbd.dynamics import kinematic_model
     from uqmbd.dynamics.assembly import positions
+    from uqmbd.dynamics.build import equation_names
     from uqmbd.dynamics.parameters import ParameterMap
 
     if not mechanism.bodies:
@@ -95,7 +96,11 @@ def drawn_pose(mechanism: Mechanism, values: Mapping[str, float] | None = None, 
         note, equations = messages[0], model.equations
     except AssemblyError as error:
         drawn = [x for body in mechanism.bodies.values() for x in body.pose.q]
-        q, note, equations = ParameterMap.of(drawn, mechanism.inputs.variables)(point), str(error), ()
+        q, note, equations = (
+            ParameterMap.of(drawn, mechanism.inputs.variables)(point),
+            str(error),
+            equation_names(mechanism),
+        )
     return _dataset(mechanism, q[:, None, :], point, [time], equations, {"method": "", "note": note})
 
 
@@ -131,6 +136,8 @@ def motion(study: Study, samples: int = 20, frames: int = 60, seed: int = 1, met
     for name, value, least in (("samples", samples, 0), ("frames", frames, 2)):
         if not isinstance(value, int) or isinstance(value, bool) or value < least:
             raise StudyError(f"motion of {study.name!r}: {name} is {value!r}; expected a whole number from {least} on.")
+    if len(study.times) < 2:
+        raise StudyError(f"motion of {study.name!r}: the study has no output times, so that nothing moves in it.")
     times = np.linspace(study.times[0], study.times[-1], frames)
     means = study.mechanism.inputs.means[None, :]
     known = {"method": method or "", "seed": seed, "rtol": study.rtol, "integrator": study.integrator}
@@ -249,6 +256,9 @@ def _dataset(
         ),
         "local": (("realisation", "point", "axis"), local.reshape(len(values), len(marks), d), {"units": "m"}),
     }
+    if any(mark.radius != 0 for mark in marks):
+        radii = ParameterMap.of([mark.radius for mark in marks], inputs.variables)(values)
+        data["point_radius"] = (("realisation", "point"), radii, {"units": "m"})
     data |= {name: ("point", fixed_width(texts)) for name, texts in roles.items()}
     if components:
         data |= {name: ("component", fixed_width(texts)) for name, texts in kinds.items()}
@@ -280,9 +290,13 @@ def _symbol(component: Component, equations: tuple[str, ...], dimension: int, gi
             return "driver"
         found = SYMBOLS.get(frozenset(labels), "")
         return {"ball": "hinge"}.get(found, found) if dimension == 2 else found
+    declared = component.parameters()
+    round_ = any(name.split("_")[0] == "radius" and parameter.kind == "scalar" for name, parameter in declared.items())
+    if points and (round_ or any(name.startswith("normal") for name in given)):
+        return "contact"
     if points >= 2:
-        return "spring"
-    kinds = {parameter.kind for parameter in component.parameters().values()}
+        return "damper" if component.values.get("stiffness") == 0 and component.values.get("damping") else "spring"
+    kinds = {parameter.kind for parameter in declared.values()}
     if len(component.bodies) == 1:
         return "torque" if "moment" in kinds else "force" if "vector" in kinds else ""
     return "coil" if "turning_axis" in kinds else ""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from numbers import Real
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -12,12 +12,27 @@ from numpy.typing import ArrayLike, NDArray
 from uqmbd.dynamics import INTEGRATORS
 from uqmbd.errors import StudyError
 
-__all__ = ["STARTS", "check_integrator", "check_report_times", "check_rtol", "check_start", "check_times"]
+if TYPE_CHECKING:
+    from uqmbd.mechanism import Mechanism
+
+__all__ = [
+    "STARTS",
+    "check_integrator",
+    "check_report_times",
+    "check_rtol",
+    "check_start",
+    "check_still",
+    "check_times",
+]
 
 Array = NDArray[np.float64]
 
 STARTS = ("drawn", "equilibrium")
 """Where realisations may start."""
+
+
+NAMED = 5
+"""Outputs that a message names."""
 
 
 def check_times(times: ArrayLike, where: str) -> Array:
@@ -42,6 +57,23 @@ def check_times(times: ArrayLike, where: str) -> Array:
             f"{where}: times do not increase: times[{k}] = {grid[k]:g} is followed by times[{k + 1}] = "
             f"{grid[k + 1]:g}; every output time must be later than the one before."
         )
+    grid.setflags(write=False)
+    return grid
+
+
+def check_still(mechanism: Mechanism, where: str) -> Array:
+    """Return the times of a study without output times, 0 s alone, or say which outputs need some."""
+    from uqmbd.mechanism import MotionSymbol
+
+    needing = [*mechanism.outputs, *(o.name for o in mechanism.scalars.values() if o.expression.atoms(MotionSymbol))]
+    if needing:
+        more = f" and {len(needing) - NAMED} more" if len(needing) > NAMED else ""
+        raise StudyError(
+            f"{where}: times are missing; expected output times in s, e.g. times=numpy.linspace(0, 2, 401), for "
+            f"{', '.join(map(repr, needing[:NAMED]))}{more}. Only where all outputs can be told without a motion, as "
+            "frequencies, may they be left out."
+        )
+    grid = np.zeros(1)
     grid.setflags(write=False)
     return grid
 

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import inspect
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
-from uqmbd.names import check_name
+from uqmbd.errors import StudyError
+from uqmbd.names import check_name, did_you_mean
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -28,6 +30,11 @@ class Propagator(ABC):
     label : str, optional
         Name of its results; default the registered name of the method.
 
+    Raises
+    ------
+    uqmbd.StudyError
+        If it is given an option that it does not have.
+
     Examples
     --------
     >>> from uqmbd_montecarlo import MonteCarlo
@@ -37,6 +44,18 @@ class Propagator(ABC):
 
     name: ClassVar[str]
     label: str | None = None
+
+    def __new__(cls, *arguments: Any, **options: Any) -> Self:
+        """Refuse options that there are not, before ``__init__`` does so without a word on what there is."""
+        taken = inspect.signature(cls.__init__).parameters
+        unknown = [name for name in options if name not in taken]
+        if unknown and not any(p.kind is p.VAR_KEYWORD for p in taken.values()):
+            known = [name for name in taken if name != "self"]
+            raise StudyError(
+                f"{cls.__name__}: there is no option {unknown[0]!r}{did_you_mean(unknown[0], known) or '.'} "
+                f"Its options are {', '.join(known)}."
+            )
+        return super().__new__(cls)
 
     @property
     def node_name(self) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import importlib
+import json
 from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import Executor
 from functools import cached_property
@@ -16,7 +17,14 @@ from uqmbd.errors import StudyError
 from uqmbd.names import check_name
 from uqmbd.propagation.deterministic import observed_model
 from uqmbd.propagation.growing import check_convergence_of, with_convergence
-from uqmbd.propagation.options import check_integrator, check_report_times, check_rtol, check_start, check_times
+from uqmbd.propagation.options import (
+    check_integrator,
+    check_report_times,
+    check_rtol,
+    check_start,
+    check_still,
+    check_times,
+)
 from uqmbd.propagation.progress import Progress, told
 from uqmbd.propagation.propagator import Propagator
 from uqmbd.propagation.scalars import propagated
@@ -41,8 +49,9 @@ class Study:
         What appears in data and reports.
     mechanism : Mechanism
         With at least one output.
-    times : array_like, shape (T,)
-        Output times, s, strictly increasing; the first is the start.
+    times : array_like, shape (T,), optional
+        Output times, s, strictly increasing; the first is the start.  May be left out where all outputs are without a
+        time and nothing moves for them, as frequencies; it is then 0 s alone.
     propagators : sequence of Propagator
         Methods, each with a label of its own.
     rtol : float
@@ -83,7 +92,7 @@ class Study:
         self,
         name: str,
         mechanism: Mechanism,
-        times: ArrayLike,
+        times: ArrayLike | None = None,
         propagators: Sequence[Propagator] = (),
         rtol: float = 1e-6,
         integrator: str = "auto",
@@ -97,7 +106,9 @@ class Study:
         if not isinstance(mechanism, Mechanism):
             raise StudyError(f"study {name!r}: the mechanism is {mechanism!r}; expected a uqmbd.Mechanism.")
         self.mechanism = mechanism
-        self.times = check_times(times, f"study {name!r}")
+        self.times = (
+            check_still(mechanism, f"study {name!r}") if times is None else check_times(times, f"study {name!r}")
+        )
         self.rtol = check_rtol(rtol, f"study {name!r}")
         self.integrator = check_integrator(integrator, f"study {name!r}")
         self.start = check_start(start, f"study {name!r}")
@@ -145,6 +156,9 @@ class Study:
     @cached_property
     def model(self) -> Model:
         """The compiled model (made when first needed)."""
+        if len(self.times) == 1:
+            # outputs may have been added since
+            check_still(self.mechanism, f"study {self.name!r}")
         return observed_model(self.mechanism, float(self.times[0]), self.start)
 
     def problem(
@@ -236,7 +250,13 @@ class Study:
                 nodes,
                 study=self.name,
                 mechanism=self.mechanism.name,
-                attrs={"rtol": self.rtol, "integrator": self.integrator, "start": self.start, **shown},
+                attrs={
+                    "rtol": self.rtol,
+                    "integrator": self.integrator,
+                    "start": self.start,
+                    **shown,
+                    **_parts(self.mechanism),
+                },
             )
             if only is None:
                 tree = with_convergence(self, tree, executor, progress, folder)
@@ -279,7 +299,11 @@ class Study:
 
     def __repr__(self) -> str:
         names = ", ".join(p.node_name for p in self.propagators) or "no propagators"
-        return (
-            f"<study {self.name!r} of mechanism {self.mechanism.name!r}: "
-            f"{len(self.times)} times to {self.times[-1]:g} s; {names}>"
-        )
+        times = f"{len(self.times)} times to {self.times[-1]:g} s" if len(self.times) > 1 else "no times"
+        return f"<study {self.name!r} of mechanism {self.mechanism.name!r}: {times}; {names}>"
+
+
+def _parts(mechanism: Mechanism) -> dict[str, str]:
+    """Bodies, and components with their types, as JSON: `uqmbd compare` tells which only one of two mechanisms has."""
+    components = {c.name: type(c).__name__ for c in mechanism.components.values()}
+    return {"parts": json.dumps({"bodies": list(mechanism.bodies), "components": components})}

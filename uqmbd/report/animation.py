@@ -229,6 +229,14 @@ def with_motion(tree: xr.DataTree, study: Study) -> tuple[xr.DataTree, str]:
     return extended, ""
 
 
+def darker(colour: str) -> tuple[float, float, float]:
+    """Mix a colour with black, so that it stands out from a body's outline in it."""
+    from matplotlib.colors import to_rgb
+
+    r, g, b = (0.7 * x for x in to_rgb(colour))
+    return r, g, b
+
+
 def _duration(data: xr.Dataset) -> float:
     times = data["time"].values
     return float(np.clip(times[-1] - times[0], *SECONDS))
@@ -286,9 +294,11 @@ class Film:
     @cached_property
     def stage(self) -> Stage:
         """Axes that hold the whole motion."""
-        points = self.points[..., self.sketch.placed, :]
+        points = self.points if self.followed else self.sketch.extent(self.points)
         if self.followed:
-            points = points[..., [k for k, m in enumerate(np.flatnonzero(self.sketch.placed)) if m in self._moving], :]
+            points = points[..., self.sketch.placed, :][
+                ..., [k for k, m in enumerate(np.flatnonzero(self.sketch.placed)) if m in self._moving], :
+            ]
         made = stage(
             points.reshape(-1, points.shape[-1]),
             width=self.width,
@@ -345,12 +355,12 @@ class Film:
         return self.sketch.draw(self.stage, self.points[0, frame], self.reaches, THICK).shapes
 
     def cloud(self, frame: int) -> list[Any]:
-        """Bodies of all realisations but the first, light and transparent."""
+        """Bodies of all realisations but the first: thin dark lines above those at the means."""
         from matplotlib.collections import LineCollection
 
         made = []
         count = len(self.points) - 1
-        alpha = float(np.clip(3.2 / max(count, 1), 0.12, 0.5))
+        alpha = float(np.clip(7.0 / max(count, 1), 0.2, 0.7))
         for body, corners in self._corners:
             outlines = []
             for page in self._page[1:, frame][:, corners]:
@@ -360,9 +370,9 @@ class Film:
                 shown = np.concatenate([shown, shown[:1]]) if len(shown) != 2 else shown
                 outlines.append(shown + [[0, 0], *[[1e-3, 0]] * (len(shown) - 1)] if len(corners) == 1 else shown)
             # bodies of one point lie beneath their joint: their cloud is drawn above it
-            width, order = (5.0, 8.0) if len(corners) == 1 else (2.2, 3.95)
+            width, order = (5.0, 8.0) if len(corners) == 1 else (0.7, 5.45)
             lines = LineCollection(
-                outlines, colors=[self.sketch.colour(body)], linewidths=width, alpha=alpha, capstyle="round",
+                outlines, colors=[darker(self.sketch.colour(body))], linewidths=width, alpha=alpha, capstyle="round",
                 joinstyle="round", transform=self.stage.figure.dpi_scale_trans, zorder=order,
             )  # fmt: skip
             made.append(lines)

@@ -60,6 +60,7 @@ def error_cost(convergence: xr.Dataset, output: str) -> Figure:
     data = convergence.isel(output=names.index(output))
     figure, grid = axes_grid(2, 2.2)
     handles: dict[str, Any] = {}
+    known: Any = None
     seen: list[float] = []
     ranges: list[list[float]] = [[], []]
     for m, label in enumerate(str(v) for v in data["method"].values):
@@ -81,18 +82,27 @@ def error_cost(convergence: xr.Dataset, output: str) -> Figure:
     for axes, reach, label in zip(grid, ranges, ("realisations", "wall time [s]"), strict=True):
         log_axis(axes, "x", min(reach), max(reach))
         log_axis(axes, "y", min(seen), max(seen))
+        axes.set_xlim(*_beyond(*axes.get_xlim()))
+        axes.set_ylim(*_beyond(*axes.get_ylim()))
         low, high = axes.get_ylim()
         for name, line in (("mean", "-"), ("std", (0, (4, 2)))):
             own = float(np.nan_to_num(data[f"reference_{name}_error"]))
             if low < own < high:
-                what = "mean" if name == "mean" else "standard deviation"
-                handles[f"error of the reference: {what}"] = axes.axhline(own, color="0.55", ls=line, lw=1.0)
+                known = axes.axhline(own, color="0.55", ls=line, lw=1.0)
         axes.set_xlabel(label)
         axes.grid(color="0.9", lw=0.7)
     for what, line, fill in (("mean", "-", "0.3"), ("standard deviation", (0, (4, 2)), "white")):
         handles[what] = Line2D([], [], color="0.3", ls=line, lw=1.5, marker="o", ms=5, mfc=fill)
+    if known is not None:
+        handles["error of the reference"] = known
     reference = shortened(f"reference: {convergence.attrs.get('reference', '')}").replace("$", r"\$")
     grid[0].set_title(reference, fontsize=9, y=1.0, loc="left")
     grid[0].set_ylabel("relative error")
     arrange(figure, grid, 2, legend=handles, heights=(1.85,))
     return figure
+
+
+def _beyond(low: float, high: float) -> tuple[float, float]:
+    """Return ends a little apart on a logarithmic scale: no point lies on an axis."""
+    share = float((high / low) ** 0.04)
+    return low / share, high * share

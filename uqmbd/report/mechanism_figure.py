@@ -65,7 +65,7 @@ def mechanism(mechanism: Mechanism, values: Mapping[str, float] | None = None, t
 
     data = drawn_pose(mechanism, values, time)
     sketch, points = Sketch(data), world(data)[0, 0]
-    made = stage(points[sketch.placed])
+    made = stage(sketch.extent(points))
     pen = sketch.draw(made, points)
     labels = sketch.labels(made, points)[:MOST_NAMES]
     made.draw(pen.shapes)

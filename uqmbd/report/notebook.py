@@ -51,7 +51,9 @@ def study_html(study: Study) -> str:
     """
     times = study.times
     facts = [
-        ("times", f"{len(times)}, from {format_number(times[0])} s to {format_number(times[-1])} s"),
+        ("times", f"{len(times)}, from {format_number(times[0])} s to {format_number(times[-1])} s")
+        if len(times) > 1
+        else ("times", "none"),
         ("relative tolerance", format_number(study.rtol)),
         ("integrator", study.integrator),
         ("start", study.start),

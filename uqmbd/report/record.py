@@ -72,7 +72,7 @@ def provenance(label: str, node: xr.DataTree) -> dict[str, Any]:
 
 def study_attributes(tree: xr.DataTree) -> list[tuple[str, str]]:
     """Return what else is known about the study."""
-    shown = {"study", "mechanism", "created", "command"}
+    shown = {"study", "mechanism", "created", "command", "parts"}
     return [(str(k), str(v)) for k, v in tree.attrs.items() if k not in shown]
 
 

@@ -10,6 +10,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from uqmbd.report.contact import across, draw_contact, extremes, foot
 from uqmbd.report.drawing import COLOURS
 from uqmbd.report.placing import Label
 from uqmbd.report.stage import Stage
@@ -19,8 +20,11 @@ __all__ = ["Sketch", "world"]
 
 Array = NDArray[np.float64]
 
-POINTLIKE = ("hinge", "ball", "universal", "weld", "rod", "spring", "")
+POINTLIKE = ("hinge", "ball", "universal", "weld", "rod", "spring", "damper", "")
 """Symbols whose point on the ground is shown as held by it."""
+
+CLOSED = ("hinge", "ball", "universal", "weld")
+"""Symbols of joints that hold two points together."""
 
 
 def world(data: xr.Dataset) -> Array:
@@ -124,6 +128,13 @@ class Sketch:
         return r, g, b
 
     @cached_property
+    def radii(self) -> list[float]:
+        """Radius of the circle about each point, m; 0 for most."""
+        if "point_radius" not in self.data:
+            return [0.0] * len(self.kinds)
+        return [abs(float(r)) for r in self.data["point_radius"].values[0]]
+
+    @cached_property
     def parts(self) -> tuple[Part, ...]:
         """Its components."""
         if "component" not in self.data.coords:
@@ -161,6 +172,18 @@ class Sketch:
                     return points[-1]
         return None
 
+    def extent(self, points: Array) -> Array:
+        """Points that a picture must hold, shape (N, axis), m, from `points` (..., point, axis)."""
+        found = [points[..., self.placed, :].reshape(-1, points.shape[-1])]
+        found += [extremes(points[..., k, :], radius) for k, radius in enumerate(self.radii) if radius > 0]
+        for part in self.parts:
+            if part.symbol == "contact" and part.directions and len(part.points) > 1:
+                origin, last, normal = (
+                    points[..., k, :] for k in (part.points[0], part.points[-1], part.directions[0])
+                )
+                found.append(foot(origin, normal, last).reshape(-1, points.shape[-1]))
+        return np.concatenate(found)
+
     # -- drawing -----------------------------------------------------------------------------------------------------
     def reaches(self, points: Array) -> dict[str, tuple[float, float]]:
         """How far something slides along each guide over all times, m, from `points` (time, point, axis)."""
@@ -175,6 +198,13 @@ class Sketch:
                 low, high = (float(along.min()), float(along.max())) if len(along) else (0.0, 0.0)
                 # the origin of a guide is on it, unless it is far away
                 found[part.name] = (min(low, 0.0), max(high, 0.0)) if min(abs(low), abs(high)) < 1.0 else (low, high)
+            if part.symbol == "contact" and len(part.points) > 1 and part.directions:
+                offset = points[:, part.points[-1]] - points[:, part.points[0]]
+                axes = [across(normal) for normal in points[:, part.directions[0]]]
+                for number in range(points.shape[-1] - 1):
+                    along = [float(a[number] @ x) for a, x in zip(axes, offset, strict=True) if np.isfinite(x).all()]
+                    # names never contain a slash
+                    found[f"{part.name}/{number}"] = (min([0.0, *along]), max([0.0, *along]))
         return found
 
     def draw(
@@ -235,7 +265,16 @@ class Sketch:
             for k in part.points:
                 if self.owners[k] == "ground":
                     pen.support(points[k])
+        if self.data.attrs.get("note") and part.symbol in CLOSED and first is not None and last is not None:
+            pen.gap(first, last)
         match part.symbol:
+            case "contact" if first is not None:
+                shown = [(low, high) for name, (low, high) in reaches.items() if name.startswith(f"{part.name}/")]
+                radii, colours = (
+                    [self.radii[k] for k in part.points],
+                    [self.colour(self.owners[k]) for k in part.points],
+                )
+                draw_contact(pen, places, radii, colours, axis if shown else None, shown)
             case "hinge" if last is not None:
                 pen.hinge(last, axis)
             case "ball" if last is not None:
@@ -258,6 +297,8 @@ class Sketch:
                 pen.rod(first, last)
             case "spring" if first is not None and last is not None:
                 pen.spring(first, last)
+            case "damper" if first is not None and last is not None:
+                pen.damper(first, last)
             case "coil" if at is not None:
                 pen.coil(at, axis)
             case "driver" if first is not None and last is not None and len(places) > 1:
@@ -286,8 +327,10 @@ class Sketch:
             found.append(Label(_short(body), middle, 9.0, self.colour(body), bold=True))
         for part in self.parts:
             where = [points[part.anchor]] if part.anchor is not None else [points[k] for k in part.ends]
-            if part.symbol in ("rod", "spring", "driver", "") and len(part.points) > 1:
+            if part.symbol in ("rod", "spring", "damper", "contact", "driver", "") and len(part.points) > 1:
                 where = [points[part.points[0]], points[part.points[-1]]]
+                if part.symbol == "contact" and part.directions:
+                    where = [foot(where[0], points[part.directions[0]], where[1])]
             if where:
                 found.append(Label(_short(part.name), stage.project(np.mean(where, axis=0)), 8.0, "0.25"))
         return found

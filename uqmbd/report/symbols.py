@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from uqmbd.report.drawing import FAILED
 from uqmbd.report.stage import Shape, Stage
 
-__all__ = ["Pen", "hull"]
+__all__ = ["Pen", "hull", "normals"]
 
 Array = NDArray[np.float64]
 
@@ -148,7 +149,7 @@ class Pen:
             corners = [point + a * long * axis + b * high * across for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
             self._add(self.stage.project(np.array(corners)), DARK, light, 1.2, closed=True, order=2.8)
             return
-        b, c = _normals(axis)
+        b, c = normals(axis)
         ends = [point + s * long * axis for s in (-1.0, 1.0)]
         section = _ring(axis) * high if round_ else np.array([b + c, c - b, -b - c, b - c]) * high * 0.85
         both = [self.stage.project(end + section) for end in ends]
@@ -185,9 +186,32 @@ class Pen:
         if not self.stage.spatial:
             self.line(foot, np.array([-normal[1], normal[0]]), (0.0, 0.0))
             return
-        b, c = (0.35 * self.stage.unit * x for x in _normals(normal))
+        b, c = (0.35 * self.stage.unit * x for x in normals(normal))
         corners = np.array([foot + b + c, foot - b + c, foot - b - c, foot + b - c])
         self._add(self.stage.project(corners), "0.5", "0.9", 0.8, closed=True, order=0.6, alpha=0.6)
+
+    def ground(
+        self, origin: Array, normal: Array, along: Sequence[Array], reaches: Sequence[tuple[float, float]]
+    ) -> None:
+        """Draw what bodies hit or lie on: a hatched line, in space a patch, which `reaches` so far `along`, m."""
+        more = 0.45 * self.stage.unit
+        first = origin + np.outer([reaches[0][0] - more, reaches[0][1] + more], along[0])
+        if not self.stage.spatial:
+            self._hatch(*self.stage.project(first))
+            return
+        second = np.outer([reaches[1][0] - more, reaches[1][1] + more], along[1])
+        corners = np.array([first[0] + second[0], first[1] + second[0], first[1] + second[1], first[0] + second[1]])
+        self._add(self.stage.project(corners), "0.5", "0.9", 0.8, closed=True, order=0.6, alpha=0.6)
+
+    def circle(self, point: Array, radius: float, colour: Any) -> None:
+        """Draw a circle or sphere of a radius, m; a dot where that is too small to be seen."""
+        inches = radius / self.stage.unit
+        if inches < 0.6 * RADIUS:
+            self.dot(point)
+            return
+        line = self.stage.project(point) + inches * _circle(97)
+        self._add(line, colour, None, 1.3, closed=True, order=3.2)
+        self._add(line, "none", colour, 0.0, closed=True, order=1.5, alpha=0.15)
 
     def rod(self, first: Array, second: Array) -> None:
         """Draw a massless rod."""
@@ -198,6 +222,12 @@ class Pen:
     def link(self, first: Array, second: Array) -> None:
         """Draw that two places have to do with each other."""
         self._add(self.stage.project(np.array([first, second])), "0.5", None, 1.0, style=(0, (2, 2)), order=2.5)
+
+    def gap(self, first: Array, second: Array) -> None:
+        """Draw that two places should be one, and are not."""
+        ends = self.stage.project(np.array([first, second]))
+        if np.hypot(*(ends[1] - ends[0])) > RADIUS:
+            self._add(ends, FAILED, None, 1.5, style=(0, (4, 2.5)), order=3.9)
 
     # -- springs, drivers, loads -------------------------------------------------------------------------------------
     def spring(self, first: Array, second: Array) -> None:
@@ -213,6 +243,25 @@ class Pen:
             s = np.concatenate([[0.0], np.linspace(0.14, 0.86, 2 * turns + 1), [1.0]])
             side = np.array([0, 0, *([1, -1] * turns)[: 2 * turns - 1], 0, 0])
             self._add(start + s[:, None] * along + side[:, None] * across, "0.3", None, 1.2, order=3.5)
+        self._disc(first, 0.45 * RADIUS, face=DARK)
+        self._disc(second, 0.45 * RADIUS, face=DARK)
+
+    def damper(self, first: Array, second: Array) -> None:
+        """Draw a piston in a cylinder between two points; a spring's small circle where they coincide."""
+        start, end = self.stage.project(np.array([first, second]))
+        along = end - start
+        length = float(np.hypot(*along))
+        if length < 0.2:
+            self.spring(first, second)
+            return
+        along = along / length
+        side = np.array([-along[1], along[0]]) * min(0.075, 0.2 * length)
+        middle, half = (start + end) / 2, min(0.16, 0.25 * length) * along
+        self._add(np.array([start, middle - half]), "0.3", None, 1.2, order=3.5)
+        pot = np.array([middle + half + side, middle - half + side, middle - half - side, middle + half - side])
+        self._add(pot, "0.3", None, 1.2, order=3.5)
+        self._add(np.array([middle - 0.8 * side, middle + 0.8 * side]), "0.3", None, 2.2, order=3.5)
+        self._add(np.array([middle, end]), "0.3", None, 1.2, order=3.5)
         self._disc(first, 0.45 * RADIUS, face=DARK)
         self._disc(second, 0.45 * RADIUS, face=DARK)
 
@@ -253,7 +302,7 @@ class Pen:
     # -- helpers -----------------------------------------------------------------------------------------------------
     def _around(self, point: Array, axis: Array | None, size: Array, turn: Array, edge: Any, width: float) -> Array:
         if self.stage.spatial and axis is not None:
-            b, c = _normals(axis)
+            b, c = normals(axis)
             offsets = np.outer(size * np.cos(turn), b) + np.outer(size * np.sin(turn), c)
             path = self.stage.project(point + self.stage.unit * offsets)
         else:
@@ -285,11 +334,12 @@ class Pen:
             self.shapes.append(Shape(vertices, edge, face, width, closed, style, order, alpha))
 
 
-def _circle() -> Array:
-    return np.column_stack([np.cos(TURN), np.sin(TURN)])
+def _circle(corners: int = len(TURN)) -> Array:
+    turn = np.linspace(0, 2 * np.pi, corners)
+    return np.column_stack([np.cos(turn), np.sin(turn)])
 
 
-def _normals(axis: Array) -> tuple[Array, Array]:
+def normals(axis: Array) -> tuple[Array, Array]:
     """Two unit vectors perpendicular to an axis in space and to each other."""
     axis = axis / np.linalg.norm(axis)
     other = np.eye(3)[int(np.argmin(abs(axis)))]
@@ -300,6 +350,6 @@ def _normals(axis: Array) -> tuple[Array, Array]:
 
 def _ring(axis: Array) -> Array:
     """Return the unit circle about an axis in space, shape (N, 3)."""
-    b, c = _normals(axis)
+    b, c = normals(axis)
     ring: Array = np.outer(np.cos(TURN), b) + np.outer(np.sin(TURN), c)
     return ring

@@ -1,0 +1,95 @@
+"""Which parameter of a model is not finite at the means of the inputs, in words."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import sympy
+from numpy.typing import NDArray
+
+from uqmbd.dynamics.block import Instance
+from uqmbd.dynamics.model import Model
+from uqmbd.mechanism import Mechanism
+from uqmbd.mechanism.numbers import flatten
+
+__all__ = ["not_finite"]
+
+LENGTH = 200
+"""Characters of an expression that are shown."""
+
+
+def not_finite(
+    mechanism: Mechanism,
+    model: Model,
+    instances: Sequence[Instance],
+    expressions: Sequence[sympy.Expr],
+    values: NDArray[np.float64],
+) -> str:
+    """Say which parameter is not finite, of what, and at which inputs.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        As the user described it.
+    model : Model
+        Its places of parameters: `drawn`, `statements`, `breaks` and `positive`.
+    instances : sequence of Instance
+        Their parameters come first.
+    expressions : sequence of expressions, length P
+        All parameters.
+    values : array, shape (P,)
+        Their values at the means of the inputs; at least one is not finite.
+
+    Returns
+    -------
+    str
+        Such as ``body 'rod': its drawn pose is nan at the means: angle = asin(x); x = 2``.
+    """
+    wrong = np.flatnonzero(~np.isfinite(values))
+    # a pose first: counters of angles are made from it
+    k = int(next(iter(np.intersect1d(wrong, model.drawn)), wrong[0]))
+    owner, what, expression = _origin(mechanism, model, instances, k, expressions[k])
+    inputs = mechanism.inputs
+    means = dict(zip(inputs.names, inputs.means.tolist(), strict=True))
+    needed = sorted(str(s) for s in expression.free_symbols if str(s) in means)
+    shown = str(expression)
+    text = shown if len(shown) <= LENGTH else f"{shown[:LENGTH]} ..."
+    at = ", ".join(f"{name} = {means[name]:g}" for name in needed)
+    return (
+        f"{owner}: {what[0]} is {values[k]:g} at the means of the inputs: {what[1]} = {text}{f'; {at}' if at else ''}"
+    )
+
+
+def _origin(
+    mechanism: Mechanism, model: Model, instances: Sequence[Instance], k: int, expression: sympy.Expr
+) -> tuple[str, tuple[str, str], sympy.Expr]:
+    """Return whose parameter `k` is, what it is in words and by name, and the expression as the user wrote it."""
+    first = 0
+    for instance in instances:
+        last = first + len(instance.parameters)
+        if k < last:
+            component = instance.component
+            name = next(
+                (n for n, v in component.values.items() if any(x == expression for x in flatten(v))), "an expression"
+            )
+            owner = f"{type(component).__name__} {component.name!r}"
+            return owner, (f"its parameter {name!r}" if name != "an expression" else "a parameter", name), expression
+        first = last
+    if k < first + model.layout.coordinates:
+        body = list(mechanism.bodies.values())[(k - first) // model.size]
+        coordinate = (k - first) % model.size
+        pose = ("its drawn pose", mechanism.space.coordinates[coordinate])
+        turned = sympy.sympify(body.pose.angle)
+        if coordinate >= model.dimension and mechanism.space.turns and model.dimension == 2 and turned.free_symbols:
+            # the half-angle pair is not what was written
+            return f"body {body.name!r}", (pose[0], "angle"), turned
+        return f"body {body.name!r}", pose, expression
+    for statement in model.statements:
+        if k in statement.parameters:
+            quantity = statement.quantity
+            return f"body {statement.body!r}", (f"its {quantity.replace('_', ' ')}", quantity), expression
+    for what, place in model.positive:
+        if k == place:
+            return f"mechanism {mechanism.name!r}", (f"the {what}", what.partition(" of ")[0]), expression
+    return f"mechanism {mechanism.name!r}", ("a time at which a force or a driver changes", "time"), expression
