@@ -406,7 +406,7 @@ def test_they_are_reported(mixed, tmp_path, capsys):
     from uqmbd.cli.tables import show_summary
 
     page = write_report(mixed, tmp_path / "report.html").read_text(encoding="utf-8")
-    assert "Outputs without a time" in page and "stiffness (100 %)" in page and "could not be drawn" not in page
+    assert "Outputs without a time" in page and "stiffness (100\xa0%)" in page and "could not be drawn" not in page
     show_summary(mixed, files={})
     said = capsys.readouterr().out
     assert "without a time" in said and "1.589 ± 0.092" in said

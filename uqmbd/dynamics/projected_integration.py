@@ -124,8 +124,8 @@ def integrate_projected(
 def _with_events(projected: ProjectedEnsemble, times: Array, rtol: float) -> ProjectedTrajectories:
     """Integrate from event to event, where as many terms as nodes make the projected equations those of the nodes.
 
-    ``Psi^T W r = 0`` with a square and invertible ``Psi^T W`` is ``r = 0`` at every node, and so are the projected laws of
-    impact; coefficients are those of the nodal states.
+    ``Psi^T W r = 0`` with a square and invertible ``Psi^T W`` is ``r = 0`` at every node, and so are the projected laws
+    of impact; coefficients are those of the nodal states.
     """
     if not projected.collocates:
         raise StudyError(
