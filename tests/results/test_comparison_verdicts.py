@@ -181,7 +181,7 @@ def test_recommendation(exact: xr.DataTree) -> None:
     nodes = [sampled("monte-carlo", 1000, 1), projected("fine", 5), projected("low", 1), projected("off", 5, shift=0.5)]
     found = results.compare(nodes)
     lead, *others = results.recommend(found)
-    assert lead.startswith("Use fine: it agrees with monte-carlo, its own error is below ")
+    assert lead.startswith("Use fine: it agrees with monte-carlo, its own error, averaged over time, is below ")
     assert "28 times cheaper than monte-carlo (360 ms instead of 10 s; 36 realisations instead of 1000)." in lead
     assert others[0].startswith("low") and "is under-resolved: order 1 is too low" in others[0]
     assert others[1].startswith("off differs from monte-carlo: mean shifted by ")

@@ -67,8 +67,8 @@ def recommend(comparison: xr.Dataset) -> tuple[str, ...]:
     ...     return propagator_node(label, statistics, propagator="p", realisations=cost, wall_time=0.01 * cost)
     >>> for sentence in recommend(compare([node("many", 1.0, 10000, 0.01), node("few", 0.99, 1000, 0.02)])):
     ...     print(sentence)
-    Use few: it agrees with many, its own error is below 5 % of the standard deviation, and it is 10 times cheaper than
-    many (10 s instead of 1 min 40 s; 1000 realisations instead of 10000).
+    Use few: it agrees with many, its own error, averaged over time, is below 5 % of the standard deviation, and it is
+    10 times cheaper than many (10 s instead of 1 min 40 s; 1000 realisations instead of 10000).
     """
     methods = [str(m) for m in comparison["method"].values]
     if len(methods) < 2 or "verdict" not in comparison or not comparison.sizes["output"]:
@@ -113,7 +113,9 @@ def _cheapest(methods: list[str], errors: dict[str, float], costs: dict[str, flo
 
 
 def _known(error: float) -> str:
-    return f" (own error {_below(error)} of the standard deviation)" if math.isfinite(error) else ""
+    if not math.isfinite(error):
+        return ""
+    return f" (own error, averaged over time, {_below(error)} of the standard deviation)"
 
 
 def _below(error: float) -> str:
@@ -137,7 +139,7 @@ def _reasons(
     agrees = f"it agrees with {reference}" if best != reference else "it is the reference, with which the others agree"
     parts = [agrees]
     if math.isfinite(errors[best]):
-        parts.append(f"its own error is {_below(errors[best])} of the standard deviation")
+        parts.append(f"its own error, averaged over time, is {_below(errors[best])} of the standard deviation")
     other = reference if best != reference else max(costs, key=lambda m: costs[m])
     if other != best and costs[best] > 0 and costs[other] > 1.05 * costs[best]:
         ratio = costs[other] / costs[best]
