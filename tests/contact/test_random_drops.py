@@ -91,7 +91,8 @@ def check(dropped, make, count, seed=1):
     assert found.counters.events > count / 2
     scale = np.abs(energy).max(axis=1, keepdims=True)
     growth = (np.diff(energy, axis=1) / scale).max()
-    assert growth < 1e-5, (
+    # errors of flights at rtol 1e-6 add up to some fifteen tolerances where a ball spins; at 1e-8 they are 3e-8
+    assert growth < 3e-5, (
         f"energy grows by {growth:.2g} in realisation {np.argmax((np.diff(energy) / scale).max(axis=1))}"
     )
 
