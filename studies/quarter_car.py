@@ -30,11 +30,16 @@ def karhunen_loeve(terms):
     R. G. Ghanem and P. D. Spanos, Stochastic Finite Elements, Springer 1991, section 2.3.3.
     """
     c = 1 / CORRELATION
+
+    def even(w):
+        return c - w * np.tan(w * HALF)
+
+    def odd(w):
+        return w + c * np.tan(w * HALF)
+
     found = []
     for k in range(terms):
         low, high = k * np.pi / (2 * HALF) + 1e-12, (k + 1) * np.pi / (2 * HALF) - 1e-12
-        even = lambda w: c - w * np.tan(w * HALF)  # noqa: E731
-        odd = lambda w: w + c * np.tan(w * HALF)  # noqa: E731
         frequency = scipy.optimize.brentq(even if k % 2 == 0 else odd, low, high)
         found.append((frequency, DEVIATION**2 * 2 * c / (frequency**2 + c**2)))
     return found

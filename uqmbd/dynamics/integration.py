@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from uqmbd.dynamics.dop853 import integrate_by_dop853
 from uqmbd.dynamics.ensemble import Ensemble
-from uqmbd.dynamics.hybrid import event_times, integrate_with_events
 from uqmbd.dynamics.ida import integrate_by_ida
 from uqmbd.dynamics.rank import violated
 from uqmbd.dynamics.trajectories import Counters, Trajectories
+from uqmbd.dynamics.with_events import event_times, integrate_with_events
 from uqmbd.errors import RedundantConstraintWarning, StudyError
 
 __all__ = ["INTEGRATORS", "STACK", "Integrator", "integrate"]

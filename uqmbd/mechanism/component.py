@@ -10,8 +10,20 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal
 import sympy
 
 from uqmbd.errors import StudyError
+from uqmbd.mechanism.contributions import (
+    Auxiliary,
+    Constraint,
+    Event,
+    Impact,
+    Kinetic,
+    Potential,
+    Term,
+    Upright,
+    VirtualWork,
+)
 from uqmbd.mechanism.frame import Frame
 from uqmbd.mechanism.geometry import relative_quaternion
+from uqmbd.mechanism.local import RESERVED, Local
 from uqmbd.mechanism.numbers import flatten
 from uqmbd.mechanism.reaction import PlaneReaction, ReactionSymbol
 from uqmbd.mechanism.scalars import MotionSymbol
@@ -39,124 +51,6 @@ __all__ = [
     "flatten",
 ]
 
-
-@dataclass(frozen=True)
-class Kinetic:
-    """Kinetic energy, J, in coordinates and velocities."""
-
-    energy: Any
-
-
-@dataclass(frozen=True)
-class Potential:
-    """Potential energy, J, in coordinates (and auxiliary states whose rate is linear in the velocities)."""
-
-    energy: Any
-
-
-@dataclass(frozen=True)
-class VirtualWork:
-    """A force and the velocity it acts along: generalised force ``Q_i = force . d velocity / d v_i``.
-
-    Both are scalars, or both are vectors of one length.
-    """
-
-    force: Any
-    velocity: Any
-
-
-@dataclass(frozen=True)
-class Constraint:
-    """Holonomic equations ``phi(q, t) = 0``.
-
-    Parameters
-    ----------
-    equations : expression, or vector of them
-        Polynomials in the coordinates wherever the geometry allows.
-    label : str
-        What they hold together ("point", "axis"), for messages; numbered where there are several.
-    """
-
-    equations: Any
-    label: str = ""
-
-
-@dataclass(frozen=True)
-class Auxiliary:
-    """A differential state of the component's own, ``state' = rate``.
-
-    Parameters
-    ----------
-    state : symbol
-        From ``Local.state(name)``.
-    rate : expression
-        In coordinates, velocities, states and time.
-    initial : expression
-        Its value at the start, in coordinates.
-    """
-
-    state: sympy.Symbol
-    rate: Any
-    initial: Any
-
-
-@dataclass(frozen=True)
-class Upright:
-    """An expression that is positive in the intended assembly and negative in its mirror image.
-
-    The cosine between two axes that are to be parallel, for example: the dot products that make them so vanish as well
-    when one of them points the other way.
-    """
-
-    cosine: Any
-    label: str = "axis"
-
-
-@dataclass(frozen=True)
-class Impact:
-    """How velocities jump where bodies hit each other: Newton's law of restitution, with Coulomb friction.
-
-    Parameters
-    ----------
-    speed : expression
-        Rate at which the gap opens, m/s (``p.rate_of(gap)``), linear in the velocities; after the impact it is
-        ``-restitution`` times what it was.
-    restitution : expression
-        From 0 (they stay together) to 1.
-    sliding : expression, or vector of them
-        Relative velocity along the surface, m/s, linear in the velocities; may be left out without friction.
-    friction : expression
-        Coefficient of friction, of the impulses and of the forces where bodies stay in contact.
-    """
-
-    speed: Any
-    restitution: Any = 0
-    sliding: Any = ()
-    friction: Any = 0
-
-
-@dataclass(frozen=True)
-class Event:
-    """What happens where an expression falls through zero.
-
-    The time is found, and is available to outputs as `Component.event_time`.
-
-    Parameters
-    ----------
-    guard : expression
-        In coordinates, velocities, states and time; of an impact the gap, m.
-    jump : Impact, optional
-        None: nothing happens, the time is only noted.
-    label : str
-        What it is called.
-    """
-
-    guard: Any
-    jump: Impact | None = None
-    label: str = "impact"
-
-
-Term = Kinetic | Potential | VirtualWork | Constraint | Auxiliary | Upright | Event
 
 _REQUIRED: Any = type("Required", (), {"__repr__": lambda self: "required"})()
 
@@ -216,99 +110,6 @@ class Parameter:
         if self.kind in ("turning_axis", "moment"):
             return 3 if space.dimension == 3 else (1 if self.kind == "moment" else 0)
         return 0 if self.kind == "option" else 1
-
-
-RESERVED = frozenset({"let", "rate_of", "space", "state", "states", "time", "quantities"})
-"""Names of `Local` that parameters would hide."""
-
-
-class Quantity(sympy.Dummy):
-    """Symbol of a named quantity, see `Local.let`; SymPy must not differentiate past it."""
-
-    contains: frozenset[sympy.Symbol] = frozenset()
-
-    @property
-    def free_symbols(self) -> set[sympy.Symbol]:
-        """Return the symbol itself, and those of what it stands for."""
-        return {self, *self.contains}
-
-    def _eval_derivative_n_times(self, s: sympy.Symbol, n: Any) -> sympy.Expr:
-        if s not in self.contains:
-            return super()._eval_derivative_n_times(s, n)
-        raise TypeError(
-            f"{self.name!r} is a quantity made by let(), whose derivative is not known here; use rate_of() "
-            "for its rate in time, or differentiate the expression before it is given to let()."
-        )
-
-
-class Local:
-    """What `Component.terms` works with: frames for bodies, symbols for parameters, and the time.
-
-    Attributes have the names of the component's body arguments (a `Frame` each), parameters and prepared values
-    (an expression or a column of them).  Numbers are symbols here: one derivation serves all instances and values.
-    """
-
-    def __init__(
-        self, space: Space, frames: Mapping[str, Frame], values: Mapping[str, Any], time: sympy.Symbol
-    ) -> None:
-        self.space = space
-        self.time = time
-        self._names = {**frames, **values}
-        self.states: dict[str, sympy.Symbol] = {}
-        self.quantities: dict[Quantity, tuple[str, sympy.Expr]] = {}
-
-    def __getattr__(self, name: str) -> Any:  # noqa: ANN401 - a frame, an expression, a vector or an option
-        try:
-            return self.__dict__["_names"][name]
-        except KeyError:
-            raise AttributeError(
-                f"nothing named {name!r} here; there are {sorted(self.__dict__.get('_names', ()))}"
-            ) from None
-
-    def state(self, name: str) -> sympy.Symbol:
-        """Return the symbol of an auxiliary differential state; yield `Auxiliary` for it as well."""
-        return self.states.setdefault(name, sympy.Symbol(f"_s{len(self.states)}", real=True))
-
-    def let(self, name: str, expression: Any) -> Any:  # noqa: ANN401 - an expression, or a column of them
-        """Name an intermediate quantity (a gap, a normal), so that what it stands for is derived and computed once.
-
-        Terms that hold one long expression many times over take long to derive; with a name for it they do not.
-
-        Parameters
-        ----------
-        name : str
-            For messages.
-        expression : expression, or vector of them
-            In coordinates, velocities, states, time, parameters and other quantities.
-
-        Returns
-        -------
-        symbol, or column of them
-            Stands for the expression in terms; differentiated wherever the terms are.  Numbers and symbols are returned
-            as they are.
-        """
-        return self._named(name, expression, "value")
-
-    def rate_of(self, expression: Any) -> Any:  # noqa: ANN401 - an expression, or a column of them
-        """Rate in time of an expression, or of a vector of them, in coordinates, states, time and quantities.
-
-        Returns
-        -------
-        symbol, or column of them
-            Stands for ``d expression / d q . v + d expression / d t`` (and the same for states).
-        """
-        return self._named("rate", expression, "rate")
-
-    def _named(self, name: str, expression: Any, kind: str) -> Any:  # noqa: ANN401
-        if isinstance(expression, (list, tuple, sympy.MatrixBase)):
-            return sympy.Matrix([self._named(name, x, kind) for x in flatten(expression)])
-        value = sympy.sympify(expression)
-        if value.is_number or (value.is_Symbol and kind == "value"):
-            return value if kind == "value" else sympy.S.Zero
-        symbol = Quantity(name, real=True)
-        symbol.contains = frozenset(value.free_symbols)
-        self.quantities[symbol] = (kind, value)
-        return symbol
 
 
 class Component:

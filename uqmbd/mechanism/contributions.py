@@ -1,0 +1,129 @@
+"""Terms: what a component contributes to the equations of motion, as expressions."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import sympy
+
+__all__ = ["Auxiliary", "Constraint", "Event", "Impact", "Kinetic", "Potential", "Term", "Upright", "VirtualWork"]
+
+
+@dataclass(frozen=True)
+class Kinetic:
+    """Kinetic energy, J, in coordinates and velocities."""
+
+    energy: Any
+
+
+@dataclass(frozen=True)
+class Potential:
+    """Potential energy, J, in coordinates (and auxiliary states whose rate is linear in the velocities)."""
+
+    energy: Any
+
+
+@dataclass(frozen=True)
+class VirtualWork:
+    """A force and the velocity it acts along: generalised force ``Q_i = force . d velocity / d v_i``.
+
+    Both are scalars, or both are vectors of one length.
+    """
+
+    force: Any
+    velocity: Any
+
+
+@dataclass(frozen=True)
+class Constraint:
+    """Holonomic equations ``phi(q, t) = 0``.
+
+    Parameters
+    ----------
+    equations : expression, or vector of them
+        Polynomials in the coordinates wherever the geometry allows.
+    label : str
+        What they hold together ("point", "axis"), for messages; numbered where there are several.
+    """
+
+    equations: Any
+    label: str = ""
+
+
+@dataclass(frozen=True)
+class Auxiliary:
+    """A differential state of the component's own, ``state' = rate``.
+
+    Parameters
+    ----------
+    state : symbol
+        From ``Local.state(name)``.
+    rate : expression
+        In coordinates, velocities, states and time.
+    initial : expression
+        Its value at the start, in coordinates.
+    """
+
+    state: sympy.Symbol
+    rate: Any
+    initial: Any
+
+
+@dataclass(frozen=True)
+class Upright:
+    """An expression that is positive in the intended assembly and negative in its mirror image.
+
+    The cosine between two axes that are to be parallel, for example: the dot products that make them so vanish as well
+    when one of them points the other way.
+    """
+
+    cosine: Any
+    label: str = "axis"
+
+
+@dataclass(frozen=True)
+class Impact:
+    """How velocities jump where bodies hit each other: Newton's law of restitution, with Coulomb friction.
+
+    Parameters
+    ----------
+    speed : expression
+        Rate at which the gap opens, m/s (``p.rate_of(gap)``), linear in the velocities; after the impact it is
+        ``-restitution`` times what it was.
+    restitution : expression
+        From 0 (they stay together) to 1.
+    sliding : expression, or vector of them
+        Relative velocity along the surface, m/s, linear in the velocities; may be left out without friction.
+    friction : expression
+        Coefficient of friction, of the impulses and of the forces where bodies stay in contact.
+    """
+
+    speed: Any
+    restitution: Any = 0
+    sliding: Any = ()
+    friction: Any = 0
+
+
+@dataclass(frozen=True)
+class Event:
+    """What happens where an expression falls through zero.
+
+    The time is found, and is available to outputs as `Component.event_time`.
+
+    Parameters
+    ----------
+    guard : expression
+        In coordinates, velocities, states and time; of an impact the gap, m.
+    jump : Impact, optional
+        None: nothing happens, the time is only noted.
+    label : str
+        What it is called.
+    """
+
+    guard: Any
+    jump: Impact | None = None
+    label: str = "impact"
+
+
+Term = Kinetic | Potential | VirtualWork | Constraint | Auxiliary | Upright | Event
