@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,8 +14,16 @@ Array = NDArray[np.float64]
 
 SOLVERS = ("omp", "lars")
 
-COMPONENT = 1e-8
-"""Principal components of the responses below this share of the largest are left out: rounding."""
+NOISE = 1e-8
+"""Spread below this share of the largest until then is left out: rounding."""
+
+TURNED = 0.5
+"""Sine of the angle between the responses at two times, over the error of the fit, below which one order serves both.
+
+Smaller values cost more orders of terms and gain little: what the order misses is a part of the error."""
+
+ENOUGH = 1e-7
+"""Error of a fit over the standard deviation below which no better order is sought."""
 
 FULL = 0.8
 """Most terms of a fit over the number of samples: beyond, the leave-one-out error means nothing."""
@@ -23,15 +32,16 @@ FULL = 0.8
 def sparse_regression(response: Array, psi: Array, solver: str = "omp") -> tuple[Array, Array]:
     """Fit few terms of a basis to realisations.
 
-    The responses of an output over time are taken apart into principal components; each is fitted on its own, so that
-    an output at 400 times costs as much as its dozen components.  scikit-learn tells in which order terms enter
+    Each time is fitted on its own, from the responses at that time.  scikit-learn tells in which order terms enter
     (orthogonal matching pursuit or least-angle regression); among the least-squares fits on the first so many of them
-    the one with the smallest corrected leave-one-out error is taken [1]_.
+    the one with the smallest corrected leave-one-out error is taken [1]_.  The order of an earlier time serves again
+    where the responses have hardly turned since, so that an output at 400 times costs some dozen orders.  No fit
+    depends on later times: what is lost there does not spoil what is known before.
 
     Parameters
     ----------
     response : array, shape (K, O, T)
-        In the units of the outputs.
+        In the units of the outputs; times ascend.
     psi : array, shape (K, P)
         The basis at the samples; its first term is the constant.
     solver : {"omp", "lars"}
@@ -61,43 +71,88 @@ def sparse_regression(response: Array, psi: Array, solver: str = "omp") -> tuple
     coefficients = np.zeros((psi.shape[1], outputs, times))
     leave_one_out = np.zeros((outputs, times))
     for k in range(outputs):
-        mean = response[:, k].mean(axis=0)
-        centred = response[:, k] - mean
-        left, size, right = np.linalg.svd(centred, full_matrices=False)
+        # times in rows, whose sums do not depend on how many there are
+        rows = np.ascontiguousarray(response[:, k].T)
+        mean = rows.mean(axis=1)
+        centred = rows - mean[:, None]
+        size = np.linalg.norm(centred, axis=1)
         # what is far below the rounding of the values themselves does not vary
-        floor = max(COMPONENT * size[0], 1e-13 * float(np.abs(response[:, k]).max(initial=0.0)) * np.sqrt(samples))
-        used = np.flatnonzero(size > floor)
-        errors = np.zeros((samples, len(used)))
-        for c in used:
-            fitted, errors[:, c] = _fit(left[:, c] * size[c], psi, solver)
-            coefficients[:, k] += fitted[:, None] * right[c]
+        rounding = 1e-13 * np.abs(rows).max(axis=1, initial=0.0) * np.sqrt(samples)
+        floor = np.maximum.accumulate(np.maximum(NOISE * size, rounding))
+        known: list[_Order] = []
+        for t in np.flatnonzero(size > floor):
+            coefficients[:, k, t], error = _at_time(centred[t] / size[t], psi, solver, known)
+            coefficients[:, k, t] *= size[t]
+            leave_one_out[k, t] = error * (samples - 1)
         coefficients[0, k] += mean
-        variance = centred.var(axis=0, ddof=1)
-        press = np.mean((errors @ right[used]) ** 2, axis=0)
-        leave_one_out[k] = np.divide(press, variance, out=np.zeros(times), where=variance > 0)
     return coefficients, leave_one_out
 
 
-def _fit(values: Array, psi: Array, solver: str) -> tuple[Array, Array]:
-    """Fit one component: coefficients (P,), and the error at each sample if it is left out, corrected (K,)."""
-    from scipy.linalg import solve_triangular
+@dataclass(frozen=True, eq=False)
+class _Order:
+    """The order in which terms enter, found from responses in a direction, and what all fits on it share.
 
-    samples = len(values)
-    order = np.concatenate([[0], _entering(values, psi, solver)])
-    basis, triangle = np.linalg.qr(psi[:, order])
-    leverage = np.cumsum(basis**2, axis=1)
-    residual = values[:, None] - np.cumsum(basis * (basis.T @ values), axis=1)
-    errors = residual / np.maximum(1.0 - leverage, 1e-10)
-    counts = np.arange(1, len(order) + 1)
-    # the correction of [1]_: K / (K - P) (1 + trace((Psi^T Psi)^-1)); the trace grows by the columns of R^-1
-    inverse = solve_triangular(triangle, np.eye(len(order)))
-    trace = np.cumsum(np.sum(inverse**2, axis=0))
-    correction = samples / (samples - counts) * (1.0 + trace)
-    score = np.mean(errors**2, axis=0) * correction
-    best = int(np.argmin(score)) + 1
-    coefficients = np.zeros(psi.shape[1])
-    coefficients[order[:best]] = solve_triangular(triangle[:best, :best], basis[:, :best].T @ values)
-    return coefficients, errors[:, best - 1] * np.sqrt(correction[best - 1])
+    Attributes
+    ----------
+    direction : array, shape (K,)
+        Responses about their mean, of length 1.
+    terms : array of int, shape (N,)
+        The constant first.
+    basis, triangle : array, shape (K, N) and (N, N)
+        QR factorisation of the terms at the samples.
+    left : array, shape (K, N)
+        1 - leverage of each sample in the fit on the first n + 1 terms.
+    correction : array, shape (N,)
+        Of the mean squared leave-one-out error: K / (K - P) (1 + trace((Psi^T Psi)^-1)).
+    """
+
+    direction: Array
+    terms: NDArray[np.int64]
+    basis: Array
+    triangle: Array
+    left: Array
+    correction: Array
+
+    @classmethod
+    def of(cls, direction: Array, psi: Array, solver: str) -> _Order:
+        from scipy.linalg import solve_triangular
+
+        terms = np.concatenate([[0], _entering(direction, psi, solver)])
+        basis, triangle = np.linalg.qr(psi[:, terms])
+        counts = np.arange(1, len(terms) + 1)
+        # the trace grows by the columns of R^-1
+        inverse = solve_triangular(triangle, np.eye(len(terms)))
+        correction = len(psi) / (len(psi) - counts) * (1.0 + np.cumsum(np.sum(inverse**2, axis=0)))
+        left = np.maximum(1.0 - np.cumsum(basis**2, axis=1), 1e-10)
+        return cls(direction, terms, basis, triangle, left, correction)
+
+    def fit(self, values: Array, terms: int) -> tuple[Array, float]:
+        """Fit values (K,): coefficients (P,) of all `terms`, and the corrected mean squared leave-one-out error."""
+        from scipy.linalg import solve_triangular
+
+        amounts = self.basis.T @ values
+        residual = values[:, None] - np.cumsum(self.basis * amounts, axis=1)
+        score = np.mean((residual / self.left) ** 2, axis=0) * self.correction
+        best = int(np.argmin(score)) + 1
+        coefficients = np.zeros(terms)
+        coefficients[self.terms[:best]] = solve_triangular(self.triangle[:best, :best], amounts[:best])
+        return coefficients, float(score[best - 1])
+
+
+def _at_time(values: Array, psi: Array, solver: str, known: list[_Order]) -> tuple[Array, float]:
+    """Fit responses of length 1 (K,) on the nearest known order, or on their own, which is known from then on."""
+    found: tuple[Array, float] | None = None
+    if known:
+        cosine = np.abs([order.direction @ values for order in known])
+        near = int(np.argmax(cosine))
+        found = known[near].fit(values, psi.shape[1])
+        turned = np.sqrt(max(1.0 - float(cosine[near]) ** 2, 0.0))
+        missed = np.sqrt(found[1] * len(values))
+        if missed <= ENOUGH or turned <= TURNED * missed:
+            return found
+    known.append(_Order.of(values, psi, solver))
+    own = known[-1].fit(values, psi.shape[1])
+    return own if found is None or own[1] <= found[1] else found
 
 
 def _entering(values: Array, psi: Array, solver: str) -> NDArray[np.int64]:

@@ -5,6 +5,9 @@ from __future__ import annotations
 import chaospy
 import numpy as np
 import pytest
+import sympy
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from scipy.special import eval_legendre
 
 import uqmbd
@@ -85,3 +88,46 @@ def test_outputs_over_time_are_fitted_together():
         scale = np.array([1, 1e9, 1])[:, None]
         np.testing.assert_allclose(coefficients / scale, expected / scale, atol=1e-9)
         assert error.max() < 1e-15
+
+
+def swinging(*x):
+    """An oscillation whose frequency is uncertain: its phase, and so the order that it takes, grows with time."""
+    frequency = 6.3 * (1 + 0.02 * sum(weight * one for weight, one in zip(range(1, 9), x, strict=True)))
+    return (1 + 0.1 * x[7]) * sympy.cos(frequency * uqmbd.t)
+
+
+@pytest.mark.parametrize("method", ["omp", "lars"])
+def test_what_is_lost_late_spoils_nothing_that_is_known_early(resting, method):
+    """Eight inputs, order 2, 128 samples: the order does not suffice at 10 s, and does at 0.1 s."""
+    early = [0.0, 0.05, 0.1]
+
+    def error(option, times):
+        study = resting(swinging, *[chaospy.Uniform(-1, 1)] * 8, times=times)
+        node = study.propagate(Collocation(order=2, method=option, samples=128))
+        return node["statistics"]["verification_error"].sel(output="y").values
+
+    alone = error(method, early)
+    long = error(method, [*early, 0.5, 1.0, *np.linspace(1.5, 10, 18)])
+    assert long.max() > 0.5
+    np.testing.assert_allclose(long[:3], alone, rtol=1e-6, atol=1e-12)
+    assert long[2] < 1.5 * error("regression", early)[2] < 0.01
+
+
+@settings(max_examples=15, deadline=None)
+@given(
+    seed=st.integers(0, 2**31),
+    method=st.sampled_from(["omp", "lars"]),
+    first=st.integers(1, 12),
+    rate=st.floats(0.1, 30),
+    noise=st.sampled_from([0.0, 1e-9, 0.1]),
+)
+def test_a_fit_does_not_depend_on_later_times(seed, method, first, rate, noise):
+    rng = np.random.default_rng(seed)
+    x = rng.uniform(-1, 1, 30)
+    psi = np.stack([np.sqrt(2 * k + 1) * eval_legendre(k, x) for k in range(12)], axis=1)
+    t = np.sort(rng.uniform(0, 2, 20))
+    response = np.exp(rate * t * (1 + 0.3 * x[:, None]))[:, None] + noise * rng.normal(size=(30, 1, 20))
+    whole, error = sparse_regression(response, psi, method)
+    part, known = sparse_regression(response[..., :first], psi, method)
+    np.testing.assert_allclose(whole[..., :first], part, rtol=1e-9, atol=1e-12 * np.abs(part).max())
+    np.testing.assert_allclose(error[:, :first], known, rtol=1e-6, atol=1e-20)
