@@ -7,6 +7,8 @@ import json
 import chaospy
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from scipy import sparse
 
 import uqmbd
@@ -193,3 +195,22 @@ def test_balanced_forces_do_not_wear_the_iteration_out(project):
     assert not found.message and found.counters["krylov"] == 0
     assert found.counters["iterations"] < 3 * found.counters["systems"]
     np.testing.assert_allclose(found.coefficients[:, -1], found.coefficients[:, 0], atol=1e-10)
+
+
+@settings(max_examples=60, deadline=None)
+@given(seed=st.integers(0, 10_000), power=st.floats(0, 40), often=st.integers(1, 3))
+def test_accelerations_do_not_depend_on_what_was_solved_before(crank, seed, power, often):
+    """A step that was refused may have been anywhere, with forces of any size: it leaves no trace in the next one."""
+    rng = np.random.default_rng(seed)
+    state = crank.start.state * (1 + 1e-2 * rng.normal(size=crank.start.state.shape))
+    wild = crank.start.state.copy()
+    velocities = crank.split(wild)[2]
+    velocities += 10**power * rng.normal(size=velocities.shape)
+    fresh = Coupled(crank.model, crank.psi, crank.adjoint).solve(crank._values(state, 0.0).copy(), 1e-10)
+    used = Coupled(crank.model, crank.psi, crank.adjoint)
+    for _ in range(often):
+        used.solve(crank._values(wild, 0.0).copy(), 1e-10)
+    found = used.solve(crank._values(state, 0.0).copy(), 1e-10)
+    n = crank.model.layout.coordinates
+    scale = np.abs(fresh[:, :n]).max()
+    np.testing.assert_allclose(found[:, :n], fresh[:, :n], atol=1e-8 * scale)

@@ -105,24 +105,32 @@ class Coupled:
         if self.exact:
             return np.asarray(first)
         found = first + self.correction
-        scale = float(np.abs(found[:, : self.n]).max()) + 1e-300
-        before = np.inf
-        for k in range(SIMPLE):
+        guessed, before, iterations = bool(self.correction.any()), np.inf, 0
+        while iterations < SIMPLE:
             change = self._precondition(nodes.defect(self.psi @ found))
-            found += change
             self.iterations += 1
-            size = float(np.abs(change[:, : self.n]).max()) / scale
-            # the change after this one would be smaller by the same factor
-            if size <= tolerance or (k and size * (size / before) <= 0.3 * tolerance):
-                break
-            if not np.isfinite(size):
+            moved = float(np.abs(change[:, : self.n]).max())
+            if guessed and not moved <= float(np.abs(first[:, : self.n]).max()):
+                # the last correction, of a state that may have been far from this one, is worse than none
+                found, guessed = first.copy(), False
+                continue
+            found += change
+            if not np.isfinite(moved):
                 return np.full_like(found, np.nan)
-            if k == 1:  # not done yet: is there more than rounding left?
+            # over the size of the solution itself, never over that of the guess
+            scale = float(np.abs(found[:, : self.n]).max()) + 1e-300
+            size, done, guessed = moved / scale, iterations, False
+            iterations += 1
+            # the change after this one would be smaller by the same factor
+            if size <= tolerance or (done and size * (size / before) <= 0.3 * tolerance):
+                break
+            if done == 1:  # not done yet: is there more than rounding left?
                 floor = ROUNDING * self._typical(values)
-                if size * scale <= floor:
+                if moved <= floor:
                     break
-                scale, size = max(scale, floor / tolerance), size * scale / max(scale, floor / tolerance)
-            if k and size > 0.5 * before:
+                scale = max(scale, floor / tolerance)
+                size = moved / scale
+            if done and size > 0.5 * before:
                 found = self._slowly(found, values, tolerance * scale)
                 break
             before = size
