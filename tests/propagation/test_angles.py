@@ -114,7 +114,8 @@ def test_results_know_their_angles(node, tmp_path):
         loaded = results.load(results.save(tree, tmp_path / f"a{ending}"))
         assert loaded.identical(tree)
         again = results.statistics_of_samples(loaded["monte-carlo/samples"].to_dataset())
-        assert again.identical(node["statistics"].to_dataset())
+        # samples know nothing of how they were integrated
+        assert again.identical(node["statistics"].to_dataset().drop_vars("integration_error"))
 
 
 def test_turns_depend_on_the_realisation_alone(study, problem, node):

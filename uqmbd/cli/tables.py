@@ -81,6 +81,7 @@ def show_summary(tree: xr.DataTree, *, files: Mapping[str, Path], title: str = "
     failed = (Text(f"{bad} of {all_}", style="bold red" if bad else "") for bad, all_ in counts)
     table.add_row("failed realisations", "", *failed)
     table.add_row("wall time", "", *(seconds(float(node.attrs.get("wall_time", 0.0))) for node in nodes.values()))
+    table.add_row("integration error", "", *(_integration(node) for node in nodes.values()))
     screen.print(table)
     if len(names) > LINES:
         screen.print(f"... and {len(names) - LINES} more outputs; the report has all of them.")
@@ -89,6 +90,18 @@ def show_summary(tree: xr.DataTree, *, files: Mapping[str, Path], title: str = "
     for kind, path in files.items():
         # Not through rich, which would wrap a long path where it cannot be copied any more.
         print(f"{kind:<{width}}  {path}")
+
+
+def _integration(node: xr.DataTree) -> str:
+    """Say how large the error of the time integration is, of the output with the largest."""
+    from uqmbd.results import worst_integration_share
+
+    inner = [node, *(child for name, child in node.children.items() if name == "scalars")]
+    found = [worst_integration_share(one["statistics"].to_dataset()) for one in inner]
+    stated = [one for one in found if one is not None]
+    if not stated:
+        return "–"
+    return max(stated, key=lambda one: one.share if math.isfinite(one.share) else -1.0).words()
 
 
 def _show_recommendation(tree: xr.DataTree) -> None:

@@ -121,7 +121,7 @@ def converge(
                     label = f"{one.propagator.node_name}-{value}"
                     made = replace(one.propagator, label=label, **{one.option: value})
                     with _coarse_on_purpose():
-                        nodes[m, k] = propagated(made, study.problem(made, executor, progress, folder))
+                        nodes[m, k] = propagated(made, study.problem(made, executor, progress, folder), check=False)
                 except (UqmbdError, ArithmeticError, ValueError, MemoryError) as error:
                     problems[m, k] = f"{type(error).__name__}: {error}"
     if not nodes:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
@@ -9,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from uqmbd.errors import AssemblyError, IntegrationError, StudyError
+from uqmbd.errors import AssemblyError, IntegrationError, RedundantConstraintWarning, StudyError, UqmbdError
+from uqmbd.propagation.accuracy import LONG_NAME, deviation, tighter
 from uqmbd.propagation.options import check_integrator, check_rtol, check_start, check_times
 
 if TYPE_CHECKING:
@@ -31,6 +33,7 @@ def simulate(
     rtol: float = 1e-6,
     integrator: str = "auto",
     start: str = "drawn",
+    check: bool = True,
 ) -> xr.Dataset:
     """Compute one motion: at the means of the random variables, or at given values.
 
@@ -46,13 +49,19 @@ def simulate(
         Relative tolerance.
     integrator, start : str
         As for `Study`.
+    check : bool
+        Whether to measure the error of the integration, for which the motion is integrated again at a hundredth of the
+        tolerance.
 
     Returns
     -------
     xarray.Dataset
         One variable for each output, with its units, over the dimension ``time``.  Angles are unwrapped, as in a
         study, and have the length of a turn as an attribute.  Outputs without a time have no dimension; where there are
-        no others, and statics tells them, nothing is integrated.
+        no others, and statics tells them, nothing is integrated.  With `check` the coordinate ``integration_error``
+        (output, time) is the absolute error of each output, in its units, and ``scalar_integration_error`` (scalar)
+        that of outputs without a time; NaN where it is not known, with the attribute ``reason``.  Where an output has
+        one of these names, an underscore is appended.
 
     Raises
     ------
@@ -106,7 +115,64 @@ def simulate(
     variables = variables_of(model, response, "time")
     if model.scalars is not None:
         variables |= _scalars(mechanism, ensemble, trajectories)
-    return xr.Dataset(variables, coords={"time": ("time", grid, {"units": "s"})}, attrs=attrs)
+    coords: dict[str, Any] = {"time": ("time", grid, {"units": "s"})}
+    if check:
+        coords |= _errors(ensemble, grid, rtol, trajectories, set(variables))
+    return xr.Dataset(variables, coords=coords, attrs=attrs)
+
+
+def _errors(
+    ensemble: Ensemble, times: Array, rtol: float, first: Trajectories, taken: set[str]
+) -> dict[str, tuple[Any, ...]]:
+    """Coordinates that state the error of the integration of one realisation."""
+    from uqmbd.dynamics import integrate, scalars_of
+
+    model, tight = ensemble.model, tighter(rtol)
+    again: Trajectories | None = None
+    reason = f"rtol is {rtol:g}, and none that is much tighter is of use"
+    if tight is not None:
+        reason = ""
+        try:
+            with warnings.catch_warnings():
+                # the first integration has told
+                warnings.simplefilter("ignore", RedundantConstraintWarning)
+                again = integrate(ensemble, times, tight)
+            reason = again.messages[0]
+        except UqmbdError as raised:
+            reason = str(raised)
+        reason = reason and f"integrating again with rtol {tight:g} failed: {reason}"
+    comment = {"reason": reason} if reason else {"comment": f"against an integration with rtol {tight:g}"}
+    found: dict[str, tuple[Any, ...]] = {}
+
+    def add(names: tuple[str, ...], dimension: str, error: Array, *more: str) -> None:
+        name = free_name(f"{'scalar_' if dimension == 'scalar' else ''}integration_error", taken)
+        dimension = free_name(dimension, taken)
+        found[dimension] = (dimension, np.array(names, dtype=np.str_))
+        found[name] = ((dimension, *more), error, {"long_name": LONG_NAME, **comment})
+
+    if model.outputs.names:
+        error = np.full((len(model.outputs.names), len(times)), np.nan)
+        if again is not None and not reason:
+            one, other = (ensemble.outputs(times, x.states)[0] for x in (first, again))
+            error = deviation(one, other, model.outputs.turns)
+        add(model.outputs.names, "output", error, "time")
+    if model.scalars is not None and model.scalars.needs_motion:
+        values = scalars_of(ensemble, again).values[0] if again is not None and not reason else np.nan
+        add(model.scalars.names, "scalar", np.abs(scalars_of(ensemble, first).values[0] - values))
+    return found
+
+
+def free_name(name: str, taken: set[str]) -> str:
+    """Return a name that no output has.
+
+    Examples
+    --------
+    >>> free_name("output", {"output"}), free_name("output", {"x"})
+    ('output_', 'output')
+    """
+    while name in taken:
+        name += "_"
+    return name
 
 
 def _scalars(mechanism: Mechanism, ensemble: Ensemble, trajectories: Trajectories | None) -> dict[str, tuple[Any, ...]]:

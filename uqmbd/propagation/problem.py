@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from uqmbd import __version__
 from uqmbd.dynamics import Ensemble, Model, ScalarValues
 from uqmbd.errors import StudyError
+from uqmbd.propagation.accuracy import Observed
 from uqmbd.propagation.checkpoint import Checkpoint
 from uqmbd.propagation.chunks import CHUNK, Chunk, compute_chunk
 from uqmbd.propagation.deterministic import not_unique_attribute
@@ -77,6 +78,8 @@ class Problem:
     over: Array | None = field(default=None, repr=False)
     known: dict[bytes, Chunk] = field(default_factory=dict, repr=False, compare=False)
     """Outputs without a time that were computed beside the others, by the inputs."""
+    observed: Observed = field(default_factory=Observed, repr=False, compare=False)
+    """Realisations from which the error of the integration is measured."""
 
     @property
     def timeless(self) -> bool:
@@ -91,7 +94,9 @@ class Problem:
         """Return the problem of the outputs without a time; what is known of them is not computed again."""
         label = f"{self.label}-scalars"
         checkpoint = self.checkpoint and replace(self.checkpoint, label=label)
-        return replace(self, label=label, times=self.times[:1], over=self.times, checkpoint=checkpoint)
+        return replace(
+            self, label=label, times=self.times[:1], over=self.times, checkpoint=checkpoint, observed=Observed()
+        )
 
     @property
     def labels(self) -> Labels:
@@ -168,7 +173,7 @@ class Problem:
         parts = [np.ascontiguousarray(values[k : k + CHUNK]) for k in range(0, len(values), CHUNK)]
         for index, chunk in self._chunks(parts):
             now = clock.perf_counter()
-            yield Realisations(
+            found = Realisations(
                 parts[index],
                 chunk.response,
                 chunk.status,
@@ -177,6 +182,8 @@ class Problem:
                 now - begin,
                 chunk.scalars,
             )
+            self.observed.add(found)
+            yield found
             begin = now
             self.progress.advance(self.label, len(chunk.status))
         self.progress.finish(self.label)

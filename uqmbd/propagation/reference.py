@@ -29,7 +29,7 @@ def reference_node(
 
     if isinstance(reference, Propagator):
         study.with_propagators([reference])
-        return propagated(reference, study.problem(reference, executor, progress, folder))
+        return propagated(reference, study.problem(reference, executor, progress, folder), check=False)
     if isinstance(reference, xr.Dataset):
         return _known(study, reference)
     if reference is None or (isinstance(reference, xr.DataTree) and "statistics" in reference.children):

@@ -14,6 +14,7 @@ from uqmbd.report.failures import failure_reasons, failure_words
 from uqmbd.report.scalars import scalar_differences, scalar_names
 from uqmbd.report.selection import automatic_times, runs_of
 from uqmbd.report.wording import format_count, format_duration, format_integer, format_number, minus
+from uqmbd.results import integration_shares
 
 __all__ = [
     "comparison",
@@ -23,6 +24,7 @@ __all__ = [
     "heading",
     "in_words",
     "input_rows",
+    "integration",
     "numbers",
     "output_names",
     "output_rows",
@@ -73,8 +75,12 @@ def has_histograms(node: xr.DataTree) -> bool:
     return "samples" in node.children and bool(np.any(node.children["samples"].to_dataset()["status"] == 0))
 
 
+def _statistics(node: xr.DataTree) -> xr.Dataset:
+    return node.children["statistics"].to_dataset()
+
+
 def _at(node: xr.DataTree, name: str) -> xr.Dataset:
-    statistics = node.children["statistics"].to_dataset()
+    statistics = _statistics(node)
     return statistics.isel(output=[str(n) for n in statistics["output"].values].index(name))
 
 
@@ -147,6 +153,17 @@ def precision(node: xr.DataTree, name: str) -> str:
             "look at the quantiles rather than at the standard deviation."
         )
     return text
+
+
+def integration(node: xr.DataTree, name: str) -> str:
+    """Say how large the error of the time integration of an output is; empty if the results do not state it."""
+    found = {one.output: one for one in integration_shares(_statistics(node))}.get(name)
+    if found is None:
+        return ""
+    if not math.isfinite(found.error):
+        return f"The error of the time integration is not known: {found.reason}."
+    size = f" ({found.words()})" if math.isfinite(found.share) and found.error else ""
+    return f"The time integration is wrong by up to {_with_units(format_number(found.error), found.units)}{size}."
 
 
 def _overall_precision(nodes: Mapping[str, xr.DataTree]) -> list[str]:

@@ -106,7 +106,9 @@ def _output(tree: xr.DataTree, nodes: Mapping[str, xr.DataTree], name: str, whol
             "name": name,
             "figures": drawn,
             "folded": not whole,
-            "note": "The inputs have no influence on this output.",
+            "note": " ".join(
+                filter(None, ("The inputs have no influence on this output.", content.integration(first, name)))
+            ),
             "words": "",
             "numbers": [],
         }
@@ -157,7 +159,11 @@ def _output(tree: xr.DataTree, nodes: Mapping[str, xr.DataTree], name: str, whol
                 f"{name}-differences",
             )
         )
-    words = [content.in_words(first, name), *(content.precision(node, name) for node in list(sampled.values())[:1])]
+    words = [
+        content.in_words(first, name),
+        *(content.precision(node, name) for node in list(sampled.values())[:1]),
+        content.integration(first, name),
+    ]
     return {
         "name": name,
         "folded": not whole,

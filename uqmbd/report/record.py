@@ -9,6 +9,7 @@ from typing import Any
 import xarray as xr
 
 from uqmbd.report.wording import format_duration, format_integer, format_number
+from uqmbd.results import worst_integration_share
 
 __all__ = ["cost", "provenance", "study_attributes"]
 
@@ -41,8 +42,23 @@ def cost(label: str, node: xr.DataTree) -> dict[str, Any]:
         "realisations": total,
         "failures": failed,
         "each": format_duration(seconds / total) if total else "",
-        "counters": [_counter(name, value) for name, value in _pairs(node.attrs.get("solver_counters"))],
+        "counters": [
+            *(_counter(name, value) for name, value in _pairs(node.attrs.get("solver_counters"))),
+            *_integration(node),
+        ],
     }
+
+
+def _integration(node: xr.DataTree) -> list[tuple[str, str]]:
+    """Return the largest error of the time integration, and how it was found."""
+    statistics = node.children["statistics"].to_dataset()
+    worst = worst_integration_share(statistics)
+    if worst is None:
+        return []
+    about = statistics["integration_error"].attrs
+    how = str(about.get("reason") or about.get("comment", ""))
+    which = f", of {worst.output}" if statistics.sizes["output"] > 1 and math.isfinite(worst.share) else ""
+    return [("error of the time integration", f"{worst.words()}{which}" + (f" ({how})" if how else ""))]
 
 
 def _counter(name: str, value: str) -> tuple[str, str]:

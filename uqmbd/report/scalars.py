@@ -17,7 +17,7 @@ from uqmbd.report.drawing import COLOURS, arrange, axes_grid, draw_histogram, fe
 from uqmbd.report.images import image
 from uqmbd.report.selection import Results, nodes_of
 from uqmbd.report.wording import format_count, format_number
-from uqmbd.results import scalar_nodes, surrogate
+from uqmbd.results import scalar_nodes, surrogate, worst_integration_share
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -217,6 +217,9 @@ def _error(data: xr.Dataset) -> str:
 def _words(label: str, node: xr.DataTree) -> list[str]:
     total, failed = (int(node.attrs.get(key, 0)) for key in ("realisations", "failures"))
     words = []
+    worst = worst_integration_share(node.children["statistics"].to_dataset())
+    if worst is not None and math.isfinite(worst.share):
+        words.append(f"With {label}, the error of the time integration is {worst.words()} ({worst.output}), or less.")
     if node.attrs.get("fit") and failed:
         words.append(f"With {label}: {node.attrs['fit']}.")
     if failed:

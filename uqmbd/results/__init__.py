@@ -14,6 +14,7 @@ from uqmbd.results.directions import (
     mean_direction,
     unwrap_samples,
 )
+from uqmbd.results.integration import IntegrationShare, integration_shares, worst_integration_share
 from uqmbd.results.moments import Moments
 from uqmbd.results.nodes import propagator_node, study_tree
 from uqmbd.results.piecewise import PiecewiseChaos, chaos_from_dataset
@@ -36,6 +37,7 @@ __all__ = [
     "DEFAULT_PROBABILITIES",
     "STATUS_MEANINGS",
     "InputInfo",
+    "IntegrationShare",
     "Labels",
     "LeastSquares",
     "Moments",
@@ -50,6 +52,7 @@ __all__ = [
     "circular_of_components",
     "circular_std",
     "compare",
+    "integration_shares",
     "labels",
     "least_squares",
     "load",
@@ -75,4 +78,5 @@ __all__ = [
     "unwrap_samples",
     "validate",
     "with_scalars",
+    "worst_integration_share",
 ]

@@ -127,6 +127,7 @@ def validate_scalars(node: xr.DataTree) -> None:
         "statistics": {
             **{name: ("output",) for name in ("mean", "std", "variance", "skewness", "kurtosis")},
             "quantile": ("probability", "output"),
+            "integration_error": ("output",),
         },
         "samples": {"response": ("sample", "output"), "inputs": ("sample", "input"), "status": ("sample",)},
         "chaos": {"multi_index": ("term", "input")},

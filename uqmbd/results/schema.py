@@ -6,7 +6,8 @@ A result is an :class:`xarray.DataTree` with one node per propagator, named by i
     |-- monte-carlo            attrs: propagator, label, options, seed, wall_time, realisations, failures, ...
     |   |-- statistics         mean, std, variance, skewness, kurtosis (output, time),
     |   |                      quantile (probability, output, time); where an output is an angle
-    |   |                      circular_mean, circular_std (output, time)
+    |   |                      circular_mean, circular_std (output, time);
+    |   |                      integration_error (output, time), NaN where it is not known
     |   `-- samples            response (sample, output, time), inputs (sample, input), status, message (sample)
     `-- comparison             mean_difference_max, std_difference_max (method, output), ...
 

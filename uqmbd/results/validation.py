@@ -19,6 +19,7 @@ BESIDE = ("comparison", "convergence", "motion")
 _PLAIN = ("mean", "std", "variance", "skewness", "kurtosis")
 _OPTIONAL = ("std_error_mean", "std_error_std", "variance_reduction", "variance_reduction_std")
 _CIRCULAR = ("circular_mean", "circular_std")
+_MAYBE_UNKNOWN = ("circular_std", "integration_error")
 _BY_INPUT = ("sobol_first", "sobol_total")
 _INTERVALS = ("sobol_first_interval", "sobol_total_interval")
 _COMPARED = ("mean_difference_max", "std_difference_max", "mean_difference_l2", "std_difference_l2")
@@ -194,7 +195,7 @@ def _validate_statistics(node: xr.DataTree, end: float) -> None:
     for name in _PLAIN:
         _dims(node, name, ("output", "time"))
     _dims(node, "quantile", ("probability", "output", "time"))
-    for name in (n for n in (*_OPTIONAL, *_CIRCULAR) if n in node.data_vars):
+    for name in (n for n in (*_OPTIONAL, *_CIRCULAR, "integration_error") if n in node.data_vars):
         _dims(node, name, ("output", "time"))
     for name in (n for n in _BY_INPUT if n in node.data_vars):
         _dims(node, name, ("input", "output", "time"))
@@ -213,15 +214,15 @@ def _validate_statistics(node: xr.DataTree, end: float) -> None:
 
     whole = node.to_dataset()
     later = whole.sel(time=whole["time"] > end)
-    for name in (*_PLAIN, *(n for n in _OPTIONAL if n in later)):
+    for name in (*_PLAIN, *(n for n in (*_OPTIONAL, "integration_error") if n in later)):
         _values(node, name, later[name].notnull(), "a number after the end of the results", "NaN after 'ends_at'")
     data: Mapping[str, xr.DataArray] = {str(k): v for k, v in whole.sel(time=whole["time"] <= end).data_vars.items()}
     for name in ("mean", "std", "variance", *(n for n in _OPTIONAL if n in data)):
         _values(node, name, _not_finite(data[name]), "a value that is not finite", "a number: failures must not enter")
         if name != "mean":
             _values(node, name, data[name] < 0, "a negative value", "none")
-    if "circular_std" in data:
-        _values(node, "circular_std", data["circular_std"] < 0, "a negative value", "none")
+    for name in (n for n in _MAYBE_UNKNOWN if n in data):
+        _values(node, name, data[name] < 0, "a negative value", "none")
     off = abs(data["variance"] - data["std"] ** 2) > 1e-6 * data["variance"] + np.finfo(float).tiny
     _values(node, "variance", off, "a value that differs from std**2", "the square of 'std'")
     falls = data["quantile"].diff("probability") < -1e-9 * abs(data["quantile"]).max("probability")

@@ -1,0 +1,196 @@
+"""The error of the time integration, measured: a few realisations are integrated again at a tighter tolerance.
+
+Which ones does not depend on who computes: they lie evenly among the first successful ones that a method has computed.
+Where a method has computed none (it solves for all together), they are the medians of the inputs and two further points
+of their distribution.  The second integration is that of the built-in integrator ``auto``, at a hundredth of the
+tolerance: of realisations that IDA, or the integrator of a plugin, has integrated it is thereby a second route.
+"""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from uqmbd.errors import RedundantConstraintWarning, UqmbdError
+from uqmbd.propagation.progress import Silent
+
+if TYPE_CHECKING:
+    from uqmbd.propagation.problem import Problem
+    from uqmbd.propagation.realisations import Realisations
+
+__all__ = ["AGAIN", "LONG_NAME", "Observed", "deviation", "tighter", "with_integration_error"]
+
+Array = NDArray[np.float64]
+
+AGAIN = 3
+"""Realisations that are integrated again."""
+
+FACTOR = 0.01
+"""Tolerance of the second integration, over that of the first."""
+
+LEAST = 1e-13
+"""Tightest tolerance that is of use in double precision."""
+
+GOLDEN = 0.6180339887498949
+
+LONG_NAME = "error of the time integration"
+
+
+@dataclass
+class Observed:
+    """A few of the successful realisations that a method has computed.
+
+    Attributes
+    ----------
+    values, responses : list of array
+        Inputs (input,), and responses (output, time).
+    """
+
+    values: list[Array] = field(default_factory=list)
+    responses: list[Array] = field(default_factory=list)
+
+    def add(self, part: Realisations) -> None:
+        """Take some of a chunk, evenly spread, until there are enough."""
+        good = np.flatnonzero(part.status == 0)
+        wanted = min(AGAIN - len(self.values), len(good))
+        if wanted > 0:
+            for k in good[np.linspace(0, len(good) - 1, wanted).round().astype(int)].tolist():
+                self.values.append(part.values[k].copy())
+                self.responses.append(part.response[k].copy())
+
+
+def tighter(rtol: float) -> float | None:
+    """Return the tolerance of the second integration; None where there is none that is tighter by some digits.
+
+    Examples
+    --------
+    >>> tighter(1e-6), tighter(1e-13)
+    (1e-08, None)
+    """
+    found = max(FACTOR * rtol, LEAST)
+    return found if found <= 0.1 * rtol * (1 + 1e-9) else None
+
+
+def deviation(first: Array, second: Array, turns: Array) -> Array:
+    """Return the absolute difference of responses (..., output, time), of angles up to whole turns.
+
+    Parameters
+    ----------
+    first, second : array, shape (..., output, time)
+        In the units of the outputs.
+    turns : array, shape (output,)
+        Length of a turn of each output, 0 for what is no angle.
+
+    Examples
+    --------
+    >>> deviation(np.array([[1.0]]), np.array([[361.5]]), np.array([360.0])).tolist()
+    [[0.5]]
+    """
+    difference = first - second
+    turn = np.where(turns > 0, turns, 1.0)[:, None]
+    return np.abs(difference - np.where(turns[:, None] > 0, turn * np.round(difference / turn), 0.0))
+
+
+def with_integration_error(node: xr.DataTree, problem: Problem) -> xr.DataTree:
+    """Add the error of the time integration to the statistics of a method.
+
+    Parameters
+    ----------
+    node : xarray.DataTree
+        What the method returned.
+    problem : Problem
+        What it was given.
+
+    Returns
+    -------
+    xarray.DataTree
+        With ``statistics/integration_error`` (output, time), in the units of the outputs: the largest absolute
+        difference over the realisations that were integrated again.  NaN where it is not known; its attribute
+        ``reason`` then says why.
+    """
+    if "statistics" not in node.children or (problem.timeless and not problem.model.scalars.needs_motion):
+        return node
+    statistics = node.children["statistics"].to_dataset(inherit=False)
+    shape = problem.labels.shape
+    mean = statistics.get("mean")
+    if "integration_error" in statistics or not shape[0] or _still(problem):
+        return node
+    if mean is None or mean.dims != ("output", "time") or mean.shape != shape:
+        return node
+    error, attrs = _measured(problem)
+    error = np.where(np.isfinite(mean.values), error, np.nan)
+    attrs = {"long_name": LONG_NAME, **attrs}
+    node["statistics"] = xr.DataTree(statistics.assign(integration_error=(mean.dims, error, attrs)))
+    return node
+
+
+def _still(problem: Problem) -> bool:
+    """Tell whether nothing is integrated."""
+    return len(problem.times if problem.over is None else problem.over) < 2
+
+
+def _measured(problem: Problem) -> tuple[Array, dict[str, str | int | float]]:
+    """Return the error (output, time), and how it was found."""
+    unknown = np.full(problem.labels.shape, np.nan)
+    rtol = tighter(problem.rtol)
+    if rtol is None:
+        return unknown, {"reason": f"rtol is {problem.rtol:g}, and none that is much tighter is of use"}
+    with warnings.catch_warnings():
+        # the run itself has told
+        warnings.simplefilter("ignore", RedundantConstraintWarning)
+        try:
+            values, first = _integrated_once(problem)
+            if not len(values):
+                return unknown, {"reason": "no realisation succeeded that could be integrated again"}
+            again = _silent(problem, "again", rtol=rtol, integrator="auto").realise(values)
+        except UqmbdError as raised:
+            return unknown, {"reason": f"integrating again with rtol {rtol:g} failed: {raised}"}
+    good = np.flatnonzero(again.status == 0)
+    if not len(good):
+        why = again.most_frequent_reason()
+        return unknown, {"reason": f"all {len(values)} realisations fail that are integrated with rtol {rtol:g}: {why}"}
+    error = deviation(first[good], again.response[good], problem.labels.turns).max(axis=0)
+    comment = f"largest over {len(good)} realisations that were integrated again, with rtol {rtol:g}"
+    failed = len(values) - len(good)
+    more = f"; {failed} more failed there: {again.most_frequent_reason()}" if failed else ""
+    return error, {"comment": comment + more, "realisations": len(good), "rtol": rtol}
+
+
+def _integrated_once(problem: Problem) -> tuple[Array, Array]:
+    """Return inputs (K, input) and responses (K, output, time) of realisations at the tolerance of the study."""
+    seen = problem.observed
+    if seen.values:
+        return np.array(seen.values), np.array(seen.responses)
+    own = _silent(problem, "integrated-once")
+    own.realise(_points(problem))
+    return np.array(own.observed.values), np.array(own.observed.responses)
+
+
+def _points(problem: Problem) -> Array:
+    """Return the medians of the inputs and further points of their distribution, shape (AGAIN, input)."""
+    count = len(problem.inputs)
+    if not count:
+        return np.zeros((1, 0))
+    steps = np.arange(AGAIN)[:, None] * (GOLDEN ** np.arange(1, count + 1))
+    return problem.inputs.from_uniform((0.5 + steps) % 1.0)
+
+
+def _silent(problem: Problem, what: str, **changes: object) -> Problem:
+    """Return a problem beside: nobody is told, and its chunks have a place of their own."""
+    label = f"{problem.label}: {what}"
+    checkpoint = problem.checkpoint and replace(problem.checkpoint, label=label)
+    return replace(
+        problem,
+        label=label,
+        checkpoint=checkpoint,
+        executor=None,
+        progress=Silent(),
+        known={},
+        observed=Observed(),
+        **changes,  # type: ignore[arg-type]  # names and types of fields
+    )
