@@ -21,11 +21,13 @@ class _Contact(uqmbd.Component):
         "", "law of the normal force", kind="option", default="hertz", choices=LAWS, example="hunt-crossley"
     )
     # bodies that are tried in random poses may overlap deeply: softly
-    stiffness = uqmbd.Parameter("N/m^n", "stiffness of the law", default=1e6, example=20.0)
-    exponent = uqmbd.Parameter("1", "exponent of hunt-crossley", default=sympy.Rational(3, 2))
-    damping = uqmbd.Parameter("s/m, N s/m", "D of hunt-crossley, c of kelvin-voigt", default=0)
-    friction = uqmbd.Parameter("1", "coefficient of friction", default=0)
-    slow = uqmbd.Parameter("m/s", "speed below which friction is viscous", default=1e-3)
+    stiffness = uqmbd.Parameter("N/m^n", "stiffness of the law", default=1e6, example=20.0, minimum=0)
+    exponent = uqmbd.Parameter(
+        "1", "exponent of hunt-crossley", default=sympy.Rational(3, 2), minimum=0, exclusive=True
+    )
+    damping = uqmbd.Parameter("s/m, N s/m", "D of hunt-crossley, c of kelvin-voigt", default=0, minimum=0)
+    friction = uqmbd.Parameter("1", "coefficient of friction", default=0, minimum=0)
+    slow = uqmbd.Parameter("m/s", "speed below which friction is viscous", default=1e-3, minimum=0, exclusive=True)
 
     meeting: ClassVar[Callable[..., Meeting]]
 

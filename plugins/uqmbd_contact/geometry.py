@@ -44,7 +44,7 @@ class OnPlane(uqmbd.Component):
     point_i = uqmbd.Parameter("m", "a point of the plane, frame of body i", kind="point")
     point_j = uqmbd.Parameter("m", "centre of the sphere, frame of body j", kind="point")
     normal_i = uqmbd.Parameter("1", "normal of the plane towards body j, frame of body i", kind="axis")
-    radius = uqmbd.Parameter("m", "radius of the sphere; 0: a point", default=0)
+    radius = uqmbd.Parameter("m", "radius of the sphere; 0: a point", default=0, minimum=0)
 
     def meeting(self, p: uqmbd.Local) -> Meeting:
         """Return where they meet: the point of the plane below the centre."""
@@ -60,8 +60,8 @@ class OnSphere(uqmbd.Component):
     drawn_by = ()
     point_i = uqmbd.Parameter("m", "centre of the sphere, frame of body i", kind="point")
     point_j = uqmbd.Parameter("m", "centre of the sphere, frame of body j", kind="point")
-    radius_i = uqmbd.Parameter("m", "radius of the sphere of body i")
-    radius_j = uqmbd.Parameter("m", "radius of the sphere of body j")
+    radius_i = uqmbd.Parameter("m", "radius of the sphere of body i", minimum=0)
+    radius_j = uqmbd.Parameter("m", "radius of the sphere of body j", minimum=0)
 
     def meeting(self, p: uqmbd.Local) -> Meeting:
         """Return where they meet: the point of sphere i towards the centre of sphere j."""
@@ -106,8 +106,8 @@ class InBearing(uqmbd.Component):
 
     point_i = uqmbd.Parameter("m", "centre of the bearing, frame of body i", kind="point")
     point_j = uqmbd.Parameter("m", "centre of the journal, frame of body j", kind="point")
-    radius = uqmbd.Parameter("m", "radius of the journal")
-    clearance = uqmbd.Parameter("m", "radius of the bearing without that of the journal")
+    radius = uqmbd.Parameter("m", "radius of the journal", minimum=0)
+    clearance = uqmbd.Parameter("m", "radius of the bearing without that of the journal", minimum=0)
 
     def meeting(self, p: uqmbd.Local) -> Meeting:
         """Return where they meet: the point of the bearing that is nearest to the journal."""

@@ -41,7 +41,7 @@ class DistanceDriver(uqmbd.Component):
     drawn_by = ()
     point_i = uqmbd.Parameter("m", "one end, frame of body i", kind="point")
     point_j = uqmbd.Parameter("m", "other end, frame of body j", kind="point")
-    length = uqmbd.Parameter("m", "distance, an expression in uqmbd.t")
+    length = uqmbd.Parameter("m", "distance, an expression in uqmbd.t", minimum=0, exclusive=True)
 
     def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.Constraint]:
         """Yield the geometry."""

@@ -21,7 +21,7 @@ class Distance(uqmbd.Component):
     drawn_by = ()
     point_i = uqmbd.Parameter("m", "end of the rod, frame of body i", kind="point")
     point_j = uqmbd.Parameter("m", "end of the rod, frame of body j", kind="point")
-    length = uqmbd.Parameter("m", "length of the rod")
+    length = uqmbd.Parameter("m", "length of the rod", minimum=0, exclusive=True)
 
     def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.Constraint]:
         """Yield the geometry."""

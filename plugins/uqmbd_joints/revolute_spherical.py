@@ -25,7 +25,7 @@ class RevoluteSpherical(uqmbd.Component):
     point_i = uqmbd.Parameter("m", "hinge, frame of body i", kind="point")
     point_j = uqmbd.Parameter("m", "ball, frame of body j", kind="point")
     axis_i = uqmbd.Parameter("1", "axis of the hinge, frame of body i", kind="axis")
-    length = uqmbd.Parameter("m", "length of the link")
+    length = uqmbd.Parameter("m", "length of the link", minimum=0, exclusive=True)
 
     def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.Constraint]:
         """Yield the geometry."""

@@ -30,9 +30,13 @@ class RotationalFriction(uqmbd.Component):
     """
 
     spaces = (uqmbd.Spatial, uqmbd.Planar)
-    friction = uqmbd.Parameter("N m", "Coulomb's moment: coefficient times constant load times radius; 0: none")
-    damping = uqmbd.Parameter("N m s/rad", "viscous friction", default=0)
-    transition = uqmbd.Parameter("rad/s", "speed at which 71 % of Coulomb's moment act", default=0.01)
+    friction = uqmbd.Parameter(
+        "N m", "Coulomb's moment: coefficient times constant load times radius; 0: none", minimum=0
+    )
+    damping = uqmbd.Parameter("N m s/rad", "viscous friction", default=0, minimum=0)
+    transition = uqmbd.Parameter(
+        "rad/s", "speed at which 71 % of Coulomb's moment act", default=0.01, minimum=0, exclusive=True
+    )
     axis_i = uqmbd.Parameter("1", "axis, frame of body i (left out in the plane)", kind="turning_axis")
 
     def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.VirtualWork]:
@@ -56,9 +60,11 @@ class SlidingFriction(uqmbd.Component):
     point_i = uqmbd.Parameter("m", "a point of the axis, frame of body i", kind="point")
     point_j = uqmbd.Parameter("m", "the point that slides, frame of body j", kind="point")
     axis_i = uqmbd.Parameter("1", "direction, frame of body i", kind="axis")
-    friction = uqmbd.Parameter("N", "Coulomb's force: coefficient times constant load; 0: none")
-    damping = uqmbd.Parameter("N s/m", "viscous friction", default=0)
-    transition = uqmbd.Parameter("m/s", "speed at which 71 % of Coulomb's force act", default=0.01)
+    friction = uqmbd.Parameter("N", "Coulomb's force: coefficient times constant load; 0: none", minimum=0)
+    damping = uqmbd.Parameter("N s/m", "viscous friction", default=0, minimum=0)
+    transition = uqmbd.Parameter(
+        "m/s", "speed at which 71 % of Coulomb's force act", default=0.01, minimum=0, exclusive=True
+    )
 
     def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.VirtualWork]:
         """Yield the dissipation."""

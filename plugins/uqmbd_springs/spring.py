@@ -27,7 +27,7 @@ class SpringDamper(uqmbd.Component):
     point_j = uqmbd.Parameter("m", "end, frame of body j", kind="point")
     stiffness = uqmbd.Parameter("N/m", "spring rate")
     damping = uqmbd.Parameter("N s/m", "damper rate", default=0)
-    free_length = uqmbd.Parameter("m", "length without force", default=0)
+    free_length = uqmbd.Parameter("m", "length without force; negative: wound with initial tension", default=0)
 
     def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.Potential | uqmbd.VirtualWork]:
         """Yield energy and dissipation."""

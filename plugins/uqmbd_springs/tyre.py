@@ -62,10 +62,12 @@ class RadialTyre(uqmbd.Component):
 
     point = uqmbd.Parameter("m", "centre of the wheel, frame of body j", kind="point")
     road = uqmbd.Parameter("m", "height of the road", kind="option", example=ROAD)
-    radius = uqmbd.Parameter("m", "radius of the wheel without load")
-    stiffness = uqmbd.Parameter("N/m", "spring rate")
-    damping = uqmbd.Parameter("N s/m", "damper rate", default=0)
-    transition = uqmbd.Parameter("m", "compression e within which contact begins", default=1e-4)
+    radius = uqmbd.Parameter("m", "radius of the wheel without load", minimum=0)
+    stiffness = uqmbd.Parameter("N/m", "spring rate", minimum=0)
+    damping = uqmbd.Parameter("N s/m", "damper rate", default=0, minimum=0)
+    transition = uqmbd.Parameter(
+        "m", "compression e within which contact begins", default=1e-4, minimum=0, exclusive=True
+    )
 
     prepare = RoadFollower.prepare
     reaction_point = RoadFollower.reaction_point

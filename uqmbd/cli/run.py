@@ -121,11 +121,12 @@ def _executor(workers: int, address: str | None, script: Path) -> Iterator[int |
         yield workers
         return
     try:
-        from distributed import Client
+        import distributed
     except ImportError as error:
         raise StudyError('--dask needs Dask, which is not installed: pip install "uqmbd[distributed]"') from error
     try:
-        client: Any = Client(address, timeout=10)
+        connect: Any = distributed.Client
+        client: Any = connect(address, timeout=10)
     except (OSError, ValueError) as error:
         raise StudyError(
             f"--dask {address}: no Dask scheduler answers there ({type(error).__name__}). Expected an address such as "

@@ -13,6 +13,7 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from uqmbd.dynamics.index1 import RANK_TOLERANCE, accelerations, dense, state_arguments
+from uqmbd.dynamics.limits import impossible
 from uqmbd.dynamics.model import Model
 
 __all__ = ["Start", "assemble", "independent_rows", "positions", "velocities"]
@@ -316,15 +317,6 @@ def _body_rate(e: Array) -> Array:
     )
 
 
-def _negative(model: Model, parameters: Array) -> list[str]:
-    """Name masses and moments of inertia that are negative, for each realisation."""
-    messages = [""] * len(parameters)
-    for name, index in model.positive:
-        for k in np.flatnonzero(parameters[:, index] < 0):
-            messages[k] = messages[k] or f"the {name} is {parameters[k, index]:.4g}: it cannot be negative"
-    return messages
-
-
 def assemble(model: Model, all_parameters: Array, time: float) -> Start:
     """Make consistent initial states.
 
@@ -350,9 +342,10 @@ def assemble(model: Model, all_parameters: Array, time: float) -> Start:
     q, messages = positions(model, np.where(bad[:, None], np.nan_to_num(drawn), drawn), time, safe, layout.kept)
     s = dense(model, "initial", state_arguments(q, np.zeros((count, layout.states)), np.zeros_like(q), time), safe)["s"]
     v, contradictions = velocities(model, q, s, time, safe, safe)
+    forbidden = impossible(model.limits, model.tensors, safe)
     messages = [
         "a parameter is not finite" if b else (n or m or c)
-        for b, n, m, c in zip(bad, _negative(model, safe), messages, contradictions, strict=True)
+        for b, n, m, c in zip(bad, forbidden, messages, contradictions, strict=True)
     ]
     a, rates = np.zeros_like(q), np.zeros_like(s)
     multipliers = np.zeros((count, layout.rank))

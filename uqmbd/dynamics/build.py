@@ -16,6 +16,7 @@ from uqmbd.dynamics.block import TIME, Instance, instances_of
 from uqmbd.dynamics.derivation import derive
 from uqmbd.dynamics.finite import not_finite
 from uqmbd.dynamics.index1 import index1_system, massless_direction, state_arguments
+from uqmbd.dynamics.limits import limits_of
 from uqmbd.dynamics.model import (
     FUSED_LIMIT,
     Layout,
@@ -129,14 +130,7 @@ def _kinematics(mechanism: Mechanism, time: float) -> tuple[Model, list[Instance
                 expressions += stated
     breaks = np.arange(len(expressions), len(expressions) + len(_breaks(instances)))
     expressions += _breaks(instances)
-    positive: list[tuple[str, int]] = []
-    for body in mechanism.bodies.values():
-        moments = body.terms.inertia or ()
-        names = ["moment of inertia"] if len(moments) == 1 else ["Jxx", "Jyy", "Jzz"]
-        for what, value in [("mass", body.mass), *zip(names, moments, strict=False)]:
-            if not sympy.sympify(value).is_number:
-                positive.append((f"{what} of body {body.name!r}", len(expressions)))
-                expressions.append(sympy.sympify(value))
+    limits, tensors = limits_of(mechanism, expressions)
 
     none = np.zeros(0, dtype=np.int64)
     every = np.arange(len(equations), dtype=np.int64)
@@ -165,7 +159,8 @@ def _kinematics(mechanism: Mechanism, time: float) -> tuple[Model, list[Instance
         statements=tuple(statements),
         held=np.array(held, dtype=np.int64),
         breaks=breaks,
-        positive=tuple(positive),
+        limits=limits,
+        tensors=tensors,
         evaluators={kind: evaluator(kind, instances, order, layout, blocks, fuse=False) for kind in kinds},
     )
     parameters = model.parameters(inputs.means[None, :])

@@ -33,7 +33,7 @@ def not_finite(
     mechanism : Mechanism
         As the user described it.
     model : Model
-        Its places of parameters: `drawn`, `statements`, `breaks` and `positive`.
+        Its places of parameters: `drawn`, `statements`, `breaks`, `limits` and `tensors`.
     instances : sequence of Instance
         Their parameters come first.
     expressions : sequence of expressions, length P
@@ -89,7 +89,10 @@ def _origin(
         if k in statement.parameters:
             quantity = statement.quantity
             return f"body {statement.body!r}", (f"its {quantity.replace('_', ' ')}", quantity), expression
-    for what, place in model.positive:
-        if k == place:
-            return f"mechanism {mechanism.name!r}", (f"the {what}", what.partition(" of ")[0]), expression
+    for limit in model.limits:
+        if k == limit.index:
+            return f"mechanism {mechanism.name!r}", (f"the {limit.name}", limit.name.partition(" of ")[0]), expression
+    for tensor in model.tensors:
+        if k in tensor.index:
+            return f"body {tensor.body!r}", ("its inertia", "inertia"), expression
     return f"mechanism {mechanism.name!r}", ("a time at which a force or a driver changes", "time"), expression

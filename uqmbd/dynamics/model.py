@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from uqmbd.dynamics.block import Instance
 from uqmbd.dynamics.derivation import Kind
 from uqmbd.dynamics.evaluator import Evaluator, Placement, fused, typed
+from uqmbd.dynamics.limits import Limit, Tensor
 from uqmbd.dynamics.parameters import ParameterMap
 
 __all__ = ["FUSED_LIMIT", "Layout", "Model", "Statement"]
@@ -129,10 +130,12 @@ class Model:
     owners : tuple of str
         Component of every constraint equation.
     parameters : ParameterMap
-        All parameters of all instances, then the drawn pose, statements, break times, and random masses and moments of
-        inertia.
-    positive : tuple of (name, index)
-        Parameters that must not be negative.
+        All parameters of all instances, then the drawn pose, statements, break times, and random numbers that have a
+        range.
+    limits : tuple of Limit
+        Parameters that have a range.
+    tensors : tuple of Tensor
+        Random inertia tensors.
     """
 
     name: str
@@ -150,7 +153,8 @@ class Model:
     statements: tuple[Statement, ...]
     held: Index
     breaks: Index
-    positive: tuple[tuple[str, int], ...]
+    limits: tuple[Limit, ...]
+    tensors: tuple[Tensor, ...]
     evaluators: dict[str, Evaluator] = field(repr=False)
     events: tuple[tuple[str, str, int], ...] = ()
     """Component and label of each event, and in how many directions velocities jump, the normal one first; 0: none."""

@@ -8,13 +8,20 @@ from typing import Any
 
 import numpy as np
 import sympy
+from numpy.typing import NDArray
 
 from uqmbd.errors import StudyError
 from uqmbd.mechanism.geometry import nominal, quaternion_of_matrix, unit
 from uqmbd.mechanism.numbers import flatten, numbers, shown
 from uqmbd.mechanism.space import Space
 
-__all__ = ["inertia_entries", "mass_number", "orientation"]
+__all__ = ["inertia_entries", "is_tensor_of_body", "mass_number", "orientation"]
+
+ROUNDING = 1e-12
+"""A negative principal moment of this size, relative to the largest, is rounding."""
+
+ROUNDED = 1e-2
+"""Moments of inertia as people give them are rounded to this, relative to the largest."""
 
 TENSOR = "a 3 x 3 matrix, (Jxx, Jyy, Jzz) or (Jxx, Jyy, Jzz, Jxy, Jxz, Jyz)"
 
@@ -79,14 +86,47 @@ def _tensor(where: str, inertia: Any) -> tuple[sympy.Expr, ...]:
     elif len(entries) == 3:
         entries += [sympy.S.Zero] * 3
     xx, yy, zz, xy, xz, yz = (_nominal(where, "inertia", x) for x in entries)
-    moments = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-    if moments[0] < -1e-12 * abs(moments).max():
+    moments = np.asarray(np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]), dtype=np.float64)
+    if moments[0] < -ROUNDING * abs(moments).max():
         listed = ", ".join(f"{x:.4g}" for x in moments)
         raise StudyError(
             f"{where}: its inertia tensor is not positive semi-definite (principal moments {listed} kg m^2"
             f"{_at_means(*entries)}); check the products of inertia: they are tensor entries, J[0, 2] = +Jxz."
         )
+    if not is_tensor_of_body(moments):
+        listed = ", ".join(f"{x:.4g}" for x in moments)
+        raise StudyError(
+            f"{where}: no body has this inertia tensor: its principal moments are {listed} kg m^2"
+            f"{_at_means(*entries)}, and the largest is more than the sum of the other two "
+            f"({moments[2]:.4g} > {moments[0] + moments[1]:.4g}). It is that about the centre of mass."
+        )
     return tuple(entries)
+
+
+def is_tensor_of_body(moments: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Tell whether principal moments of inertia are those of a distribution of mass.
+
+    None is negative, and none is more than the sum of the other two.  Numbers that were rounded to 1 % pass.
+
+    Parameters
+    ----------
+    moments : array, shape (..., 3)
+        Ascending, kg m^2.
+
+    Returns
+    -------
+    array of bool, shape (...)
+
+    Examples
+    --------
+    >>> is_tensor_of_body(np.array([[1, 1, 2], [1, 1, 5], [0, 0, 0], [0, 1, 1], [-1, 1, 1]])).tolist()
+    [True, False, True, True, False]
+    """
+    slack = ROUNDED * np.abs(moments[..., 2])
+    fine: NDArray[np.bool_] = (moments[..., 0] >= -ROUNDING * np.abs(moments).max(axis=-1)) & (
+        moments[..., 2] <= moments[..., 0] + moments[..., 1] + slack
+    )
+    return fine
 
 
 def orientation(

@@ -8,10 +8,11 @@ import sympy
 
 from uqmbd.errors import StudyError
 from uqmbd.mechanism.component import Component, Parameter
-from uqmbd.mechanism.geometry import quaternion_of_matrix, unit
+from uqmbd.mechanism.geometry import nominal, quaternion_of_matrix, unit
 from uqmbd.mechanism.numbers import flatten, numbers, shown
 from uqmbd.mechanism.space import Space
 from uqmbd.mechanism.world import KEYWORDS, localised, replaced
+from uqmbd.randomness import RandomVariable
 
 __all__ = ["settle"]
 
@@ -83,9 +84,25 @@ def _value(where: str, key: str, parameter: Parameter, value: Any, space: Space,
     if parameter.kind == "rotation":
         return _rotation(where, key, value, space, hint)
     entries = numbers(where, key, value, size, hint)
+    if parameter.ranged:
+        _require_range(f"{where}: {key}", parameter, entries, hint)
     if parameter.kind in ("axis", "turning_axis"):
         return unit(entries)
     return entries[0] if parameter.kind == "scalar" else tuple(entries)
+
+
+def _require_range(what: str, parameter: Parameter, entries: list[sympy.Expr], hint: str) -> None:
+    """Raise unless numbers, and expressions in random variables at their means, lie in the range of a parameter."""
+    for entry in entries:
+        if not all(isinstance(s, RandomVariable) for s in entry.free_symbols):
+            continue
+        try:
+            value = nominal(entry)
+        except StudyError:  # no finite number at the means: told with all others when the mechanism is assembled
+            continue
+        if not parameter.allows(value):
+            at_means = "" if entry.is_number else f" at the means of the random variables ({shown(entry)})"
+            raise StudyError(f"{what} is {value:g}{at_means}; expected {parameter.range_text} ({hint}).")
 
 
 def _rotation(where: str, key: str, value: Any, space: Space, hint: str) -> tuple[sympy.Expr, ...]:

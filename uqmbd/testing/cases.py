@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -165,7 +166,7 @@ def _value(
         return parameter.choices[0] if parameter.required else None
     if parameter.kind == "scalar":
         value = sympy.Float(rng.uniform(0.5, 1.5)) * (1 + u)
-        return value + sympy.sin(t) / 5 if moving else value
+        return _ranged(parameter, value + sympy.sin(t) / 5 if moving else value)
     if parameter.kind == "rotation":
         if not space.turns:
             return None
@@ -176,4 +177,15 @@ def _value(
     if parameter.kind in ("axis", "turning_axis", "rotation"):
         # frames on a random axis are long expressions: one random entry, in one case, is enough
         change = change * (np.arange(size) == 0) * turning
-    return tuple(sympy.Float(a) + sympy.Float(b) * u for a, b in zip(start, change, strict=True))
+    entries = [sympy.Float(a) + sympy.Float(b) * u for a, b in zip(start, change, strict=True)]
+    return tuple(_ranged(parameter, x + 2) if parameter.ranged else x for x in entries)
+
+
+def _ranged(parameter: Parameter, value: sympy.Expr) -> sympy.Expr:
+    """Move a value between 0.2 and 3.2 into the range of a parameter."""
+    low, high = parameter.minimum, parameter.maximum
+    if math.isfinite(low) and math.isfinite(high):
+        return low + (high - low) * value / 4
+    if math.isfinite(high):
+        return high - value
+    return low + value if low > 0 else value

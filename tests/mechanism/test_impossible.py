@@ -1,0 +1,214 @@
+"""What no mechanism can be is told where it was written; where it is random, by the realisation, with the reason."""
+
+from __future__ import annotations
+
+import math
+import re
+from typing import ClassVar
+
+import chaospy
+import numpy as np
+import pytest
+import sympy
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import uqmbd
+from uqmbd import plugins
+from uqmbd.dynamics import Ensemble, build
+from uqmbd.mechanism.rigid_body import is_tensor_of_body
+from uqmbd_contact import ClearanceJoint, PlaneContact, PlaneImpact, SphereContact
+from uqmbd_drivers import DistanceDriver
+from uqmbd_joints import Distance, RevoluteSpherical
+from uqmbd_montecarlo import MonteCarlo
+from uqmbd_springs import RadialTyre, RotationalFriction, SlidingFriction
+
+FLOOR = {"point_i": (0, 0), "point_j": (0, 0), "normal_i": (0, 1)}
+ENDS = {"point_i": (0, 0), "point_j": (0, 0)}
+
+RANGES = [
+    (PlaneImpact, FLOOR, "restitution", [-0.1, 1.1], [0, 0.5, 1]),
+    (PlaneImpact, FLOOR, "friction", [-0.1], [0, 3]),
+    (PlaneImpact, FLOOR, "radius", [-0.1], [0, 3]),
+    (PlaneContact, FLOOR, "friction", [-0.1], [0, 3]),
+    (PlaneContact, FLOOR, "stiffness", [-1e6], [0, 1e6]),
+    (PlaneContact, FLOOR, "damping", [-1], [0, 1]),
+    (PlaneContact, FLOOR, "exponent", [-1, 0], [1, 2]),
+    (PlaneContact, FLOOR, "slow", [-1, 0], [1e-3]),
+    (SphereContact, {**ENDS, "radius_j": 1}, "radius_i", [-1], [0, 1]),
+    (ClearanceJoint, {**ENDS, "radius": 1}, "clearance", [-1e-3], [0, 1e-3]),
+    (Distance, ENDS, "length", [-0.3, 0], [0.3]),
+    (DistanceDriver, ENDS, "length", [-0.3, 0], [0.3, uqmbd.t - 5]),
+    (RotationalFriction, {}, "friction", [-1], [0, 1]),
+    (RotationalFriction, {"friction": 1}, "transition", [-1, 0], [1]),
+    (SlidingFriction, {**ENDS, "axis_i": (1, 0)}, "friction", [-1], [0, 1]),
+    (RadialTyre, {"point": (0, 0), "road": 0, "stiffness": 1}, "radius", [-1], [1]),
+]
+
+
+def body_on_ground(space=None):
+    mechanism = uqmbd.Mechanism("machine", space or uqmbd.Planar(gravity=(0, -9.81)))
+    inertia = (1, 1, 1) if mechanism.space.dimension == 3 else 1
+    return mechanism, mechanism.body("ball", mass=1, inertia=inertia, position=(0, 1, 0)[: mechanism.space.dimension])
+
+
+@pytest.mark.parametrize(
+    ("kind", "rest", "key", "bad", "good"), RANGES, ids=[f"{r[0].__name__}.{r[2]}" for r in RANGES]
+)
+def test_a_number_outside_of_its_range_is_refused_where_it_is_given(kind, rest, key, bad, good):
+    mechanism, ball = body_on_ground()
+    for value in good:
+        mechanism.add(kind(f"fine {value}", mechanism.ground, ball, **rest, **{key: value}))
+    for value in bad:
+        with pytest.raises(uqmbd.StudyError, match=re.escape(f"{kind.__name__} 'c': {key} is {value:g}; expected")):
+            mechanism.add(kind("c", mechanism.ground, ball, **rest, **{key: value}))
+        random = uqmbd.RandomVariable("r", chaospy.Uniform(value - 0.1, value + 0.05))
+        with pytest.raises(uqmbd.StudyError, match=rf"'c': {key} is .* at the means of the random variables \(r\)"):
+            mechanism.add(kind("c", mechanism.ground, ball, **rest, **{key: random}))
+    assert "c" not in mechanism.components
+
+
+def test_a_number_of_space_has_a_range_too():
+    mechanism, ball = body_on_ground(uqmbd.Spatial())
+    with pytest.raises(uqmbd.StudyError, match="RevoluteSpherical 'c': length is -1; expected more than 0"):
+        mechanism.add(RevoluteSpherical("c", mechanism.ground, ball, (0, 0, 0), (0, 0, 0), (1, 0, 0), length=-1))
+
+
+def test_every_coefficient_and_distance_of_the_installed_components_has_a_range():
+    """A component that is added to the built-in ones must not forget its own; what may have any sign is listed."""
+    signed = {
+        "Screw.pitch",
+        "RackAndPinion.radius",
+        "SpringDamper.free_length",
+        "RoadFollower.height",
+        "PositionDriver.displacement",
+    }
+    for kind in plugins.components().values():
+        if not kind.__module__.startswith("uqmbd_"):
+            continue
+        for key, parameter in kind.parameters().items():
+            coefficient = key in ("friction", "restitution")
+            distance = parameter.units == "m" and parameter.kind == "scalar"
+            if (coefficient or distance) and f"{kind.__name__}.{key}" not in signed:
+                assert parameter.minimum == 0, f"{kind.__name__}.{key}"
+
+
+def sampled(mechanism, values):
+    """Reasons why realisations cannot be, by the value of the one random variable."""
+    return Ensemble(build(mechanism), np.array(values, dtype=float)[:, None]).start.messages
+
+
+def test_a_random_number_outside_of_its_range_fails_with_the_reason():
+    mechanism, ball = body_on_ground()
+    rebound = uqmbd.RandomVariable("rebound", chaospy.Normal(0.95, 0.05))
+    mechanism.add(PlaneImpact("floor", mechanism.ground, ball, **FLOOR, restitution=rebound))
+    mechanism.output("height", ball.position[1], units="m")
+    fine, low, high = sampled(mechanism, [0.95, -0.01, 1.02])
+    assert fine == ""
+    assert low == "the restitution of PlaneImpact 'floor' is -0.01: expected 0 to 1"
+    assert high == "the restitution of PlaneImpact 'floor' is 1.02: expected 0 to 1"
+    study = uqmbd.Study("drop", mechanism, [0, 0.1], [MonteCarlo(samples=64, seed=1)])
+    with pytest.warns(UserWarning, match="the restitution of PlaneImpact 'floor' is"):
+        node = study.run()["monte-carlo"]
+    outside = node["samples/inputs"].values[:, 0] > 1
+    assert outside.any() and np.array_equal(node["samples/status"].values != 0, outside)
+
+
+class Gauge(uqmbd.Component):
+    """A plugin's component with ranges of its own."""
+
+    bodies: ClassVar[tuple[str, ...]] = ("body",)
+    share = uqmbd.Parameter("1", "a share of something", minimum=0.2, maximum=0.8, exclusive=True)
+    forces = uqmbd.Parameter("N", "that only press", kind="vector", maximum=0, default=(0, 0))
+
+    def terms(self, p):
+        yield uqmbd.VirtualWork(p.share * sympy.Matrix(p.forces), p.body.velocity)
+
+
+def test_a_plugins_component_gets_the_same_check():
+    mechanism, ball = body_on_ground()
+    size = uqmbd.RandomVariable("size", chaospy.Uniform(-3, -1))
+    for value, words in [(0.2, "more than 0.2 and less than 0.8"), (0.8, "more than 0.2"), (2, "less than 0.8")]:
+        with pytest.raises(uqmbd.StudyError, match=f"Gauge 'g': share is {value}; expected .*{words}.*a share of some"):
+            mechanism.add(Gauge("g", ball, share=value))
+    with pytest.raises(uqmbd.StudyError, match="forces is 1; expected 0 or less"):
+        mechanism.add(Gauge("g", ball, share=0.5, forces=(-1, 1)))
+    mechanism.add(Gauge("g", ball, share=0.5, forces=(-1, size + 2)))
+    assert sampled(mechanism, [-2, -1.5]) == ("", "the forces[1] of Gauge 'g' is 0.5 N: expected 0 or less")
+
+
+def test_a_range_that_means_nothing_is_told_at_its_declaration():
+    with pytest.raises(uqmbd.StudyError, match="from minimum=1 to maximum=0"):
+        uqmbd.Parameter("1", "share", minimum=1, maximum=0)
+    with pytest.raises(uqmbd.StudyError, match="kind 'axis' has no range"):
+        uqmbd.Parameter("1", "where to", kind="axis", minimum=0)
+
+
+# -- inertia ----------------------------------------------------------------------------------------------------------
+points = st.lists(st.tuples(*[st.floats(-1, 1)] * 3, st.floats(0, 1)), min_size=1, max_size=6)
+
+
+@given(points, st.permutations(range(3)))
+@settings(max_examples=60, deadline=None)
+def test_the_inertia_of_any_masses_is_accepted(points, order):
+    """Of point masses, the least that a body can be: needles and plates among them."""
+    r, m = np.array([p[:3] for p in points])[:, order], np.array([p[3] for p in points])
+    tensor = sum(w * (x @ x * np.eye(3) - np.outer(x, x)) for w, x in zip(m, r, strict=True))
+    mechanism = uqmbd.Mechanism("cloud", uqmbd.Spatial())
+    mechanism.body("cloud", mass=m.sum(), inertia=tensor)
+
+
+@given(st.lists(st.floats(0, 1), min_size=3, max_size=3), st.integers(0, 2**32 - 1))
+@settings(max_examples=60, deadline=None)
+def test_a_tensor_is_accepted_where_some_distribution_of_mass_has_it(moments, seed):
+    """Principal moments a, b, c belong to second moments of mass (b + c - a) / 2, ...: none of them may be negative."""
+    second = (sum(moments) - 2 * np.array(moments)) / 2
+    e = np.random.default_rng(seed).normal(size=(3, 3))
+    turn = np.linalg.qr(e)[0]
+    tensor = turn @ np.diag(moments) @ turn.T
+    tensor = (tensor + tensor.T) / 2
+    mechanism = uqmbd.Mechanism("solid", uqmbd.Spatial())
+    if second.min() >= 0:
+        mechanism.body("solid", mass=1, inertia=tensor)
+    elif second.min() < -0.01 * max(moments):
+        with pytest.raises(uqmbd.StudyError, match="body 'solid': no body has this inertia tensor.*principal moments"):
+            mechanism.body("solid", mass=1, inertia=tensor)
+
+
+def test_inertia_rounded_as_people_do_is_a_bodys():
+    """A thin rod with the numbers of a data sheet."""
+    mechanism = uqmbd.Mechanism("rod", uqmbd.Spatial())
+    mechanism.body("rod", mass=1, inertia=(0.00001, 0.0833, 0.0834))
+    mechanism.body("point", mass=1, inertia=(0, 0, 0))
+    with pytest.raises(uqmbd.StudyError, match=r"1, 1, 5 kg m\^2, and the largest is more than .* other two \(5 > 2\)"):
+        mechanism.body("ball", mass=1, inertia=(1, 1, 5))
+
+
+def test_random_inertia_that_no_body_has_fails_with_the_reason():
+    third = uqmbd.RandomVariable("third", chaospy.Normal(1.9, 0.1))
+    mechanism = uqmbd.Mechanism("top", uqmbd.Spatial())
+    mechanism.body("top", mass=1, inertia=(1, third, 1, 0, 0.0, 0))
+    fine, plate, none, negative = sampled(mechanism, [1.9, 2.0, 2.5, -1])
+    assert fine == plate == ""
+    assert none == (
+        "the inertia of body 'top' is that of no body: its principal moments are 1, 1, 2.5 kg m^2; "
+        "the largest may not be more than the sum of the others"
+    )
+    assert "principal moments are -1, 1, 1 kg m^2; none may be negative" in negative
+    with pytest.raises(uqmbd.StudyError, match=r"1, 1, 2.5 kg m\^2 at the means of the random variables, and"):
+        mechanism.body("other", mass=1, inertia=(1, 1, third + 0.6))
+
+
+def test_random_mass_and_inertia_in_the_plane_fail_with_the_reason():
+    x = uqmbd.RandomVariable("x", chaospy.Normal(1, 0.5))
+    mechanism = uqmbd.Mechanism("disc", uqmbd.Planar())
+    mechanism.body("disc", mass=x + 0.5, inertia=x)
+    fine, light, heavy = sampled(mechanism, [1, -0.2, -1])
+    assert fine == "" and "the moment of inertia of body 'disc' is -0.2 kg m^2: expected 0 or more" in light
+    assert "the mass of body 'disc' is -0.5 kg: expected 0 or more" in heavy
+
+
+def test_principal_moments_at_the_edge_are_a_bodys():
+    edge = np.array([[0, a, a] for a in (1e-12, 1, 1e12)] + [[1, 2, 3.0]])
+    assert is_tensor_of_body(edge).all() and not is_tensor_of_body(edge * [1, 1, 1.02]).any()
+    assert math.isinf(uqmbd.Parameter("1", "no range").maximum)
