@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 import uqmbd
 from uqmbd.results import AlignedChaos, AlignedElement
 from uqmbd_collocation.plans import verification_points
+from uqmbd_collocation.runs import Runs
 
 if TYPE_CHECKING:
     from uqmbd_collocation.propagator import Collocation
@@ -110,14 +111,21 @@ def align_with_events(options: Collocation, problem: uqmbd.Problem, space: uqmbd
         elements.append(element)
         mixed += lost * box.probability
     points = verification_points(space, options.verify, options.seed)
-    verified = problem.realise(space.to_inputs(points))
-    good = np.flatnonzero(verified.status == 0)
+    verified = Runs(problem, space)
+    where = verified.at(points)
+    good = np.flatnonzero(verified.good(where)) if len(points) else where
+    if len(good) < len(points):
+        warnings.warn(
+            f"{problem.label}: {len(points) - len(good)} of {len(points)} verification realisations failed; the stated "
+            f"error comes from the others. Reason of the failure: {verified.reason(where)}",
+            stacklevel=3,
+        )
     chaos = AlignedChaos(
         tuple(elements),
         terms,
         problem.labels,
         verification_germs=points[good] if len(good) else None,
-        verification_response=verified.response[good] if len(good) else None,
+        verification_response=verified.response[where[good]] if len(good) else None,
     )
     if mixed > 0:
         warnings.warn(
@@ -132,10 +140,11 @@ def align_with_events(options: Collocation, problem: uqmbd.Problem, space: uqmbd
         chaos.statistics(),
         realisations=followed.spent + len(points),
         wall_time=clock.perf_counter() - begin,
-        counters=verified.counters,
-        children={"aligned": chaos.to_dataset()},
+        counters=dict(verified.counters),
+        children={"aligned": chaos.to_dataset(), "nodes": _nodes(followed, verified)},
         attrs={
-            "failures": 0,
+            # a realisation that fails while it is followed ends the method
+            "failures": int((verified.status != 0).sum()) if len(points) else 0,
             "fit": f"event times and segments by projection with {options.order + 1} Gauss nodes per input",
             "terms": len(terms),
             "highest_degree": int(terms.max()),
@@ -145,6 +154,27 @@ def align_with_events(options: Collocation, problem: uqmbd.Problem, space: uqmbd
             "mixed": mixed,
         },
     )
+
+
+def _nodes(followed: _Followed, verified: Runs) -> xr.Dataset:
+    """Return the dataset `nodes`: where the realisations were, what for, and what became of them."""
+    germs = np.array([np.frombuffer(key) for key in followed.known])
+    status, messages = np.zeros(len(germs), dtype=np.int32), [""] * len(germs)
+    purpose = ["fit"] * len(germs)
+    if len(verified):
+        germs = np.concatenate([germs, verified.germs])
+        status = np.concatenate([status, verified.status.astype(np.int32)])
+        messages += verified.messages
+        purpose += ["verification"] * len(verified)
+    data = {
+        "inputs": (("node", "input"), followed.space.to_inputs(germs)),
+        "germs": (("node", "germ"), germs),
+        "status": ("node", status, {"comment": "0: fine; others as of samples"}),
+        "message": ("node", np.array(messages, dtype=str)),
+        "purpose": ("node", np.array(purpose, dtype=str)),
+    }
+    names = np.array([str(name) for name in followed.space.names])
+    return xr.Dataset(data, coords={**followed.problem.labels.input_coords(), "germ": names})
 
 
 def _sequence(problem: uqmbd.Problem, history: uqmbd.History, least: int) -> tuple[str, ...]:

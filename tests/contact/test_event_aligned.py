@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import chaospy
 import numpy as np
 import pytest
 
 import uqmbd
-from uqmbd.results import AlignedChaos, load, save, study_tree
+from uqmbd.cli.compare import show_comparison
+from uqmbd.results import AlignedChaos, load, save, study_tree, validate
 from uqmbd_collocation import Collocation
 from uqmbd_contact import PlaneImpact
 from uqmbd_springs import SpringDamper
@@ -175,3 +178,57 @@ def test_bounces_that_die_down_are_told():
     study = ball(times=np.linspace(0, 6, 61), restitution=RESTITUTION)
     with pytest.raises(uqmbd.StudyError, match="bounces die down"):
         study.propagate(Collocation(order=1, alignment="events"))
+
+
+def test_verification_realisations_that_fail_are_counted_and_named(monkeypatch):
+    """Two of eight fail: a warning, their number, and their inputs with the reason."""
+    real = uqmbd.Problem.realise
+
+    def some_fail(self, values, **options):
+        found = real(self, values, **options)
+        if self.timeless:
+            return found
+        status = found.status.copy()
+        status[:2] = 2
+        messages = tuple("planted" if k < 2 else m for k, m in enumerate(found.messages))
+        response = np.where((status == 0)[:, None, None], found.response, np.nan)
+        return dataclasses.replace(found, status=status, messages=messages, response=response)
+
+    study = ball(times=np.linspace(0, 1.5, 11))
+    with monkeypatch.context() as patched:
+        patched.setattr(uqmbd.Problem, "realise", some_fail)
+        with pytest.warns(UserWarning, match=r"2 of 8 verification realisations failed; .*: planted"):
+            node = study.propagate(Collocation(order=2, alignment="events"))
+    assert (node.attrs["failures"], node.attrs["verification"]) == (2, 6)
+    nodes = node["nodes"].to_dataset()
+    failed = nodes.isel(node=np.flatnonzero(nodes["status"].values))
+    assert failed["message"].values.tolist() == ["planted"] * 2
+    assert failed["purpose"].values.tolist() == ["verification"] * 2
+    assert ((failed["inputs"].sel(input="h0") > 0.9) & (failed["inputs"].sel(input="h0") < 1.1)).all()
+    assert node["aligned"].sizes["verification"] == 6
+
+
+def test_a_comparison_of_files_keeps_what_the_files_hold(tmp_path, capsys, monkeypatch):
+    """Outputs without a time, event-aligned chaoses and nodes: at the common times, in the file and its comparison."""
+    runs = {"one": (TIMES[:76:5], 2), "two": (TIMES[:76:15], 3)}
+    for name, (times, order) in runs.items():
+        node = ball(times=times).propagate(Collocation(order=order, alignment="events"))
+        save(study_tree([node], study="ball", mechanism="ball"), tmp_path / name / "results.nc")
+    monkeypatch.setattr("uqmbd.cli.report.write", lambda tree, path: path)  # whose figures take their time
+    show_comparison([tmp_path / name for name in runs], out=tmp_path / "both")
+    assert "second" in capsys.readouterr().out
+    both = load(tmp_path / "both" / "comparison.nc")
+    validate(both)
+    assert both["comparison"]["scalar_verdict_kind"].sel({"method": "B collocation", "scalar": "second"}) == "agrees"
+    for letter, name in zip("AB", runs, strict=True):
+        given, kept = load(tmp_path / name / "results.nc")["collocation"], both[f"{letter} collocation"]
+        assert {part.path.split("collocation")[1] for part in given.subtree} == {
+            part.path.split("collocation")[1] for part in kept.subtree
+        }
+        np.testing.assert_array_equal(kept["nodes"]["inputs"], given["nodes"]["inputs"])
+        np.testing.assert_array_equal(kept["scalars/statistics"]["mean"], given["scalars/statistics"]["mean"])
+        whole, part = (AlignedChaos.from_dataset(node["aligned"]) for node in (given, kept))
+        values = [[0.8, 1.0]] if whole.germ_names[0] == "e" else [[1.0, 0.8]]
+        np.testing.assert_array_equal(part.labels.times, TIMES[:76:15])
+        at = np.isin(whole.labels.times, part.labels.times)
+        np.testing.assert_array_equal(part.evaluate(values), whole.evaluate(values)[..., at])

@@ -15,11 +15,11 @@ __all__ = ["align"]
 SAME_TIME = 1e-9
 """Times that differ by less than this part of the whole duration are the same."""
 
-_KEPT = ("statistics", "samples", "chaos")
+_TIMELESS = "scalars"
 
 
 def align(nodes: Mapping[str, xr.DataTree]) -> tuple[dict[str, xr.DataTree], tuple[str, ...]]:
-    """Restrict results of different runs to their common outputs and times.
+    """Restrict results of different runs to their common outputs and times, and to their common outputs without a time.
 
     Parameters
     ----------
@@ -29,7 +29,8 @@ def align(nodes: Mapping[str, xr.DataTree]) -> tuple[dict[str, xr.DataTree], tup
     Returns
     -------
     aligned : dict of str to xarray.DataTree
-        Nodes with ``statistics``, ``samples`` and ``chaos`` at the common times, in the order of the first.
+        The nodes with all that they hold, at the common times and outputs, in the order of the first.  A method that
+        has no outputs without a time has no child ``scalars``; the others have those that are common to them.
     notes : tuple of str
         What was left out, in sentences; empty if nothing was.
 
@@ -50,11 +51,26 @@ def align(nodes: Mapping[str, xr.DataTree]) -> tuple[dict[str, xr.DataTree], tup
     """
     if not nodes:
         raise StudyError("A comparison needs the result of at least one propagator; there is none.")
-    statistics = {label: node.children["statistics"].to_dataset() for label, node in nodes.items()}
+    statistics = _statistics(nodes)
+    still = _statistics(
+        {label: node.children[_TIMELESS] for label, node in nodes.items() if _TIMELESS in node.children}
+    )
     outputs, notes = _common_outputs(statistics)
+    scalars, more = _common_outputs(still)
+    notes += more
+    if not outputs and not scalars:
+        said = "; ".join(
+            f"{label}: {', '.join(_names(data) + (_names(still[label]) if label in still else []))}"
+            for label, data in statistics.items()
+        )
+        raise StudyError(f"These results have no output of the same name and units in common: {said}.")
     where, more = _common_times(statistics)
-    aligned = {label: _restricted(node, label, outputs, where[label]) for label, node in nodes.items()}
+    aligned = {label: _restricted(node, label, outputs, scalars, where[label]) for label, node in nodes.items()}
     return aligned, (*notes, *more)
+
+
+def _statistics(nodes: Mapping[str, xr.DataTree]) -> dict[str, xr.Dataset]:
+    return {label: node.children["statistics"].to_dataset() for label, node in nodes.items()}
 
 
 def _names(data: xr.Dataset) -> list[str]:
@@ -62,6 +78,8 @@ def _names(data: xr.Dataset) -> list[str]:
 
 
 def _common_outputs(statistics: Mapping[str, xr.Dataset]) -> tuple[list[str], list[str]]:
+    if not statistics:
+        return [], []
     first = next(iter(statistics.values()))
     names = {label: _names(data) for label, data in statistics.items()}
     shared = [name for name in _names(first) if all(name in other for other in names.values())]
@@ -79,9 +97,6 @@ def _common_outputs(statistics: Mapping[str, xr.Dataset]) -> tuple[list[str], li
     left = list(dict.fromkeys(n for other in names.values() for n in other if any(n not in o for o in names.values())))
     if left:
         notes.append(f"Outputs that are not in all results were left out: {', '.join(left)}.")
-    if not shared:
-        said = "; ".join(f"{label}: {', '.join(other)}" for label, other in names.items())
-        raise StudyError(f"These results have no output of the same name and units in common: {said}.")
     return shared, notes
 
 
@@ -110,20 +125,34 @@ def _common_times(
     return dict(where), [f"Only {count} common to all: of {said}. Nothing was interpolated."]
 
 
-def _restricted(node: xr.DataTree, label: str, outputs: list[str], where: NDArray[np.intp] | None) -> xr.DataTree:
-    datasets = {"/": xr.Dataset(attrs={**node.attrs, "label": label})}
-    for name in _KEPT:
-        if name not in node.children:
+def _restricted(
+    node: xr.DataTree, label: str, outputs: list[str], scalars: list[str], where: NDArray[np.intp] | None
+) -> xr.DataTree:
+    base = node.path.rstrip("/")
+    times = node.children["statistics"].sizes.get("time", 0)
+    datasets: dict[str, xr.Dataset] = {}
+    for part in node.subtree:
+        path = part.path[len(base) :].strip("/")
+        still = path.split("/")[0] == _TIMELESS
+        if still and not scalars:
             continue
-        data = node.children[name].to_dataset()
-        if "output" in data.dims:
-            known = _names(data)
-            data = data.isel(output=[known.index(output) for output in outputs])
-        if "time" in data.dims and where is not None:
+        data = part.to_dataset(inherit=False)
+        if "output" in data.dims and "output" in data.coords:
+            data = _only(data, scalars if still else outputs)
+        if where is not None and data.sizes.get("time") == times and not still:
             data = data.isel(time=where)
-        datasets[name] = data
+        datasets[path or "/"] = data
+    datasets["/"] = datasets["/"].assign_attrs(label=label)
+    if _TIMELESS in datasets:
+        datasets[_TIMELESS] = datasets[_TIMELESS].assign_attrs(label=label)
     made = xr.DataTree.from_dict(datasets, name=label)
     return _at_common_times(made, where)
+
+
+def _only(data: xr.Dataset, outputs: list[str]) -> xr.Dataset:
+    """Choose outputs, those that there are: a child may be about some of them only."""
+    known = _names(data)
+    return data.isel(output=[known.index(output) for output in outputs if output in known])
 
 
 def _at_common_times(node: xr.DataTree, where: NDArray[np.intp] | None) -> xr.DataTree:
