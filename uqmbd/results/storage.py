@@ -14,6 +14,7 @@ import numpy as np
 import xarray as xr
 
 from uqmbd.errors import StudyError
+from uqmbd.results.zarrcheck import check_codecs
 
 __all__ = ["load", "save"]
 
@@ -74,6 +75,9 @@ def save(tree: xr.DataTree, path: str | os.PathLike[str]) -> Path:
 def load(path: str | os.PathLike[str]) -> xr.DataTree:
     """Read a result into memory and close its file.
 
+    Nothing that is read is executed: a Zarr folder with codecs that :func:`save` does not write is refused, and netCDF
+    holds no code.
+
     Parameters
     ----------
     path : path-like
@@ -87,7 +91,7 @@ def load(path: str | os.PathLike[str]) -> xr.DataTree:
     Raises
     ------
     StudyError
-        If it does not exist, has another ending, is damaged, or Zarr is missing.
+        If it does not exist, has another ending, is damaged, has codecs of its own, or Zarr is missing.
 
     Examples
     --------
@@ -102,9 +106,13 @@ def load(path: str | os.PathLike[str]) -> xr.DataTree:
         raise StudyError(f"There is no result at {str(source)!r}.")
     engine = "h5netcdf" if source.suffix == ".nc" else "zarr"
     try:
+        if engine == "zarr":
+            check_codecs(source)
         with xr.open_datatree(source, engine=engine, decode_timedelta=False) as opened:
             tree = opened.load()
-    except (OSError, KeyError, ValueError, RuntimeError) as error:
+    except StudyError:
+        raise
+    except (OSError, LookupError, TypeError, ValueError, RuntimeError) as error:
         raise StudyError(f"{str(source)!r} cannot be read as a result; it is damaged or no result: {error}") from error
     return _decode_tree(tree)
 
