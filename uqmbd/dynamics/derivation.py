@@ -18,22 +18,16 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
-from pathlib import Path
 from typing import Any
 
 import symengine as se
 
 from uqmbd.dynamics.block import BlockType
 
-__all__ = ["KINDS", "Derived", "Equations", "Kind", "derive", "source_digest"]
+__all__ = ["KINDS", "Derived", "Equations", "Kind", "derive"]
 
 Kind = str
 KINDS = ("residual", "jacobian", "position", "velocity", "initial", "acceleration", "drift", "energy", "contact")
-
-
-def source_digest() -> bytes:
-    """Text of this module: part of the key of every cached kernel."""
-    return Path(__file__).read_bytes()
 
 
 @dataclass(frozen=True)

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
+import importlib
 import os
 import pickle
 import platform
-import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -16,7 +16,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Kernel", "cache_folder", "cached", "compilations", "compile_kernel", "replaced"]
+from uqmbd.dynamics.store import Store
+
+__all__ = ["Kernel", "cache_folder", "cached", "compilations", "compile_kernel", "replaced", "source_digest"]
 
 Array = NDArray[np.float64]
 
@@ -141,10 +143,28 @@ def cache_folder() -> Path:
     return Path(os.environ.get("UQMBD_CACHE") or platformdirs.user_cache_path("uqmbd") / "kernels")
 
 
+def source_digest(folders: Iterable[Path]) -> bytes:
+    """Digest of every file in some folders, by name; compiled copies of them do not count."""
+    digest = hashlib.sha256()
+    for folder in folders:
+        for path in sorted(folder.rglob("*")):
+            if path.is_file() and "__pycache__" not in path.parts:
+                content = path.read_bytes()
+                digest.update(repr((path.relative_to(folder).as_posix(), len(content))).encode())
+                digest.update(content)
+    return digest.digest()
+
+
+_SOURCES = source_digest(Path(__file__).parents[1] / name for name in ("dynamics", "mechanism"))
+"""Of all that writes equations, when it was imported: what is edited while a program runs belongs to the next one."""
+
+
 @cache
-def _machine() -> bytes:
-    """Describe what compiled code depends on: library versions and processor features."""
+def _surroundings() -> bytes:
+    """Describe what kernels depend on besides their expressions: sources, versions, and processor features."""
     import symengine
+    import sympy
+    from symengine.lib import symengine_wrapper
 
     features = platform.processor()
     with contextlib.suppress(OSError):
@@ -152,37 +172,32 @@ def _machine() -> bytes:
             if line.startswith(("flags", "Features")):
                 features = line
                 break
-    from uqmbd.dynamics.derivation import source_digest
-
-    text = f"{symengine.__version__} {platform.python_version()} {platform.machine()} {features}".encode()
-    return text + source_digest() + Path(__file__).read_bytes()
+    # LLVM is a part of it, and does not tell its version
+    library = Path(symengine_wrapper.__file__).stat()
+    ours = importlib.import_module("uqmbd").__version__
+    versions = (ours, symengine.__version__, sympy.__version__, np.__version__, platform.python_version())
+    about = (versions, library.st_size, library.st_mtime_ns, platform.machine(), features)
+    return repr(about).encode() + _SOURCES
 
 
 def cached(key: object, make: Callable[[], Any]) -> Any:  # noqa: ANN401 - whatever `make` returns
     """Return what `make` returns, from the cache on disk if it is there.
 
-    A damaged entry is made again; a folder that cannot be written costs only time.
+    What is damaged, or was not put there by this user, is made again; a folder that cannot be written costs only time.
 
     Parameters
     ----------
     key : object
-        Its ``repr`` is hashed together with library versions and processor features.
+        Plain data; its ``repr`` is hashed together with all that kernels depend on besides.
     make : callable
         Makes the value; it must survive pickling.
     """
-    name = hashlib.sha256(repr(key).encode() + _machine()).hexdigest()
-    path = cache_folder() / f"{name}.pickle"
-    try:
-        return pickle.loads(path.read_bytes())  # noqa: S301 - the user's own cache
-    except FileNotFoundError:
-        pass
-    except Exception:  # noqa: BLE001 - damaged in whatever way: made again
-        with contextlib.suppress(OSError):
-            path.unlink()
+    name = hashlib.sha256(repr(key).encode() + _surroundings()).hexdigest()
+    store = Store(cache_folder())
+    stored = store.get(name)
+    if stored is not None:
+        with contextlib.suppress(Exception):  # written by us as a whole, but not for what is installed now
+            return pickle.loads(stored)  # noqa: S301 - checked by the store
     value = make()
-    with contextlib.suppress(OSError):
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.NamedTemporaryFile(dir=path.parent, delete=False) as file:
-            file.write(pickle.dumps(value))
-        os.replace(file.name, path)
+    store.put(name, pickle.dumps(value))
     return value

@@ -1,0 +1,110 @@
+"""A store of bytes on disk: nothing is handed out that was damaged, or that somebody else put there."""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import os
+import stat
+import warnings
+from dataclasses import dataclass
+from pathlib import Path
+
+from uqmbd.files import replacing
+
+__all__ = ["Store"]
+
+_MAGIC = b"uqmbd store 1\n"
+_HEADER = len(_MAGIC) + 8 + hashlib.sha256().digest_size
+_FOREIGN = stat.S_IWGRP | stat.S_IWOTH
+_CHECKED = hasattr(os, "geteuid")
+"""Whether files have owners and modes, as with POSIX."""
+
+
+@dataclass(frozen=True)
+class Store:
+    """Bytes by key, in a folder that belongs to its user alone; it does not know what they mean.
+
+    A file holds a header (a mark, the length and the SHA-256 digest of key and content) and the content.  What fails
+    the check, belongs to another user, or may be written by others is as if it were not there, and what cannot be
+    written is not kept.  A digest tells damage, not intent: against the latter there are owner and mode.
+
+    Parameters
+    ----------
+    folder : Path
+        Made, and made private, when something is put there.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     store = Store(Path(folder) / "new")
+    ...     print(store.get("a"))
+    ...     store.put("a", b"bytes")
+    ...     print(store.get("a"))
+    None
+    b'bytes'
+    """
+
+    folder: Path
+
+    def path(self, key: str) -> Path:
+        """Return where the content of a key is kept; a key is a file's name."""
+        return self.folder / f"{key}.stored"
+
+    def get(self, key: str) -> bytes | None:
+        """Return the content of a key, or None: not there, damaged, or not ours."""
+        try:
+            if not self._private():
+                return None
+            with open(self.path(key), "rb", opener=_no_link) as file:
+                about = os.fstat(file.fileno())
+                if not stat.S_ISREG(about.st_mode) or (_CHECKED and not _ours(about)):
+                    return None
+                data = file.read()
+        except OSError:
+            return None
+        content = data[_HEADER:]
+        return content if data[:_HEADER] == _header(key, content) else None
+
+    def put(self, key: str, content: bytes) -> None:
+        """Keep the content of a key, if that is possible."""
+        with contextlib.suppress(OSError):
+            self.folder.parent.mkdir(parents=True, exist_ok=True)
+            with contextlib.suppress(FileExistsError):
+                self.folder.mkdir(mode=0o700)
+            if self._private():
+                with replacing(self.path(key), lasting=False) as part:
+                    part.write_bytes(_header(key, content) + content)
+
+    def _private(self) -> bool:
+        """Whether the folder is its user's alone, after it was made so."""
+        if not _CHECKED:
+            return True
+        about = self.folder.stat()
+        if about.st_uid == os.geteuid() and about.st_mode & 0o077:
+            with contextlib.suppress(OSError):
+                self.folder.chmod(0o700)
+            about = self.folder.stat()
+        if _ours(about):
+            return True
+        warnings.warn(
+            f"{self.folder} is not used: it belongs to another user, or others may write there. What is kept there "
+            "would be run, so it must be a folder of your own (mode 0700).",
+            stacklevel=2,
+        )
+        return False
+
+
+def _ours(about: os.stat_result) -> bool:
+    return about.st_uid == os.geteuid() and not about.st_mode & _FOREIGN
+
+
+def _header(key: str, content: bytes) -> bytes:
+    digest = hashlib.sha256(key.encode() + b"\0")
+    digest.update(content)
+    return _MAGIC + len(content).to_bytes(8, "little") + digest.digest()
+
+
+def _no_link(path: str, flags: int) -> int:
+    return os.open(path, flags | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0))
