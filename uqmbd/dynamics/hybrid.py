@@ -417,13 +417,20 @@ class Hybrid:
         closed = [k for k in self.bodies if k == event or k in self.modes or gaps[k] <= CLOSED * self.length]
         approach = max(0.0, -float(contacts.speed[0, contacts.normal(event)]))
         self.fastest = max(self.fastest, approach)
-        jump, hit = impact(contacts, closed, 1e-3 * self._slow())
+        found = impact(contacts, closed, 1e-3 * self._slow())
+        if found is None:
+            name = self.model.events[event][0]
+            self.message = (
+                f"{name!r}: no impulses satisfy the laws of impact at t = {time:.6g} s; is a body driven into another?"
+            )
+            return z
+        jump, hit = found
         z = z.copy()
         z[: self.n] += project(contacts, {event: "slip"})[0][0]
         z[self.velocities :] += jump
         if approach > self._slow():
-            found = [k for k in self.bodies if k in hit and k not in self.modes]
-            self.happenings += [Happening(time, k, self.model.events[k][1]) for k in found]
+            struck = [k for k in self.bodies if k in hit and k not in self.modes]
+            self.happenings += [Happening(time, k, self.model.events[k][1]) for k in struck]
         return self._settle(time, z)
 
     def _settle(self, time: float, z: Array, leaving: int | None = None) -> Array:
