@@ -80,6 +80,7 @@ _WHERE = {
     "hookimpl": "uqmbd.plugins",
     "AssemblyError": "uqmbd.errors",
     "IntegrationError": "uqmbd.errors",
+    "MethodFailedWarning": "uqmbd.errors",
     "PluginWarning": "uqmbd.errors",
     "RedundantConstraintWarning": "uqmbd.errors",
     "StudyError": "uqmbd.errors",
@@ -87,7 +88,13 @@ _WHERE = {
     "UqmbdError": "uqmbd.errors",
 }
 
+# modules whose names are public, too
+_MODULES = ("report", "results", "testing")
+
 if TYPE_CHECKING:
+    from uqmbd import report as report
+    from uqmbd import results as results
+    from uqmbd import testing as testing
     from uqmbd.dynamics import Counters as Counters
     from uqmbd.dynamics import Ensemble as Ensemble
     from uqmbd.dynamics import MechanismTerms as MechanismTerms
@@ -98,6 +105,7 @@ if TYPE_CHECKING:
     from uqmbd.dynamics import mechanism_terms as mechanism_terms
     from uqmbd.errors import AssemblyError as AssemblyError
     from uqmbd.errors import IntegrationError as IntegrationError
+    from uqmbd.errors import MethodFailedWarning as MethodFailedWarning
     from uqmbd.errors import PluginWarning as PluginWarning
     from uqmbd.errors import RedundantConstraintWarning as RedundantConstraintWarning
     from uqmbd.errors import StudyError as StudyError
@@ -160,7 +168,7 @@ if TYPE_CHECKING:
     from uqmbd.randomness import smolyak as smolyak
     from uqmbd.randomness import sparse_rule as sparse_rule
 
-__all__ = [*sorted(_WHERE), "__version__"]
+__all__ = [*sorted(_WHERE), *_MODULES, "__version__"]
 
 
 def __getattr__(name: str) -> Any:  # noqa: ANN401 - whatever the public name stands for
@@ -168,6 +176,8 @@ def __getattr__(name: str) -> Any:  # noqa: ANN401 - whatever the public name st
         value = getattr(importlib.import_module(_WHERE[name]), name)
         globals()[name] = value
         return value
+    if name in _MODULES:
+        return importlib.import_module(f"uqmbd.{name}")
     raise AttributeError(f"module 'uqmbd' has no attribute {name!r}")
 
 

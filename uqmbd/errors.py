@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from types import MappingProxyType
+
 __all__ = [
     "AssemblyError",
     "IntegrationError",
+    "MethodFailedWarning",
     "PluginWarning",
     "RedundantConstraintWarning",
     "StudyError",
@@ -14,7 +18,15 @@ __all__ = [
 
 
 class UqmbdError(Exception):
-    """Base of every error that uqmbd raises on purpose."""
+    """Base of every error that uqmbd raises on purpose.
+
+    Attributes
+    ----------
+    failed : mapping of str to str
+        Where a run of a study ends because all its methods failed, the reason of each by its label; else empty.
+    """
+
+    failed: Mapping[str, str] = MappingProxyType({})
 
 
 class StudyError(UqmbdError, ValueError):
@@ -35,6 +47,10 @@ class RedundantConstraintWarning(UserWarning):
 
 class UnusedInputWarning(UserWarning):
     """A random variable enters nothing."""
+
+
+class MethodFailedWarning(UserWarning):
+    """A method of a study gave no results; those of the others are there."""
 
 
 class PluginWarning(UserWarning):

@@ -168,7 +168,10 @@ class Galerkin(uqmbd.Propagator):
     def obstacle(self, study: uqmbd.Study) -> str | None:
         """Say what is in the way: nothing random, a distribution without moments, a rule that does not fit, no pose."""
         if not len(study.mechanism.inputs):
-            return "nothing in the mechanism is random"
+            return (
+                f"nothing in mechanism {study.mechanism.name!r} is random; declare a uqmbd.RandomVariable, or use "
+                "uqmbd.simulate"
+            )
         try:
             space = uqmbd.GermSpace.of(study.mechanism.inputs, self.transform)
             terms = self.basis(space)

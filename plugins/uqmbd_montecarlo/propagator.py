@@ -139,7 +139,10 @@ class MonteCarlo(uqmbd.Propagator):
         """Say what is in the way: a mechanism in which nothing is random, or what an option cannot do."""
         inputs = study.mechanism.inputs
         if not len(inputs):
-            return "nothing in the mechanism is random"
+            return (
+                f"nothing in mechanism {study.mechanism.name!r} is random; declare a uqmbd.RandomVariable, or use "
+                "uqmbd.simulate"
+            )
         if isinstance(self.control, uqmbd.Propagator) and (found := self.control.obstacle(study)):
             return f"its control {self.control.name!r}: {found}"
         return obstacle_of(inputs) if self.sobol_indices else None

@@ -121,7 +121,7 @@ def test_nothing_random(resting):
     mechanism = uqmbd.Mechanism("certain", uqmbd.Translational())
     mechanism.output("y", mechanism.body("body", mass=1).position[1])
     study = uqmbd.Study("certain", mechanism, [0, 1])
-    assert Collocation().obstacle(study) == "nothing in the mechanism is random"
+    assert Collocation().obstacle(study).startswith("nothing in mechanism 'certain' is random; declare a uqmbd.")
     with pytest.raises(uqmbd.StudyError, match="nothing in mechanism 'certain' is random"):
         study.propagate(Collocation())
 

@@ -202,7 +202,9 @@ def test_nothing_random_and_no_moments():
     body = mechanism.body("body", mass=1)
     mechanism.output("x", body.position[0])
     study = uqmbd.Study("sure", mechanism, [0.0, 1.0])
-    assert Galerkin().obstacle(study) == "nothing in the mechanism is random"
+    assert (
+        Galerkin().obstacle(study).startswith("nothing in mechanism 'sure' is random; declare a uqmbd.RandomVariable")
+    )
     with pytest.raises(uqmbd.StudyError, match="nothing in mechanism 'sure' is random"):
         study.propagate(Galerkin())
     heavy = uqmbd.RandomVariable("mass", chaospy.Trunc(chaospy.Cauchy(), 0.1, None))

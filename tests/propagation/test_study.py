@@ -254,12 +254,39 @@ def run_script(path, ending):
     return subprocess.run([sys.executable, path], capture_output=True, text=True, check=False, timeout=120)
 
 
-def test_script_without_a_guard_is_told_so_once(tmp_path):
-    run = run_script(tmp_path / "unguarded.py", "study.run(workers=2)")
-    assert run.returncode == 1
-    assert run.stderr.count("Traceback") == 1, run.stderr
-    assert "uqmbd.errors.StudyError: The worker processes cannot start." in run.stderr
-    assert 'if __name__ == "__main__":' in run.stderr and "bootstrapping" not in run.stderr
+def test_script_without_a_guard_runs_as_written_and_once(tmp_path):
+    """Workers start without the script: what it prints is printed once, and two runs one after another work."""
+    ending = """
+        print("before")
+        for k in (1, 2):
+            print(study.run(workers=2)["monte-carlo"].attrs["failures"])
+        print("after")
+    """
+    run = run_script(tmp_path / "unguarded.py", ending)
+    assert (run.returncode, run.stderr, run.stdout.split()) == (0, "", ["before", "0", "0", "after"])
+
+
+def test_script_without_a_guard_may_define_what_its_workers_need(tmp_path):
+    """A method of the script's own, whose work is sent to workers by its name, and a guard below it."""
+    ending = """
+        import dataclasses
+        def work(model, number):
+            return {"square": np.array([number * number])}
+        @dataclasses.dataclass(frozen=True, kw_only=True)
+        class Own(uqmbd.Propagator):
+            name = "own"
+            def propagate(self, problem):
+                found = [float(a["square"][0]) for a in problem.run(work, [(2.0,), (3.0,)])]
+                mean = np.full(problem.labels.shape, sum(found))
+                statistics = uqmbd.results.statistics_dataset(problem.labels, mean=mean, std=0 * mean)
+                return problem.node(self, statistics, realisations=2, wall_time=0.0)
+        study = study.with_propagators([Own()])
+        print(float(study.run(workers=2)["own/statistics"]["mean"][0, 0]))
+        if __name__ == "__main__":
+            print(float(study.run(workers=2)["own/statistics"]["mean"][0, 0]))
+    """
+    run = run_script(tmp_path / "unguarded.py", ending)
+    assert (run.returncode, run.stdout.split()) == (0, ["13.0", "13.0"]), run.stderr
 
 
 def test_script_with_a_guard_runs_and_its_workers_ignore_interrupts_and_may_die(tmp_path):

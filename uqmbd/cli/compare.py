@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from rich.text import Text
 
@@ -34,7 +35,7 @@ def show_comparison(paths: Sequence[Path], *, reference: str | None = None, out:
     out : Path, optional
         Folder for ``comparison.nc`` and ``report.html`` of all methods together.
     """
-    from uqmbd.results import compare, load, propagator_nodes, scalar_nodes
+    from uqmbd.results import compare, failed_methods, load, propagator_nodes, scalar_nodes
 
     trees = {chr(ord("A") + k): load(_file(path)) for k, path in enumerate(paths)}
     nodes: dict[str, xr.DataTree] = {}
@@ -45,6 +46,8 @@ def show_comparison(paths: Sequence[Path], *, reference: str | None = None, out:
             raise StudyError(f"{path} holds no result of any method.")
         nodes |= {f"{letter} {label}": node for label, node in found.items()}
         screen.print(Text(f"{letter}  {path}: {', '.join(found)}"))
+        for label, reason in failed_methods(tree).items():
+            screen.print(Text(f"   There are no results of {label} in {letter}: {reason}"))
     if len(nodes) < 2:
         raise StudyError(f"{paths[0]} holds one method only; give another result to compare it with.")
     _show_differences(screen, trees)
@@ -148,12 +151,14 @@ def _write(
 ) -> None:
     """Write all methods of all files as one result, with its report."""
     from uqmbd.cli.report import write
-    from uqmbd.results import align, save, study_tree
+    from uqmbd.results import align, failed_methods, save, study_tree
 
     aligned, notes = align(nodes)
+    failed = {f"{n} {label}": reason for n, tree in trees.items() for label, reason in failed_methods(tree).items()}
     names = [str(tree.attrs.get("study", "study")) for tree in trees.values()]
     mechanisms = dict.fromkeys(str(tree.attrs.get("mechanism", "")) for tree in trees.values())
-    attrs = {"rtol": rtol, **({"notes": " ".join(notes)} if notes else {})}
+    attrs: dict[str, Any] = {"rtol": rtol, **({"notes": " ".join(notes)} if notes else {})}
+    attrs |= {"failed": json.dumps(failed, ensure_ascii=False)} if failed else {}
     attrs |= {
         f"what differs: {n}": "; ".join(f"{k}: {v}" for k, v in given.items()) for n, given in what_differs(trees)
     }

@@ -10,7 +10,7 @@ import xarray as xr
 
 __all__ = ["what_differs"]
 
-_PASSED_OVER = frozenset({"created", "command", "parts"})
+_PASSED_OVER = frozenset({"created", "command", "parts", "failed"})
 
 
 def what_differs(trees: Mapping[str, xr.DataTree]) -> list[tuple[str, dict[str, str]]]:
@@ -41,7 +41,7 @@ def _of_absent(name: str, facts: Mapping[str, Mapping[str, str]]) -> bool:
 
 
 def _facts(tree: xr.DataTree) -> dict[str, str]:
-    from uqmbd.results import propagator_nodes
+    from uqmbd.results import failed_methods, propagator_nodes
 
     nodes = propagator_nodes(tree)
     facts = {str(k): str(v) for k, v in tree.attrs.items() if k not in _PASSED_OVER}
@@ -56,6 +56,7 @@ def _facts(tree: xr.DataTree) -> dict[str, str]:
             facts["times"] = f"{len(times)} from {times[0]:g} s to {times[-1]:g} s"
     for node in nodes.values():
         facts = {**_inputs(node), **facts}
+    facts |= {f"method {label}": "failed" for label in failed_methods(tree)}
     for label, node in nodes.items():
         facts[f"method {label}"] = str(node.attrs.get("propagator", ""))
         if "seed" in node.attrs:

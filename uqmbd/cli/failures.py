@@ -31,7 +31,8 @@ def explained(*, debug: bool) -> Iterator[None]:
     except KeyboardInterrupt as error:
         _leave(error, "Interrupted.", INTERRUPTED, debug=debug)
     except StudyError as error:
-        _leave(error, f"Error: {error}", UNUSABLE, debug=debug)
+        # that no method succeeded is a failure of the computation, whatever they say
+        _leave(error, f"Error: {error}", FAILED if error.failed else UNUSABLE, debug=debug)
     except UqmbdError as error:
         _leave(error, f"Error: {error}", FAILED, debug=debug)
     except OSError as error:
@@ -77,7 +78,7 @@ def _leave(error: BaseException, message: str, status: int, *, debug: bool) -> N
         import traceback
 
         traceback.print_exception(error, file=sys.stderr)
-    print(message, file=sys.stderr, flush=True)
+    print("\n".join([message, *getattr(error, "__notes__", ())]), file=sys.stderr, flush=True)
     raise SystemExit(status) from None
 
 

@@ -4,18 +4,26 @@ from __future__ import annotations
 
 import sys
 import time
+import warnings
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+from uqmbd.cli.failures import FAILED
 from uqmbd.cli.progress import seconds, shown_progress
 from uqmbd.cli.report import keep_motion, write
 from uqmbd.cli.settings import apply_settings, check_labels
 from uqmbd.cli.tables import show_summary
-from uqmbd.errors import StudyError, UqmbdError
+from uqmbd.errors import MethodFailedWarning, StudyError, UqmbdError
+from uqmbd.isolation import Isolated
 from uqmbd.propagation.script import load_study
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from uqmbd.propagation import Study
 
 __all__ = ["run_study"]
 
@@ -66,33 +74,55 @@ def run_study(
     _make_folder(out)
     with _executor(workers, dask, script) as executor, shown_progress() as progress:
         try:
-            tree = study.run(executor, only=list(only) or None, progress=progress, folder=out, resume=resume)
+            with warnings.catch_warnings():
+                # they are told at the end
+                warnings.simplefilter("ignore", MethodFailedWarning)
+                tree = study.run(executor, only=list(only) or None, progress=progress, folder=out, resume=resume)
         except KeyboardInterrupt:
             print(_how_to_go_on(script, out), file=sys.stderr, flush=True)
             raise
         except UqmbdError:
-            chosen = list(only) or [p.node_name for p in study.propagators]
-            if len(chosen) > 1 and any((out / UNFINISHED).glob("*")):
-                print(
-                    f"What the other methods have computed is kept in {out}: to leave out the one that cannot go on, "
-                    f"name the others, as in uqmbd run {script} --out {out} --only {chosen[0]} --resume",
-                    file=sys.stderr,
-                    flush=True,
-                )
+            if any((out / UNFINISHED).glob("*")):
+                print(_how_to_go_on(script, out), file=sys.stderr, flush=True)
             raise
-    from uqmbd.report.animation import with_motion
-    from uqmbd.results import save
+    from uqmbd.results import failed_methods, save
 
+    # before anything else that may go wrong: a result holds its methods and their comparison
+    files = {"results": save(tree, out / "results.nc")}
     print("writing the report ...", file=sys.stderr, flush=True)
-    tree, missing = with_motion(tree, study)
-    if missing:
-        print(f"Note: the report shows no animation of the mechanism: {missing}", file=sys.stderr, flush=True)
-    # poses have a file of their own: a result holds its methods and their comparison
-    results = save(tree.drop_nodes("motion", errors="ignore"), out / "results.nc")
-    keep_motion(tree, out)
-    report = write(tree, out / "report.html")
-    show_summary(tree, files={"results": results, "report": report}, title=f"{study.name}: ")
+    problem = _report(tree, study, out, files)
+    show_summary(tree, files=files, title=f"{study.name}: ")
+    failed = failed_methods(tree)
+    for label, reason in failed.items():
+        print(f"Error: there are no results of {label}: {reason}", file=sys.stderr, flush=True)
+    if failed and any((out / UNFINISHED).glob("*")):
+        print(_how_to_go_on(script, out), file=sys.stderr, flush=True)
+    if problem:
+        print(
+            f"Error: {problem}\nThe results are there; to write the report of them again: uqmbd report {out}",
+            file=sys.stderr,
+            flush=True,
+        )
     print(f"Done in {seconds(time.monotonic() - begin)}.")
+    if failed or problem:
+        raise SystemExit(FAILED)
+
+
+def _report(tree: xr.DataTree, study: Study, out: Path, files: dict[str, Path]) -> str:
+    """Write poses and report of saved results; return why the report could not be written, or nothing."""
+    from uqmbd.report.animation import with_motion
+
+    with Isolated(Exception, SystemExit) as work:
+        tree, missing = with_motion(tree, study)
+        if missing:
+            print(f"Note: the report shows no animation of the mechanism: {missing}", file=sys.stderr, flush=True)
+        # poses have a file of their own
+        keep_motion(tree, out)
+    if work.failed:
+        print(f"Note: the report shows no animation of the mechanism: {work.reason}", file=sys.stderr, flush=True)
+    with Isolated(Exception, SystemExit) as work:
+        files["report"] = write(tree, out / "report.html")
+    return f"the report cannot be written: {work.reason}" if work.failed else ""
 
 
 def _how_to_go_on(script: Path, out: Path) -> str:

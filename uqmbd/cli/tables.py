@@ -106,9 +106,11 @@ def _integration(node: xr.DataTree) -> str:
 
 def _show_recommendation(tree: xr.DataTree) -> None:
     """Print which method to use, and what is to be said of the others."""
-    said = tree.children["comparison"].attrs.get("recommendation", "") if "comparison" in tree.children else ""
-    if said:
-        print(f"\n{said}\n")
+    about = tree.children["comparison"].attrs if "comparison" in tree.children else {}
+    if about.get("recommendation"):
+        print(f"\n{about['recommendation']}\n")
+    if about.get("problem"):
+        print(f"\nThe methods could not be compared: {about['problem']}\n")
 
 
 def _add_scalars(table: Table, labels: list[str], still: Mapping[str, xr.DataTree]) -> None:

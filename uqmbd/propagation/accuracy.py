@@ -16,7 +16,8 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from uqmbd.errors import RedundantConstraintWarning, UqmbdError
+from uqmbd.errors import RedundantConstraintWarning
+from uqmbd.isolation import reason_of
 from uqmbd.propagation.progress import Silent
 
 if TYPE_CHECKING:
@@ -148,8 +149,8 @@ def _measured(problem: Problem) -> tuple[Array, dict[str, str | int | float]]:
             if not len(values):
                 return unknown, {"reason": "no realisation succeeded that could be integrated again"}
             again = _silent(problem, "again", rtol=rtol, integrator="auto").realise(values)
-        except UqmbdError as raised:
-            return unknown, {"reason": f"integrating again with rtol {rtol:g} failed: {raised}"}
+        except Exception as raised:  # noqa: BLE001 - what is measured must not cost what is known
+            return unknown, {"reason": f"integrating again with rtol {rtol:g} failed: {reason_of(raised)}"}
     good = np.flatnonzero(again.status == 0)
     if not len(good):
         why = again.most_frequent_reason()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import Executor
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,12 +13,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from uqmbd.errors import StudyError, UqmbdError
+from uqmbd.errors import StudyError
+from uqmbd.isolation import Isolated, release
 from uqmbd.propagation.progress import Progress
 from uqmbd.propagation.propagator import Propagator
 from uqmbd.propagation.reference import reference_node
 from uqmbd.propagation.scalars import propagated
-from uqmbd.propagation.workers import pool
+from uqmbd.propagation.workers import Crew
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -49,7 +50,7 @@ def converge(
     propagators: Method | Sequence[Method],
     *,
     reference: xr.DataTree | xr.Dataset | Propagator | None = None,
-    workers: int | Executor = 1,
+    workers: int | Executor | Crew = 1,
     progress: Progress | bool | None = None,
     folder: Path | None = None,
     **levels: Any,
@@ -110,20 +111,22 @@ def converge(
     array([False,  True])
     """
     series = _series(study, propagators, levels)
-    with pool(workers) as executor:
+    with nullcontext(workers) if isinstance(workers, Crew) else Crew(workers) as crew:
         nodes: dict[tuple[int, int], xr.DataTree] = {}
         problems: dict[tuple[int, int], str] = {}
         # first, because nothing is of use without it
-        base = reference_node(study, reference, executor, progress, folder)
+        with crew.at_work() as executor:
+            base = reference_node(study, reference, executor, progress, folder)
         for m, one in enumerate(series):
             for k, value in enumerate(one.values):
-                try:
+                with Isolated(Exception, SystemExit) as work:
                     label = f"{one.propagator.node_name}-{value}"
                     made = replace(one.propagator, label=label, **{one.option: value})
-                    with _coarse_on_purpose():
+                    with _coarse_on_purpose(), crew.at_work() as executor:
                         nodes[m, k] = propagated(made, study.problem(made, executor, progress, folder), check=False)
-                except (UqmbdError, ArithmeticError, ValueError, MemoryError) as error:
-                    problems[m, k] = f"{type(error).__name__}: {error}"
+                if work.error is not None:
+                    release(work.error)
+                    problems[m, k] = work.reason
     if not nodes:
         raise StudyError(
             f"study {study.name!r}: no level of any method succeeded; the first failed by "

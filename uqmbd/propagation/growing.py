@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping
-from concurrent.futures import Executor
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from uqmbd.errors import StudyError
+from uqmbd.isolation import Isolated
 from uqmbd.propagation.checkpoint import FOLDER
 from uqmbd.propagation.converge import check_convergence, converge
 from uqmbd.propagation.progress import Progress
+from uqmbd.propagation.workers import Crew
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -56,7 +57,7 @@ def check_convergence_of(study: Study, given: object) -> Mapping[str, Any] | Non
 def with_convergence(
     study: Study,
     tree: xr.DataTree,
-    executor: Executor | None = None,
+    crew: Crew,
     progress: Progress | bool | None = None,
     folder: Path | None = None,
 ) -> xr.DataTree:
@@ -69,7 +70,9 @@ def with_convergence(
     study : Study
     tree : xarray.DataTree
         Its results.
-    executor, progress, folder
+    crew : Crew
+        Who computes.
+    progress, folder
         As of `Study.run`.
     """
     import xarray as xr
@@ -78,21 +81,26 @@ def with_convergence(
         return tree
     arguments = dict(study.convergence)
     reference = arguments.pop("reference", None)
-    try:
+    found = None
+    # what is computed must stand, whatever methods of plugins raise
+    with Isolated(Exception, SystemExit) as work:
         if isinstance(reference, str):
+            if reference not in tree.children:
+                raise StudyError(f"the reference {reference!r} gave no results.")
             reference = tree[reference]
         found = converge(
             study,
             arguments.pop("propagators"),
             reference=reference,
-            workers=executor or 1,
+            workers=crew,
             progress=progress,
             folder=folder / FOLDER / "convergence" if folder else None,
             **arguments,
         )
-    except Exception as error:  # noqa: BLE001 - methods of plugins may raise anything; what is computed must stand
-        problem = f"{type(error).__name__}: {error}"
-        warnings.warn(f"study {study.name!r}: there are no curves of error against cost: {problem}", stacklevel=3)
-        found = xr.Dataset(attrs={"problem": problem})
+    if found is None:
+        warnings.warn(
+            f"study {study.name!r}: there are no curves of error against cost: {work.reason}", UserWarning, stacklevel=3
+        )
+        found = xr.Dataset(attrs={"problem": work.reason})
     tree["convergence"] = xr.DataTree(found)
     return tree

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import warnings
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from uqmbd.errors import StudyError, UnusedInputWarning
 from uqmbd.propagation.accuracy import with_integration_error
@@ -43,8 +45,6 @@ def propagated(propagator: Propagator, problem: Problem, *, check: bool = True) 
     over_time = bool(problem.model.outputs.names)
     node = _run(propagator, problem, check, mixed=True) if over_time else None
     found = _run(propagator, problem.without_time(), check, mixed=over_time)
-    if "statistics" not in found.children:
-        raise StudyError(f"{problem.label}: its results have no child 'statistics'; expected a node of a propagator.")
     inputs = tuple(InputInfo(v.name, v.units, v.description) for v in problem.inputs.variables)
     return with_scalars(node, found, problem.label, Labels((), inputs, problem.times))
 
@@ -55,5 +55,39 @@ def _run(propagator: Propagator, problem: Problem, check: bool, *, mixed: bool =
         if mixed:
             # an input that only one kind of output depends on is not unused
             warnings.simplefilter("ignore", UnusedInputWarning)
-        node = propagator.propagate(problem)
+        node = _checked(propagator, problem, propagator.propagate(problem))
     return with_integration_error(node, problem) if check else node
+
+
+def _checked(propagator: Propagator, problem: Problem, node: Any) -> xr.DataTree:
+    """Return what a method gave, after a look at whether others can read it: its kind, its name, and its axes.
+
+    Raises
+    ------
+    StudyError
+        If it is no node with mean and standard deviation of the outputs at the times of the problem.
+    """
+    import xarray as xr
+
+    kind = type(propagator)
+    who = f"{problem.label}: propagate of {kind.__module__}.{kind.__qualname__} returned"
+    expected = "expected the xarray.DataTree that problem.node makes"
+    if not isinstance(node, xr.DataTree):
+        raise StudyError(f"{who} {type(node).__name__}; {expected}.")
+    if node.name != problem.label:
+        raise StudyError(f"{who} a node that is called {node.name!r}; {expected}, called {problem.label!r}.")
+    if "statistics" not in node.children:
+        raise StudyError(f"{who} a node without a child 'statistics'; {expected}.")
+    statistics = node.children["statistics"].to_dataset()
+    axes = problem.labels.output_coords()
+    for name in ("mean", "std"):
+        if name not in statistics.data_vars:
+            raise StudyError(f"{who} a node whose statistics have no {name!r}; {expected}.")
+        data = statistics[name]
+        if data.dims != problem.labels.dims:
+            raise StudyError(f"{who} a node whose {name!r} has the dimensions {data.dims}; {expected}.")
+        for axis in ("output", "time"):
+            given = data.coords[axis].values if axis in data.coords else None
+            if given is None or not np.array_equal(given, axes[axis][1]):
+                raise StudyError(f"{who} a node whose {name!r} is not at the {axis}s of the problem; {expected}.")
+    return node

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 
 from uqmbd.errors import StudyError
 from uqmbd.names import check_name
+from uqmbd.propagation.attempts import attempt, joined
 from uqmbd.propagation.deterministic import observed_model
 from uqmbd.propagation.growing import check_convergence_of, with_convergence
 from uqmbd.propagation.options import (
@@ -28,7 +29,7 @@ from uqmbd.propagation.options import (
 from uqmbd.propagation.progress import Progress, told
 from uqmbd.propagation.propagator import Propagator
 from uqmbd.propagation.scalars import propagated
-from uqmbd.propagation.workers import pool
+from uqmbd.propagation.workers import Crew, pool
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -209,7 +210,9 @@ class Study:
         folder: Path | None = None,
         resume: bool = False,
     ) -> xr.DataTree:
-        """Run all propagators.
+        """Run all propagators: one that cannot do the study, or fails, does not keep the others from it.
+
+        All are asked for what is in their way (`Propagator.obstacle`) before the first realisation is computed.
 
         Parameters
         ----------
@@ -229,10 +232,20 @@ class Study:
         -------
         xarray.DataTree
             One node for each propagator, named by its label, and ``comparison``; and ``convergence`` if the study asks
-            for it and all propagators are run.
+            for it and all propagators are run.  Methods that failed have no node; the root attribute ``failed`` is a
+            JSON object from their labels to the reasons.
+
+        Warns
+        -----
+        uqmbd.MethodFailedWarning
+            For each method that cannot do the study, or failed, while another succeeded.
+
+        Raises
+        ------
+        uqmbd.UqmbdError
+            If the mechanism cannot be used, or no method succeeded: then that of the first one, or whatever it raised.
         """
         from uqmbd.propagation.checkpoint import clear
-        from uqmbd.results import study_tree
 
         if not self.propagators:
             raise StudyError(
@@ -243,26 +256,23 @@ class Study:
         folder = None if folder is None else Path(folder)
         if folder and not resume:
             clear(folder)
-        with pool(workers) as executor:
-            nodes = [propagated(p, self.problem(p, executor, progress, folder)) for p in chosen]
-            shown = {"report_times": list(self.report_times)} if self.report_times else {}
-            tree = study_tree(
-                nodes,
-                study=self.name,
-                mechanism=self.mechanism.name,
-                attrs={
-                    "rtol": self.rtol,
-                    "integrator": self.integrator,
-                    "start": self.start,
-                    **shown,
-                    **_parts(self.mechanism),
-                },
-            )
+        with Crew(workers) as crew:
+            # what is wrong with the mechanism is no matter of a method
+            self.model  # noqa: B018
+            attempts = attempt(self, chosen, crew, progress, folder)
+            attempts.told(self.name, stacklevel=2)
+            tree = joined(self, attempts, self._attributes())
             if only is None:
-                tree = with_convergence(self, tree, executor, progress, folder)
-        if folder:
+                tree = with_convergence(self, tree, crew, progress, folder)
+        if folder and not attempts.errors:
             clear(folder)
         return tree
+
+    def _attributes(self) -> dict[str, Any]:
+        """Return what the root of the results says of the study."""
+        shown = {"report_times": list(self.report_times)} if self.report_times else {}
+        about = {"rtol": self.rtol, "integrator": self.integrator, "start": self.start}
+        return {**about, **shown, **_parts(self.mechanism)}
 
     def converge(
         self,

@@ -2,23 +2,27 @@
 
 from __future__ import annotations
 
-import inspect
 import operator
 import os
 import signal
 from collections.abc import Iterator
 from concurrent.futures import BrokenExecutor, Executor
 from contextlib import contextmanager
-from typing import Any
+from typing import TYPE_CHECKING, Any, Self
 
 from uqmbd.errors import IntegrationError, StudyError
+from uqmbd.propagation.mainscript import Script, adopt, main_script, refuse_workers_of_workers, spawning
 
-__all__ = ["pool"]
+if TYPE_CHECKING:
+    from concurrent.futures import ProcessPoolExecutor
+
+__all__ = ["Crew", "pool"]
 
 
-@contextmanager
-def pool(workers: int | Executor) -> Iterator[Executor | None]:
-    """Yield who does the work: nobody (this process), a pool of processes, or the executor that was given.
+class Crew:
+    """Who computes, for several pieces of work one after another: processes that died are replaced for the next one.
+
+    A context: processes that it started end with it.
 
     Parameters
     ----------
@@ -28,51 +32,82 @@ def pool(workers: int | Executor) -> Iterator[Executor | None]:
     Raises
     ------
     uqmbd.StudyError
-        If it is neither, or if the processes cannot start because the script starts them while it is imported.
-    uqmbd.IntegrationError
-        If a process dies.
+        If it is neither.
 
     Examples
     --------
-    >>> with pool(1) as executor:
+    >>> with Crew(1) as crew, crew.at_work() as executor:
     ...     print(executor)
     None
     """
-    if isinstance(workers, Executor):
-        yield workers
-        return
-    count = _count(workers)
-    if count == 1:
-        yield None
-        return
-    if _imported_by_worker():
-        # A worker imports the script and meets the call that made it: it ends, and the parent tells the user.
-        raise SystemExit(1)
-    import multiprocessing
+
+    def __init__(self, workers: int | Executor) -> None:
+        self._given = workers if isinstance(workers, Executor) else None
+        self._count = 1 if self._given is not None else _count(workers)
+        if self._count > 1:
+            refuse_workers_of_workers()
+        self._processes: ProcessPoolExecutor | None = None
+        self._started: Any = None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._dismiss()
+
+    @contextmanager
+    def at_work(self) -> Iterator[Executor | None]:
+        """Yield who does the work: nobody (this process), a pool of processes, or the executor that was given.
+
+        Raises
+        ------
+        uqmbd.StudyError
+            If the processes cannot start.
+        uqmbd.IntegrationError
+            If a process dies.
+        """
+        if self._given is not None or self._count == 1:
+            yield self._given
+            return
+        if self._processes is None:
+            self._processes, self._started = _hired(self._count)
+        try:
+            yield self._processes
+        except BrokenExecutor as error:
+            started = self._started.is_set()
+            self._dismiss()
+            if started:
+                raise IntegrationError(
+                    "A worker process ended unexpectedly; perhaps it ran out of memory or was killed. "
+                    "Try fewer workers; with workers=1 an error shows where it happens."
+                ) from error
+            raise StudyError(
+                "The worker processes cannot start: what they say is above. With workers=1 this process does the work."
+            ) from error
+
+    def _dismiss(self) -> None:
+        if self._processes is not None:
+            self._processes.shutdown(wait=True, cancel_futures=True)
+            self._processes = None
+
+
+@contextmanager
+def pool(workers: int | Executor) -> Iterator[Executor | None]:
+    """Yield who does one piece of work; see `Crew`."""
+    with Crew(workers) as crew, crew.at_work() as executor:
+        yield executor
+
+
+def _hired(count: int) -> tuple[ProcessPoolExecutor, Any]:
+    """Make a pool of processes, and an event that tells whether any of them has started."""
     from concurrent.futures import ProcessPoolExecutor
 
     # OpenMP runtimes do not survive a fork; threads on small blocks cost more than they give
     os.environ.setdefault("OMP_NUM_THREADS", "1")
-    context = multiprocessing.get_context("spawn")
+    context = spawning()
     started = context.Event()
-    executor = ProcessPoolExecutor(count, mp_context=context, initializer=_start, initargs=(started,))
-    try:
-        yield executor
-    except BrokenExecutor as error:
-        if started.is_set():
-            raise IntegrationError(
-                "A worker process ended unexpectedly; perhaps it ran out of memory or was killed. "
-                "Try fewer workers; with workers=1 an error shows where it happens."
-            ) from error
-        raise StudyError(
-            "The worker processes cannot start. Each of them imports the script first, so a script must start a study "
-            "with workers only when it is run itself:\n"
-            '    if __name__ == "__main__":\n'
-            "        study.run(workers=2)\n"
-            "or leave that call out and use `uqmbd run SCRIPT --workers 2`."
-        ) from None
-    finally:
-        executor.shutdown(wait=True, cancel_futures=True)
+    start = (started, main_script())
+    return ProcessPoolExecutor(count, mp_context=context, initializer=_start, initargs=start), started
 
 
 def _count(workers: object) -> int:
@@ -87,17 +122,8 @@ def _count(workers: object) -> int:
     return count
 
 
-def _start(started: Any) -> None:
+def _start(started: Any, script: Script | None) -> None:
     """Begin the life of a worker: Ctrl-C is the parent's business, which ends its workers in order."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    adopt(script)
     started.set()
-
-
-def _imported_by_worker() -> bool:
-    """Whether this runs while a worker process imports the script, which it does under the name ``__mp_main__``."""
-    frame = inspect.currentframe()
-    while frame is not None:
-        if frame.f_code.co_name == "<module>" and frame.f_globals.get("__name__") == "__mp_main__":
-            return True
-        frame = frame.f_back
-    return False

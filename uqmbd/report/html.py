@@ -100,6 +100,7 @@ def write_report(
     )
     shown: dict[str, Any] = dict(
         heading=content.heading(tree),
+        problems=record.problems(tree),
         summary=content.summary(tree, nodes),
         statistics=content.statistics(tree, nodes),
         inputs=content.input_rows(nodes),

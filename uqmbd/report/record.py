@@ -9,9 +9,9 @@ from typing import Any
 import xarray as xr
 
 from uqmbd.report.wording import format_duration, format_integer, format_number
-from uqmbd.results import worst_integration_share
+from uqmbd.results import failed_methods, worst_integration_share
 
-__all__ = ["cost", "provenance", "study_attributes"]
+__all__ = ["cost", "problems", "provenance", "study_attributes"]
 
 _COUNTERS = {
     "steps": "steps of the integrator",
@@ -86,9 +86,17 @@ def provenance(label: str, node: xr.DataTree) -> dict[str, Any]:
     return {"label": label, "facts": facts, "versions": _pairs(attrs.get("versions"))}
 
 
+def problems(tree: xr.DataTree) -> list[str]:
+    """Say which methods gave no results, and why, and what else could not be computed."""
+    said = [f"There are no results of {label}: {reason}" for label, reason in failed_methods(tree).items()]
+    if "comparison" in tree.children and tree.children["comparison"].attrs.get("problem"):
+        said.append(f"The methods could not be compared: {tree.children['comparison'].attrs['problem']}")
+    return said
+
+
 def study_attributes(tree: xr.DataTree) -> list[tuple[str, str]]:
     """Return what else is known about the study."""
-    shown = {"study", "mechanism", "created", "command", "parts"}
+    shown = {"study", "mechanism", "created", "command", "parts", "failed"}
     return [(str(k), str(v)) for k, v in tree.attrs.items() if k not in shown]
 
 

@@ -16,7 +16,7 @@ from uqmbd.results.directions import (
 )
 from uqmbd.results.integration import IntegrationShare, integration_shares, worst_integration_share
 from uqmbd.results.moments import Moments
-from uqmbd.results.nodes import propagator_node, study_tree
+from uqmbd.results.nodes import failed_methods, join_nodes, propagator_node, study_tree
 from uqmbd.results.piecewise import PiecewiseChaos, chaos_from_dataset
 from uqmbd.results.projection import LeastSquares, least_squares, project
 from uqmbd.results.recommendation import overall, recommend
@@ -52,7 +52,9 @@ __all__ = [
     "circular_of_components",
     "circular_std",
     "compare",
+    "failed_methods",
     "integration_shares",
+    "join_nodes",
     "labels",
     "least_squares",
     "load",

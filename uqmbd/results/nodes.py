@@ -15,7 +15,7 @@ import xarray as xr
 from uqmbd.errors import StudyError
 from uqmbd.results.scalars import compare_both
 
-__all__ = ["propagator_node", "study_tree"]
+__all__ = ["failed_methods", "join_nodes", "propagator_node", "study_tree"]
 
 RESERVED_LABELS = frozenset({"comparison", "convergence", "motion", "statistics", "samples", "chaos", "scalars"})
 _RECORDED_PACKAGES = ("numpy", "scipy", "xarray", "sympy", "symengine", "scikit-sundae", "chaospy")
@@ -145,21 +145,43 @@ def study_tree(
     >>> sorted(study_tree([node], study="s", mechanism="m").children)
     ['comparison', 'mine']
     """
-    by_label: dict[str, xr.DataTree] = {}
-    for node in nodes:
-        label = str(node.name)
-        if label in by_label:
-            raise StudyError(f"Two propagators have the label {label!r}; give one of them another with label=.")
-        by_label[label] = node
+    found = list(nodes)
+    tree = join_nodes(found, study=study, mechanism=mechanism, attrs=attrs)
+    by_label = {str(node.name): node for node in found}
+    tree["comparison"] = xr.DataTree(compare_both(by_label, reference, float((attrs or {}).get("rtol", 0.0))))
+    return tree
+
+
+def join_nodes(
+    nodes: Iterable[xr.DataTree], *, study: str, mechanism: str, attrs: Mapping[str, Any] | None = None
+) -> xr.DataTree:
+    """Join the nodes of several propagators without comparing them; see :func:`study_tree`."""
     created = datetime.now(UTC).isoformat(timespec="seconds")
     root = {"study": study, "mechanism": mechanism, "created": created, "uqmbd_version": _version("uqmbd")}
     datasets = {"/": xr.Dataset(attrs=root | dict(attrs or {}))}
-    for label, node in by_label.items():
+    for node in nodes:
+        label = str(node.name)
+        if label in datasets:
+            raise StudyError(f"Two propagators have the label {label!r}; give one of them another with label=.")
         for part in node.subtree:
             relative = part.path[len(node.path) :].strip("/")
             datasets[f"{label}/{relative}".rstrip("/")] = part.to_dataset(inherit=False)
-    datasets["comparison"] = compare_both(by_label, reference, float((attrs or {}).get("rtol", 0.0)))
     return xr.DataTree.from_dict(datasets)
+
+
+def failed_methods(tree: xr.DataTree) -> dict[str, str]:
+    """Return why methods of a study gave no results, by label, from the attribute ``failed``; empty where all did.
+
+    Examples
+    --------
+    >>> failed_methods(xr.DataTree(xr.Dataset(attrs={"failed": '{"galerkin": "too many nodes"}'})))
+    {'galerkin': 'too many nodes'}
+    """
+    try:
+        found = json.loads(str(tree.attrs.get("failed", "{}")))
+    except ValueError:
+        return {}
+    return {str(k): str(v) for k, v in found.items()} if isinstance(found, dict) else {}
 
 
 def _plain(value: object) -> object:

@@ -84,7 +84,12 @@ def validate(tree: xr.DataTree) -> None:
         _require("statistics" in node.children, node.path, "no child 'statistics'", "one")
         _validate_node(node, label)
     _require("comparison" in tree.children, tree.path, "no child 'comparison'", "one")
-    _validate_comparison(tree.children["comparison"], list(nodes))
+    if "failed" in tree.attrs:
+        _require(
+            _is_object(tree.attrs["failed"]), "/", f"attribute 'failed' = {tree.attrs['failed']!r}", "a JSON object"
+        )
+    if "problem" not in tree.children["comparison"].attrs:
+        _validate_comparison(tree.children["comparison"], list(nodes))
 
 
 def _require(condition: bool | np.bool, path: str, found: str, expected: str) -> None:
@@ -100,15 +105,18 @@ def _text_attrs(node: xr.DataTree, names: tuple[str, ...]) -> None:
             raise StudyError(f"{node.path}: attribute {name!r} {found}; expected a text.")
 
 
+def _is_object(text: object) -> bool:
+    try:
+        return isinstance(text, str) and isinstance(json.loads(text), dict)
+    except ValueError:
+        return False
+
+
 def _validate_node(node: xr.DataTree, label: object) -> None:
     _text_attrs(node, _TEXT_ATTRS)
     _require(node.attrs["label"] == label, node.path, f"attribute 'label' = {node.attrs['label']!r}", f"{label!r}")
     for name in _JSON_ATTRS:
-        try:
-            content = json.loads(node.attrs[name])
-        except ValueError:
-            content = None
-        _require(isinstance(content, dict), node.path, f"attribute {name!r} = {node.attrs[name]!r}", "a JSON object")
+        _require(_is_object(node.attrs[name]), node.path, f"attribute {name!r} = {node.attrs[name]!r}", "a JSON object")
     for name in ("realisations", "failures"):
         value = node.attrs.get(name)
         usable = isinstance(value, (int, np.integer)) and not isinstance(value, bool) and value >= 0

@@ -1,0 +1,151 @@
+"""The methods of a study one after another: one that cannot do it, or fails, costs nothing but itself."""
+
+from __future__ import annotations
+
+import json
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from uqmbd.errors import MethodFailedWarning, StudyError, UqmbdError
+from uqmbd.isolation import Isolated, reason_of, release
+from uqmbd.propagation.progress import Progress
+from uqmbd.propagation.propagator import Propagator
+from uqmbd.propagation.scalars import propagated
+from uqmbd.propagation.workers import Crew
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from uqmbd.propagation.study import Study
+
+__all__ = ["Attempts", "attempt", "joined"]
+
+METHOD = (Exception, SystemExit)
+"""What a method may raise without ending the run: all but an interruption."""
+
+
+@dataclass(frozen=True)
+class Attempts:
+    """What became of the methods of a study.
+
+    Attributes
+    ----------
+    nodes : tuple of xarray.DataTree
+        Of the methods that succeeded.
+    errors : mapping of str to BaseException
+        What the others raised, by label.
+    """
+
+    nodes: tuple[xr.DataTree, ...]
+    errors: Mapping[str, BaseException]
+
+    @property
+    def reasons(self) -> dict[str, str]:
+        """Why methods failed, by label."""
+        return {label: reason_of(error).removeprefix(f"{label}: ") for label, error in self.errors.items()}
+
+    @property
+    def attribute(self) -> dict[str, str]:
+        """The root attribute ``failed``, if there is anything to say: a JSON object, from label to reason."""
+        return {"failed": json.dumps(self.reasons, ensure_ascii=False)} if self.errors else {}
+
+    def told(self, study: str, stacklevel: int) -> None:
+        """Warn of each method that failed; where none succeeded, raise the first error, which names the others."""
+        if self.nodes:
+            for label, reason in self.reasons.items():
+                text = f"study {study!r}: there are no results of {label!r}: {reason}"
+                warnings.warn(text, MethodFailedWarning, stacklevel=stacklevel + 1)
+            return
+        first, *others = self.errors
+        error = self.errors[first]
+        if isinstance(error, UqmbdError):
+            error.failed = self.reasons
+        for label in others:
+            error.add_note(f"There are no results of {label!r} either: {self.reasons[label]}")
+        raise error
+
+
+def attempt(
+    study: Study,
+    propagators: Sequence[Propagator],
+    crew: Crew,
+    progress: Progress | bool | None = None,
+    folder: Path | None = None,
+) -> Attempts:
+    """Run methods; all are asked for what is in their way before the first realisation is computed.
+
+    Parameters
+    ----------
+    study : Study
+        Whose model can be made.
+    propagators : sequence of Propagator
+    crew : Crew
+        Who computes.
+    progress, folder
+        As of `Study.run`.
+    """
+    errors: dict[str, BaseException] = {}
+    for propagator in propagators:
+        if (error := _obstacle(propagator, study)) is not None:
+            errors[propagator.node_name] = error
+    nodes = []
+    for propagator in propagators:
+        if propagator.node_name in errors:
+            continue
+        with Isolated(*METHOD) as work, crew.at_work() as executor:
+            nodes.append(propagated(propagator, study.problem(propagator, executor, progress, folder)))
+        if work.error is not None:
+            release(work.error)
+            errors[propagator.node_name] = work.error
+    order = [p.node_name for p in propagators if p.node_name in errors]
+    return Attempts(tuple(nodes), {label: errors[label] for label in order})
+
+
+def _obstacle(propagator: Propagator, study: Study) -> BaseException | None:
+    """Return why a method cannot do a study, as an error."""
+    found: Any = None
+    with Isolated(*METHOD) as asked:
+        found = propagator.obstacle(study)
+    if asked.error is not None:
+        release(asked.error)
+        return asked.error
+    if found is None:
+        return None
+    label, kind = propagator.node_name, type(propagator)
+    if not isinstance(found, str):
+        return StudyError(
+            f"{label}: obstacle of {kind.__module__}.{kind.__qualname__} returned {type(found).__name__}; expected a "
+            "sentence, or None."
+        )
+    return StudyError(f"{label}: it cannot do this study: {found}")
+
+
+def joined(study: Study, attempts: Attempts, attrs: Mapping[str, Any]) -> xr.DataTree:
+    """Join the results of methods; where they cannot be compared, the comparison says so, and they stand.
+
+    Parameters
+    ----------
+    study : Study
+    attempts : Attempts
+        Of its methods.
+    attrs : mapping
+        Further attributes of the root.
+    """
+    import xarray as xr
+
+    from uqmbd.results import join_nodes, study_tree
+
+    about: dict[str, Any] = {
+        "study": study.name,
+        "mechanism": study.mechanism.name,
+        "attrs": {**attrs, **attempts.attribute},
+    }
+    with Isolated(*METHOD) as work:
+        return study_tree(attempts.nodes, **about)
+    warnings.warn(f"study {study.name!r}: its methods cannot be compared: {work.reason}", UserWarning, stacklevel=3)
+    tree = join_nodes(attempts.nodes, **about)
+    tree["comparison"] = xr.DataTree(xr.Dataset(attrs={"problem": work.reason}))
+    return tree
