@@ -11,7 +11,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from uqmbd.dynamics.ida import RELAXED, STEPS, diagnosis
+from uqmbd.dynamics.ida import RELAXED, STEPS, diagnosis, step_tolerance
 from uqmbd.dynamics.projected import ProjectedEnsemble
 from uqmbd.dynamics.trajectories import stops
 
@@ -200,7 +200,8 @@ def implicit(
         res[:] = projected.residual(t, y.reshape(terms, -1), yp.reshape(terms, -1)).ravel()
 
     length = max(1e-3, float(np.abs(ensemble.start.q).max(initial=0.0)))
-    atol = np.full(layout.unknowns, rtol * min(1.0, length))
+    tolerance = step_tolerance(rtol, projected.unknowns)
+    atol = np.full(layout.unknowns, tolerance * min(1.0, length))
     atol[layout.differential :] = RELAXED
     state, now, message = start.state, float(times[0]), ""
     pauses = set(stops(ensemble.breaks, times).tolist())
@@ -219,7 +220,7 @@ def implicit(
         begin = clock.perf_counter()
         with warnings.catch_warnings():
             warnings.filterwarnings("ignore", message="Custom sparse Jacobian")
-            solver = IDA(residual, rtol=rtol, atol=np.tile(atol, terms), max_num_steps=STEPS, **linear.options())
+            solver = IDA(residual, rtol=tolerance, atol=np.tile(atol, terms), max_num_steps=STEPS, **linear.options())
             solution = solver.solve(grid, y.ravel(), yp.ravel())
         counters["seconds"] += clock.perf_counter() - begin
         counters["integrations"] += 1
