@@ -18,10 +18,10 @@ from uqmbd import plugins
 from uqmbd.dynamics import Ensemble, build
 from uqmbd.mechanism.rigid_body import is_tensor_of_body
 from uqmbd_contact import ClearanceJoint, PlaneContact, PlaneImpact, SphereContact
-from uqmbd_drivers import DistanceDriver
-from uqmbd_joints import Distance, RevoluteSpherical
+from uqmbd_drivers import DistanceDriver, PositionDriver
+from uqmbd_joints import Distance, Revolute, RevoluteSpherical
 from uqmbd_montecarlo import MonteCarlo
-from uqmbd_springs import RadialTyre, RotationalFriction, SlidingFriction
+from uqmbd_springs import PointForce, RadialTyre, RoadFollower, RotationalFriction, SlidingFriction, SpringDamper
 
 FLOOR = {"point_i": (0, 0), "point_j": (0, 0), "normal_i": (0, 1)}
 ENDS = {"point_i": (0, 0), "point_j": (0, 0)}
@@ -212,3 +212,54 @@ def test_principal_moments_at_the_edge_are_a_bodys():
     edge = np.array([[0, a, a] for a in (1e-12, 1, 1e12)] + [[1, 2, 3.0]])
     assert is_tensor_of_body(edge).all() and not is_tensor_of_body(edge * [1, 1, 1.02]).any()
     assert math.isinf(uqmbd.Parameter("1", "no range").maximum)
+
+
+# -- velocities where there can be none -------------------------------------------------------------------------------
+def pin(mechanism, ball, **given):
+    return Revolute("pin", mechanism.ground, ball, **{"point_i": (0, 0), "point_j": (0, 0), **given})
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda m, b, v: pin(m, b, point_i=(v, 0)), "'pin': point_i, which contains ball.x', enters the constraint 'point'"),
+        (lambda m, b, v: pin(m, b, point_j=(0, 1 + b.angular_velocity)), "point_j, which contains ball.angular_velocity,"),
+        (lambda m, b, v: Distance("d", m.ground, b, (0, 0), (0, 0), 1 + v), "length, which contains ball.x', enters the"),
+        (lambda m, b, v: PositionDriver("p", m.ground, b, (0, 0), (0, 0), (1, 0), v * uqmbd.t), "displacement, which"),
+        (lambda m, b, v: SpringDamper("s", m.ground, b, (0, 0), (0, 0), 9, free_length=v), "free_length, .* a potential"),
+        (lambda m, b, v: RoadFollower("r", m.ground, b, (0, 0), 0, height=v), "height, .* enters the constraint 'road'"),
+    ],
+)  # fmt: skip
+def test_a_velocity_in_a_constraint_is_refused_where_it_is_given(make, words):
+    mechanism, ball = body_on_ground()
+    with pytest.raises(uqmbd.StudyError, match=words):
+        mechanism.add(make(mechanism, ball, ball.velocity[0]))
+    assert not mechanism.components
+
+
+def test_a_velocity_in_a_force_and_a_position_in_a_point_are_welcome():
+    mechanism, ball = body_on_ground()
+    drag = -ball.velocity[0] * sympy.Abs(ball.velocity[0])
+    mechanism.add(PointForce("drag", ball, (ball.velocity[0] / 100, 0), (drag, 0)))
+    mechanism.add(SpringDamper("damper", mechanism.ground, ball, (0, 0), (0, 0), 0, damping=1 + ball.velocity[1] ** 2))
+    other = mechanism.body("other", mass=1, inertia=1)
+    mechanism.add(Revolute("cam", mechanism.ground, other, (ball.position[0], uqmbd.t), (0, 0)))
+    mechanism.output("x", ball.position[0])
+    uqmbd.simulate(mechanism, [0, 0.1])
+
+
+def test_a_plugins_constraint_or_potential_with_a_velocity_is_refused():
+    class Wrong(uqmbd.Component):
+        bodies = ("body",)
+        what = uqmbd.Parameter("", "which term", kind="option")
+
+        def terms(self, p):
+            speed = p.rate_of(p.let("place", p.body.position[0] ** 2))
+            yield uqmbd.Constraint(speed) if self.what == "constraint" else uqmbd.Potential(speed**2)
+
+    for what, words in [("constraint", "the constraint .* contains a velocity"), ("energy", "a potential energy con")]:
+        mechanism, ball = body_on_ground()
+        mechanism.add(Wrong("w", ball, what))
+        mechanism.output("x", ball.position[0])
+        with pytest.raises(uqmbd.StudyError, match=f"Wrong 'w': {words}"):
+            uqmbd.simulate(mechanism, [0, 0.1])

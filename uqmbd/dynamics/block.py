@@ -326,6 +326,13 @@ def _block(
     for state, symbol in local.states.items():
         if symbol not in rates:
             raise StudyError(f"{where}: the state {state!r} is used but no Auxiliary term gives its rate.")
+    for e in (*constraints, potential):
+        if moving := e.free_symbols & velocities:
+            what = "a potential energy" if e is potential else f"the constraint {e} = 0"
+            raise StudyError(
+                f"{where}: {what} contains a velocity ({min(map(str, moving))}); constraints are equations, and "
+                "potentials energies, of positions, states and time. What depends on velocities is a VirtualWork."
+            )
     clash = [e for e in constraints if not e.free_symbols & coordinates]
     if clash:
         raise StudyError(f"{where}: the constraint {clash[0]} = 0 contains no coordinate of a body.")

@@ -14,6 +14,7 @@ from uqmbd.errors import StudyError
 from uqmbd.mechanism.body import Body, BodyTerms, Ground, Pose
 from uqmbd.mechanism.component import Component
 from uqmbd.mechanism.frame import Frame
+from uqmbd.mechanism.holonomic import require_holonomic
 from uqmbd.mechanism.numbers import flatten, numbers, random_variables, shown
 from uqmbd.mechanism.rigid_body import inertia_entries, mass_number, orientation
 from uqmbd.mechanism.scalars import check_scalar, is_scalar
@@ -211,6 +212,7 @@ class Mechanism:
             declared = component.parameters().get(key)
             if declared is None or declared.kind != "option":
                 require_known(self, f"{where}: {key}", value, "law")
+        require_holonomic(where, component, self.space)
         self.components[component.name] = component
         return component
 

@@ -188,6 +188,13 @@ def _require_distribution(where: str, distribution: Any, dimension: int) -> None
             else "give one name for each dimension"
         )
         raise StudyError(f"{where}: the distribution has {count}, expected {dimension}; {remedy}.")
+    from uqmbd.randomness.sound import flaw_of
+
+    if flaw := flaw_of(distribution):
+        raise StudyError(
+            f"{where}: no random number is distributed as {distribution}: {flaw}. Look at its parameters: deviations, "
+            "scales and shapes are positive, and lower ends are below upper ones; what does not vary is a plain number."
+        )
 
 
 def mean_of(distribution: Any) -> np.ndarray:

@@ -1,0 +1,87 @@
+"""Constraints and potentials contain no velocities: where values that a user gave bring some in, it is told at once."""
+
+from __future__ import annotations
+
+import sympy
+
+from uqmbd.errors import StudyError
+from uqmbd.mechanism.body import Body, StateSymbol
+from uqmbd.mechanism.component import Component, Constraint, Potential, flatten
+from uqmbd.mechanism.frame import Frame
+from uqmbd.mechanism.local import Local
+from uqmbd.mechanism.space import Space
+from uqmbd.mechanism.time import t
+
+__all__ = ["require_holonomic"]
+
+RATES = ("v", "angular_velocity")
+
+
+def require_holonomic(where: str, component: Component, space: Space) -> None:
+    """Raise where a velocity among the values of a component enters a constraint or a potential energy.
+
+    Velocities belong to forces: a constraint that contains them is not holonomic, and an energy that does is no
+    potential.  Terms are asked for only if there are velocities among the values.
+
+    Parameters
+    ----------
+    where : str
+        What the component is called in messages.
+    component : Component
+        With its values settled.
+    space : Space
+        Of its mechanism.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        Naming the arguments that contain velocities.
+    """
+    guilty = {
+        key: sorted(map(str, rates))
+        for key, value in component.values.items()
+        if key in component.parameters() and (rates := _rates(*flatten(value)))
+    }
+    if not guilty:
+        return
+    try:
+        found = _place(component, space)
+    except Exception:  # whatever is wrong with the terms is told, with all there is to say, when they are derived
+        return
+    if found:
+        told = " and ".join(f"{key}, which contains {', '.join(rates)}," for key, rates in guilty.items())
+        raise StudyError(
+            f"{where}: {told} enters {found}; there a number may depend on random variables, positions and time, not "
+            "on velocities. A speed is prescribed by a driver, and what depends on velocities is a force."
+        )
+
+
+def _place(component: Component, space: Space) -> str:
+    """Tell what a velocity enters: a constraint, a potential energy, or neither (empty)."""
+    frames = {
+        role: Frame(space, body.q, body.v) if isinstance(body, Body) else Frame(space)
+        for role, body in component.attached.items()
+    }
+    values = {
+        key: sympy.Matrix(value) if isinstance(value, tuple) and value else value
+        for key, value in component.values.items()
+    }
+    local = Local(space, frames, values, t)
+    for term in component.terms(local):
+        if isinstance(term, Constraint) and _rates(*flatten(term.equations), named=local):
+            return f"the constraint {term.label!r}" if term.label else "a constraint"
+        if isinstance(term, Potential) and _rates(term.energy, named=local):
+            return "a potential energy"
+    return ""
+
+
+def _rates(*values: object, named: Local | None = None) -> set[sympy.Symbol]:
+    """Return the velocities that expressions contain, those within named quantities included."""
+    found: set[sympy.Symbol] = set()
+    for value in values:
+        for symbol in value.free_symbols if isinstance(value, sympy.Basic) else ():
+            if isinstance(symbol, StateSymbol) and symbol.quantity in RATES:
+                found.add(symbol)
+            elif named is not None and symbol in named.quantities and named.quantities[symbol][0] == "rate":
+                found.add(symbol)
+    return found

@@ -1,0 +1,96 @@
+"""Whether a distribution is one: chaospy takes parameters that belong to none, and samples a constant or NaN."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uqmbd.randomness.laws import Law, is_dependent
+
+__all__ = ["flaw_of"]
+
+Array = NDArray[np.float64]
+
+LEVELS = np.array([1e-3, 0.05, 0.25, 0.5, 0.75, 0.95, 1 - 1e-3])
+"""Probabilities at which quantiles are looked at: within them even the heaviest tails are finite."""
+
+RARE = 1e-9
+"""Probability beyond which a discrete distribution is not looked at."""
+
+ROUGH = 1e-3
+"""Quantiles that are found by iteration may fall by this, relative to their span."""
+
+MISFIT = 0.1
+"""Probabilities of quantiles may be off by this: quantiles are found by iteration, and infinite supports cut."""
+
+POINTS = 16
+"""Points at which the map of a dependent distribution is looked at."""
+
+
+def flaw_of(distribution: Any) -> str:
+    """Say why no random numbers have a distribution; empty where they do.
+
+    Quantiles must be finite, and increase; so must those of whatever it is made of, for arithmetic hides a flaw.
+
+    Parameters
+    ----------
+    distribution : chaospy.Distribution
+        Of any dimension.
+
+    Examples
+    --------
+    >>> import chaospy
+    >>> flaw_of(chaospy.Normal(1, 0.02)), flaw_of(chaospy.Normal(1, -0.02))
+    ('', 'all of its quantiles are 0.8356')
+    """
+    with np.errstate(all="ignore"):
+        try:
+            return _flaw(distribution)
+        except Exception as error:  # whatever chaospy raises: it has no common class for bad parameters
+            said = " ".join(str(error).split())
+            return f"chaospy cannot sample it ({said or type(error).__name__})"
+
+
+def _flaw(distribution: Any) -> str:
+    import chaospy
+
+    if len(distribution) > 1:
+        if is_dependent(distribution):
+            return _flaw_of_map(distribution)
+        flaws = [(k, _flaw(part)) for k, part in enumerate(distribution)]
+        return next((f"of component {k + 1} {flaw}" for k, flaw in flaws if flaw), "")
+    law = Law.of(distribution)
+    levels = np.array([RARE, *LEVELS, 1 - RARE]) if law.discrete else LEVELS
+    quantiles = law.quantile(levels) if law.mends else np.ravel(distribution.inv(levels)).astype(float)
+    if law.discrete and law.cut is None:
+        # chaospy spreads each integer over an interval of length one
+        quantiles = np.rint((quantiles - law.shift) / law.scale) * law.scale + law.shift
+    if not np.isfinite(quantiles).all():
+        return f"its quantiles are {', '.join(f'{x:g}' for x in dict.fromkeys(quantiles.tolist()))}"
+    span = quantiles.max() - quantiles.min()
+    if span <= 4 * np.finfo(float).eps * np.abs(quantiles).max():
+        return f"all of its quantiles are {quantiles[0]:.4g}"
+    if (np.diff(quantiles) < -ROUGH * span).any():
+        return "its quantiles do not increase"
+    if not law.discrete:
+        passed = law.cdf(quantiles) if law.mends else np.ravel(distribution.fwd(quantiles)).astype(float)
+        if not np.abs(passed - levels).max() < MISFIT:
+            return f"its quantiles ({', '.join(f'{x:.4g}' for x in quantiles)}) are not those of its probabilities"
+    parts = [getattr(distribution, "_dist", None), *distribution._parameters.values()]
+    inner = [part for part in parts if isinstance(part, chaospy.Distribution)]
+    return next((flaw for flaw in map(_flaw, inner) if flaw), "")
+
+
+def _flaw_of_map(distribution: Any) -> str:
+    """Look at what dependent variables are at some points of the unit cube."""
+    steps = np.sqrt(np.arange(2, 2 + len(distribution)))[:, None]  # a lattice that is not aligned with anything
+    points = 0.05 + 0.9 * np.mod(steps * np.arange(1, POINTS + 1), 1.0)
+    values = np.asarray(distribution.inv(points), dtype=float)
+    for k, row in enumerate(values):
+        if not np.isfinite(row).all():
+            return f"of component {k + 1} its values are not finite"
+        if np.ptp(row) <= 4 * np.finfo(float).eps * np.abs(row).max():
+            return f"of component {k + 1} all of its values are {row[0]:.4g}"
+    return ""
