@@ -7,12 +7,14 @@ from __future__ import annotations
 
 from uqmbd.dynamics.build import build, kinematic_model
 from uqmbd.dynamics.check import Check, check
+from uqmbd.dynamics.checked import checked, off_constraints
 from uqmbd.dynamics.contacts import Lens
 from uqmbd.dynamics.ensemble import Ensemble
 from uqmbd.dynamics.hybrid import Hybrid
 from uqmbd.dynamics.integration import INTEGRATORS, Integrator, integrate
 from uqmbd.dynamics.linearisation import Modes, linearise
 from uqmbd.dynamics.model import Layout, Model
+from uqmbd.dynamics.prescribed import position_jumps
 from uqmbd.dynamics.projected import ProjectedEnsemble
 from uqmbd.dynamics.projected_integration import ProjectedTrajectories
 from uqmbd.dynamics.scalars import ScalarValues, scalars_of
@@ -39,10 +41,13 @@ __all__ = [
     "Trajectories",
     "build",
     "check",
+    "checked",
     "integrate",
     "kinematic_model",
     "linearise",
     "mechanism_terms",
+    "off_constraints",
+    "position_jumps",
     "scalars_of",
     "static_equilibria",
 ]

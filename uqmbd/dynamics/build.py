@@ -29,6 +29,7 @@ from uqmbd.dynamics.model import (
 )
 from uqmbd.dynamics.outputs import angle_counters, output_map
 from uqmbd.dynamics.parameters import ParameterMap
+from uqmbd.dynamics.prescribed import Prescribed, prescribed_by
 from uqmbd.dynamics.scalars import scalar_map
 from uqmbd.dynamics.uniqueness import not_unique, reaction_symbols
 from uqmbd.errors import AssemblyError, RedundantConstraintWarning, StudyError
@@ -303,6 +304,7 @@ def build(mechanism: Mechanism, time: float = 0.0, *, fuse: bool | None = None) 
         digest=_digest(mechanism, instances),
         evaluators=evaluators,
         events=events,
+        prescribed=_prescribed(mechanism, model),
         outputs=outputs,
         scalars=scalar_map(list(mechanism.scalars.values()), *about),
         pattern=csc_pattern(evaluators["jacobian"], layout.unknowns),
@@ -320,6 +322,14 @@ def build(mechanism: Mechanism, time: float = 0.0, *, fuse: bool | None = None) 
             "in which it is free to move. Give it mass and inertia, or hold it with a joint."
         )
     return model
+
+
+def _prescribed(mechanism: Mechanism, model: Model) -> Prescribed | None:
+    """Find the functions of time that constraints are given."""
+    if "phi_t" not in model.evaluators["velocity"].index:
+        return None
+    owners = set(model.owners)
+    return prescribed_by([c for c in mechanism.all_components() if c.name in owners], mechanism.inputs.variables)
 
 
 def _length(instances: list[Instance]) -> int:

@@ -21,6 +21,7 @@ from uqmbd.dynamics.index1 import System, excess
 from uqmbd.dynamics.lockstep import LockStep, Out, longest_step
 from uqmbd.dynamics.model import Model
 from uqmbd.dynamics.passage import Guard
+from uqmbd.dynamics.restarts import speed_jumps
 from uqmbd.dynamics.trajectories import Counters, Solved
 
 __all__ = ["integrate_by_dop853"]
@@ -76,7 +77,7 @@ def integrate_by_dop853(ensemble: Ensemble, members: Index, times: Array, rtol: 
         apart = [part[k] for k in sorted(stack.apart)]
         todo += [np.array([k]) for k in apart]
         for k, message in stack.failed.items():
-            messages[part[k]], final[part[k]] = message, guard.final
+            messages[part[k]], final[part[k]] = message, guard.final or k in stack.refused
         notes += [note for note in guard.notes if note not in notes]
         counters = counters + Counters(
             integrations=1,
@@ -95,7 +96,7 @@ class _Equations:
     """Rates and projection of M realisations, with buffers of their own."""
 
     def __init__(self, model: Model, block: Array) -> None:
-        layout = model.layout
+        layout, self.model = model.layout, model
         self.n, self.velocities, self.width = layout.coordinates, layout.coordinates + layout.states, layout.width
         system: System = model.system
         assert system.accelerate is not None and system.project is not None
@@ -164,6 +165,10 @@ class _Equations:
             found = self.drift(self.arguments[:, : self.width + 2], self.block)
         both = self.project(np.concatenate([self.values, found], axis=1))
         return both[:, : self.n], both[:, self.n :]
+
+    def impulse(self, time: float, rtol: float) -> tuple[Array, dict[int, str]]:
+        """Find how velocities of ``self.state`` jump where prescribed speeds do, and who cannot go on."""
+        return speed_jumps(self.model, self.state, time, self.block, rtol)
 
     def keep(self, rows: Index) -> None:
         """Go on with some realisations only."""

@@ -8,7 +8,7 @@ and which sticks or slips.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,8 @@ from uqmbd.dynamics.ensemble import Ensemble
 from uqmbd.dynamics.impacts import impact
 from uqmbd.dynamics.index1 import accelerations, excess
 from uqmbd.dynamics.lockstep import ORDER, Out
+from uqmbd.dynamics.prescribed import instant
+from uqmbd.dynamics.restarts import speed_jumps
 from uqmbd.dynamics.stepping import Curve, Stepper
 from uqmbd.dynamics.trajectories import stops
 
@@ -138,6 +140,7 @@ class Hybrid:
         self.fastest, self.size, self.stalled = 0.0, 0.0, 0
         self.crowd, self.coarse = list[float](), 1.0
         self.seen: tuple[float, Array, Contacts] | None = None
+        self.inside = (-np.inf, np.inf)
         size = float(np.abs(self.ensemble.start.q[0]).max(initial=0.0))
         self.length = max(1e-3, min(1.0, size))
 
@@ -159,8 +162,28 @@ class Hybrid:
             z[: self.n] += project(contacts, dict.fromkeys(overlapping, "slip"))[0][0]
         z = self._settle(now, z)
         for stop in [*stops(self.ensemble.breaks[0], self.times).tolist(), end]:
+            z = self._cross(now, z)
             while now < stop and not self.message:
                 now, z = self._piece(now, z, stop)
+
+    def _cross(self, now: float, z: Array) -> Array:
+        """State right after a time at which prescribed speeds may jump; contacts that this presses together hold."""
+        if not self.ensemble.breaks.size:
+            return z
+        change, reasons = speed_jumps(self.model, z[None], now, self.blocks[:1], self.rtol)
+        if reasons:
+            self.message = reasons[0]
+        if self.message or not np.any(change):
+            return z
+        z = z.copy()
+        z[self.velocities :] += change[0]
+        contacts = self._look(now, z)
+        closed = [k for k in self.bodies if k in self.modes or contacts.guard[0, k] <= CLOSED * self.length]
+        # what did not approach before does not rebound
+        law = contacts.law.copy()
+        law[..., 0] = 0.0
+        z[self.velocities :] += impact(replace(contacts, law=law), closed, 1e-3 * self._slow())[0]
+        return self._settle(now, z)
 
     def states(self) -> Array:
         """States at the output times, (T, width); NaN from where it ended early.  At an event: those after it."""
@@ -186,6 +209,7 @@ class Hybrid:
 
     def _rate(self, time: float, z: Array, out: Out) -> None:
         self.evaluations += 1
+        time = min(max(time, self.inside[0]), self.inside[1])  # at its ends a function of time may jump
         if not self.modes and self.flight is not None:
             self.flight.state[:] = z
             self.flight.rate(time, out)
@@ -217,6 +241,7 @@ class Hybrid:
     def _piece(self, now: float, z: Array, stop: float) -> tuple[float, Array]:
         """Integrate to the next event that changes the motion, or to `stop`."""
         begin, curves = now, list[Curve]()
+        self.inside = (now + instant(now), stop - instant(stop))
         speed = float(np.abs(z[self.velocities :]).max(initial=0.0))
         floor = np.full(len(z), self.rtol * self.length)
         floor[self.velocities :] = self.rtol * max(self.length, 1e-3 * speed)
@@ -248,7 +273,7 @@ class Hybrid:
                 self.pieces.append(Piece(begin, found[0], tuple(curves), dict(self.modes)))
                 moment = np.array([found[0]])
                 return found[0], self._happen(found[0], self._on(moment, curve(moment), self.modes)[0], found[1], begin)
-            z = self._on(np.array([after]), new[None], self.modes)[0]
+            z = self._on(np.array([min(after, self.inside[1])]), new[None], self.modes)[0]
             if z is new and not self.modes:
                 self.stepper.accept()
             else:
@@ -417,20 +442,13 @@ class Hybrid:
         closed = [k for k in self.bodies if k == event or k in self.modes or gaps[k] <= CLOSED * self.length]
         approach = max(0.0, -float(contacts.speed[0, contacts.normal(event)]))
         self.fastest = max(self.fastest, approach)
-        found = impact(contacts, closed, 1e-3 * self._slow())
-        if found is None:
-            name = self.model.events[event][0]
-            self.message = (
-                f"{name!r}: no impulses satisfy the laws of impact at t = {time:.6g} s; is a body driven into another?"
-            )
-            return z
-        jump, hit = found
+        jump, hit = impact(contacts, closed, 1e-3 * self._slow())
         z = z.copy()
         z[: self.n] += project(contacts, {event: "slip"})[0][0]
         z[self.velocities :] += jump
         if approach > self._slow():
-            struck = [k for k in self.bodies if k in hit and k not in self.modes]
-            self.happenings += [Happening(time, k, self.model.events[k][1]) for k in struck]
+            found = [k for k in self.bodies if k in hit and k not in self.modes]
+            self.happenings += [Happening(time, k, self.model.events[k][1]) for k in found]
         return self._settle(time, z)
 
     def _settle(self, time: float, z: Array, leaving: int | None = None) -> Array:

@@ -24,7 +24,9 @@ from numpy.typing import NDArray
 from uqmbd.dynamics.ensemble import Ensemble
 from uqmbd.dynamics.index1 import accelerations
 from uqmbd.dynamics.model import Model
+from uqmbd.dynamics.prescribed import instant
 from uqmbd.dynamics.rank import dead_end, rank_along
+from uqmbd.dynamics.restarts import speed_jumps
 from uqmbd.dynamics.trajectories import Counters, Solved, stops
 
 __all__ = ["RELAXED", "STEPS", "diagnosis", "integrate_by_ida", "step_tolerance"]
@@ -145,7 +147,10 @@ def _integrate_stack(ensemble: Ensemble, times: Array, rtol: float) -> _Run:
         if len(grid) == 2:  # with two times the integrator returns its own steps instead
             grid = np.array([now, 0.5 * (now + stop), stop])
         if ensemble.breaks.size:
-            y, yp = _consistent(ensemble, now, y)
+            y, yp, refused = _consistent(ensemble, now, y, rtol)
+            result[:, np.flatnonzero(times[1:] == now) + 1] = np.concatenate(ensemble.expand(y[:, None]), axis=2)
+            if refused:
+                return _Run(result, next(iter(refused.values())), counters, True)
         begin = clock.perf_counter()
         solution = _solver(ensemble, callbacks, y, rtol).solve(grid, y.ravel(), yp.ravel())
         spent = clock.perf_counter() - begin
@@ -173,12 +178,14 @@ def _dead_end(ensemble: Ensemble, found: Array, time: float) -> str:
     return dead_end(model, time, rank_along(model, q[0], s[0], v[0], time, ensemble.parameters[0]), sure=False)
 
 
-def _consistent(ensemble: Ensemble, time: float, y: Array) -> tuple[Array, Array]:
-    """Multipliers and rates at the start of a segment: those an instant later, as a force may jump at the start."""
-    instant = time + 1e-12 * max(1.0, abs(time))
+def _consistent(ensemble: Ensemble, time: float, y: Array, rtol: float) -> tuple[Array, Array, dict[int, str]]:
+    """Unknowns and rates at the start of a segment: those an instant later, as forces and speeds may jump there."""
     q, s, v = ensemble.expand(y)
-    a, multipliers, rates = accelerations(ensemble.model, q, s, v, instant, ensemble.block)
-    return ensemble.pack(q, s, v, multipliers), ensemble.pack(v, rates, a, np.zeros_like(multipliers))
+    change, refused = speed_jumps(ensemble.model, np.concatenate([q, s, v], axis=1), time, ensemble.block, rtol)
+    v = v + change
+    a, multipliers, rates = accelerations(ensemble.model, q, s, v, time + instant(time), ensemble.block)
+    y, yp = ensemble.pack(q, s, v, multipliers), ensemble.pack(v, rates, a, np.zeros_like(multipliers))
+    return y, yp, refused
 
 
 def _roughness(ensemble: Ensemble, states: Array) -> Array:

@@ -20,6 +20,7 @@ __all__ = [
     "accelerations",
     "dense",
     "excess",
+    "impulses",
     "index1_system",
     "massless_direction",
     "state_arguments",
@@ -159,6 +160,39 @@ def excess(model: Model, states: Array, time: Array, parameters: Array) -> tuple
         both[part] = model.system.project(np.concatenate(values, axis=1))
     n = model.layout.coordinates
     return both[:, :n], both[:, n:]
+
+
+def impulses(model: Model, states: Array, time: float, parameters: Array) -> Array:
+    """Jumps of the velocities by which states come to move as the constraints want: ``M dv = D^T L``, ``D dv = -psi``.
+
+    Parameters
+    ----------
+    model : Model
+        With its kept equations.
+    states : array, shape (K, 2 coordinate + state)
+        On the constraints in position, with any velocities.
+    time : float
+        s.
+    parameters : array, shape (K, parameter)
+        Of each state.
+
+    Returns
+    -------
+    array, shape (K, coordinate)
+        NaN where the system is singular.
+    """
+    layout, system = model.layout, model.system or index1_system(model, None)
+    arguments = np.concatenate([states, np.full((len(states), 1), time), np.zeros((len(states), 1))], axis=1)
+    values = model.evaluators["acceleration"](arguments, parameters)
+    drift = model.evaluators["drift"]
+    psi = _columns(drift, drift(arguments, parameters), "psi", layout.constraints)
+    right = np.zeros((system.size, len(values)))
+    right[layout.coordinates :] = -psi[:, layout.kept].T
+    if system.size > DENSE_LIMIT:
+        found: Array = system.pattern.factorise(values).solve(right.T)
+    else:
+        found = _lapack(system, np.ascontiguousarray(values.T[system.source]), right).T
+    return found[:, : layout.coordinates]
 
 
 def _columns(evaluator: Evaluator, values: Array, letter: str, count: int) -> Array:

@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from uqmbd.dynamics.checked import checked
 from uqmbd.dynamics.dop853 import integrate_by_dop853
 from uqmbd.dynamics.ensemble import Ensemble
 from uqmbd.dynamics.ida import integrate_by_ida
@@ -63,8 +64,17 @@ def integrate(
     Trajectories
         A realisation that fails does not disturb the others.
     """
-    if ensemble.model.events:
-        return _with_events(ensemble, times, rtol)
+
+    def solve(ensemble: Ensemble, times: Array, rtol: float) -> Trajectories:
+        if ensemble.model.events:
+            return _with_events(ensemble, times, rtol)
+        return _integrate(ensemble, times, rtol, stack, method)
+
+    return checked(solve, ensemble, times, rtol)
+
+
+def _integrate(ensemble: Ensemble, times: Array, rtol: float, stack: int, method: Integrator) -> Trajectories:
+    """Integrate a model without events."""
     start, layout = ensemble.start, ensemble.model.layout
     states = np.full((len(ensemble), len(times), layout.width), np.nan)
     messages = list(start.messages)
@@ -111,7 +121,7 @@ def integrate(
             f"mechanism {ensemble.model.name!r}: {notes[0]}{more}. The motion is not affected; "
             "the reactions of these joints are not unique.",
             RedundantConstraintWarning,
-            stacklevel=2,
+            stacklevel=5,
         )
     return Trajectories(times, states, tuple(messages), counters, notes=tuple(notes))
 

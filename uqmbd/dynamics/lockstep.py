@@ -164,6 +164,9 @@ class Equations(Protocol):
     def keep(self, rows: Index) -> None:
         """Go on with some rows only."""
 
+    def impulse(self, time: float, rtol: float) -> tuple[Array, dict[int, str]]:
+        """Find how velocities of ``self.state`` jump where prescribed speeds do, and who cannot go on."""
+
 
 class LockStep:
     """One integration.
@@ -197,6 +200,8 @@ class LockStep:
         Members that are to be integrated alone.
     failed : dict
         Reasons of members that cannot be integrated so.
+    refused : set of int
+        Those of them that cannot be integrated at all.
     steps : int
         Accepted ones.
     """
@@ -215,6 +220,7 @@ class LockStep:
     ) -> None:
         self.equations, self.times, self.rtol, self.floor = equations, times, rtol, floor
         self.stops = [*stops(breaks, times).tolist(), float(times[-1])]
+        self.may_jump = bool(np.isfinite(breaks).any())
         self.z = z.copy()
         self.result = np.full((len(z), len(times), z.shape[1]), np.nan)
         self.result[:, 0] = z
@@ -222,6 +228,7 @@ class LockStep:
         self.members = self.rows[:1] if equations.coupled else self.rows
         self.apart: set[int] = set()
         self.failed: dict[int, str] = {}
+        self.refused: set[int] = set()
         self.steps = 0
         self.watch, self.watched, self.stopped = watch, 0, False
         self.longest, self.guard = longest, guard
@@ -259,6 +266,10 @@ class LockStep:
         eps = 1e-12 * max(1.0, abs(begin), abs(end))
         self.inside = (begin + eps, end - eps)
         now = begin
+        if self.may_jump:
+            self._restart(now)
+            if not len(self.members):
+                return size
         self._rate(now, self.z, 0)
         size = min(size or self._first_size(now, end), end - begin)
         wanted, attempts, rejected, refusals = size, 0, False, 0
@@ -312,6 +323,20 @@ class LockStep:
                 which = np.flatnonzero(np.isin(self.members, members))
                 self._leave(which, reason and f"{reason} at t = {now:.6g} s")
         return wanted
+
+    def _restart(self, now: float) -> None:
+        """Change velocities where prescribed speeds jump; at such a time the result is that right after."""
+        self.equations.state[:] = self.z
+        change, reasons = self.equations.impulse(now, self.rtol)
+        if np.any(change):
+            self.z = self.z.copy()
+            self.z[:, self.equations.velocities :] += change
+            if len(at := np.flatnonzero(self.times[1:] == now) + 1):
+                self.result[self.rows, at[0]] = self.z
+        self.refused |= {int(self.members[row]) for row in reasons}
+        leaving = [(self.members[[row]], reason) for row, reason in reasons.items()]
+        for member, reason in leaving:
+            self._leave(np.flatnonzero(np.isin(self.members, member)), reason)
 
     def _remember(self, now: float) -> None:
         """Keep the state, which nothing overwrites, for the guard."""

@@ -168,6 +168,8 @@ class Model:
     system: Any = field(default=None, repr=False)
     pattern: tuple[Index, Index] = field(default=(np.zeros(0, int), np.zeros(0, int)), repr=False)
     """Row indices and column pointers of the Jacobian, compressed by columns."""
+    prescribed: Any = field(default=None, repr=False)
+    """Functions of time that components with constraints are given, `uqmbd.dynamics.prescribed.Prescribed`."""
     start_at: str = "drawn"
     """Where realisations start: ``drawn`` (as assembled from the drawn pose) or ``equilibrium``."""
 

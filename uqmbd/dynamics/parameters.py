@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from uqmbd.dynamics.block import plain
 from uqmbd.dynamics.kernels import Kernel, cached, compile_kernel
-from uqmbd.randomness import RandomVariable
 
 __all__ = ["ParameterMap"]
 
@@ -38,8 +37,8 @@ class ParameterMap:
     kernel: Kernel
 
     @classmethod
-    def of(cls, expressions: Sequence[sympy.Expr], inputs: Sequence[RandomVariable]) -> ParameterMap:
-        """Compile expressions in random variables."""
+    def of(cls, expressions: Sequence[sympy.Expr], inputs: Sequence[sympy.Symbol]) -> ParameterMap:
+        """Compile expressions in random variables, or in other symbols that are given as inputs."""
         constants = np.zeros(len(expressions))
         random = []
         for k, e in enumerate(expressions):

@@ -23,6 +23,8 @@ from numpy.typing import NDArray
 from uqmbd.dynamics.coupled import Coupled
 from uqmbd.dynamics.ensemble import Ensemble
 from uqmbd.dynamics.index1 import dense, state_arguments
+from uqmbd.dynamics.prescribed import instant
+from uqmbd.dynamics.restarts import speed_jumps
 from uqmbd.errors import AssemblyError
 
 if TYPE_CHECKING:
@@ -200,6 +202,24 @@ class ProjectedEnsemble:
             columns, (where,) = entry
             rates[:, where] = self.adjoint @ values[:, columns]
         return found[:, :n], found[:, n:], rates
+
+    def impulse(self, state: Array, time: float, rtol: float) -> Array:
+        """Change of the coefficients of velocities (P, coordinate) where speeds that are prescribed at nodes jump.
+
+        Parameters
+        ----------
+        state : array, shape (P, width)
+            Right before.
+        time : float
+            s.
+        rtol : float
+            Relative tolerance of the integration.
+        """
+        nodal = self.psi @ state
+        jump = speed_jumps(self.model, nodal, time, self.ensemble.block, rtol)[0]
+        if not np.any(jump):
+            return np.zeros((self.terms, self.model.layout.coordinates))
+        return -self._excess(state, time + instant(time))[1]
 
     def _values(self, state: Array, time: float) -> Array:
         q, s, v = self.split(self.psi @ state)

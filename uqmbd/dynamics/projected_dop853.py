@@ -62,6 +62,10 @@ class ProjectedEquations:
             found = self.drift(self.arguments[:, : self.width + 2], self.block)
         return self.solver.excess(self.values, found, tolerance=1e-3)
 
+    def impulse(self, time: float, rtol: float) -> tuple[Array, dict[int, str]]:
+        """Find how coefficients of velocities of ``self.state`` jump where prescribed speeds do."""
+        return self.projected.impulse(self.state, time, rtol), {}
+
     def keep(self, rows: Index) -> None:
         """Coupled rows stay together."""
 

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uqmbd.dynamics.ida import RELAXED, STEPS, diagnosis, step_tolerance
+from uqmbd.dynamics.prescribed import instant
 from uqmbd.dynamics.projected import ProjectedEnsemble
 from uqmbd.dynamics.trajectories import stops
 
@@ -208,9 +209,13 @@ def implicit(
     if watch is not None:
         pauses |= set(times[:: max(1, len(times) // 10)][1:].tolist())
     for stop in [*sorted(pauses - {float(times[-1])}), float(times[-1])]:
+        if ensemble.breaks.size:
+            state = state.copy()
+            state[:, layout.coordinates + layout.states :] += projected.impulse(state, now, rtol)
+            path[:, np.flatnonzero(times[1:] == now) + 1] = state[:, None]
         q, s, v = projected.split(state)
         # an instant later, as a force may jump at the start
-        accelerations, multipliers, rates = projected.accelerations(state, now + 1e-12 * max(1.0, abs(now)))
+        accelerations, multipliers, rates = projected.accelerations(state, now + instant(now))
         y = ensemble.pack(q, s, v, multipliers)
         yp = ensemble.pack(v, rates, accelerations, np.zeros_like(multipliers))
         inside = np.flatnonzero((times > now) & (times <= stop))

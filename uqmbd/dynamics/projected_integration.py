@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import time as clock
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from uqmbd.dynamics.checked import projected_off
 from uqmbd.dynamics.integration import INTEGRATORS, integrate
+from uqmbd.dynamics.prescribed import position_jumps
 from uqmbd.dynamics.projected import ProjectedEnsemble
 from uqmbd.dynamics.projected_dop853 import lock_step
 from uqmbd.dynamics.projected_ida import LINEAR_SOLVERS, LinearSolver, implicit
@@ -89,8 +91,33 @@ def integrate_projected(
             f"mechanism {projected.model.name!r} has too many equations for the integrator 'dop853', whose linear "
             "algebra is compiled; use 'auto' or 'ida'."
         )
+    if jumps := position_jumps(projected.ensemble, times, rtol):
+        node, text = next(iter(jumps.items()))
+        state = np.full((projected.terms, len(times), projected.model.layout.width), np.nan)
+        state[:, 0] = projected.start.state
+        return ProjectedTrajectories(times, state, f"at node {node} {text}", "none", {})
     if projected.model.events:
         return _with_events(projected, times, rtol)
+    found = _solved(projected, times, rtol, integrator, linear_solver, watch, explicit=explicit)
+    first, text = projected_off(projected, times, found.coefficients, rtol)
+    if found.message or not text:
+        return found
+    coefficients = found.coefficients.copy()
+    coefficients[:, max(1, first) :] = np.nan
+    return replace(found, coefficients=coefficients, message=text)
+
+
+def _solved(
+    projected: ProjectedEnsemble,
+    times: Array,
+    rtol: float,
+    integrator: str,
+    linear_solver: str,
+    watch: Watch | None,
+    *,
+    explicit: bool,
+) -> ProjectedTrajectories:
+    """Integrate without events."""
     counters: dict[str, Any] = {}
     message = ""
     if not projected.model.layout.unknowns:  # nothing can move

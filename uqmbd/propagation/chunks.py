@@ -10,7 +10,7 @@ from functools import lru_cache, partial
 import numpy as np
 from numpy.typing import NDArray
 
-from uqmbd.dynamics import INTEGRATORS, Ensemble, Model, ScalarValues, Trajectories, integrate, scalars_of
+from uqmbd.dynamics import INTEGRATORS, Ensemble, Model, ScalarValues, Trajectories, checked, integrate, scalars_of
 
 __all__ = [
     "ASSEMBLY_FAILED",
@@ -70,7 +70,8 @@ def integrator_of(name: str) -> Callable[[Ensemble, Array, float], Trajectories]
     from uqmbd import plugins
 
     method: Callable[[Ensemble, Array, float], Trajectories] = plugins.integrator(name)().integrate
-    return method
+    # what the integrator of a plugin gives is held against the same as what those of the core give
+    return partial(checked, method)
 
 
 @lru_cache(maxsize=4)

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from uqmbd.dynamics import Ensemble, Model, Trajectories
     from uqmbd.mechanism import Mechanism
 
-__all__ = ["input_point", "observed_model", "simulate", "variables_of"]
+__all__ = ["input_point", "observed_model", "refuse_jumps", "simulate", "variables_of"]
 
 
 Array = NDArray[np.float64]
@@ -97,6 +97,7 @@ def simulate(
     if not model.outputs.names and not model.scalars.needs_motion:
         still = {"mechanism": mechanism.name, "start": start}
         return xr.Dataset(_scalars(mechanism, ensemble, None), attrs=still)
+    refuse_jumps(ensemble, grid, rtol, where)
     trajectories = integrator_of(integrator)(ensemble, grid, rtol)
     if trajectories.messages[0]:
         message = f"mechanism {mechanism.name!r}: {trajectories.messages[0]}"
@@ -218,6 +219,14 @@ def input_point(where: str, mechanism: Mechanism, values: Mapping[str, float] | 
         if not np.isfinite(point[name]):
             raise StudyError(f"{where}: the value of {name!r} is {value!r}; expected a finite number.")
     return point
+
+
+def refuse_jumps(ensemble: Ensemble, times: Array, rtol: float, where: str) -> None:
+    """Raise a `StudyError` if the position that is prescribed to a single realisation jumps within the times."""
+    from uqmbd.dynamics import position_jumps
+
+    if len(times) > 1 and (found := position_jumps(ensemble, times, rtol)):
+        raise StudyError(f"{where}: {found[0]}.")
 
 
 def observed_model(mechanism: Mechanism, time: float, start: str = "drawn") -> Model:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from uqmbd.dynamics import Ensemble, Hybrid, Lens, Model
+from uqmbd.dynamics import Ensemble, Hybrid, Lens, Model, off_constraints, position_jumps
 
 if TYPE_CHECKING:
     from uqmbd.propagation.problem import Problem
@@ -100,6 +100,8 @@ def followed(
     empty = np.zeros((0, len(model.outputs.names), points))
     if not ensemble.start.ok[0]:
         return {**none, "response": empty, "message": np.array([ensemble.start.messages[0]])}
+    if jumps := position_jumps(ensemble, np.array(times), rtol):
+        return {**none, "response": empty, "message": np.array([jumps[0]])}
     span, lens = 1.0, Lens(model)
     while True:
         run = Hybrid(ensemble, np.array([begin, begin + span * (end - begin)]), rtol, lens)
@@ -119,8 +121,10 @@ def followed(
     where = segment_points(points)
     moments = [p.begin + where * (last - p.begin) for p, last in zip(pieces, ends, strict=True)]
     states = [run.observed(at, p) for p, at in zip(pieces, moments, strict=True)]
-    at = np.concatenate(moments)
-    response = ensemble.outputs(at, np.concatenate(states)[None])[0]
+    at, every = np.concatenate(moments), np.concatenate(states)[None]
+    if off := off_constraints(ensemble, at, every, rtol):
+        return {**none, "response": empty, "message": np.array([off[0][1]])}
+    response = ensemble.outputs(at, every)[0]
     return {
         "labels": np.array([_label(run, piece.end, last=piece is run.pieces[-1]) for piece in pieces]),
         "edges": np.array([pieces[0].begin, *ends]),

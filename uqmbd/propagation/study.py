@@ -7,6 +7,7 @@ import importlib
 import json
 from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import Executor
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,7 +17,7 @@ from numpy.typing import ArrayLike
 from uqmbd.errors import StudyError
 from uqmbd.names import check_name
 from uqmbd.propagation.attempts import attempt, joined
-from uqmbd.propagation.deterministic import observed_model
+from uqmbd.propagation.deterministic import observed_model, refuse_jumps
 from uqmbd.propagation.growing import check_convergence_of, with_convergence
 from uqmbd.propagation.options import (
     check_integrator,
@@ -157,10 +158,15 @@ class Study:
     @cached_property
     def model(self) -> Model:
         """The compiled model (made when first needed)."""
+        from uqmbd.dynamics import Ensemble
+
         if len(self.times) == 1:
             # outputs may have been added since
             check_still(self.mechanism, f"study {self.name!r}")
-        return observed_model(self.mechanism, float(self.times[0]), self.start)
+        model = observed_model(self.mechanism, float(self.times[0]), self.start)
+        means = Ensemble(replace(model, start_at="drawn"), self.mechanism.inputs.means[None, :])
+        refuse_jumps(means, self.times, self.rtol, f"study {self.name!r}, at the means of its inputs")
+        return model
 
     def problem(
         self,

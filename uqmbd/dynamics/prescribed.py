@@ -1,0 +1,161 @@
+"""What components prescribe as functions of time: where it jumps, and by how much."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import sympy
+from numpy.typing import NDArray
+
+from uqmbd.dynamics.block import plain
+from uqmbd.dynamics.ensemble import Ensemble
+from uqmbd.dynamics.parameters import ParameterMap
+from uqmbd.dynamics.rank import named
+from uqmbd.mechanism import Component
+from uqmbd.mechanism.numbers import flatten
+from uqmbd.mechanism.time import t
+from uqmbd.randomness import RandomVariable
+
+__all__ = ["Prescribed", "instant", "position_jumps", "prescribed_by"]
+
+Array = NDArray[np.float64]
+
+INSTANT = 1e-12
+"""Time, over the larger of 1 s and the time itself, by which right before and right after are told apart."""
+POSES = 3
+"""Poses at which an equation is looked at before and after: at one alone it may agree by chance."""
+LEAST = 1e-9
+"""Jump, over the size of the mechanism, that is rounding whatever the tolerance."""
+
+
+@dataclass(frozen=True)
+class Prescribed:
+    """Parameters that are functions of time, of components that constrain.
+
+    Attributes
+    ----------
+    owners, names, units : tuple of str
+        Component, parameter and unit of each.
+    functions : ParameterMap
+        From inputs and time to their values.
+    """
+
+    owners: tuple[str, ...]
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    functions: ParameterMap
+
+    def jumps(self, owner: str, values: Array, before: float, after: float) -> str:
+        """Say which parameters of a component jump between two times, and by how much, at inputs (input,)."""
+        moments = np.array([[*values, before], [*values, after]])
+        change = np.diff(self.functions(moments), axis=0)[0]
+        found = [
+            f"its {name} by {size:.6g} {units}".rstrip()
+            for name, of, units, size in zip(self.names, self.owners, self.units, change, strict=True)
+            if of == owner and abs(size) > LEAST
+        ]
+        return " and ".join(found)
+
+
+def prescribed_by(components: Sequence[Component], inputs: Sequence[RandomVariable]) -> Prescribed:
+    """Find the parameters of components that are functions of time and of random variables alone."""
+    known = {t, *inputs}
+    about: list[tuple[str, str, str]] = []
+    expressions: list[sympy.Expr] = []
+    for component in components:
+        for name, parameter in component.parameters().items():
+            entries = flatten(component.values.get(name)) if parameter.kind != "option" else []
+            for k, entry in enumerate(entries):
+                symbols: set[Any] = getattr(entry, "free_symbols", set())
+                if t in symbols and symbols <= known:
+                    label = name if len(entries) == 1 else f"{name}[{k}]"
+                    about.append((component.name, label, parameter.units))
+                    expressions.append(plain(entry))
+    owners, names, units = zip(*about, strict=True) if about else ((), (), ())
+    return Prescribed(tuple(owners), tuple(names), tuple(units), ParameterMap.of(expressions, [*inputs, t]))
+
+
+def instant(time: float) -> float:
+    """Return the time, s, by which right before and right after a moment are told apart."""
+    return INSTANT * max(1.0, abs(time))
+
+
+def position_jumps(ensemble: Ensemble, times: Array, rtol: float) -> dict[int, str]:
+    """Find realisations of which a constraint, and so a position, jumps within the output times.
+
+    An equation jumps where it is another one right after a break time than right before; one that has only changed its
+    sign says the same.
+
+    Parameters
+    ----------
+    ensemble : Ensemble
+        K realisations.
+    times : array, shape (T,)
+        Output times, s.
+    rtol : float
+        Relative tolerance, over the size of the mechanism, within which a jump is none.
+
+    Returns
+    -------
+    dict of int to str
+        By realisation: when, which component, and by how much.
+    """
+    model = ensemble.model
+    breaks = ensemble.breaks
+    if not breaks.size or "phi_t" not in model.evaluators["velocity"].index:
+        return {}
+    begin, end = float(times[0]), float(times[-1])
+    ok = ensemble.start.ok
+    found: dict[int, str] = {}
+    for column in breaks.T:
+        some = np.flatnonzero(ok & (column >= begin) & (column <= end))
+        some = some[[int(k) not in found for k in some]] if len(some) else some
+        if len(some):
+            # outside of the output times nothing happens
+            delta = INSTANT * np.maximum(1.0, np.abs(column[some]))
+            sides = np.clip(np.stack([column[some] - delta, column[some] + delta]), begin, end)
+            jumps = _equation_jumps(ensemble, some, sides)
+            size = np.clip(np.abs(ensemble.start.q[some]).max(axis=1, initial=0.0), 1e-3, 1.0)
+            wrong = jumps > max(rtol, LEAST) * size[:, None]
+            for row in np.flatnonzero(wrong.any(axis=1)):
+                equations = np.flatnonzero(wrong[row])
+                found[int(some[row])] = _jump(ensemble, int(some[row]), sides[:, row], column[some[row]], equations)
+    return found
+
+
+def _equation_jumps(ensemble: Ensemble, members: NDArray[np.int64], sides: Array) -> Array:
+    """By how much equations differ right before and right after, `sides` (2, K); shape (K, equation)."""
+    model, start = ensemble.model, ensemble.start
+    drift = model.evaluators["drift"]
+    found = np.zeros((len(members), model.layout.constraints))
+    if "phi" not in drift.index:
+        return found
+    columns, (rows,) = drift.index["phi"]
+    states = np.concatenate([start.q, start.s, np.zeros_like(start.v)], axis=1)[members]
+    shifts = np.random.default_rng(0).uniform(-0.3, 0.3, (POSES, states.shape[1]))
+    for shift in shifts:
+        values = [
+            drift(np.column_stack([states + shift, time, np.zeros(len(members))]), ensemble.block[members])[:, columns]
+            for time in sides
+        ]
+        change = np.minimum(np.abs(values[1] - values[0]), np.abs(values[1] + values[0]))
+        found[:, rows] = np.maximum(found[:, rows], change)
+    return found
+
+
+def _jump(ensemble: Ensemble, member: int, sides: Array, time: float, equations: NDArray[np.int64]) -> str:
+    """Say what jumps."""
+    model = ensemble.model
+    owners = dict.fromkeys(model.owners[k] for k in equations)
+    parts = []
+    for owner in owners:
+        by = model.prescribed.jumps(owner, ensemble.values[member], *sides) if model.prescribed is not None else ""
+        parts.append(f"{owner!r} ({by})" if by else repr(owner))
+    return (
+        f"at t = {time:.6g} s a prescribed position jumps: that of {', '.join(parts)}, so that the equations "
+        f"{named(model, equations)} want bodies to be in two places. Expected a continuous function of time, such as "
+        "uqmbd.step between two positions, or a prescribed speed"
+    )
