@@ -24,7 +24,6 @@ import importlib.metadata
 import inspect
 import os
 import re
-import traceback
 import warnings
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -33,6 +32,7 @@ from typing import Any, Literal, NamedTuple
 import pluggy
 
 from uqmbd.errors import PluginWarning, StudyError
+from uqmbd.isolation import Isolated, last_line
 
 __all__ = [
     "PluginInfo",
@@ -42,6 +42,7 @@ __all__ = [
     "installed",
     "integrator",
     "integrators",
+    "owner",
     "propagator",
     "propagators",
     "report_sections",
@@ -81,13 +82,14 @@ class _Kind(NamedTuple):
     noun: str
     base: str | None
     by_attribute: bool
+    method: str = ""
 
 
 _KINDS = {
     "components": _Kind("uqmbd_components", "component", "Component", False),
     "propagators": _Kind("uqmbd_propagators", "propagator", "Propagator", True),
     "integrators": _Kind("uqmbd_integrators", "integrator", None, True),
-    "report_sections": _Kind("uqmbd_report_sections", "report section", None, False),
+    "report_sections": _Kind("uqmbd_report_sections", "report section", None, False, "render"),
 }
 
 
@@ -172,6 +174,17 @@ def integrator(name: str) -> type:
     return _find("integrators", name)
 
 
+def owner(kind: str, name: str) -> str:
+    """Return the plugin that registered a name, for messages; empty if none did.
+
+    Parameters
+    ----------
+    kind : {"components", "propagators", "integrators", "report_sections"}
+    name : str
+    """
+    return next((info.title for info in installed() if name in getattr(info, kind)), "")
+
+
 def installed() -> tuple[PluginInfo, ...]:
     """Return every entry point of the group ``uqmbd``, whether it could be used or not."""
     return _registry().plugins
@@ -234,16 +247,18 @@ def _load_one(
     owners: dict[tuple[str, str], str],
 ) -> PluginInfo:
     """Register one plugin and add what it offers to `classes`; a plugin's failure stays its own."""
-    try:
+    plugin: object = None
+    names: tuple[str, ...] = ()
+    with Isolated() as work:
         plugin = entry_point.load()
-    except (Exception, SystemExit) as error:
-        return _replace(info, status="failed", errors=(f"it cannot be loaded: {_last_line(error)}",))
-    try:
+    if work.error is not None:
+        return _replace(info, status="failed", errors=(f"it cannot be loaded: {last_line(work.error)}",))
+    with Isolated() as work:
         # The distribution is part of the key: two packages may call their entry points alike.
         manager.register(plugin, name=f"{info.distribution}:{info.name}")
-    except Exception as error:
-        return _replace(info, status="failed", errors=(f"it is not a valid plugin: {_last_line(error)}",))
-    names = tuple(sorted(caller.name for caller in manager.get_hookcallers(plugin) or ()))
+        names = tuple(sorted(caller.name for caller in manager.get_hookcallers(plugin) or ()))
+    if work.error is not None:
+        return _replace(info, status="failed", errors=(f"it is not a valid plugin: {last_line(work.error)}",))
     known = {kind.hook for kind in _KINDS.values()}
     hooks = tuple(name for name in names if name in known)
     errors = [
@@ -277,16 +292,25 @@ def _load_one(
 def _call(manager: pluggy.PluginManager, plugin: object, kind: _Kind) -> tuple[list[tuple[str, type]], list[str]]:
     """Call one hook of one plugin: the named classes that can be used, and what is wrong with the others."""
     others = [other for other in manager.get_plugins() if other is not plugin]
-    try:
+    result: Any = None
+    listed: list[Any] | None = None
+    with Isolated() as work:
         results = manager.subset_hook_caller(kind.hook, remove_plugins=others)()
-    except (Exception, SystemExit) as error:
-        return [], [f"its hook {kind.hook} raised {_last_line(error)}"]
-    result = results[0] if results else ()
-    if not isinstance(result, (list, tuple, set, frozenset)):
+        # pluggy leaves out a hook that returns None, as one does whose `return` is forgotten
+        result = results[0] if results else None
+        if isinstance(result, (list, tuple, set, frozenset)):
+            listed = list(result)
+    if work.error is not None:
+        return [], [f"its hook {kind.hook} raised {last_line(work.error)}"]
+    if listed is None:
         return [], [f"its hook {kind.hook} returned {_short(result)}; a sequence of classes is expected"]
     offered, problems = [], []
-    for cls in result:
-        name, problem = _registered_name(cls, kind)
+    for cls in listed:
+        name, problem = "", ""
+        with Isolated() as work:
+            name, problem = _registered_name(cls, kind)
+        if work.error is not None:
+            problem = f"which raised {last_line(work.error)} when it was looked at"
         if problem:
             problems.append(f"its hook {kind.hook} returned {_short(cls)}, {problem}")
         else:
@@ -306,10 +330,13 @@ def _registered_name(cls: Any, kind: _Kind) -> tuple[str, str]:
         if inspect.isabstract(cls):
             missing = ", ".join(sorted(getattr(cls, "__abstractmethods__", ())))
             return "", f"which is abstract: it does not define {missing}"
+    if kind.method and not callable(getattr(cls, kind.method, None)):
+        return "", f"which has no method {kind.method!r}"
     if not kind.by_attribute:
         return cls.__name__, ""
     name = getattr(cls, "name", None)
-    if not isinstance(name, str) or not name or "/" in name:
+    # of the type itself: a text of another kind may do anything when it is compared
+    if type(name) is not str or not name or "/" in name:
         return "", "whose class attribute `name` is not a string without '/', such as \"monte-carlo\""
     return name, ""
 
@@ -317,12 +344,10 @@ def _registered_name(cls: Any, kind: _Kind) -> tuple[str, str]:
 def _describe(entry_point: importlib.metadata.EntryPoint) -> PluginInfo:
     """Name a plugin and its distribution; the metadata of a damaged installation may be missing."""
     distribution = version = ""
-    try:
+    with Isolated():  # a plugin is described with what there is
         if entry_point.dist is not None:
             distribution = entry_point.dist.metadata["Name"] or ""
             version = entry_point.dist.metadata["Version"] or ""
-    except Exception:  # a plugin is described with what there is
-        pass
     return PluginInfo(entry_point.name, distribution, version)
 
 
@@ -339,13 +364,8 @@ def _normalised(name: str) -> str:
     return re.sub(r"[-_.]+", "-", name).lower()
 
 
-def _last_line(error: BaseException) -> str:
-    """Return the last line of the traceback: the type of the error and its text."""
-    line = traceback.format_exception_only(error)[-1].strip()
-    frames = traceback.extract_tb(error.__traceback__)
-    return f"{line} ({frames[-1].filename}, line {frames[-1].lineno})" if frames else line
-
-
 def _short(value: object) -> str:
-    text = repr(value)
+    text = f"an object of type {type(value).__name__} that cannot be shown"
+    with Isolated():
+        text = repr(value)
     return text if len(text) <= 80 else text[:77] + "..."

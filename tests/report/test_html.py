@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
+import uqmbd
 from uqmbd import report, results
 from uqmbd.errors import StudyError
 
@@ -75,7 +76,9 @@ class Wrong:
 def source(study: xr.DataTree, tmp_path_factory: pytest.TempPathFactory) -> str:
     """Return the report of the study with three plugin sections."""
     path = tmp_path_factory.mktemp("report") / "new" / "report.html"
-    assert report.write_report(study, path, sections=[Extra(), Broken(), Wrong()]) == path
+    with pytest.warns(uqmbd.PluginWarning, match="is left out") as told:
+        assert report.write_report(study, path, sections=[Extra(), Broken(), Wrong()]) == path
+    assert len(told) == 2
     assert [p.name for p in path.parent.iterdir()] == ["report.html"]
     return path.read_text(encoding="utf-8")
 

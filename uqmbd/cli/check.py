@@ -13,6 +13,7 @@ from uqmbd import plugins
 from uqmbd.cli.picture import draw_figure, require_format
 from uqmbd.cli.tables import console, plain_table
 from uqmbd.errors import StudyError
+from uqmbd.isolation import Isolated
 from uqmbd.propagation.script import load_study
 
 if TYPE_CHECKING:
@@ -182,5 +183,8 @@ def _show_propagators(screen: Console, study: Study) -> None:
 
 def _fit(propagator: Any, study: Study) -> Text:
     """Ask a propagator whether it can do this study; one that does not tell can."""
-    obstacle = propagator.obstacle(study) if hasattr(propagator, "obstacle") else None
+    obstacle: Any = None
+    with Isolated(Exception, SystemExit) as work:
+        obstacle = propagator.obstacle(study) if hasattr(propagator, "obstacle") else None
+    obstacle = work.reason if work.failed else obstacle
     return Text("yes", style="green") if obstacle is None else Text(f"no: {obstacle}", style="bold red")

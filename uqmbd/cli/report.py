@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from uqmbd import plugins
 from uqmbd.errors import PluginWarning, StudyError
+from uqmbd.isolation import Isolated
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -60,9 +61,10 @@ def _sections() -> list[Section]:
     """Make the sections of plugins; one that cannot be made is a warning, not the end of the report."""
     sections = []
     for name, section in plugins.report_sections().items():
-        try:
+        with Isolated() as work:
             sections.append(section())
-        except Exception as error:
-            text = f"report section {name!r} of {section.__module__} is left out: {type(error).__name__}: {error}"
+        if work.failed:
+            who = plugins.owner("report_sections", name) or section.__module__
+            text = f"report section {name!r} of {who} is left out: {work.reason}"
             warnings.warn(text, PluginWarning, stacklevel=2)
     return sections

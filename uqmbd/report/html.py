@@ -6,13 +6,15 @@ import functools
 import os
 import re
 import tempfile
+import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Protocol
 
 import xarray as xr
 
-from uqmbd.errors import StudyError
+from uqmbd.errors import PluginWarning, StudyError
+from uqmbd.isolation import Isolated
 from uqmbd.report import content, figures, record
 from uqmbd.report.error_cost_section import error_against_cost
 from uqmbd.report.events_section import events
@@ -58,7 +60,8 @@ def write_report(
     path : path-like
         Of the HTML file; folders on the way are made. An earlier report is replaced only by a complete one.
     sections : sequence of Section
-        Sections of plugins, shown after the outputs. One that raises becomes a note with its name and the reason.
+        Sections of plugins, shown after the outputs. One that raises, or returns no text, becomes a note with its name
+        and the reason, and a `uqmbd.PluginWarning`.
     folder : path-like, optional
         Where every figure of the report is written as a file, too (SVG, the animation as GIF), under its output's
         name and its own. Default: nowhere.
@@ -173,15 +176,29 @@ def _inputs_figure(nodes: Mapping[str, xr.DataTree]) -> dict[str, str] | None:
 
 
 def _section(section: Section, tree: xr.DataTree) -> dict[str, str]:
+    """Make a section of a plugin; whatever goes wrong in it is told by its name, and costs nothing else."""
     from markupsafe import Markup
+    from matplotlib import rc_context
 
-    title = str(getattr(section, "title", type(section).__name__))
-    try:
-        fragment = section.render(tree)
-        if not isinstance(fragment, str):
-            raise TypeError(f"render() returned a {type(fragment).__name__}; a text of HTML is expected")
-    except Exception as error:  # noqa: BLE001 - a plugin may raise anything; the rest of the report must stand
-        return {"title": title, "html": "", "problem": f"{type(error).__name__}: {error}"}
+    kind = type(section)
+    title, fragment, problem = kind.__name__, "", ""
+    with Isolated() as work:
+        given: Any = section.title
+        if not isinstance(given, str):
+            raise TypeError(f"title is a {type(given).__name__}; a text is expected")
+        title = str(given)
+    problem = work.reason
+    # it may do to its copy what it likes
+    with Isolated() as work, rc_context():
+        made: Any = section.render(tree.copy())
+        if not isinstance(made, str):
+            raise TypeError(f"render() returned a {type(made).__name__}; a text of HTML is expected")
+        fragment = str(made)
+    problem = problem or work.reason
+    if problem:
+        where = f"{kind.__module__}.{kind.__qualname__}"
+        warnings.warn(f"report section {title!r} ({where}) is left out: {problem}", PluginWarning, stacklevel=3)
+        return {"title": title, "html": "", "problem": f"{problem} ({where})"}
     return {"title": title, "html": Markup(fragment), "problem": ""}
 
 
