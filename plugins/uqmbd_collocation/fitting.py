@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import uqmbd
-from uqmbd.results import least_squares, project
+from uqmbd.results import least_squares, project, regress_on_nodes
 from uqmbd_collocation.runs import Runs
 from uqmbd_collocation.sparse import sparse_regression
 
@@ -24,8 +24,6 @@ COARSE = 1e-6
 """Error of a rule for products of the basis beyond which it is worth a warning."""
 MOST_FAILURES = 0.5
 """Share of failed realisations beyond which there is nothing to fit: their region is no exception."""
-WORST_CONDITION = 1e4
-"""Condition number of the basis at the nodes that are left beyond which they do not determine it."""
 
 
 @dataclass(frozen=True)
@@ -201,9 +199,7 @@ class Regression:
 def refitted(runs: Runs, every: Index, multi_index: Index, label: str, weights: Array | None = None) -> Fit:
     """Fit the nodes of a quadrature that did not fail, and say so.
 
-    Where they do not determine all terms (of a tensor rule often all nodes of one coordinate fail) those of the highest
-    total degrees are left out.  Each node counts by its weight where all weights are positive, else by the inverse of
-    the sum of squares of the basis there, which is the weight of a Gauss node [1]_.
+    Where they do not determine all terms fewer are fitted: see `uqmbd.results.regress_on_nodes`.
 
     Parameters
     ----------
@@ -222,10 +218,6 @@ def refitted(runs: Runs, every: Index, multi_index: Index, label: str, weights: 
     ------
     uqmbd.IntegrationError
         If too few are left.
-
-    References
-    ----------
-    .. [1] A. Cohen and G. Migliorati, SMAI Journal of Computational Mathematics 3 (2017) 181-203.
     """
     good = runs.good(every)
     where, terms = every[good], len(multi_index)
@@ -235,28 +227,17 @@ def refitted(runs: Runs, every: Index, multi_index: Index, label: str, weights: 
             f"{label}: {failed} of {len(every)} nodes failed. Take distributions that stay clear of the failure. "
             f"Reason of the failure: {reason}"
         )
-    degrees = multi_index.sum(axis=1)
-    for highest in range(int(degrees.max()), min(0, int(degrees.max()) - 1), -1):
-        kept = multi_index[degrees <= highest]
-        psi = runs.space.evaluate(runs.germs[where], kept)
-        if weights is not None and bool((weights > 0).all()):
-            counted = weights[good]
-        else:
-            counted = 1 / np.sum(psi**2, axis=1)
-        if len(kept) <= len(where) and np.linalg.cond(psi * np.sqrt(counted)[:, None]) < WORST_CONDITION:
-            break
-    else:
+    psi = runs.space.evaluate(runs.germs[where], multi_index)
+    usable = weights is not None and bool((weights > 0).all())
+    counted = weights[good] if weights is not None and usable else None
+    found = regress_on_nodes(runs.response[where], psi, multi_index, counted)
+    if found is None:
         raise uqmbd.IntegrationError(
             f"{label}: {failed} of {len(every)} nodes failed; the {len(where)} others do not determine the "
             f"{terms} terms of the basis, nor fewer. Take more nodes, or distributions that stay clear of the failure. "
             f"Reason of the failure: {reason}"
         )
-    root = np.sqrt(counted / counted.sum())[:, None]
-    # about the weighted mean, which the first term holds: no digits are lost for a small spread about a large mean
-    centre = np.tensordot(root[:, 0] ** 2, runs.response[where], axes=1)
-    found = least_squares((runs.response[where] - centre) * root[:, None], psi * root)
-    coefficients = found.coefficients.copy()
-    coefficients[0] += centre
+    kept = found.multi_index
     fewer = "" if len(kept) == terms else f" with {len(kept)} of the {terms} terms, which is all they determine"
     warnings.warn(
         f"{label}: {failed} of {len(every)} nodes failed, so that the quadrature does not hold; the chaos was fitted "
@@ -267,4 +248,4 @@ def refitted(runs: Runs, every: Index, multi_index: Index, label: str, weights: 
     how = f"regression on the {len(where)} of {len(every)} nodes that did not fail"
     how += "" if len(kept) == terms else f", {len(kept)} of {terms} terms"
     # no leave-one-out error: on a grid a node that is left out has neighbours in every coordinate, and hides errors
-    return Fit(coefficients, kept, how, where, failed=failed)
+    return Fit(found.coefficients, kept, how, where, failed=failed)

@@ -7,7 +7,7 @@ import math
 import time as clock
 import warnings
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 import uqmbd
 from uqmbd.results import PolynomialChaos
 from uqmbd_galerkin.ending import DOUBTFUL, finished, padded
+from uqmbd_galerkin.scalars import expand
 from uqmbd_galerkin.verification import horizons, verification_points
 
 if TYPE_CHECKING:
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
 __all__ = ["galerkin_elements", "solve_element"]
 
 Array = NDArray[np.float64]
+Index = NDArray[np.int64]
 
 FEWEST = 3
 """Verification realisations that every element gets, however improbable."""
@@ -91,6 +93,7 @@ class _Elements:
     messages: list[str] = field(default_factory=list)
     integrators: list[str] = field(default_factory=list)
     counters: Counter[str] = field(default_factory=Counter)
+    failed: list[int] = field(default_factory=list)
     unknowns: int = 0
     terms: int = 0
 
@@ -112,7 +115,7 @@ class _Elements:
         together = np.concatenate(points)
         known = problem.realise(boxes[0].space.to_inputs(together)) if len(together) else None
         chaoses, start = [], 0
-        results = problem.run(solve_element, tasks)
+        results = self._values(bases, tasks) if problem.timeless else problem.run(solve_element, tasks)
         for box, germs, terms, task in zip(boxes, points, bases, tasks, strict=True):
             try:
                 found = next(results)
@@ -134,7 +137,7 @@ class _Elements:
             chaoses.append(
                 PolynomialChaos(
                     found["coefficients"],
-                    terms,
+                    found.get("terms", terms),
                     box.local,
                     labels,
                     verification_germs=germs[good] if len(good) else None,
@@ -146,9 +149,38 @@ class _Elements:
             self.messages.append(str(found["message"]))
             self.integrators.append(str(found["integrator"]))
             self.counters.update(json.loads(str(found["counters"])))
-            self.unknowns, self.terms = max(self.unknowns, int(found["unknowns"])), max(self.terms, len(terms))
+            self.unknowns = max(self.unknowns, int(found["unknowns"]))
+            self.terms = max(self.terms, found["coefficients"].shape[0])
+            self.failed.append(int(found.get("failed", 0)))
             problem.progress.advance(problem.label)
         return chaoses
+
+    def _values(self, bases: list[Index], tasks: list[tuple[Any, ...]]) -> Iterator[dict[str, NDArray[Any]]]:
+        """Expand outputs without a time, which no equations of motion give, from realisations at the nodes."""
+        found = self.problem.realise(np.concatenate([task[0] for task in tasks]))
+        counters, start = found.counters, 0
+        for terms, (values, psi, weights, *_) in zip(bases, tasks, strict=True):
+            own = slice(start, start + len(values))
+            start += len(values)
+            part = expand(
+                self.problem.label,
+                found.response[own],
+                found.status[own],
+                found.most_frequent_reason(),
+                psi,
+                terms,
+                weights,
+            )
+            yield {
+                "coefficients": part.coefficients,
+                "terms": part.terms,
+                "failed": np.array(part.failed),
+                "message": np.array(found.most_frequent_reason() if part.failed else ""),
+                "integrator": np.array(""),
+                "counters": np.array(json.dumps({k: float(v) for k, v in counters.items()})),
+                "unknowns": np.array(0),
+            }
+            counters = {}
 
 
 def galerkin_elements(options: Galerkin, problem: uqmbd.Problem, space: uqmbd.GermSpace, begin: float) -> xr.DataTree:
@@ -176,6 +208,14 @@ def galerkin_elements(options: Galerkin, problem: uqmbd.Problem, space: uqmbd.Ge
     count = len(chaos.labels.times)
     kept = refined.kept
     failures = sum(work.verified[k][1] - work.verified[k][0] for k in kept)
+    without = sum(work.failed[k] for k in kept)
+    if without:
+        reason = next(work.messages[k] for k in kept if work.failed[k])
+        warnings.warn(
+            f"{problem.label}: {without} of {sum(work.nodes[k] for k in kept)} nodes failed, so that the quadrature of "
+            f"their elements does not hold; there the others are fitted by regression. Reason of the failure: {reason}",
+            stacklevel=3,
+        )
     remedy = "allow more elements, raise the order, use collocation with elements, or study a shorter time"
     if count < len(problem.times):
         reason = next((work.messages[k] for k in kept if work.messages[k]), "")
@@ -200,12 +240,16 @@ def galerkin_elements(options: Galerkin, problem: uqmbd.Problem, space: uqmbd.Ge
         counters=dict(work.counters),
         children={"chaos": chaos.to_dataset(), "elements": refined.steps},
         attrs={
-            "failures": failures,
+            "failures": failures + without,
             "terms": work.terms,
             "nodes": sum(work.nodes[k] for k in kept),
             "unknowns": work.unknowns,
             "quadrature": f"{work.nodes[0]} nodes in each of {len(kept)} elements",
-            "integrated_by": ", ".join(dict.fromkeys(work.integrators[k] for k in kept)),
+            **(
+                {}
+                if problem.timeless
+                else {"integrated_by": ", ".join(dict.fromkeys(work.integrators[k] for k in kept))}
+            ),
             "verification": sum(work.verified[k][0] for k in kept),
             "elements": len(kept),
             "elements_computed": refined.computed,

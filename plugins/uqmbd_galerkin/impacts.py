@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import uqmbd
+
+if TYPE_CHECKING:
+    from uqmbd_galerkin.propagator import Galerkin
 
 __all__ = ["refuse_impacts"]
 
 
-def refuse_impacts(label: str, ensemble: uqmbd.Ensemble, *, terms: int, nodes: int) -> None:
+def refuse_impacts(options: Galerkin, ensemble: uqmbd.Ensemble, *, terms: int, nodes: int) -> None:
     """Raise where a mechanism has impacts that an expansion cannot follow.
 
     Realisations meet at times of their own.  With as many terms as nodes the projected laws of impact hold at each
-    node; with fewer the jump of one would be a jump of all.
+    node; with fewer the jump of one would be a jump of all.  An event that only notes a time is in nobody's way.
 
     Raises
     ------
@@ -19,10 +24,21 @@ def refuse_impacts(label: str, ensemble: uqmbd.Ensemble, *, terms: int, nodes: i
         Which components, and what to use instead.
     """
     names = dict.fromkeys(component for component, _, directions in ensemble.model.events if directions)
-    if names and terms != nodes:
-        listed = ", ".join(map(repr, names))
-        raise uqmbd.StudyError(
-            f"{label}: at the impacts of {listed} velocities jump, at another time in each realisation, which a "
-            f"Galerkin projection of {terms} terms on {nodes} nodes cannot follow. Use elements='adaptive', which has "
-            "as many terms as nodes, or index_set='tensor', or collocation with alignment='events'."
-        )
+    if not names or terms == nodes:
+        return
+    # what makes as many terms as nodes of these options
+    remedies = []
+    if options.products != "tensor":
+        remedies.append("index_set='tensor'")
+    if options.rule != "gauss":
+        remedies.append("rule='gauss' without samples=")
+    elif options.nodes is not None:
+        remedies.append("without nodes=")
+    if options.weights is not None:
+        remedies.append("without weights=")
+    listed = ", ".join(map(repr, names))
+    raise uqmbd.StudyError(
+        f"{options.node_name}: at the impacts of {listed} velocities jump, at another time in each realisation, which "
+        f"a Galerkin projection of {terms} terms on {nodes} nodes cannot follow; one of as many terms as nodes can. "
+        f"Use it {' and '.join(remedies)}, better with elements='adaptive' too; or collocation with alignment='events'."
+    )

@@ -178,9 +178,12 @@ class Galerkin(uqmbd.Propagator):
             rule = self.quadrature(self.node_name, space, terms)
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore", uqmbd.RedundantConstraintWarning)
-                ensemble = study.problem(self).ensemble(space.to_inputs(rule.nodes))
-            refuse_impacts(self.node_name, ensemble, terms=len(terms), nodes=len(rule.nodes))
-            self._projected(self.node_name, ensemble, space, terms, rule)
+                problem = study.problem(self)
+            # outputs without a time are evaluated at the nodes: the motion is not projected for them
+            if problem.model.outputs.names:
+                ensemble = problem.ensemble(space.to_inputs(rule.nodes))
+                refuse_impacts(self, ensemble, terms=len(terms), nodes=len(rule.nodes))
+                self._projected(self.node_name, ensemble, space, terms, rule)
         except (uqmbd.StudyError, uqmbd.AssemblyError) as error:
             return str(error).removeprefix(f"{self.node_name}: ")
         return None
@@ -205,13 +208,14 @@ class Galerkin(uqmbd.Propagator):
     def _propagate(self, problem: uqmbd.Problem, space: uqmbd.GermSpace, begin: float) -> xr.DataTree:
         terms = self.basis(space)
         rule = self.quadrature(problem.label, space, terms)
-        one = problem.ensemble(space.to_inputs(rule.nodes[:1]))
-        refuse_impacts(problem.label, one, terms=len(terms), nodes=len(rule.nodes))
+        if not problem.timeless:
+            one = problem.ensemble(space.to_inputs(rule.nodes[:1]))
+            refuse_impacts(self, one, terms=len(terms), nodes=len(rule.nodes))
+        if self.elements is not None:
+            return galerkin_elements(self, problem, space, begin)
         if problem.timeless:
             verification = Verification(problem, space, self.verify, self.seed)
             return projected_scalars(self, problem, space, terms, rule, verification, begin)
-        if self.elements is not None:
-            return galerkin_elements(self, problem, space, begin)
         ensemble = problem.ensemble(space.to_inputs(rule.nodes))
         projected = self._projected(problem.label, ensemble, space, terms, rule)
         verification = Verification(problem, space, self.verify, self.seed)

@@ -4,22 +4,91 @@ from __future__ import annotations
 
 import time as clock
 import warnings
+from dataclasses import dataclass
 
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
 import uqmbd
-from uqmbd.results import least_squares, project
+from uqmbd.results import project, regress_on_nodes
 from uqmbd_galerkin.verification import Verification
 
-__all__ = ["projected_scalars"]
+__all__ = ["Expansion", "expand", "projected_scalars"]
 
+Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
-HOW = "evaluated at the nodes of the quadrature and projected there"
 MOST_FAILURES = 0.5
-"""Share of nodes without a value beyond which there is nothing to fit."""
+"""Share of nodes without a value beyond which there is nothing to fit: their region is no exception."""
+
+
+@dataclass(frozen=True, eq=False)
+class Expansion:
+    """Coefficients of outputs without a time, and how they were found.
+
+    Attributes
+    ----------
+    coefficients : array, shape (P, O, 1)
+        In the units of the outputs.
+    terms : array of int, shape (P, d)
+        Degrees.
+    failed : int
+        Nodes without a value.
+    how : str
+        In words.
+    """
+
+    coefficients: Array
+    terms: Index
+    failed: int
+    how: str
+
+
+def expand(
+    label: str, response: Array, status: Index, reason: str, psi: Array, terms: Index, weights: Array
+) -> Expansion:
+    """Project values at nodes; where nodes have none (an event that does not happen) fit the others.
+
+    Parameters
+    ----------
+    label : str
+        Of the propagator.
+    response : array, shape (K, O, 1)
+        Values at the nodes.
+    status : array of int, shape (K,)
+        0 where there is a value.
+    reason : str
+        Why there is none, in the words of the most frequent failure.
+    psi : array, shape (K, P)
+        The basis at the nodes.
+    terms : array of int, shape (P, d)
+        Its degrees.
+    weights : array, shape (K,)
+        Of the nodes.
+
+    Raises
+    ------
+    uqmbd.IntegrationError
+        If too few nodes have values.
+    """
+    good = np.flatnonzero(status == 0)
+    failed = len(status) - len(good)
+    if not failed:
+        how = "evaluated at the nodes of the quadrature and projected there"
+        return Expansion(project(response, psi, weights), terms, 0, how)
+    found = None
+    if failed <= MOST_FAILURES * len(status):
+        found = regress_on_nodes(response[good], psi[good], terms, weights[good])
+    if found is None:
+        raise uqmbd.IntegrationError(
+            f"{label}: {failed} of {len(status)} nodes failed; the others are too few for {len(terms)} terms. Truncate "
+            f"the distributions, or use Monte Carlo. Reason of the failure: {reason}"
+        )
+    kept = found.multi_index
+    fewer = "" if len(kept) == len(terms) else f", {len(kept)} of {len(terms)} terms"
+    how = f"regression on the {len(good)} of {len(status)} nodes that did not fail{fewer}"
+    return Expansion(found.coefficients, kept, failed, how)
 
 
 def projected_scalars(
@@ -53,27 +122,15 @@ def projected_scalars(
     """
     found = problem.realise(space.to_inputs(rule.nodes))
     psi = space.evaluate(rule.nodes, terms)
-    good = np.flatnonzero(found.status == 0)
-    failed = len(rule) - len(good)
-    how = HOW
-    if not failed:
-        coefficients = project(found.response, psi, rule.weights)
-    else:
-        reason = found.most_frequent_reason()
-        if len(good) < len(terms) or failed > MOST_FAILURES * len(rule):
-            raise uqmbd.IntegrationError(
-                f"{problem.label}: {failed} of {len(rule)} nodes failed; the others are too few for {len(terms)} "
-                f"terms. Truncate the distributions, or use Monte Carlo. Reason of the failure: {reason}"
-            )
-        how = f"regression on the {len(good)} of {len(rule)} nodes that did not fail"
+    reason = found.most_frequent_reason()
+    fit = expand(problem.label, found.response, found.status, reason, psi, terms, rule.weights)
+    if fit.failed:
         warnings.warn(
-            f"{problem.label}: {failed} of {len(rule)} nodes failed, so that the quadrature does not hold: {how}. "
-            f"Reason of the failure: {reason}",
+            f"{problem.label}: {fit.failed} of {len(rule)} nodes failed, so that the quadrature does not hold: "
+            f"{fit.how}. Reason of the failure: {reason}",
             stacklevel=4,
         )
-        root = np.sqrt(rule.weights[good] / rule.weights[good].sum())[:, None]
-        coefficients = least_squares(found.response[good] * root[:, :, None], psi[good] * root).coefficients
-    chaos = verification.chaos(coefficients, terms, len(problem.times))
+    chaos = verification.chaos(fit.coefficients, fit.terms, len(problem.times))
     return problem.node(
         propagator,
         chaos.statistics(),
@@ -82,9 +139,9 @@ def projected_scalars(
         counters=found.counters,
         children={"chaos": chaos.to_dataset()},
         attrs={
-            "failures": failed + verification.failures,
-            "fit": how,
-            "terms": len(terms),
+            "failures": fit.failed + verification.failures,
+            "fit": fit.how,
+            "terms": len(fit.terms),
             "nodes": len(rule),
             "quadrature": rule.name,
             "verification": verification.count - verification.failures,

@@ -96,7 +96,7 @@ def integrate_projected(
         state = np.full((projected.terms, len(times), projected.model.layout.width), np.nan)
         state[:, 0] = projected.start.state
         return ProjectedTrajectories(times, state, f"at node {node} {text}", "none", {})
-    if projected.model.events:
+    if any(directions for *_, directions in projected.model.events):  # others only note when they happen
         return _with_events(projected, times, rtol)
     found = _solved(projected, times, rtol, integrator, linear_solver, watch, explicit=explicit)
     first, text = projected_off(projected, times, found.coefficients, rtol)
@@ -156,7 +156,7 @@ def _with_events(projected: ProjectedEnsemble, times: Array, rtol: float) -> Pro
     """
     if not projected.collocates:
         raise StudyError(
-            f"mechanism {projected.model.name!r} has events, which happen at another time at each node; a projection "
+            f"mechanism {projected.model.name!r} has impacts, which happen at another time at each node; a projection "
             f"follows them only with as many terms as nodes, and has {projected.terms} terms on "
             f"{len(projected.weights)} nodes."
         )

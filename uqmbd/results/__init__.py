@@ -18,7 +18,7 @@ from uqmbd.results.integration import IntegrationShare, integration_shares, wors
 from uqmbd.results.moments import Moments
 from uqmbd.results.nodes import failed_methods, join_nodes, propagator_node, study_tree
 from uqmbd.results.piecewise import PiecewiseChaos, chaos_from_dataset
-from uqmbd.results.projection import LeastSquares, least_squares, project
+from uqmbd.results.projection import LeastSquares, NodeRegression, least_squares, project, regress_on_nodes
 from uqmbd.results.recommendation import overall, recommend
 from uqmbd.results.relative_errors import relative_errors
 from uqmbd.results.replicates import replicate_errors
@@ -41,6 +41,7 @@ __all__ = [
     "Labels",
     "LeastSquares",
     "Moments",
+    "NodeRegression",
     "OutputInfo",
     "PiecewiseChaos",
     "PolynomialChaos",
@@ -65,6 +66,7 @@ __all__ = [
     "propagator_node",
     "propagator_nodes",
     "recommend",
+    "regress_on_nodes",
     "relative_errors",
     "replicate_errors",
     "rotation_std",

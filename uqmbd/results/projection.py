@@ -11,12 +11,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from uqmbd.errors import StudyError
 
-__all__ = ["LeastSquares", "least_squares", "one_thread", "project"]
+__all__ = ["LeastSquares", "NodeRegression", "least_squares", "one_thread", "project", "regress_on_nodes"]
 
 Array = NDArray[np.float64]
 
 _WORST_CONDITION = 1e12
 """Above this condition number of the basis at the samples, coefficients have lost most of their digits."""
+_WORST_OF_NODES = 1e4
+"""Condition number of the basis at the nodes that are left of a quadrature beyond which they do not determine it."""
 
 
 @contextmanager
@@ -161,6 +163,84 @@ def least_squares(response: ArrayLike, psi: ArrayLike) -> LeastSquares:
     error = _leave_one_out(flat, deviations, outside, np.sum(q * q, axis=1), float(np.sum(inverse * inverse)), terms)
     shape = values.shape[1:]
     return LeastSquares(coefficients.reshape(terms, *shape), error.reshape(shape), condition)
+
+
+@dataclass(frozen=True, eq=False)
+class NodeRegression:
+    """Coefficients from the nodes that are left of a quadrature.
+
+    Attributes
+    ----------
+    coefficients : array, shape (P, ...)
+        In the units of the outputs.
+    multi_index : array of int, shape (P, d)
+        The terms that the nodes determine.
+    """
+
+    coefficients: Array
+    multi_index: NDArray[np.int64]
+
+
+def regress_on_nodes(
+    response: ArrayLike, psi: ArrayLike, multi_index: ArrayLike, weights: ArrayLike | None = None
+) -> NodeRegression | None:
+    """Fit the nodes of a quadrature that did not fail, where its projection does not hold any more.
+
+    Where they do not determine all terms (of a tensor rule often all nodes of one coordinate fail) those of the highest
+    total degrees are left out.  Each node counts by its weight where all weights are positive, else by the inverse of
+    the sum of squares of the basis there, which is the weight of a Gauss node [1]_.
+
+    Parameters
+    ----------
+    response : array_like, shape (K, O, T) or (K, ...)
+        The response at each of the K nodes that are left, in the units of the outputs.
+    psi : array_like, shape (K, P)
+        The P basis polynomials there.
+    multi_index : array_like of int, shape (P, d)
+        Their degrees.
+    weights : array_like, shape (K,), optional
+        Of the nodes that are left.
+
+    Returns
+    -------
+    NodeRegression or None
+        None: the nodes do not determine the basis, nor one of a lower degree (but for the mean alone).
+
+    References
+    ----------
+    .. [1] A. Cohen and G. Migliorati, SMAI Journal of Computational Mathematics 3 (2017) 181-203.
+
+    Examples
+    --------
+    Of the Gauss rule of three nodes for the standard normal one failed; the other two determine a line.
+
+    >>> import numpy as np
+    >>> x = np.array([0.0, 3.0**0.5])
+    >>> psi = np.stack([x**0, x, (x**2 - 1) / 2**0.5], axis=1)
+    >>> found = regress_on_nodes(1.0 + 2.0 * x, psi, [[0], [1], [2]], [2 / 3, 1 / 6])
+    >>> found.coefficients.round(12).tolist(), found.multi_index.tolist()
+    ([1.0, 2.0], [[0], [1]])
+    """
+    values, basis = _checked(response, psi)
+    index = np.asarray(multi_index, dtype=np.int64)
+    rule = None if weights is None else np.asarray(weights, dtype=float)
+    degrees = index.sum(axis=1)
+    top = int(degrees.max())
+    # a mean alone is no chaos, unless nothing else was asked for
+    for highest in range(top, min(0, top - 1), -1):
+        kept = degrees <= highest
+        part = basis[:, kept]
+        counted = rule if rule is not None and bool((rule > 0).all()) else 1 / np.sum(part**2, axis=1)
+        if part.shape[1] > len(part) or not np.linalg.cond(part * np.sqrt(counted)[:, None]) < _WORST_OF_NODES:
+            continue
+        root = np.sqrt(counted / counted.sum())[:, None]
+        flat = values.reshape(len(values), -1)
+        # about the weighted mean, which the first term holds: no digits are lost for a small spread about a large mean
+        centre = root[:, 0] ** 2 @ flat
+        coefficients = least_squares((flat - centre) * root, part * root).coefficients.copy()
+        coefficients[0] += centre
+        return NodeRegression(coefficients.reshape(-1, *values.shape[1:]), index[kept])
+    return None
 
 
 def _leave_one_out(
