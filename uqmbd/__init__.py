@@ -72,6 +72,7 @@ _WHERE = {
     "ElementLimits": "uqmbd.propagation",
     "ElementRefinement": "uqmbd.propagation",
     "refine_elements": "uqmbd.propagation",
+    "Estimate": "uqmbd.propagation",
     "Study": "uqmbd.propagation",
     "Propagator": "uqmbd.propagation",
     "Problem": "uqmbd.propagation",
@@ -144,6 +145,7 @@ if TYPE_CHECKING:
     from uqmbd.plugins import hookimpl as hookimpl
     from uqmbd.propagation import ElementLimits as ElementLimits
     from uqmbd.propagation import ElementRefinement as ElementRefinement
+    from uqmbd.propagation import Estimate as Estimate
     from uqmbd.propagation import History as History
     from uqmbd.propagation import Problem as Problem
     from uqmbd.propagation import Progress as Progress

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+import warnings
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +16,7 @@ from uqmbd_collocation.fitting import Projection, Regression
 if TYPE_CHECKING:
     from uqmbd_collocation.propagator import Collocation
 
-__all__ = ["basis", "plan", "verification_points"]
+__all__ = ["basis", "estimate", "plan", "verification_points"]
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -64,6 +66,24 @@ def _enough(terms: int, method: str) -> int:
     return max(2 * terms, 2)
 
 
+def estimate(options: Collocation, study: uqmbd.Study) -> uqmbd.Estimate:
+    """Count realisations, and the memory of their outputs and of the chaos; nothing is computed."""
+    space = uqmbd.GermSpace.of(study.mechanism.inputs, options.transform)
+    values = len(study.mechanism.outputs) * len(study.times) + len(study.mechanism.scalars)
+    if options.adaptive != "no":
+        most = options.max_realisations
+        return uqmbd.Estimate(most, 8 * 3 * most * values, f"{most} realisations", at_most=True)
+    planned = plan(options, space, options.order, options.node_name)
+    nodes, terms = len(planned.nodes), len(planned.multi_index)
+    boxes, unknown = 1, options.alignment is not None
+    if options.elements is not None:
+        limits = uqmbd.ElementLimits(options.elements, options.max_elements, options.threshold)
+        boxes, unknown = 2 * limits.count - 1, limits.adaptive
+    one = (nodes + options.verify) * (3 * values + terms) + 3 * terms * values
+    detail = f"{nodes} nodes, {terms} terms" + (f" in each of {boxes} elements" if boxes > 1 else "")
+    return uqmbd.Estimate(boxes * nodes + options.verify, 8 * boxes * one, detail, at_most=unknown)
+
+
 def verification_points(space: uqmbd.GermSpace, count: int, seed: int) -> Array:
     """Return germ points, shape (K, d), that no design uses."""
     if not count:
@@ -75,15 +95,46 @@ def verification_points(space: uqmbd.GermSpace, count: int, seed: int) -> Array:
 def _check_number(options: Collocation, space: uqmbd.GermSpace, order: int, nodes: int) -> None:
     if nodes + options.verify <= options.max_realisations:
         return
-    if options.design in ("gauss", "clenshaw-curtis"):
-        fewer = "rule='smolyak', method='regression' or 'omp', adaptive='dimension'"
-    else:
-        fewer = "fewer samples" if options.samples else "method='omp', adaptive='dimension'"
-    raise uqmbd.StudyError(
+    raise TooManyNodes(
         f"Collocation: order {order} with {space.dimension} inputs takes {nodes} nodes and {options.verify} "
-        f"verification realisations, more than max_realisations = {options.max_realisations}. Use {fewer} or a lower "
-        "order, or allow more."
+        f"verification realisations, more than max_realisations={options.max_realisations} allows. "
+        f"{_remedy(options, space, order)}"
     )
+
+
+class TooManyNodes(uqmbd.StudyError):
+    """More realisations than are allowed."""
+
+
+def _remedy(options: Collocation, space: uqmbd.GermSpace, order: int) -> str:
+    """Options that this study works with: tried, not guessed."""
+    plain: dict[str, Any] = {"rule": None, "nodes": None, "level": None, "samples": None, "adaptive": "no"}
+    ways: list[dict[str, Any]] = [
+        {"rule": "smolyak"},
+        {"method": "regression"},
+        {"method": "omp"},
+        {"order": max(1, order - 1), "method": "regression"},
+        {"order": 1, "method": "regression"},
+    ]
+    for way in ways:
+        tried = replace(options, **{**plain, "elements": None, "max_realisations": 10**9, **way})
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("error")
+                found = plan(tried, space, tried.order, "")
+                total = len(found.nodes) + options.verify
+                if total > options.max_realisations:
+                    continue
+                found.check(space)
+        except (uqmbd.StudyError, UserWarning):
+            continue
+        given = ", ".join(f"{name}={value!r}" for name, value in way.items())
+        left = [f"{name}=" for name in ("nodes", "level", "samples", "elements") if getattr(options, name) is not None]
+        left += ["adaptive="] if options.adaptive != "no" else []
+        left += ["rule="] if options.rule is not None and "rule" not in way else []
+        without = f" without {', '.join(left)}" if left else ""
+        return f"Use {given}{without} ({total} realisations), adaptive='dimension', or allow more."
+    return "Use adaptive='dimension', or allow more."
 
 
 def _gauss_counts(options: Collocation, space: uqmbd.GermSpace, multi_index: Index) -> list[int]:
@@ -108,6 +159,7 @@ def _grid(options: Collocation, space: uqmbd.GermSpace, order: int, multi_index:
         return uqmbd.clenshaw_curtis(space, options.level)
     # 2^level + 1 nodes: exact for products of two polynomials of uniform germs
     levels = [max(1, int(np.ceil(np.log2(2 * n)))) if n else 0 for n in multi_index.max(axis=0)]
+    _check_number(options, space, order, math.prod(2**level + 1 if level else 1 for level in levels))
     return uqmbd.clenshaw_curtis(space, levels)
 
 

@@ -18,7 +18,7 @@ from uqmbd_collocation.elements import collocate_elements
 from uqmbd_collocation.fitting import Fit
 from uqmbd_collocation.options import GRIDS, Adaptive, Method, Rule, Terms, Transform, check_options
 from uqmbd_collocation.orders import raise_order
-from uqmbd_collocation.plans import plan, verification_points
+from uqmbd_collocation.plans import estimate, plan, verification_points
 from uqmbd_collocation.record import nodes_dataset, warn_of_idle_inputs
 from uqmbd_collocation.refinement import Limits, Refinement, history
 from uqmbd_collocation.runs import Runs, announced_once
@@ -147,6 +147,10 @@ class Collocation(uqmbd.Propagator):
     def grid(self) -> str:
         """The rule if it is a grid, else empty."""
         return self.design if self.design in GRIDS else ""
+
+    def estimate(self, study: uqmbd.Study) -> uqmbd.Estimate:
+        """Count realisations, and the memory of their outputs and of the chaos."""
+        return estimate(self, study)
 
     def obstacle(self, study: uqmbd.Study) -> str | None:
         """Say what is in the way: nothing random, a distribution without moments, too many nodes, too few samples."""

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 import uqmbd
 from uqmbd.results import PolynomialChaos
 from uqmbd_galerkin.ending import DOUBTFUL, finished, padded
+from uqmbd_galerkin.rules import basis, quadrature
 from uqmbd_galerkin.scalars import expand
 from uqmbd_galerkin.verification import horizons, verification_points
 
@@ -104,8 +105,8 @@ class _Elements:
         how = (chosen if chosen in ("auto", "dop853", "ida") else "auto", options.linear_solver)
         points, bases, tasks = [], [], []
         for number, box in enumerate(boxes, start=len(self.nodes)):
-            terms = options.basis(box.local)
-            rule = options.quadrature(problem.label, box.local, terms)
+            terms = basis(options, box.local)
+            rule = quadrature(options, problem.label, box.local, terms)
             psi = box.local.evaluate(rule.nodes, terms)
             tasks.append((box.space.to_inputs(rule.nodes), psi, rule.weights, problem.times, problem.rtol, *how))
             count = max(FEWEST, math.ceil(options.verify * box.probability)) if options.verify else 0

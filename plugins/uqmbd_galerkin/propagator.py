@@ -17,6 +17,7 @@ from uqmbd_galerkin.diagnostics import diagnostics
 from uqmbd_galerkin.elements import galerkin_elements
 from uqmbd_galerkin.ending import finished, padded, warn
 from uqmbd_galerkin.impacts import refuse_impacts
+from uqmbd_galerkin.rules import basis, estimate, quadrature
 from uqmbd_galerkin.scalars import projected_scalars
 from uqmbd_galerkin.verification import Verification, horizons
 
@@ -28,9 +29,6 @@ Index = NDArray[np.int64]
 Terms = Literal["total", "tensor", "hyperbolic"]
 Rule = Literal["gauss", "smolyak", "sobol", "halton", "random"]
 LinearSolver = Literal["auto", "dense", "sparse", "krylov-nodal", "krylov-mean"]
-
-MOST_NODES = 20_000
-"""Nodes beyond which the coupled problem is not set up."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,7 +55,9 @@ class Galerkin(uqmbd.Propagator):
     rule : {"gauss", "sobol", "halton", "random", "smolyak"}
         Of the quadrature; its weights must be positive.
     samples : int, optional
-        Nodes of a rule of samples, or level of ``smolyak``.
+        Nodes of a rule of samples.
+    level : int, optional
+        Of ``smolyak``.
     elements : int or "adaptive", optional
         Split the germ space into so many boxes, or until `threshold` is met, each with an expansion of its own: where
         the response has a kink or jumps (contact, friction, locking).  A split element starts again at the beginning.
@@ -99,6 +99,7 @@ class Galerkin(uqmbd.Propagator):
     nodes: tuple[int, ...] | None = None
     rule: Rule = "gauss"
     samples: int | None = None
+    level: int | None = None
     elements: int | Literal["adaptive"] | None = None
     max_elements: int = 32
     threshold: float = 0.01
@@ -134,6 +135,22 @@ class Galerkin(uqmbd.Propagator):
                     f"Galerkin: nodes is {self.nodes!r}; expected a number of Gauss nodes above 0, or one per input."
                 )
             object.__setattr__(self, "nodes", tuple(int(x) for x in given))
+        if self.rule == "smolyak" and self.samples is not None and self.level is None:
+            warnings.warn(
+                "Galerkin: samples= as the level of rule='smolyak' is deprecated; give level=.",
+                DeprecationWarning,
+                stacklevel=3,
+            )
+            object.__setattr__(self, "level", self.samples)
+            object.__setattr__(self, "samples", None)
+        if self.level is not None:
+            if self.rule != "smolyak" or self.samples is not None:
+                raise uqmbd.StudyError(
+                    f"Galerkin: level is {self.level!r}, for rule='smolyak' without samples; rule is {self.rule!r}, "
+                    f"samples {self.samples!r}."
+                )
+            if isinstance(self.level, bool) or not isinstance(self.level, (int, np.integer)) or self.level < 0:
+                raise uqmbd.StudyError(f"Galerkin: level is {self.level!r}; expected a whole number, 0 or more.")
         if self.samples is not None and not (isinstance(self.samples, (int, np.integer)) and self.samples > 0):
             raise uqmbd.StudyError(f"Galerkin: samples is {self.samples!r}; expected a whole number above 0.")
         if self.samples is not None and self.rule == "gauss":
@@ -147,10 +164,12 @@ class Galerkin(uqmbd.Propagator):
                     f"Galerkin: weights is {self.weights!r}; expected one positive number for each input."
                 )
         if self.nodes is not None and self.rule != "gauss":
-            raise uqmbd.StudyError(f"Galerkin: nodes is for rule='gauss'; for rule={self.rule!r} give samples.")
-        if self.rule != "gauss" and self.samples is None:
-            what = "the level" if self.rule == "smolyak" else "how many"
-            raise uqmbd.StudyError(f"Galerkin: rule={self.rule!r} needs samples={what}.")
+            other = "level" if self.rule == "smolyak" else "samples"
+            raise uqmbd.StudyError(f"Galerkin: nodes is for rule='gauss'; for rule={self.rule!r} give {other}.")
+        if self.rule == "smolyak" and self.level is None:
+            raise uqmbd.StudyError("Galerkin: rule='smolyak' needs level=.")
+        if self.rule not in ("gauss", "smolyak") and self.samples is None:
+            raise uqmbd.StudyError(f"Galerkin: rule={self.rule!r} needs samples=how many.")
         if self.elements is not None:
             uqmbd.ElementLimits(self.elements, self.max_elements, self.threshold)
             if self.stop_at is not None or not self.order:
@@ -165,6 +184,10 @@ class Galerkin(uqmbd.Propagator):
                 "0.05, and verification realisations that can tell it."
             )
 
+    def estimate(self, study: uqmbd.Study) -> uqmbd.Estimate:
+        """Count nodes and terms, and the memory of what is known at all nodes and times."""
+        return estimate(self, study)
+
     def obstacle(self, study: uqmbd.Study) -> str | None:
         """Say what is in the way: nothing random, a distribution without moments, a rule that does not fit, no pose."""
         if not len(study.mechanism.inputs):
@@ -174,8 +197,8 @@ class Galerkin(uqmbd.Propagator):
             )
         try:
             space = uqmbd.GermSpace.of(study.mechanism.inputs, self.transform)
-            terms = self.basis(space)
-            rule = self.quadrature(self.node_name, space, terms)
+            terms = basis(self, space)
+            rule = quadrature(self, self.node_name, space, terms)
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore", uqmbd.RedundantConstraintWarning)
                 problem = study.problem(self)
@@ -206,8 +229,8 @@ class Galerkin(uqmbd.Propagator):
             return self._propagate(problem, space, begin)
 
     def _propagate(self, problem: uqmbd.Problem, space: uqmbd.GermSpace, begin: float) -> xr.DataTree:
-        terms = self.basis(space)
-        rule = self.quadrature(problem.label, space, terms)
+        terms = basis(self, space)
+        rule = quadrature(self, problem.label, space, terms)
         if not problem.timeless:
             one = problem.ensemble(space.to_inputs(rule.nodes[:1]))
             refuse_impacts(self, one, terms=len(terms), nodes=len(rule.nodes))
@@ -289,12 +312,6 @@ class Galerkin(uqmbd.Propagator):
         """The index set, chosen to suit if none is given."""
         return self.index_set or ("total" if self.elements is None else "tensor")
 
-    def basis(self, space: uqmbd.GermSpace) -> Index:
-        """Index set, without degrees that a germ of few values does not have: below them its basis is complete."""
-        terms = uqmbd.index_set(space.dimension, self.order, self.products, self.weights)
-        highest = [self.order if germ.values is None else germ.values - 1 for germ in space.germs]
-        return np.asarray(terms[(terms <= highest).all(axis=1)])
-
     def _projected(
         self, label: str, ensemble: uqmbd.Ensemble, space: uqmbd.GermSpace, terms: Index, rule: uqmbd.Quadrature
     ) -> uqmbd.ProjectedEnsemble:
@@ -305,45 +322,3 @@ class Galerkin(uqmbd.Propagator):
                 f"{label}: {error} An expansion needs a motion at every node: truncate the distributions, or "
                 "use Monte Carlo, which counts such samples."
             ) from None
-
-    def quadrature(self, label: str, space: uqmbd.GermSpace, terms: Index) -> uqmbd.Quadrature:
-        """Return nodes and weights for a basis.
-
-        Raises
-        ------
-        uqmbd.StudyError
-            If the rule does not suit the inputs, or not the basis.
-        """
-        if self.rule == "gauss":
-            given = self.nodes or (self.order + 1,)
-            counts: Any = given[0] if len(given) == 1 else given
-            if self.nodes is None:
-                counts = [min(self.order + 1, germ.values or self.order + 1) for germ in space.germs]
-            if len(given) not in (1, space.dimension):
-                raise uqmbd.StudyError(
-                    f"{label}: nodes has {len(given)} numbers for {space.dimension} inputs ({', '.join(space.names)}); "
-                    "give one for each, or one for all."
-                )
-            total = int(np.prod(np.broadcast_to(counts, space.dimension), dtype=object))
-            if total > MOST_NODES:
-                raise uqmbd.StudyError(
-                    f"{label}: {total} nodes for {space.dimension} inputs at order {self.order} are too many for a "
-                    "coupled problem; lower the order, give weights, or use rule='sobol' with samples=..."
-                )
-            rule = uqmbd.gauss_tensor(space, counts)
-        elif self.rule == "smolyak":
-            rule = uqmbd.smolyak(space, int(self.samples or 0))
-        else:
-            rule = uqmbd.monte_carlo_rule(space, int(self.samples or 1), self.seed, self.rule)
-        if not (rule.weights > 0).all():
-            raise uqmbd.StudyError(
-                f"{label}: the rule ({rule.name}) has negative weights, with which averaged masses can be negative; "
-                "use rule='gauss' or samples."
-            )
-        wrong = uqmbd.gram_error(space, rule, terms)
-        if wrong > 0.5:
-            raise uqmbd.StudyError(
-                f"{label}: the rule ({rule.name}) cannot tell the {len(terms)} terms of the basis apart (their "
-                f"products are wrong by {wrong:.2g}); use more nodes, or a lower order."
-            )
-        return rule

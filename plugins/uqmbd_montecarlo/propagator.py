@@ -135,6 +135,22 @@ class MonteCarlo(uqmbd.Propagator):
                 f"fitted to {FOLDS} parts of them."
             )
 
+    def estimate(self, study: uqmbd.Study) -> uqmbd.Estimate:
+        """Count realisations, and the memory of the samples that are kept."""
+        values = len(study.mechanism.outputs) * len(study.times) + len(study.mechanism.scalars)
+        inputs = len(study.mechanism.inputs)
+        kept, total = min(self.samples, self.keep), self.samples
+        if self.sobol_indices:
+            total += self.samples // 2 * inputs
+            kept = total
+        # the samples, and what is sorted for their quantiles
+        found = uqmbd.Estimate(total, 8 * kept * (3 * values + inputs), f"{kept} samples that are kept")
+        control = self.control.estimate(study) if isinstance(self.control, uqmbd.Propagator) else None
+        if control is None:
+            return found
+        most = max(found.memory, control.memory)
+        return uqmbd.Estimate(total + control.realisations, most, found.detail, control.at_most)
+
     def obstacle(self, study: uqmbd.Study) -> str | None:
         """Say what is in the way: a mechanism in which nothing is random, or what an option cannot do."""
         inputs = study.mechanism.inputs

@@ -187,7 +187,7 @@ def test_bad_options_are_told(options, words):
         ({"nodes": (3, 3, 3)}, r"nodes has 3 numbers for 2 inputs \(length, mass\)"),
         ({"order": 200}, "too many for a coupled problem"),
         ({"rule": "sobol", "samples": 5}, "cannot tell"),
-        ({"order": 3, "rule": "smolyak", "samples": 3}, "negative weights"),
+        ({"order": 3, "rule": "smolyak", "level": 3}, "negative weights"),
     ],
 )
 def test_rules_that_do_not_fit_are_told_before_anything_is_computed(mechanisms, options, words):

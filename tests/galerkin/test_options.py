@@ -21,3 +21,13 @@ from uqmbd_galerkin import Galerkin
 def test_unusable_options(options, message):
     with pytest.raises(uqmbd.StudyError, match=message):
         Galerkin(**options)
+
+
+def test_the_level_of_a_sparse_grid_is_not_a_number_of_samples():
+    assert Galerkin(rule="smolyak", level=2).level == 2
+    with pytest.warns(DeprecationWarning, match="give level="):
+        old = Galerkin(rule="smolyak", samples=2)
+    assert (old.level, old.samples) == (2, None)
+    for options in ({"level": 2}, {"rule": "sobol", "samples": 8, "level": 2}, {"rule": "smolyak", "level": -1}):
+        with pytest.raises(uqmbd.StudyError, match="Galerkin: level is"):
+            Galerkin(**options)

@@ -14,6 +14,8 @@ from uqmbd.cli.picture import draw_figure, require_format
 from uqmbd.cli.tables import console, plain_table
 from uqmbd.errors import StudyError
 from uqmbd.isolation import Isolated
+from uqmbd.propagation import Estimate, Propagator
+from uqmbd.propagation.estimate import obstacle_of
 from uqmbd.propagation.script import load_study
 
 if TYPE_CHECKING:
@@ -164,7 +166,7 @@ def _show_inputs(screen: Console, inputs: tuple[tuple[str, str, str], ...], unus
 
 def _show_propagators(screen: Console, study: Study) -> None:
     """Print the study's propagators with their options, and the others that are installed."""
-    table = plain_table("propagator", "type", "fits", "options")
+    table = plain_table("propagator", "type", "fits", "takes", "options")
     for propagator in study.propagators:
         options = ", ".join(
             f"{option.name}={getattr(propagator, option.name)!r}"
@@ -172,7 +174,7 @@ def _show_propagators(screen: Console, study: Study) -> None:
             if option.name != "label"
         )
         names = (Text(propagator.node_name), Text(type(propagator).__name__))
-        table.add_row(*names, _fit(propagator, study), Text(options))
+        table.add_row(*names, _fit(propagator, study), Text(_takes(propagator, study)), Text(options))
     screen.print()
     screen.print(table if study.propagators else "The study has no propagators.")
     used = {type(propagator).name for propagator in study.propagators}
@@ -185,6 +187,16 @@ def _fit(propagator: Any, study: Study) -> Text:
     """Ask a propagator whether it can do this study; one that does not tell can."""
     obstacle: Any = None
     with Isolated(Exception, SystemExit) as work:
-        obstacle = propagator.obstacle(study) if hasattr(propagator, "obstacle") else None
+        obstacle = obstacle_of(propagator, study) if isinstance(propagator, Propagator) else None
     obstacle = work.reason if work.failed else obstacle
     return Text("yes", style="green") if obstacle is None else Text(f"no: {obstacle}", style="bold red")
+
+
+def _takes(propagator: Any, study: Study) -> str:
+    """Ask a propagator what it would take; empty: it does not tell."""
+    if not isinstance(propagator, Propagator) or not len(study.mechanism.inputs):
+        return ""
+    found: Any = None
+    with Isolated(Exception, SystemExit):  # what is in the way is told there
+        found = propagator.estimate(study)
+    return found.words if isinstance(found, Estimate) else ""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from uqmbd.propagation.deterministic import simulate
 from uqmbd.propagation.elements import ElementLimits, ElementRefinement, refine_elements
 from uqmbd.propagation.equilibrium import eigenfrequencies, static_equilibrium
+from uqmbd.propagation.estimate import Estimate
 from uqmbd.propagation.histories import History
 from uqmbd.propagation.problem import Problem
 from uqmbd.propagation.progress import Progress
@@ -15,6 +16,7 @@ from uqmbd.propagation.study import Study
 __all__ = [
     "ElementLimits",
     "ElementRefinement",
+    "Estimate",
     "History",
     "Problem",
     "Progress",

@@ -13,6 +13,7 @@ from uqmbd.names import check_name, did_you_mean
 if TYPE_CHECKING:
     import xarray as xr
 
+    from uqmbd.propagation.estimate import Estimate
     from uqmbd.propagation.problem import Problem
     from uqmbd.propagation.study import Study
 
@@ -66,6 +67,19 @@ class Propagator(ABC):
         """Return why this method cannot do a study, in one sentence, or None: `uqmbd check` shows it.
 
         A method may override it; it must not compute anything.
+        """
+        return None
+
+    def estimate(self, study: Study) -> Estimate | None:
+        """Return what this method would take, or None if it cannot tell: `uqmbd check` shows it.
+
+        A study that would take more memory than there is is refused before anything is computed.  A method may
+        override it; it must neither compute nor allocate anything of that size.
+
+        Raises
+        ------
+        uqmbd.StudyError
+            If it can tell already that it cannot do the study.
         """
         return None
 

@@ -16,6 +16,9 @@ IntArray = NDArray[np.int64]
 KINDS = ("total", "tensor", "hyperbolic")
 """Kinds of index sets."""
 
+MOST_TERMS = 1_000_000
+"""Terms beyond which a basis is not built: its use would fill any memory."""
+
 ROUNDING = 1e-9
 """Slack with which a weighted sum may reach the order."""
 
@@ -55,7 +58,7 @@ def index_set(
     Raises
     ------
     uqmbd.StudyError
-        If an argument cannot be used.
+        If an argument cannot be used, or there would be more than a million terms.
 
     Examples
     --------
@@ -90,6 +93,12 @@ def index_set(
         else:
             left = (budget - spent) + ROUNDING * max(budget, 1.0)
             allowed = np.searchsorted(cost, left, side="right")
+        # every row has a continuation in the germs that follow: there will be at least as many
+        if int(allowed.sum()) > MOST_TERMS:
+            raise StudyError(
+                f"index_set: the {kind} set of order {degree} has more than {MOST_TERMS} terms for {count} inputs; "
+                f"lower the order{', or use the total set' if kind == 'tensor' else ''}, or give weights."
+            )
         before = np.repeat(np.arange(len(rows)), allowed)
         digit = np.arange(len(before)) - np.repeat(np.cumsum(allowed) - allowed, allowed)
         rows = np.column_stack([rows[before], digit])
