@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from uqmbd.errors import MethodFailedWarning, StudyError, UqmbdError
 from uqmbd.isolation import Isolated, reason_of, release
+from uqmbd.propagation.estimate import obstacle_of
 from uqmbd.propagation.progress import Progress
 from uqmbd.propagation.propagator import Propagator
 from uqmbd.propagation.scalars import propagated
@@ -108,7 +109,7 @@ def _obstacle(propagator: Propagator, study: Study) -> BaseException | None:
     """Return why a method cannot do a study, as an error."""
     found: Any = None
     with Isolated(*METHOD) as asked:
-        found = propagator.obstacle(study)
+        found = obstacle_of(propagator, study)
     if asked.error is not None:
         release(asked.error)
         return asked.error
