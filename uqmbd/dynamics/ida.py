@@ -13,7 +13,6 @@ which have none.  Therefore a step is given a small part of the tolerance only (
 from __future__ import annotations
 
 import time as clock
-import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -27,6 +26,7 @@ from uqmbd.dynamics.model import Model
 from uqmbd.dynamics.prescribed import instant
 from uqmbd.dynamics.rank import dead_end, rank_along
 from uqmbd.dynamics.restarts import speed_jumps
+from uqmbd.dynamics.sundials import Solution, solve
 from uqmbd.dynamics.trajectories import Counters, Solved, stops
 
 __all__ = ["RELAXED", "STEPS", "diagnosis", "integrate_by_ida", "step_tolerance"]
@@ -152,10 +152,10 @@ def _integrate_stack(ensemble: Ensemble, times: Array, rtol: float) -> _Run:
             if refused:
                 return _Run(result, next(iter(refused.values())), counters, True)
         begin = clock.perf_counter()
-        solution = _solver(ensemble, callbacks, y, rtol).solve(grid, y.ravel(), yp.ravel())
+        solution = _solved(ensemble, callbacks, grid, y, yp, rtol)
         spent = clock.perf_counter() - begin
-        counters = counters + Counters(int(solution.nfev), int(solution.njev), 1, seconds=spent)
-        found = np.asarray(solution.y).reshape(len(solution.t), len(ensemble), -1)
+        counters = counters + Counters(solution.residuals, solution.jacobians, 1, seconds=spent)
+        found = solution.y.reshape(len(solution.t), len(ensemble), -1)
         reached = len(found) if solution.success else len(found) - 1
         where = np.searchsorted(grid, times[inside])
         done = where < reached
@@ -200,24 +200,19 @@ def _roughness(ensemble: Ensemble, states: Array) -> Array:
     return rough
 
 
-def _solver(ensemble: Ensemble, callbacks: Callbacks, y: Array, rtol: float) -> Any:
-    from sksundae.ida import IDA
-
+def _solved(ensemble: Ensemble, callbacks: Callbacks, times: Array, y: Array, yp: Array, rtol: float) -> Solution:
+    """Integrate a stack from one time to the last without a break."""
     model = ensemble.model
     residual, jacobian = callbacks
     length = max(1e-3, float(np.abs(y[:, model.layout.slices["q"]]).max(initial=0.0)))
     rtol = step_tolerance(rtol, model.layout.unknowns)
     atol = np.full(model.layout.unknowns, rtol * min(1.0, length))
     atol[model.layout.differential :] = RELAXED
-    options: dict[str, Any] = {"linsolver": "dense"}
+    options: dict[str, Any] = {"linsolver": "dense", "jacfn": jacobian}
     if y.size >= SPARSE_FROM:
-        options = {"linsolver": "sparse", "sparsity": _sparsity(model, len(ensemble))}
-    with warnings.catch_warnings():
-        # it takes the pattern for an approximation of its own, which the exact Jacobian replaces
-        warnings.filterwarnings("ignore", message="Custom sparse Jacobian")
-        return IDA(
-            residual, jacfn=jacobian, rtol=rtol, atol=np.tile(atol, len(ensemble)), max_num_steps=STEPS, **options
-        )
+        options |= {"linsolver": "sparse", "sparsity": _sparsity(model, len(ensemble))}
+    limits = {"rtol": rtol, "atol": np.tile(atol, len(ensemble)), "max_num_steps": STEPS}
+    return solve(residual, options, times, y.ravel(), yp.ravel(), **limits)
 
 
 def _callbacks(ensemble: Ensemble) -> Callbacks:
@@ -293,14 +288,13 @@ def _sparsity(model: Model, copies: int) -> Any:
     return one if copies == 1 else sparse.block_diag([one] * copies, format="csc")
 
 
-def diagnosis(solution: Any, time: float, rtol: float) -> str:
+def diagnosis(solution: Solution, time: float, rtol: float) -> str:
     """Say why IDA stopped, and what to try."""
-    text = str(solution.message).strip().rstrip(".")
-    if "max" in text.lower() and "step" in text.lower():
+    if solution.too_much_work:
         cause = "too many steps: the motion is very stiff or very fast for the output times"
     else:
         cause = "the steps became too small: a singular pose, a stop or an impact, or a force that jumps"
     return (
-        f"the integration stopped at t = {time:.6g} s ({text}); probably {cause}. "
+        f"the integration stopped at t = {time:.6g} s ({solution.message}); probably {cause}. "
         f"Try another rtol (now {rtol:g}), or look at the motion up to that time."
     )

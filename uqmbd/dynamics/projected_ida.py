@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time as clock
-import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, Literal
@@ -14,6 +13,7 @@ from numpy.typing import NDArray
 from uqmbd.dynamics.ida import RELAXED, STEPS, diagnosis, step_tolerance
 from uqmbd.dynamics.prescribed import instant
 from uqmbd.dynamics.projected import ProjectedEnsemble
+from uqmbd.dynamics.sundials import solve
 from uqmbd.dynamics.trajectories import stops
 
 __all__ = ["LINEAR_SOLVERS", "LinearSolver", "Run", "implicit"]
@@ -185,8 +185,6 @@ def implicit(
             return found
         again = implicit(projected, times, rtol, "krylov-nodal", watch)
         return Run(again.coefficients, again.message, _sum(found.counters, again.counters) | {"left_the_mean": 1})
-    from sksundae.ida import IDA
-
     ensemble, layout, terms = projected.ensemble, projected.model.layout, projected.terms
     start = projected.start
     path = np.full((terms, len(times), layout.width), np.nan)
@@ -223,13 +221,11 @@ def implicit(
         if len(grid) == 2:  # with two times the integrator returns its own steps instead
             grid = np.array([now, 0.5 * (now + stop), stop])
         begin = clock.perf_counter()
-        with warnings.catch_warnings():
-            warnings.filterwarnings("ignore", message="Custom sparse Jacobian")
-            solver = IDA(residual, rtol=tolerance, atol=np.tile(atol, terms), max_num_steps=STEPS, **linear.options())
-            solution = solver.solve(grid, y.ravel(), yp.ravel())
+        limits = {"rtol": tolerance, "atol": np.tile(atol, terms), "max_num_steps": STEPS}
+        solution = solve(residual, linear.options(), grid, y.ravel(), yp.ravel(), **limits)
         counters["seconds"] += clock.perf_counter() - begin
         counters["integrations"] += 1
-        y_path = np.asarray(solution.y).reshape(len(solution.t), terms, -1)
+        y_path = solution.y.reshape(len(solution.t), terms, -1)
         reached = len(y_path) if solution.success else len(y_path) - 1
         where = np.searchsorted(grid, times[inside])
         done = where < reached

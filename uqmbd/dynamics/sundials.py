@@ -1,0 +1,227 @@
+"""IDA of SUNDIALS through scikit-sundae, with its rough edges off: nothing is printed, and nothing ends the process.
+
+scikit-sundae prints what SUNDIALS has to say of an integration that fails; here it is part of what comes back.  The
+solver for sparse matrices (SuperLU_MT) frees what only its first factorisation allocates: a solver that stopped before
+that is never freed.  An exception of a callback is handed on as Python's C interface wants it, as an instance.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import io
+import re
+import signal
+import sys
+import threading
+import warnings
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from types import FrameType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["LARGEST", "Solution", "solve"]
+
+Array = NDArray[np.float64]
+
+LARGEST = 1e100
+"""Rates beyond which no step can be taken: their squares, and steps that suit them, leave the range of numbers."""
+
+
+TOO_MUCH_WORK = -1
+"""IDA_TOO_MUCH_WORK, a status of IDA."""
+
+
+@dataclass(frozen=True)
+class Solution:
+    """What an integration yields.
+
+    Attributes
+    ----------
+    t : array, shape (R,)
+        Times that were reached; the last one, of an integration that stopped, is where it did.
+    y : array, shape (R, n)
+        Unknowns.
+    success : bool
+        Whether the end was reached.
+    message : str
+        Why not.
+    residuals, jacobians : int
+        Evaluations.
+    too_much_work : bool
+        Whether it stopped for the number of its steps.
+    """
+
+    t: Array
+    y: Array
+    success: bool
+    message: str
+    residuals: int = 0
+    jacobians: int = 0
+    too_much_work: bool = False
+
+
+class _Callbacks:
+    """Callbacks that remember what they raised, and whether the matrix has been factorised."""
+
+    def __init__(self) -> None:
+        self.raised: BaseException | None = None
+        self.factorised = False
+
+    def residual(self, function: Callable[..., None]) -> Callable[..., None]:
+        """Make IDA's callback of a residual."""
+
+        def call(t: float, y: Array, yp: Array, res: Array) -> None:
+            try:
+                function(t, y, yp, res)
+            except BaseException as error:
+                self.raised = error
+                raise
+
+        return call
+
+    def jacobian(self, function: Callable[..., None]) -> Callable[..., None]:
+        """Make IDA's callback of a Jacobian."""
+
+        def call(t: float, y: Array, yp: Array, res: Array, c: float, jac: Array) -> None:
+            try:
+                function(t, y, yp, res, c, jac)
+            except BaseException as error:
+                self.raised = error
+                raise
+            self.factorised = True
+
+        return call
+
+
+def solve(
+    residual: Callable[..., None], options: dict[str, Any], times: Array, y: Array, yp: Array, **settings: Any
+) -> Solution:
+    """Integrate by IDA.
+
+    Parameters
+    ----------
+    residual : callable
+        As IDA wants it.
+    options : dict
+        ``linsolver`` and what belongs to it.
+    times : array, shape (T,)
+        At least three, increasing.
+    y, yp : array, shape (n,)
+        Consistent initial values and rates.
+    **settings
+        Tolerances and limits.
+
+    Returns
+    -------
+    Solution
+        Whatever happens in SUNDIALS; what the callbacks raise is raised.
+    """
+    from sksundae.ida import IDA
+
+    largest = float(np.abs(yp).max(initial=0.0))
+    if not (np.isfinite(y).all() and largest <= LARGEST):
+        what = f"rates up to {largest:.3g} at the start" if np.isfinite(largest) else "values that are not finite"
+        return Solution(times[:1], y[None], success=False, message=f"{what}, for which there is no step")
+    callbacks, said = _Callbacks(), io.StringIO()
+    options = dict(options)
+    if "jacfn" in options:
+        options["jacfn"] = callbacks.jacobian(options["jacfn"])
+    with warnings.catch_warnings(), _heard(said), _interrupted_by_instances():
+        # it takes the pattern for an approximation of its own, which the exact Jacobian replaces
+        warnings.filterwarnings("ignore", message="Custom sparse Jacobian")
+        solver = IDA(callbacks.residual(residual), **options, **settings)
+        try:
+            found = solver.solve(times, y, yp)
+        except (RuntimeError, KeyError, np.linalg.LinAlgError) as error:
+            if callbacks.raised is not None:
+                raise callbacks.raised from None
+            return Solution(times[:1], y[None], success=False, message=_one_line(said, str(error)))
+        finally:
+            if options.get("linsolver") == "sparse" and not callbacks.factorised:
+                ctypes.pythonapi.Py_IncRef(ctypes.py_object(solver))
+    path = np.asarray(found.y).reshape(len(found.t), -1)
+    return Solution(
+        np.asarray(found.t),
+        path,
+        bool(found.success),
+        "" if found.success else _one_line(said, str(found.message)),
+        int(found.nfev),
+        int(found.njev),
+        found.status == TOO_MUCH_WORK,
+    )
+
+
+def _one_line(said: io.StringIO, message: str) -> str:
+    """Return what SUNDIALS said at last, without its codes, or the message if it said nothing."""
+    lines = [re.sub(r"^\[.*?\]\s*", "", line).strip() for line in said.getvalue().splitlines()]
+    return next((line for line in reversed(lines) if line), message.strip()).rstrip(".")
+
+
+@contextmanager
+def _interrupted_by_instances() -> Iterator[None]:
+    """Let Ctrl-C raise an instance: Python's own handler raises a class alone, on which scikit-sundae fails."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.getsignal(signal.SIGINT)
+    if before is not signal.default_int_handler:
+        yield
+        return
+
+    def interrupt(number: int, frame: FrameType | None) -> None:
+        raise KeyboardInterrupt
+
+    signal.signal(signal.SIGINT, interrupt)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+class _Router(io.TextIOBase):
+    """A standard output that each thread may turn to a place of its own."""
+
+    def __init__(self, stream: Any) -> None:
+        self.stream, self.places = stream, dict[int, io.StringIO]()
+
+    def write(self, text: str) -> int:
+        """Write where the thread wants it."""
+        place = self.places.get(threading.get_ident(), self.stream)
+        return int(place.write(text) or 0) if place is not None else len(text)
+
+    def flush(self) -> None:
+        """Flush the stream behind."""
+        if self.stream is not None:
+            self.stream.flush()
+
+    def __getattr__(self, name: str) -> Any:  # noqa: ANN401 - whatever the stream has
+        return getattr(self.stream, name)
+
+
+_lock = threading.Lock()
+
+
+@contextmanager
+def _heard(place: io.StringIO) -> Iterator[None]:
+    """Let what this thread prints go to a place; other threads print as before."""
+    me = threading.get_ident()
+    with _lock:
+        if not isinstance(sys.stdout, _Router):
+            sys.stdout = _Router(sys.stdout)
+        router = sys.stdout
+        before = router.places.get(me)
+        router.places[me] = place
+    try:
+        yield
+    finally:
+        with _lock:
+            if before is None:
+                router.places.pop(me, None)
+            else:
+                router.places[me] = before
+            if not router.places and sys.stdout is router:
+                sys.stdout = router.stream
