@@ -1,13 +1,25 @@
-"""Names and units that users give: one rule for bodies, components, outputs, random variables, propagators."""
+"""Names, units and arguments that users give: one rule for bodies, components, outputs, random variables, methods."""
 
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable
+import functools
+import inspect
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any, ParamSpec, TypeVar
 
 from uqmbd.errors import StudyError
 
-__all__ = ["check_name", "check_units", "did_you_mean"]
+__all__ = ["check_arguments", "check_label", "check_name", "check_units", "checked", "did_you_mean"]
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+RESERVED_LABELS = frozenset({"comparison", "convergence", "motion", "statistics", "samples", "chaos", "scalars"})
+"""Names of the parts of results, which no method can have."""
+
+LONGEST_LABEL = 200
+"""Bytes of a label: it names files as well."""
 
 
 def check_name(name: object, what: str) -> str:
@@ -23,7 +35,7 @@ def check_name(name: object, what: str) -> str:
     Raises
     ------
     uqmbd.StudyError
-        If it is not a text, empty, contains ``/`` or is ``time``.
+        If it is not a text, empty, contains ``/`` or a null character, or is ``time``, ``.`` or ``..``.
 
     Examples
     --------
@@ -36,10 +48,45 @@ def check_name(name: object, what: str) -> str:
         )
     if not name.strip():
         raise StudyError(f"{what}: the name is empty; give it one that you will recognise in plots and tables.")
-    if "/" in name:
-        raise StudyError(f"{what} {name!r}: a name cannot contain '/', which separates groups in result files.")
+    if "/" in name or "\0" in name:
+        mark = "'/', which separates groups in result files" if "/" in name else "a null character"
+        raise StudyError(f"{what} {name!r}: a name cannot contain {mark}.")
+    if name in (".", ".."):
+        raise StudyError(f"{what} {name!r}: that name stands for a folder; choose one that says what it is.")
     if name == "time":
         raise StudyError(f"{what} 'time': that name is taken by the time axis of the results; choose another.")
+    return name
+
+
+def check_label(label: object) -> str:
+    """Return the label of a method if it can name results and files, else raise.
+
+    Parameters
+    ----------
+    label : object
+        What the user gave.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If it is no name, a name that results use themselves, or too long.
+
+    Examples
+    --------
+    >>> check_label("order 4")
+    'order 4'
+    """
+    name = check_name(label, "label")
+    if name in RESERVED_LABELS:
+        raise StudyError(
+            f"label {name!r}: that name belongs to a part of the results; choose another, none of "
+            f"{', '.join(sorted(RESERVED_LABELS))}."
+        )
+    if len(name.encode()) > LONGEST_LABEL:
+        raise StudyError(
+            f"label {name[:40] + '...'!r}: it has {len(name)} characters and names files, too; take at most "
+            f"{LONGEST_LABEL} bytes."
+        )
     return name
 
 
@@ -87,3 +134,83 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
     """
     near = difflib.get_close_matches(name, list(known), n=1)
     return f"; did you mean {near[0]!r}?" if near else ""
+
+
+def checked(function: Callable[P, R]) -> Callable[P, R]:
+    """Let a function refuse arguments that it does not have, as everything else is refused.
+
+    Python's own TypeError says neither which name was meant nor what there is.
+
+    Examples
+    --------
+    >>> @checked
+    ... def spring(stiffness, damping=0):
+    ...     return stiffness
+    >>> spring(2, dampnig=1)
+    Traceback (most recent call last):
+    uqmbd.errors.StudyError: spring: there is no argument 'dampnig'; did you mean 'damping'? Usage: spring(stiffness,
+    damping=0).
+    """
+    signature = inspect.signature(function)
+    what = function.__qualname__.removesuffix(".__init__").removesuffix(".__new__")
+    bound = what != function.__qualname__ or "." in function.__qualname__.rpartition("<locals>.")[2]
+
+    @functools.wraps(function)
+    def call(*arguments: P.args, **keywords: P.kwargs) -> R:
+        check_arguments(what, signature, arguments, keywords, bound=bound)
+        return function(*arguments, **keywords)
+
+    return call
+
+
+def check_arguments(
+    what: str, signature: inspect.Signature, arguments: Sequence[Any], keywords: Mapping[str, Any], *, bound: bool
+) -> None:
+    """Raise unless a call fits a signature.
+
+    Parameters
+    ----------
+    what : str
+        What is called, for the message.
+    signature : inspect.Signature
+        What it takes.
+    arguments, keywords : sequence, mapping
+        What it is given.
+    bound : bool
+        Whether its first argument is the object or the class, which users do not see.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        Naming the argument that is unknown, missing, given twice or too many.
+    """
+    try:
+        signature.bind(*arguments, **keywords)
+    except TypeError:
+        pass
+    else:
+        return
+    parameters = list(signature.parameters.values())[bound:]
+    shown = signature.replace(
+        parameters=[p.replace(annotation=p.empty) for p in parameters], return_annotation=signature.empty
+    )
+    usage = f" Usage: {what.rpartition('.')[2]}{shown}."
+    given = arguments[bound:]
+    name = given[0] if given else keywords.get("name")
+    where = f"{what} {name!r}" if isinstance(name, str) else what
+    known = [p.name for p in parameters if p.kind not in (p.VAR_POSITIONAL, p.VAR_KEYWORD)]
+    by_position = [p.name for p in parameters if p.kind in (p.POSITIONAL_ONLY, p.POSITIONAL_OR_KEYWORD)]
+    takes_all = any(p.kind is p.VAR_KEYWORD for p in parameters)
+    unknown = [key for key in keywords if key not in known and not takes_all]
+    if unknown:
+        near = did_you_mean(unknown[0], known) or "."
+        raise StudyError(f"{where}: there is no argument {unknown[0]!r}{near}{usage}")
+    if len(given) > len(by_position):
+        fit = f"at most {len(by_position)} fit" if by_position else "all must be given by name"
+        raise StudyError(f"{where}: {len(given)} arguments are given by position; {fit}.{usage}")
+    twice = [key for key in by_position[: len(given)] if key in keywords]
+    if twice:
+        raise StudyError(f"{where}: {twice[0]!r} is given twice, by position and by name.{usage}")
+    missing = [p.name for p in parameters if p.default is p.empty and p.name in known[len(given) :]]
+    missing = [name for name in missing if name not in keywords]
+    raise StudyError(f"{where}: the argument {missing[0]!r} is missing.{usage}")

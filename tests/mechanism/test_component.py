@@ -96,7 +96,7 @@ def test_what_is_wrong_with_a_value(plane, given, words):
         (lambda rod: Revolute(), "name"),
         (lambda rod: Revolute("A"), "'body_i' is missing; give a body or mechanism.ground"),
         (lambda rod: Revolute("A", rod), "'body_j' is missing"),
-        (lambda rod: Revolute("A", rod, rod, pointi=(0, 0)), "there is no argument 'pointi'. Usage: Revolute(name, body_i"),
+        (lambda rod: Revolute("A", rod, rod, pointi=(0, 0)), "there is no argument 'pointi'; did you mean 'point_i'? Usage: Revolute(name, body_i"),
         (lambda rod: Revolute("A", rod, rod, body_j=rod), "'body_j' is given twice"),
         (lambda rod: Revolute("A", *[rod] * 9), "10 arguments given by position, at most 7 fit"),
         (lambda rod: Revolute(rod, rod), "expected a text. The name is the first argument"),
@@ -270,7 +270,7 @@ def test_a_named_quantity_is_not_differentiated_in_ignorance():
 
     mechanism = uqmbd.Mechanism("wrong", uqmbd.Planar())
     mechanism.add(Wrong("wrong", mechanism.body("ball", mass=1, inertia=1)))
-    with pytest.raises(TypeError, match=r"'gap' is a quantity made by let\(\).*use rate_of\(\)"):
+    with pytest.raises(uqmbd.StudyError, match=r"'gap' is a quantity made by let\(\).*use rate_of\(\)"):
         instances_of(mechanism.all_components(), mechanism.space)
 
 

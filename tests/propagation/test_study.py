@@ -159,7 +159,6 @@ STUDIES = {
     "nothing": (dict(propagators=None), "propagators is None; expected a list"),
     "number": (dict(propagators=[500]), "500 is no propagator"),
     "twice": (dict(propagators=[MonteCarlo(), MonteCarlo(samples=9)]), "two propagators are called 'monte-carlo'; give each a label of its own"),
-    "labels": (dict(propagators=[MonteCarlo(label="x/y")]), "label 'x/y': a name cannot contain '/'"),
 }  # fmt: skip
 
 

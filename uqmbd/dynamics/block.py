@@ -14,6 +14,7 @@ from typing import Any
 
 import sympy
 
+from uqmbd.dynamics.expressions import TIME, plain, require_derivatives, settled_expression
 from uqmbd.errors import StudyError
 from uqmbd.mechanism.body import Body, BodyTerms, StateSymbol
 from uqmbd.mechanism.component import (
@@ -30,39 +31,10 @@ from uqmbd.mechanism.component import (
 )
 from uqmbd.mechanism.frame import Frame
 from uqmbd.mechanism.space import Space
-from uqmbd.mechanism.time import step, t
+from uqmbd.mechanism.time import t
 from uqmbd.randomness import RandomVariable
 
-__all__ = ["TIME", "BlockType", "Instance", "instances_of", "plain"]
-
-TIME = sympy.Symbol("_t", real=True)
-
-
-def plain(expression: Any) -> sympy.Expr:
-    """Write functions that have no derivative everywhere as piecewise expressions, which have."""
-    value = sympy.sympify(expression)
-    if value.has(step):
-        value = value.replace(lambda e: isinstance(e, step), lambda e: e.doit())
-    if value.has(sympy.Abs, sympy.Max, sympy.Min, sympy.sign, sympy.Heaviside):
-        kinds = (sympy.Abs, sympy.Max, sympy.Min, sympy.sign, sympy.Heaviside)
-        value = value.replace(lambda e: isinstance(e, kinds), _piecewise)
-    result: sympy.Expr = value
-    return result
-
-
-def _piecewise(e: sympy.Expr) -> sympy.Expr:
-    x = e.args[0]
-    if isinstance(e, sympy.Abs):
-        return sympy.Piecewise((x, x >= 0), (-x, True))
-    if isinstance(e, sympy.sign):
-        return sympy.Piecewise((1, x > 0), (-1, x < 0), (0, True))
-    if isinstance(e, sympy.Heaviside):
-        return sympy.Piecewise((1, x > 0), (0, True))
-    best = e.args[0]
-    for other in e.args[1:]:
-        keep = best >= other if isinstance(e, sympy.Max) else best <= other
-        best = sympy.Piecewise((best, keep), (other, True))
-    return best
+__all__ = ["BlockType", "Instance", "instances_of"]
 
 
 @dataclass(frozen=True)
@@ -261,14 +233,15 @@ def _block(
     moving = [Frame(space, q[n * b : n * b + n], v[n * b : n * b + n]) for b in range(len(bodies))]
     frames = {role: moving[k] if k >= 0 else Frame(space) for role, k in zip(component.attached, kinds, strict=True)}
     local = Local(space, frames, values, TIME)
-    terms = list(component.terms(local))
+    terms, point = component.stated(local)
     named = {symbol: sympy.Symbol(f"_u{k}", real=True) for k, symbol in enumerate(local.quantities)}
-    quantities = tuple(
-        (named[symbol], kind, plain(e).xreplace(named)) for symbol, (kind, e) in local.quantities.items()
-    )
+    where = f"{type(component).__name__} {component.name!r}"
+    known = {*q, *v, *local.states.values(), *_symbols("p", parameters), *named.values(), TIME}
 
     def settled(expression: Any) -> sympy.Expr:
-        return plain(expression).xreplace(named) if named else plain(expression)
+        return settled_expression(where, component, expression, named, known)
+
+    quantities = tuple((named[symbol], kind, settled(e)) for symbol, (kind, e) in local.quantities.items())
 
     velocities, coordinates = set(v), set(q) | set(local.states.values())
     for symbol, kind, e in quantities:
@@ -276,7 +249,6 @@ def _block(
             velocities.add(symbol)
         if e.free_symbols & coordinates:
             coordinates.add(symbol)
-    where = f"{type(component).__name__} {component.name!r}"
     kinetic: sympy.Expr = sympy.S.Zero
     potential: sympy.Expr = sympy.S.Zero
     work: list[tuple[sympy.Expr, sympy.Expr]] = []
@@ -336,7 +308,9 @@ def _block(
     clash = [e for e in constraints if not e.free_symbols & coordinates]
     if clash:
         raise StudyError(f"{where}: the constraint {clash[0]} = 0 contains no coordinate of a body.")
-    point = component.reaction_point(local)
+    changing = {*velocities, *coordinates}
+    require_derivatives(where, [kinetic, potential, *(x for pair in work for x in pair)], changing)
+    require_derivatives(where, [*constraints, *(rate for rate, _ in rates.values())], changing | {TIME})
     on, sign = (kinds[-1], 1) if kinds[-1] >= 0 else (kinds[0], -1)
     return BlockType(
         name=type(component).__name__,

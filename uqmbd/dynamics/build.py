@@ -12,8 +12,9 @@ import sympy
 from numpy.typing import NDArray
 
 from uqmbd.dynamics.assembly import independent_rows, positions
-from uqmbd.dynamics.block import TIME, Instance, instances_of
+from uqmbd.dynamics.block import Instance, instances_of
 from uqmbd.dynamics.derivation import derive
+from uqmbd.dynamics.expressions import TIME
 from uqmbd.dynamics.finite import not_finite
 from uqmbd.dynamics.index1 import index1_system, massless_direction, state_arguments
 from uqmbd.dynamics.limits import limits_of

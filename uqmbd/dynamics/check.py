@@ -8,6 +8,7 @@ import numpy as np
 
 from uqmbd.dynamics.build import kinematic_model, reactions_not_unique
 from uqmbd.mechanism import Mechanism
+from uqmbd.names import checked
 
 __all__ = ["Check", "check"]
 
@@ -49,6 +50,7 @@ class Check:
     apart: tuple[tuple[str, ...], ...] = ()
 
 
+@checked
 def check(mechanism: Mechanism, time: float = 0.0) -> Check:
     """Assemble a mechanism at the means of its inputs, and count.
 

@@ -10,9 +10,10 @@ import numpy as np
 import sympy
 from numpy.typing import NDArray
 
-from uqmbd.dynamics.block import Instance, plain
+from uqmbd.dynamics.block import Instance
 from uqmbd.dynamics.derivation import derive
 from uqmbd.dynamics.evaluator import Placement
+from uqmbd.dynamics.expressions import plain
 from uqmbd.dynamics.kernels import Kernel, cached, compile_kernel
 from uqmbd.errors import StudyError
 from uqmbd.mechanism import Mechanism, Output

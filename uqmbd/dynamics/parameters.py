@@ -10,7 +10,7 @@ import numpy as np
 import sympy
 from numpy.typing import NDArray
 
-from uqmbd.dynamics.block import plain
+from uqmbd.dynamics.expressions import plain
 from uqmbd.dynamics.kernels import Kernel, cached, compile_kernel
 
 __all__ = ["ParameterMap"]

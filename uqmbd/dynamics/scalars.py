@@ -10,9 +10,10 @@ import numpy as np
 import sympy
 from numpy.typing import NDArray
 
-from uqmbd.dynamics.block import Instance, plain
+from uqmbd.dynamics.block import Instance
 from uqmbd.dynamics.ensemble import Ensemble
 from uqmbd.dynamics.evaluator import Placement
+from uqmbd.dynamics.expressions import plain
 from uqmbd.dynamics.kernels import Kernel, cached, compile_kernel
 from uqmbd.dynamics.linearisation import Modes, linearise
 from uqmbd.dynamics.outputs import OutputMap, output_map

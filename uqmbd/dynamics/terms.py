@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import sympy
 
-from uqmbd.dynamics.block import TIME, Instance, instances_of
+from uqmbd.dynamics.block import Instance, instances_of
+from uqmbd.dynamics.expressions import TIME
 from uqmbd.mechanism import Mechanism
 from uqmbd.mechanism.time import t
 

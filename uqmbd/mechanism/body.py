@@ -11,11 +11,12 @@ import sympy
 from uqmbd.mechanism.component import Component, Constraint, Kinetic, Local, Parameter, Potential, Term
 from uqmbd.mechanism.frame import Frame
 from uqmbd.mechanism.space import Space
+from uqmbd.randomness.symbolic import Symbolic
 
 __all__ = ["Body", "Ground", "StateSymbol"]
 
 
-class StateSymbol(sympy.Symbol):
+class StateSymbol(Symbolic, sympy.Symbol):
     """A coordinate, rate or acceleration of a body, or its unwrapped angle, in output expressions."""
 
     owner: Any

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import inspect
 import math
+import traceback
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import sympy
@@ -30,7 +32,7 @@ from uqmbd.mechanism.reaction import PlaneReaction, ReactionSymbol
 from uqmbd.mechanism.scalars import MotionSymbol
 from uqmbd.mechanism.space import Planar, Space, Spatial, Translational
 from uqmbd.mechanism.world import KEYWORDS, replaced
-from uqmbd.names import check_name
+from uqmbd.names import check_name, checked, did_you_mean
 
 if TYPE_CHECKING:
     from uqmbd.mechanism.body import Body, Ground
@@ -121,7 +123,14 @@ class Parameter:
         object.__setattr__(self, "name", name)
 
     def __get__(self, instance: Component | None, owner: type) -> Any:  # noqa: ANN401 - the value as it was given
-        return self if instance is None else instance.values[self.name]
+        if instance is None:
+            return self
+        if instance.stating and self.kind != "option":
+            raise StudyError(
+                f"terms() uses self.{self.name}; write p.{self.name}: the terms of one type of component are stated "
+                "once, in symbols, for all its objects and values."
+            )
+        return instance.values[self.name]
 
     @property
     def required(self) -> bool:
@@ -210,6 +219,8 @@ class Component:
     grounded: ClassVar[tuple[str, ...]] = ()
     drawn_by: ClassVar[tuple[str, ...]] = ("at", "axis")
     spaces: ClassVar[tuple[type[Space], ...]] = (Spatial, Planar, Translational)
+    stating = False
+    """Whether it is being asked for its terms."""
 
     def __init__(self, name: str, *arguments: Any, **keywords: Any) -> None:
         kind = type(self).__name__
@@ -225,7 +236,9 @@ class Component:
         self.world_pose = {key: keywords.pop(key) for key in KEYWORDS if key in keywords and replaced(type(self), key)}
         for key, value in keywords.items():
             if key not in (*names, *self.grounded):
-                raise StudyError(f"{where}: there is no argument {key!r}. {usage}")
+                known = [*names, *self.grounded, *(word for word in KEYWORDS if replaced(type(self), word))]
+                near = did_you_mean(key, known) or "."
+                raise StudyError(f"{where}: there is no argument {key!r}{near} {usage}")
             if key in given:
                 raise StudyError(f"{where}: {key!r} is given twice. {usage}")
             given[key] = value
@@ -282,6 +295,31 @@ class Component:
         """Yield the terms, written in what `p` offers (never in `self`)."""
         raise NotImplementedError
 
+    def stated(self, p: Local) -> tuple[list[Term], sympy.Matrix]:
+        """Return the terms and the point of reactions, or say what went wrong in them.
+
+        Raises
+        ------
+        uqmbd.StudyError
+            Whatever `terms` raises: it is the component author's.
+        """
+        self.stating = True
+        method = "terms()"
+        try:
+            terms = list(self.terms(p))
+            method = "reaction_point()"
+            return terms, self.reaction_point(p)
+        except StudyError as error:
+            raise StudyError(f"{type(self).__name__} {self.name!r}: {error}") from None
+        except Exception as error:
+            raise StudyError(
+                f"{type(self).__name__} {self.name!r}: {method} raised {type(error).__name__}: {error}"
+                f"{_place_of(error)}. It is to yield terms (Kinetic, Potential, VirtualWork, Constraint, ...) that are "
+                "written in what p offers."
+            ) from error
+        finally:
+            self.stating = False
+
     def reaction_point(self, p: Local) -> sympy.Matrix:
         """World position of the point about which `reaction_moment` is taken: `point_i` if there is one."""
         first = getattr(p, self.bodies[0])
@@ -306,6 +344,7 @@ class Component:
             return PlaneReaction(self, "reaction_moment", 0)
         return tuple(ReactionSymbol(self, "reaction_moment", k) for k in range(3))
 
+    @checked
     def event_time(self, label: str, number: int = 1) -> sympy.Symbol:
         """Time of an event, s, for outputs without a time.
 
@@ -354,6 +393,12 @@ class Component:
     def __repr__(self) -> str:
         where = ", ".join(getattr(self.attached[b], "name", repr(self.attached[b])) for b in self.bodies)
         return f"<{type(self).__name__} {self.name!r}: {where}>"
+
+
+def _place_of(error: BaseException) -> str:
+    """File and line in which an error came up, as a part of a sentence."""
+    frames = traceback.extract_tb(error.__traceback__)[1:]
+    return f" ({Path(frames[-1].filename).name}, line {frames[-1].lineno})" if frames else ""
 
 
 def event_name(component: str, label: str, number: int) -> str:

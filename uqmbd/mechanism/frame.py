@@ -11,6 +11,7 @@ from uqmbd.errors import StudyError
 from uqmbd.mechanism.geometry import quaternion_product
 from uqmbd.mechanism.numbers import flatten, shown
 from uqmbd.mechanism.space import Space
+from uqmbd.names import checked
 
 __all__ = ["Frame"]
 
@@ -97,22 +98,27 @@ class Frame:
         """Angular acceleration, world axes (outputs only)."""
         return self._rate(self.angular_velocity)
 
+    @checked
     def attitude(self, local: Sequence[Any]) -> tuple[sympy.Expr, ...]:
         """Quaternion, to the world, of a frame whose quaternion relative to this one is given."""
         return quaternion_product(self.quaternion, local)
 
+    @checked
     def direction(self, local: Sequence[Any]) -> sympy.Matrix:
         """Turn a vector from body axes to world axes."""
         return self.rotation * self._column(local, "direction", "vector")
 
+    @checked
     def point(self, local: Sequence[Any]) -> sympy.Matrix:
         """World position of a point given in the body frame."""
         return self.position + self.rotation * self._column(local, "point", "point")
 
+    @checked
     def point_velocity(self, local: Sequence[Any]) -> sympy.Matrix:
         """World velocity of a point fixed in the body, ``r' + d/dt(A c)``: quadratic in the quaternion."""
         return self._rate(self.point(local))
 
+    @checked
     def point_acceleration(self, local: Sequence[Any]) -> sympy.Matrix:
         """World acceleration of a point fixed in the body (outputs only)."""
         return self._rate(self.point_velocity(local))

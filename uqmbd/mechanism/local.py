@@ -7,6 +7,7 @@ from typing import Any
 
 import sympy
 
+from uqmbd.errors import StudyError
 from uqmbd.mechanism.frame import Frame
 from uqmbd.mechanism.numbers import flatten
 from uqmbd.mechanism.space import Space
@@ -30,7 +31,7 @@ class Quantity(sympy.Dummy):
     def _eval_derivative_n_times(self, s: sympy.Symbol, n: Any) -> sympy.Expr:
         if s not in self.contains:
             return super()._eval_derivative_n_times(s, n)
-        raise TypeError(
+        raise StudyError(
             f"{self.name!r} is a quantity made by let(), whose derivative is not known here; use rate_of() "
             "for its rate in time, or differentiate the expression before it is given to let()."
         )

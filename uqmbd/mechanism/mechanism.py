@@ -21,7 +21,7 @@ from uqmbd.mechanism.scalars import check_scalar, is_scalar
 from uqmbd.mechanism.space import Space
 from uqmbd.mechanism.symbols import require_known
 from uqmbd.mechanism.values import settle
-from uqmbd.names import check_name, check_units
+from uqmbd.names import check_name, check_units, checked
 from uqmbd.randomness import JointInput, RandomVariable
 
 __all__ = ["Mechanism", "Output"]
@@ -63,6 +63,7 @@ class Mechanism:
     ['height']
     """
 
+    @checked
     def __init__(self, name: str, space: Space) -> None:
         self.name = check_name(name, "mechanism")
         self.bodies: dict[str, Body] = {}
@@ -80,6 +81,7 @@ class Mechanism:
         """Outputs without a time."""
         self._memory: dict[Hashable, tuple[tuple[int, ...], Any]] = {}
 
+    @checked
     def body(
         self,
         name: str,
@@ -166,6 +168,7 @@ class Mechanism:
         self.bodies[name] = body
         return body
 
+    @checked
     def add(self, component: C) -> C:
         """Add a joint, driver, spring or force.
 
@@ -216,6 +219,7 @@ class Mechanism:
         self.components[component.name] = component
         return component
 
+    @checked
     def output(self, name: str, expression: Any, units: str = "", angle: bool = False) -> None:
         """Record a scalar expression at every time of a study.
 

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
 import sympy
 
 from uqmbd.errors import StudyError
+from uqmbd.mechanism.computable import UNEVALUATED, foreign_part, told
 from uqmbd.randomness import RandomVariable
 
 __all__ = ["flatten", "numbers", "random_variables", "shown"]
@@ -98,13 +100,37 @@ def _number(where: str, entry: Any, value: Any, wanted: str) -> sympy.Expr:
         number = sympy.sympify(entry, strict=True)
     except (sympy.SympifyError, TypeError, ValueError):
         raise StudyError(f"{where} is {given}, which is no number or expression; {wanted}.") from None
-    if not isinstance(number, sympy.Expr):
+    if not isinstance(number, sympy.Expr) or number.is_commutative is False:
         raise StudyError(f"{where} is {given}, which is a {type(number).__name__}; {wanted}.")
-    if number.has(sympy.nan, sympy.oo, -sympy.oo, sympy.zoo):
+    if number.has(sympy.nan, sympy.zoo) or (number.has(sympy.oo, -sympy.oo) and not number.atoms(*UNEVALUATED)):
         raise StudyError(f"{where} is {given}, which is not finite; {wanted}.")
+    if (foreign := foreign_part(number)) is not None:
+        # a constant has a value all the same, such as that of a definite integral
+        value = None if number.free_symbols else _evaluated(number)
+        if value is None:
+            raise StudyError(f"{where} is {given}: {told(foreign)}")
+        number = value
     if number.has(sympy.I) or (number.is_number and not number.is_real):
         raise StudyError(f"{where} is {given}, which is not real; {wanted}.")
+    if number.is_number and not math.isfinite(_float(number)):
+        raise StudyError(f"{where} is {given}, which is too large for a number of 64 bits; {wanted}.")
     return number
+
+
+def _evaluated(constant: sympy.Expr) -> sympy.Expr | None:
+    """Return the value of a constant that is not written out; None if it has no finite one."""
+    try:
+        value = constant.doit().evalf()
+    except Exception:  # noqa: BLE001 - SymPy fails in many ways where there is no value
+        return None
+    return value if isinstance(value, sympy.Number) and value.is_finite else None
+
+
+def _float(number: sympy.Expr) -> float:
+    try:
+        return float(number)
+    except (OverflowError, TypeError):
+        return math.inf
 
 
 def _parts(value: Any) -> list[Any] | None:

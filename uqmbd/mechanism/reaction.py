@@ -6,13 +6,15 @@ from typing import TYPE_CHECKING, Any
 
 import sympy
 
+from uqmbd.randomness.symbolic import Symbolic
+
 if TYPE_CHECKING:
     from uqmbd.mechanism.component import Component
 
 __all__ = ["PlaneReaction", "ReactionSymbol"]
 
 
-class ReactionSymbol(sympy.Symbol):
+class ReactionSymbol(Symbolic, sympy.Symbol):
     """One number of a component's reaction, a placeholder in output expressions."""
 
     component: Component

@@ -8,9 +8,12 @@ from typing import Any, Literal
 import sympy
 
 from uqmbd.errors import StudyError
+from uqmbd.mechanism.computable import Placeholder
 from uqmbd.mechanism.numbers import flatten, shown
 from uqmbd.mechanism.time import t
+from uqmbd.names import checked
 from uqmbd.randomness import RandomVariable
+from uqmbd.randomness.symbolic import Symbolic
 
 __all__ = [
     "AtEquilibrium",
@@ -26,7 +29,7 @@ __all__ = [
 At = Literal["equilibrium", "start"]
 
 
-class ScalarSymbol(sympy.Symbol):
+class ScalarSymbol(Symbolic, sympy.Symbol):
     """A number that a realisation has once, whatever the output times; the same for the same name.
 
     `quantity` says what it is (``frequency`` or ``damping_ratio`` of a mode), `number` of which mode, `at` about which
@@ -62,13 +65,14 @@ class MotionSymbol(ScalarSymbol):
         return self
 
 
-class AtEquilibrium(sympy.Function):
+class AtEquilibrium(Placeholder, sympy.Function):
     """The value of an expression at the static equilibrium of a realisation."""
 
     nargs = 1
     is_real = True
 
 
+@checked
 def eigenfrequency(number: int, at: At = "equilibrium") -> sympy.Expr:
     """Return the natural frequency of a mode, in Hz, for use in an output.
 
@@ -109,6 +113,7 @@ def eigenfrequency(number: int, at: At = "equilibrium") -> sympy.Expr:
     return _modal("eigenfrequency", "frequency", number, at)
 
 
+@checked
 def damping_ratio(number: int, at: At = "equilibrium") -> sympy.Expr:
     """Return the damping ratio of a mode, ``-Re(eigenvalue) / |eigenvalue|``, for use in an output.
 
@@ -134,6 +139,7 @@ def damping_ratio(number: int, at: At = "equilibrium") -> sympy.Expr:
     return _modal("damping_ratio", "damping_ratio", number, at)
 
 
+@checked
 def at_equilibrium(expression: Any) -> sympy.Expr:
     """Return the value of an expression at the static equilibrium of a realisation, for use in an output.
 

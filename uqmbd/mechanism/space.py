@@ -6,13 +6,15 @@ Rotations are unit quaternions, scalar first, from the body to the world; in the
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
 import sympy
 
 from uqmbd.mechanism.numbers import numbers
+from uqmbd.names import check_arguments
 
 __all__ = ["Planar", "Space", "Spatial", "Translational"]
 
@@ -33,6 +35,11 @@ class Space:
     dimension: ClassVar[int]
     coordinates: ClassVar[tuple[str, ...]]
     turns: ClassVar[bool] = True
+
+    def __new__(cls, *arguments: Any, **keywords: Any) -> Self:
+        """Refuse arguments that there are not."""
+        check_arguments(cls.__name__, inspect.signature(cls.__init__), (None, *arguments), keywords, bound=True)
+        return super().__new__(cls)
 
     def __post_init__(self) -> None:
         gravity = (0.0,) * self.dimension if self.gravity is None else self.gravity

@@ -7,11 +7,12 @@ from typing import Any
 import sympy
 
 from uqmbd.errors import StudyError
+from uqmbd.randomness.symbolic import Symbolic
 
 __all__ = ["step", "t"]
 
 
-class _Time(sympy.Symbol):
+class _Time(Symbolic, sympy.Symbol):
     """The time symbol; a class of its own, so that a user's symbol named ``t`` is never taken for it."""
 
     def __new__(cls) -> _Time:

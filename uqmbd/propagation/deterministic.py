@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from uqmbd.errors import AssemblyError, IntegrationError, RedundantConstraintWarning, StudyError, UqmbdError
+from uqmbd.names import checked
 from uqmbd.propagation.accuracy import LONG_NAME, deviation, tighter
 from uqmbd.propagation.options import check_integrator, check_rtol, check_start, check_times
 
@@ -26,6 +27,7 @@ __all__ = ["input_point", "observed_model", "refuse_jumps", "simulate", "variabl
 Array = NDArray[np.float64]
 
 
+@checked
 def simulate(
     mechanism: Mechanism,
     times: ArrayLike,

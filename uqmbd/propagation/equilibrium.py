@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from uqmbd.errors import AssemblyError, StudyError
+from uqmbd.names import checked
 from uqmbd.propagation.deterministic import input_point, observed_model, variables_of
 
 if TYPE_CHECKING:
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
 __all__ = ["eigenfrequencies", "static_equilibrium"]
 
 
+@checked
 def static_equilibrium(
     mechanism: Mechanism, values: Mapping[str, float] | None = None, time: float = 0.0
 ) -> xr.Dataset:
@@ -75,6 +77,7 @@ def static_equilibrium(
     return xr.Dataset(variables_of(model, response), coords={"time": ((), model.time, {"units": "s"})}, attrs=attrs)
 
 
+@checked
 def eigenfrequencies(
     mechanism: Mechanism, values: Mapping[str, float] | None = None, at: str = "equilibrium", time: float = 0.0
 ) -> xr.Dataset:

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 from uqmbd.errors import StudyError
-from uqmbd.names import check_name, did_you_mean
+from uqmbd.names import check_arguments, check_label, did_you_mean
+from uqmbd.propagation.annotations import check_options
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -34,7 +35,8 @@ class Propagator(ABC):
     Raises
     ------
     uqmbd.StudyError
-        If it is given an option that it does not have.
+        If it is given an option that it does not have, or a value of another type than the option has, or a label that
+        cannot name its results.
 
     Examples
     --------
@@ -56,12 +58,16 @@ class Propagator(ABC):
                 f"{cls.__name__}: there is no option {unknown[0]!r}{did_you_mean(unknown[0], known) or '.'} "
                 f"Its options are {', '.join(known)}."
             )
+        check_arguments(cls.__name__, inspect.signature(cls.__init__), (None, *arguments), options, bound=True)
+        check_options(cls, options)
+        if options.get("label") is not None:
+            check_label(options["label"])
         return super().__new__(cls)
 
     @property
     def node_name(self) -> str:
         """The label, or the registered name."""
-        return check_name(self.name if self.label is None else self.label, "label")
+        return check_label(self.name if self.label is None else self.label)
 
     def obstacle(self, study: Study) -> str | None:
         """Return why this method cannot do a study, in one sentence, or None: `uqmbd check` shows it.

@@ -137,6 +137,7 @@ def _explain(error: BaseException, file: Path, shown: str) -> str:
         text = str(error)
     elif isinstance(error, SystemExit):
         text = f"the script ended itself (SystemExit: {error.code}) before it could be used"
+    text += _remedy(error)
     notes = "".join(f"\n{note}" for note in getattr(error, "__notes__", ()))
     frames = [frame for frame in traceback.extract_tb(error.__traceback__) if _same_file(frame.filename, file)]
     if not frames:
@@ -144,6 +145,26 @@ def _explain(error: BaseException, file: Path, shown: str) -> str:
     frame = frames[-1]
     inside = "" if frame.name == "<module>" else f", in {frame.name}"
     return f"{shown}, line {frame.lineno}{inside}:\n    {_statement(frame)}\n{text}{notes}"
+
+
+def _remedy(error: BaseException) -> str:
+    """Say what to write where a function of numbers was given an expression; empty for anything else."""
+    import sympy
+
+    written = (
+        "\nIt was given an expression, and functions of NumPy and math compute with numbers alone: write those of "
+        "SymPy, as sympy.sin(2 * uqmbd.t)."
+    )
+    cause = error.__cause__
+    # NumPy looks for a method of the expression; math asks it for its value
+    if isinstance(error, TypeError) and isinstance(cause, AttributeError) and isinstance(cause.obj, sympy.Basic):
+        return written
+    place = error.__traceback__
+    while place is not None and place.tb_next is not None:
+        place = place.tb_next
+    if isinstance(error, TypeError) and place is not None and place.tb_frame.f_code is sympy.Expr.__float__.__code__:
+        return written
+    return ""
 
 
 def _statement(frame: traceback.FrameSummary) -> str:

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 from numpy.typing import ArrayLike
 
 from uqmbd.errors import StudyError
-from uqmbd.names import check_name
+from uqmbd.names import check_name, checked
 from uqmbd.propagation.attempts import attempt, joined
 from uqmbd.propagation.deterministic import observed_model, refuse_jumps
 from uqmbd.propagation.growing import check_convergence_of, with_convergence
@@ -90,6 +90,7 @@ class Study:
     ['comparison', 'monte-carlo']
     """
 
+    @checked
     def __init__(
         self,
         name: str,
@@ -193,6 +194,7 @@ class Study:
             checkpoint=Checkpoint(folder, propagator.node_name) if folder else None,
         )
 
+    @checked
     def propagate(
         self, propagator: Propagator, workers: int | Executor = 1, progress: Progress | bool | None = None
     ) -> xr.DataTree:
@@ -207,6 +209,7 @@ class Study:
         with pool(workers) as executor:
             return propagated(propagator, self.problem(propagator, executor, progress))
 
+    @checked
     def run(
         self,
         workers: int | Executor = 1,
@@ -280,6 +283,7 @@ class Study:
         about = {"rtol": self.rtol, "integrator": self.integrator, "start": self.start}
         return {**about, **shown, **_parts(self.mechanism)}
 
+    @checked
     def converge(
         self,
         propagators: Propagator | type[Propagator] | Sequence[Propagator | type[Propagator]],

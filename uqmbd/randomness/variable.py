@@ -12,7 +12,8 @@ import scipy.special
 import sympy
 
 from uqmbd.errors import StudyError
-from uqmbd.names import check_name, check_units
+from uqmbd.names import check_name, check_units, checked
+from uqmbd.randomness.symbolic import Symbolic
 
 if TYPE_CHECKING:
     import chaospy
@@ -38,7 +39,7 @@ class Joint:
         return tuple(RandomVariable._member(self, i) for i in range(len(self.names)))
 
 
-class RandomVariable(sympy.Symbol):
+class RandomVariable(Symbolic, sympy.Symbol):
     """A scalar that is not known exactly, usable in any SymPy expression.
 
     Parameters
@@ -70,6 +71,7 @@ class RandomVariable(sympy.Symbol):
     joint: Joint
     component: int
 
+    @checked
     def __new__(cls, name: str, distribution: chaospy.Distribution = None, units: str = "") -> RandomVariable:
         """Check what is given."""
         where = f"random variable {check_name(name, 'random variable')!r}"
@@ -109,6 +111,7 @@ class RandomVariable(sympy.Symbol):
         return f"component {self.component + 1} of {self.joint.distribution}"
 
 
+@checked
 def random_vector(
     names: Sequence[str], distribution: chaospy.Distribution, units: str | Sequence[str] = ""
 ) -> tuple[RandomVariable, ...]:

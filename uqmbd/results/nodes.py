@@ -13,11 +13,11 @@ import numpy as np
 import xarray as xr
 
 from uqmbd.errors import StudyError
+from uqmbd.names import check_label
 from uqmbd.results.scalars import compare_both
 
 __all__ = ["failed_methods", "join_nodes", "propagator_node", "study_tree"]
 
-RESERVED_LABELS = frozenset({"comparison", "convergence", "motion", "statistics", "samples", "chaos", "scalars"})
 _RECORDED_PACKAGES = ("numpy", "scipy", "xarray", "sympy", "symengine", "scikit-sundae", "chaospy")
 
 
@@ -81,9 +81,7 @@ def propagator_node(
     >>> node.name, node.attrs["options"]
     ('mine', '{"order": 1}')
     """
-    if not isinstance(label, str) or not label.strip() or "/" in label or label in RESERVED_LABELS:
-        reserved = ", ".join(sorted(RESERVED_LABELS))
-        raise StudyError(f"A label must not be empty, contain '/' or be one of {reserved}; {label!r} was given.")
+    check_label(label)
     if failures is None:
         failures = 0 if samples is None else int((samples["status"] != 0).sum())
     provenance: dict[str, Any] = {

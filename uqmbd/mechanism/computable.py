@@ -1,0 +1,93 @@
+"""What expressions may consist of: the operations and functions that can be compiled and differentiated."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import sympy
+from sympy.core.function import AppliedUndef
+from sympy.core.numbers import ImaginaryUnit
+from sympy.logic.boolalg import BooleanAtom, BooleanFunction
+
+from uqmbd.mechanism.time import step
+
+__all__ = ["FUNCTIONS", "UNEVALUATED", "WITHOUT_DERIVATIVE", "Placeholder", "foreign_part", "told"]
+
+FUNCTIONS: tuple[type[sympy.Basic], ...] = (
+    sympy.sin, sympy.cos, sympy.tan, sympy.cot, sympy.sec, sympy.csc,
+    sympy.asin, sympy.acos, sympy.atan, sympy.acot, sympy.asec, sympy.acsc, sympy.atan2,
+    sympy.sinh, sympy.cosh, sympy.tanh, sympy.coth, sympy.sech, sympy.csch,
+    sympy.asinh, sympy.acosh, sympy.atanh, sympy.acoth,
+    sympy.exp, sympy.log, sympy.erf, sympy.erfc, sympy.gamma, sympy.loggamma,
+    sympy.Abs, sympy.sign, sympy.Heaviside, sympy.Max, sympy.Min, sympy.floor, sympy.ceiling, sympy.Piecewise, step,
+)  # fmt: skip
+"""Functions that expressions may contain."""
+
+WITHOUT_DERIVATIVE: tuple[type[sympy.Basic], ...] = (sympy.floor, sympy.ceiling, sympy.gamma, sympy.loggamma)
+"""Those of them whose derivative cannot be computed."""
+
+
+class Placeholder:
+    """Base of functions that stand for what is computed otherwise, such as a value at equilibrium."""
+
+
+_OPERATIONS: tuple[type[sympy.Basic], ...] = (
+    sympy.Add, sympy.Mul, sympy.Pow, sympy.Symbol, sympy.Number, sympy.NumberSymbol, ImaginaryUnit,
+    sympy.core.relational.Relational, BooleanFunction, BooleanAtom, sympy.functions.elementary.piecewise.ExprCondPair,
+)  # fmt: skip
+
+UNEVALUATED: tuple[type[sympy.Basic], ...] = (
+    sympy.Integral, sympy.Derivative, sympy.Sum, sympy.Product, sympy.Limit, sympy.Subs,
+)  # fmt: skip
+"""What SymPy writes down without computing it."""
+
+
+_KNOWN: tuple[Any, ...] = (*_OPERATIONS, *FUNCTIONS, Placeholder)
+
+
+def foreign_part(expression: Any) -> sympy.Basic | None:
+    """Return a part of an expression that can be neither compiled nor differentiated; None if there is none.
+
+    Examples
+    --------
+    >>> x = sympy.Symbol("x")
+    >>> foreign_part(2 * sympy.sin(x)), foreign_part(1 + sympy.besselj(0, x))
+    (None, besselj(0, x))
+    """
+    waiting: list[Any] = [expression]
+    seen: set[Any] = set()
+    while waiting:
+        part = waiting.pop()
+        if part in seen:
+            continue
+        seen.add(part)
+        if not isinstance(part, _KNOWN):
+            return part
+        waiting += list(part.args)
+    return None
+
+
+def told(part: sympy.Basic) -> str:
+    """Say, as the end of a sentence, what is wrong with a part that `foreign_part` found, and what to write instead.
+
+    Examples
+    --------
+    >>> print(told(sympy.Function("f")(sympy.Symbol("x"))))
+    it contains f(x), and the function f is not defined; write the expression that it stands for.
+    """
+    text = str(part)
+    text = text if len(text) <= 80 else text[:77] + "..."
+    kind = type(part).__name__
+    if isinstance(part, AppliedUndef):
+        return f"it contains {text}, and the function {kind} is not defined; write the expression that it stands for."
+    if isinstance(part, UNEVALUATED):
+        return (
+            f"it contains {text}, which is not evaluated; call .doit() on it, or write what it comes to (a spline "
+            "through samples, or a state of a component of your own, whose rate is known)."
+        )
+    if isinstance(part, sympy.Function):
+        return (
+            f"it contains {text}, and {kind} cannot be computed; write it with the functions that can: "
+            f"{', '.join(sorted(f.__name__ for f in FUNCTIONS))}."
+        )
+    return f"it contains {text}, which is a {kind} and no number."

@@ -1,0 +1,41 @@
+"""Symbols of uqmbd in functions of NumPy: these compute numbers, so that a message says what to write instead."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NoReturn
+
+from uqmbd.errors import StudyError
+
+__all__ = ["Symbolic"]
+
+_WRITTEN = {
+    **{name: name for name in ("sin", "cos", "tan", "sinh", "cosh", "tanh", "exp", "log", "sqrt", "cbrt")},
+    **{f"arc{name}": f"a{name}" for name in ("sin", "cos", "tan", "tan2", "sinh", "cosh", "tanh")},
+    "exp2": "2**x", "expm1": "exp(x) - 1", "log2": "log(x, 2)", "log10": "log(x, 10)", "log1p": "log(1 + x)",
+    "fabs": "Abs", "hypot": "sqrt(x**2 + y**2)", "deg2rad": "x * sympy.pi / 180", "radians": "x * sympy.pi / 180",
+    "rad2deg": "x * 180 / sympy.pi", "degrees": "x * 180 / sympy.pi", "rint": "floor(x + 1/2)",
+}  # fmt: skip
+"""Functions of NumPy, and how they are written with SymPy."""
+
+
+def _refusal(name: str, written: str) -> Callable[..., NoReturn]:
+    write = f"sympy.{written}" if written.isidentifier() else f"{written}, with functions of SymPy"
+
+    def refuse(self: Any, *others: Any) -> NoReturn:
+        raise StudyError(
+            f"numpy.{name} was given {self}, which stands for a quantity and is no number: NumPy computes with numbers "
+            f"alone; write {write}."
+        )
+
+    return refuse
+
+
+class Symbolic:
+    """Base of symbols: NumPy asks an object for a method of the function's name, and finds one that says what to do."""
+
+    __slots__ = ()
+
+
+for _name, _function in _WRITTEN.items():
+    setattr(Symbolic, _name, _refusal(_name, _function))
