@@ -10,8 +10,8 @@ import numpy as np
 import sympy
 from numpy.typing import NDArray
 
-from uqmbd.dynamics.block import plain
 from uqmbd.dynamics.ensemble import Ensemble
+from uqmbd.dynamics.expressions import plain
 from uqmbd.dynamics.parameters import ParameterMap
 from uqmbd.dynamics.rank import named
 from uqmbd.mechanism import Component
