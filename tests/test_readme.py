@@ -1,0 +1,103 @@
+"""The README's blocks run as they stand: all in order, each alone, and as plain scripts."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from uqmbd.propagation.script import load_study
+from uqmbd.results import save
+
+ROOT = Path(__file__).parents[1]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+BLOCKS = [
+    pytest.param(found[1], id=f"line {README[: found.start(1)].count(chr(10)) + 1}")
+    for found in re.finditer(r"^```python\n(.*?)^```$", README, re.M | re.S)
+]
+PENDULUM, RUN = (block.values[0] for block in BLOCKS[:2])
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory):
+    """What the README's first command writes, of the method that its blocks read."""
+    path = list(sys.path)
+    study = load_study(ROOT / "studies" / "slider_crank.py")
+    sys.path[:] = path
+    return save(study.run(only=["collocation"]), tmp_path_factory.mktemp("first") / "results" / "results.nc")
+
+
+@pytest.fixture
+def folder(results, tmp_path, monkeypatch):
+    """A folder with the first script, and what the first command wrote."""
+    (tmp_path / "pendulum.py").write_text(PENDULUM, encoding="utf-8")
+    (tmp_path / "results").mkdir()
+    (tmp_path / "results" / "results.nc").write_bytes(results.read_bytes())
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    monkeypatch.delitem(sys.modules, "pendulum", raising=False)
+    yield tmp_path
+    sys.modules.pop("pendulum", None)
+
+
+def execute(source, namespace):
+    exec(compile(source, "README.md", "exec"), namespace)
+    return namespace
+
+
+def test_there_are_blocks():
+    assert len(BLOCKS) >= 6 and README.count("```python") == len(BLOCKS)
+
+
+def test_the_first_block_is_the_study_of_its_name():
+    """Up to its first line, which is for readers of the file, and how it is formatted."""
+    script = (ROOT / "studies" / "pendulum.py").read_text(encoding="utf-8")
+    assert PENDULUM.split("\n\n", 1)[1].split() == script[script.index("length =") :].split()
+
+
+def test_all_blocks_in_order(folder):
+    namespace = {"__name__": "__main__"}
+    for block in BLOCKS:
+        execute(block.values[0], namespace)
+    assert (folder / "error_cost.png").stat().st_size > 1000
+    assert namespace["found"]["std_error_l2"].sizes["method"] == 2
+
+
+@pytest.mark.parametrize("source", [block for block in BLOCKS if block.values[0] != RUN])
+def test_block_alone(folder, source):
+    execute(source, {"__name__": "__main__"})
+
+
+def run_file(path):
+    return subprocess.run([sys.executable, path], capture_output=True, text=True, check=False)
+
+
+def test_block_that_asks_for_two_workers_is_a_script_that_runs_as_written(folder):
+    """Beside the study, and without a guard."""
+    (folder / "mine.py").write_text(RUN, encoding="utf-8")
+    run = run_file("mine.py")
+    assert (run.returncode, run.stdout, run.stderr) == (0, "", "")
+
+
+@pytest.mark.slow
+def test_study_and_run_in_one_file_are_a_script_that_runs_as_written(folder):
+    """The line that imports the study is left out, as the README says."""
+    source = PENDULUM + RUN.replace("from pendulum import mechanism, study\n", "")
+    (folder / "mine.py").write_text(source + 'print("once")\n', encoding="utf-8")
+    (folder / "pendulum.py").unlink()
+    run = run_file("mine.py")
+    assert (run.returncode, run.stdout, run.stderr) == (0, "once\n", "")
+
+
+def test_public_modules_are_there_and_cost_nothing_before_they_are_used():
+    code = """
+import sys, uqmbd
+print(*[name for name in ("numpy", "sympy", "xarray", "matplotlib") if name in sys.modules])
+print(uqmbd.report.error_cost.__name__, uqmbd.results.load.__name__, uqmbd.testing.check_component.__name__)
+print(all(hasattr(uqmbd, name) for name in dir(uqmbd)))
+"""
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert run.stdout.splitlines() == ["", "error_cost load check_component", "True"], run.stderr
