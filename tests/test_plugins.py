@@ -139,6 +139,38 @@ def test_the_reason_says_where_it_comes_from(install, loaded):
     assert "plugin_broken.py, line 3" in infos["plugin_broken"].errors[0]
 
 
+@pytest.mark.parametrize(
+    ("body", "problem"),
+    [
+        ("name = 'leap'", "which has no method integrate(ensemble, times, rtol)"),
+        ("name = 'ida'\n    def integrate(self, e, t, r): pass", "whose name 'ida' is that of an integrator of uqmbd"),
+        (
+            "name = 'leap'\n    events = 'yes'\n    def integrate(self, e, t, r): pass",
+            "class attribute `events` is 'yes'",
+        ),
+        (
+            "name = 'leap'\n    projected = True\n    def integrate(self, e, t, r): pass",
+            "no method integrate_projected(",
+        ),
+    ],
+)
+def test_integrators_that_cannot_be_used(install, loaded, body, problem):
+    install(
+        "plugin_leap",
+        f"import uqmbd\nclass Leap:\n    {body}\n@uqmbd.hookimpl\ndef uqmbd_integrators():\n    return [Leap]\n",
+    )
+    registry, infos = loaded()
+    assert registry.classes["integrators"] == {} and infos["plugin_leap"].status == "failed"
+    assert problem in infos["plugin_leap"].errors[0]
+
+
+def test_integrators_declare_what_they_can(install, loaded):
+    source = "import uqmbd\nclass Leap:\n    name = 'leap'\n    events = True\n    def integrate(self, e, t, r): pass\n"
+    install("plugin_leap", source + "@uqmbd.hookimpl\ndef uqmbd_integrators():\n    return [Leap]\n")
+    registry, infos = loaded()
+    assert list(registry.classes["integrators"]) == ["leap"] and infos["plugin_leap"].errors == ()
+
+
 def test_name_that_is_taken_stays_with_the_first(install, loaded):
     install("plugin_b", good(propagator="other"))
     install("plugin_a", good())

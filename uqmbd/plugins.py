@@ -49,6 +49,7 @@ __all__ = [
 ]
 
 GROUP = "uqmbd"
+RESERVED_INTEGRATORS = ("auto", "dop853", "ida")
 DISABLE = "UQMBD_DISABLE_PLUGINS"
 
 hookimpl = pluggy.HookimplMarker("uqmbd")
@@ -68,7 +69,13 @@ class _Hooks:
 
     @_hookspec
     def uqmbd_integrators(self) -> Sequence[type]:  # type: ignore[empty-body]
-        """Offer time integrators, known by their class attribute ``name``."""
+        """Offer time integrators, known by their class attribute ``name``.
+
+        The class has a method ``integrate(ensemble, times, rtol)``, which returns `uqmbd.Trajectories`.  What more it
+        can it declares by class attributes, which are False where they are left out: ``events = True``, it follows the
+        impacts and other events of ``ensemble.model``; ``projected = True``, it has a method
+        ``integrate_projected(projected, times, rtol)``, which returns `uqmbd.ProjectedTrajectories`, for Galerkin.
+        """
 
     @_hookspec
     def uqmbd_report_sections(self) -> Sequence[type]:  # type: ignore[empty-body]
@@ -338,7 +345,21 @@ def _registered_name(cls: Any, kind: _Kind) -> tuple[str, str]:
     # of the type itself: a text of another kind may do anything when it is compared
     if type(name) is not str or not name or "/" in name:
         return "", "whose class attribute `name` is not a string without '/', such as \"monte-carlo\""
-    return name, ""
+    return name, _integrator_problem(cls, name) if kind.hook == "uqmbd_integrators" else ""
+
+
+def _integrator_problem(cls: type, name: str) -> str:
+    """Return what keeps a class from being an integrator, or nothing."""
+    if name in RESERVED_INTEGRATORS:
+        return f"whose name {name!r} is that of an integrator of uqmbd"
+    if not callable(getattr(cls, "integrate", None)):
+        return "which has no method integrate(ensemble, times, rtol)"
+    for flag in ("events", "projected"):
+        if not isinstance(getattr(cls, flag, False), bool):
+            return f"whose class attribute `{flag}` is {_short(getattr(cls, flag))}; True or False is expected"
+    if getattr(cls, "projected", False) and not callable(getattr(cls, "integrate_projected", None)):
+        return "which declares projected = True, but has no method integrate_projected(projected, times, rtol)"
+    return ""
 
 
 def _describe(entry_point: importlib.metadata.EntryPoint) -> PluginInfo:

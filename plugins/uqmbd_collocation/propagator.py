@@ -161,6 +161,8 @@ class Collocation(uqmbd.Propagator):
             )
         try:
             space = uqmbd.GermSpace.of(study.mechanism.inputs, self.transform)
+            if self.alignment is not None:
+                study.problem(self).require("segments")
             if self.adaptive != "dimension":
                 plan(self, space, self.order, self.node_name).check(space)
         except uqmbd.StudyError as error:

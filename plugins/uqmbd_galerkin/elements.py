@@ -101,8 +101,7 @@ class _Elements:
     def compute(self, boxes: Sequence[uqmbd.GermBox]) -> list[PolynomialChaos]:
         """Solve each box, and compute the verification realisations of all together."""
         options, problem = self.options, self.problem
-        chosen = options.integrator or problem.integrator
-        how = (chosen if chosen in ("auto", "dop853", "ida") else "auto", options.linear_solver)
+        how = (options.integrator or problem.integrator, options.linear_solver)
         points, bases, tasks = [], [], []
         for number, box in enumerate(boxes, start=len(self.nodes)):
             terms = basis(options, box.local)

@@ -70,7 +70,7 @@ class Galerkin(uqmbd.Propagator):
     linear_solver : {"auto", "dense", "sparse", "krylov-nodal", "krylov-mean"}
         Of the implicit integrator, where it is used.
     integrator : {"auto", "dop853", "ida"}, optional
-        As for a study; default: that of the study.
+        As for a study; default: that of the study, which must be able to integrate projected equations.
     verify : int
         Realisations at points that no node uses, from which the error is stated; 0: none.
     stop_at : float, optional
@@ -204,6 +204,7 @@ class Galerkin(uqmbd.Propagator):
                 problem = study.problem(self)
             # outputs without a time are evaluated at the nodes: the motion is not projected for them
             if problem.model.outputs.names:
+                self.require_integrator(problem)
                 ensemble = problem.ensemble(space.to_inputs(rule.nodes))
                 refuse_impacts(self, ensemble, terms=len(terms), nodes=len(rule.nodes))
                 self._projected(self.node_name, ensemble, space, terms, rule)
@@ -232,6 +233,7 @@ class Galerkin(uqmbd.Propagator):
         terms = basis(self, space)
         rule = quadrature(self, problem.label, space, terms)
         if not problem.timeless:
+            self.require_integrator(problem)
             one = problem.ensemble(space.to_inputs(rule.nodes[:1]))
             refuse_impacts(self, one, terms=len(terms), nodes=len(rule.nodes))
         if self.elements is not None:
@@ -263,7 +265,7 @@ class Galerkin(uqmbd.Propagator):
         found = projected.integrate(
             problem.times,
             problem.rtol,
-            self.integrator or (problem.integrator if problem.integrator in ("auto", "dop853", "ida") else "auto"),
+            self.integrator or problem.integrator,
             self.linear_solver,
             watch if self.stop_at is not None else None,
         )
@@ -306,6 +308,14 @@ class Galerkin(uqmbd.Propagator):
                 **({} if count == len(problem.times) else {"ends_at": float(problem.times[count - 1])}),
             },
         )
+
+    def require_integrator(self, problem: uqmbd.Problem) -> None:
+        """Raise where the integrator cannot integrate projected equations, or not across the events that there are."""
+        remedy = f"Use {type(self).__name__}(integrator=...) or a study with"
+        problem.require("projected", self.integrator, remedy)
+        # other events only note when they happen
+        if any(directions for *_, directions in problem.model.events):
+            problem.require("events", self.integrator, remedy)
 
     @property
     def products(self) -> Terms:

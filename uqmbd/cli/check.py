@@ -48,6 +48,7 @@ def show_check(script: Path, figure: Path | None = None) -> None:
     if figure is not None:
         draw_figure(study, figure)
     found: Any = uqmbd.check(study.mechanism)
+    _require_integrator(study)
     screen = console()
     screen.print(Text(f"{study.name}: mechanism {study.mechanism.name}", style="bold"))
     screen.print(f"  bodies      {len(found.bodies)}: {', '.join(found.bodies)}", markup=False)
@@ -70,6 +71,15 @@ def show_check(script: Path, figure: Path | None = None) -> None:
     _show_components(screen, found.components)
     _show_inputs(screen, found.inputs, found.unused_inputs)
     _show_propagators(screen, study)
+
+
+def _require_integrator(study: Study) -> None:
+    """Raise where the integrator of the study cannot do what its mechanism needs."""
+    from uqmbd.dynamics import build, require_for
+
+    integrator = getattr(study, "integrator", "auto")
+    if integrator != "auto":
+        require_for(build(study.mechanism, float(study.times[0])), integrator, f"study {study.name!r}")
 
 
 def _equations(found: Any) -> str:

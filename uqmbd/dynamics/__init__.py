@@ -6,12 +6,13 @@ The only place that imports scikit-sundae and compiles with SymEngine.
 from __future__ import annotations
 
 from uqmbd.dynamics.build import build, kinematic_model
+from uqmbd.dynamics.capabilities import INTEGRATORS, Capability, Integrator, capabilities, require, require_for
 from uqmbd.dynamics.check import Check, check
 from uqmbd.dynamics.checked import checked, off_constraints
 from uqmbd.dynamics.contacts import Lens
 from uqmbd.dynamics.ensemble import Ensemble
 from uqmbd.dynamics.hybrid import Hybrid
-from uqmbd.dynamics.integration import INTEGRATORS, Integrator, integrate
+from uqmbd.dynamics.integration import integrate
 from uqmbd.dynamics.linearisation import Modes, linearise
 from uqmbd.dynamics.model import Layout, Model
 from uqmbd.dynamics.prescribed import position_jumps
@@ -23,6 +24,7 @@ from uqmbd.dynamics.terms import MechanismTerms, mechanism_terms
 from uqmbd.dynamics.trajectories import Counters, Trajectories
 
 __all__ = [
+    "Capability",
     "Check",
     "Counters",
     "Ensemble",
@@ -40,6 +42,7 @@ __all__ = [
     "ScalarValues",
     "Trajectories",
     "build",
+    "capabilities",
     "check",
     "checked",
     "integrate",
@@ -48,6 +51,8 @@ __all__ = [
     "mechanism_terms",
     "off_constraints",
     "position_jumps",
+    "require",
+    "require_for",
     "scalars_of",
     "static_equilibria",
 ]

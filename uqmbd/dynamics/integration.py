@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import warnings
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from uqmbd.dynamics.capabilities import INTEGRATORS, Integrator, require_for
 from uqmbd.dynamics.checked import checked
 from uqmbd.dynamics.dop853 import integrate_by_dop853
 from uqmbd.dynamics.ensemble import Ensemble
@@ -20,9 +20,6 @@ from uqmbd.errors import RedundantConstraintWarning, StudyError
 __all__ = ["INTEGRATORS", "STACK", "Integrator", "integrate"]
 
 Array = NDArray[np.float64]
-
-Integrator = Literal["auto", "ida", "dop853"]
-INTEGRATORS: tuple[Integrator, ...] = ("auto", "ida", "dop853")
 
 STACK = 64
 """Realisations of a stack."""
@@ -52,7 +49,7 @@ def integrate(
     Raises
     ------
     uqmbd.StudyError
-        If the mechanism is too large for ``dop853``.
+        If the mechanism is too large for ``dop853``, or has events, which ``ida`` cannot follow.
 
     Warns
     -----
@@ -64,6 +61,7 @@ def integrate(
     Trajectories
         A realisation that fails does not disturb the others.
     """
+    require_for(ensemble.model, method, f"mechanism {ensemble.model.name!r}")
 
     def solve(ensemble: Ensemble, times: Array, rtol: float) -> Trajectories:
         if ensemble.model.events:
@@ -79,6 +77,7 @@ def _integrate(ensemble: Ensemble, times: Array, rtol: float, stack: int, method
     states = np.full((len(ensemble), len(times), layout.width), np.nan)
     messages = list(start.messages)
     counters, notes = Counters(), list[str]()
+    by = np.full(len(ensemble), "", dtype="U6")
     assembled = np.flatnonzero(start.ok)
     explicit = method != "ida" and _compiled(ensemble)
     if method == "dop853" and not explicit:
@@ -90,7 +89,7 @@ def _integrate(ensemble: Ensemble, times: Array, rtol: float, stack: int, method
         members = assembled[k : k + stack]
         if explicit and layout.unknowns:
             solved = integrate_by_dop853(ensemble, members, times, rtol)
-            states[members] = solved.states
+            states[members], by[members] = solved.states, "dop853"
             counters = counters + solved.counters
             for member, message in zip(members, solved.messages, strict=True):
                 messages[member] = message
@@ -101,7 +100,7 @@ def _integrate(ensemble: Ensemble, times: Array, rtol: float, stack: int, method
             members = members[again]
         if len(members):
             solved = integrate_by_ida(ensemble, members, times, rtol)
-            states[members] = solved.states
+            states[members], by[members] = solved.states, "ida" if layout.unknowns else ""
             counters = counters + solved.counters
             for member, message in zip(members, solved.messages, strict=True):
                 messages[member] = message
@@ -114,6 +113,7 @@ def _integrate(ensemble: Ensemble, times: Array, rtol: float, stack: int, method
             for k, (message, final) in enumerate(zip(solved.messages, solved.final, strict=True)):
                 if final or not message:
                     states[members[k]], messages[members[k]] = solved.states[k], message
+                    by[members[k]] = "dop853"
     _stop_violations(ensemble, times, states, messages)
     if notes:
         more = f" (and {len(notes) - 1} more such changes)" if len(notes) > 1 else ""
@@ -123,11 +123,12 @@ def _integrate(ensemble: Ensemble, times: Array, rtol: float, stack: int, method
             RedundantConstraintWarning,
             stacklevel=5,
         )
+    counters = counters + Counters(by_dop853=int(np.sum(by == "dop853")), by_ida=int(np.sum(by == "ida")))
     return Trajectories(times, states, tuple(messages), counters, notes=tuple(notes))
 
 
 def _with_events(ensemble: Ensemble, times: Array, rtol: float) -> Trajectories:
-    """Integrate a model with events: by the explicit method, whatever is asked for, one realisation after the other."""
+    """Integrate a model with events: by the explicit method, one realisation after the other."""
     states = np.full((len(ensemble), len(times), ensemble.model.layout.width), np.nan)
     messages = list(ensemble.start.messages)
     assembled = np.flatnonzero(ensemble.start.ok)
@@ -137,7 +138,8 @@ def _with_events(ensemble: Ensemble, times: Array, rtol: float) -> Trajectories:
         messages[member] = message
     _stop_violations(ensemble, times, states, messages)
     scalars = event_times(ensemble, assembled, runs)
-    return Trajectories(times, states, tuple(messages), solved.counters, scalars)
+    counters = solved.counters + Counters(by_dop853=len(assembled))
+    return Trajectories(times, states, tuple(messages), counters, scalars)
 
 
 def _stop_violations(ensemble: Ensemble, times: Array, states: Array, messages: list[str]) -> None:

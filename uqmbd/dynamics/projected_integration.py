@@ -10,13 +10,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from uqmbd.dynamics.capabilities import INTEGRATORS, require, require_for
 from uqmbd.dynamics.checked import projected_off
-from uqmbd.dynamics.integration import INTEGRATORS, integrate
+from uqmbd.dynamics.integration import integrate
 from uqmbd.dynamics.prescribed import position_jumps
 from uqmbd.dynamics.projected import ProjectedEnsemble
 from uqmbd.dynamics.projected_dop853 import lock_step
 from uqmbd.dynamics.projected_ida import LINEAR_SOLVERS, LinearSolver, implicit
 from uqmbd.errors import StudyError
+from uqmbd.plugins import integrator as integrator_of_plugin
 
 __all__ = ["ProjectedTrajectories", "Watch", "integrate_projected"]
 
@@ -69,9 +71,10 @@ def integrate_projected(
         Output times, strictly increasing; the first is the start.
     rtol : float
         Relative tolerance.
-    integrator : {"auto", "ida", "dop853"}
-        As for one realisation: explicit on the projected index-1 form, or IDA on the projected stabilised index-2 form.
-        ``auto``: the first, and the second where that is stiff or fails.
+    integrator : str
+        As for one realisation: ``dop853``, explicit on the projected index-1 form, or ``ida`` on the projected
+        stabilised index-2 form; ``auto``: the first, and the second where that is stiff or fails; or one of a plugin
+        that declares ``projected = True``.
     linear_solver : {"auto", "dense", "sparse", "krylov-nodal", "krylov-mean"}
         Of IDA; ``auto`` chooses by the number of unknowns, and leaves the mean preconditioner where it breaks down.
     watch : callable, optional
@@ -80,11 +83,18 @@ def integrate_projected(
     Raises
     ------
     uqmbd.StudyError
-        If a name is unknown, or the mechanism is too large.
+        If a name is unknown, the integrator cannot do what it takes, or the mechanism is too large.
     """
-    for value, known, what in ((integrator, INTEGRATORS, "integrator"), (linear_solver, LINEAR_SOLVERS, "solver")):
-        if value not in known:
-            raise StudyError(f"there is no {what} {value!r} for a projection; there are: {', '.join(known)}.")
+    if linear_solver not in LINEAR_SOLVERS:
+        raise StudyError(
+            f"there is no solver {linear_solver!r} for a projection; there are: {', '.join(LINEAR_SOLVERS)}."
+        )
+    where = f"mechanism {projected.model.name!r}"
+    require(integrator, "projected", where)
+    jumping = any(directions for *_, directions in projected.model.events)
+    if jumping:
+        require_for(projected.model, integrator, where)
+    of_plugin = integrator not in INTEGRATORS
     explicit = integrator != "ida" and (not projected.model.layout.unknowns or projected.coupled.compiled)
     if integrator == "dop853" and not explicit:
         raise StudyError(
@@ -96,9 +106,13 @@ def integrate_projected(
         state = np.full((projected.terms, len(times), projected.model.layout.width), np.nan)
         state[:, 0] = projected.start.state
         return ProjectedTrajectories(times, state, f"at node {node} {text}", "none", {})
-    if any(directions for *_, directions in projected.model.events):  # others only note when they happen
+    # other events only note when they happen
+    if jumping and not of_plugin:
         return _with_events(projected, times, rtol)
-    found = _solved(projected, times, rtol, integrator, linear_solver, watch, explicit=explicit)
+    if of_plugin:
+        found = _by_plugin(projected, times, rtol, integrator)
+    else:
+        found = _solved(projected, times, rtol, integrator, linear_solver, watch, explicit=explicit)
     first, text = projected_off(projected, times, found.coefficients, rtol)
     if found.message or not text:
         return found
@@ -146,6 +160,21 @@ def _solved(
     if found.message and explicit and _reached(run.result) > _reached(found.coefficients):
         return ProjectedTrajectories(times, run.result, message, "dop853", both)
     return ProjectedTrajectories(times, found.coefficients, found.message, "ida", both)
+
+
+def _by_plugin(projected: ProjectedEnsemble, times: Array, rtol: float, name: str) -> ProjectedTrajectories:
+    """Let the integrator of a plugin integrate."""
+    found = integrator_of_plugin(name)().integrate_projected(projected, times, rtol)
+    shape = (projected.terms, len(times), projected.model.layout.width)
+    if not isinstance(found, ProjectedTrajectories) or np.shape(found.coefficients) != shape:
+        what = f"a {type(found).__name__}"
+        if isinstance(found, ProjectedTrajectories):
+            what = f"coefficients of shape {np.shape(found.coefficients)}"
+        raise StudyError(
+            f"the integrator {name!r}: its method integrate_projected returned {what}; expected "
+            f"uqmbd.ProjectedTrajectories with coefficients of shape {shape}."
+        )
+    return replace(found, integrator=name)
 
 
 def _with_events(projected: ProjectedEnsemble, times: Array, rtol: float) -> ProjectedTrajectories:

@@ -37,6 +37,8 @@ class Counters:
         Times that other equations were chosen as the independent ones.
     events : int
         Impacts and other events.
+    by_dop853, by_ida : int
+        Realisations whose motion is that of the explicit integrator, and of IDA.
     seconds : float
         Wall time.
     """
@@ -51,6 +53,8 @@ class Counters:
     passages: int = 0
     repivots: int = 0
     events: int = 0
+    by_dop853: int = 0
+    by_ida: int = 0
     seconds: float = 0.0
 
     def __add__(self, other: Counters) -> Counters:

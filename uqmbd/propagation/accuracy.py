@@ -9,6 +9,7 @@ tolerance: of realisations that IDA, or the integrator of a plugin, has integrat
 from __future__ import annotations
 
 import warnings
+from collections import Counter
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
@@ -16,8 +17,10 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from uqmbd.dynamics import INTEGRATORS
 from uqmbd.errors import RedundantConstraintWarning
 from uqmbd.isolation import reason_of
+from uqmbd.propagation.chunks import integrated_by
 from uqmbd.propagation.progress import Silent
 
 if TYPE_CHECKING:
@@ -44,19 +47,23 @@ LONG_NAME = "error of the time integration"
 
 @dataclass
 class Observed:
-    """A few of the successful realisations that a method has computed.
+    """A few of the successful realisations that a method has computed, and who has integrated all of them.
 
     Attributes
     ----------
     values, responses : list of array
         Inputs (input,), and responses (output, time).
+    counters : Counter
+        Of the solvers, summed.
     """
 
     values: list[Array] = field(default_factory=list)
     responses: list[Array] = field(default_factory=list)
+    counters: Counter[str] = field(default_factory=Counter)
 
     def add(self, part: Realisations) -> None:
         """Take some of a chunk, evenly spread, until there are enough."""
+        self.counters.update(part.counters)
         good = np.flatnonzero(part.status == 0)
         wanted = min(AGAIN - len(self.values), len(good))
         if wanted > 0:
@@ -123,7 +130,7 @@ def with_integration_error(node: xr.DataTree, problem: Problem) -> xr.DataTree:
         return node
     if mean is None or mean.dims != ("output", "time") or mean.shape != shape:
         return node
-    error, attrs = _measured(problem)
+    error, attrs = _measured(problem, str(node.attrs.get("integrated_by", "")))
     error = np.where(np.isfinite(mean.values), error, np.nan)
     attrs = {"long_name": LONG_NAME, **attrs}
     node["statistics"] = xr.DataTree(statistics.assign(integration_error=(mean.dims, error, attrs)))
@@ -135,7 +142,7 @@ def _still(problem: Problem) -> bool:
     return len(problem.times if problem.over is None else problem.over) < 2
 
 
-def _measured(problem: Problem) -> tuple[Array, dict[str, str | int | float]]:
+def _measured(problem: Problem, by: str) -> tuple[Array, dict[str, str | int | float]]:
     """Return the error (output, time), and how it was found."""
     unknown = np.full(problem.labels.shape, np.nan)
     rtol = tighter(problem.rtol)
@@ -145,7 +152,7 @@ def _measured(problem: Problem) -> tuple[Array, dict[str, str | int | float]]:
         # the run itself has told
         warnings.simplefilter("ignore", RedundantConstraintWarning)
         try:
-            values, first = _integrated_once(problem)
+            values, first = _integrated_once(problem, by)
             if not len(values):
                 return unknown, {"reason": "no realisation succeeded that could be integrated again"}
             again = _silent(problem, "again", rtol=rtol, integrator="auto").realise(values)
@@ -162,13 +169,19 @@ def _measured(problem: Problem) -> tuple[Array, dict[str, str | int | float]]:
     return error, {"comment": comment + more, "realisations": len(good), "rtol": rtol}
 
 
-def _integrated_once(problem: Problem) -> tuple[Array, Array]:
-    """Return inputs (K, input) and responses (K, output, time) of realisations at the tolerance of the study."""
+def _integrated_once(problem: Problem, by: str) -> tuple[Array, Array]:
+    """Return inputs (K, input) and responses (K, output, time) of realisations at the tolerance of the study.
+
+    Where a method that solves for all together has done so by another integrator (`by`) than its realisations, these
+    are integrated by that one.
+    """
     seen = problem.observed
-    if seen.values:
+    known = integrated_by(seen.counters, problem.integrator).get("integrated_by", "").split(", ")
+    others = [name for name in by.split(", ") if name in INTEGRATORS and name not in known]
+    if seen.values and not others:
         return np.array(seen.values), np.array(seen.responses)
-    own = _silent(problem, "integrated-once")
-    own.realise(_points(problem))
+    own = _silent(problem, "once", integrator=others[0] if others else problem.integrator)
+    own.realise(np.array(seen.values) if seen.values else _points(problem))
     return np.array(own.observed.values), np.array(own.observed.responses)
 
 

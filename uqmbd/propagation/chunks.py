@@ -3,14 +3,25 @@
 from __future__ import annotations
 
 import pickle
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, replace
 from functools import lru_cache, partial
 
 import numpy as np
 from numpy.typing import NDArray
 
-from uqmbd.dynamics import INTEGRATORS, Ensemble, Model, ScalarValues, Trajectories, checked, integrate, scalars_of
+from uqmbd.dynamics import (
+    INTEGRATORS,
+    Ensemble,
+    Model,
+    ScalarValues,
+    Trajectories,
+    checked,
+    integrate,
+    require_for,
+    scalars_of,
+)
+from uqmbd.errors import StudyError
 
 __all__ = [
     "ASSEMBLY_FAILED",
@@ -19,6 +30,7 @@ __all__ = [
     "OK",
     "Chunk",
     "compute_chunk",
+    "integrated_by",
     "integrator_of",
     "model_of",
 ]
@@ -67,11 +79,53 @@ def integrator_of(name: str) -> Callable[[Ensemble, Array, float], Trajectories]
     """Return the function that integrates an ensemble: the built-in one, or the method of a plugin's class."""
     if name in INTEGRATORS:
         return partial(integrate, method=name)
+    return partial(_integrate_by_plugin, name)
+
+
+def integrated_by(counters: Mapping[str, float], asked: str) -> dict[str, str]:
+    """Return the attribute that names who has integrated, most realisations first; nothing where nobody has.
+
+    Parameters
+    ----------
+    counters : mapping
+        Of some realisations.
+    asked : str
+        The integrator that was asked for.
+
+    Examples
+    --------
+    >>> integrated_by({"steps": 100, "by_dop853": 60, "by_ida": 4}, "auto")
+    {'integrated_by': 'dop853, ida'}
+    """
+    if asked not in INTEGRATORS:
+        return {"integrated_by": asked}
+    counts = {name: counters.get(f"by_{name}", 0) for name in INTEGRATORS}
+    names = sorted((name for name in counts if counts[name]), key=lambda name: -counts[name])
+    return {"integrated_by": ", ".join(names)} if names else {}
+
+
+def _integrate_by_plugin(name: str, ensemble: Ensemble, times: Array, rtol: float) -> Trajectories:
+    """Let the integrator of a plugin integrate, after a look at whether it can, and at what it returns."""
+    require_for(ensemble.model, name, f"mechanism {ensemble.model.name!r}")
+    # what the integrator of a plugin gives is held against the same as what those of the core give
+    return checked(partial(_of_plugin, name), ensemble, times, rtol)
+
+
+def _of_plugin(name: str, ensemble: Ensemble, times: Array, rtol: float) -> Trajectories:
+    """Return what the integrator of a plugin gives, if it is of the right kind."""
     from uqmbd import plugins
 
-    method: Callable[[Ensemble, Array, float], Trajectories] = plugins.integrator(name)().integrate
-    # what the integrator of a plugin gives is held against the same as what those of the core give
-    return partial(checked, method)
+    found = plugins.integrator(name)().integrate(ensemble, times, rtol)
+    shape = (len(ensemble), len(times), ensemble.model.layout.width)
+    if not isinstance(found, Trajectories) or np.shape(found.states) != shape or len(found.messages) != shape[0]:
+        what = f"a {type(found).__name__}"
+        if isinstance(found, Trajectories):
+            what = f"states of shape {np.shape(found.states)} and {len(found.messages)} messages"
+        raise StudyError(
+            f"the integrator {name!r}: its method integrate returned {what}; expected uqmbd.Trajectories with states "
+            f"of shape {shape} and {shape[0]} messages."
+        )
+    return found
 
 
 @lru_cache(maxsize=4)
@@ -121,5 +175,8 @@ def compute_chunk(
         if len(good):
             response[good] = ensemble.select(good).outputs(times, trajectories.states[good])
         scalars = None if model.scalars is None else scalars_of(ensemble, trajectories)
-    chunk = Chunk(response, status, trajectories.messages, asdict(trajectories.counters), scalars)
+    counters = asdict(trajectories.counters)
+    if integrator not in INTEGRATORS:
+        counters[f"by_{integrator}"] = int(np.count_nonzero(status != ASSEMBLY_FAILED))
+    chunk = Chunk(response, status, trajectories.messages, counters, scalars)
     return replace(chunk.timeless(), counters=chunk.counters) if timeless else chunk

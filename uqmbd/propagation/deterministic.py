@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -83,9 +83,9 @@ def simulate(
     """
     import xarray as xr
 
-    from uqmbd.dynamics import Ensemble
+    from uqmbd.dynamics import Ensemble, require_for
     from uqmbd.mechanism import Mechanism
-    from uqmbd.propagation.chunks import integrator_of
+    from uqmbd.propagation.chunks import integrated_by, integrator_of
 
     if not isinstance(mechanism, Mechanism):
         raise StudyError(f"simulate: the mechanism is {mechanism!r}; expected a uqmbd.Mechanism.")
@@ -95,6 +95,7 @@ def simulate(
     check_start(start, where)
     point = input_point(where, mechanism, values)
     model = observed_model(mechanism, float(grid[0]), start)
+    require_for(model, integrator, where)
     ensemble = Ensemble(model, np.array([list(point.values())]))
     if not model.outputs.names and not model.scalars.needs_motion:
         still = {"mechanism": mechanism.name, "start": start}
@@ -110,6 +111,7 @@ def simulate(
         "mechanism": mechanism.name,
         "rtol": rtol,
         "integrator": integrator,
+        **integrated_by(asdict(counters), integrator),
         "start": start,
         "residual_evaluations": counters.residuals,
         "jacobian_evaluations": counters.jacobians,

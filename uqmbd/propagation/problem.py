@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uqmbd import __version__
-from uqmbd.dynamics import Ensemble, Model, ScalarValues
+from uqmbd.dynamics import Capability, Ensemble, Model, ScalarValues, require
 from uqmbd.errors import StudyError
 from uqmbd.propagation.accuracy import Observed
 from uqmbd.propagation.checkpoint import Checkpoint
@@ -207,8 +207,37 @@ class Problem:
         """
         return run_tasks(self._packed, self._fingerprint, self.executor, self.checkpoint, function, tasks)
 
+    def require(self, needed: Capability, integrator: str | None = None, remedy: str = "") -> None:
+        """Raise where an integrator lacks a capability that a method needs.
+
+        A method that has its equations integrated by other means than `realise` asks for it, in `propagate` and in
+        `Propagator.obstacle`.
+
+        Parameters
+        ----------
+        needed : {"projected", "segments", "events"}
+            ``projected``: integrate a `uqmbd.ProjectedEnsemble`; ``segments``: `histories`.
+        integrator : str, optional
+            Default: that of the study.
+        remedy : str
+            How to choose another one, before its name.
+
+        Raises
+        ------
+        uqmbd.StudyError
+            With those integrators that have it.
+        """
+        require(integrator or self.integrator, needed, self.label, remedy=remedy)
+
     def histories(self, values: Array, points: int, least: int = 1) -> list[History]:
-        """Follow realisations from event to event, for methods that expand event times; see `History`."""
+        """Follow realisations from event to event, for methods that expand event times; see `History`.
+
+        Raises
+        ------
+        uqmbd.StudyError
+            If the integrator of the study cannot do so.
+        """
+        self.require("segments")
         return event_histories(self, self._checked(values), points, least)
 
     def _chunks(self, parts: list[Array]) -> Iterator[tuple[int, Chunk]]:

@@ -9,6 +9,7 @@ import numpy as np
 
 from uqmbd.errors import StudyError, UnusedInputWarning
 from uqmbd.propagation.accuracy import with_integration_error
+from uqmbd.propagation.chunks import integrated_by
 from uqmbd.results import InputInfo, Labels, with_scalars
 
 if TYPE_CHECKING:
@@ -56,6 +57,8 @@ def _run(propagator: Propagator, problem: Problem, check: bool, *, mixed: bool =
             # an input that only one kind of output depends on is not unused
             warnings.simplefilter("ignore", UnusedInputWarning)
         node = _checked(propagator, problem, propagator.propagate(problem))
+    for name, value in integrated_by(problem.observed.counters, problem.integrator).items():
+        node.attrs.setdefault(name, value)
     return with_integration_error(node, problem) if check else node
 
 

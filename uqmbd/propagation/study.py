@@ -158,13 +158,14 @@ class Study:
 
     @cached_property
     def model(self) -> Model:
-        """The compiled model (made when first needed)."""
-        from uqmbd.dynamics import Ensemble
+        """The compiled model (made when first needed), which the integrator of the study can integrate."""
+        from uqmbd.dynamics import Ensemble, require_for
 
         if len(self.times) == 1:
             # outputs may have been added since
             check_still(self.mechanism, f"study {self.name!r}")
         model = observed_model(self.mechanism, float(self.times[0]), self.start)
+        require_for(model, self.integrator, f"study {self.name!r}")
         means = Ensemble(replace(model, start_at="drawn"), self.mechanism.inputs.means[None, :])
         refuse_jumps(means, self.times, self.rtol, f"study {self.name!r}, at the means of its inputs")
         return model
