@@ -251,6 +251,11 @@ class AlignedChaos(ChaosInterface):
         return self._moments[3]
 
     @property
+    def shape_samples(self) -> int:
+        """Samples of the surrogate from which skewness and kurtosis are."""
+        return MOMENTS
+
+    @property
     def sobol_first_germ(self) -> Array:
         """First-order indices, shape (germ, O, T), by Jansen's estimators on the surrogate."""
         return self._sobol[0]

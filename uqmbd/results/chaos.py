@@ -38,8 +38,8 @@ class PolynomialChaos(ChaosTrust):
     *Memory* beyond the coefficients, P x O x T x 8 bytes: some 20 MB for each of variance, indices, and skewness with
     kurtosis, which go block by block over outputs and times. For many inputs the last need a table of products of
     polynomials, 140 bytes for each while it is made: 10 inputs of order 3 (286 terms, 67,000 products for normal
-    inputs) 9 MB, 20 inputs of order 3 (1771 terms, 2.2 million products) 310 MB; more than 5 million products are
-    refused. Quantiles take P x 8 bytes for each sample, and 65 MB.
+    inputs) 9 MB, 20 inputs of order 3 (1771 terms, 2.2 million products) 310 MB; instead of more than 5 million
+    products samples of the surrogate are taken. Quantiles take P x 8 bytes for each sample, and 65 MB.
 
     Parameters
     ----------

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from uqmbd.errors import StudyError
 from uqmbd.results.axes import Labels, fixed_width
-from uqmbd.results.chaos_sampling import kernel_density, random_germs, spread_germs
+from uqmbd.results.chaos_sampling import affordable, kernel_density, random_germs, spread_germs
 from uqmbd.results.chaos_verification import first_above
 from uqmbd.results.schema import DEFAULT_PROBABILITIES, statistics_dataset
 
@@ -64,6 +64,10 @@ class ChaosInterface:
         @property
         def kurtosis(self) -> Array:
             """Fourth standardised moment, shape (O, T)."""
+
+        @property
+        def shape_samples(self) -> int:
+            """Samples of the surrogate from which skewness and kurtosis are; 0: they are exact."""
 
         @property
         def sobol_first_germ(self) -> Array:
@@ -166,9 +170,12 @@ class ChaosInterface:
         xarray.Dataset
             As of :func:`uqmbd.results.statistics_dataset`, with Sobol' indices of inputs where these are independent;
             else `sobol_first_germ` and `sobol_total_germ` (germ, output, time). With `verification_error` if it is
-            known, and `circular_mean` and `circular_std` where an output is an angle.
+            known, and `circular_mean` and `circular_std` where an output is an angle.  Where skewness and kurtosis are
+            those of samples, or a surrogate of very many terms allows fewer samples than are asked for, the attribute
+            ``samples`` of the variable says how many there are, and its ``comment`` why.
         """
         independent = self.space.independent
+        wanted, samples = samples, affordable(samples, self._terms, self.mean.size)
         found = statistics_dataset(
             self.labels,
             mean=self.mean,
@@ -182,6 +189,17 @@ class ChaosInterface:
             sobol_total=self.sobol_total if independent else None,
             **self.circular(samples=samples, seed=seed),
         )
+        if self.shape_samples:
+            for name in ("skewness", "kurtosis"):
+                found[name].attrs |= {
+                    "samples": self.shape_samples,
+                    "comment": f"{found[name].attrs['comment']}; of {self.shape_samples} samples of the surrogate",
+                }
+        if samples < wanted:
+            found["quantile"].attrs |= {
+                "samples": samples,
+                "comment": f"of {samples} samples of the surrogate: its {self._terms} terms allow no more",
+            }
         if not independent:
             note = {"comment": "of germs: inputs depend on one another, so no share belongs to an input"}
             dims = ("germ", *self.labels.dims)
@@ -235,6 +253,11 @@ class ChaosInterface:
         # by its name: what results are does not depend on how they are shown
         html: str = importlib.import_module("uqmbd.report.notebook").chaos_html(self)
         return html
+
+    @property
+    def _terms(self) -> int:
+        """Terms that are evaluated for a sample."""
+        return len(getattr(self, "multi_index", ()))
 
     def _by_input(self, name: str) -> Array:
         if not self.space.independent:

@@ -15,7 +15,7 @@ from uqmbd.results.projection import one_thread
 if TYPE_CHECKING:
     from uqmbd.randomness.germ import Germ
 
-__all__ = ["column_blocks", "constant_columns", "skewness_kurtosis", "standard_deviation"]
+__all__ = ["column_blocks", "constant_columns", "shape_route", "skewness_kurtosis", "standard_deviation"]
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -95,6 +95,12 @@ def skewness_kurtosis(
         return skewness, kurtosis
     index, involved = multi_index[:, used], [germs[k] for k in used.tolist()]
     chosen = _cheaper(index, involved, varies.size) if route == "auto" else route
+    if chosen == "samples":
+        raise StudyError(
+            f"Skewness and kurtosis of {len(index)} terms in {len(involved)} inputs need too many nodes, or too many "
+            "products of three polynomials. Take them from samples: uqmbd.results.sample_statistics of the responses "
+            "that 'sample' returns."
+        )
     table = product_table(index, involved) if chosen == "products" else None
     rows = int(np.prod(_node_counts(index, involved))) if table is None else max(len(table.pairs), table.terms)
     whole = varies.size == len(std)
@@ -108,6 +114,20 @@ def skewness_kurtosis(
     return skewness, kurtosis
 
 
+def shape_route(coefficients: Array, multi_index: IntArray, germs: Sequence[Germ]) -> str:
+    """Return how skewness and kurtosis are found: by "grid", by "products", or by "samples" where these are too large.
+
+    Parameters
+    ----------
+    coefficients : array, shape (P, C)
+    multi_index : array of int, shape (P, d)
+    germs : sequence of Germ, length d
+    """
+    varies = int(np.count_nonzero(~constant_columns(coefficients, standard_deviation(coefficients))))
+    used = np.flatnonzero(multi_index.max(axis=0, initial=0) > 0).tolist()
+    return _cheaper(multi_index[:, used], [germs[k] for k in used], varies) if varies and used else "grid"
+
+
 def _cheaper(index: IntArray, germs: Sequence[Germ], columns: int) -> str:
     degrees = index.max(axis=0)
     sizes, counts = degrees + 1.0, np.array(_node_counts(index, germs), dtype=float)
@@ -116,15 +136,15 @@ def _cheaper(index: IntArray, germs: Sequence[Germ], columns: int) -> str:
     grid = columns * (_FLOP * flops + _NODE * nodes) if nodes <= MAX_NODES else np.inf
     if grid <= columns * _NODE * len(index):
         return "grid"
-    pairs, nonzeros = product_count(index, germs)
-    fits = nonzeros <= MAX_PRODUCTS
-    products = columns * (_NONZERO * nonzeros + _PAIR * pairs) + _MAKING * len(sizes) * nonzeros if fits else np.inf
+    # every pair has a product that is not zero
+    most = len(index) * (len(index) - 1) // 2
+    products = np.inf
+    if most <= MAX_PRODUCTS:
+        pairs, nonzeros = product_count(index, germs)
+        if nonzeros <= MAX_PRODUCTS:
+            products = columns * (_NONZERO * nonzeros + _PAIR * pairs) + _MAKING * len(sizes) * nonzeros
     if np.isinf(grid) and np.isinf(products):
-        raise StudyError(
-            f"Skewness and kurtosis of {len(index)} terms in {len(sizes)} inputs need {nonzeros:.1e} products of three "
-            f"polynomials or {nodes:.1e} nodes: too many. Take them from samples: uqmbd.results.sample_statistics of "
-            "the responses that 'sample' returns."
-        )
+        return "samples"
     return "grid" if grid <= products else "products"
 
 

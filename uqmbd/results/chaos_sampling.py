@@ -15,11 +15,13 @@ if TYPE_CHECKING:
     from uqmbd.randomness.germspace import GermSpace
 
 __all__ = [
+    "affordable",
     "basis_values",
     "kernel_density",
     "quantiles_of_rows",
     "random_germs",
     "sample_quantiles",
+    "sampled_shape",
     "spread_germs",
 ]
 
@@ -28,6 +30,15 @@ IntArray = NDArray[np.int64]
 
 ROWS = 4096
 """Germ points at which the basis is evaluated at once."""
+
+BASIS_NUMBERS = 50_000_000
+"""Values of the basis (8 bytes each) that statistics hold at once."""
+
+WORK = 1e12
+"""Multiplications that statistics spend on samples: a minute or two."""
+
+LEAST = 512
+"""Samples that are taken however many terms there are."""
 
 BLOCK_NUMBERS = 4_000_000
 """Responses (8 bytes each) that are sampled and sorted at once."""
@@ -47,6 +58,55 @@ def spread_germs(space: GermSpace, count: int, seed: int) -> Array:
     _check_count(count, 2)
     sequence = qmc.Sobol(len(space.inputs), scramble=True, seed=np.random.default_rng(seed))
     return space.from_uniform(_inside(sequence.random_base2(int(np.ceil(np.log2(count))))))
+
+
+def affordable(wanted: int, terms: int, columns: int) -> int:
+    """Return how many samples of a surrogate fit into memory and time: those that are wanted, or a power of two.
+
+    Examples
+    --------
+    >>> affordable(8192, terms=1771, columns=1000), affordable(8192, terms=53130, columns=1000)
+    (8192, 512)
+    """
+    most = min(BASIS_NUMBERS / max(terms, 1), WORK / max(terms * columns, 1))
+    return wanted if wanted <= most else min(wanted, max(LEAST, 2 ** int(np.log2(max(most, 1.0)))))
+
+
+def sampled_shape(
+    space: GermSpace, coefficients: Array, multi_index: IntArray, std: Array, samples: int
+) -> tuple[Array, Array]:
+    """Estimate skewness and kurtosis from evenly spread samples of the surrogate.
+
+    Parameters
+    ----------
+    space : GermSpace
+    coefficients : array, shape (P, C)
+    multi_index : array of int, shape (P, d)
+    std : array, shape (C,)
+        Standard deviation; 0 where a column does not vary.
+    samples : int
+
+    Returns
+    -------
+    skewness, kurtosis : array, shape (C,)
+        Of the samples, by their own mean and deviation; 0 and 3 where the column does not vary.
+    """
+    basis = basis_values(space, spread_germs(space, samples, 0), multi_index)
+    skewness, kurtosis = np.zeros(len(std)), np.full(len(std), 3.0)
+    varies = np.flatnonzero(std > 0)
+    size = max(1, BLOCK_NUMBERS // len(basis))
+    with one_thread():
+        for start in range(0, len(varies), size):
+            part = varies[start : start + size]
+            unit = coefficients[:, part] / std[part]
+            unit[0] = 0.0
+            values = basis @ unit
+            values -= values.mean(axis=0)
+            square = values * values
+            variance = square.mean(axis=0)
+            skewness[part] = np.einsum("kc,kc->c", values, square) / len(values) / variance**1.5
+            kurtosis[part] = np.einsum("kc,kc->c", square, square) / len(values) / variance**2
+    return skewness, kurtosis
 
 
 def basis_values(space: GermSpace, germs: Array, multi_index: IntArray) -> Array:

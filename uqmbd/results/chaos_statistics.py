@@ -11,9 +11,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from uqmbd.errors import StudyError
 from uqmbd.results.axes import Labels
-from uqmbd.results.chaos_interface import ChaosInterface
-from uqmbd.results.chaos_moments import skewness_kurtosis, standard_deviation
-from uqmbd.results.chaos_sampling import basis_values
+from uqmbd.results.chaos_interface import FEWER, ChaosInterface
+from uqmbd.results.chaos_moments import constant_columns, shape_route, skewness_kurtosis, standard_deviation
+from uqmbd.results.chaos_sampling import affordable, basis_values, sampled_shape
 from uqmbd.results.chaos_sobol import (
     first_order_masks,
     interaction_mask,
@@ -102,7 +102,10 @@ class ChaosStatistics(ChaosInterface):
 
     @property
     def skewness(self) -> Array:
-        """Third standardised moment, shape (O, T); 0 where an output does not vary."""
+        """Third standardised moment, shape (O, T); 0 where an output does not vary.
+
+        Of samples of the surrogate, where exact ones need too many operations (:attr:`shape_samples`).
+        """
         return self._shape_moments[0]
 
     @property
@@ -164,8 +167,23 @@ class ChaosStatistics(ChaosInterface):
         return self.coefficients.reshape(len(self.coefficients), -1)
 
     @cached_property
+    def shape_samples(self) -> int:
+        """Samples of the surrogate from which skewness and kurtosis are; 0: they are exact."""
+        exact = self._shape_route != "samples"
+        return 0 if exact else affordable(FEWER, len(self.multi_index), self._flat.shape[1])
+
+    @cached_property
+    def _shape_route(self) -> str:
+        return shape_route(self._flat, self.multi_index, self.space.germs)
+
+    @cached_property
     def _shape_moments(self) -> tuple[Array, Array]:
-        skewness, kurtosis = skewness_kurtosis(self._flat, self.multi_index, self.space.germs)
+        if self.shape_samples:
+            std = np.where(constant_columns(self._flat, self.std.ravel()), 0.0, self.std.ravel())
+            skewness, kurtosis = sampled_shape(self.space, self._flat, self.multi_index, std, self.shape_samples)
+        else:
+            route = self._shape_route
+            skewness, kurtosis = skewness_kurtosis(self._flat, self.multi_index, self.space.germs, route)
         return self._shaped(skewness), self._shaped(kurtosis)
 
     def _shares(self, masks: NDArray[np.bool_]) -> Array:

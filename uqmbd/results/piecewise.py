@@ -190,6 +190,11 @@ class PiecewiseChaos(ChaosInterface):
         """Fourth standardised moment, shape (O, T), not the excess: 3 for a normal, and where it does not vary."""
         return self._shape_moments[1]
 
+    @property
+    def shape_samples(self) -> int:
+        """Samples of the surrogate from which skewness and kurtosis of an element are; 0: they are exact."""
+        return max(element.shape_samples for element in self.elements)
+
     @cached_property
     def sobol_first_germ(self) -> Array:
         """First-order Sobol' indices of the germs, shape (germ, O, T), in the order of :attr:`germ_names`."""
