@@ -153,8 +153,7 @@ def test_an_angle_that_is_counted_back_by_whole_turns_does_not_jump(integrator):
 
 
 # -- speeds -----------------------------------------------------------------------------------------------------------
-@pytest.mark.parametrize("mark", [False, True], ids=["motion", "events"])
-@pytest.mark.parametrize("integrator", INTEGRATORS)
+@pytest.mark.parametrize(("integrator", "mark"), [*((name, False) for name in INTEGRATORS), ("dop853", True)])
 @settings(max_examples=2, deadline=None)
 @given(speed=st.floats(0.05, 5.0), begin=st.one_of(st.just(0.5), st.floats(0.05, 0.8)))
 def test_a_speed_that_jumps_is_an_impulse(speed, begin, mark, integrator):

@@ -32,6 +32,7 @@ from uqmbd.dynamics.outputs import angle_counters, output_map
 from uqmbd.dynamics.parameters import ParameterMap
 from uqmbd.dynamics.prescribed import Prescribed, prescribed_by
 from uqmbd.dynamics.scalars import scalar_map
+from uqmbd.dynamics.timed import timed
 from uqmbd.dynamics.uniqueness import not_unique, reaction_symbols
 from uqmbd.errors import AssemblyError, RedundantConstraintWarning, StudyError
 from uqmbd.mechanism import Mechanism, Output
@@ -306,6 +307,7 @@ def build(mechanism: Mechanism, time: float = 0.0, *, fuse: bool | None = None) 
         evaluators=evaluators,
         events=events,
         prescribed=_prescribed(mechanism, model),
+        timed=timed(instances, mechanism.inputs.variables),
         outputs=outputs,
         scalars=scalar_map(list(mechanism.scalars.values()), *about),
         pattern=csc_pattern(evaluators["jacobian"], layout.unknowns),

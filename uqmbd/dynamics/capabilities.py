@@ -8,12 +8,16 @@ declares what more it can by class attributes; what is not declared it cannot:
 ``projected = True``
     It integrates projected equations, as those of Galerkin, by a method
     ``integrate_projected(projected, times, rtol)``, which returns `uqmbd.ProjectedTrajectories`.
+``paced = True``
+    Its steps keep to what ``ensemble.pace(times, rtol)`` says: a longest step, and times at which it starts anew.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
 
 from uqmbd.errors import StudyError
 from uqmbd.plugins import integrator, integrators
@@ -26,18 +30,19 @@ __all__ = ["INTEGRATORS", "Capability", "Integrator", "capabilities", "require",
 Integrator = Literal["auto", "ida", "dop853"]
 INTEGRATORS: tuple[Integrator, ...] = ("auto", "ida", "dop853")
 
-Capability = Literal["events", "projected", "segments"]
+Capability = Literal["events", "projected", "segments", "paced"]
 
 OWN: Mapping[str, frozenset[Capability]] = {
-    "auto": frozenset({"events", "projected", "segments"}),
-    "dop853": frozenset({"events", "projected", "segments"}),
-    "ida": frozenset({"projected"}),
+    "auto": frozenset({"events", "projected", "segments", "paced"}),
+    "dop853": frozenset({"events", "projected", "segments", "paced"}),
+    "ida": frozenset({"projected", "paced"}),
 }
 """Those of the core.  Segments, motions from event to event one by one, are for these alone."""
 
 WORDS: Mapping[Capability, str] = {
     "events": "follow impacts and other events",
     "projected": "integrate projected equations",
+    "paced": "bound its steps, or start anew where it is told to",
     "segments": "integrate from event to event, one segment after the other",
 }
 
@@ -53,7 +58,7 @@ def capabilities(name: str) -> frozenset[Capability]:
     Examples
     --------
     >>> sorted(capabilities("ida"))
-    ['projected']
+    ['paced', 'projected']
     """
     if name in OWN:
         return OWN[name]
@@ -67,7 +72,7 @@ def require(name: str, needed: Capability, where: str, why: str = "", remedy: st
     ----------
     name : str
         Of the integrator.
-    needed : {"events", "projected", "segments"}
+    needed : {"events", "projected", "segments", "paced"}
         What it must be able to do.
     where : str
         Who needs it, as ``study 'drop'``.
@@ -103,7 +108,9 @@ def require(name: str, needed: Capability, where: str, why: str = "", remedy: st
 
 
 def require_for(model: Model, name: str, where: str) -> None:
-    """Raise where a mechanism has events that an integrator cannot follow."""
+    """Raise where a mechanism has events that an integrator cannot follow, or bounds that it cannot keep."""
+    if np.isfinite(model.max_step) or model.added_breaks:
+        require(name, "paced", where, "max_step" if np.isfinite(model.max_step) else "breaks")
     if model.events:
         require(name, "events", where, ", ".join(_named(model.events)))
 
@@ -115,5 +122,5 @@ def _named(events: Iterable[tuple[str, str, int]]) -> list[str]:
 
 def _declared(cls: Any) -> frozenset[Capability]:
     """Return what the class of a plugin declares."""
-    names: tuple[Capability, ...] = ("events", "projected")
+    names: tuple[Capability, ...] = ("events", "projected", "paced")
     return frozenset(name for name in names if getattr(cls, name, False) is True)

@@ -20,6 +20,7 @@ from uqmbd.dynamics.ensemble import Ensemble
 from uqmbd.dynamics.index1 import System, excess
 from uqmbd.dynamics.lockstep import LockStep, Out, longest_step
 from uqmbd.dynamics.model import Model
+from uqmbd.dynamics.pace import legs_of, pace
 from uqmbd.dynamics.passage import Guard
 from uqmbd.dynamics.restarts import speed_jumps
 from uqmbd.dynamics.trajectories import Counters, Solved
@@ -71,7 +72,9 @@ def integrate_by_dop853(ensemble: Ensemble, members: Index, times: Array, rtol: 
         longest = longest_step(some.model.rough, times)
         length = np.minimum(1.0, np.maximum(1e-3, np.abs(start.q).max(axis=1, initial=0.0)))
         initial = np.concatenate([start.q, start.s, start.v], axis=1)
-        stack = LockStep(equations, initial, times, some.breaks, rtol, rtol * length[:, None], None, longest, guard)
+        stack = LockStep(
+            equations, initial, times, pace(some, times, rtol), rtol, rtol * length[:, None], None, longest, guard
+        )
         stack.run()
         states[part] = _projected(some, guard.models, times, stack.result, rtol)
         apart = [part[k] for k in sorted(stack.apart)]
@@ -207,7 +210,8 @@ def _projected(
             model = models[int(since[member * number + where])][1]
             block = ensemble.block[member : member + 1]
             equations, grid = _Equations(model, block), times[where - 1 : where + 1]
-            run = LockStep(equations, before, grid, ensemble.breaks[member], rtol, np.full((1, 1), rtol))
+            legs = legs_of(ensemble.breaks[member], grid, model.max_step)
+            run = LockStep(equations, before, grid, legs, rtol, np.full((1, 1), rtol))
             run.steps_at_most = 100
             run.run()
             if np.isfinite(run.result[0, -1]).all():

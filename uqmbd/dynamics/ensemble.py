@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +12,9 @@ from numpy.typing import NDArray
 from uqmbd.dynamics.assembly import Start, assemble
 from uqmbd.dynamics.index1 import accelerations, dense, state_arguments
 from uqmbd.dynamics.model import Layout, Model
+
+if TYPE_CHECKING:
+    from uqmbd.dynamics.pace import Leg
 
 __all__ = ["Ensemble", "referenced", "split"]
 
@@ -59,7 +63,27 @@ class Ensemble:
     @property
     def breaks(self) -> Array:
         """Break times of each realisation, shape (K, break)."""
-        return self.parameters[:, self.model.breaks]
+        added = np.tile(np.array(self.model.added_breaks), (len(self), 1))
+        return np.concatenate([self.parameters[:, self.model.breaks], added], axis=1)
+
+    def pace(self, times: Array, rtol: float = 1e-6) -> tuple[Leg, ...]:
+        """Lay out an integration: where it starts anew, and how long its steps may be, for every integrator alike.
+
+        Parameters
+        ----------
+        times : array, shape (T,)
+            Output times, s.
+        rtol : float
+            Relative tolerance.
+
+        Returns
+        -------
+        tuple of (end, longest)
+            Legs of the integration, one after the other: until when nothing jumps, s, and the longest step, s.
+        """
+        from uqmbd.dynamics.pace import pace  # it needs ensembles itself
+
+        return pace(self, np.asarray(times, dtype=float), rtol)
 
     def select(self, members: Index) -> Ensemble:
         """Make the ensemble of some realisations."""

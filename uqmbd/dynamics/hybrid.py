@@ -20,6 +20,7 @@ from uqmbd.dynamics.ensemble import Ensemble
 from uqmbd.dynamics.impacts import impact
 from uqmbd.dynamics.index1 import accelerations, excess
 from uqmbd.dynamics.lockstep import ORDER, Out
+from uqmbd.dynamics.pace import Leg, pace
 from uqmbd.dynamics.prescribed import instant
 from uqmbd.dynamics.restarts import speed_jumps
 from uqmbd.dynamics.stepping import Curve, Stepper
@@ -141,6 +142,8 @@ class Hybrid:
         self.crowd, self.coarse = list[float](), 1.0
         self.seen: tuple[float, Array, Contacts] | None = None
         self.inside = (-np.inf, np.inf)
+        self.legs: tuple[Leg, ...] = ()
+        self.most = STEPS
         size = float(np.abs(self.ensemble.start.q[0]).max(initial=0.0))
         self.length = max(1e-3, min(1.0, size))
 
@@ -148,6 +151,10 @@ class Hybrid:
     def run(self) -> None:
         """Integrate to the last output time."""
         start = self.ensemble.start
+        self.legs = pace(self.ensemble, self.times, self.rtol)
+        begins = [float(self.times[0]), *(leg.end for leg in self.legs)]
+        # whoever wants short steps gets as many as that takes
+        self.most += int(sum((leg.end - t) / leg.longest for leg, t in zip(self.legs, begins, strict=False)))
         z = np.concatenate([start.q[0], start.s[0], start.v[0]])
         now, end = float(self.times[0]), float(self.times[-1])
         contacts = self._look(now, z)
@@ -252,19 +259,24 @@ class Hybrid:
         size, refused = min(size, flight_time), False
         while now < stop:
             size = min(size, longest)
-            last = now + size > stop - 0.1 * size
-            size = stop - now if last else size
+            leg = next((leg for leg in self.legs if leg.end > now), self.legs[-1])
+            # what the equations themselves do not want ends no piece, but a step
+            goal, size = min(leg.end, stop), min(size, leg.longest)
+            last = now + size > goal - 0.1 * size
+            size = goal - now if last else size
             new, error = self.stepper.attempt(now, z, size, floor)
             self.steps += 1
-            if self.steps > STEPS or size < 1e-14 * max(abs(now), 1e-3 * (stop - begin)):
-                reason = f"more than {STEPS} steps" if self.steps > STEPS else f"the step size fell to {size:.1g} s"
+            if self.steps > self.most or size < 1e-14 * max(abs(now), 1e-3 * (stop - begin)):
+                reason = (
+                    f"more than {self.most} steps" if self.steps > self.most else f"the step size fell to {size:.1g} s"
+                )
                 self.message = f"the integration stopped at t = {now:.6g} s: {reason}; the mechanism may be stiff"
                 return stop, z
             if error >= 1.0:
                 size *= max(0.2, 0.9 * error ** (-1 / ORDER)) if np.isfinite(error) else 0.2
                 refused = True
                 continue
-            after = stop if last else now + size
+            after = goal if last else now + size
             curve = self.stepper.curve(now, z, size)
             curves.append(curve)
             found = self._first(guards, now, after, curve)

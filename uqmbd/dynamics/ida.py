@@ -23,13 +23,14 @@ from numpy.typing import NDArray
 from uqmbd.dynamics.ensemble import Ensemble
 from uqmbd.dynamics.index1 import accelerations
 from uqmbd.dynamics.model import Model
+from uqmbd.dynamics.pace import pace
 from uqmbd.dynamics.prescribed import instant
 from uqmbd.dynamics.rank import dead_end, rank_along
 from uqmbd.dynamics.restarts import speed_jumps
 from uqmbd.dynamics.sundials import Solution, solve
-from uqmbd.dynamics.trajectories import Counters, Solved, stops
+from uqmbd.dynamics.trajectories import Counters, Solved
 
-__all__ = ["RELAXED", "STEPS", "diagnosis", "integrate_by_ida", "step_tolerance"]
+__all__ = ["RELAXED", "STEPS", "diagnosis", "integrate_by_ida", "step_limits", "step_tolerance"]
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -140,19 +141,18 @@ def _integrate_stack(ensemble: Ensemble, times: Array, rtol: float) -> _Run:
     counters = Counters()
     callbacks = _callbacks(ensemble)
     now = float(times[0])
-    breaks = stops(ensemble.breaks, times)
-    for stop in [*breaks.tolist(), float(times[-1])]:
+    for stop, longest in pace(ensemble, times, rtol):
         inside = np.flatnonzero((times > now) & (times <= stop))
         grid = np.unique(np.concatenate([[now], times[inside], [stop]]))
         if len(grid) == 2:  # with two times the integrator returns its own steps instead
             grid = np.array([now, 0.5 * (now + stop), stop])
-        if ensemble.breaks.size:
+        if ensemble.breaks.size or now > times[0]:
             y, yp, refused = _consistent(ensemble, now, y, rtol)
             result[:, np.flatnonzero(times[1:] == now) + 1] = np.concatenate(ensemble.expand(y[:, None]), axis=2)
             if refused:
                 return _Run(result, next(iter(refused.values())), counters, True)
         begin = clock.perf_counter()
-        solution = _solved(ensemble, callbacks, grid, y, yp, rtol)
+        solution = _solved(ensemble, callbacks, grid, y, yp, rtol, longest)
         spent = clock.perf_counter() - begin
         counters = counters + Counters(solution.residuals, solution.jacobians, 1, seconds=spent)
         found = solution.y.reshape(len(solution.t), len(ensemble), -1)
@@ -200,7 +200,9 @@ def _roughness(ensemble: Ensemble, states: Array) -> Array:
     return rough
 
 
-def _solved(ensemble: Ensemble, callbacks: Callbacks, times: Array, y: Array, yp: Array, rtol: float) -> Solution:
+def _solved(
+    ensemble: Ensemble, callbacks: Callbacks, times: Array, y: Array, yp: Array, rtol: float, longest: float
+) -> Solution:
     """Integrate a stack from one time to the last without a break."""
     model = ensemble.model
     residual, jacobian = callbacks
@@ -211,8 +213,15 @@ def _solved(ensemble: Ensemble, callbacks: Callbacks, times: Array, y: Array, yp
     options: dict[str, Any] = {"linsolver": "dense", "jacfn": jacobian}
     if y.size >= SPARSE_FROM:
         options |= {"linsolver": "sparse", "sparsity": _sparsity(model, len(ensemble))}
-    limits = {"rtol": rtol, "atol": np.tile(atol, len(ensemble)), "max_num_steps": STEPS}
+    limits = {"rtol": rtol, "atol": np.tile(atol, len(ensemble)), **step_limits(times, longest)}
     return solve(residual, options, times, y.ravel(), yp.ravel(), **limits)
+
+
+def step_limits(times: Array, longest: float) -> dict[str, Any]:
+    """Return IDA's limits of steps; whoever wants short ones gets as many between two output times as that takes."""
+    if not np.isfinite(longest):
+        return {"max_num_steps": STEPS}
+    return {"max_num_steps": STEPS + int(float(np.diff(times).max()) / longest), "max_step": longest}
 
 
 def _callbacks(ensemble: Ensemble) -> Callbacks:

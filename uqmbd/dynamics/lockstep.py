@@ -21,7 +21,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from uqmbd.dynamics.trajectories import stops
+from uqmbd.dynamics.pace import Leg
 
 __all__ = ["Course", "Equations", "LockStep", "Node", "Out", "Watcher", "longest_step"]
 
@@ -179,8 +179,8 @@ class LockStep:
         Initial states.
     times : array, shape (T,)
         Output times, s.
-    breaks : array
-        Times at which a force may jump.
+    legs : sequence of Leg
+        Where it starts anew, as a force may jump there, and how long steps may be until then.
     rtol : float
         Relative tolerance.
     floor : array, shape (row, 1)
@@ -211,7 +211,7 @@ class LockStep:
         equations: Equations,
         z: Array,
         times: Array,
-        breaks: Array,
+        legs: Sequence[Leg],
         rtol: float,
         floor: Array,
         watch: Callable[[Array], bool] | None = None,
@@ -219,8 +219,7 @@ class LockStep:
         guard: Watcher | None = None,
     ) -> None:
         self.equations, self.times, self.rtol, self.floor = equations, times, rtol, floor
-        self.stops = [*stops(breaks, times).tolist(), float(times[-1])]
-        self.may_jump = bool(np.isfinite(breaks).any())
+        self.legs = legs
         self.z = z.copy()
         self.result = np.full((len(z), len(times), z.shape[1]), np.nan)
         self.result[:, 0] = z
@@ -231,7 +230,7 @@ class LockStep:
         self.refused: set[int] = set()
         self.steps = 0
         self.watch, self.watched, self.stopped = watch, 0, False
-        self.longest, self.guard = longest, guard
+        self.longest, self.bound, self.guard = longest, longest, guard
         self.nodes: deque[tuple[float, Array]] = deque(maxlen=NODES)
         self.steps_at_most = STEPS
         self.allowed = SURPLUS**2 * equations.moving * (float(np.min(floor)) ** 2 if np.size(floor) else 0.0)
@@ -246,9 +245,10 @@ class LockStep:
         """Integrate through all break times."""
         now, size = float(self.times[0]), 0.0
         with np.errstate(all="ignore"):
-            for stop in self.stops:
-                size = self._segment(now, stop, size)
-                now = stop
+            for leg in self.legs:
+                self.bound = min(self.longest, leg.longest)
+                size = self._segment(now, leg.end, size)
+                now = leg.end
                 if self.stopped or not len(self.members):
                     return
 
@@ -266,25 +266,26 @@ class LockStep:
         eps = 1e-12 * max(1.0, abs(begin), abs(end))
         self.inside = (begin + eps, end - eps)
         now = begin
-        if self.may_jump:
-            self._restart(now)
-            if not len(self.members):
-                return size
+        self._restart(now)
+        if not len(self.members):
+            return size
         self._rate(now, self.z, 0)
         size = min(size or self._first_size(now, end), end - begin)
         wanted, attempts, rejected, refusals = size, 0, False, 0
+        # whoever wants short steps gets as many as that takes
+        most = self.steps_at_most + (end - begin) / self.bound
         self.nodes.clear()
         self._remember(now)
         while now < end - eps and len(self.members) and not self.stopped:
-            size = min(wanted, end - now, self.longest, self.guard.limit if self.guard is not None else np.inf)
+            size = min(wanted, end - now, self.bound, self.guard.limit if self.guard is not None else np.inf)
             if now + size > end - 0.1 * size:  # no tiny last step
                 size = end - now
             attempts += 1
             least = 1e-13 * max(abs(now), end - begin)
             error, new = self._attempt(now, size)
             worst = float(error.max()) if np.isfinite(error).all() else np.inf
-            if attempts > self.steps_at_most or size < least:
-                self._leave(np.flatnonzero(~(error < min(worst, 1e300))), self._reason(now, size, attempts))
+            if attempts > most or size < least:
+                self._leave(np.flatnonzero(~(error < min(worst, 1e300))), self._reason(now, size, attempts > most))
                 self.nodes.clear()
                 self._remember(now)
                 attempts, wanted = 0, max(size, 1e-6 * (end - begin))
@@ -533,12 +534,12 @@ class LockStep:
         self._allocate()
         self.k[0] = first
 
-    def _reason(self, now: float, size: float, attempts: int) -> str:
+    def _reason(self, now: float, size: float, many: bool) -> str:  # noqa: FBT001 - which of two
         if self.guard is not None and len(self.members) == 1:
             found = self.guard.reason(now, self.z[0], self.equations.block[0])
             if found:
                 return found
-        if attempts > self.steps_at_most:
+        if many:
             return f"the integration stopped at t = {now:.6g} s: more than {self.steps_at_most} steps"
         return (
             f"the integration stopped at t = {now:.6g} s: the step size fell to {size:.1g} s; probably a singular "

@@ -170,6 +170,12 @@ class Model:
     """Row indices and column pointers of the Jacobian, compressed by columns."""
     prescribed: Any = field(default=None, repr=False)
     """Functions of time that components with constraints are given, `uqmbd.dynamics.prescribed.Prescribed`."""
+    timed: Any = field(default=None, repr=False)
+    """Functions of time that may be stepped over, `uqmbd.dynamics.timed.Timed`."""
+    max_step: float = np.inf
+    """Longest step of any integrator, s."""
+    added_breaks: tuple[float, ...] = ()
+    """Times at which integrations start anew besides those that the equations have, s."""
     start_at: str = "drawn"
     """Where realisations start: ``drawn`` (as assembled from the drawn pose) or ``equilibrium``."""
 

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uqmbd.dynamics.lockstep import LockStep, Out, longest_step
+from uqmbd.dynamics.pace import pace
 from uqmbd.dynamics.projected import ProjectedEnsemble
 
 __all__ = ["ProjectedEquations", "lock_step"]
@@ -78,6 +79,6 @@ def lock_step(
     longest = longest_step(projected.model.rough, times)
     size = float(np.abs(projected.ensemble.start.q).max(initial=0.0))
     floor = np.full((projected.terms, 1), rtol * min(1.0, max(1e-3, size)))
-    run = LockStep(equations, start.state, times, projected.ensemble.breaks, rtol, floor, watch, longest)
+    run = LockStep(equations, start.state, times, pace(projected.ensemble, times, rtol), rtol, floor, watch, longest)
     run.run()
     return run, equations

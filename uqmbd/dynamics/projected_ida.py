@@ -10,11 +10,11 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from uqmbd.dynamics.ida import RELAXED, STEPS, diagnosis, step_tolerance
+from uqmbd.dynamics.ida import RELAXED, diagnosis, step_limits, step_tolerance
+from uqmbd.dynamics.pace import pace
 from uqmbd.dynamics.prescribed import instant
 from uqmbd.dynamics.projected import ProjectedEnsemble
 from uqmbd.dynamics.sundials import solve
-from uqmbd.dynamics.trajectories import stops
 
 __all__ = ["LINEAR_SOLVERS", "LinearSolver", "Run", "implicit"]
 
@@ -203,11 +203,13 @@ def implicit(
     atol = np.full(layout.unknowns, tolerance * min(1.0, length))
     atol[layout.differential :] = RELAXED
     state, now, message = start.state, float(times[0]), ""
-    pauses = set(stops(ensemble.breaks, times).tolist())
+    legs = pace(ensemble, times, rtol)
+    pauses = {leg.end for leg in legs}
+    starts = {float(times[0]), *pauses}
     if watch is not None:
         pauses |= set(times[:: max(1, len(times) // 10)][1:].tolist())
     for stop in [*sorted(pauses - {float(times[-1])}), float(times[-1])]:
-        if ensemble.breaks.size:
+        if ensemble.breaks.size and now in starts:
             state = state.copy()
             state[:, layout.coordinates + layout.states :] += projected.impulse(state, now, rtol)
             path[:, np.flatnonzero(times[1:] == now) + 1] = state[:, None]
@@ -216,12 +218,13 @@ def implicit(
         accelerations, multipliers, rates = projected.accelerations(state, now + instant(now))
         y = ensemble.pack(q, s, v, multipliers)
         yp = ensemble.pack(v, rates, accelerations, np.zeros_like(multipliers))
+        longest = next(leg.longest for leg in legs if leg.end >= stop)
         inside = np.flatnonzero((times > now) & (times <= stop))
         grid = np.unique(np.concatenate([[now], times[inside], [stop]]))
         if len(grid) == 2:  # with two times the integrator returns its own steps instead
             grid = np.array([now, 0.5 * (now + stop), stop])
         begin = clock.perf_counter()
-        limits = {"rtol": tolerance, "atol": np.tile(atol, terms), "max_num_steps": STEPS}
+        limits = {"rtol": tolerance, "atol": np.tile(atol, terms), **step_limits(grid, longest)}
         solution = solve(residual, linear.options(), grid, y.ravel(), yp.ravel(), **limits)
         counters["seconds"] += clock.perf_counter() - begin
         counters["integrations"] += 1

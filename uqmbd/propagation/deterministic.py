@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Any
 
@@ -13,7 +13,14 @@ from numpy.typing import ArrayLike, NDArray
 from uqmbd.errors import AssemblyError, IntegrationError, RedundantConstraintWarning, StudyError, UqmbdError
 from uqmbd.names import checked
 from uqmbd.propagation.accuracy import LONG_NAME, deviation, tighter
-from uqmbd.propagation.options import check_integrator, check_rtol, check_start, check_times
+from uqmbd.propagation.options import (
+    check_breaks,
+    check_integrator,
+    check_max_step,
+    check_rtol,
+    check_start,
+    check_times,
+)
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -21,7 +28,7 @@ if TYPE_CHECKING:
     from uqmbd.dynamics import Ensemble, Model, Trajectories
     from uqmbd.mechanism import Mechanism
 
-__all__ = ["input_point", "observed_model", "refuse_jumps", "simulate", "variables_of"]
+__all__ = ["input_point", "observed_model", "refuse_jumps", "simulate", "step_attributes", "stepped", "variables_of"]
 
 
 Array = NDArray[np.float64]
@@ -36,6 +43,8 @@ def simulate(
     integrator: str = "auto",
     start: str = "drawn",
     check: bool = True,
+    max_step: float | None = None,
+    breaks: Sequence[float] = (),
 ) -> xr.Dataset:
     """Compute one motion: at the means of the random variables, or at given values.
 
@@ -54,6 +63,10 @@ def simulate(
     check : bool
         Whether to measure the error of the integration, for which the motion is integrated again at a hundredth of the
         tolerance.
+    max_step : float, optional
+        Longest step of the integration, s, as for `Study`.
+    breaks : sequence of float
+        Times at which the integration starts anew, s, as for `Study`.
 
     Returns
     -------
@@ -94,7 +107,8 @@ def simulate(
     check_integrator(integrator, where)
     check_start(start, where)
     point = input_point(where, mechanism, values)
-    model = observed_model(mechanism, float(grid[0]), start)
+    longest, added = check_max_step(max_step, where), check_breaks(breaks, where)
+    model = stepped(observed_model(mechanism, float(grid[0]), start), longest, added)
     require_for(model, integrator, where)
     ensemble = Ensemble(model, np.array([list(point.values())]))
     if not model.outputs.names and not model.scalars.needs_motion:
@@ -113,6 +127,7 @@ def simulate(
         "integrator": integrator,
         **integrated_by(asdict(counters), integrator),
         "start": start,
+        **step_attributes(longest, added),
         "residual_evaluations": counters.residuals,
         "jacobian_evaluations": counters.jacobians,
         **not_unique_attribute(model),
@@ -223,6 +238,18 @@ def input_point(where: str, mechanism: Mechanism, values: Mapping[str, float] | 
         if not np.isfinite(point[name]):
             raise StudyError(f"{where}: the value of {name!r} is {value!r}; expected a finite number.")
     return point
+
+
+def stepped(model: Model, max_step: float, breaks: tuple[float, ...]) -> Model:
+    """Return a model that every integrator follows with bounded steps, and with breaks of the user's."""
+    plain = max_step == float("inf") and not breaks
+    return model if plain else replace(model, max_step=max_step, added_breaks=breaks)
+
+
+def step_attributes(max_step: float, breaks: tuple[float, ...]) -> dict[str, Any]:
+    """Return the attributes that say how steps were bounded, if they were."""
+    found: dict[str, Any] = {} if max_step == float("inf") else {"max_step": max_step}
+    return found | ({"breaks": list(breaks)} if breaks else {})
 
 
 def refuse_jumps(ensemble: Ensemble, times: Array, rtol: float, where: str) -> None:

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from uqmbd.errors import AssemblyError, RedundantConstraintWarning, StudyError
-from uqmbd.propagation.deterministic import input_point, observed_model
+from uqmbd.propagation.deterministic import input_point, observed_model, stepped
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -171,7 +171,7 @@ def _integrated(study: Study, times: Array, values: Array) -> tuple[Array, str]:
     from uqmbd.dynamics import Ensemble
     from uqmbd.propagation.chunks import integrator_of
 
-    model = observed_model(study.mechanism, float(study.times[0]), study.start)
+    model = stepped(observed_model(study.mechanism, float(study.times[0]), study.start), study.max_step, study.breaks)
     with threadpool_limits(limits=1):
         found = integrator_of(study.integrator)(Ensemble(model, values), times, study.rtol)
     return found.states[..., : model.layout.coordinates], next((m for m in found.messages if m), "")
@@ -194,9 +194,11 @@ def _of_method(study: Study, times: Array, samples: int, seed: int, method: str)
             observed.output(names[-1], symbol)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # they are those of the run
-        node = Study(study.name, observed, times, [], study.rtol, study.integrator, study.start).propagate(
-            propagators[method]
+        longest = study.max_step if np.isfinite(study.max_step) else None
+        again = Study(
+            study.name, observed, times, [], study.rtol, study.integrator, study.start, (), None, longest, study.breaks
         )
+        node = again.propagate(propagators[method])
     if "samples" in node.children:
         data = node["samples"].to_dataset()
         data = data.isel(sample=np.flatnonzero(data["status"].values == 0)[:samples])

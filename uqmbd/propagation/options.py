@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from numbers import Real
 from typing import TYPE_CHECKING, Any
 
@@ -17,7 +17,9 @@ if TYPE_CHECKING:
 
 __all__ = [
     "STARTS",
+    "check_breaks",
     "check_integrator",
+    "check_max_step",
     "check_report_times",
     "check_rtol",
     "check_start",
@@ -95,6 +97,33 @@ def check_integrator(integrator: str, where: str) -> str:
     if integrator not in known:
         raise StudyError(f"{where}: there is no integrator {integrator!r}; there are: {', '.join(known)}.")
     return integrator
+
+
+def check_max_step(max_step: Any, where: str) -> float:
+    """Return the longest step, infinite if there is none, or say what is wrong with it."""
+    if max_step is None:
+        return float("inf")
+    number = isinstance(max_step, Real) and not isinstance(max_step, (bool, np.bool_))
+    if not number or not 0 < float(max_step) < float("inf"):
+        raise StudyError(
+            f"{where}: max_step is {max_step!r}; expected the longest step of the integration in s, a finite number "
+            "above 0, e.g. 1e-3; None for no bound."
+        )
+    return float(max_step)
+
+
+def check_breaks(breaks: Any, where: str) -> tuple[float, ...]:
+    """Return the times at which the integration starts anew, sorted, or say what is wrong with them."""
+    wanted = "expected times in s at which the integration starts anew, e.g. breaks=[0.2, 0.21]"
+    if isinstance(breaks, (str, bytes)) or not isinstance(breaks, (Iterable, np.ndarray)):
+        raise StudyError(f"{where}: breaks are {breaks!r}; {wanted}.")
+    found = []
+    for time in breaks:
+        number = isinstance(time, Real) and not isinstance(time, (bool, np.bool_))
+        if not number or not np.isfinite(float(time)):
+            raise StudyError(f"{where}: breaks hold {time!r}; {wanted}, each a finite number.")
+        found.append(float(time))
+    return tuple(sorted(set(found)))
 
 
 def check_start(start: str, where: str) -> str:

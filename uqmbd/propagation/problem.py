@@ -22,7 +22,7 @@ from uqmbd.errors import StudyError
 from uqmbd.propagation.accuracy import Observed
 from uqmbd.propagation.checkpoint import Checkpoint
 from uqmbd.propagation.chunks import CHUNK, Chunk, compute_chunk
-from uqmbd.propagation.deterministic import not_unique_attribute
+from uqmbd.propagation.deterministic import not_unique_attribute, step_attributes
 from uqmbd.propagation.histories import History, event_histories
 from uqmbd.propagation.progress import Progress, Silent
 from uqmbd.propagation.realisations import Realisations
@@ -306,7 +306,7 @@ class Problem:
     def _fingerprint(self) -> bytes:
         """What the numbers of a chunk depend on besides its inputs: equations and outputs as symbols, and options."""
         model = self.model
-        options = (self.rtol, self.integrator, model.start_at)
+        options = (self.rtol, self.integrator, model.start_at, model.max_step, model.added_breaks)
         times = (self.times.tobytes(),) if self.over is None else ("timeless", self.over.tobytes())
         parts = (model.digest, self.inputs.names, *options, *times, __version__)
         turns = model.outputs.turns
@@ -362,5 +362,10 @@ class Problem:
             options=options,
             solver_counters=counters,
             children=children,
-            attrs={"start": self.model.start_at, **not_unique_attribute(self.model), **(attrs or {})},
+            attrs={
+                "start": self.model.start_at,
+                **step_attributes(self.model.max_step, self.model.added_breaks),
+                **not_unique_attribute(self.model),
+                **(attrs or {}),
+            },
         )

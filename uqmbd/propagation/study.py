@@ -17,10 +17,12 @@ from numpy.typing import ArrayLike
 from uqmbd.errors import StudyError
 from uqmbd.names import check_name, checked
 from uqmbd.propagation.attempts import attempt, joined
-from uqmbd.propagation.deterministic import observed_model, refuse_jumps
+from uqmbd.propagation.deterministic import observed_model, refuse_jumps, step_attributes, stepped
 from uqmbd.propagation.growing import check_convergence_of, with_convergence
 from uqmbd.propagation.options import (
+    check_breaks,
     check_integrator,
+    check_max_step,
     check_report_times,
     check_rtol,
     check_start,
@@ -71,6 +73,14 @@ class Study:
         Arguments of :meth:`converge`, which a run then computes after the methods, for the report's curves of error
         against cost: ``{"propagators": [Collocation, MonteCarlo(seed=1)], "order": [1, 2, 3], "samples": [50, 200],
         "reference": "monte-carlo"}``. The reference may be the label of a propagator of the study.
+    max_step : float, optional
+        Longest step of the integration, s; by default its error alone decides.  For what acts for a moment and depends
+        on the state as well as on time, as a wave that runs along a mechanism: functions of time alone are looked at
+        beforehand.  What lasts longer than the 8000th part of the times (and than a quarter of the time between two
+        outputs) is found; what is shorter, if it is not small beside what the same function adds to it.
+    breaks : sequence of float
+        Times at which the integration starts anew, s, besides those of `uqmbd.step` and of the conditions of a
+        `sympy.Piecewise` that are linear in time.
 
     Raises
     ------
@@ -102,6 +112,8 @@ class Study:
         start: str = "drawn",
         report_times: Sequence[float] = (),
         convergence: Mapping[str, Any] | None = None,
+        max_step: float | None = None,
+        breaks: Sequence[float] = (),
     ) -> None:
         from uqmbd.mechanism import Mechanism
 
@@ -115,6 +127,8 @@ class Study:
         self.rtol = check_rtol(rtol, f"study {name!r}")
         self.integrator = check_integrator(integrator, f"study {name!r}")
         self.start = check_start(start, f"study {name!r}")
+        self.max_step = check_max_step(max_step, f"study {name!r}")
+        self.breaks = check_breaks(breaks, f"study {name!r}")
         self.report_times = check_report_times(report_times, self.times, f"study {name!r}")
         self.propagators = self._checked(propagators)
         self.convergence: Mapping[str, Any] | None = None
@@ -165,6 +179,7 @@ class Study:
             # outputs may have been added since
             check_still(self.mechanism, f"study {self.name!r}")
         model = observed_model(self.mechanism, float(self.times[0]), self.start)
+        model = stepped(model, self.max_step, self.breaks)
         require_for(model, self.integrator, f"study {self.name!r}")
         means = Ensemble(replace(model, start_at="drawn"), self.mechanism.inputs.means[None, :])
         refuse_jumps(means, self.times, self.rtol, f"study {self.name!r}, at the means of its inputs")
@@ -282,7 +297,7 @@ class Study:
         """Return what the root of the results says of the study."""
         shown = {"report_times": list(self.report_times)} if self.report_times else {}
         about = {"rtol": self.rtol, "integrator": self.integrator, "start": self.start}
-        return {**about, **shown, **_parts(self.mechanism)}
+        return {**about, **step_attributes(self.max_step, self.breaks), **shown, **_parts(self.mechanism)}
 
     @checked
     def converge(
