@@ -343,10 +343,12 @@ class Hybrid:
             normal = contacts.normal(k)
             if k not in self.modes:
                 resting = bool(contacts.guard[0, k] <= CLOSED * self.length)
-                speed = float(contacts.speed[0, normal])
-                if resting and speed > 0 and not self.modes and rates[normal] < 0:
-                    shortest = min(shortest, -2.05 * speed / rates[normal])
-                guards.append(Guard("gap", k, resting, speed if speed > self._slow() else 0.0))
+                # below the speed that is none it does not rise: it has only been let go
+                rise = float(contacts.speed[0, normal])
+                rise = rise if rise > self._slow() else 0.0
+                if resting and rise > 0 and not self.modes and rates[normal] < 0:
+                    shortest = min(shortest, -2.05 * rise / rates[normal])
+                guards.append(Guard("gap", k, resting, rise))
                 continue
             guards.append(Guard("lift-off", k))
             if contacts.rubs(k):
