@@ -189,7 +189,9 @@ class Hybrid:
         # what did not approach before does not rebound
         law = contacts.law.copy()
         law[..., 0] = 0.0
-        z[self.velocities :] += impact(replace(contacts, law=law), closed, 1e-3 * self._slow())[0]
+        if (jumped := self._impact(now, replace(contacts, law=law), closed)) is None:
+            return z
+        z[self.velocities :] += jumped[0]
         return self._settle(now, z)
 
     def states(self) -> Array:
@@ -456,7 +458,9 @@ class Hybrid:
         closed = [k for k in self.bodies if k == event or k in self.modes or gaps[k] <= CLOSED * self.length]
         approach = max(0.0, -float(contacts.speed[0, contacts.normal(event)]))
         self.fastest = max(self.fastest, approach)
-        jump, hit = impact(contacts, closed, 1e-3 * self._slow())
+        if (jumped := self._impact(time, contacts, closed)) is None:
+            return z
+        jump, hit = jumped
         z = z.copy()
         z[: self.n] += project(contacts, {event: "slip"})[0][0]
         z[self.velocities :] += jump
@@ -464,6 +468,17 @@ class Hybrid:
             found = [k for k in self.bodies if k in hit and k not in self.modes]
             self.happenings += [Happening(time, k, self.model.events[k][1]) for k in found]
         return self._settle(time, z)
+
+    def _impact(self, time: float, contacts: Contacts, closed: list[int]) -> tuple[Array, set[int]] | None:
+        """Jump of the velocities, and what is hit; None, with a message, where no impulses satisfy the laws."""
+        found = impact(contacts, closed, 1e-3 * self._slow())
+        if found is None:
+            normals = [contacts.normal(k) for k in closed]
+            name = self.model.events[closed[int(np.argmin(contacts.speed[0, normals]))]][0]
+            self.message = (
+                f"{name!r}: no impulses satisfy the laws of impact at t = {time:.6g} s; is a body driven into another?"
+            )
+        return found
 
     def _settle(self, time: float, z: Array, leaving: int | None = None) -> Array:
         """Let contacts last that are closed, do not open and are pressed; the others are open."""
