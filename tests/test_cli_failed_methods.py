@@ -124,3 +124,20 @@ def test_comparison_that_fails_costs_nothing_but_itself(cli, tmp_path, monkeypat
     assert (status, "no ink" in out) == (0, True), err
     report = (tmp_path / "r" / "report.html").read_text(encoding="utf-8")
     assert "The methods could not be compared: ZeroDivisionError: no ink" in report
+
+
+def test_results_are_stored_before_curves_of_error_against_cost(cli, tmp_path, monkeypatch):
+    """An interruption there is none of a method: it finds them stored."""
+    import uqmbd.propagation.growing
+
+    def interrupted(*arguments, **options):
+        assert list(results.propagator_nodes(results.load(tmp_path / "r" / "results.nc"))) == ["monte-carlo"]
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(uqmbd.propagation.growing, "converge", interrupted)
+    methods = (
+        'MonteCarlo(samples=8, seed=1)], convergence={"propagators": [Collocation], "order": [1, 2]}, report_times=['
+    )
+    status, _, err = cli("run", "fall.py", "--out", "r", methods=methods)
+    assert status == 130 and "--resume" in err
+    assert list(results.propagator_nodes(results.load(tmp_path / "r" / "results.nc"))) == ["monte-carlo"]

@@ -62,6 +62,7 @@ def run_study(
     """
     # before the work, not after it: whatever is wrong with the report should cost no hours
     import uqmbd.report.html  # noqa: F401
+    from uqmbd.results import failed_methods, save
 
     begin = time.monotonic()
     study = load_study(script)
@@ -77,7 +78,12 @@ def run_study(
             with warnings.catch_warnings():
                 # they are told at the end
                 warnings.simplefilter("ignore", MethodFailedWarning)
-                tree = study.run(executor, only=list(only) or None, progress=progress, folder=out, resume=resume)
+                # curves of error against cost may take long: what is found before them is stored before them
+                grows = getattr(study, "convergence", None) is not None and not only
+                before: dict[str, Any] = {"finished": lambda tree: save(tree, out / "results.nc")} if grows else {}
+                tree = study.run(
+                    executor, only=list(only) or None, progress=progress, folder=out, resume=resume, **before
+                )
         except KeyboardInterrupt:
             print(_how_to_go_on(script, out), file=sys.stderr, flush=True)
             raise
@@ -85,8 +91,6 @@ def run_study(
             if any((out / UNFINISHED).glob("*")):
                 print(_how_to_go_on(script, out), file=sys.stderr, flush=True)
             raise
-    from uqmbd.results import failed_methods, save
-
     # before anything else that may go wrong: a result holds its methods and their comparison
     files = {"results": save(tree, out / "results.nc")}
     print("writing the report ...", file=sys.stderr, flush=True)

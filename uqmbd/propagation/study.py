@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 import importlib
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
 from functools import cached_property
@@ -234,6 +234,7 @@ class Study:
         progress: Progress | bool | None = None,
         folder: Path | None = None,
         resume: bool = False,
+        finished: Callable[[xr.DataTree], object] | None = None,
     ) -> xr.DataTree:
         """Run all propagators: one that cannot do the study, or fails, does not keep the others from it.
 
@@ -252,6 +253,9 @@ class Study:
             Where to keep finished chunks while it runs.
         resume : bool
             Go on with the chunks that an interrupted run left in `folder`.
+        finished : callable, optional
+            Given the results of the methods and their comparison before curves of error against cost are computed, as
+            `uqmbd run` does to store them.
 
         Returns
         -------
@@ -287,6 +291,8 @@ class Study:
             attempts = attempt(self, chosen, crew, progress, folder)
             attempts.told(self.name, stacklevel=2)
             tree = joined(self, attempts, self._attributes())
+            if finished is not None:
+                finished(tree)
             if only is None:
                 tree = with_convergence(self, tree, crew, progress, folder)
         if folder and not attempts.errors:
