@@ -85,6 +85,7 @@ _WHERE = {
     "PluginWarning": "uqmbd.errors",
     "RedundantConstraintWarning": "uqmbd.errors",
     "StudyError": "uqmbd.errors",
+    "StudyWarning": "uqmbd.errors",
     "UnusedInputWarning": "uqmbd.errors",
     "UqmbdError": "uqmbd.errors",
 }
@@ -110,6 +111,7 @@ if TYPE_CHECKING:
     from uqmbd.errors import PluginWarning as PluginWarning
     from uqmbd.errors import RedundantConstraintWarning as RedundantConstraintWarning
     from uqmbd.errors import StudyError as StudyError
+    from uqmbd.errors import StudyWarning as StudyWarning
     from uqmbd.errors import UnusedInputWarning as UnusedInputWarning
     from uqmbd.errors import UqmbdError as UqmbdError
     from uqmbd.mechanism import Auxiliary as Auxiliary

@@ -12,6 +12,7 @@ __all__ = [
     "PluginWarning",
     "RedundantConstraintWarning",
     "StudyError",
+    "StudyWarning",
     "UnusedInputWarning",
     "UqmbdError",
 ]
@@ -43,6 +44,10 @@ class IntegrationError(UqmbdError):
 
 class RedundantConstraintWarning(UserWarning):
     """Some constraint equations depend on others; they are named, and dropped."""
+
+
+class StudyWarning(UserWarning):
+    """Something that may be meant, and often is not; it is stored in the results as well (attribute ``warnings``)."""
 
 
 class UnusedInputWarning(UserWarning):

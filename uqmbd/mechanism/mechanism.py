@@ -321,12 +321,16 @@ class Mechanism:
         """Return the bodies' own terms, then the components, in the order in which they were added."""
         return [*(b.terms for b in self.bodies.values()), *self.components.values()]
 
-    def _used(self) -> set[RandomVariable]:
+    def moving_inputs(self) -> frozenset[RandomVariable]:
+        """Return the random variables that enter the motion: all but those that outputs alone contain."""
         values: list[Any] = [value for c in self.all_components() for value in c.values.values()]
         values += [part for b in self.bodies.values() for part in (b.pose.q, b.pose.velocity, b.pose.angular_velocity)]
-        values += [output.expression for output in (*self.outputs.values(), *self.scalars.values())]
         values.append(self.space.gravity)
-        return {variable for value in values for variable in random_variables(value)}
+        return frozenset(variable for value in values for variable in random_variables(value))
+
+    def _used(self) -> set[RandomVariable]:
+        values = [output.expression for output in (*self.outputs.values(), *self.scalars.values())]
+        return {variable for value in values for variable in random_variables(value)} | self.moving_inputs()
 
     def _require_free(self, name: str, where: str) -> None:
         if name == "ground":

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import hashlib
+import json
 import pickle
 import time as clock
+import warnings
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
@@ -18,11 +20,12 @@ from numpy.typing import NDArray
 
 from uqmbd import __version__
 from uqmbd.dynamics import Capability, Ensemble, Model, ScalarValues, require
-from uqmbd.errors import StudyError
+from uqmbd.errors import StudyError, StudyWarning
 from uqmbd.propagation.accuracy import Observed
 from uqmbd.propagation.checkpoint import Checkpoint
 from uqmbd.propagation.chunks import CHUNK, Chunk, compute_chunk
 from uqmbd.propagation.deterministic import not_unique_attribute, step_attributes
+from uqmbd.propagation.existence import Existence
 from uqmbd.propagation.histories import History, event_histories
 from uqmbd.propagation.progress import Progress, Silent
 from uqmbd.propagation.realisations import Realisations
@@ -76,6 +79,8 @@ class Problem:
     progress: Progress = field(default_factory=Silent, repr=False)
     checkpoint: Checkpoint | None = field(default=None, repr=False)
     over: Array | None = field(default=None, repr=False)
+    existence: Existence = field(default_factory=lambda: Existence({}, {}, {}), repr=False)
+    """Which moments of the outputs exist."""
     known: dict[bytes, Chunk] = field(default_factory=dict, repr=False, compare=False)
     """Outputs without a time that were computed beside the others, by the inputs."""
     observed: Observed = field(default_factory=Observed, repr=False, compare=False)
@@ -351,6 +356,10 @@ class Problem:
             Solver counters, further datasets, further attributes.
         """
         options = {f.name: getattr(propagator, f.name) for f in fields(propagator) if f.name != "label"}
+        statistics, sentences = self.existence.applied(statistics)
+        for sentence in sentences:
+            warnings.warn(f"{self.label}: {sentence}.", StudyWarning, stacklevel=3)
+        told = {"warnings": json.dumps(sentences)} if sentences else {}
         return propagator_node(
             self.label,
             statistics,
@@ -366,6 +375,7 @@ class Problem:
                 "start": self.model.start_at,
                 **step_attributes(self.model.max_step, self.model.added_breaks),
                 **not_unique_attribute(self.model),
+                **told,
                 **(attrs or {}),
             },
         )

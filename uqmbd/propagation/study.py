@@ -18,6 +18,7 @@ from uqmbd.errors import StudyError
 from uqmbd.names import check_name, checked
 from uqmbd.propagation.attempts import attempt, joined
 from uqmbd.propagation.deterministic import observed_model, refuse_jumps, step_attributes, stepped
+from uqmbd.propagation.existence import existence_of
 from uqmbd.propagation.growing import check_convergence_of, with_convergence
 from uqmbd.propagation.options import (
     check_breaks,
@@ -206,6 +207,7 @@ class Study:
             integrator=self.integrator,
             model=self.model,
             executor=executor,
+            existence=self.mechanism.remembered("existence", lambda: existence_of(self.mechanism)),
             progress=told(progress),
             checkpoint=Checkpoint(folder, propagator.node_name) if folder else None,
         )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Mapping
 from typing import Any
@@ -328,7 +329,26 @@ def summary(tree: xr.DataTree, nodes: Mapping[str, xr.DataTree]) -> list[str]:
     constant = [name for name in names if has_output(node, name) and not varies(node, name)]
     if constant:
         text.append(f"The inputs have no influence on {', '.join(constant)}.")
-    return text
+    return text + [f"Note: {said}." for said in stored_warnings(tree, nodes)]
+
+
+def stored_warnings(tree: xr.DataTree, nodes: Mapping[str, xr.DataTree]) -> list[str]:
+    """Return what the study was warned of, each once: of the mechanism, then of each method, with its label."""
+    found = _warnings_of(tree)
+    known = set(found)
+    for label, node in nodes.items():
+        for part in node.subtree:
+            found += [f"{label}: {said}" for said in _warnings_of(part) if said not in known]
+            known.update(_warnings_of(part))
+    return found
+
+
+def _warnings_of(node: xr.DataTree) -> list[str]:
+    try:
+        found = json.loads(node.attrs.get("warnings", "[]"))
+    except (TypeError, ValueError):
+        return []
+    return [str(said) for said in found] if isinstance(found, list) else []
 
 
 def failures(label: str, node: xr.DataTree) -> dict[str, Any]:

@@ -81,7 +81,7 @@ def provenance(label: str, node: xr.DataTree) -> dict[str, Any]:
     ]
     facts += [(f"option {name}", value) for name, value in _pairs(attrs.get("options"))]
     known = {"propagator", "label", "seed", "created", "uqmbd_version", "options", "versions", "solver_counters"}
-    known |= {"wall_time", "realisations", "failures"}
+    known |= {"wall_time", "realisations", "failures", "warnings"}
     facts += [(_ATTRIBUTES.get(str(k), str(k)), str(v)) for k, v in attrs.items() if k not in known]
     return {"label": label, "facts": facts, "versions": _pairs(attrs.get("versions"))}
 
@@ -96,7 +96,7 @@ def problems(tree: xr.DataTree) -> list[str]:
 
 def study_attributes(tree: xr.DataTree) -> list[tuple[str, str]]:
     """Return what else is known about the study."""
-    shown = {"study", "mechanism", "created", "command", "parts", "failed"}
+    shown = {"study", "mechanism", "created", "command", "parts", "failed", "warnings"}
     return [(str(k), str(v)) for k, v in tree.attrs.items() if k not in shown]
 
 

@@ -113,7 +113,7 @@ def root_mean_square(values: Array, times: Array) -> Array:
         return np.asarray(np.abs(values).max(axis=1), dtype=float)
     # Scaled, so that differences of 1e-200 do not vanish in their square.
     largest = np.abs(values).max(axis=1)
-    scale = np.where(largest > 0, largest, 1.0)
+    scale = np.where((largest > 0) & np.isfinite(largest), largest, 1.0)
     mean_square = np.trapezoid((values / scale[:, None]) ** 2, times, axis=1) / (times[-1] - times[0])
     return np.asarray(scale * np.sqrt(mean_square), dtype=float)
 

@@ -1,0 +1,165 @@
+"""Moments that do not exist: those of outputs that grow with an input of a heavy tail."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import sympy
+
+from uqmbd.mechanism.body import StateSymbol
+from uqmbd.mechanism.numbers import random_variables
+from uqmbd.mechanism.time import t
+from uqmbd.randomness import RandomVariable
+from uqmbd.randomness.existence import exists, moment_orders
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from uqmbd.mechanism import Mechanism
+
+__all__ = ["Existence", "existence_of", "grows"]
+
+NEEDS = {
+    "mean": 1, "std": 2, "variance": 2, "std_error_mean": 2, "variance_reduction": 2,
+    "skewness": 3, "kurtosis": 4, "std_error_std": 4, "variance_reduction_std": 4,
+}  # fmt: skip
+"""Statistic -> the moment that must exist for it; Sobol' indices need the variance."""
+
+BOUNDED: tuple[type[sympy.Basic], ...] = (
+    sympy.sin, sympy.cos, sympy.tanh, sympy.atan, sympy.acot, sympy.asin, sympy.acos, sympy.atan2, sympy.erf,
+    sympy.sign, sympy.Heaviside,
+)  # fmt: skip
+"""Functions whose values are bounded, whatever they are taken of."""
+
+NAMED = 4
+"""Outputs that a sentence names."""
+
+
+@dataclass(frozen=True)
+class Existence:
+    """Up to which order the moments of outputs exist.
+
+    Attributes
+    ----------
+    orders : mapping of str to float
+        Output -> order below which its moments are finite, where that is not infinite.
+    causes : mapping of str to str
+        Output -> name of the input whose tail is the reason.
+    descriptions : mapping of str to str
+        Input -> its distribution as text.
+    """
+
+    orders: Mapping[str, float]
+    causes: Mapping[str, str]
+    descriptions: Mapping[str, str]
+
+    def applied(self, statistics: xr.Dataset) -> tuple[xr.Dataset, tuple[str, ...]]:
+        """Return statistics in which moments that do not exist are NaN, and a sentence for each input that is to blame.
+
+        Parameters
+        ----------
+        statistics : xarray.Dataset
+            With the dimension ``output``.
+        """
+        names = [str(name) for name in statistics["output"].values]
+        orders = np.array([self.orders.get(name, np.inf) for name in names])
+        if not np.isfinite(orders).any():
+            return statistics, ()
+        kept = statistics.copy()
+        for variable in statistics.data_vars:
+            needed = 2 if str(variable).startswith("sobol_") else NEEDS.get(str(variable))
+            if needed is None or "output" not in statistics[variable].dims:
+                continue
+            missing = [name for name, order in zip(names, orders, strict=True) if not exists(needed, order)]
+            if missing:
+                values = statistics[variable]
+                note = f"does not exist for {', '.join(missing)}: {_blamed(self.causes[n] for n in missing)}"
+                kept[variable] = values.where(~values["output"].isin(missing))
+                comment = "; ".join(filter(None, (values.attrs.get("comment", ""), note)))
+                kept[variable].attrs = {**values.attrs, "comment": comment}
+        return kept, tuple(
+            self._sentence(cause, names) for cause in dict.fromkeys(self.causes[n] for n in names if n in self.orders)
+        )
+
+    def _sentence(self, cause: str, names: list[str]) -> str:
+        hit = [name for name in names if self.causes.get(name) == cause]
+        order = self.orders[hit[0]]
+        words = ("mean", "standard deviation", "skewness", "kurtosis")
+        missing = [word for k, word in enumerate(words, start=1) if not exists(k, order)]
+        listed = ", ".join(map(repr, hit[:NAMED])) + (f" and {len(hit) - NAMED} more" if len(hit) > NAMED else "")
+        which = " and ".join(filter(None, (", ".join(missing[:-1]), missing[-1])))
+        outputs, verb = "output" if len(hit) == 1 else "outputs", "does" if len(missing) == 1 else "do"
+        return (
+            f"the {which} of {outputs} {listed} {verb} not exist, unless what grows with input {cause!r} is bounded: "
+            f"moments of {self.descriptions[cause]} are infinite from order {order:.3g} on. They are NaN, and so are "
+            "errors that come from them; quantiles are valid. For moments, truncate the input: "
+            "chaospy.Trunc(distribution, lower, upper)"
+        )
+
+
+def existence_of(mechanism: Mechanism) -> Existence:
+    """Find the outputs whose moments do not all exist.
+
+    Every output is taken to grow, in proportion at most, with every input that enters the motion, unless its expression
+    is bounded whatever the motion is: orientations, and bounded functions.  An input that enters outputs only counts
+    for those.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        With its outputs.
+    """
+    inputs = mechanism.inputs
+    heavy = {name: order for name, order in moment_orders(inputs).items() if not exists(4, order)}
+    if not heavy:
+        return Existence({}, {}, {})
+    moving = {v.name for v in mechanism.moving_inputs()}
+    orders: dict[str, float] = {}
+    causes: dict[str, str] = {}
+    for output in (*mechanism.outputs.values(), *mechanism.scalars.values()):
+        own = {v.name for v in random_variables(output.expression) if grows(output.expression, v)}
+        reached = own | (moving if grows(output.expression) else set())
+        found = sorted((heavy[name], name) for name in reached & heavy.keys())
+        if found:
+            orders[output.name], causes[output.name] = found[0]
+    return Existence(orders, causes, dict(zip(inputs.names, inputs.descriptions, strict=True)))
+
+
+def grows(expression: Any, variable: RandomVariable | None = None) -> bool:
+    """Tell whether an expression may grow without bounds with a random variable, or with the motion.
+
+    Parameters
+    ----------
+    expression : expression
+        Of an output.
+    variable : RandomVariable, optional
+        None: the motion, whatever enters it.
+
+    Examples
+    --------
+    >>> import sympy, uqmbd
+    >>> mechanism = uqmbd.Mechanism("wheel", uqmbd.Planar())
+    >>> wheel = mechanism.body("wheel", mass=1, inertia=1)
+    >>> grows(wheel.rotation[0, 0]), grows(wheel.point((1, 0))[0]), grows(sympy.sin(wheel.angle))
+    (False, True, False)
+    """
+    value = sympy.sympify(expression)
+    if isinstance(value, BOUNDED) or not value.free_symbols or value == t:
+        return False
+    if isinstance(value, RandomVariable):
+        return value == variable
+    if isinstance(value, StateSymbol):
+        turning = value.quantity == "q" and value.index >= value.owner.space.dimension
+        return variable is None and not turning
+    if isinstance(value, (sympy.Add, sympy.Mul, sympy.Max, sympy.Min, sympy.Abs)):
+        return any(grows(part, variable) for part in value.args)
+    if isinstance(value, sympy.Pow) and value.exp.is_number and value.exp.is_nonnegative:
+        return grows(value.base, variable)
+    return value.has(variable) if variable is not None else bool(value.free_symbols - random_variables(value))
+
+
+def _blamed(causes: Any) -> str:
+    return "heavy tail of " + ", ".join(dict.fromkeys(causes))

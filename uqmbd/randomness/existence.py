@@ -1,0 +1,85 @@
+"""Up to which order the moments of inputs exist."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uqmbd.randomness.joint import JointInput, in_blocks
+from uqmbd.randomness.laws import Law, is_dependent
+from uqmbd.randomness.tails import Tail, heaviest_tail, tail_of
+
+__all__ = ["exists", "moment_orders"]
+
+Array = NDArray[np.float64]
+
+MARGIN = 1.02
+"""The order of a tail is measured: a moment exists if the order is above its own by this factor."""
+
+
+def exists(moment: int, order: float) -> bool:
+    """Tell whether a moment is finite, of a variable whose moments are so below an order.
+
+    Examples
+    --------
+    >>> exists(1, 1.0), exists(1, 1.2), exists(2, 1.2), exists(4, np.inf)
+    (False, True, False, True)
+    """
+    return order > moment * MARGIN
+
+
+def moment_orders(inputs: JointInput) -> dict[str, float]:
+    """Find the order below which the moments of each input are finite: infinite for most.
+
+    Parameters
+    ----------
+    inputs : JointInput
+        All random variables of a mechanism.
+
+    Returns
+    -------
+    dict of str to float
+        By name.  Inputs that depend on each other have the lowest order of theirs.
+
+    Examples
+    --------
+    >>> import chaospy, uqmbd
+    >>> a = uqmbd.RandomVariable("a", chaospy.Normal()); b = uqmbd.RandomVariable("b", chaospy.StudentT(3))
+    >>> {name: round(order, 1) for name, order in moment_orders(JointInput.of([a, b])).items()}
+    {'a': inf, 'b': 3.0}
+    """
+    found: dict[str, float] = {}
+    for group in {id(v.joint): v.joint for v in inputs.variables}.values():
+        with np.errstate(all="ignore"):
+            if is_dependent(group.distribution):
+                order = min(_dependent(group.distribution, len(group.names)))
+                found |= dict.fromkeys(group.names, order)
+            else:
+                found |= {v.name: _order(v.distribution) for v in group.members()}
+    return found
+
+
+def _order(distribution: Any) -> float:
+    law = Law.of(distribution)
+    return np.inf if law.discrete else heaviest_tail(law).moments
+
+
+def _dependent(distribution: Any, count: int) -> Sequence[float]:
+    """Orders of the inputs of a dependent distribution, the others of which are at their medians."""
+    import chaospy
+
+    if isinstance(distribution, chaospy.MvStudentT):  # conditional tails are lighter than those of the whole
+        return [float(np.ravel(distribution._dist._owners[0][1]._parameters["a"])[0])]
+
+    def tail(k: int) -> Tail:
+        def conditional(u: Array) -> Array:
+            uniform = np.full((len(u), count), 0.5)
+            uniform[:, k] = u
+            return in_blocks(distribution.inv, uniform, 0.5)[:, k]
+
+        return tail_of(conditional)
+
+    return [tail(k).moments for k in range(count)]
