@@ -27,6 +27,7 @@ _WHERE = {
     "VirtualWork": "uqmbd.mechanism",
     "Constraint": "uqmbd.mechanism",
     "Auxiliary": "uqmbd.mechanism",
+    "Separation": "uqmbd.mechanism",
     "Upright": "uqmbd.mechanism",
     "Local": "uqmbd.mechanism",
     "Frame": "uqmbd.mechanism",
@@ -126,6 +127,7 @@ if TYPE_CHECKING:
     from uqmbd.mechanism import Parameter as Parameter
     from uqmbd.mechanism import Planar as Planar
     from uqmbd.mechanism import Potential as Potential
+    from uqmbd.mechanism import Separation as Separation
     from uqmbd.mechanism import Spatial as Spatial
     from uqmbd.mechanism import Translational as Translational
     from uqmbd.mechanism import Upright as Upright

@@ -31,9 +31,10 @@ class _Contact(uqmbd.Component):
 
     meeting: ClassVar[Callable[..., Meeting]]
 
-    def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.VirtualWork]:
-        """Yield the virtual work of the normal force and of friction."""
+    def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.VirtualWork | uqmbd.Separation]:
+        """Yield the gap at the start, and the virtual work of the normal force and of friction."""
         meeting = self.meeting(p)
+        yield uqmbd.Separation(meeting.gap, meeting.reach)
         opening = p.rate_of(meeting.gap)
         force = normal_force(p.law, -meeting.gap, -opening, p.stiffness, p.exponent, p.damping)
         force = p.let("normal force", force)

@@ -29,12 +29,15 @@ class Meeting:
         Velocity of body j relative to body i where they meet, m/s.
     fixed_i : column, optional
         The normal in the frame of body i, where it does not change.
+    reach : expression
+        Depth that is much: the radius of the smaller body, m; 0: a point.
     """
 
     gap: sympy.Expr
     normal: sympy.Matrix
     relative: sympy.Matrix
     fixed_i: sympy.Matrix | None = None
+    reach: Any = 0
 
 
 class OnPlane(uqmbd.Component):
@@ -51,7 +54,7 @@ class OnPlane(uqmbd.Component):
         normal = p.let("normal", p.body_i.direction(p.normal_i))
         centre = p.let("centre", p.body_j.point(p.point_j))
         gap = p.let("gap", normal.dot(centre - p.body_i.point(p.point_i)) - p.radius)
-        return Meeting(gap, normal, _relative(p, centre - p.radius * normal), sympy.Matrix(p.normal_i))
+        return Meeting(gap, normal, _relative(p, centre - p.radius * normal), sympy.Matrix(p.normal_i), p.radius)
 
 
 class OnSphere(uqmbd.Component):
@@ -70,7 +73,8 @@ class OnSphere(uqmbd.Component):
         between = p.let("distance", sympy.sqrt(offset.dot(offset)))
         normal = p.let("normal", offset / between)
         gap = p.let("gap", between - p.radius_i - p.radius_j)
-        return Meeting(gap, normal, _relative(p, first + p.radius_i * normal))
+        smaller = sympy.Min(p.radius_i, p.radius_j)
+        return Meeting(gap, normal, _relative(p, first + p.radius_i * normal), reach=smaller)
 
 
 class OnRoad(uqmbd.Component):
@@ -117,7 +121,7 @@ class InBearing(uqmbd.Component):
         eccentricity = p.let("eccentricity", sympy.sqrt(offset.dot(offset) + sympy.Float(1e-18)))
         inwards = p.let("normal", -offset / eccentricity)
         gap = p.let("gap", p.clearance - eccentricity)
-        return Meeting(gap, inwards, _relative(p, first - (p.radius + p.clearance) * inwards))
+        return Meeting(gap, inwards, _relative(p, first - (p.radius + p.clearance) * inwards), reach=p.radius)
 
 
 def tangents(p: uqmbd.Local, meeting: Meeting) -> tuple[sympy.Matrix, ...]:

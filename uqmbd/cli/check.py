@@ -65,6 +65,9 @@ def show_check(script: Path, figure: Path | None = None) -> None:
     if found.not_unique:
         undetermined = ", ".join(found.not_unique)
         screen.print(f"  not unique  {undetermined} (redundant equations leave them undetermined)", markup=False)
+    if found.moved:
+        moved = ", ".join(map(str, found.moved))
+        screen.print(f"  moved       {moved} (by assembly, from where drawn)", markup=False)
     if found.mobility:
         _show_frequencies(screen, study)
     _show_apart(screen, found)

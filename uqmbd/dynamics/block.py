@@ -25,6 +25,7 @@ from uqmbd.mechanism.component import (
     Kinetic,
     Local,
     Potential,
+    Separation,
     Upright,
     VirtualWork,
     flatten,
@@ -75,6 +76,7 @@ class BlockType:
     reaction_point: tuple[sympy.Expr, ...]
     quantities: tuple[tuple[sympy.Symbol, str, sympy.Expr], ...]  # symbol, "value" or "rate", expression; in order
     events: tuple[EventType, ...]
+    gaps: tuple[tuple[sympy.Expr, sympy.Expr], ...]  # gap at the start, and the depth that is much
     reaction_on: int  # local body that the reaction acts on; its sign is in `reaction_sign`
     reaction_sign: int
 
@@ -256,6 +258,7 @@ def _block(
     labels: list[str] = []
     rates: dict[sympy.Symbol, tuple[sympy.Expr, sympy.Expr]] = {}
     uprights: list[tuple[sympy.Expr, str]] = []
+    gaps: list[tuple[sympy.Expr, sympy.Expr]] = []
     events: list[EventType] = []
     for term in terms:
         match term:
@@ -290,10 +293,12 @@ def _block(
                 events.append(_event(where, term, settled, velocities))
             case Upright(cosine, label):
                 uprights.append((settled(cosine), label))
+            case Separation(gap, reach):
+                gaps.append((settled(gap), settled(reach)))
             case _:
                 raise StudyError(
                     f"{where}: terms() yielded {term!r}; expected Kinetic, Potential, VirtualWork, "
-                    "Constraint, Auxiliary, Event or Upright."
+                    "Constraint, Auxiliary, Event, Upright or Separation."
                 )
     for state, symbol in local.states.items():
         if symbol not in rates:
@@ -331,6 +336,7 @@ def _block(
         reaction_point=tuple(settled(x) for x in point),
         quantities=quantities,
         events=tuple(events),
+        gaps=tuple(gaps),
         reaction_on=on,
         reaction_sign=sign,
     )

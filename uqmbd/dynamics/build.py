@@ -28,6 +28,7 @@ from uqmbd.dynamics.model import (
     evaluator,
     place,
 )
+from uqmbd.dynamics.notices import deep_contacts, moved_bodies
 from uqmbd.dynamics.outputs import angle_counters, output_map
 from uqmbd.dynamics.parameters import ParameterMap
 from uqmbd.dynamics.prescribed import Prescribed, prescribed_by
@@ -313,7 +314,13 @@ def build(mechanism: Mechanism, time: float = 0.0, *, fuse: bool | None = None) 
         pattern=csc_pattern(evaluators["jacobian"], layout.unknowns),
     )
     parameters = model.parameters(mechanism.inputs.means[None, :])
-    q, _ = positions(model, parameters[:, model.drawn], time, parameters, layout.kept)
+    drawn = parameters[:, model.drawn]
+    q, _ = positions(model, drawn, time, parameters, layout.kept)
+    notices = (
+        *moved_bodies(mechanism, model, drawn[0], q[0]),
+        *deep_contacts(mechanism, model, instances, q[0], parameters[0]),
+    )
+    model = replace(model, notices=notices)
     model = replace(model, system=index1_system(model, _typical(model, q, time, parameters)))
     if len(redundant):
         unsettled = not_unique(model, outputs, q[0], time, parameters[0])

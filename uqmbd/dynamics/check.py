@@ -6,7 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from uqmbd.dynamics.assembly import positions
 from uqmbd.dynamics.build import kinematic_model, reactions_not_unique
+from uqmbd.dynamics.model import Model
+from uqmbd.dynamics.notices import Move, moves, size_of
 from uqmbd.mechanism import Mechanism
 from uqmbd.names import checked
 
@@ -34,6 +37,9 @@ class Check:
         As many of the equations are the unit lengths of the half-angle pairs or quaternions of bodies.
     apart : tuple of tuple of str
         Groups of bodies that no component connects with each other or the ground.
+    moved : tuple of Move
+        Bodies that assembly moved by more than 1 % of the size of the mechanism from where they were drawn, or turned
+        by more than 1 degree.
     """
 
     bodies: tuple[str, ...]
@@ -48,6 +54,7 @@ class Check:
     unused_inputs: tuple[str, ...]
     unit_lengths: int = 0
     apart: tuple[tuple[str, ...], ...] = ()
+    moved: tuple[Move, ...] = ()
 
 
 @checked
@@ -99,7 +106,17 @@ def check(mechanism: Mechanism, time: float = 0.0) -> Check:
         unused_inputs=tuple(n for n in inputs.names if n not in used),
         unit_lengths=sum(name.endswith(": unit quaternion") for name in model.equations),
         apart=_apart(mechanism),
+        moved=_moved(mechanism, model, time),
     )
+
+
+def _moved(mechanism: Mechanism, model: Model, time: float) -> tuple[Move, ...]:
+    """Return the bodies that assembly moved noticeably, at the means."""
+    parameters = model.parameters(mechanism.inputs.means[None, :])
+    drawn = parameters[:, model.drawn]
+    q, _ = positions(model, drawn, time, parameters, model.layout.kept)
+    limit = max(0.01 * size_of(mechanism), 1e-9)
+    return tuple(m for m in moves(model, drawn[0], q[0]) if m.distance > limit or m.turn > np.radians(1))
 
 
 def _apart(mechanism: Mechanism) -> tuple[tuple[str, ...], ...]:

@@ -160,6 +160,8 @@ class Model:
     """Component and label of each event, and in how many directions velocities jump, the normal one first; 0: none."""
     rough: bool = False
     """Whether a force has corners in the state (contact, stops, friction): long steps could step over them."""
+    notices: tuple[str, ...] = ()
+    """What may be meant and often is not, a sentence each."""
     digest: str = ""
     """Hash of all equations, parameters and outputs, as symbols."""
     outputs: Any = field(default=None, repr=False)

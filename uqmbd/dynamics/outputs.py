@@ -35,6 +35,7 @@ class AngleCounter(Component):
     """
 
     bodies = ("body",)
+    offered = True
     drawn = Parameter("rad", "angle as drawn")
 
     def terms(self, p: Local) -> list[Auxiliary]:

@@ -13,6 +13,7 @@ from uqmbd.mechanism.component import (
     Local,
     Parameter,
     Potential,
+    Separation,
     Upright,
     VirtualWork,
 )
@@ -58,6 +59,7 @@ __all__ = [
     "Planar",
     "Potential",
     "ScalarSymbol",
+    "Separation",
     "Space",
     "Spatial",
     "Translational",

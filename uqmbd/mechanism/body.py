@@ -133,6 +133,7 @@ class BodyTerms(Component):
     """Inertia, weight and unit-norm condition of a body, written as a component like any other."""
 
     bodies = ("body",)
+    offered = True
     mass = Parameter("kg", "mass")
     com = Parameter("m", "centre of mass, body frame", kind="point")
     inertia = Parameter("kg m^2", "inertia about the centre of mass, body axes", kind="option")

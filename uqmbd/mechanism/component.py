@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 import math
 import traceback
+import weakref
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -20,6 +21,7 @@ from uqmbd.mechanism.contributions import (
     Impact,
     Kinetic,
     Potential,
+    Separation,
     Term,
     Upright,
     VirtualWork,
@@ -48,10 +50,12 @@ __all__ = [
     "Parameter",
     "Potential",
     "ReactionSymbol",
+    "Separation",
     "Term",
     "Upright",
     "VirtualWork",
     "flatten",
+    "made_components",
     "range_text",
 ]
 
@@ -221,6 +225,8 @@ class Component:
     spaces: ClassVar[tuple[type[Space], ...]] = (Spatial, Planar, Translational)
     stating = False
     """Whether it is being asked for its terms."""
+    offered = False
+    """Whether it was given to a mechanism, which may have refused it."""
 
     def __init__(self, name: str, *arguments: Any, **keywords: Any) -> None:
         kind = type(self).__name__
@@ -250,6 +256,7 @@ class Component:
         self.attached: dict[str, Body | Ground] = {key: given.pop(key, None) for key in roles}
         self.given = given
         self.values: dict[str, Any] = {}
+        _MADE[id(self)] = self
 
     @classmethod
     def parameters(cls) -> dict[str, Parameter]:
@@ -399,6 +406,15 @@ def _place_of(error: BaseException) -> str:
     """File and line in which an error came up, as a part of a sentence."""
     frames = traceback.extract_tb(error.__traceback__)[1:]
     return f" ({Path(frames[-1].filename).name}, line {frames[-1].lineno})" if frames else ""
+
+
+_MADE: weakref.WeakValueDictionary[int, Component] = weakref.WeakValueDictionary()
+"""All components that somebody holds."""
+
+
+def made_components() -> list[Component]:
+    """Return all components that somebody holds, added or not."""
+    return list(_MADE.values())
 
 
 def event_name(component: str, label: str, number: int) -> str:

@@ -7,7 +7,18 @@ from typing import Any
 
 import sympy
 
-__all__ = ["Auxiliary", "Constraint", "Event", "Impact", "Kinetic", "Potential", "Term", "Upright", "VirtualWork"]
+__all__ = [
+    "Auxiliary",
+    "Constraint",
+    "Event",
+    "Impact",
+    "Kinetic",
+    "Potential",
+    "Separation",
+    "Term",
+    "Upright",
+    "VirtualWork",
+]
 
 
 @dataclass(frozen=True)
@@ -126,4 +137,23 @@ class Event:
     label: str = "impact"
 
 
-Term = Kinetic | Potential | VirtualWork | Constraint | Auxiliary | Upright | Event
+@dataclass(frozen=True)
+class Separation:
+    """A gap between bodies that is open, or hardly closed, where a motion starts.
+
+    It changes nothing about the motion; where bodies overlap by much at the start, a `uqmbd.StudyWarning` says so.
+
+    Parameters
+    ----------
+    gap : expression
+        m, in coordinates and time; negative where the bodies overlap.
+    reach : expression
+        Depth, m, beyond which the bodies overlap by much, such as a radius; 0: a tenth of the mechanism's size, which
+        is the most in any case.
+    """
+
+    gap: Any
+    reach: Any = 0
+
+
+Term = Kinetic | Potential | VirtualWork | Constraint | Auxiliary | Upright | Event | Separation

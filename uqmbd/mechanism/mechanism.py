@@ -198,6 +198,7 @@ class Mechanism:
                 f"mechanism {self.name!r}: add() was given {shown(component)}; "
                 "expected a component such as a joint, a spring or a force."
             )
+        component.offered = True
         where = f"{type(component).__name__} {component.name!r}"
         if self.components.get(component.name) is component:
             raise StudyError(f"{where}: it has been added to mechanism {self.name!r} already.")

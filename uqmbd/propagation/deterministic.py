@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
@@ -10,7 +11,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from uqmbd.errors import AssemblyError, IntegrationError, RedundantConstraintWarning, StudyError, UqmbdError
+from uqmbd.errors import (
+    AssemblyError,
+    IntegrationError,
+    RedundantConstraintWarning,
+    StudyError,
+    StudyWarning,
+    UqmbdError,
+)
 from uqmbd.names import checked
 from uqmbd.propagation.accuracy import LONG_NAME, deviation, tighter
 from uqmbd.propagation.options import (
@@ -131,6 +139,7 @@ def simulate(
         "residual_evaluations": counters.residuals,
         "jacobian_evaluations": counters.jacobians,
         **not_unique_attribute(model),
+        **notices_attribute(model),
     }
     variables = variables_of(model, response, "time")
     if model.scalars is not None:
@@ -264,6 +273,7 @@ def observed_model(mechanism: Mechanism, time: float, start: str = "drawn") -> M
     """Build a mechanism that has something to observe; `start` as for `Study`."""
     from uqmbd.dynamics import build
     from uqmbd.dynamics.ensemble import referenced
+    from uqmbd.mechanism.forgotten import forgotten
 
     if not (mechanism.outputs or mechanism.scalars):
         raise StudyError(
@@ -271,7 +281,17 @@ def observed_model(mechanism: Mechanism, time: float, start: str = "drawn") -> M
             "e.g. mechanism.output('x', body.position[0], units='m')."
         )
     means = mechanism.inputs.means
-    drawn = mechanism.remembered(("model", time), lambda: referenced(build(mechanism, time), means))
-    if start == "drawn":
-        return drawn
-    return mechanism.remembered(("model", time, start), lambda: referenced(replace(drawn, start_at=start), means))
+    model = mechanism.remembered(("model", time), lambda: referenced(build(mechanism, time), means))
+    if start != "drawn":
+        built = model
+        model = mechanism.remembered(("model", time, start), lambda: referenced(replace(built, start_at=start), means))
+    if missing := forgotten(mechanism):
+        model = replace(model, notices=(*missing, *model.notices))
+    for notice in model.notices:
+        warnings.warn(f"{notice}.", StudyWarning, stacklevel=3)
+    return model
+
+
+def notices_attribute(model: Model) -> dict[str, str]:
+    """Return the attribute that holds what was warned of, as JSON, if there is anything."""
+    return {"warnings": json.dumps(model.notices)} if model.notices else {}

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from uqmbd.errors import AssemblyError, RedundantConstraintWarning, StudyError
+from uqmbd.errors import AssemblyError, RedundantConstraintWarning, StudyError, StudyWarning
 from uqmbd.propagation.deterministic import input_point, observed_model, stepped
 
 if TYPE_CHECKING:
@@ -144,6 +144,7 @@ def motion(study: Study, samples: int = 20, frames: int = 60, seed: int = 1, met
     with warnings.catch_warnings():
         # whoever runs or checks the study is told
         warnings.simplefilter("ignore", RedundantConstraintWarning)
+        warnings.simplefilter("ignore", StudyWarning)
         if method is None or not len(study.mechanism.inputs):
             uniform = np.random.default_rng(seed).random((samples if means.size else 0, means.shape[1]))
             values = np.concatenate([means, study.mechanism.inputs.from_uniform(uniform)])

@@ -17,7 +17,13 @@ from numpy.typing import ArrayLike
 from uqmbd.errors import StudyError
 from uqmbd.names import check_name, checked
 from uqmbd.propagation.attempts import attempt, joined
-from uqmbd.propagation.deterministic import observed_model, refuse_jumps, step_attributes, stepped
+from uqmbd.propagation.deterministic import (
+    notices_attribute,
+    observed_model,
+    refuse_jumps,
+    step_attributes,
+    stepped,
+)
 from uqmbd.propagation.existence import existence_of
 from uqmbd.propagation.growing import check_convergence_of, with_convergence
 from uqmbd.propagation.options import (
@@ -305,7 +311,8 @@ class Study:
         """Return what the root of the results says of the study."""
         shown = {"report_times": list(self.report_times)} if self.report_times else {}
         about = {"rtol": self.rtol, "integrator": self.integrator, "start": self.start}
-        return {**about, **step_attributes(self.max_step, self.breaks), **shown, **_parts(self.mechanism)}
+        steps = step_attributes(self.max_step, self.breaks)
+        return {**about, **steps, **shown, **_parts(self.mechanism), **notices_attribute(self.model)}
 
     @checked
     def converge(
