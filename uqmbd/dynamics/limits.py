@@ -11,8 +11,8 @@ import sympy
 from numpy.typing import NDArray
 
 from uqmbd.mechanism import Mechanism
-from uqmbd.mechanism.component import range_text
 from uqmbd.mechanism.numbers import flatten
+from uqmbd.mechanism.parameter import range_text
 from uqmbd.mechanism.rigid_body import is_tensor_of_body
 from uqmbd.randomness import RandomVariable
 

@@ -8,7 +8,8 @@ import numpy as np
 import sympy
 from numpy.typing import NDArray
 
-from uqmbd.dynamics.block import TIME, Instance
+from uqmbd.dynamics.block import Instance
+from uqmbd.dynamics.expressions import TIME
 from uqmbd.dynamics.model import Model
 from uqmbd.errors import StudyError
 from uqmbd.mechanism import Mechanism, nominal
