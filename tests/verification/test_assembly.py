@@ -11,6 +11,8 @@ from uqmbd.dynamics import Ensemble, build
 from uqmbd_drivers import RotationDriver
 from uqmbd_joints import Distance, Fixed, Prismatic, Revolute, Spherical
 
+pytestmark = pytest.mark.filterwarnings("ignore:.*assembly moved:uqmbd.StudyWarning")  # by much: that is what is tried
+
 OFF = [120, 150, 175]
 ORIGIN = (0, 0, 0)
 
