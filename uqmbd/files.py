@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import shutil
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
@@ -16,7 +17,7 @@ _SUFFIX = ".part"
 
 @contextlib.contextmanager
 def replacing(path: Path, *, lasting: bool = True) -> Iterator[Path]:
-    """Yield an empty file beside `path` to write to; it takes the name when the context ends without an exception.
+    """Yield a place beside `path` to write a file or a folder to, which takes the name if the context ends well.
 
     A reader meets what was there before or what is there afterwards.  What is half written is removed.
 
@@ -25,12 +26,12 @@ def replacing(path: Path, *, lasting: bool = True) -> Iterator[Path]:
     path : Path
         In a folder that exists.
     lasting : bool
-        Whether it must survive a loss of power: its content is on the disk before it takes the name.
+        Whether it must survive a loss of power: it is on the disk before it takes the name.
 
     Yields
     ------
     Path
-        Readable and writable by its owner alone while it is written.
+        Nothing is there yet; in a folder that its owner alone can read.
 
     Examples
     --------
@@ -40,18 +41,20 @@ def replacing(path: Path, *, lasting: bool = True) -> Iterator[Path]:
     ...     print([(f.name, f.read_text()) for f in Path(folder).iterdir()])
     [('a.txt', 'whole')]
     """
-    handle, name = tempfile.mkstemp(dir=path.parent, prefix=_PREFIX, suffix=_SUFFIX)
-    os.close(handle)
-    part = Path(name)
+    # in the same folder, hence on the same file system: a name changes at once
+    scratch = Path(tempfile.mkdtemp(dir=path.parent, prefix=_PREFIX, suffix=_SUFFIX))
     try:
+        part = scratch / f"new{path.suffix}"
         yield part
         if lasting:
-            _flush(part)
+            for file in [part, *part.rglob("*")]:
+                if file.is_file():
+                    _flush(file)
+        if path.is_dir():
+            os.replace(path, scratch / "old")
         os.replace(part, path)
-    except BaseException:
-        with contextlib.suppress(OSError):
-            part.unlink()
-        raise
+    finally:
+        shutil.rmtree(scratch, ignore_errors=True)
     if lasting:
         with contextlib.suppress(OSError):  # folders cannot be opened everywhere
             _flush(path.parent)
@@ -60,8 +63,7 @@ def replacing(path: Path, *, lasting: bool = True) -> Iterator[Path]:
 def sweep(folder: Path) -> None:
     """Remove what processes that were killed left half written in a folder; nobody must be writing there."""
     for part in folder.glob(f"{_PREFIX}*{_SUFFIX}"):
-        with contextlib.suppress(OSError):
-            part.unlink()
+        shutil.rmtree(part, ignore_errors=True)
 
 
 def _flush(path: Path) -> None:

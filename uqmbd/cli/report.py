@@ -35,19 +35,21 @@ def rewrite_report(folder: Path) -> None:
         raise StudyError(f"There is no {source}; give the folder that `uqmbd run STUDY.py --out DIR` wrote.")
     tree = load(source)
     if (motion := source.parent / MOTION).exists():
-        import xarray as xr
-
-        with xr.open_dataset(motion, engine="h5netcdf") as poses:
-            tree["motion"] = xr.DataTree(poses.load())
+        tree["motion"] = load(motion)
     print(f"report   {write(tree, source.parent / 'report.html')}")
 
 
 def keep_motion(tree: xr.DataTree, folder: Path) -> None:
     """Write the poses from which the report draws the motion, if there are any, beside ``results.nc``."""
+    from uqmbd.results import save
+
     path = folder / MOTION
-    path.unlink(missing_ok=True)
     if "motion" in tree.children:
-        tree["motion"].to_dataset().to_netcdf(path, engine="h5netcdf")
+        import xarray as xr
+
+        save(xr.DataTree(tree["motion"].to_dataset()), path)
+    else:
+        path.unlink(missing_ok=True)
 
 
 def write(tree: xr.DataTree, path: Path) -> Path:

@@ -74,8 +74,11 @@ class Store:
             with contextlib.suppress(FileExistsError):
                 self.folder.mkdir(mode=0o700)
             if self._private():
-                with replacing(self.path(key), lasting=False) as part:
-                    part.write_bytes(_header(key, content) + content)
+                with (
+                    replacing(self.path(key), lasting=False) as part,
+                    open(part, "wb", opener=lambda path, flags: os.open(path, flags, 0o600)) as file,
+                ):
+                    file.write(_header(key, content) + content)
 
     def _private(self) -> bool:
         """Whether the folder is its user's alone, after it was made so."""

@@ -15,6 +15,7 @@ import xarray as xr
 from uqmbd.errors import StudyError
 from uqmbd.names import check_label
 from uqmbd.results.scalars import compare_both
+from uqmbd.results.schema import SCHEMA_VERSION
 
 __all__ = ["failed_methods", "join_nodes", "propagator_node", "study_tree"]
 
@@ -155,7 +156,8 @@ def join_nodes(
 ) -> xr.DataTree:
     """Join the nodes of several propagators without comparing them; see :func:`study_tree`."""
     created = datetime.now(UTC).isoformat(timespec="seconds")
-    root = {"study": study, "mechanism": mechanism, "created": created, "uqmbd_version": _version("uqmbd")}
+    root: dict[str, Any] = {"schema_version": SCHEMA_VERSION, "study": study, "mechanism": mechanism}
+    root |= {"created": created, "uqmbd_version": _version("uqmbd")}
     datasets = {"/": xr.Dataset(attrs=root | dict(attrs or {}))}
     for node in nodes:
         label = str(node.name)

@@ -10,7 +10,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from uqmbd.errors import StudyError
+from uqmbd.files import replacing
 from uqmbd.results.axes import Labels
+from uqmbd.results.hdf5 import NetcdfFile, WriteError, netcdf_file
+from uqmbd.results.schema import SCHEMA_VERSION
+from uqmbd.results.unfinished import how_to_go_on
 
 __all__ = ["SampleFile", "sample_file"]
 
@@ -20,8 +25,9 @@ Array = NDArray[np.float64]
 class SampleFile:
     """An open file of samples, in the layout of the dataset ``samples`` (netCDF-4)."""
 
-    def __init__(self, file: Any) -> None:
-        self._file = file
+    def __init__(self, made: NetcdfFile) -> None:
+        self._file = made.file
+        self._check = made.check
 
     def write(
         self, first: int, values: Array, response: Array, status: NDArray[np.int64], messages: Sequence[str]
@@ -44,6 +50,7 @@ class SampleFile:
         for k, message in enumerate(messages):
             if message:
                 self._file["message"][first + k] = message
+        self._check()
 
 
 @contextmanager
@@ -61,6 +68,11 @@ def sample_file(path: Path, count: int, labels: Labels, chunk: int = 64) -> Iter
     chunk : int
         Samples of a stored chunk.
 
+    Raises
+    ------
+    StudyError
+        If it cannot be written.
+
     Examples
     --------
     >>> import tempfile, xarray
@@ -71,31 +83,33 @@ def sample_file(path: Path, count: int, labels: Labels, chunk: int = 64) -> Iter
     >>> float(xarray.load_dataset(path, engine="h5netcdf")["response"].sum())
     4.0
     """
-    import h5netcdf
-
-    part = path.with_suffix(".part")
     size = min(chunk, count)
     times = labels.times if labels.times is not None else np.zeros(1)
-    with h5netcdf.File(part, "w") as file:
-        shape = {"sample": count, "output": len(labels.outputs), "input": len(labels.inputs), "time": len(times)}
-        file.dimensions = shape
-        file.create_variable("time", ("time",), float, data=times).attrs["units"] = "s"
-        for name, infos in (("output", labels.outputs), ("input", labels.inputs)):
-            for suffix, texts in (("", [i.name for i in infos]), ("_units", [i.units for i in infos])):
-                variable = file.create_variable(f"{name}{suffix}", (name,), _text())
-                for k, text in enumerate(texts):
-                    variable[k] = text
-        if np.any(labels.turns):
-            file.create_variable("output_angle", ("output",), float, data=np.asarray(labels.turns))
-        cube = (size, shape["output"], shape["time"])
-        file.create_variable(
-            "response", ("sample", "output", "time"), float, chunks=cube, compression="gzip", compression_opts=1
-        )
-        file.create_variable("inputs", ("sample", "input"), float)
-        file.create_variable("status", ("sample",), np.int32)
-        file.create_variable("message", ("sample",), _text())
-        yield SampleFile(file)
-    part.replace(path)
+    try:
+        with replacing(path) as part, netcdf_file(part) as made:
+            file = made.file
+            shape = {"sample": count, "output": len(labels.outputs), "input": len(labels.inputs), "time": len(times)}
+            file.attrs["schema_version"] = SCHEMA_VERSION
+            file.dimensions = shape
+            file.create_variable("time", ("time",), float, data=times).attrs["units"] = "s"
+            for name, infos in (("output", labels.outputs), ("input", labels.inputs)):
+                for suffix, texts in (("", [i.name for i in infos]), ("_units", [i.units for i in infos])):
+                    variable = file.create_variable(f"{name}{suffix}", (name,), _text())
+                    for k, text in enumerate(texts):
+                        variable[k] = text
+            if np.any(labels.turns):
+                file.create_variable("output_angle", ("output",), float, data=np.asarray(labels.turns))
+            cube = (size, shape["output"], shape["time"])
+            file.create_variable(
+                "response", ("sample", "output", "time"), float, chunks=cube, compression="gzip", compression_opts=1
+            )
+            file.create_variable("inputs", ("sample", "input"), float)
+            file.create_variable("status", ("sample",), np.int32)
+            file.create_variable("message", ("sample",), _text())
+            yield SampleFile(made)
+    except WriteError as error:
+        remedy = how_to_go_on(path.parent)
+        raise StudyError(f"{path} cannot be written: {error.strerror}.{remedy}") from error
 
 
 def _text() -> Any:

@@ -2,7 +2,7 @@
 
 A result is an :class:`xarray.DataTree` with one node per propagator, named by its label, and a node ``comparison``::
 
-    /                          attrs: study, mechanism, rtol, integrator, created, uqmbd_version, ...
+    /                          attrs: schema_version, study, mechanism, rtol, integrator, created, uqmbd_version, ...
     |-- monte-carlo            attrs: propagator, label, options, seed, wall_time, realisations, failures, ...
     |   |-- statistics         mean, std, variance, skewness, kurtosis (output, time),
     |   |                      quantile (probability, output, time); where an output is an angle
@@ -28,7 +28,21 @@ from numpy.typing import ArrayLike, NDArray
 from uqmbd.errors import StudyError
 from uqmbd.results.axes import Labels, fixed_width
 
-__all__ = ["DEFAULT_PROBABILITIES", "STATUS_MEANINGS", "sample_dataset", "statistics_dataset"]
+__all__ = [
+    "DEFAULT_PROBABILITIES",
+    "SCHEMA_VERSION",
+    "STATUS_MEANINGS",
+    "check_version",
+    "sample_dataset",
+    "statistics_dataset",
+]
+
+SCHEMA_VERSION = 1
+"""Of the schema, as results state it (root attribute ``schema_version``; before there was one it was 0).
+
+It is raised where something is renamed, removed or changes its meaning; what is only added leaves it.  Results of
+earlier versions are read.
+"""
 
 STATUS_MEANINGS: Mapping[int, str] = {
     0: "ok",
@@ -65,6 +79,39 @@ _COMMENTS = {
     "circular_mean": "mean direction, within half a turn of 0; NaN where directions cancel and for what is no angle",
     "circular_std": "sqrt(-2 ln R), R the length of the mean direction; of n samples at most some sqrt(ln n) radians",
 }
+
+
+def check_version(attrs: Mapping[Any, Any], where: str) -> None:
+    """Refuse results of a later schema than this one.
+
+    Parameters
+    ----------
+    attrs : mapping
+        Attributes of the root.
+    where : str
+        File, for the message.
+
+    Raises
+    ------
+    StudyError
+        If the version is later, or no version at all.
+
+    Examples
+    --------
+    >>> check_version({}, "old.nc")  # written before there were versions
+    >>> check_version({"schema_version": 999}, "new.nc")
+    Traceback (most recent call last):
+        ...
+    uqmbd.errors.StudyError: 'new.nc' has the schema version 999; this uqmbd reads those up to 1. Read it with ...
+    """
+    version = attrs.get("schema_version", 0)
+    if isinstance(version, (bool, np.bool_)) or not isinstance(version, (int, np.integer)) or version < 0:
+        raise StudyError(f"{where!r} has the schema version {version!r}; expected a whole number, 0 or more.")
+    if version > SCHEMA_VERSION:
+        raise StudyError(
+            f"{where!r} has the schema version {version}; this uqmbd reads those up to {SCHEMA_VERSION}. Read it with "
+            f"the uqmbd that wrote it ({attrs.get('uqmbd_version', 'not stated')}) or a later one."
+        )
 
 
 def sample_dataset(

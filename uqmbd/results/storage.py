@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import tempfile
 from collections.abc import Callable, Mapping
 from importlib.util import find_spec
 from pathlib import Path
@@ -12,23 +11,31 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
+from xarray.backends import H5NetCDFStore
 
 from uqmbd.errors import StudyError
+from uqmbd.files import replacing
+from uqmbd.results.hdf5 import netcdf_file
+from uqmbd.results.schema import SCHEMA_VERSION, check_version
+from uqmbd.results.unfinished import how_to_go_on, saved, unsaved
 from uqmbd.results.zarrcheck import check_codecs
 
 __all__ = ["load", "save"]
 
 _JSON_ATTRIBUTES = "uqmbd_json_attributes"
 _CHILDREN = "uqmbd_children"
+_VERSION = "schema_version"
+_VERSION_ADDED = "uqmbd_schema_version_added"
 _INT64 = np.iinfo(np.int64)
 _COMPRESS_FROM = 10_000  # numbers; below, compression costs more than it saves
 
 
 def save(tree: xr.DataTree, path: str | os.PathLike[str]) -> Path:
-    """Write a result to a netCDF file or a Zarr folder.
+    """Write a result to a netCDF file or a Zarr folder, with the version of its schema.
 
     It is written beside the target and then takes its place, so that a reader never meets half a result and an
-    interrupted run leaves the old one as it was.
+    interrupted run leaves the old one as it was.  What `Study.run` keeps beside the target, to go on with, is removed
+    when its results are there.
 
     Parameters
     ----------
@@ -60,15 +67,15 @@ def save(tree: xr.DataTree, path: str | os.PathLike[str]) -> Path:
     encoded = _encode_tree(tree)
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
-        # A folder of its own in the same place: the same file system, and nothing left behind whatever happens.
-        with tempfile.TemporaryDirectory(dir=target.parent, prefix=f".{target.name}.") as scratch:
-            written = Path(scratch) / f"new{target.suffix}"
+        with replacing(target) as written:
             writer(encoded, written)
-            if target.is_dir():
-                os.replace(target, Path(scratch) / "old")
-            os.replace(written, target)
     except OSError as error:
-        raise StudyError(f"The result cannot be written to {str(target)!r}: {error.strerror or error}.") from error
+        unsaved(target.parent, tree.attrs)
+        remedy = how_to_go_on(target.parent)
+        raise StudyError(
+            f"The result cannot be written to {str(target)!r}: {error.strerror or error}.{remedy}"
+        ) from error
+    saved(target.parent, tree.attrs)
     return target
 
 
@@ -91,7 +98,8 @@ def load(path: str | os.PathLike[str]) -> xr.DataTree:
     Raises
     ------
     StudyError
-        If it does not exist, has another ending, is damaged, has codecs of its own, or Zarr is missing.
+        If it does not exist, has another ending, is damaged, has codecs of its own or a later schema,
+        or Zarr is missing.
 
     Examples
     --------
@@ -114,6 +122,9 @@ def load(path: str | os.PathLike[str]) -> xr.DataTree:
         raise
     except (OSError, LookupError, TypeError, ValueError, RuntimeError) as error:
         raise StudyError(f"{str(source)!r} cannot be read as a result; it is damaged or no result: {error}") from error
+    check_version(tree.attrs, str(source))
+    if tree.attrs.pop(_VERSION_ADDED, None):
+        del tree.attrs[_VERSION]
     return _decode_tree(tree)
 
 
@@ -132,17 +143,13 @@ def _writer(path: Path) -> Callable[[xr.DataTree, Path], None]:
 
 def _write_netcdf(tree: xr.DataTree, path: Path) -> None:
     light = {"zlib": True, "complevel": 1, "shuffle": True}
-    encoding = {
-        node.path: {
-            str(name): light
-            for name, variable in node.data_vars.items()
-            if variable.dtype.kind == "f" and variable.size >= _COMPRESS_FROM
-        }
-        for node in tree.subtree
-    }
-    tree.to_netcdf(path, engine="h5netcdf", encoding={k: v for k, v in encoding.items() if v})
-    with path.open("rb") as written:
-        os.fsync(written.fileno())
+    with netcdf_file(path) as made:
+        for node in tree.subtree:
+            dataset = node.to_dataset(inherit=False)
+            large = [n for n, v in dataset.data_vars.items() if v.dtype.kind == "f" and v.size >= _COMPRESS_FROM]
+            group = made.file if node is tree else made.file.create_group(node.relative_to(tree))
+            dataset.dump_to_store(H5NetCDFStore(group), encoding={n: light for n in large})
+            made.check()
 
 
 def _write_zarr(tree: xr.DataTree, path: Path) -> None:
@@ -157,6 +164,9 @@ def _encode_tree(tree: xr.DataTree) -> xr.DataTree:
         # Zarr lists its groups by the alphabet; methods are shown in the order of the study.
         order = {_CHILDREN: json.dumps(list(node.children))} if len(node.children) > 1 else {}
         datasets[node.relative_to(tree)] = dataset.assign_attrs(order)
+    root = datasets["."]
+    if _VERSION not in root.attrs:
+        datasets["."] = root.assign_attrs({_VERSION: SCHEMA_VERSION, _VERSION_ADDED: 1})
     return xr.DataTree.from_dict(datasets, name=tree.name)
 
 

@@ -10,6 +10,7 @@ import xarray as xr
 
 from uqmbd.errors import StudyError
 from uqmbd.results.scalars import validate_scalars
+from uqmbd.results.schema import check_version
 
 __all__ = ["propagator_nodes", "validate"]
 
@@ -77,6 +78,7 @@ def validate(tree: xr.DataTree) -> None:
     if "statistics" in tree.children:
         _validate_node(tree, tree.attrs.get("label"))
         return
+    check_version(tree.attrs, tree.path)
     _text_attrs(tree, ("study", "mechanism"))
     nodes = propagator_nodes(tree)
     _require(bool(nodes), tree.path, "no propagator's node", "at least one")

@@ -1,0 +1,96 @@
+"""A disk that is full, or a limit on files: which file, how to go on, and nothing half written."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import uqmbd
+from uqmbd.errors import StudyError
+from uqmbd.results import load, save
+
+pytest.importorskip("resource")
+
+# A process of its own: HDF5 ends one that has a file open which it cannot write.
+SCRIPT = """
+import resource, sys
+from pathlib import Path
+import numpy as np, xarray as xr
+from uqmbd.results import labels, load, sample_file, save
+
+folder, ending = Path(sys.argv[1]), sys.argv[2]
+noise = np.random.default_rng(0).normal(size=(20, 20_000))
+tree = xr.DataTree.from_dict({"m/statistics": xr.Dataset({"mean": (("output", "time"), noise)}), "other": xr.Dataset()})
+whole = load(save(xr.DataTree(xr.Dataset(attrs={"name": "old"})), folder / f"r{ending}"))
+before = resource.getrlimit(resource.RLIMIT_FSIZE)
+for limit in map(int, sys.argv[3:]):
+    resource.setrlimit(resource.RLIMIT_FSIZE, (limit, before[1]))
+    try:
+        if ending == "-samples.nc":
+            with sample_file(folder / f"r{ending}", 64 * 20, labels(["x"], ["k"], np.arange(500.0))) as file:
+                for k in range(20):
+                    file.write(64 * k, np.ones((64, 1)), noise.reshape(-1)[: 64 * 500].reshape(64, 1, 500),
+                               np.zeros(64, int), ["a reason"] * 64)
+        else:
+            save(tree, folder / f"r{ending}")
+        said = "nothing"
+    except Exception as error:
+        said = f"{type(error).__name__}: {error}"
+    resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert load(folder / f"r{ending}").identical(whole), "the file that was there"
+    print(limit, said)
+"""
+
+
+@pytest.mark.parametrize("ending", [".nc", ".zarr", "-samples.nc"])
+def test_limit_on_files_is_told_and_leaves_what_was_there(ending: str, tmp_path: Path) -> None:
+    (tmp_path / "unfinished").mkdir()
+    limits = [0, 50, 3000, 20_000, 300_000]
+    command = [sys.executable, "-c", SCRIPT, str(tmp_path), ending, *map(str, limits)]
+    root = Path(uqmbd.__file__).parents[1]
+    done = subprocess.run(command, cwd=root, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert not done.stderr
+    told = done.stdout.splitlines()
+    assert len(told) == len(limits)
+    for line in told:
+        if ending == ".zarr" and "nothing" in line:
+            continue  # it consists of small files
+        assert f"StudyError: {'The result' if ending != '-samples.nc' else ''}" in line
+        assert f"r{ending}" in line and "File too large" in line and "unfinished" in line and "--resume" in line
+    assert sorted(p.name for p in tmp_path.iterdir()) == [f"r{ending}", "unfinished"]
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is always full")
+def test_full_disk_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every write fails as on a full disk."""
+    real = Path.open
+
+    def full(self: Path, *args: object, **kwargs: object) -> object:
+        return real(Path("/dev/full") if tmp_path in self.parents else self, *args, **kwargs)
+
+    monkeypatch.setattr(Path, "open", full)
+    with pytest.raises(StudyError, match="r.nc.*No space left on device"):
+        save(xr.DataTree(xr.Dataset({"x": ("time", np.ones(3))})), tmp_path / "r.nc")
+    assert os.listdir(tmp_path) == []
+
+
+def test_numbers_that_are_written_so_are_those_that_were_given(tmp_path: Path) -> None:
+    """Files are written by a handle of our own: large and small arrays, text, groups in groups."""
+    generator = np.random.default_rng(1)
+    sets = {
+        f"a/b{k}/c": xr.Dataset(
+            {"x": (("time", "row"), generator.normal(size=(n, 3))), "name": ("row", ["", "ü", "long" * n])},
+            coords={"time": np.arange(float(n))},
+            attrs={"long": "x" * 70_000},
+        )
+        for k, n in enumerate((1, 2, 70, 40_000))
+    }
+    tree = xr.DataTree.from_dict(sets)
+    assert load(save(tree, tmp_path / "r.nc")).identical(tree)

@@ -1,0 +1,122 @@
+"""HDF5 files that can be closed whatever happens to the disk."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, BinaryIO
+
+__all__ = ["NetcdfFile", "WriteError", "netcdf_file"]
+
+
+class WriteError(OSError):
+    """The disk did not take what was written."""
+
+
+class _Handle(io.RawIOBase):
+    """A file that notes the first failure of the disk instead of raising it, and forgets what is written from then on.
+
+    HDF5 cannot close a file that it cannot write, and the process dies with it at its end.
+    """
+
+    def __init__(self, file: BinaryIO) -> None:
+        self._file = file
+        self._place = 0
+        self._end = 0
+        self.problem: OSError | None = None
+
+    def readable(self) -> bool:
+        return True
+
+    def writable(self) -> bool:
+        return True
+
+    def seekable(self) -> bool:
+        return True
+
+    def seek(self, offset: int, whence: int = io.SEEK_SET) -> int:
+        self._place = offset + {io.SEEK_SET: 0, io.SEEK_CUR: self._place, io.SEEK_END: self._end}[whence]
+        return self._place
+
+    def tell(self) -> int:
+        return self._place
+
+    def readinto(self, buffer: Any) -> int:
+        """Read; what was not kept is zero."""
+        view = memoryview(buffer).cast("B")
+        self._file.seek(self._place)
+        data = self._file.read(len(view))
+        view[: len(data)] = data
+        view[len(data) :] = bytes(len(view) - len(data))
+        self._place += len(view)
+        return len(view)
+
+    def write(self, buffer: Any) -> int:
+        view = memoryview(buffer).cast("B")
+        if self.problem is None:
+            try:
+                self._file.seek(self._place)
+                written = 0
+                while written < len(view):
+                    written += self._file.write(view[written:])
+            except OSError as error:
+                self.problem = error
+        self._place += len(view)
+        self._end = max(self._end, self._place)
+        return len(view)
+
+    def truncate(self, size: int | None = None) -> int:
+        self._end = self._place if size is None else size
+        if self.problem is None:
+            try:
+                self._file.truncate(self._end)
+            except OSError as error:
+                self.problem = error
+        return self._end
+
+    def check(self) -> None:
+        """Raise what the disk said."""
+        if self.problem is not None:
+            raise WriteError(self.problem.errno, self.problem.strerror or str(self.problem)) from self.problem
+
+
+class NetcdfFile:
+    """A netCDF file that is written, by h5netcdf; `check` raises what the disk has said so far."""
+
+    def __init__(self, file: Any, handle: _Handle) -> None:
+        self.file = file
+        self.check = handle.check
+
+
+@contextmanager
+def netcdf_file(path: Path) -> Iterator[NetcdfFile]:
+    """Create a netCDF file; it is closed in any case.
+
+    Raises
+    ------
+    WriteError
+        At the end, if it could not be written; other errors are those of the context.
+
+    Examples
+    --------
+    >>> import tempfile, xarray
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     with netcdf_file(Path(folder) / "a.nc") as made:
+    ...         made.file.attrs["title"] = "x"
+    ...     xarray.load_dataset(Path(folder) / "a.nc", engine="h5netcdf").attrs["title"]
+    'x'
+    """
+    import h5netcdf
+
+    with path.open("w+b", buffering=0) as raw:
+        handle = _Handle(raw)
+        try:
+            with h5netcdf.File(handle, "w") as file:
+                yield NetcdfFile(file, handle)
+                handle.check()
+        except Exception:
+            handle.check()  # whatever HDF5 made of it
+            raise
+        handle.check()
