@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time as clock
 import warnings
 from collections import Counter
 from dataclasses import dataclass, field
@@ -81,7 +80,7 @@ def align_with_events(options: Collocation, problem: uqmbd.Problem, space: uqmbd
     uqmbd.IntegrationError
         If realisations fail.
     """
-    begin = clock.perf_counter()
+    begin = problem.clock()
     if not problem.model.events:
         raise uqmbd.StudyError(
             f"{problem.label}: alignment='events' needs a mechanism with events, as the impacts of uqmbd_contact; "
@@ -139,7 +138,7 @@ def align_with_events(options: Collocation, problem: uqmbd.Problem, space: uqmbd
         options,
         chaos.statistics(),
         realisations=followed.spent + len(points),
-        wall_time=clock.perf_counter() - begin,
+        wall_time=problem.clock() - begin,
         counters=dict(verified.counters),
         children={"aligned": chaos.to_dataset(), "nodes": _nodes(followed, verified)},
         attrs={

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time as clock
 import warnings
 from collections import Counter
 from collections.abc import Sequence
@@ -109,7 +108,7 @@ def collocate_elements(options: Collocation, problem: uqmbd.Problem, space: uqmb
     uqmbd.IntegrationError
         If failures leave too few realisations in an element.
     """
-    begin = clock.perf_counter()
+    begin = problem.clock()
     limits = uqmbd.ElementLimits(options.elements or 1, options.max_elements, options.threshold)
     plan(options, space, options.order, problem.label).check(space)
     work = _Elements(options, announced_once(problem, options.max_realisations))
@@ -133,7 +132,7 @@ def collocate_elements(options: Collocation, problem: uqmbd.Problem, space: uqmb
         options,
         refined.chaos.statistics(),
         realisations=work.spent,
-        wall_time=clock.perf_counter() - begin,
+        wall_time=problem.clock() - begin,
         counters=dict(work.counters),
         children={
             "chaos": refined.chaos.to_dataset(),

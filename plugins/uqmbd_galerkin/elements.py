@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import time as clock
 import warnings
 from collections import Counter
 from collections.abc import Iterator, Sequence
@@ -195,7 +194,7 @@ def galerkin_elements(options: Galerkin, problem: uqmbd.Problem, space: uqmbd.Ge
     space : uqmbd.GermSpace
         Of the inputs.
     begin : float
-        When the work began, on the clock ``time.perf_counter``.
+        When the work began, on the problem's clock.
     """
     limits = uqmbd.ElementLimits(options.elements or 1, options.max_elements, options.threshold)
     quiet = replace(problem, progress=_Quiet(problem.progress))
@@ -236,7 +235,7 @@ def galerkin_elements(options: Galerkin, problem: uqmbd.Problem, space: uqmbd.Ge
         options,
         padded(chaos.statistics(), problem.times),
         realisations=sum(work.nodes) + sum(total for _, total in work.verified),
-        wall_time=clock.perf_counter() - begin,
+        wall_time=problem.clock() - begin,
         counters=dict(work.counters),
         children={"chaos": chaos.to_dataset(), "elements": refined.steps},
         attrs={

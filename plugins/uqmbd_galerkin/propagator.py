@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time as clock
 import warnings
 from dataclasses import dataclass
 from typing import Any, ClassVar, Literal, get_args
@@ -221,7 +220,7 @@ class Galerkin(uqmbd.Propagator):
                 f"{problem.label}: nothing in mechanism {problem.mechanism!r} is random; "
                 "declare a uqmbd.RandomVariable, or use uqmbd.simulate."
             )
-        begin = clock.perf_counter()
+        begin = problem.clock()
         try:
             space = uqmbd.GermSpace.of(problem.inputs, self.transform)
         except uqmbd.StudyError as error:
@@ -282,7 +281,7 @@ class Galerkin(uqmbd.Propagator):
                     "already; nothing usable is left. Raise the order, or stop_at."
                 )
             chaos = respond(found.coefficients, count)
-        wall_time = clock.perf_counter() - begin
+        wall_time = problem.clock() - begin
         problem.progress.finish(problem.label)
         warn(problem, chaos, found.message, stopped, self.order, self.stop_at)
         children = {

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time as clock
 import warnings
 from dataclasses import dataclass
 
@@ -113,7 +112,7 @@ def projected_scalars(
     verification : Verification
         Realisations that no node uses.
     begin : float
-        When the work began, on the clock ``time.perf_counter``.
+        When the work began, on the problem's clock.
 
     Raises
     ------
@@ -135,7 +134,7 @@ def projected_scalars(
         propagator,
         chaos.statistics(),
         realisations=len(rule) + verification.count,
-        wall_time=clock.perf_counter() - begin,
+        wall_time=problem.clock() - begin,
         counters=found.counters,
         children={"chaos": chaos.to_dataset()},
         attrs={

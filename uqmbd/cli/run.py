@@ -18,7 +18,9 @@ from uqmbd.cli.settings import apply_settings, check_labels
 from uqmbd.cli.tables import show_summary
 from uqmbd.errors import MethodFailedWarning, StudyError, UqmbdError
 from uqmbd.isolation import Isolated
+from uqmbd.propagation.runfolder import claimed, set_aside
 from uqmbd.propagation.script import load_study
+from uqmbd.results.unfinished import FOLDER
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -26,9 +28,6 @@ if TYPE_CHECKING:
     from uqmbd.propagation import Study
 
 __all__ = ["run_study"]
-
-UNFINISHED = "unfinished"
-"""Folder of finished chunks within that of the results."""
 
 
 def run_study(
@@ -62,7 +61,6 @@ def run_study(
     """
     # before the work, not after it: whatever is wrong with the report should cost no hours
     import uqmbd.report.html  # noqa: F401
-    from uqmbd.results import failed_methods, save
 
     begin = time.monotonic()
     study = load_study(script)
@@ -73,7 +71,25 @@ def run_study(
         raise StudyError(f"{script}: the study has no propagators; give it some, as in propagators=[MonteCarlo(...)].")
     # Before the work, not after it: a folder that cannot be written should cost no hours.
     _make_folder(out)
-    with _executor(workers, dask, script) as executor, shown_progress() as progress:
+    with claimed(out):
+        previous = set_aside(out)
+        if previous:
+            print(f"Note: the results that were in {out} are in {previous} now.", file=sys.stderr, flush=True)
+        with _executor(workers, dask, script) as executor:
+            tree = _computed(study, executor, only, out, script, resume=resume)
+        complete = _delivered(tree, study, out, script)
+    print(f"Done in {seconds(time.monotonic() - begin)}.")
+    if not complete:
+        raise SystemExit(FAILED)
+
+
+def _computed(
+    study: Study, executor: int | Executor, only: Sequence[str], out: Path, script: Path, *, resume: bool
+) -> xr.DataTree:
+    """Run a study; where that ends before its time, say how to go on."""
+    from uqmbd.results import save
+
+    with shown_progress() as progress:
         try:
             with warnings.catch_warnings():
                 # they are told at the end
@@ -81,16 +97,22 @@ def run_study(
                 # curves of error against cost may take long: what is found before them is stored before them
                 grows = getattr(study, "convergence", None) is not None and not only
                 before: dict[str, Any] = {"finished": lambda tree: save(tree, out / "results.nc")} if grows else {}
-                tree = study.run(
+                return study.run(
                     executor, only=list(only) or None, progress=progress, folder=out, resume=resume, **before
                 )
         except KeyboardInterrupt:
             print(_how_to_go_on(script, out), file=sys.stderr, flush=True)
             raise
         except UqmbdError:
-            if any((out / UNFINISHED).glob("*")):
+            if any((out / FOLDER).glob("*")):
                 print(_how_to_go_on(script, out), file=sys.stderr, flush=True)
             raise
+
+
+def _delivered(tree: xr.DataTree, study: Study, out: Path, script: Path) -> bool:
+    """Write results and report, and sum them up; return whether nothing is missing."""
+    from uqmbd.results import failed_methods, save
+
     # before anything else that may go wrong: a result holds its methods and their comparison
     files = {"results": save(tree, out / "results.nc")}
     print("writing the report ...", file=sys.stderr, flush=True)
@@ -99,7 +121,7 @@ def run_study(
     failed = failed_methods(tree)
     for label, reason in failed.items():
         print(f"Error: there are no results of {label}: {reason}", file=sys.stderr, flush=True)
-    if failed and any((out / UNFINISHED).glob("*")):
+    if failed and any((out / FOLDER).glob("*")):
         print(_how_to_go_on(script, out), file=sys.stderr, flush=True)
     if problem:
         print(
@@ -107,9 +129,7 @@ def run_study(
             file=sys.stderr,
             flush=True,
         )
-    print(f"Done in {seconds(time.monotonic() - begin)}.")
-    if failed or problem:
-        raise SystemExit(FAILED)
+    return not (failed or problem)
 
 
 def _report(tree: xr.DataTree, study: Study, out: Path, files: dict[str, Path]) -> str:

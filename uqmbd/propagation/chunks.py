@@ -59,6 +59,8 @@ class Chunk:
         Solver counters.
     scalars : ScalarValues, optional
         Outputs without a time, where the mechanism has some.
+    seconds : float
+        Wall time that the run spent on it, s.
     """
 
     response: Array
@@ -66,6 +68,7 @@ class Chunk:
     messages: tuple[str, ...]
     counters: dict[str, float]
     scalars: ScalarValues | None = None
+    seconds: float = 0.0
 
     def timeless(self) -> Chunk:
         """Return the chunk in which outputs without a time are those at a single time."""

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import json
 import pickle
-import time as clock
 import warnings
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -24,12 +24,13 @@ from uqmbd.errors import StudyError, StudyWarning
 from uqmbd.propagation.accuracy import Observed
 from uqmbd.propagation.checkpoint import Checkpoint
 from uqmbd.propagation.chunks import CHUNK, Chunk, compute_chunk
+from uqmbd.propagation.cost import Clock, Laps
 from uqmbd.propagation.deterministic import not_unique_attribute, step_attributes
 from uqmbd.propagation.existence import Existence
 from uqmbd.propagation.histories import History, event_histories
 from uqmbd.propagation.progress import Progress, Silent
 from uqmbd.propagation.realisations import Realisations
-from uqmbd.propagation.tasks import Arrays, run_tasks
+from uqmbd.propagation.tasks import Arrays, failed, run_tasks
 from uqmbd.randomness import JointInput
 from uqmbd.results import InputInfo, Labels, OutputInfo, labels, propagator_node
 
@@ -83,6 +84,8 @@ class Problem:
     """Which moments of the outputs exist."""
     known: dict[bytes, Chunk] = field(default_factory=dict, repr=False, compare=False)
     """Outputs without a time that were computed beside the others, by the inputs."""
+    clock: Clock = field(default_factory=Clock, repr=False, compare=False)
+    """Called, it reads seconds; it counts what an interrupted run has spent on what need not be computed again."""
     observed: Observed = field(default_factory=Observed, repr=False, compare=False)
     """Realisations from which the error of the integration is measured."""
 
@@ -140,7 +143,7 @@ class Problem:
         Realisations
             The same bits for any number of workers.  Failures are a status, never an exception.
         """
-        begin = clock.perf_counter()
+        begin = self.clock()
         parts = list(self.stream(values))
         counters: Counter[str] = Counter()
         for part in parts:
@@ -153,7 +156,7 @@ class Problem:
             np.concatenate([np.zeros(0, dtype=np.int64), *(p.status for p in parts)]),
             tuple(m for p in parts for m in p.messages),
             dict(counters),
-            clock.perf_counter() - begin,
+            self.clock() - begin,
             ScalarValues.joined(scalars) if scalars else None,
         )
 
@@ -174,10 +177,10 @@ class Problem:
         """
         values = self._checked(values)
         self.progress.start(self.label, len(values))
-        begin = clock.perf_counter()
+        begin = self.clock()
         parts = [np.ascontiguousarray(values[k : k + CHUNK]) for k in range(0, len(values), CHUNK)]
         for index, chunk in self._chunks(parts):
-            now = clock.perf_counter()
+            now = self.clock()
             found = Realisations(
                 parts[index],
                 chunk.response,
@@ -210,7 +213,8 @@ class Problem:
             Of each task, in order; the same bits for any number of workers.  What an interrupted run had finished is
             not done again.
         """
-        return run_tasks(self._packed, self._fingerprint, self.executor, self.checkpoint, function, tasks)
+        work = (self._packed, self._fingerprint, self.executor, self.checkpoint, self.clock)
+        return run_tasks(*work, function, tasks)
 
     def require(self, needed: Capability, integrator: str | None = None, remedy: str = "") -> None:
         """Raise where an integrator lacks a capability that a method needs.
@@ -249,7 +253,7 @@ class Problem:
         """Finished chunks in order; each is stored as soon as it is finished."""
         ready: dict[int, Chunk] = {}
         running: dict[Future[Chunk], int] = {}
-        submitted = 0
+        submitted, laps = 0, Laps()
         try:
             for wanted in range(len(parts)):
                 while wanted not in ready:
@@ -260,20 +264,23 @@ class Problem:
                         if found is not None:
                             ready[index] = found
                         elif self.executor is None:
-                            ready[index] = self._keep(parts[index], compute_chunk(*self._task(parts[index])))
+                            ready[index] = self._keep(parts[index], compute_chunk(*self._task(parts[index])), laps())
                         else:
                             running[self.executor.submit(compute_chunk, *self._task(parts[index]))] = index
                         if self.executor is None:
                             break
                     if wanted in ready:
                         break
-                    for future in wait(running, return_when=FIRST_COMPLETED).done:
+                    # one that failed ends the run: what is finished beside it is stored first
+                    for future in sorted(wait(running, return_when=FIRST_COMPLETED).done, key=failed):
                         index = running.pop(future)
-                        ready[index] = self._keep(parts[index], future.result())
+                        ready[index] = self._keep(parts[index], future.result(), laps())
                 yield wanted, ready.pop(wanted)
         finally:
-            for future in running:
-                future.cancel()
+            for future, index in running.items():
+                if not future.cancel() and future.done() and not failed(future):
+                    with contextlib.suppress(StudyError):  # whatever ended the run is said instead
+                        self._keep(parts[index], future.result(), laps())
 
     def _task(self, part: Array) -> tuple[bytes, Array, Array, float, str, bool]:
         times = self.times if self.over is None else self.over
@@ -283,17 +290,24 @@ class Problem:
         """Return a chunk that need not be computed."""
         if self.timeless and (known := self.known.get(part.tobytes())) is not None:
             return known
-        found = self.checkpoint.load(self._key(part)) if self.checkpoint else None
-        return None if found is None else self._noted(part, found)
+        key = self._key(part)
+        found = self.checkpoint.load(key) if self.checkpoint else None
+        if found is None:
+            return None
+        self.clock.recover(key, found.seconds)
+        return self._noted(part, found)
 
     def _noted(self, part: Array, chunk: Chunk) -> Chunk:
         if chunk.scalars is not None:
             self.known[part.tobytes()] = chunk.timeless()
         return chunk
 
-    def _keep(self, part: Array, chunk: Chunk) -> Chunk:
+    def _keep(self, part: Array, chunk: Chunk, seconds: float) -> Chunk:
+        """Store a chunk with the wall time that was spent on it."""
         if self.checkpoint:
-            self.checkpoint.save(self._key(part), chunk)
+            key = self._key(part)
+            self.checkpoint.save(key, replace(chunk, seconds=seconds))
+            self.clock.done(key)
         return self._noted(part, chunk)
 
     @property

@@ -258,9 +258,10 @@ class Study:
             Whom to tell; True: lines on the standard error stream, in a notebook bars; False: nobody.  By default
             only notebooks show something.
         folder : Path, optional
-            Where to keep finished chunks while it runs.
+            Where to keep finished chunks: in ``unfinished`` while it runs, then in ``unsaved`` until
+            `uqmbd.results.save` has stored the results in this folder.  One run at a time.
         resume : bool
-            Go on with the chunks that an interrupted run left in `folder`.
+            Go on with the chunks that a run left in `folder` which was interrupted, or was not saved.
         finished : callable, optional
             Given the results of the methods and their comparison before curves of error against cost are computed, as
             `uqmbd run` does to store them.
@@ -282,7 +283,8 @@ class Study:
         uqmbd.UqmbdError
             If the mechanism cannot be used, or no method succeeded: then that of the first one, or whatever it raised.
         """
-        from uqmbd.propagation.checkpoint import clear
+        from uqmbd.propagation.runfolder import claimed
+        from uqmbd.results.unfinished import clear, computed, reopen
 
         if not self.propagators:
             raise StudyError(
@@ -291,9 +293,9 @@ class Study:
             )
         chosen = self.propagators if only is None else self._chosen(only)
         folder = None if folder is None else Path(folder)
-        if folder and not resume:
-            clear(folder)
-        with Crew(workers) as crew:
+        with claimed(folder), Crew(workers) as crew:
+            if folder:
+                reopen(folder) if resume else clear(folder)
             # what is wrong with the mechanism is no matter of a method
             self.model  # noqa: B018
             attempts = attempt(self, chosen, crew, progress, folder)
@@ -303,8 +305,8 @@ class Study:
                 finished(tree)
             if only is None:
                 tree = with_convergence(self, tree, crew, progress, folder)
-        if folder and not attempts.errors:
-            clear(folder)
+            if folder:
+                computed(folder, tree.attrs)
         return tree
 
     def _attributes(self) -> dict[str, Any]:

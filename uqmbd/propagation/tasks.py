@@ -4,22 +4,20 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
-import os
 import pickle
-import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor, Future
-from pathlib import Path
 from typing import Any
 
-import numpy as np
 from numpy.typing import NDArray
 
 from uqmbd.dynamics import Model
+from uqmbd.errors import StudyError
 from uqmbd.propagation.checkpoint import Checkpoint
 from uqmbd.propagation.chunks import model_of
+from uqmbd.propagation.cost import Clock, Laps
 
-__all__ = ["Arrays", "run_tasks"]
+__all__ = ["Arrays", "failed", "run_tasks"]
 
 Arrays = dict[str, NDArray[Any]]
 
@@ -29,6 +27,7 @@ def run_tasks(
     fingerprint: bytes,
     executor: Executor | None,
     checkpoint: Checkpoint | None,
+    clock: Clock,
     function: Callable[..., Arrays],
     tasks: Sequence[tuple[Any, ...]],
 ) -> Iterator[Arrays]:
@@ -44,28 +43,47 @@ def run_tasks(
         Who does the work; None: this process.
     checkpoint : Checkpoint, optional
         Where finished tasks are kept.
+    clock : Clock
+        That counts what is not done again.
     function : callable
         Of a module.
     tasks : sequence of tuple
         Further arguments.
     """
-    places = [None if checkpoint is None else _place(checkpoint, fingerprint, function, task) for task in tasks]
+    names = [_name(fingerprint, function, task) for task in tasks]
     running: dict[int, Future[Arrays]] = {}
+    laps = Laps()
+
+    def keep(k: int, found: Arrays) -> None:
+        if checkpoint is not None:
+            checkpoint.save_arrays(names[k], found, {"seconds": laps()})
+            clock.done(names[k])
+
     try:
-        stored = [_load(place) for place in places]
+        stored = [None if checkpoint is None else checkpoint.load_arrays(name) for name in names]
         if executor is not None:
             for k, task in enumerate(tasks):
                 if stored[k] is None:
                     running[k] = executor.submit(_call, function, data, task)
         for k, task in enumerate(tasks):
-            found = stored[k]
-            if found is None:
+            known = stored[k]
+            if known is not None:
+                found, about = known
+                clock.recover(names[k], about["seconds"])
+            else:
                 found = running.pop(k).result() if k in running else _call(function, data, task)
-                _save(places[k], found)
+                keep(k, found)
             yield found
     finally:
-        for future in running.values():
-            future.cancel()
+        for k, future in running.items():
+            if not future.cancel() and future.done() and not failed(future):
+                with contextlib.suppress(StudyError):  # whatever ended the run is said instead
+                    keep(k, future.result())
+
+
+def failed(future: Future[Any]) -> bool:
+    """Whether a future that is done has no result."""
+    return future.cancelled() or future.exception() is not None
 
 
 def _call(function: Callable[..., Arrays], data: bytes, task: tuple[Any, ...]) -> Arrays:
@@ -76,29 +94,8 @@ def _call(function: Callable[..., Arrays], data: bytes, task: tuple[Any, ...]) -
         return function(model, *task)
 
 
-def _place(checkpoint: Checkpoint, fingerprint: bytes, function: Callable[..., Arrays], task: tuple[Any, ...]) -> Path:
+def _name(fingerprint: bytes, function: Callable[..., Arrays], task: tuple[Any, ...]) -> str:
     text = hashlib.sha256(f"{function.__module__}.{function.__qualname__}".encode())
     text.update(pickle.dumps(task))
     text.update(fingerprint)
-    return checkpoint.place / f"{text.hexdigest()[:32]}.task.npz"
-
-
-def _load(place: Path | None) -> Arrays | None:
-    """Return what a task gave, or nothing (also where the file is damaged)."""
-    if place is None or not place.exists():
-        return None
-    try:
-        with np.load(place, allow_pickle=False) as data:
-            return {name: data[name] for name in data.files}
-    except Exception:  # noqa: BLE001 - whatever is wrong with the file, the task is done again
-        return None
-
-
-def _save(place: Path | None, found: Arrays) -> None:
-    if place is None:
-        return
-    place.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.NamedTemporaryFile(dir=place.parent, suffix=".part", delete=False) as file:
-        np.savez(file, **found)  # type: ignore[arg-type]  # its stub takes the name for an option
-    with contextlib.suppress(FileNotFoundError):
-        os.replace(file.name, place)
+    return f"{text.hexdigest()[:32]}.task.npz"

@@ -6,12 +6,13 @@ import operator
 import os
 import signal
 from collections.abc import Iterator
-from concurrent.futures import BrokenExecutor, Executor
+from concurrent.futures import BrokenExecutor, CancelledError, Executor
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, Self
 
 from uqmbd.errors import IntegrationError, StudyError
 from uqmbd.propagation.mainscript import Script, adopt, main_script, refuse_workers_of_workers, spawning
+from uqmbd.propagation.parent import end_with_parent
 
 if TYPE_CHECKING:
     from concurrent.futures import ProcessPoolExecutor
@@ -64,10 +65,14 @@ class Crew:
         uqmbd.StudyError
             If the processes cannot start.
         uqmbd.IntegrationError
-            If a process dies.
+            If a process dies, or the executor gives up.
         """
-        if self._given is not None or self._count == 1:
-            yield self._given
+        if self._given is not None:
+            with _patient(self._given):
+                yield self._given
+            return
+        if self._count == 1:
+            yield None
             return
         if self._processes is None:
             self._processes, self._started = _hired(self._count)
@@ -89,6 +94,25 @@ class Crew:
         if self._processes is not None:
             self._processes.shutdown(wait=True, cancel_futures=True)
             self._processes = None
+
+
+@contextmanager
+def _patient(executor: Executor) -> Iterator[None]:
+    """Say what it means that an executor of somebody else's gives up, as that of Dask does without its scheduler."""
+    try:
+        yield
+    except Exception as error:
+        # its own errors: Python's for executors, and those of the package that it comes from
+        package = type(executor).__module__.partition(".")[0]
+        own = type(error).__module__.partition(".")[0] == package and package not in ("uqmbd", "builtins", "__main__")
+        if not own and not isinstance(error, (BrokenExecutor, CancelledError)):
+            raise
+        reason = f"{type(error).__name__}: {error}".rstrip(": ")
+        raise IntegrationError(
+            f"The executor that does the work has given up ({reason}); perhaps its scheduler, or its workers, have "
+            "ended. Finished work is kept where the run has a folder: start them again, and go on with --resume (in "
+            "Python: resume=True)."
+        ) from error
 
 
 @contextmanager
@@ -123,7 +147,8 @@ def _count(workers: object) -> int:
 
 
 def _start(started: Any, script: Script | None) -> None:
-    """Begin the life of a worker: Ctrl-C is the parent's business, which ends its workers in order."""
+    """Begin the life of a worker: Ctrl-C is the parent's business, which ends its workers in order, or leaves them."""
+    end_with_parent()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     adopt(script)
     started.set()
