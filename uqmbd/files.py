@@ -44,7 +44,7 @@ def replacing(path: Path, *, lasting: bool = True) -> Iterator[Path]:
     # in the same folder, hence on the same file system: a name changes at once
     scratch = Path(tempfile.mkdtemp(dir=path.parent, prefix=_PREFIX, suffix=_SUFFIX))
     try:
-        part = scratch / f"new{path.suffix}"
+        part = scratch / "new"
         yield part
         if lasting:
             for file in [part, *part.rglob("*")]:

@@ -72,8 +72,8 @@ def test_full_disk_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> N
     """Every write fails as on a full disk."""
     real = Path.open
 
-    def full(self: Path, *args: object, **kwargs: object) -> object:
-        return real(Path("/dev/full") if tmp_path in self.parents else self, *args, **kwargs)
+    def full(self: Path, mode: str = "r", *args: object, **kwargs: object) -> object:
+        return real(Path("/dev/full") if "w" in mode else self, mode, *args, **kwargs)
 
     monkeypatch.setattr(Path, "open", full)
     with pytest.raises(StudyError, match="r.nc.*No space left on device"):
