@@ -26,10 +26,12 @@ _COUNTERS = {
     "repivots": "changes to other independent equations on the way",
     "stiff": "realisations too stiff for the explicit integrator, integrated by IDA",
     "alone": "realisations integrated alone",
+    "by_dop853": "realisations whose motion is that of the explicit integrator (dop853)",
+    "by_ida": "realisations whose motion is that of IDA",
     "seconds": "time in the integrator, summed over workers",
 }
 
-_ATTRIBUTES = {"not_unique": "not unique, as constraints are redundant"}
+_ATTRIBUTES = {"integrated_by": "integrated by", "not_unique": "not unique, as constraints are redundant"}
 
 
 def cost(label: str, node: xr.DataTree) -> dict[str, Any]:
