@@ -120,6 +120,8 @@ def _show_differences(screen: Console, trees: Mapping[str, xr.DataTree]) -> None
 
 
 def _show_group(screen: Console, found: xr.Dataset, notes: Sequence[str]) -> None:
+    from uqmbd.results.statements import NO_SPREAD
+
     reference = str(found.attrs["reference"])
     for label in (str(m) for m in found["method"].values):
         if label == reference:
@@ -128,7 +130,8 @@ def _show_group(screen: Console, found: xr.Dataset, notes: Sequence[str]) -> Non
         table = plain_table("output", "units", "largest mean difference", "largest std difference", "verdict")
         row = found.sel({"method": label})  # `method` as a keyword is another thing to xarray
         for number, output in enumerate(found["output"].values):
-            scale = float(found["reference_std_max"].values[number])
+            still = str(row["verdict_kind"].values[number]) == NO_SPREAD
+            scale = 0.0 if still else float(found["reference_std_max"].values[number])
             table.add_row(
                 Text(str(output)),
                 Text(str(found["output_units"].values[number])),

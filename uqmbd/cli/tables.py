@@ -134,7 +134,14 @@ def units_of(statistics: xr.Dataset) -> list[str]:
 
 
 def _final(node: xr.DataTree, output: int) -> str:
-    statistics = node["statistics"].to_dataset().isel(output=output)
+    from uqmbd.results import varying
+    from uqmbd.results.spread import rtol_of
+
+    whole = node["statistics"].to_dataset()
+    statistics = whole.isel(output=output)
     if "time" in statistics.dims:
         statistics = statistics.isel(time=-1)
-    return with_spread(float(statistics["mean"]), float(statistics["std"]))
+    mean = float(statistics["mean"])
+    if math.isfinite(mean) and not varying(whole, rtol_of(node))[output]:
+        return f"{mean:.6g}, no spread"
+    return with_spread(mean, float(statistics["std"]))

@@ -10,12 +10,16 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from uqmbd.report.convergence import NORMAL_95, design_of
+from uqmbd.report.convergence import design_of
 from uqmbd.report.failures import failure_reasons, failure_words
 from uqmbd.report.scalars import scalar_differences, scalar_names
 from uqmbd.report.selection import automatic_times, runs_of
 from uqmbd.report.wording import format_count, format_duration, format_integer, format_number, minus
-from uqmbd.results import integration_shares
+from uqmbd.results import integration_shares, own_statements, varies
+from uqmbd.results.chaos_decay import percent
+from uqmbd.results.own_errors import own_error
+from uqmbd.results.spread import rtol_of
+from uqmbd.results.statements import NO_SPREAD
 
 __all__ = [
     "comparison",
@@ -33,7 +37,6 @@ __all__ = [
     "report_times",
     "statistics",
     "summary",
-    "varies",
 ]
 
 _SHOWN_FAILURES = 20
@@ -89,12 +92,6 @@ def _with_units(text: str, units: str) -> str:
     return f"{text} {units}" if units else text
 
 
-def varies(node: xr.DataTree, name: str) -> bool:
-    """Tell whether an output has a spread beyond rounding."""
-    data = _at(node, name)
-    return float(data["std"].max()) > 1e-13 * float(abs(data["mean"]).max())
-
-
 def in_words(node: xr.DataTree, name: str) -> str:
     """Describe an output's end and its largest spread in a sentence or two."""
     row = _output_row("", node, name)
@@ -104,19 +101,22 @@ def in_words(node: xr.DataTree, name: str) -> str:
     )
 
 
-def _relative_error(node: xr.DataTree, name: str) -> tuple[float, int] | None:
-    """Return half the 95 % interval of the largest standard deviation as a share of it, and its time's index."""
-    if "samples" not in node.children or not varies(node, name):
-        return None
-    data = _at(node, name)
-    largest = int(np.nan_to_num(data["std"].values, nan=-1.0).argmax())
-    error = float(data["std_error_std"][largest]) if "std_error_std" in data else math.nan
-    share = NORMAL_95 * error / float(data["std"][largest])
-    return (share, largest) if math.isfinite(share) and share > 0 else None
+def _stated(node: xr.DataTree) -> dict[str, tuple[float, float]]:
+    """Return the largest stated error of each output that varies, as a share of the standard deviation, and its time.
 
-
-def _percent(share: float) -> str:
-    return f"{100 * share:.2g} %" if share < 0.995 else f"{100 * share:.0f} %"
+    Of a method with samples that states standard errors; else nothing.
+    """
+    if "samples" not in node.children or "std_error_std" not in node.children["statistics"].data_vars:
+        return {}
+    statistics = node.children["statistics"].to_dataset()
+    own = own_error(node, rtol_of(node), dependence=False)
+    errors, at = own.largest(statistics["time"].values)
+    names = [str(value) for value in statistics["output"].values]
+    return {
+        name: (float(errors[k]), float(at[k]))
+        for k, name in enumerate(names)
+        if own.varies[k] and 0 < errors[k] < math.inf
+    }
 
 
 def _advice(node: xr.DataTree, share: float) -> str:
@@ -135,23 +135,21 @@ def _advice(node: xr.DataTree, share: float) -> str:
 
 
 def precision(node: xr.DataTree, name: str) -> str:
-    """Say in words how well the largest standard deviation of an output is known; empty if the method cannot tell.
+    """Say in words how well the standard deviation of an output is known; empty if the method cannot tell.
 
     What is to be done about it is in the summary.
     """
-    found = _relative_error(node, name)
-    if found is None:
+    if name not in _stated(node):
         return ""
-    share, largest = found
     data = _at(node, name)
-    text = (
-        f"The standard deviation at t = {float(data['time'][largest]):.4g} s, where it is largest, is known to within "
-        f"{_percent(share)} (with 95 % confidence)."
-    )
+    names = output_names({"": node})
+    said = own_statements(node)[names.index(name)]
+    text = f"{said[0].upper()}{said[1:]}, with 95 % confidence."
+    largest = int(np.nan_to_num(data["std"].values, nan=-1.0).argmax())
     if float(data["kurtosis"][largest]) > 30:
         text += (
-            " A few extreme samples make up most of it, so that even this uncertainty is itself uncertain: "
-            "look at the quantiles rather than at the standard deviation."
+            " A few extreme samples make up most of the largest standard deviation, so that even this error is itself "
+            "uncertain: look at the quantiles rather than at the standard deviation."
         )
     return text
 
@@ -170,24 +168,16 @@ def integration(node: xr.DataTree, name: str) -> str:
 def _overall_precision(nodes: Mapping[str, xr.DataTree]) -> list[str]:
     sentences = []
     for label, node in nodes.items():
-        names = output_names({label: node})
-        errors = {name: found for name in names if (found := _relative_error(node, name))}
+        errors = _stated(node)
         if not errors:
             continue
         worst = max(errors, key=lambda name: errors[name][0])
-        share = errors[worst][0]
-        least = f", least well for {worst}" if len(errors) > 1 else ""
-        of_what = "the standard deviation of every output that varies" if len(errors) > 1 else (
-            f"the standard deviation of {worst}"
-        )  # fmt: skip
-        who = f"With {label}, " if len(nodes) > 1 else ""
-        start = f"{who}{of_what}" if who else of_what[0].upper() + of_what[1:]
+        share, at = errors[worst]
+        whose = f"The stated error of {label}" if len(nodes) > 1 else "The stated error"
+        of_which = f"of {worst}, " if len(errors) > 1 else ""
         sentences.append(
-            f"{start}, at the time of its maximum, is known to within {_percent(share)} or better{least} "
-            f"(with 95 % confidence). {_advice(node, share)}"
-            if len(errors) > 1
-            else f"{start}, at the time of its maximum, is known to within {_percent(share)} "
-            f"(with 95 % confidence). {_advice(node, share)}"
+            f"{whose} is at most {percent(share)} of the standard deviation ({of_which}at {at:g} s, with 95 % "
+            f"confidence). {_advice(node, share)}"
         )
     return sentences
 
@@ -328,7 +318,8 @@ def summary(tree: xr.DataTree, nodes: Mapping[str, xr.DataTree]) -> list[str]:
     text += _overall_precision(nodes)
     constant = [name for name in names if has_output(node, name) and not varies(node, name)]
     if constant:
-        text.append(f"The inputs have no influence on {', '.join(constant)}.")
+        does = "does" if len(constant) == 1 else "do"
+        text.append(f"{', '.join(constant)} {does} not vary beyond the integration error.")
     return text + [f"Note: {said}." for said in stored_warnings(tree, nodes)]
 
 
@@ -415,9 +406,11 @@ def comparison(tree: xr.DataTree) -> dict[str, Any] | None:
             if str(method) == reference:
                 continue
             row = {"output": str(name), "method": str(method)}
+            still = "verdict_kind" in data and str(data["verdict_kind"].values[m, o]) == NO_SPREAD
             for key in ("mean_difference_max", "std_difference_max", "mean_difference_l2", "std_difference_l2"):
                 value = float(data[key].values[m, o])
-                share = f" ({100 * value / scale:.2g} %)" if scale > 0 and math.isfinite(value) else ""
+                known = scale > 0 and math.isfinite(value) and not still
+                share = f" ({100 * value / scale:.2g} %)" if known else ""
                 row[key] = _with_units(format_number(value), units) + share
             rows.append(row)
     return {"reference": reference, "rows": rows + scalar_differences(data)}

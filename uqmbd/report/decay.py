@@ -13,6 +13,7 @@ from uqmbd.report.drawing import arrange, axes_grid, limit_times, style
 from uqmbd.report.scales import log_axis
 from uqmbd.report.selection import Results, automatic_times, label_of, thinned
 from uqmbd.report.surrogates import chaos_of, one_node, stated_error_of, times_of, varies_over_time
+from uqmbd.results import varies
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -75,7 +76,7 @@ def coefficient_decay(results: Results, output: str, *, times: Sequence[float] |
     scale = float(std.max())
     figure, grid = axes_grid(2, 2.2)
     by_order, by_input = grid
-    if not varies_over_time(std, chaos.mean[0]).any():
+    if not varies_over_time(std, chaos.mean[0]).any() or not varies(one_node(results), output):
         return _nothing(figure, grid, "no spread")
     amplitude = np.sqrt(decay["energy"].values[1:]) / scale
     of_inputs = np.sqrt(decay["energy_germ"].values[:, 1:].max(axis=-1)) / scale

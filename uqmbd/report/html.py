@@ -26,6 +26,7 @@ from uqmbd.report.scalars import scalars
 from uqmbd.report.trust import influence, trust
 from uqmbd.report.verdicts import agreement
 from uqmbd.results import propagator_nodes, scalar_nodes
+from uqmbd.results.spread import rtol_of
 
 __all__ = ["Section", "write_report"]
 
@@ -113,7 +114,7 @@ def write_report(
         over_time=outputs(tree, nodes),
         events=events(nodes),
         influence=influence(nodes),
-        trust=trust(nodes),
+        trust=trust(nodes, tree),
         sections=[_section(section, tree) for section in sections],
         failures=[_failures(label, node) for label, node in nodes.items()],
         costs=[record.cost(label, node) for label, node in nodes.items()],
@@ -146,7 +147,10 @@ def _until_known(nodes: Mapping[str, xr.DataTree]) -> dict[str, xr.DataTree]:
     def cut(data: xr.Dataset) -> xr.Dataset:
         return data.sel(time=slice(None, last)) if "time" in data.dims else data
 
-    return {label: node.map_over_datasets(cut) for label, node in nodes.items()}
+    found = {label: node.map_over_datasets(cut) for label, node in nodes.items()}
+    for label, node in found.items():
+        node.attrs.setdefault("rtol", rtol_of(nodes[label]))
+    return found
 
 
 def _failures(label: str, node: xr.DataTree) -> dict[str, Any]:

@@ -13,6 +13,7 @@ from uqmbd.errors import StudyError
 from uqmbd.report.drawing import arrange, axes_grid, limit_times, style, with_units, wrapped
 from uqmbd.report.selection import Results, label_of, nodes_of, of_output, thinned
 from uqmbd.report.surrogates import finest, stated_error_of, surrogate_nodes, times_of, varies_over_time
+from uqmbd.results import varies
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -112,7 +113,7 @@ def indices_of(node: xr.DataTree, output: str) -> Indices:
     names = data["germ" if end else "input"].values
     first, total = (np.asarray(data[f"sobol_{kind}{end}"].values, dtype=float) for kind in ("first", "total"))
     std = np.asarray(data["std"].values, dtype=float)
-    meaningful = varies_over_time(std, data["mean"].values)
+    meaningful = varies_over_time(std, data["mean"].values) & varies(node, output)
     return Indices(
         tuple(map(str, names)), bool(end), first, total, times, std, meaningful, str(data["output_units"].item())
     )

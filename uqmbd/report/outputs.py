@@ -13,7 +13,8 @@ from uqmbd.report.convergence import design_of
 from uqmbd.report.images import image
 from uqmbd.report.surrogates import shown_methods, surrogate_nodes
 from uqmbd.report.wording import format_count
-from uqmbd.results import choose_reference
+from uqmbd.results import choose_reference, varies
+from uqmbd.results.statements import STILL
 
 __all__ = ["FULL", "most_uncertain", "outputs"]
 
@@ -82,6 +83,8 @@ def _uncertainty(nodes: Mapping[str, xr.DataTree], name: str) -> float:
     data = node.children["statistics"].to_dataset()
     data = data.isel(output=[str(n) for n in data["output"].values].index(name))
     std, mean = (float(np.nan_to_num(np.abs(data[key].values)).max(initial=0.0)) for key in ("std", "mean"))
+    if not varies(node, name):
+        return 0.0
     return std / mean if mean > 0 else (np.inf if std > 0 else 0.0)
 
 
@@ -91,7 +94,7 @@ def _output(tree: xr.DataTree, nodes: Mapping[str, xr.DataTree], name: str, whol
     holders = shown_methods(every)
     lower = " Of a surrogate with several orders, only the highest is drawn." if len(holders) < len(every) else ""
     first = next(iter(holders.values()))
-    varying = any(content.varies(node, name) for node in holders.values())
+    varying = any(varies(node, name) for node in holders.values())
     drawn = [
         image(
             lambda: figures.bands(holders, name),
@@ -106,9 +109,7 @@ def _output(tree: xr.DataTree, nodes: Mapping[str, xr.DataTree], name: str, whol
             "name": name,
             "figures": drawn,
             "folded": not whole,
-            "note": " ".join(
-                filter(None, ("The inputs have no influence on this output.", content.integration(first, name)))
-            ),
+            "note": " ".join(filter(None, (f"This output {STILL}.", content.integration(first, name)))),
             "words": "",
             "numbers": [],
         }

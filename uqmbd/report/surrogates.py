@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from uqmbd.errors import StudyError
 from uqmbd.report.selection import Results, nodes_of, of_output
-from uqmbd.results import AlignedChaos, PiecewiseChaos, PolynomialChaos, chaos_from_dataset, surrogate
+from uqmbd.results import AlignedChaos, PiecewiseChaos, PolynomialChaos, chaos_from_dataset, surrogate, varies
 
 __all__ = [
     "chaos_nodes",
@@ -94,11 +94,17 @@ def one_node(results: Results) -> xr.DataTree:
 
 
 def stated_error_of(node: xr.DataTree) -> xr.DataArray | None:
-    """Return the stated error (output, time) of a method's surrogate; None if it states none."""
+    """Return the stated error (output, time) of a method's surrogate; None if it states none.
+
+    That of an output that does not vary is 0: there is no spread to be wrong about.
+    """
     for child in ("statistics", "chaos"):  # an aligned one states it with its statistics
         if child in node.children and "verification_error" in node.children[child].data_vars:
             found = node.children[child].to_dataset()["verification_error"]
-            return found if "time" in found.dims else None
+            if "time" not in found.dims:
+                return None
+            moves = [varies(node, str(name)) for name in found["output"].values]
+            return found.where(xr.DataArray(moves, dims="output"), 0.0)
     return None
 
 

@@ -12,8 +12,7 @@ import xarray as xr
 
 from uqmbd.report import figures
 from uqmbd.report.agreement import orders_of
-from uqmbd.report.content import varies
-from uqmbd.report.decay import LIMIT, horizon
+from uqmbd.report.decay import horizon
 from uqmbd.report.elements import elements_in_words, has_elements
 from uqmbd.report.images import image
 from uqmbd.report.influence import OF_GERMS, Indices, has_indices, indices_of, node_with_indices
@@ -30,6 +29,9 @@ from uqmbd.report.surrogates import (
     surrogate_of,
 )
 from uqmbd.report.wording import format_count, format_integer
+from uqmbd.results import statements, varies
+from uqmbd.results.chaos_discontinuity import Discontinuity
+from uqmbd.results.statements import STILL
 
 __all__ = ["influence", "trust"]
 
@@ -46,7 +48,7 @@ def influence(nodes: Mapping[str, xr.DataTree]) -> dict[str, Any] | None:
     found = {name: indices_of(node, name) for name in _outputs(node)}
     varying = {name: one for name, one in found.items() if one.meaningful.any()}
     if not varying:
-        return {"words": ["No output varies, so no input has an influence."], "rows": [], "figures": [], "outputs": []}
+        return {"words": [f"No output has a spread to share: each {STILL}."], "rows": [], "figures": [], "outputs": []}
     first = next(iter(varying.values()))
     kind = "germ" if first.of_germs else "input"
     words = []
@@ -104,13 +106,22 @@ def _share(value: float) -> str:
     return f"{100 * value:.0f} %" if value >= 0.0995 else (f"{100 * value:.1f} %" if value >= 0.0005 else "0 %")
 
 
-def trust(nodes: Mapping[str, xr.DataTree]) -> dict[str, Any] | None:
-    """Return what the section on the errors of surrogates says and shows; None if no method holds a surrogate."""
+def trust(nodes: Mapping[str, xr.DataTree], tree: xr.DataTree | None = None) -> dict[str, Any] | None:
+    """Return what the section on the errors of surrogates says and shows; None if no method holds a surrogate.
+
+    Parameters
+    ----------
+    nodes : mapping of str to xarray.DataTree
+        Methods by label.
+    tree : xarray.DataTree, optional
+        The result of the study, whose comparison has a statement on each output of each method.
+    """
     holders = surrogate_nodes(nodes)
     if not holders:
         return None
     groups = series(holders)
     best = {members[-1]: holders[members[-1]] for members in groups.values()}
+    said = statements(xr.DataTree() if tree is None else tree, nodes)
     rows = [row for label, node in holders.items() for row in _rows(label, node)]
     order = {name: k for k, name in enumerate(dict.fromkeys(row["output"] for row in rows))}
     rows.sort(key=lambda row: order[row["output"]])
@@ -121,12 +132,12 @@ def trust(nodes: Mapping[str, xr.DataTree]) -> dict[str, Any] | None:
     shown = most_uncertain(nodes, names)
     several = max(len({order_of(nodes[m]) for m in members}) for members in groups.values()) > 2
     return {
-        "methods": [_verdicts(label, node) for label, node in best.items()],
+        "methods": [_verdicts(label, node, said) for label, node in best.items()],
         "rows": rows,
-        "stated": any(row["error"] != "–" for row in rows),
+        "stated": any(stated_error_of(node) is not None for node in holders.values()),
         "left_out": any(row["left_out"] != "–" for row in rows),
         "figures": [
-            *(_verification(label, best[label]) for label in stating[:_VERIFIED]),
+            *(_verification(label, best[label], said) for label in stating[:_VERIFIED]),
             *(_elements(node) for node in best.values() if has_elements(node)),
         ],
         "outputs": [_of_output(nodes, name, several) for name in shown],
@@ -142,14 +153,17 @@ def _stored(node: xr.DataTree) -> xr.DataTree:
     return node.children["chaos" if "chaos" in node.children else "aligned"]
 
 
-def _verdicts(label: str, node: xr.DataTree) -> dict[str, Any]:
+def _verdicts(label: str, node: xr.DataTree, said: Mapping[tuple[str, str], str]) -> dict[str, Any]:
     sizes = _stored(node).sizes
     what = f"order {order_of(node)}, {format_count(sizes['term'], 'term')}"
     if sizes.get("element", 1) > 1:
         what += f" in each of {sizes['element']} elements"
     what += f", {node.attrs['fit']}" if node.attrs.get("fit") else ""
     try:
-        return {"label": label, "what": what, "problem": "", "verdicts": surrogate_of(node).verdicts(LIMIT)}
+        seen: tuple[Discontinuity | None, ...] = getattr(surrogate_of(node), "discontinuities", tuple)()
+        words = {one.output: f". {one.words()}" for one in seen if one is not None and varies(node, one.output)}
+        found = [f"{name}: {said[label, name]}{words.get(name, '')}" for name in _outputs(node)]
+        return {"label": label, "what": what, "problem": "", "verdicts": found}
     except Exception as error:  # noqa: BLE001 - a chaos of another package may lack anything; the rest must stand
         problem = f"The chaos of {label} cannot be read: {type(error).__name__}: {error}"
         return {"label": label, "what": what, "problem": problem, "verdicts": ()}
@@ -174,12 +188,14 @@ def _rows(label: str, node: xr.DataTree) -> list[dict[str, str]]:
             "left_out": "–",
             "gain": gains[k],
         }
-        if stated is not None:
+        if not varies(node, name):
+            row |= {"error": "no spread", "horizon": "never", "gain": "–"}
+        elif stated is not None:
             error = stated.values[k]
             first = horizon(stated["time"].values, error)
             row["error"] = _error(float(np.nanmax(error)))
             row["horizon"] = "never" if first is None else f"{first:.4g} s"
-        if left_out is not None:
+        if left_out is not None and varies(node, name):
             row["left_out"] = _error(math.sqrt(max(float(np.max(left_out.values[k])), 0.0)))
         rows.append(row)
     return rows
@@ -209,13 +225,13 @@ def _short(value: float) -> str:
     return f"{value:.0f}" if value >= 9.95 else f"{value:.2g}"
 
 
-def _verification(label: str, node: xr.DataTree) -> dict[str, str]:
+def _verification(label: str, node: xr.DataTree, said: Mapping[tuple[str, str], str]) -> dict[str, str]:
     count = _stored(node).sizes.get("verification", 0)
     where = format_count(count, "realisation") if count else "realisations"
     return image(
         functools.partial(figures.verification, node),
         f"Stated error of the surrogate of {label} over time, for each output. "
-        + "; ".join(_verdicts(label, node)["verdicts"]),
+        + "; ".join(_verdicts(label, node, said)["verdicts"]),
         f"What {label} states of its own error: at {where} that did not enter the surrogate, relative to the standard "
         "deviation. A dot marks where the limit of 1 % is passed for the first time.",
         f"{label}-stated-error",

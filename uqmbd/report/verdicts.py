@@ -8,10 +8,18 @@ import xarray as xr
 
 from uqmbd.report.wording import format_duration, format_integer
 from uqmbd.results import overall
+from uqmbd.results.statements import NO_SPREAD
 
 __all__ = ["agreement"]
 
-_SIGNS = {"reference": "•", "agrees": "✓", "differs": "✗", "under-resolved": "!", "too few samples": "?"}
+_SIGNS = {
+    "reference": "•",
+    "agrees": "✓",
+    "differs": "✗",
+    "under-resolved": "!",
+    "too few samples": "?",
+    NO_SPREAD: "–",
+}
 
 
 def agreement(tree: xr.DataTree) -> dict[str, Any] | None:
@@ -27,6 +35,7 @@ def agreement(tree: xr.DataTree) -> dict[str, Any] | None:
         return None
     lead, *others = str(data.attrs.get("recommendation", "")).split("\n")
     rows, each = [], []
+    reference, usable = str(data.attrs["reference"]), False
     for m, method in enumerate(str(v) for v in data["method"].values):
         kind, text, which = overall(data, method)
         rows.append(
@@ -38,15 +47,17 @@ def agreement(tree: xr.DataTree) -> dict[str, Any] | None:
                 "realisations": format_integer(int(data["realisations"][m])),
             }
         )
-        if kind != "reference":
+        if method != reference:
+            usable |= kind in ("agrees", NO_SPREAD)
             names = [str(v) for v in data["output"].values]
             said = [str(v) for v in data["verdict"].values[m]]
             each += [{"output": o, "method": method, "text": t} for o, t in zip(names, said, strict=True)]
     return {
         "lead": lead,
+        "good": usable,
         "others": others,
         "rows": rows,
         "each": each,
-        "reference": str(data.attrs["reference"]),
+        "reference": reference,
         "level": f"{100 * float(data.attrs.get('level', 0.05)):g} %",
     }

@@ -26,6 +26,8 @@ from uqmbd.results.rotations import mean_rotation, rotation_std
 from uqmbd.results.samplefile import SampleFile, sample_file
 from uqmbd.results.scalars import scalar_nodes, with_scalars
 from uqmbd.results.schema import DEFAULT_PROBABILITIES, STATUS_MEANINGS, sample_dataset, statistics_dataset
+from uqmbd.results.spread import varies, varying
+from uqmbd.results.statements import own_statements, statements
 from uqmbd.results.statistics import sample_statistics, statistics_of_samples
 from uqmbd.results.storage import load, save
 from uqmbd.results.surrogate import surrogate
@@ -62,6 +64,7 @@ __all__ = [
     "mean_direction",
     "mean_rotation",
     "overall",
+    "own_statements",
     "project",
     "propagator_node",
     "propagator_nodes",
@@ -75,12 +78,15 @@ __all__ = [
     "sample_statistics",
     "save",
     "scalar_nodes",
+    "statements",
     "statistics_dataset",
     "statistics_of_samples",
     "study_tree",
     "surrogate",
     "unwrap_samples",
     "validate",
+    "varies",
+    "varying",
     "with_scalars",
     "worst_integration_share",
 ]

@@ -10,7 +10,17 @@ from numpy.typing import NDArray
 from uqmbd.results.chaos_moments import constant_columns, standard_deviation
 from uqmbd.results.chaos_verification import first_above, reference_spread
 
-__all__ = ["decay_rate", "energy_of_germs", "energy_of_orders", "top_order", "verdict_of_decay", "verdict_of_error"]
+__all__ = [
+    "decay_rate",
+    "energy_of_germs",
+    "energy_of_orders",
+    "error_words",
+    "percent",
+    "stated_words",
+    "top_order",
+    "verdict_of_decay",
+    "verdict_of_error",
+]
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -71,23 +81,38 @@ def verdict_of_error(
     name: str, error: Array, times: Array | None, limit: float, remedy: str = "raise the order"
 ) -> str:
     """Say how far a surrogate can be trusted by its stated error (T,), or (1,) without times."""
+    return f"{name}: {stated_words('surrogate', error, times, limit, remedy)}"
+
+
+def stated_words(whose: str, error: Array, times: Array | None, limit: float, remedy: str = "raise the order") -> str:
+    """Say how large a stated error (T,), or (1,) without times, is, and what to do where it passes a limit.
+
+    Every place that tells a stated error tells it in these words.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> stated_words("surrogate", np.array([0.002, 0.07]), np.array([0.0, 1.0]), 0.01)
+    'stated error of the surrogate below 1 % of the standard deviation until 1 s, 7 % at 1 s; raise the order'
+    """
+    advice = f"; {remedy}" if error.max() > limit else ""
+    return f"stated error of the {whose} {error_words(error, times, limit)}{advice}"
+
+
+def error_words(error: Array, times: Array | None, limit: float) -> str:
+    """Say how large an error (T,), or (1,) without times, is, and from when on it is above a limit."""
     if times is None:
-        advice = f"; {remedy}" if error[0] > limit else ""
-        return f"{name}: stated error of the surrogate {percent(float(error[0]))} of the standard deviation{advice}"
+        return f"{percent(float(error[0]))} of the standard deviation"
     first, worst = first_above(error, limit), int(error.argmax())
     if first is None:
-        return (
-            f"{name}: stated error of the surrogate at most {percent(float(error[worst]))} of the standard deviation "
-            f"(at {times[worst]:g} s)"
-        )
+        return f"at most {percent(float(error[worst]))} of the standard deviation (at {times[worst]:g} s)"
     since = f"below {percent(limit)} of the standard deviation until {times[first]:g} s"
     if first == 0:
         since = f"above {percent(limit)} of the standard deviation from {times[0]:g} s on"
         if not np.all(error > limit):
             since = f"above {percent(limit)} of the standard deviation already at {times[0]:g} s"
     tell = worst if error[-1] <= limit else len(error) - 1
-    amount = f"{percent(float(error[tell]))} at {times[tell]:g} s"
-    return f"{name}: stated error of the surrogate {since}, {amount}; {remedy}"
+    return f"{since}, {percent(float(error[tell]))} at {times[tell]:g} s"
 
 
 def verdict_of_decay(

@@ -13,7 +13,9 @@ from uqmbd.errors import StudyError
 from uqmbd.results.comparison_details import counters, distributions, quantiles
 from uqmbd.results.own_errors import over_time, own_error, root_mean_square
 from uqmbd.results.recommendation import recommend
-from uqmbd.results.verdicts import COARSE, REFERENCE, ROUGH, Verdict, verdicts
+from uqmbd.results.spread import rtol_of
+from uqmbd.results.statements import own_statements
+from uqmbd.results.verdicts import COARSE, NO_SPREAD, REFERENCE, ROUGH, Verdict, verdicts
 
 __all__ = ["choose_reference", "compare"]
 
@@ -29,7 +31,7 @@ ROUNDING = 1e-9
 """The same relative to the largest mean, and in tolerances of the integration."""
 
 
-def choose_reference(nodes: Mapping[str, xr.DataTree]) -> str:
+def choose_reference(nodes: Mapping[str, xr.DataTree], *, rtol: float = 0.0) -> str:
     """Choose the method to compare the others with: the most converged one that can say so.
 
     Methods whose results end before the last time come last. First come samples that tell the standard deviation to
@@ -41,11 +43,13 @@ def choose_reference(nodes: Mapping[str, xr.DataTree]) -> str:
     ----------
     nodes : mapping of str to xarray.DataTree
         The propagator nodes by label; not empty.
+    rtol : float
+        Tolerance of the integration, 0 where it is not known.
 
     Returns
     -------
     str
-        A label.
+        A label.  Outputs that do not vary count for nothing.
 
     Raises
     ------
@@ -65,7 +69,7 @@ def choose_reference(nodes: Mapping[str, xr.DataTree]) -> str:
     def trust(label: str) -> tuple[bool, int, float, int]:
         node = nodes[label]
         whole = "ends_at" not in node.attrs
-        found, times = own_error(node), _times(node.children["statistics"].to_dataset())
+        found, times = own_error(node, max(rtol, rtol_of(node))), _times(node.children["statistics"].to_dataset())
         fine = np.asarray(np.isfinite(found.std).all(axis=0))
         error = float(found.isel(fine).relative(times[fine]).max(initial=0.0)) if fine.any() else np.inf
         states = np.isfinite(error)
@@ -109,11 +113,14 @@ def compare(
         ``std_relative_l2``, the latter over that of the reference itself; ``quantile_difference_max``, over times and
         probabilities. ``reference_std_max (output)`` is a scale for them.
 
-        ``verdict`` says in words whether a method agrees with the reference within the errors that both state, and
-        what differs, and ``verdict_kind`` in a word: ``reference``, ``agrees``, ``differs``, ``under-resolved`` or
-        ``too few samples``. ``detectable`` is how large a difference of standard deviations would go unnoticed, and
-        ``own_error`` the error that a method states of its standard deviation, both relative to the standard
-        deviation (infinite: none is stated). The attribute ``recommendation`` says which method to use.
+        ``verdict`` is the one statement on an output, what is worst first: what differs from the reference beyond the
+        errors that both state, that the method is under-resolved or has too few samples, or the error that it states
+        itself and that it agrees.  ``verdict_kind`` says it in a word: ``reference``, ``agrees``, ``differs``,
+        ``under-resolved``, ``too few samples`` or ``no spread``, which counts for nothing: the output does not vary
+        beyond the integration error. ``detectable`` is how large a difference of standard deviations would go
+        unnoticed, ``own_error`` a bound of the error that a method states of its standard deviation, averaged over
+        time, and ``stated_error_max`` its largest stated error over time, at ``stated_error_time`` (s), all relative to
+        the standard deviation (infinite: none is stated). The attribute ``recommendation`` says which method to use.
 
         ``wasserstein`` (in units) and ``ks`` ``(method, output, comparison_time)``: distances of the distributions,
         from samples, or from 4096 samples of a chaos; NaN where there are none; ``ks_by_chance (method)``: which of the
@@ -143,15 +150,18 @@ def compare(
     ('a', [0.5])
     >>> found["verdict"].sel({"method": "b"}).item()
     'differs: mean shifted by 0.5 (500 % of the largest standard deviation) at t = 1 s'
+    >>> found["verdict"].sel({"method": "a"}).item()
+    'states no error; the reference'
     """
     nodes = _by_label(nodes)
-    chosen = choose_reference(nodes) if reference is None else reference
+    chosen = choose_reference(nodes, rtol=rtol) if reference is None else reference
     if chosen not in nodes:
         raise StudyError(f"The reference {chosen!r} is not among the methods {', '.join(map(repr, nodes))}.")
     base = nodes[chosen].children["statistics"].to_dataset()
     times = _times(base)
     units = [str(u) for u in base["output_units"].values]
-    errors = {label: own_error(node) for label, node in nodes.items()}
+    errors = {label: own_error(node, max(rtol, rtol_of(node))) for label, node in nodes.items()}
+    own = {label: own_statements(node, errors[label]) for label, node in nodes.items()}
     columns: dict[str, list[Any]] = {}
     until: list[float] = []
     said: list[list[Verdict]] = []
@@ -169,17 +179,29 @@ def compare(
             columns.setdefault(f"{name}_difference_l2", []).append(l2)
             columns.setdefault(f"{name}_relative_l2", []).append(_over(l2, scale))
         columns.setdefault("quantile_difference_max", []).append(quantiles(statistics, base))
-        own, other = (errors[name].isel(common) for name in (label, chosen))
-        columns.setdefault("own_error", []).append(own.relative(times[common]))
+        mine, other = (errors[name].isel(common) for name in (label, chosen))
+        columns.setdefault("own_error", []).append(mine.relative(times[common]))
+        largest, at = errors[label].largest(times if "time" in base["mean"].dims else None)
+        columns.setdefault("stated_error_max", []).append(largest)
+        columns.setdefault("stated_error_time", []).append(at)
         floor = np.maximum(
             tolerance * np.nan_to_num(_largest(other.std)),
             (10 * rtol + ROUNDING) * np.nan_to_num(_largest(np.abs(other.mean))),
         )
         share = level / max(len(nodes) - 1, 1)
         said.append(
-            [Verdict(REFERENCE, "the reference", 0.0)] * len(units)
+            _of_reference(errors[label].varies, own[label], alone=len(nodes) < 2)
             if label == chosen
-            else verdicts(own, other, times[common], units, level=share, floor=floor, names=(label, chosen))
+            else verdicts(
+                mine,
+                other,
+                times[common],
+                units,
+                level=share,
+                floor=floor,
+                names=(label, chosen),
+                own=own[label],
+            )
         )
     columns["detectable"] = [np.array([v.within for v in row]) for row in said]
     columns["verdict_kind"] = [np.array([v.kind for v in row], dtype=np.str_) for row in said]
@@ -218,6 +240,15 @@ _COMMENTS = {
     "difference_l2": "root mean square of the difference over time",
     "relative_l2": "root mean square of the difference over time, over that of the reference",
 }
+
+
+def _of_reference(varies: NDArray[np.bool_], own: list[str], *, alone: bool) -> list[Verdict]:
+    """Say of the reference, or of the only method, what it states itself."""
+    found = []
+    for moves, text in zip(varies, own, strict=True):
+        role = "" if alone or not moves else "; the reference"
+        found.append(Verdict(REFERENCE if moves else NO_SPREAD, f"{text}{role}", 0.0))
+    return found
 
 
 def _by_label(nodes: Mapping[str, xr.DataTree] | Iterable[xr.DataTree]) -> dict[str, xr.DataTree]:

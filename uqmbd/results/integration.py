@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 import xarray as xr
 
+from uqmbd.results.spread import varying
+
 __all__ = ["IntegrationShare", "integration_shares", "worst_integration_share"]
 
 
@@ -21,7 +23,8 @@ class IntegrationShare:
     error : float
         Largest over time, in the units of the output; NaN: not known.
     varies : bool
-        Whether the largest standard deviation exceeds it: an output that varies by less cannot be told from a constant.
+        Whether the output varies beyond it, see :func:`uqmbd.results.varying`: one that varies by less cannot be told
+        from a constant.
     share : float
         The error over the largest standard deviation of an output that varies, else over its largest mean; 0 of 0 is 0.
     reason : str
@@ -79,9 +82,10 @@ def integration_shares(statistics: xr.Dataset) -> list[IntegrationShare]:
     if "output_units" in statistics.coords:
         units = [str(unit) for unit in statistics["output_units"].values]
     found = []
+    moves = varying(statistics)
     for k, name in enumerate(str(value) for value in statistics["output"].values):
         error, std, mean = (_largest(statistics[key].values[k]) for key in ("integration_error", "std", "mean"))
-        varies = bool(std > error)
+        varies = bool(moves[k])
         scale = std if varies else mean
         share = error / scale if scale > 0 else (0.0 if error == 0 else np.nan)
         found.append(IntegrationShare(name, units[k], error, varies, share, reason))

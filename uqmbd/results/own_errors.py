@@ -11,6 +11,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from uqmbd.results.chaos_verification import reference_spread
+from uqmbd.results.spread import integration_error, varying
 
 __all__ = ["OwnError", "own_error", "over_time", "root_mean_square"]
 
@@ -48,6 +49,14 @@ class OwnError:
         Of a chaos.
     top_order : array, shape (O,)
         Part of the standard deviation in the terms of the highest order of a chaos; NaN without one.
+    told : array, shape (O, T)
+        What the method tells of its error at each time, relative to the standard deviation: 1.96 standard errors, and
+        the stated error of a surrogate.  NaN where it tells nothing.
+    integration : array, shape (O, T)
+        Error of the integration, 0 where it is not known.
+    varies : array of bool, shape (O,)
+        Whether an output varies, by more than the error of the integration.  Where it does not, there is no spread to
+        be wrong about: `stated`, `top_order` and `told` are 0 where they are known.
     """
 
     mean: Array
@@ -62,10 +71,13 @@ class OwnError:
     response: Array | None
     order: int | None
     top_order: Array
+    told: Array
+    integration: Array
+    varies: NDArray[np.bool_]
 
     def isel(self, used: NDArray[np.bool_]) -> OwnError:
         """Return the same at some of the times (T,)."""
-        names = ("mean", "std", "kurtosis", "noise_mean", "noise_std", "bias")
+        names = ("mean", "std", "kurtosis", "noise_mean", "noise_std", "bias", "told", "integration")
         parts = {name: getattr(self, name)[:, used] for name in names}
         return replace(self, **parts, response=None if self.response is None else self.response[:, :, used])
 
@@ -84,13 +96,27 @@ class OwnError:
     def relative(self, times: Array) -> Array:
         """Return the own error of the standard deviation (O,), relative to it; infinite where none is known.
 
-        The root mean square over time of 1.96 standard errors and of the bound of the bias.
+        The root mean square over time of 1.96 standard errors and of the bound of the bias.  0 of what does not vary.
         """
         if not self.samples and np.isnan(self.stated).any():
             return np.full(len(self.std), np.inf)
         error = root_mean_square(1.96 * self.noise_std + self.bias, times)
         scale = root_mean_square(self.std, times)
-        return np.where(scale > 0, error / np.where(scale > 0, scale, 1.0), 0.0)
+        counts = self.varies & (scale > 0)
+        return np.where(counts, error / np.where(counts, scale, 1.0), 0.0)
+
+    def largest(self, times: Array | None) -> tuple[Array, Array]:
+        """Return the largest error (O,) that the method tells of its standard deviation, and when (O,), in s.
+
+        Relative to the standard deviation, infinite where nothing is told; at times (T,) of the statistics.
+        """
+        told = np.where(np.isfinite(self.std).all(axis=0), self.told, -np.inf)
+        if not told.shape[1]:
+            return np.full(len(told), np.inf), np.full(len(told), np.nan)
+        where = np.nan_to_num(told, nan=-np.inf).argmax(axis=1)
+        error = np.where(np.isnan(told).all(axis=1), np.inf, told[np.arange(len(told)), where])
+        at = np.full(len(told), np.nan) if times is None else np.asarray(times, dtype=float)[where]
+        return np.where(np.isfinite(error), error, np.inf), at
 
 
 def over_time(values: Any) -> Array:
@@ -118,13 +144,17 @@ def root_mean_square(values: Array, times: Array) -> Array:
     return np.asarray(scale * np.sqrt(mean_square), dtype=float)
 
 
-def own_error(node: xr.DataTree) -> OwnError:
+def own_error(node: xr.DataTree, rtol: float = 0.0, *, dependence: bool = True) -> OwnError:
     """Gather what a method says of its own error.
 
     Parameters
     ----------
     node : xarray.DataTree
         A propagator's node; its statistics may be over time or not.
+    rtol : float
+        Tolerance of the integration, 0 where it is not known.
+    dependence : bool
+        Whether samples are wanted, which tell how neighbouring times depend on one another.
 
     Examples
     --------
@@ -145,8 +175,11 @@ def own_error(node: xr.DataTree) -> OwnError:
         np.nan_to_num(over_time(statistics[name].values), nan=np.inf) / widening if noisy else np.zeros_like(mean)
         for name in ("std_error_mean", "std_error_std")
     ]
-    bias, stated = _surrogate(node, statistics, std)
+    bias, stated, told = _surrogate(node, statistics, std)
     order, top = _orders(node, len(mean))
+    vary = varying(statistics, rtol)
+    if noisy:
+        told = np.nan_to_num(told, nan=0.0) + 1.96 * noise[1] / _positive(reference_spread(np.nan_to_num(std)))
     plain = noisy and not replicates and "variance_reduction" not in statistics
     return OwnError(
         mean=mean,
@@ -155,13 +188,20 @@ def own_error(node: xr.DataTree) -> OwnError:
         noise_mean=noise[0],
         noise_std=noise[1],
         bias=bias,
-        stated=stated,
+        stated=np.where(vary | np.isnan(stated), stated, 0.0),
         samples=count if noisy else 0,
         freedom=float(max(replicates - 1 if replicates else count - 1, 1)) if noisy else np.inf,
-        response=_response(node, mean.shape) if plain else None,
+        response=_response(node, mean.shape) if plain and dependence else None,
         order=order,
-        top_order=top,
+        top_order=np.where(vary | np.isnan(top), top, 0.0),
+        told=np.where(vary[:, None] | np.isnan(told), told, 0.0),
+        integration=np.nan_to_num(integration_error(statistics), nan=0.0),
+        varies=vary,
     )
+
+
+def _positive(values: Array) -> Array:
+    return np.where(values > 0, values, 1.0)
 
 
 def _design(node: xr.DataTree) -> tuple[int, int, float]:
@@ -187,17 +227,19 @@ def _option(node: xr.DataTree, name: str, default: Any) -> Any:
         return default
 
 
-def _surrogate(node: xr.DataTree, statistics: xr.Dataset, std: Array) -> tuple[Array, Array]:
-    """Return the bound (O, T) of what a surrogate misses, and its stated error (O,)."""
+def _surrogate(node: xr.DataTree, statistics: xr.Dataset, std: Array) -> tuple[Array, Array, Array]:
+    """Return the bound (O, T) of what a surrogate misses, its stated error (O,), and the same over time (O, T)."""
     from scipy.special import chdtri
 
     chaos = node.children["chaos"].to_dataset() if "chaos" in node.children else xr.Dataset()
     source = next((d for d in (statistics, chaos) if "verification_error" in d), None)
     if source is None:
-        return np.zeros_like(std), np.full(len(std), np.nan)
+        return np.zeros_like(std), np.full(len(std), np.nan), np.full_like(std, np.nan)
     error = source["verification_error"]
     others = [d for d in error.dims if d not in ("output", "time")]
-    found = np.abs(over_time((error.max(others) if others else error).values)) * reference_spread(std)
+    told = np.abs(over_time((error.max(others) if others else error).values))
+    # where results end early there is no spread
+    found = np.where(np.isfinite(std), told * reference_spread(np.nan_to_num(std)), np.nan)
     verified = max(int(chaos.sizes.get("verification", 8)), 1)
     # the mean square of so few errors may be too small
     margin = float(np.sqrt(verified / chdtri(verified, 1.0 - CONFIDENCE)))
@@ -205,7 +247,7 @@ def _surrogate(node: xr.DataTree, statistics: xr.Dataset, std: Array) -> tuple[A
     times = statistics["time"].values[known] if "time" in statistics.dims else np.zeros(1)
     scale = root_mean_square(std[:, known], times)
     stated = root_mean_square(found[:, known], times) / np.where(scale > 0, scale, 1.0)
-    return margin * found, np.asarray(stated, dtype=float)
+    return margin * found, np.asarray(stated, dtype=float), told
 
 
 def _orders(node: xr.DataTree, outputs: int) -> tuple[int | None, Array]:

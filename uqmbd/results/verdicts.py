@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from uqmbd.results.chaos_decay import error_words
 from uqmbd.results.own_errors import OwnError, root_mean_square
 from uqmbd.results.simultaneous import curve_length, pointwise_level, student
+from uqmbd.results.statements import LIMIT, NO_SPREAD, STILL
 
-__all__ = ["AGREES", "DIFFERS", "FEW", "REFERENCE", "UNDER_RESOLVED", "Verdict", "percent", "verdicts"]
+__all__ = ["AGREES", "DIFFERS", "FEW", "NO_SPREAD", "REFERENCE", "UNDER_RESOLVED", "Verdict", "percent", "verdicts"]
 
 Array = NDArray[np.float64]
 
@@ -40,9 +43,10 @@ class Verdict:
     Attributes
     ----------
     kind : str
-        ``reference``, ``agrees``, ``differs``, ``under-resolved``, or ``too few samples``.
+        ``reference``, ``agrees``, ``differs``, ``under-resolved``, ``too few samples``, or ``no spread``.
     text : str
-        The same in words, with numbers.
+        The one statement on the output, what is worst first: the kind in words, with numbers; of a method that agrees,
+        before, the error that it states itself.
     within : float
         By how much the standard deviations could differ unnoticed, relative to that of the reference (root mean
         squares over time).
@@ -85,6 +89,7 @@ def verdicts(
     level: float,
     floor: Array,
     names: tuple[str, str] = ("the method", "the reference"),
+    own: Sequence[str] | None = None,
 ) -> list[Verdict]:
     """Compare a method with a reference, output by output.
 
@@ -104,14 +109,17 @@ def verdicts(
         Differences that count for nothing, in the units of the outputs.
     names : tuple of str
         Labels of the method and the reference.
+    own : sequence of str, length O, optional
+        What the method states of its own error.
 
     Returns
     -------
     list of Verdict, length O
     """
+    own = [""] * len(units) if own is None else own
     found, base = found.informed(base), base.informed(found)
     share = level / (2 * max(len(units), 1))
-    return [_verdict(found, base, o, times, units[o], share, float(floor[o]), names) for o in range(len(units))]
+    return [_verdict(found, base, o, times, units[o], share, float(floor[o]), names, own[o]) for o in range(len(units))]
 
 
 def _verdict(
@@ -123,6 +131,7 @@ def _verdict(
     level: float,
     floor: float,
     names: tuple[str, str],
+    own: str,
 ) -> Verdict:
     if not len(times):
         return Verdict(UNDER_RESOLVED, "nothing to compare: there is no common time", np.inf)
@@ -132,7 +141,7 @@ def _verdict(
     within = _ratio(float(root_mean_square(_widths(found, base, o, bound_std, floor)[None], times)[0]), scale)
     tests = {}
     for claimed in (True, False):
-        slack = floor + base.bias[o] + (found.bias[o] if claimed else 0.0)
+        slack = floor + base.integration[o] + found.integration[o] + base.bias[o] + (found.bias[o] if claimed else 0.0)
         tests[claimed] = (
             _mean_deviation(found, base, o, bound_mean, slack),
             _std_deviation(found, base, o, bound_std, slack),
@@ -145,6 +154,9 @@ def _verdict(
     # terms of the highest order that are large say that more are missing, unless the surrogate is shown to be exact
     truncated = float(found.top_order[o]) > COARSE and not stated <= EXACT
     coarse = stated > COARSE or (truncated and (beyond or (unexplained and np.isnan(stated))))
+    if not base.varies[o] and not (found.varies[o] and tests[True][1].significant):
+        moved = "; ".join(_differences(found, base, o, times, units, tests[True][:1]))
+        return Verdict(DIFFERS, f"differs: {moved}", within) if moved else Verdict(NO_SPREAD, STILL, 0.0)
     what = "; ".join(_differences(found, base, o, times, units, tests[beyond] if unexplained else ()))
     if beyond and not coarse and not (found.samples and found.samples < LEAST_SAMPLES) and not of_base > COARSE:
         if base.samples and base.samples < LEAST_SAMPLES:
@@ -152,7 +164,7 @@ def _verdict(
         return Verdict(DIFFERS, f"differs: {what}", within)
     if coarse:
         order = f"order {found.order} is too low" if found.order is not None else "its surrogate is too coarse"
-        why = f"its stated error is {percent(stated)} of the standard deviation" if np.isfinite(stated) else (
+        why = f"its stated error is {_told(found, o, times)}" if np.isfinite(stated) else (
             f"{percent(float(found.top_order[o]))} of the standard deviation is in the terms of its highest order"
         )  # fmt: skip
         return Verdict(UNDER_RESOLVED, f"under-resolved: {order}, {why}" + (f"; {what}" if what else ""), within)
@@ -161,7 +173,13 @@ def _verdict(
     if of_base > COARSE:
         text = f"the stated error of {names[1]}, the reference, is {percent(of_base)}: too large to tell"
         return Verdict(UNDER_RESOLVED, f"under-resolved: {text}", within)
-    return Verdict(AGREES, f"agrees (to within {percent(within)} of the standard deviation)", within)
+    unseen = f" (a difference of the standard deviation below {percent(within)} would not be seen)" if within else ""
+    return Verdict(AGREES, f"{own}{'; ' if own else ''}agrees with {names[1]}{unseen}", within)
+
+
+def _told(found: OwnError, o: int, times: Array) -> str:
+    """Say how large the stated error of an under-resolved surrogate is."""
+    return error_words(found.told[o], times if len(times) > 1 else None, LIMIT)
 
 
 def _ratio(value: float, scale: float) -> float:
@@ -285,13 +303,14 @@ def _differences(
         when = f" at t = {times[k]:.4g} s" if len(times) > 1 else ""
         if name == "mean":
             shift = float(found.mean[o, k] - base.mean[o, k])
-            part = _ratio(abs(shift), float(base.std[o].max()))
+            part = _ratio(abs(shift), float(base.std[o].max()) if base.varies[o] else 0.0)
             of_std = f" ({percent(part)} of the largest standard deviation)" if part else ""
             said.append(f"mean shifted by {shift:.3g}{' ' + units if units else ''}{of_std}{when}".replace("-", "−"))
             continue
         whole = [float(root_mean_square(m.std[o : o + 1], times)[0]) for m in (found, base)]
-        overall = whole[0] / whole[1] - 1.0 if whole[1] > 0 else np.inf
-        local = float(found.std[o, k] / base.std[o, k] - 1.0) if base.std[o, k] > 0 else np.inf
+        spread = bool(base.varies[o])
+        overall = whole[0] / whole[1] - 1.0 if spread and whole[1] > 0 else np.inf
+        local = float(found.std[o, k] / base.std[o, k] - 1.0) if spread and base.std[o, k] > 0 else np.inf
         if overall * local > 0 and abs(overall) > 0.3 * abs(local):
             said.append(f"standard deviation too {_size(overall)}")
         else:

@@ -1,0 +1,177 @@
+"""No page contradicts itself: whatever the numbers are, each output of each method has one statement, everywhere."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import re
+import sys
+from pathlib import Path
+
+import chaospy
+import numpy as np
+import pytest
+import xarray as xr
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from rich.console import Console
+
+from uqmbd import RandomVariable, results
+from uqmbd.cli.compare import show_comparison
+from uqmbd.randomness import GermSpace, JointInput
+from uqmbd.report import html, images
+from uqmbd.results.chaos_decay import percent
+
+TIMES = np.linspace(0, 2, 6)
+SPACE = GermSpace.of(JointInput.of([RandomVariable("k", chaospy.Uniform(-1, 1))]))
+WORST = ("differs", "under-resolved", "too few samples")
+
+
+def chaos_node(label: str, scale: np.ndarray, error: np.ndarray, order: int, cost: float) -> xr.DataTree:
+    """Return a chaos of random decay, whose stated error at each output and time is given."""
+    names = [f"y{k}" for k in range(len(scale))]
+    axes = results.labels([(name, "m") for name in names], ["k"], TIMES)
+    coefficients = np.stack([scale * 0 + 1.0, *(scale / 4**n for n in range(order))])
+    chaos = results.PolynomialChaos(coefficients, np.arange(order + 1)[:, None], SPACE, axes)
+    germs = np.array([[-0.5], [0.5]])
+    response = chaos.evaluate_germs(germs) + error * np.maximum(chaos.std, 0.01 * chaos.std.max(axis=1, keepdims=True))
+    chaos = results.PolynomialChaos(
+        coefficients, chaos.multi_index, SPACE, axes, verification_germs=germs, verification_response=response
+    )
+    return results.propagator_node(
+        label,
+        chaos.statistics(samples=64),
+        propagator="collocation",
+        realisations=order + 3,
+        wall_time=cost,
+        children={"chaos": chaos.to_dataset()},
+    )
+
+
+def sampled_node(label: str, scale: np.ndarray, count: int, seed: int, cost: float) -> xr.DataTree:
+    axes = results.labels([(f"y{k}", "m") for k in range(len(scale))], ["k"], TIMES)
+    x = np.random.default_rng(seed).uniform(-1, 1, count)
+    data = results.sample_dataset(1 + x[:, None, None] * scale * 3**0.5, x[:, None], axes)
+    statistics = results.statistics_of_samples(data)
+    return results.propagator_node(
+        label, statistics, data, propagator="monte-carlo", realisations=count, wall_time=cost,
+        options={"samples": count, "sampling": "random"},
+    )  # fmt: skip
+
+
+@st.composite
+def trees(draw: st.DrawFn) -> xr.DataTree:
+    outputs = draw(st.integers(1, 3))
+    sizes = st.sampled_from([0.0, 1e-15, 1e-3, 1.0])
+    scale = np.array([draw(sizes) for _ in range(outputs)])[:, None] * np.linspace(0.1, 1, len(TIMES))
+    nodes = []
+    for k in range(draw(st.integers(1, 3))):
+        error = 10.0 ** np.array(draw(st.lists(st.floats(-6, 0.3), min_size=6, max_size=6)))
+        other = draw(st.sampled_from([1.0, 1.0, 1.3]))
+        cost = draw(st.floats(0.1, 100))
+        nodes.append(chaos_node(f"chaos-{k}", other * scale, error, draw(st.integers(1, 4)), cost))
+    if draw(st.booleans()):
+        count = draw(st.sampled_from([10, 60, 1000]))
+        nodes.append(sampled_node("mc", scale, count, draw(st.integers(0, 99)), draw(st.floats(0.1, 100))))
+    return results.study_tree(nodes, study="s", mechanism="m")
+
+
+@pytest.fixture(scope="module")
+def without_figures():
+    """Reports whose figures are not drawn."""
+    blank = {"source": "data:,", "problem": "", "name": ""}
+    drawn = images.image
+    with pytest.MonkeyPatch.context() as patch:
+        for module in [m for name, m in sys.modules.items() if name.startswith("uqmbd.report")]:
+            if getattr(module, "image", None) is drawn:
+                patch.setattr(
+                    module, "image", lambda draw, alt, caption, name="": {**blank, "alt": alt, "caption": caption}
+                )
+        yield
+
+
+def text_of(fragment: str) -> str:
+    fragment = re.sub(r"<(style|script).*?</\1>", "", fragment, flags=re.S)
+    return re.sub(r"\s+", " ", re.sub(r"<[^>]*>", " ", fragment)).replace("&#39;", "'")
+
+
+def table(page: str, label: str) -> list[list[str]]:
+    """Return the cells of a table by its label."""
+    found = re.search(rf'aria-label="{label}"><table>.*?<tbody>(.*?)</tbody>', page, flags=re.S)
+    rows = re.findall(r"<tr>(.*?)</tr>", found.group(1), flags=re.S) if found else []
+    return [
+        [text_of(cell).strip() for cell in re.findall(r"<t[hd][^>]*>(.*?)</t[hd]>", row, flags=re.S)] for row in rows
+    ]
+
+
+@settings(max_examples=15, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(tree=trees())
+def test_no_page_contradicts_itself(tree: xr.DataTree, without_figures: None, tmp_path: Path) -> None:
+    page = html.write_report(tree, tmp_path / "report.html").read_text(encoding="utf-8")
+    page = page.replace("\N{NO-BREAK SPACE}", " ")
+    data = tree["comparison"].to_dataset()
+    said = results.statements(tree, results.propagator_nodes(tree))
+    verdict = {
+        (str(m), str(o)): (str(data["verdict_kind"].sel({"method": m, "output": o}).item()),
+                           str(data["verdict"].sel({"method": m, "output": o}).item()))
+        for m in data["method"].values for o in data["output"].values
+    }  # fmt: skip
+    assert said == {key: text for key, (_, text) in verdict.items()}
+
+    # the list of verdicts, and that of the surrogates, have the statement and no other
+    for output, method, text in table(page, "Verdicts"):
+        assert text == verdict[method, output][1]
+    trust = page.split('<section id="trust">')[1].split("</section>")[0]
+    for caption, items in re.findall(
+        r'<p class="caption">([^<]*) \(order[^<]*:</p>\s*<ul>(.*?)</ul>', trust, flags=re.S
+    ):
+        for item in re.findall(r"<li>(.*?)</li>", items, flags=re.S):
+            output, _, text = text_of(item).strip().partition(": ")
+            assert text.startswith(verdict[caption, output][1])
+
+    # numbers are the same wherever they stand
+    shown = {(row[1], row[0]): row[5] for row in table(page, "Errors of the surrogates")}
+    for (method, output), (kind, text) in verdict.items():
+        largest = float(data["stated_error_max"].sel({"method": method, "output": output}))
+        if kind == "no spread":
+            assert text == "does not vary beyond the integration error"
+            assert shown.get((method, output), "no spread") == "no spread"
+            continue
+        if (method, output) in shown:
+            assert shown[method, output] == ("below 0.0001 %" if largest < 1e-6 else percent(largest))
+        assert "does not vary" not in text
+        # what is worst comes first: an error above the limit is said before that the method agrees
+        if kind == "agrees":
+            assert text.index("stated error of the") < text.index("agrees with")
+            assert not any(word in text for word in WORST)
+        else:
+            assert "agrees" not in text
+    if len(data["method"]) < 2:
+        return
+    box = re.search(r'<p class="(good|problem)">(.*?)</p>', page, flags=re.S)
+    assert box is not None
+    lead = text_of(box.group(2)).strip()
+    assert lead == " ".join(data.attrs["recommendation"].split("\n")[0].split())
+    recommended = re.match(r"Use (.*?):", lead)
+    assert (box.group(1) == "good") == (recommended is not None) or lead.startswith(("No output varies", "chaos"))
+    for method in re.split(", | or ", recommended.group(1)) if recommended else ():
+        assert not any(kind in WORST for (m, _), (kind, _) in verdict.items() if m == method)
+        errors = data["stated_error_max"].sel({"method": method}).values
+        assert f"at most {percent(float(errors.max()))} of the standard deviation" in lead
+    assert "to within" not in text_of(page)
+
+
+def test_the_console_says_the_same(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The table of `uqmbd compare` holds the statements of the comparison."""
+    scale = np.ones((2, 6))
+    nodes = [sampled_node("mc", scale, 1000, 1, 9.0), chaos_node("pce", scale, np.full(6, 0.03), 2, 1.0)]
+    tree = results.study_tree(nodes, study="s", mechanism="m")
+    path = results.save(tree, tmp_path / "results.nc")
+    wide = Console(file=io.StringIO(), width=1000, highlight=False)
+    monkeypatch.setattr("uqmbd.cli.compare.console", lambda: wide)
+    with contextlib.redirect_stdout(io.StringIO()):
+        show_comparison([path])
+    own = results.own_statements(tree["pce"])[0]
+    assert own.startswith("stated error of the surrogate above 1 % of the standard deviation from 0 s on, 3 % at 2 s")
+    assert f"{own}; agrees with A mc" in wide.file.getvalue()
+    assert tree["comparison"]["verdict"].sel({"method": "pce"}).values[0].startswith(f"{own}; agrees with mc")

@@ -1,0 +1,100 @@
+"""Whether outputs vary at all: by more than the error of the integration, or than rounding where it is not known."""
+
+from __future__ import annotations
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+__all__ = ["integration_error", "rtol_of", "varies", "varying"]
+
+Array = NDArray[np.float64]
+
+FACTOR = 3.0
+"""Standard deviations up to so many integration errors count as none: the error is measured at few realisations."""
+
+LONG = 0.1
+"""Part of the times at which an output varies that has a spread, however large the error becomes at others."""
+
+ROUNDING, ALIKE, ANY = 1e-12, 1e-13, 1e-15
+"""Rounding relative to the largest mean of an output, of outputs in the same units, and of any (for what is zero)."""
+
+OF_TOLERANCE = 0.1
+"""Error of the integration over its tolerance and the largest mean, where it has not been measured."""
+
+
+def varying(statistics: xr.Dataset, rtol: float = 0.0) -> NDArray[np.bool_]:
+    """Tell which outputs vary.
+
+    An output varies if its standard deviation exceeds three times the integration error, as a root mean square over
+    time or at more than a tenth of the times.  Where ``integration_error`` is not known, a tenth of the tolerance,
+    relative to the largest mean, stands in for it.
+
+    Parameters
+    ----------
+    statistics : xarray.Dataset
+        Of a method: ``mean``, ``std`` and, where it is known, ``integration_error``, over time or not.
+    rtol : float
+        Tolerance of the integration; 0: not known.
+
+    Returns
+    -------
+    array of bool, shape (O,)
+
+    Examples
+    --------
+    >>> from uqmbd.results import labels, statistics_dataset
+    >>> axes = labels(["driven", "free"], [], [0.0, 1.0])
+    >>> varying(statistics_dataset(axes, mean=np.ones((2, 2)), std=[[1e-14, 3e-14], [0.0, 0.1]])).tolist()
+    [False, True]
+    """
+    mean, std = (_rows(statistics[name]) for name in ("mean", "std"))
+    if not std.size:
+        return np.zeros(len(std), dtype=bool)
+    known = np.isfinite(mean) & np.isfinite(std)
+    size = np.where(known, np.abs(mean), 0.0).max(axis=1)
+    units = statistics["output_units"].values if "output_units" in statistics.coords else np.full(len(size), "")
+    alike = np.array([size[units == unit].max() for unit in units])
+    largest = size.max()
+    rounding = np.maximum(ROUNDING * size, ALIKE * alike)
+    rounding = np.where(size <= ANY * largest, np.maximum(rounding, ANY * largest), rounding)
+    error = integration_error(statistics)
+    guess = OF_TOLERANCE * rtol * size
+    limit = np.maximum(FACTOR * np.where(np.isfinite(error), error, guess[:, None]), rounding[:, None])
+    std, limit = np.where(known, std, 0.0), np.where(known, limit, 0.0)
+    count = np.maximum(known.sum(axis=1), 1)
+    scale = np.maximum(np.maximum(std, limit).max(axis=1, keepdims=True), np.finfo(float).tiny)
+    whole = ((std / scale) ** 2).sum(axis=1) > ((limit / scale) ** 2).sum(axis=1)
+    often = ((std > limit) & known).sum(axis=1) > LONG * count
+    return np.asarray(whole | often)
+
+
+def varies(node: xr.DataTree, output: str) -> bool:
+    """Tell whether an output of a method varies; see :func:`varying`.
+
+    Parameters
+    ----------
+    node : xarray.DataTree
+        A propagator's node.
+    output : str
+        Its name.
+    """
+    statistics = node.children["statistics"].to_dataset()
+    return bool(varying(statistics, rtol_of(node))[[str(n) for n in statistics["output"].values].index(output)])
+
+
+def rtol_of(node: xr.DataTree) -> float:
+    """Return the tolerance of the integration, which the study of a node holds; 0 where it is not known."""
+    return float(node.attrs.get("rtol", node.root.attrs.get("rtol", 0.0)))
+
+
+def integration_error(statistics: xr.Dataset) -> Array:
+    """Return the integration error (O, T) that a method states, NaN where it states none."""
+    if "integration_error" not in statistics:
+        return np.full(_rows(statistics["mean"]).shape, np.nan)
+    return _rows(statistics["integration_error"])
+
+
+def _rows(values: xr.DataArray) -> Array:
+    array = np.asarray(values.values, dtype=float)
+    return array if array.ndim == 2 else array.reshape(len(array), 1)
