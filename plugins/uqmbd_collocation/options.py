@@ -52,8 +52,10 @@ def check_options(options: Collocation) -> None:
 
 
 def _check_contradictions(options: Collocation) -> None:
+    uqmbd.ElementLimits(
+        "adaptive" if options.elements is None else options.elements, options.max_elements, options.threshold
+    )
     if options.elements is not None:
-        uqmbd.ElementLimits(options.elements, options.max_elements, options.threshold)
         if options.adaptive != "no":
             raise uqmbd.StudyError(
                 f"Collocation: elements={options.elements!r} contradicts adaptive={options.adaptive!r}; elements are "

@@ -169,15 +169,15 @@ class Galerkin(uqmbd.Propagator):
             raise uqmbd.StudyError("Galerkin: rule='smolyak' needs level=.")
         if self.rule not in ("gauss", "smolyak") and self.samples is None:
             raise uqmbd.StudyError(f"Galerkin: rule={self.rule!r} needs samples=how many.")
+        uqmbd.ElementLimits("adaptive" if self.elements is None else self.elements, self.max_elements, self.threshold)
         if self.elements is not None:
-            uqmbd.ElementLimits(self.elements, self.max_elements, self.threshold)
             if self.stop_at is not None or not self.order:
                 raise uqmbd.StudyError(
                     f"Galerkin: elements={self.elements!r} needs an order of 1 or more, and cannot be combined with "
                     f"stop_at; order is {self.order}, stop_at {self.stop_at!r}."
                 )
         usable = isinstance(self.stop_at, (int, float, np.number)) and not isinstance(self.stop_at, bool)
-        if self.stop_at is not None and not (usable and self.stop_at > 0 and self.verify):
+        if self.stop_at is not None and not (usable and 0 < self.stop_at < np.inf and self.verify):
             raise uqmbd.StudyError(
                 f"Galerkin: stop_at is {self.stop_at!r} with verify={self.verify}; expected an error above 0, such as "
                 "0.05, and verification realisations that can tell it."

@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 from uqmbd.dynamics.index1 import RANK_TOLERANCE, accelerations, dense, state_arguments
 from uqmbd.dynamics.limits import impossible
 from uqmbd.dynamics.model import Model
+from uqmbd.dynamics.undefined import REMEDY, undefined
+from uqmbd.mechanism.numbers import LARGEST
 
 __all__ = ["Start", "assemble", "independent_rows", "positions", "velocities"]
 
@@ -163,7 +165,10 @@ def _least_norm(a: Array, r: Array, *, truncate: bool) -> Array:
                 return x
         except np.linalg.LinAlgError:
             pass
-    result: Array = (np.linalg.pinv(a, rcond=RANK_TOLERANCE) @ r[:, :, None])[:, :, 0]
+    usable: NDArray[np.bool_] = np.asarray(np.isfinite(a).all(axis=(1, 2)))
+    inverse = np.linalg.pinv(np.where(usable[:, None, None], a, 0.0), rcond=RANK_TOLERANCE)
+    result: Array = (inverse @ r[:, :, None])[:, :, 0]
+    result[~usable] = np.nan
     return result
 
 
@@ -189,8 +194,12 @@ def _position_messages(model: Model, now: dict[str, Array], residual: Array, siz
         if worst.size and not worst.max() <= 1e-9 * size:
             if not np.all(np.isfinite(worst)):
                 i = int(np.argmax(~np.isfinite(worst)))
-            else:
-                i = int(np.argmax(worst))
+                messages.append(
+                    f"the equation {model.equations[i]!r} is {now['phi'][k, i]:g}: a number that "
+                    f"{model.owners[i]!r} is given, as a driver's function of time, has no finite value. {REMEDY}"
+                )
+                continue
+            i = int(np.argmax(worst))
             owners = _largest_owners(model, worst)
             message = (
                 f"{owners} cannot be closed: equation {model.equations[i]!r} keeps a residual of {now['phi'][k, i]:.3g}"
@@ -337,14 +346,14 @@ def assemble(model: Model, all_parameters: Array, time: float) -> Start:
     count = len(all_parameters)
     layout = model.layout
     drawn = all_parameters[:, model.drawn]
-    bad: NDArray[np.bool_] = np.asarray(~np.isfinite(all_parameters).all(axis=1))
+    bad: NDArray[np.bool_] = np.asarray(~(np.abs(all_parameters) <= LARGEST).all(axis=1))
     safe = np.where(bad[:, None], np.nan_to_num(all_parameters, nan=1.0, posinf=1.0, neginf=1.0), all_parameters)
     q, messages = positions(model, np.where(bad[:, None], np.nan_to_num(drawn), drawn), time, safe, layout.kept)
     s = dense(model, "initial", state_arguments(q, np.zeros((count, layout.states)), np.zeros_like(q), time), safe)["s"]
     v, contradictions = velocities(model, q, s, time, safe, safe)
     forbidden = impossible(model.limits, model.tensors, safe)
     messages = [
-        "a parameter is not finite" if b else (n or m or c)
+        f"a parameter is not finite, or larger than {LARGEST:g}" if b else (n or m or c)
         for b, n, m, c in zip(bad, forbidden, messages, contradictions, strict=True)
     ]
     a, rates = np.zeros_like(q), np.zeros_like(s)
@@ -352,5 +361,8 @@ def assemble(model: Model, all_parameters: Array, time: float) -> Start:
     good = np.flatnonzero([not m for m in messages])
     a[good], multipliers[good], rates[good] = accelerations(model, q[good], s[good], v[good], time, safe[good])
     for k in np.flatnonzero(~np.isfinite(a).all(axis=1)):
-        messages[k] = "the accelerations are not determined: the assembled pose is singular for these inputs"
+        messages[k] = (
+            undefined(model, q[k], s[k], v[k], time, safe[k])
+            or "the accelerations are not determined: the assembled pose is singular for these inputs"
+        )
     return Start(q, s, v, a, rates, multipliers, tuple(messages))

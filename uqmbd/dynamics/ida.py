@@ -29,6 +29,7 @@ from uqmbd.dynamics.rank import dead_end, rank_along
 from uqmbd.dynamics.restarts import speed_jumps
 from uqmbd.dynamics.sundials import Solution, solve
 from uqmbd.dynamics.trajectories import Counters, Solved
+from uqmbd.dynamics.undefined import ahead
 
 __all__ = ["RELAXED", "STEPS", "diagnosis", "integrate_by_ida", "step_limits", "step_tolerance"]
 
@@ -163,7 +164,8 @@ def _integrate_stack(ensemble: Ensemble, times: Array, rtol: float) -> _Run:
         if not solution.success or reached < len(grid):
             last = float(solution.t[-1]) if len(solution.t) else now
             dead = _dead_end(ensemble, found, last)
-            return _Run(result, dead or diagnosis(solution, last, rtol), counters, bool(dead))
+            reason = dead or _no_number(ensemble, found, last, stop) or diagnosis(solution, last, rtol)
+            return _Run(result, reason, counters, bool(dead))
         now, y = stop, found[-1].copy()
     return _Run(result, "", counters)
 
@@ -176,6 +178,14 @@ def _dead_end(ensemble: Ensemble, found: Array, time: float) -> str:
     if not np.isfinite(found[-1]).all():
         return ""
     return dead_end(model, time, rank_along(model, q[0], s[0], v[0], time, ensemble.parameters[0]), sure=False)
+
+
+def _no_number(ensemble: Ensemble, found: Array, time: float, stop: float) -> str:
+    """Name what is not a number from there on where one realisation stopped."""
+    if len(ensemble) > 1 or not len(found) or not np.isfinite(found[-1]).all():
+        return ""
+    q, s, v = ensemble.expand(found[-1])
+    return ahead(ensemble.model, (q[0], s[0], v[0]), (time, stop), ensemble.parameters[0])
 
 
 def _consistent(ensemble: Ensemble, time: float, y: Array, rtol: float) -> tuple[Array, Array, dict[int, str]]:

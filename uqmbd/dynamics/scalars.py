@@ -18,7 +18,9 @@ from uqmbd.dynamics.kernels import Kernel, cached, compile_kernel
 from uqmbd.dynamics.linearisation import Modes, linearise
 from uqmbd.dynamics.outputs import OutputMap, output_map
 from uqmbd.dynamics.statics import static_equilibria
-from uqmbd.mechanism import AtEquilibrium, MotionSymbol, Output, ScalarSymbol
+from uqmbd.errors import StudyError
+from uqmbd.mechanism import AtEquilibrium, EventTime, MotionSymbol, Output, ScalarSymbol
+from uqmbd.names import did_you_mean
 from uqmbd.randomness import RandomVariable
 
 if TYPE_CHECKING:
@@ -31,6 +33,9 @@ Index = NDArray[np.int64]
 
 OK, ASSEMBLY_FAILED, INTEGRATION_FAILED, NOT_FINITE, NONE = range(5)
 """Status of a realisation: fine, not assembled, not integrated, not finite, or without such a value."""
+
+LASTING = ("rest", "lift-off", "stick", "slip")
+"""Labels of what happens in a contact that lasts."""
 
 
 @dataclass(frozen=True)
@@ -78,6 +83,8 @@ class ScalarMap:
         Expressions that are evaluated at static equilibrium.
     kernel : Kernel
         Of ``(modal, motion, resting, inputs)``.
+    events : frozenset of str
+        Those of `motion` that are times of events.
     """
 
     names: tuple[str, ...]
@@ -86,11 +93,22 @@ class ScalarMap:
     motion: tuple[str, ...]
     resting: OutputMap
     kernel: Kernel
+    events: frozenset[str] = frozenset()
 
     @property
     def needs_motion(self) -> bool:
         """Whether the motion must be integrated."""
         return bool(self.motion)
+
+    def absent(self, given: Mapping[str, Array]) -> list[str]:
+        """Return the events whose times are needed, and that the motion of one realisation has not."""
+        return [name for name in self.motion if name in self.events and not np.isfinite(given.get(name, np.nan)).all()]
+
+    def told(self, name: str) -> str:
+        """Say that a motion has not what is needed of it."""
+        if name in self.events:
+            return f"the event {name!r} does not happen until the last output time"
+        return f"its motion has no {name}"
 
     @property
     def needs_equilibrium(self) -> bool:
@@ -120,6 +138,9 @@ def scalar_map(
     free = sorted({s for o in outputs for s in o.expression.free_symbols if isinstance(s, ScalarSymbol)}, key=str)
     motion = [s for s in free if isinstance(s, MotionSymbol)]
     modal = [s for s in free if not isinstance(s, MotionSymbol)]
+    for symbol in motion:
+        if isinstance(symbol, EventTime):
+            _require_event(symbol, outputs, instances)
     held = sorted({e for o in outputs for e in o.expression.atoms(AtEquilibrium)}, key=str)
     inner = [Output(f"_e{k}", e.args[0], "") for k, e in enumerate(held)]
     resting = output_map(inner, instances, places, order, inputs, sizes)
@@ -145,6 +166,23 @@ def scalar_map(
         tuple(str(s) for s in motion),
         resting,
         kernel,
+        frozenset(str(s) for s in motion if isinstance(s, EventTime)),
+    )
+
+
+def _require_event(symbol: EventTime, outputs: Sequence[Output], instances: Sequence[Instance]) -> None:
+    """Raise unless a component has events of that label."""
+    kinds = [e for i in instances if i.component is symbol.component for e in i.type.events]
+    lasting = LASTING if any(e.directions for e in kinds) else ()
+    known = [*dict.fromkeys(e.label for e in kinds), *lasting]
+    if symbol.label in known:
+        return
+    component = symbol.component
+    where = next((o.name for o in outputs if symbol in o.expression.free_symbols), "")
+    there = f"Its events are: {', '.join(map(repr, known))}." if known else "It has no events."
+    raise StudyError(
+        f"output {where!r}: {type(component).__name__} {component.name!r} has no event "
+        f"{symbol.label!r}{did_you_mean(symbol.label, known) or '.'} {there}"
     )
 
 
@@ -199,7 +237,7 @@ def scalars_of(ensemble: Ensemble, trajectories: Trajectories | None = None) -> 
         for column, name in enumerate(seen.motion, start=len(seen.modal)):
             columns[:, column] = given.get(name, np.nan)
             missing = np.isnan(columns[:, column])
-            fail(np.arange(count), [f"its motion has no {name}" if x else "" for x in missing])
+            fail(np.arange(count), [seen.told(name) if x else "" for x in missing])
     good = np.flatnonzero(status == OK)
     if seen.resting.names and len(good):
         q, s = (x[good] for x in poses["equilibrium"])

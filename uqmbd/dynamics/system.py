@@ -92,13 +92,14 @@ def index1_system(model: Model, typical: Array | None) -> System:
         rows += [row, k[used]]
         columns += [k[used], row]
         source += [results[used], results[used]]
-    all_rows, all_columns = np.concatenate(rows), np.concatenate(columns)
+    none = np.zeros(0, dtype=np.int64)
+    all_rows, all_columns = np.concatenate([none, *rows]), np.concatenate([none, *columns])
     order = np.lexsort((all_columns, all_rows))
     size = n + len(kept)
     system = System(
         all_rows[order],
         all_columns[order],
-        np.concatenate(source)[order],
+        np.concatenate([none, *source])[order],
         np.searchsorted(all_rows[order], np.arange(size)),
         size,
         None,

@@ -11,7 +11,7 @@ from uqmbd.dynamics.contacts import Lens
 from uqmbd.dynamics.ensemble import Ensemble
 from uqmbd.dynamics.hybrid import Hybrid
 from uqmbd.dynamics.trajectories import Counters, Solved
-from uqmbd.mechanism.component import event_name
+from uqmbd.mechanism.scalars import event_name
 
 __all__ = ["event_times", "integrate_with_events"]
 

@@ -31,6 +31,7 @@ from uqmbd.mechanism.geometry import (
 from uqmbd.mechanism.mechanism import Mechanism, Output
 from uqmbd.mechanism.scalars import (
     AtEquilibrium,
+    EventTime,
     MotionSymbol,
     ScalarSymbol,
     at_equilibrium,
@@ -53,6 +54,7 @@ __all__ = [
     "Kinetic",
     "Local",
     "Mechanism",
+    "EventTime",
     "MotionSymbol",
     "Output",
     "Parameter",

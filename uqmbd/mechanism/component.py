@@ -30,7 +30,7 @@ from uqmbd.mechanism.local import RESERVED, Local
 from uqmbd.mechanism.numbers import flatten
 from uqmbd.mechanism.parameter import Parameter
 from uqmbd.mechanism.reaction import PlaneReaction, ReactionSymbol
-from uqmbd.mechanism.scalars import MotionSymbol
+from uqmbd.mechanism.scalars import EventTime
 from uqmbd.mechanism.space import Planar, Space, Spatial, Translational
 from uqmbd.mechanism.world import KEYWORDS, replaced
 from uqmbd.names import check_name, checked, did_you_mean
@@ -240,11 +240,17 @@ class Component:
         number : int
             1: the first.  A realisation in which it does not happen until the last output time has none.
         """
+        if not isinstance(label, str):
+            raise StudyError(
+                f"{type(self).__name__} {self.name!r}: event_time: the label is {label!r}; expected that of an event, "
+                "such as 'impact'."
+            )
         if isinstance(number, bool) or not isinstance(number, int) or number < 1:
             raise StudyError(
-                f"{type(self).__name__} {self.name!r}: event_time({label!r}, {number!r}): events are counted from 1."
+                f"{type(self).__name__} {self.name!r}: event_time({label!r}, {number!r}): "
+                f"the number is {number!r}; events are counted from 1."
             )
-        return MotionSymbol(event_name(self.name, label, number))
+        return EventTime(self, label, number)
 
     def drawn_quaternion(self, body_i: str = "body_i", body_j: str = "body_j") -> tuple[sympy.Expr, ...]:
         """Quaternion of one body relative to another in the drawn pose, ``conj(e_i) e_j``, for `prepare`."""
@@ -292,11 +298,6 @@ _MADE: weakref.WeakValueDictionary[int, Component] = weakref.WeakValueDictionary
 def made_components() -> list[Component]:
     """Return all components that somebody holds, added or not."""
     return list(_MADE.values())
-
-
-def event_name(component: str, label: str, number: int) -> str:
-    """Name of the time of an event among what a motion yields."""
-    return f"{component}: {label} {number}"
 
 
 def _drawn(body: Any) -> tuple[sympy.Expr, ...]:

@@ -9,7 +9,7 @@ import sympy
 
 from uqmbd.errors import StudyError
 from uqmbd.mechanism.geometry import quaternion_product
-from uqmbd.mechanism.numbers import flatten, shown
+from uqmbd.mechanism.numbers import flatten, numbers, shown
 from uqmbd.mechanism.space import Space
 from uqmbd.names import checked
 
@@ -128,11 +128,11 @@ class Frame:
         given = flatten(local)
         if len(given) != self.space.dimension or any(isinstance(x, (str, bytes)) for x in given):
             raise StudyError(
-                f"{method}() needs {self.space.dimension} numbers, one for each axis of the body; it was given "
-                f"{shown(local)}; if it is a parameter of a component declare it with kind={kind!r}, as in "
+                f"{method}() needs {self.space.dimension} numbers, one for each axis of the body; its argument local "
+                f"is {shown(local)}; if it is a parameter of a component declare it with kind={kind!r}, as in "
                 f"uqmbd.Parameter(..., kind={kind!r})."
             )
-        return sympy.Matrix(given)
+        return sympy.Matrix(numbers(f"{method}()", "its argument local", given, self.space.dimension))
 
     def _rate(self, vector: sympy.Matrix) -> sympy.Matrix:
         if self.is_ground:

@@ -12,7 +12,11 @@ from uqmbd.errors import StudyError
 from uqmbd.mechanism.computable import UNEVALUATED, foreign_part, told
 from uqmbd.randomness import RandomVariable
 
-__all__ = ["flatten", "numbers", "random_variables", "shown"]
+__all__ = ["LARGEST", "flatten", "numbers", "random_variables", "shown"]
+
+
+LARGEST = 1e100
+"""Numbers beyond which there is no arithmetic in 64 bits: energies are products of three of them."""
 
 
 def flatten(value: Any) -> list[Any]:
@@ -112,8 +116,11 @@ def _number(where: str, entry: Any, value: Any, wanted: str) -> sympy.Expr:
         number = value
     if number.has(sympy.I) or (number.is_number and not number.is_real):
         raise StudyError(f"{where} is {given}, which is not real; {wanted}.")
-    if number.is_number and not math.isfinite(_float(number)):
-        raise StudyError(f"{where} is {given}, which is too large for a number of 64 bits; {wanted}.")
+    if number.is_number and abs(_float(number)) > LARGEST:
+        raise StudyError(
+            f"{where} is {given}, which is too large to compute with: squares of it leave the range of numbers "
+            f"of 64 bits; {wanted}, at most {LARGEST:g}."
+        )
     return number
 
 

@@ -17,6 +17,7 @@ from uqmbd.randomness.symbolic import Symbolic
 
 __all__ = [
     "AtEquilibrium",
+    "EventTime",
     "MotionSymbol",
     "ScalarSymbol",
     "at_equilibrium",
@@ -63,6 +64,27 @@ class MotionSymbol(ScalarSymbol):
         """Name it."""
         self: MotionSymbol = super().__new__(cls, name, "motion")
         return self
+
+
+def event_name(component: str, label: str, number: int) -> str:
+    """Name of the time of an event among what a motion yields."""
+    return f"{component}: {label} {number}"
+
+
+class EventTime(MotionSymbol):
+    """The time of an event of a component."""
+
+    component: Any
+    label: str
+
+    def __new__(cls, component: Any, label: str, number: int) -> EventTime:
+        """Name it, and remember what it is of."""
+        self = super().__new__(cls, event_name(component.name, label, number))
+        self.component, self.label = component, label
+        return self
+
+    def _hashable_content(self) -> tuple[Any, ...]:
+        return (*super()._hashable_content(), id(self.component))
 
 
 class AtEquilibrium(Placeholder, sympy.Function):
@@ -221,7 +243,7 @@ def _modal(function: str, quantity: str, number: Any, at: Any) -> sympy.Expr:
             f"{function}: the number of the mode is {shown(number)}; expected 1 for the lowest frequency above zero, "
             "2 for the next, ..."
         )
-    if at not in ("equilibrium", "start"):
+    if not isinstance(at, str) or at not in ("equilibrium", "start"):
         raise StudyError(f"{function}: at is {shown(at)}; expected 'equilibrium' or 'start'.")
     pose = "" if at == "equilibrium" else ", start"
     return ScalarSymbol(f"{function}({count}{pose})", quantity, count, at)

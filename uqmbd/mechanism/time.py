@@ -49,6 +49,15 @@ class step(sympy.Function):  # noqa: N801 - it is written as a function in expre
 
     nargs = 5
 
+    def __new__(cls, *arguments: Any, **options: Any) -> Any:
+        """Refuse what is no number or expression, before SymPy fails on it."""
+        from uqmbd.mechanism.numbers import numbers  # it looks for steps itself
+
+        if len(arguments) != cls.nargs:
+            raise StudyError(f"step: {len(arguments)} arguments are given; expected step(x, x0, y0, x1, y1).")
+        named = zip(("x", "x0", "y0", "x1", "y1"), arguments, strict=True)
+        return super().__new__(cls, *(numbers("step", name, value, 1)[0] for name, value in named), **options)
+
     @classmethod
     def eval(cls, x: Any, x0: Any, y0: Any, x1: Any, y1: Any) -> None:
         """Refuse corners in the wrong order; nothing is evaluated."""

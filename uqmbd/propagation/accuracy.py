@@ -99,7 +99,8 @@ def deviation(first: Array, second: Array, turns: Array) -> Array:
     >>> deviation(np.array([[1.0]]), np.array([[361.5]]), np.array([360.0])).tolist()
     [[0.5]]
     """
-    difference = first - second
+    with np.errstate(invalid="ignore"):
+        difference = first - second  # of what is infinite, not a number
     turn = np.where(turns > 0, turns, 1.0)[:, None]
     return np.abs(difference - np.where(turns[:, None] > 0, turn * np.round(difference / turn), 0.0))
 

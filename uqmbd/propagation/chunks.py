@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pickle
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import lru_cache, partial
 
@@ -27,12 +27,14 @@ __all__ = [
     "ASSEMBLY_FAILED",
     "CHUNK",
     "INTEGRATION_FAILED",
+    "NOT_FINITE",
     "OK",
     "Chunk",
     "compute_chunk",
     "integrated_by",
     "integrator_of",
     "model_of",
+    "not_finite_output",
 ]
 
 Array = NDArray[np.float64]
@@ -40,7 +42,7 @@ Array = NDArray[np.float64]
 CHUNK = 64
 """Realisations of a chunk: fixed by sample index, so that results depend neither on workers nor on their number."""
 
-OK, ASSEMBLY_FAILED, INTEGRATION_FAILED = 0, 1, 2
+OK, ASSEMBLY_FAILED, INTEGRATION_FAILED, NOT_FINITE = 0, 1, 2, 3
 
 
 @dataclass(frozen=True)
@@ -52,7 +54,7 @@ class Chunk:
     response : array, shape (K, output, time)
         NaN where a realisation failed.
     status : array of int, shape (K,)
-        0: fine, 1: not assembled, 2: integration failed.
+        0: fine, 1: not assembled, 2: integration failed, 3: an output is not finite.
     messages : tuple of str
         Reasons.
     counters : dict
@@ -131,6 +133,32 @@ def _of_plugin(name: str, ensemble: Ensemble, times: Array, rtol: float) -> Traj
     return found
 
 
+def not_finite_output(names: Sequence[str], times: Array, response: Array) -> str:
+    """Say which output of one realisation is not finite, and from when on.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Of the outputs.
+    times : array, shape (T,)
+        s.
+    response : array, shape (output, T)
+        At least one value is not finite.
+
+    Examples
+    --------
+    >>> print(not_finite_output(["y"], np.array([0.0, 0.5]), np.array([[1.0, np.nan]])).partition(";")[0])
+    an output is not finite: 'y' is nan at t = 0.5 s
+    """
+    wrong = ~np.isfinite(response)
+    k = int(np.argmax(wrong.any(axis=0)))
+    output = int(np.argmax(wrong[:, k]))
+    return (
+        f"an output is not finite: {names[output]!r} is {response[output, k]:g} at t = {times[k]:g} s; look in its "
+        "expression for divisions by zero, and for roots and logarithms outside of their range"
+    )
+
+
 @lru_cache(maxsize=4)
 def model_of(data: bytes) -> Model:
     """Return the model that was pickled; the last few are kept."""
@@ -177,9 +205,12 @@ def compute_chunk(
         good = np.flatnonzero(status == OK)
         if len(good):
             response[good] = ensemble.select(good).outputs(times, trajectories.states[good])
+        messages = list(trajectories.messages)
+        for k in good[~np.isfinite(response[good]).all(axis=(1, 2))].tolist():
+            status[k], messages[k] = NOT_FINITE, not_finite_output(model.outputs.names, times, response[k])
         scalars = None if model.scalars is None else scalars_of(ensemble, trajectories)
     counters = asdict(trajectories.counters)
     if integrator not in INTEGRATORS:
         counters[f"by_{integrator}"] = int(np.count_nonzero(status != ASSEMBLY_FAILED))
-    chunk = Chunk(response, status, trajectories.messages, counters, scalars)
+    chunk = Chunk(response, status, tuple(messages), counters, scalars)
     return replace(chunk.timeless(), counters=chunk.counters) if timeless else chunk

@@ -106,7 +106,7 @@ def simulate(
 
     from uqmbd.dynamics import Ensemble, require_for
     from uqmbd.mechanism import Mechanism
-    from uqmbd.propagation.chunks import integrated_by, integrator_of
+    from uqmbd.propagation.chunks import integrated_by, integrator_of, not_finite_output
 
     if not isinstance(mechanism, Mechanism):
         raise StudyError(f"simulate: the mechanism is {mechanism!r}; expected a uqmbd.Mechanism.")
@@ -128,6 +128,9 @@ def simulate(
         message = f"mechanism {mechanism.name!r}: {trajectories.messages[0]}"
         raise (IntegrationError if np.isfinite(trajectories.states[0, 0]).all() else AssemblyError)(message)
     response = ensemble.outputs(grid, trajectories.states)[0]
+    if not np.isfinite(response).all():
+        told = not_finite_output(model.outputs.names, grid, response)
+        warnings.warn(f"{where}: {told}.", stacklevel=3)
     counters = trajectories.counters
     attrs = {
         "mechanism": mechanism.name,
@@ -209,7 +212,15 @@ def _scalars(mechanism: Mechanism, ensemble: Ensemble, trajectories: Trajectorie
     from uqmbd.dynamics import scalars_of
 
     found, seen = scalars_of(ensemble, trajectories), ensemble.model.scalars
-    if found.messages[0]:
+    absent = [] if trajectories is None else seen.absent(trajectories.scalars)
+    if absent:
+        names = ", ".join(map(repr, seen.names))
+        warnings.warn(
+            f"simulate {mechanism.name!r}: {seen.told(absent[0])}; the outputs without a time are NaN ({names}). Take "
+            "later times, or look at the motion.",
+            stacklevel=4,
+        )
+    elif found.messages[0]:
         raise AssemblyError(f"mechanism {mechanism.name!r}: {found.messages[0]}")
     about = zip(seen.names, seen.units, found.values[0], strict=True)
     return {name: ((), value, {"units": units}) for name, units, value in about}

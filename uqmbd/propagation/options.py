@@ -33,6 +33,12 @@ STARTS = ("drawn", "equilibrium")
 """Where realisations may start."""
 
 
+LONGEST, SHORTEST = 1e30, 1e-30
+"""Times, and distances between them, s, beyond which the steps of an integration leave the range of numbers."""
+
+APART = 1e-14
+"""Relative distance of times below which there is no room for steps."""
+
 NAMED = 5
 """Outputs that a message names."""
 
@@ -50,6 +56,8 @@ def check_times(times: ArrayLike, where: str) -> Array:
             f"{where}: times have shape {grid.shape}; expected at least two numbers in a row, "
             "e.g. numpy.linspace(0, 2, 401)."
         )
+    if np.asarray(times).dtype == bool:
+        raise StudyError(f"{where}: times are {times!r}; expected numbers in s, e.g. numpy.linspace(0, 2, 401).")
     if not np.isfinite(grid).all():
         raise StudyError(f"{where}: times[{int(np.argmin(np.isfinite(grid)))}] is not finite; expected numbers in s.")
     wrong = np.flatnonzero(np.diff(grid) <= 0)
@@ -58,6 +66,14 @@ def check_times(times: ArrayLike, where: str) -> Array:
         raise StudyError(
             f"{where}: times do not increase: times[{k}] = {grid[k]:g} is followed by times[{k + 1}] = "
             f"{grid[k + 1]:g}; every output time must be later than the one before."
+        )
+    steps, size = np.diff(grid), float(np.abs(grid).max())
+    if size > LONGEST or steps.min() < max(SHORTEST, APART * size):
+        k = int(np.argmin(steps))
+        raise StudyError(
+            f"{where}: times lie between {grid[0]:g} and {grid[-1]:g} s, times[{k}] and times[{k + 1}] are "
+            f"{steps[k]:.3g} s apart: an integration has no steps so small, or so large, in numbers of 64 bits. Scale "
+            "the units."
         )
     grid.setflags(write=False)
     return grid
@@ -89,12 +105,12 @@ def check_rtol(rtol: Any, where: str) -> float:
 
 def check_integrator(integrator: str, where: str) -> str:
     """Return the name of an integrator that is there, or name those that are."""
-    if integrator in INTEGRATORS:
+    if isinstance(integrator, str) and integrator in INTEGRATORS:
         return integrator
     from uqmbd import plugins
 
     known = [*INTEGRATORS, *plugins.integrators()]
-    if integrator not in known:
+    if not isinstance(integrator, str) or integrator not in known:
         raise StudyError(f"{where}: there is no integrator {integrator!r}; there are: {', '.join(known)}.")
     return integrator
 
@@ -128,7 +144,7 @@ def check_breaks(breaks: Any, where: str) -> tuple[float, ...]:
 
 def check_start(start: str, where: str) -> str:
     """Return where realisations start, or say where they may."""
-    if start not in STARTS:
+    if not isinstance(start, str) or start not in STARTS:
         raise StudyError(
             f"{where}: start is {start!r}; expected 'drawn' (as assembled from the drawn pose) or 'equilibrium' (each "
             "realisation in its own static equilibrium)."

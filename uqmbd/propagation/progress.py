@@ -10,6 +10,8 @@ from dataclasses import dataclass, field
 from html import escape
 from typing import Any, Protocol, TextIO
 
+from uqmbd.errors import StudyError
+
 __all__ = ["Lines", "Notebook", "Progress", "Silent", "in_notebook", "seconds", "told"]
 
 
@@ -51,6 +53,10 @@ def told(progress: Progress | bool | None) -> Progress:
         if progress is not False and in_notebook():
             return Notebook()
         return Lines(sys.stderr) if progress else Silent()
+    if not all(callable(getattr(progress, name, None)) for name in ("start", "advance", "finish")):
+        raise StudyError(
+            f"progress is {progress!r}; expected True, False, None, or an object with the methods of uqmbd.Progress."
+        )
     return progress
 
 

@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
 from functools import cached_property
+from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -292,7 +293,7 @@ class Study:
                 "as in propagators=[MonteCarlo(samples=500, seed=1)]."
             )
         chosen = self.propagators if only is None else self._chosen(only)
-        folder = None if folder is None else Path(folder)
+        progress, folder = told(progress), self._folder(folder, resume=resume)
         with claimed(folder), Crew(workers) as crew:
             if folder:
                 reopen(folder) if resume else clear(folder)
@@ -334,8 +335,23 @@ class Study:
 
         return converge(self, propagators, reference=reference, workers=workers, progress=progress, **levels)
 
+    def _folder(self, folder: Any, *, resume: Any) -> Path | None:
+        """Return where finished chunks are kept, or say what is wrong with it."""
+        if not isinstance(resume, bool):
+            raise StudyError(f"study {self.name!r}: resume is {resume!r}; expected True or False.")
+        if folder is None:
+            return None
+        if not isinstance(folder, (str, PathLike)):
+            raise StudyError(f"study {self.name!r}: folder is {folder!r}; expected a path, e.g. 'results'.")
+        return Path(folder)
+
     def _chosen(self, only: Sequence[str]) -> tuple[Propagator, ...]:
-        wanted = [only] if isinstance(only, str) else list(only)
+        wanted = [only] if isinstance(only, str) else list(only) if isinstance(only, Iterable) else []
+        if not wanted or not all(isinstance(label, str) for label in wanted):
+            raise StudyError(
+                f"study {self.name!r}: only is {only!r}; expected labels of its propagators: "
+                f"{', '.join(p.node_name for p in self.propagators)}."
+            )
         known = {p.node_name: p for p in self.propagators}
         unknown = [label for label in wanted if label not in known]
         if unknown:

@@ -145,12 +145,16 @@ def random_vector(
     """
     if isinstance(names, str):
         raise StudyError(f"random_vector: names is the text {names!r}; expected a sequence of names, one each.")
-    names = tuple(check_name(name, "random variable") for name in names)
+    if not isinstance(names, Sequence):
+        raise StudyError(f"random_vector: names is {names!r}; expected a sequence of names, one each.")
+    names = tuple(check_name(name, "random_vector, one of names") for name in names)
     where = f"random_vector {names}"
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
         raise StudyError(f"{where}: the name {twice[0]!r} occurs twice; every random variable needs its own.")
     _require_distribution(where, distribution, len(names))
+    if not isinstance(units, (str, Sequence)):
+        raise StudyError(f"{where}: units is {units!r}; expected a text, or a sequence of texts, one each.")
     unit = (units,) * len(names) if isinstance(units, str) else tuple(check_units(x, where) for x in units)
     if len(unit) != len(names):
         raise StudyError(f"{where}: {len(unit)} units given for {len(names)} names; give one each, or one for all.")
