@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import warnings
+
 import chaospy
 import numpy as np
 import pytest
@@ -148,7 +150,9 @@ def test_every_function_of_sympy_is_computed_or_refused_by_name(function, count)
         assert function not in FUNCTIONS
         assert str(error).startswith("output 'y'")  # noqa: PT017
         return
-    found = float(uqmbd.simulate(mechanism, [0, 0.1])["y"][0])
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "simulate 'falling': an output is not finite: 'y' is nan at t = 0 s")
+        found = float(uqmbd.simulate(mechanism, [0, 0.1])["y"][0])
     exact = complex(value.subs(stone.position[0], sympy.Rational(1, 2)).evalf())
     if exact.imag:
         assert np.isnan(found)

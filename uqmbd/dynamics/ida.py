@@ -164,7 +164,7 @@ def _integrate_stack(ensemble: Ensemble, times: Array, rtol: float) -> _Run:
         if not solution.success or reached < len(grid):
             last = float(solution.t[-1]) if len(solution.t) else now
             dead = _dead_end(ensemble, found, last)
-            reason = dead or _no_number(ensemble, found, last, stop) or diagnosis(solution, last, rtol)
+            reason = dead or _no_number(ensemble, found, last, float(times[-1])) or diagnosis(solution, last, rtol)
             return _Run(result, reason, counters, bool(dead))
         now, y = stop, found[-1].copy()
     return _Run(result, "", counters)

@@ -15,7 +15,7 @@ Array = NDArray[np.float64]
 REMEDY = "Look for divisions by zero, and for roots, logarithms and powers outside of their range."
 
 AHEAD = (1e-9, 1e-6, 1e-4)
-"""Parts of the rest of an interval in which an integration that stopped may have looked ahead."""
+"""Parts of the rest of the time in which an integration that stopped may have looked ahead."""
 
 
 def undefined(model: Model, q: Array, s: Array, v: Array, time: float, parameters: Array) -> str:
