@@ -5,12 +5,13 @@ from __future__ import annotations
 import difflib
 import functools
 import inspect
+import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, ParamSpec, TypeVar
 
 from uqmbd.errors import StudyError
 
-__all__ = ["check_arguments", "check_label", "check_name", "check_units", "checked", "did_you_mean"]
+__all__ = ["check_arguments", "check_label", "check_name", "check_units", "checked", "did_you_mean", "unwritable"]
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -20,6 +21,30 @@ RESERVED_LABELS = frozenset({"comparison", "convergence", "motion", "statistics"
 
 LONGEST_LABEL = 200
 """Bytes of a label: it names files as well."""
+
+
+_UNWRITABLE = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\ud800-\udfff\ufffe\uffff]")
+"""Control characters, halves of characters, and what is none: files, pages and terminals cannot hold them."""
+
+
+def unwritable(text: str) -> str:
+    r"""Name the first character of a text that files, pages and terminals cannot hold; empty if there is none.
+
+    Tabs and ends of lines are allowed, and so is every printable character of any script.
+
+    Examples
+    --------
+    >>> unwritable("Länge [m]"), unwritable("bell\a")
+    ('', 'the control character U+0007')
+    """
+    found = _UNWRITABLE.search(text)
+    if found is None:
+        return ""
+    code = ord(found.group())
+    if code == 0:
+        return "a null character"
+    kind = "half a character" if 0xD800 <= code < 0xE000 else "what is no character" if code > 0xFF00 else ""
+    return f"{kind or 'the control character'}{',' if kind else ''} U+{code:04X}"
 
 
 def check_name(name: object, what: str) -> str:
@@ -35,7 +60,7 @@ def check_name(name: object, what: str) -> str:
     Raises
     ------
     uqmbd.StudyError
-        If it is not a text, empty, contains ``/`` or a null character, or is ``time``, ``.`` or ``..``.
+        If it is not a text, empty, contains ``/`` or a control character, or is ``time``, ``.`` or ``..``.
 
     Examples
     --------
@@ -48,8 +73,8 @@ def check_name(name: object, what: str) -> str:
         )
     if not name.strip():
         raise StudyError(f"{what}: the name is empty; give it one that you will recognise in plots and tables.")
-    if "/" in name or "\0" in name:
-        mark = "'/', which separates groups in result files" if "/" in name else "a null character"
+    mark = "'/', which separates groups in result files" if "/" in name else unwritable(name)
+    if mark:
         raise StudyError(f"{what} {name!r}: a name cannot contain {mark}.")
     if name in (".", ".."):
         raise StudyError(f"{what} {name!r}: that name stands for a folder; choose one that says what it is.")
@@ -103,7 +128,7 @@ def check_units(units: object, where: str) -> str:
     Raises
     ------
     uqmbd.StudyError
-        If they are no text.
+        If they are no text, or contain a control character.
 
     Examples
     --------
@@ -112,6 +137,8 @@ def check_units(units: object, where: str) -> str:
     """
     if not isinstance(units, str):
         raise StudyError(f"{where}: units is {units!r} ({type(units).__name__}); expected a text such as 'm' or 'N m'.")
+    if mark := unwritable(units):
+        raise StudyError(f"{where}: units is {units!r}; units cannot contain {mark}.")
     return units
 
 

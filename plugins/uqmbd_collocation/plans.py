@@ -126,7 +126,7 @@ def _remedy(options: Collocation, space: uqmbd.GermSpace, order: int) -> str:
                 if total > options.max_realisations:
                     continue
                 found.check(space)
-        except (uqmbd.StudyError, UserWarning):
+        except (uqmbd.StudyError, Warning):  # a rule of a huge order may overflow
             continue
         given = ", ".join(f"{name}={value!r}" for name, value in way.items())
         left = [f"{name}=" for name in ("nodes", "level", "samples", "elements") if getattr(options, name) is not None]

@@ -155,7 +155,8 @@ def random_vector(
     _require_distribution(where, distribution, len(names))
     if not isinstance(units, (str, Sequence)):
         raise StudyError(f"{where}: units is {units!r}; expected a text, or a sequence of texts, one each.")
-    unit = (units,) * len(names) if isinstance(units, str) else tuple(check_units(x, where) for x in units)
+    given = (units,) * len(names) if isinstance(units, str) else units
+    unit = tuple(check_units(x, where) for x in given)
     if len(unit) != len(names):
         raise StudyError(f"{where}: {len(unit)} units given for {len(names)} names; give one each, or one for all.")
     return Joint(distribution, names, unit).members()

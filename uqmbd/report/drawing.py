@@ -41,6 +41,8 @@ COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#8A6D00", "#000000")
 LINES: tuple[Any, ...] = ("-", (0, (5, 2)), (0, (1, 1.2)), (0, (6, 2, 1, 2)), (0, (3, 1, 1, 1, 1, 1)), (0, (9, 3)))
 FAILED = "#B00020"
 WIDTH = 5.6  # inches: legible at its own size, and still when a phone shrinks it
+MOST_LINES = 4
+"""Lines of a label: more would cover the figure."""
 _LINE, _CHARACTER = 0.165, 0.078  # inches: height of a line, width of a digit
 
 
@@ -269,8 +271,18 @@ def with_units(name: str, units: str) -> str:
 
 
 def wrapped(text: str, width: int) -> str:
-    """Break a long name into lines and take the special meaning from its dollar signs."""
+    r"""Break a long name into lines and take the special meaning from its dollar signs; one that is too long is cut.
+
+    Examples
+    --------
+    >>> wrapped("force in the left spring", 14), wrapped("w" * 300, 10).count("\n")
+    ('force in the\nleft spring', 3)
+    """
     lines = textwrap.wrap(text, width) or [text]
+    if len(lines) > MOST_LINES:
+        # the middle goes: what tells names apart is often their end
+        half = MOST_LINES * width // 2 - width // 4 - 2
+        lines = textwrap.wrap(f"{text[:half].rstrip()} … {text[-half:].lstrip()}", width)
     return "\n".join(lines).replace("$", r"\$")
 
 

@@ -21,7 +21,12 @@ __all__ = ["image", "svg", "write_images"]
 _FONTS = "system-ui, -apple-system, 'Segoe UI', Roboto, 'Helvetica Neue', 'Noto Sans', 'DejaVu Sans', sans-serif"
 
 _PLACES = re.compile(r' (?:d|x|y|points)="[^"]*"')
+_UNWRITABLE = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\ud800-\udfff\ufffe\uffff]")
 _DIGITS = re.compile(r"(\.\d\d)\d+")
+
+
+LONGEST = 100
+"""Characters of the name of a file: systems allow some 250 bytes."""
 
 
 def _rounded(found: re.Match[str]) -> str:
@@ -72,8 +77,10 @@ def write_images(content: object, folder: Path) -> list[Path]:
     written: dict[Path, None] = {}
     for name, source in _named(content):
         kind, data = source.removeprefix("data:image/").split(";base64,", 1)
-        plain = re.sub(r"[^\w.+-]+", "-", name, flags=re.ASCII).strip("-.") or "figure"
-        number, target = 1, folder / f"{plain}.{kind.removesuffix('+xml')}"
+        plain = re.sub(r"[^\w.+-]+", "-", name, flags=re.ASCII).strip("-.")
+        # a long one keeps its end, which tells the figures of an output apart
+        plain = plain if len(plain) <= LONGEST else f"{plain[: LONGEST // 2]}-{plain[-LONGEST // 2 :]}"
+        number, target = 1, folder / f"{plain or 'figure'}.{kind.removesuffix('+xml')}"
         while target in written:  # names that differ in other signs only
             number += 1
             target = folder / f"{plain}-{number}.{kind.removesuffix('+xml')}"
@@ -107,5 +114,6 @@ def svg(figure: Figure) -> str:
         freeze_ticks(figure)
         figure.savefig(buffer, format="svg", metadata=dict.fromkeys(("Date", "Creator", "Format", "Type")))
     drawn = re.sub(r"'DejaVu Sans'[^;\"]*sans-serif", _FONTS, buffer.getvalue())
-    drawn = _PLACES.sub(_rounded, drawn)
+    # texts of other packages' results may hold what no XML may
+    drawn = _UNWRITABLE.sub("\N{REPLACEMENT CHARACTER}", _PLACES.sub(_rounded, drawn))
     return "data:image/svg+xml;base64," + base64.b64encode(drawn.encode("utf-8", "replace")).decode("ascii")

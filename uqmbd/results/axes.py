@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from uqmbd.errors import StudyError
+from uqmbd.names import unwritable
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -183,5 +184,7 @@ def _check_names(kind: str, names: Sequence[str]) -> None:
     for k, name in enumerate(names):
         if not isinstance(name, str) or not name.strip() or "/" in name or name == "time":
             raise StudyError(f"{kind} names must not be empty, contain '/' or be 'time'; {name!r} was given.")
+        if mark := unwritable(name):
+            raise StudyError(f"{kind} name {name!r}: a name cannot contain {mark}.")
         if name in names[:k]:
             raise StudyError(f"{kind} names must be unique: {name!r} occurs twice.")
