@@ -185,3 +185,20 @@ def test_points_that_are_none_are_refused_where_they_are_given(method, local):
     _, body = rod()
     with pytest.raises(uqmbd.StudyError, match=r"point\(\)|direction\(\)"):
         getattr(body, method)(local)
+
+
+@pytest.mark.parametrize(
+    "wrong", ["1", b"1", True, float("nan"), 1j, dict, {}, None, np.True_, sympy.eye(2), uqmbd.t > 0], ids=str
+)
+@pytest.mark.parametrize("place", range(5))
+def test_a_step_of_what_is_no_number_names_the_argument(place, wrong):
+    arguments = [uqmbd.t, 0, 1, 2, 3]
+    assert uqmbd.step(*arguments).doit().subs(uqmbd.t, 1) == 2
+    arguments[place] = wrong
+    with pytest.raises(uqmbd.StudyError, match=f"step: {('x', 'x0', 'y0', 'x1', 'y1')[place]} (is|has) "):
+        uqmbd.step(*arguments)
+
+
+def test_a_step_with_other_than_five_arguments_is_refused():
+    with pytest.raises(uqmbd.StudyError, match=r"step: 4 arguments are given; expected step\(x, x0, y0, x1, y1\)"):
+        uqmbd.step(uqmbd.t, 0, 1, 2)

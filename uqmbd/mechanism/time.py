@@ -53,7 +53,7 @@ class step(sympy.Function):  # noqa: N801 - it is written as a function in expre
         """Refuse what is no number or expression, before SymPy fails on it."""
         from uqmbd.mechanism.numbers import numbers  # it looks for steps itself
 
-        if len(arguments) != cls.nargs:
+        if len(arguments) != 5:
             raise StudyError(f"step: {len(arguments)} arguments are given; expected step(x, x0, y0, x1, y1).")
         named = zip(("x", "x0", "y0", "x1", "y1"), arguments, strict=True)
         return super().__new__(cls, *(numbers("step", name, value, 1)[0] for name, value in named), **options)
