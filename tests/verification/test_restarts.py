@@ -54,12 +54,12 @@ def drawn_rope(length):
     return mechanism
 
 
-def hung_rod(speed, begin, *, mark=False):
+def hung_rod(speed, begin, *, mark=False, up=None):
     """Free rod along x, one end of which is taken along in y at a speed from `begin` on, and does not move in x."""
     mechanism = uqmbd.Mechanism("hung", uqmbd.Planar())
     rod = mechanism.body("rod", mass=1, inertia=INERTIA, position=(HALF, 0))
     ground, end = mechanism.ground, (-HALF, 0)
-    up = sympy.Piecewise((0, t < begin), (speed * (t - begin), True))
+    up = sympy.Piecewise((0, t < begin), (speed * (t - begin), True)) if up is None else up
     mechanism.add(PositionDriver("x", ground, rod, (0, 0), end, (1, 0), 0))
     mechanism.add(PositionDriver("y", ground, rod, (0, 0), end, (0, 1), up))
     if mark:  # something that only notes a time has the motion followed from event to event
@@ -152,6 +152,15 @@ def test_an_angle_that_is_counted_back_by_whole_turns_does_not_jump(integrator):
     np.testing.assert_allclose(data["tip"].values, np.sin(3 * times), atol=1e-5)
 
 
+@pytest.mark.parametrize("integrator", INTEGRATORS)
+@pytest.mark.parametrize("size", [1e-3, 1.0, 3.0])
+def test_a_jump_at_a_time_that_no_condition_tells_is_refused_too(size, integrator):
+    """The time is found by looking: ``t^2 = 0.2``."""
+    mechanism = turned_rod(sympy.Piecewise((0, t**2 < 0.2), (size, True)))
+    with pytest.raises(uqmbd.StudyError, match=rf"at t = 0.447214 s.*by {size:g} rad"):
+        uqmbd.simulate(mechanism, np.linspace(0, 1, 7), integrator=integrator)
+
+
 # -- speeds -----------------------------------------------------------------------------------------------------------
 @pytest.mark.parametrize(("integrator", "mark"), [*((name, False) for name in INTEGRATORS), ("dop853", True)])
 @settings(max_examples=2, deadline=None)
@@ -164,6 +173,15 @@ def test_a_speed_that_jumps_is_an_impulse(speed, begin, mark, integrator):
     np.testing.assert_allclose(data["rate"].values, np.where(after, rate_of(speed), 0), atol=2e-5 * speed)
     for name, expected in zip(("tip x", "tip y"), tip_of(times, speed, begin), strict=True):
         np.testing.assert_allclose(data[name].values, expected, atol=2e-5 * max(1, speed))
+
+
+@pytest.mark.parametrize(("integrator", "mark"), [*((name, False) for name in INTEGRATORS), ("dop853", True)])
+def test_a_speed_that_jumps_at_a_time_that_no_condition_tells_is_an_impulse(integrator, mark):
+    """Nobody says when: at the root of ``t^2 = 0.2``, which is found by looking."""
+    begin, times = np.sqrt(0.2), np.linspace(0, 1, 7)
+    mechanism = hung_rod(1.5, 2.0, mark=mark, up=sympy.Piecewise((0, t**2 < 0.2), (1.5 * (t - begin), True)))
+    data = uqmbd.simulate(mechanism, times, rtol=1e-7, integrator=integrator, check=False)
+    np.testing.assert_allclose(data["tip y"], tip_of(times, 1.5, begin)[1], atol=3e-5)
 
 
 @pytest.mark.parametrize("integrator", INTEGRATORS)

@@ -24,7 +24,6 @@ from uqmbd.dynamics.pace import Leg, pace
 from uqmbd.dynamics.prescribed import instant
 from uqmbd.dynamics.restarts import speed_jumps
 from uqmbd.dynamics.stepping import Curve, Stepper
-from uqmbd.dynamics.trajectories import stops
 
 __all__ = ["Happening", "Hybrid", "Piece"]
 
@@ -168,15 +167,13 @@ class Hybrid:
         if overlapping := [k for k in self.bodies if contacts.guard[0, k] < 0]:
             z[: self.n] += project(contacts, dict.fromkeys(overlapping, "slip"))[0][0]
         z = self._settle(now, z)
-        for stop in [*stops(self.ensemble.breaks[0], self.times).tolist(), end]:
+        for stop in [*(leg.end for leg in self.legs[:-1] if leg.jumps), end]:
             z = self._cross(now, z)
             while now < stop and not self.message:
                 now, z = self._piece(now, z, stop)
 
     def _cross(self, now: float, z: Array) -> Array:
         """State right after a time at which prescribed speeds may jump; contacts that this presses together hold."""
-        if not self.ensemble.breaks.size:
-            return z
         change, reasons = speed_jumps(self.model, z[None], now, self.blocks[:1], self.rtol)
         if reasons:
             self.message = reasons[0]

@@ -142,7 +142,7 @@ def _integrate_stack(ensemble: Ensemble, times: Array, rtol: float) -> _Run:
     counters = Counters()
     callbacks = _callbacks(ensemble)
     now = float(times[0])
-    for stop, longest in pace(ensemble, times, rtol):
+    for stop, longest, _ in pace(ensemble, times, rtol):
         inside = np.flatnonzero((times > now) & (times <= stop))
         grid = np.unique(np.concatenate([[now], times[inside], [stop]]))
         if len(grid) == 2:  # with two times the integrator returns its own steps instead

@@ -32,10 +32,13 @@ class Leg(NamedTuple):
         Time at which the integration starts anew, or ends, s.
     longest : float
         Longest step, s.
+    jumps : bool
+        Whether something may jump at the end.
     """
 
     end: float
     longest: float
+    jumps: bool = True
 
 
 def pace(ensemble: Ensemble, times: Array, rtol: float) -> tuple[Leg, ...]:
@@ -61,7 +64,10 @@ def pace(ensemble: Ensemble, times: Array, rtol: float) -> tuple[Leg, ...]:
     begins = np.array([float(times[0]), *(leg.end for leg in legs[:-1])])
     middle = 0.5 * (begins + np.array([leg.end for leg in legs]))
     which = np.minimum(np.searchsorted(ends, middle), len(ends) - 1)
-    return tuple(Leg(leg.end, min(leg.longest, float(longest[k]))) for leg, k in zip(legs, which, strict=True))
+    known = set(stops(np.concatenate([breaks.ravel(), seen.jumps]), times).tolist())
+    return tuple(
+        Leg(leg.end, min(leg.longest, float(longest[k])), leg.end in known) for leg, k in zip(legs, which, strict=True)
+    )
 
 
 def legs_of(breaks: Array, times: Array, longest: float = np.inf) -> tuple[Leg, ...]:

@@ -14,6 +14,7 @@ from uqmbd.dynamics.ensemble import Ensemble
 from uqmbd.dynamics.expressions import plain
 from uqmbd.dynamics.parameters import ParameterMap
 from uqmbd.dynamics.rank import named
+from uqmbd.dynamics.timed import look
 from uqmbd.mechanism import Component
 from uqmbd.mechanism.numbers import flatten
 from uqmbd.mechanism.time import t
@@ -104,8 +105,13 @@ def position_jumps(ensemble: Ensemble, times: Array, rtol: float) -> dict[int, s
         By realisation: when, which component, and by how much.
     """
     model = ensemble.model
+    if "phi_t" not in model.evaluators["velocity"].index:
+        return {}
     breaks = ensemble.breaks
-    if not breaks.size or "phi_t" not in model.evaluators["velocity"].index:
+    if model.timed is not None:  # jumps at times that are known from looking only
+        seen = look(model.timed, ensemble.values, breaks, times, rtol).jumps
+        breaks = np.concatenate([breaks, np.tile(seen, (len(ensemble), 1))], axis=1)
+    if not breaks.size:
         return {}
     begin, end = float(times[0]), float(times[-1])
     ok = ensemble.start.ok

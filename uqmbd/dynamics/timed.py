@@ -37,13 +37,15 @@ PARTS = 16
 """Cells into which one is cut where no polynomial is found."""
 PER_OUTPUT = 4
 """Points of the grid between two output times."""
-DEPTH = 9
-"""How often a cell is cut; what is left then is a jump."""
+DEPTH = 12
+"""How often a cell is cut at most."""
+SHORTEST = 5e-13
+"""Length of a cell, over the larger of 1 s and the time, at which what is left is a jump."""
 EVERYWHERE = 0.25
 """Part of the cells without a polynomial from which the function is as fast everywhere, and not looked at further."""
 FEW = 2
 FADES = 0.5
-"""A deviation in so few parts of a cell that falls by this or more when the cell is cut is that of a corner."""
+"""Where so few parts of a cell deviate, and the range of values there is this part of that of the cell, is a corner."""
 LEAST = 1e-9
 """Deviation, over the largest value, that is rounding whatever the tolerance."""
 POWER = 4
@@ -101,10 +103,12 @@ def timed(instances: list[Instance], inputs: tuple[RandomVariable, ...]) -> Time
     found: dict[sympy.Expr, None] = {}
     for instance in instances:
         values = {sympy.Symbol(f"_p{k}", real=True): p for k, p in enumerate(instance.parameters)}
-        for expression in instance.type.expressions:
-            for e in _of_time(expression):
-                if not _even(e):
-                    found[e.xreplace({**values, TIME: t})] = None
+        whole = [e for x in instance.type.expressions for e in _of_time(x)]
+        # a corner of what is prescribed is a jump of its speed
+        rates = [e.diff(TIME) for x in instance.type.constraints for e in _of_time(x) if e.has(sympy.Piecewise)]
+        for e in (*whole, *rates):
+            if not _even(e):
+                found[e.xreplace({**values, TIME: t})] = None
     if not found:
         return None
     uses = tuple(np.array([k for k, x in enumerate(inputs) if x in e.free_symbols], dtype=np.int64) for e in found)
@@ -156,8 +160,16 @@ def _even(e: sympy.Basic) -> bool:
 
 
 def _linear(e: sympy.Expr) -> bool:
-    slope = e.diff(TIME)
-    return TIME not in slope.free_symbols and not slope.has(sympy.Piecewise)
+    """Whether a function of time is linear, or in pieces whose ends are known."""
+    pieces = e.atoms(sympy.Piecewise)
+    outer = [x for x in pieces if not any(x != y and y.has(x) for y in pieces)]
+    for x in outer:
+        conditions = [y for _, c in x.args for y in c.atoms(sympy.core.relational.Relational)]
+        if not (all(_linear(c.lhs - c.rhs) for c in conditions) and all(_linear(branch) for branch, _ in x.args)):
+            return False
+    whole = e.xreplace({x: sympy.Dummy(real=True) for x in outer})
+    moving = {TIME, *(whole.free_symbols - e.free_symbols)}
+    return all(not whole.diff(x).free_symbols & moving for x in moving)
 
 
 # -- looking ----------------------------------------------------------------------------------------------------------
@@ -209,7 +221,7 @@ class _Window:
     begin: float
     end: float
     within: _Window | None = None
-    off: float = np.inf
+    span: float = np.inf
     beside: bool = False
     cells: list[tuple[float, float]] = field(default_factory=list)
     few: bool = False
@@ -233,21 +245,23 @@ def _look(value: Callable[[Array], Array], breaks: Array, begin: float, end: flo
             if not (windows[row].beside and count == parts):
                 windows[row].cells.append((edges[row, first], edges[row, first + count]))
         inner: list[_Window] = []
+        points = (np.arange(parts) * CELL)[:, None] + np.arange(CELL + 1)
+        spans = np.ptp(sampled[:, points], axis=2)
         for row, window in enumerate(windows):
             bad = np.flatnonzero(off[row] > rtol * scale)
             pieces = [(edges[row, k], edges[row, k + 1]) for k in bad]
             window.few = depth > 0 and len(bad) <= FEW
             if depth == 0 and len(bad) > EVERYWHERE * parts:
                 window.cells += pieces
-            elif window.few and len(bad) and off[row].max() <= FADES * window.off:
+            elif window.few and len(bad) and spans[row, bad].max() <= FADES * window.span:
                 window.cells = [(window.begin, window.end)]  # a corner, maybe of something as short as this
-            elif depth == DEPTH:
-                jumps += [0.5 * (low + high) for low, high in pieces]
+            elif depth == DEPTH or window.end - window.begin <= PARTS * SHORTEST * max(1.0, abs(window.end)):
+                jumps += [low for low, _ in pieces]  # right before
                 over: _Window | None = window
                 while len(bad) and over is not None and over.few:
                     over.cells, over = [], over.within
             else:
-                inner += [_Window(*piece, window, off[row, k]) for piece, k in zip(pieces, bad, strict=True)]
+                inner += [_Window(*piece, window, spans[row, k]) for piece, k in zip(pieces, bad, strict=True)]
                 inner += [
                     _Window(*side, window, beside=True)
                     for k in np.flatnonzero(broken[row])
