@@ -63,6 +63,11 @@ def check_that_still_outputs_count_for_nothing(seed: int) -> None:
         assert ((row["verdict_kind"].values == "no spread") == still).all(), (method, row["verdict"].values)
         assert ((row["verdict"].values == STILL) == still).all()
         assert (row["own_error"].values[still] == 0).all() and (row["stated_error_max"].values[still] == 0).all()
+        # and nothing has a share in a spread that is not there
+        statistics = tree[method]["statistics"].to_dataset().isel(output=still)
+        assert (statistics["skewness"] == 0).all() and (statistics["kurtosis"] == 3).all()
+        if method != "monte-carlo":
+            assert not any(statistics[name].any() for name in ("sobol_first", "sobol_total", "verification_error"))
     # the same is recommended as without them
     nodes = {label: only(node, ~still) for label, node in results.propagator_nodes(tree).items()}
     alone = results.compare(nodes, rtol=rtol)

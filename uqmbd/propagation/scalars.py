@@ -6,15 +6,15 @@ import warnings
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import xarray as xr
 
 from uqmbd.errors import StudyError, UnusedInputWarning
 from uqmbd.propagation.accuracy import with_integration_error
 from uqmbd.propagation.chunks import integrated_by
 from uqmbd.results import InputInfo, Labels, with_scalars
+from uqmbd.results.spread import settled
 
 if TYPE_CHECKING:
-    import xarray as xr
-
     from uqmbd.propagation.problem import Problem
     from uqmbd.propagation.propagator import Propagator
 
@@ -59,7 +59,9 @@ def _run(propagator: Propagator, problem: Problem, check: bool, *, mixed: bool =
         node = _checked(propagator, problem, propagator.propagate(problem))
     for name, value in integrated_by(problem.observed.counters, problem.integrator).items():
         node.attrs.setdefault(name, value)
-    return with_integration_error(node, problem) if check else node
+    node = with_integration_error(node, problem) if check else node
+    node["statistics"] = xr.DataTree(settled(node.children["statistics"].to_dataset(inherit=False), problem.rtol))
+    return node
 
 
 def _checked(propagator: Propagator, problem: Problem, node: Any) -> xr.DataTree:
@@ -70,8 +72,6 @@ def _checked(propagator: Propagator, problem: Problem, node: Any) -> xr.DataTree
     StudyError
         If it is no node with mean and standard deviation of the outputs at the times of the problem.
     """
-    import xarray as xr
-
     kind = type(propagator)
     who = f"{problem.label}: propagate of {kind.__module__}.{kind.__qualname__} returned"
     expected = "expected the xarray.DataTree that problem.node makes"

@@ -53,7 +53,7 @@ class OwnError:
         What the method tells of its error at each time, relative to the standard deviation: 1.96 standard errors, and
         the stated error of a surrogate.  NaN where it tells nothing.
     integration : array, shape (O, T)
-        Error of the integration, 0 where it is not known.
+        Error of the integration, or of rounding.
     varies : array of bool, shape (O,)
         Whether an output varies, by more than the error of the integration.  Where it does not, there is no spread to
         be wrong about: `stated`, `top_order` and `told` are 0 where they are known.
@@ -195,7 +195,7 @@ def own_error(node: xr.DataTree, rtol: float = 0.0, *, dependence: bool = True) 
         order=order,
         top_order=np.where(vary | np.isnan(top), top, 0.0),
         told=np.where(vary[:, None] | np.isnan(told), told, 0.0),
-        integration=np.nan_to_num(integration_error(statistics), nan=0.0),
+        integration=integration_error(statistics, rtol),
         varies=vary,
     )
 

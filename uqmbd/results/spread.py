@@ -6,7 +6,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-__all__ = ["integration_error", "rtol_of", "varies", "varying"]
+__all__ = ["integration_error", "rtol_of", "settled", "varies", "varying"]
 
 Array = NDArray[np.float64]
 
@@ -52,15 +52,8 @@ def varying(statistics: xr.Dataset, rtol: float = 0.0) -> NDArray[np.bool_]:
     if not std.size:
         return np.zeros(len(std), dtype=bool)
     known = np.isfinite(mean) & np.isfinite(std)
-    size = np.where(known, np.abs(mean), 0.0).max(axis=1)
-    units = statistics["output_units"].values if "output_units" in statistics.coords else np.full(len(size), "")
-    alike = np.array([size[units == unit].max() for unit in units])
-    largest = size.max()
-    rounding = np.maximum(ROUNDING * size, ALIKE * alike)
-    rounding = np.where(size <= ANY * largest, np.maximum(rounding, ANY * largest), rounding)
-    error = integration_error(statistics)
-    guess = OF_TOLERANCE * rtol * size
-    limit = np.maximum(FACTOR * np.where(np.isfinite(error), error, guess[:, None]), rounding[:, None])
+    error, rounding = _errors(statistics, rtol)
+    limit = np.maximum(FACTOR * error, rounding)
     std, limit = np.where(known, std, 0.0), np.where(known, limit, 0.0)
     count = np.maximum(known.sum(axis=1), 1)
     scale = np.maximum(np.maximum(std, limit).max(axis=1, keepdims=True), np.finfo(float).tiny)
@@ -83,16 +76,66 @@ def varies(node: xr.DataTree, output: str) -> bool:
     return bool(varying(statistics, rtol_of(node))[[str(n) for n in statistics["output"].values].index(output)])
 
 
+def settled(statistics: xr.Dataset, rtol: float = 0.0) -> xr.Dataset:
+    """Return statistics in which what does not vary has no shares, no shape and no error of a spread.
+
+    Sobol' indices and the stated error of a surrogate are 0 there, and so is the skewness; the kurtosis is 3.  Mean and
+    standard deviation stay.
+
+    Parameters
+    ----------
+    statistics : xarray.Dataset
+        Of a method.
+    rtol : float
+        Tolerance of the integration; 0: not known.
+    """
+    moves = varying(statistics, rtol)
+    if moves.all():
+        return statistics
+    mask = xr.DataArray(moves, dims="output")
+    found = {}
+    for name, values in statistics.data_vars.items():
+        settles = str(name).startswith("sobol_") or name in ("skewness", "kurtosis", "verification_error")
+        if settles and "output" in values.dims:
+            still = values.where(mask | values.isnull(), 3.0 if name == "kurtosis" else 0.0).transpose(*values.dims)
+            found[name] = still.assign_attrs(values.attrs)
+    return statistics.assign(found)
+
+
 def rtol_of(node: xr.DataTree) -> float:
     """Return the tolerance of the integration, which the study of a node holds; 0 where it is not known."""
     return float(node.attrs.get("rtol", node.root.attrs.get("rtol", 0.0)))
 
 
-def integration_error(statistics: xr.Dataset) -> Array:
-    """Return the integration error (O, T) that a method states, NaN where it states none."""
-    if "integration_error" not in statistics:
-        return np.full(_rows(statistics["mean"]).shape, np.nan)
-    return _rows(statistics["integration_error"])
+def integration_error(statistics: xr.Dataset, rtol: float = 0.0) -> Array:
+    """Return the error (O, T) of the integration, as stated or guessed from its tolerance, or rounding if that is more.
+
+    Parameters
+    ----------
+    statistics : xarray.Dataset
+        Of a method.
+    rtol : float
+        Tolerance of the integration; 0: not known.
+    """
+    return np.maximum(*_errors(statistics, rtol))
+
+
+def _errors(statistics: xr.Dataset, rtol: float) -> tuple[Array, Array]:
+    """Return the errors (O, T) of the integration and of rounding."""
+    mean = _rows(statistics["mean"])
+    if not mean.size:
+        return np.zeros(mean.shape), np.zeros(mean.shape)
+    size = np.where(np.isfinite(mean), np.abs(mean), 0.0).max(axis=1)
+    units = statistics["output_units"].values if "output_units" in statistics.coords else np.full(len(size), "")
+    alike = np.array([size[units == unit].max() for unit in units])
+    largest = size.max()
+    rounding = np.maximum(ROUNDING * size, ALIKE * alike)
+    rounding = np.where(size <= ANY * largest, np.maximum(rounding, ANY * largest), rounding)
+    stated = np.full(mean.shape, np.nan)
+    if "integration_error" in statistics:
+        stated = _rows(statistics["integration_error"])
+    error = np.where(np.isfinite(stated), stated, (OF_TOLERANCE * rtol * size)[:, None])
+    return error, np.broadcast_to(rounding[:, None], mean.shape)
 
 
 def _rows(values: xr.DataArray) -> Array:
