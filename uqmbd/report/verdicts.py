@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 import xarray as xr
 
 from uqmbd.report.wording import format_duration, format_integer
 from uqmbd.results import overall
 from uqmbd.results.statements import NO_SPREAD
+from uqmbd.results.verdicts import COARSE
 
 __all__ = ["agreement"]
 
@@ -38,11 +40,14 @@ def agreement(tree: xr.DataTree) -> dict[str, Any] | None:
     reference, usable = str(data.attrs["reference"]), False
     for m, method in enumerate(str(v) for v in data["method"].values):
         kind, text, which = overall(data, method)
+        stated = data["stated_error_max"].values[m] if "stated_error_max" in data else np.zeros(0)
+        large = bool(np.any(np.isfinite(stated) & (stated > COARSE)))
+        sign = "!" if kind == "agrees" and large else _SIGNS[kind]
         rows.append(
             {
                 "method": method,
                 "kind": kind,
-                "text": f"{_SIGNS[kind]} {text}" + (f" ({which})" if which else ""),
+                "text": f"{sign} {text}" + (f" ({which})" if which else ""),
                 "wall_time": format_duration(float(data["wall_time"][m])),
                 "realisations": format_integer(int(data["realisations"][m])),
             }

@@ -174,7 +174,9 @@ def _verdict(
         text = f"the stated error of {names[1]}, the reference, is {percent(of_base)}: too large to tell"
         return Verdict(UNDER_RESOLVED, f"under-resolved: {text}", within)
     unseen = f" (a difference of the standard deviation below {percent(within)} would not be seen)" if within else ""
-    return Verdict(AGREES, f"{own}{'; ' if own else ''}agrees with {names[1]}{unseen}", within)
+    large = found.told[o].max(initial=0.0) > (ROUGH if found.samples else LIMIT)
+    inside = " within that" if large else ""
+    return Verdict(AGREES, f"{own}{'; ' if own else ''}agrees with {names[1]}{inside}{unseen}", within)
 
 
 def _told(found: OwnError, o: int, times: Array) -> str:
