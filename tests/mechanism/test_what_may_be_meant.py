@@ -158,7 +158,7 @@ def test_turns_and_distances_are_what_assembly_did(space, degrees):
     (moved,) = uqmbd.check(mechanism).moved
     assert moved.distance == pytest.approx(5) and np.degrees(moved.turn) == pytest.approx(degrees)
     if degrees > 45:
-        assert f"'rod' by 5 m and by {degrees} degrees from where they were drawn" in told(mechanism)[0]
+        assert f"'rod' by 5 m and by {degrees} degrees from where it was drawn" in told(mechanism)[0]
 
 
 def test_a_mechanism_that_is_drawn_roughly_is_not_told():

@@ -27,7 +27,7 @@ def fragile(highest):
     """A bob between two rods from posts 1.8 m apart: short rods do not reach each other."""
     mechanism = uqmbd.Mechanism("fragile", uqmbd.Translational())
     length = uqmbd.RandomVariable("length", chaospy.Uniform(0.5, highest), units="m")
-    bob = mechanism.body("bob", mass=1, position=(0, 0.5))
+    bob = mechanism.body("bob", mass=1, position=(0, max(0.5, highest / 2)))
     for name, x in (("left", -0.9), ("right", 0.9)):
         mechanism.add(Distance(name, mechanism.ground, bob, (x, 0), (0, 0), length=length))
     mechanism.output("y", bob.position[1], units="m")

@@ -89,10 +89,10 @@ def moved_bodies(mechanism: Mechanism, model: Model, drawn: Array, assembled: Ar
     far = [m for m in moves(model, drawn, assembled) if m.turn > TURNED or m.distance > limit + 1e-9]
     if not far:
         return ()
+    bodies, were = ("bodies", "they were") if len(far) > 1 else ("body", "it was")
     return (
-        f"mechanism {mechanism.name!r}: assembly moved {'bodies' if len(far) > 1 else 'body'} "
-        f"{', '.join(map(str, far))} from where they were drawn; is this the pose that is meant? Draw them closer "
-        "to it (uqmbd check --figure shows the mechanism)",
+        f"mechanism {mechanism.name!r}: assembly moved {bodies} {', '.join(map(str, far))} from where {were} drawn; is "
+        "this the pose that is meant? Draw them closer to it (uqmbd check --figure shows the mechanism)",
     )
 
 
