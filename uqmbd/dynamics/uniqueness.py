@@ -14,6 +14,7 @@ from uqmbd.dynamics.model import Model
 from uqmbd.dynamics.outputs import OutputMap
 from uqmbd.dynamics.rank import null_equations
 from uqmbd.mechanism import Mechanism
+from uqmbd.mechanism.numbers import flatten
 
 __all__ = ["not_unique", "reaction_symbols"]
 
@@ -29,7 +30,7 @@ def reaction_symbols(mechanism: Mechanism, owners: set[str]) -> list[sympy.Symbo
     for name, component in mechanism.components.items():
         if name in owners:
             moment = component.reaction_moment if mechanism.space.size > mechanism.space.dimension else ()
-            found += [*component.reaction_force, *(moment if isinstance(moment, tuple) else (moment,))]
+            found += [*component.reaction_force, *flatten(moment)]
     return found
 
 

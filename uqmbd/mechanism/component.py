@@ -214,19 +214,19 @@ class Component:
 
     # -- outputs -----------------------------------------------------------------------------------------------------
     @property
-    def reaction_force(self) -> tuple[sympy.Symbol, ...]:
-        """Force exerted on body j by body i, world axes, N: symbols for outputs."""
-        return tuple(ReactionSymbol(self, "reaction_force", k) for k in range(self._space().dimension))
+    def reaction_force(self) -> sympy.Matrix:
+        """Force exerted on body j by body i, world axes, N: a column of symbols for outputs."""
+        return sympy.Matrix([ReactionSymbol(self, "reaction_force", k) for k in range(self._space().dimension)])
 
     @property
     def reaction_moment(self) -> Any:
         """Moment exerted on body j by body i about the component's point on body i, world axes, N m.
 
-        Three symbols; in the plane one.
+        A column of three symbols; in the plane one symbol, as angular velocities are.
         """
         if self._space().dimension == 2:
             return PlaneReaction(self, "reaction_moment", 0)
-        return tuple(ReactionSymbol(self, "reaction_moment", k) for k in range(3))
+        return sympy.Matrix([ReactionSymbol(self, "reaction_moment", k) for k in range(3)])
 
     @checked
     def event_time(self, label: str, number: int = 1) -> sympy.Symbol:

@@ -69,14 +69,14 @@ class Frame:
         return sympy.Matrix(self._a[: self.space.dimension])
 
     @property
-    def quaternion(self) -> tuple[sympy.Expr, ...]:
-        """The unit quaternion, body to world, scalar first; in the plane the half-angle pair."""
-        return self.q[self.space.dimension :]
+    def quaternion(self) -> sympy.Matrix:
+        """The unit quaternion, body to world, scalar first, a column; in the plane the half-angle pair."""
+        return sympy.Matrix(self.q[self.space.dimension :])
 
     @property
-    def quaternion_rate(self) -> tuple[sympy.Expr, ...]:
-        """Time derivative of the quaternion."""
-        return self.v[self.space.dimension :]
+    def quaternion_rate(self) -> sympy.Matrix:
+        """Time derivative of the quaternion, a column."""
+        return sympy.Matrix(self.v[self.space.dimension :])
 
     @property
     def rotation(self) -> sympy.Matrix:
