@@ -263,3 +263,23 @@ def test_a_plugins_constraint_or_potential_with_a_velocity_is_refused():
         mechanism.output("x", ball.position[0])
         with pytest.raises(uqmbd.StudyError, match=f"Wrong 'w': {words}"):
             uqmbd.simulate(mechanism, [0, 0.1])
+
+
+@pytest.mark.parametrize(
+    "write",
+    [
+        lambda ball: sympy.Derivative(ball.position[1], uqmbd.t),
+        lambda ball: sympy.Derivative(ball.position[1] * sympy.sin(uqmbd.t), uqmbd.t) + ball.position[0],
+        lambda ball: 2 * sympy.Derivative(ball.point((1, 0))[0], uqmbd.t, 2),
+        lambda ball: sympy.Derivative(ball.position[1], ball.position[0]),
+    ],
+)
+def test_a_derivative_is_refused_and_what_to_write_instead_is_told(write):
+    """To SymPy positions do not depend on time: what it makes of their derivatives is zero."""
+    mechanism, ball = body_on_ground()
+    expression = write(ball)
+    with pytest.raises(uqmbd.StudyError, match="output 'rate': .* contains Derivative.*written as body.velocity"):
+        mechanism.output("rate", expression)
+    with pytest.raises(uqmbd.StudyError, match="'drag': force .* contains Derivative.*written as body.velocity"):
+        mechanism.add(PointForce("drag", ball, (0, 0), (expression, 0)))
+    mechanism.output("rate", ball.velocity[1])

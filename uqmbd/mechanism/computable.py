@@ -80,6 +80,13 @@ def told(part: sympy.Basic) -> str:
     kind = type(part).__name__
     if isinstance(part, AppliedUndef):
         return f"it contains {text}, and the function {kind} is not defined; write the expression that it stands for."
+    if isinstance(part, sympy.Derivative):
+        # .doit() would be wrong: to SymPy positions do not depend on time
+        return (
+            f"it contains {text}, and SymPy does not know how bodies move; rates are written as body.velocity, "
+            "body.acceleration, body.angular_velocity or body.point_velocity(local), and the rate of an expression as "
+            "the sum of its derivatives by positions times their velocities."
+        )
     if isinstance(part, UNEVALUATED):
         return (
             f"it contains {text}, which is not evaluated; call .doit() on it, or write what it comes to (a spline "
