@@ -26,6 +26,8 @@ Array = NDArray[np.float64]
 
 INSTANT = 1e-12
 """Time, over the larger of 1 s and the time itself, by which right before and right after are told apart."""
+NEXT = 1e3
+"""As many of these times next to a jump an equation is a number, on both sides."""
 POSES = 3
 """Poses at which an equation is looked at before and after: at one alone it may agree by chance."""
 LEAST = 1e-9
@@ -124,6 +126,9 @@ def position_jumps(ensemble: Ensemble, times: Array, rtol: float) -> dict[int, s
             delta = INSTANT * np.maximum(1.0, np.abs(column[some]))
             sides = np.clip(np.stack([column[some] - delta, column[some] + delta]), begin, end)
             jumps = _equation_jumps(ensemble, some, sides)
+            # next to a pole all is steep: what is no number there is told as such, by who integrates
+            about = np.clip(np.stack([column[some] - NEXT * delta, column[some] + NEXT * delta]), begin, end)
+            jumps = np.where(np.isfinite(_equation_jumps(ensemble, some, about)), jumps, 0.0)
             size = np.clip(np.abs(ensemble.start.q[some]).max(axis=1, initial=0.0), 1e-3, 1.0)
             wrong = jumps > max(rtol, LEAST) * size[:, None]
             for row in np.flatnonzero(wrong.any(axis=1)):
