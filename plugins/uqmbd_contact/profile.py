@@ -32,7 +32,7 @@ def profile_symbols(road: Any) -> dict[str, sympy.Symbol]:
         value = None if isinstance(road, (str, bytes, bool)) else sympy.sympify(road, strict=True)
     except (sympy.SympifyError, TypeError, ValueError):
         value = None
-    if not isinstance(value, sympy.Expr) or value.has(sympy.nan, sympy.oo, -sympy.oo, sympy.zoo):
+    if not isinstance(value, sympy.Expr) or value.is_Matrix or value.has(sympy.nan, sympy.oo, -sympy.oo, sympy.zoo):
         raise uqmbd.StudyError(f"the road {road!r} is given; {expected}.")
     others = sorted(value.free_symbols - {distance}, key=str)
     if strangers := [x for x in others if type(x) is sympy.Symbol and x != uqmbd.t]:

@@ -74,7 +74,12 @@ def _left(vector: sympy.Matrix) -> sympy.Matrix:
 
 def _matrix(what: str, value: Any, size: int) -> list[Any]:
     """Entries, row by row, of a matrix given as one number, its diagonal, or all of it."""
-    parts = [sympy.sympify(x) for x in np.asarray(value, dtype=object).ravel()]
+    try:
+        parts = [sympy.sympify(x, strict=True) for x in np.asarray(value, dtype=object).ravel()]
+    except (sympy.SympifyError, TypeError, ValueError):
+        parts = [None]
+    if not all(isinstance(x, sympy.Expr) for x in parts):
+        raise uqmbd.StudyError(f"{what} is {value!r}; expected numbers, or expressions in random variables.")
     if len(parts) == 1:
         parts *= size
     if len(parts) == size:

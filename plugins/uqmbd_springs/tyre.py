@@ -34,7 +34,7 @@ class RoadFollower(uqmbd.Component):
 
     def prepare(self) -> dict[str, Any]:
         """Give what the profile contains to each realisation."""
-        return coefficients(self.road, distance)
+        return coefficients(self.road, distance, what="road")
 
     def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.Constraint]:
         """Yield the geometry."""

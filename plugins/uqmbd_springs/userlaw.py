@@ -12,7 +12,7 @@ import uqmbd
 __all__ = ["coefficients", "inserted"]
 
 
-def coefficients(law: Any, *variables: sympy.Symbol) -> dict[str, sympy.Symbol]:
+def coefficients(law: Any, *variables: sympy.Symbol, what: str = "law") -> dict[str, sympy.Symbol]:
     """Return what an expression contains beside its variables, under the names it has in `inserted`; for `prepare`.
 
     Parameters
@@ -21,13 +21,15 @@ def coefficients(law: Any, *variables: sympy.Symbol) -> dict[str, sympy.Symbol]:
         As the user gave it.
     *variables : Symbol
         What it is a function of.
+    what : str
+        What it is called, for messages.
 
     Raises
     ------
     uqmbd.StudyError
         If it is no finite expression, or contains a symbol that nobody knows.
     """
-    found = sorted(_expression(law, variables).free_symbols - set(variables), key=str)
+    found = sorted(_expression(law, variables, what).free_symbols - set(variables), key=str)
     return {f"coefficient_{k}": symbol for k, symbol in enumerate(found)}
 
 
@@ -37,7 +39,7 @@ def inserted(law: Any, values: Mapping[sympy.Symbol, Any], p: uqmbd.Local) -> sy
     return sympy.sympify(law).xreplace(known | dict(values))
 
 
-def _expression(law: Any, variables: Sequence[sympy.Symbol]) -> sympy.Expr:
+def _expression(law: Any, variables: Sequence[sympy.Symbol], what: str) -> sympy.Expr:
     names = " and ".join(f"uqmbd_springs.{x}" for x in variables)
     expected = f"expected an expression in {names}, uqmbd.t and random variables"
     try:
@@ -45,9 +47,9 @@ def _expression(law: Any, variables: Sequence[sympy.Symbol]) -> sympy.Expr:
         value = None if isinstance(law, (str, bytes, bool)) else sympy.sympify(law, strict=True)
     except (sympy.SympifyError, TypeError, ValueError):
         value = None
-    if not isinstance(value, sympy.Expr) or value.has(sympy.nan, sympy.oo, -sympy.oo, sympy.zoo):
-        raise uqmbd.StudyError(f"{law!r} is given; {expected}.")
+    if not isinstance(value, sympy.Expr) or value.is_Matrix or value.has(sympy.nan, sympy.oo, -sympy.oo, sympy.zoo):
+        raise uqmbd.StudyError(f"{what} is {law!r}; {expected}.")
     strangers = sorted(str(x) for x in value.free_symbols if type(x) is sympy.Symbol and x not in (*variables, uqmbd.t))
     if strangers:
-        raise uqmbd.StudyError(f"{law!r} is given, with the unknown symbol {strangers[0]!r} in it; {expected}.")
+        raise uqmbd.StudyError(f"{what} is {law!r}, with the unknown symbol {strangers[0]!r} in it; {expected}.")
     return value

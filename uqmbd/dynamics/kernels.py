@@ -95,7 +95,7 @@ def compile_kernel(arguments: Sequence[Any], expressions: Sequence[Any], *, opt_
     point = np.random.default_rng(0).uniform(0.1, 0.9, len(symbols))
     expected = _plainly(expressions, dict(zip(symbols, point, strict=True)))
     with np.errstate(all="ignore"):
-        same = np.allclose(function(point), expected, rtol=1e-9, atol=1e-12, equal_nan=True)
+        same = expected is not None and np.allclose(function(point), expected, rtol=1e-9, atol=1e-12, equal_nan=True)
     if not same:
         function = se.Lambdify(symbols, rebuilt, backend="llvm", cse=False, opt_level=opt_level)
     return Kernel(function, len(symbols), len(expressions))
@@ -109,8 +109,11 @@ def replaced(expressions: Sequence[Any], known: dict[Any, Any]) -> Sequence[Any]
     return found
 
 
-def _plainly(expressions: Sequence[Any], point: dict[Any, float]) -> Array:
-    """Evaluate expressions by inserting numbers, which treats a part that they share once; NaN where that fails."""
+def _plainly(expressions: Sequence[Any], point: dict[Any, float]) -> Array | None:
+    """Evaluate expressions by inserting numbers, which treats a part that they share once; NaN where that fails.
+
+    None where nothing can be inserted, as a complex number into a comparison.
+    """
     import symengine as se
 
     values = {symbol: se.RealDouble(x) for symbol, x in point.items()}
@@ -121,7 +124,11 @@ def _plainly(expressions: Sequence[Any], point: dict[Any, float]) -> Array:
         except (RuntimeError, TypeError, ValueError):
             return float("nan")
 
-    return np.array([number(e) for e in replaced(expressions, values)])
+    try:
+        inserted = replaced(expressions, values)
+    except RuntimeError:
+        return None
+    return np.array([number(e) for e in inserted])
 
 
 def straight_line_kernel(arguments: Sequence[Any], expressions: Sequence[Any]) -> Kernel:

@@ -6,6 +6,8 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
+import scipy.sparse
+import scipy.sparse.csgraph
 from numpy.typing import NDArray
 
 from uqmbd.dynamics.elimination import Elimination, plan
@@ -104,8 +106,9 @@ def index1_system(model: Model, typical: Array | None) -> System:
         size,
         None,
     )
-    # a row without entries would break the sums over rows; such a system is singular anyhow
-    if typical is None or len(np.unique(system.rows)) < size:
+    # a pattern that is singular for all values cannot be eliminated; what it lacks is told by its builder
+    pattern = scipy.sparse.csr_array((np.ones(len(order)), (system.rows, system.columns)), shape=(size, size))
+    if typical is None or scipy.sparse.csgraph.structural_rank(pattern) < size:
         return system
     if size > ELIMINATION_LIMIT:
         return _by_blocks(model, system, typical)

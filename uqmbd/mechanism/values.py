@@ -61,7 +61,7 @@ def settle(where: str, component: Component, space: Space) -> dict[str, Any]:
     except StudyError as error:
         raise StudyError(f"{where}: {error}") from None
     for key, value in prepared.items():
-        component.values[key] = _prepared(value)
+        component.values[key] = _prepared(where, key, value)
     return component.values
 
 
@@ -72,6 +72,7 @@ def _value(where: str, key: str, parameter: Parameter, value: Any, space: Space,
         if parameter.choices and not any(isinstance(value, type(x)) and value == x for x in parameter.choices):
             listed = ", ".join(map(repr, parameter.choices))
             raise StudyError(f"{where}: {key} is {shown(value)}; expected one of {listed}.")
+        _require_usable(where, key, value)
         return value
     if parameter.kind == "turning_axis" and size == 0:
         if stated and value is not None:
@@ -123,7 +124,15 @@ def _rotation(where: str, key: str, value: Any, space: Space, hint: str) -> tupl
     return unit(entries) if len(entries) == 4 else quaternion_of_matrix(value)
 
 
-def _prepared(value: Any) -> Any:
-    parts = [sympy.sympify(x) for x in flatten(value)]
+def _require_usable(where: str, key: str, value: Any) -> None:
+    """Raise where expressions of an option hold what is no number, or cannot be computed."""
+    for part in flatten(value):
+        if isinstance(part, (sympy.Expr, float, complex)):
+            numbers(where, key, part, 1)
+
+
+def _prepared(where: str, key: str, value: Any) -> Any:
+    """Return what `Component.prepare` made, as an expression or a tuple of them."""
+    parts = [numbers(where, key, x, 1)[0] for x in flatten(value)]
     scalar = len(parts) == 1 and isinstance(value, (int, float, sympy.Expr))
     return parts[0] if scalar else tuple(parts)
