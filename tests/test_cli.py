@@ -352,6 +352,7 @@ def test_check(cli, study, monkeypatch):
         not_unique=("B.reaction_force[1]",),
         inputs=(("length", "Normal(mu=1, sigma=0.02)", "m"), ("mass", "Uniform(1, 2)", "kg")),
         unused_inputs=("mass",),
+        moved=(),
     )
     monkeypatch.setattr(uqmbd, "check", lambda mechanism: found, raising=False)
     status, out, _ = cli("check", study())

@@ -97,7 +97,7 @@ def _check_number(options: Collocation, space: uqmbd.GermSpace, order: int, node
         return
     raise TooManyNodes(
         f"Collocation: order {order} with {space.dimension} inputs takes {nodes} nodes and {options.verify} "
-        f"verification realisations, more than max_realisations={options.max_realisations} allows. "
+        f"verification realisations, more than max_realisations = {options.max_realisations}. "
         f"{_remedy(options, space, order)}"
     )
 
@@ -117,8 +117,8 @@ def _remedy(options: Collocation, space: uqmbd.GermSpace, order: int) -> str:
         {"order": 1, "method": "regression"},
     ]
     for way in ways:
-        tried = replace(options, **{**plain, "elements": None, "max_realisations": 10**9, **way})
         try:
+            tried = replace(options, **{**plain, "elements": None, "max_realisations": 10**9, **way})
             with warnings.catch_warnings():
                 warnings.simplefilter("error")
                 found = plan(tried, space, tried.order, "")

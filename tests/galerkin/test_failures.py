@@ -13,7 +13,7 @@ import pytest
 
 import uqmbd
 from uqmbd import results
-from uqmbd.dynamics import ProjectedEnsemble, lockstep, projected_ida
+from uqmbd.dynamics import ProjectedEnsemble, ida, lockstep
 from uqmbd_galerkin import Galerkin
 from uqmbd_joints import Distance
 from uqmbd_springs import SpringDamper
@@ -133,7 +133,7 @@ def test_stop_at_ends_the_run_at_the_horizon(integrator, tmp_path):
 def test_motion_that_ends_keeps_what_there_is(monkeypatch):
     """Neither integrator can go on: results up to there, from the one that came further, and the reason."""
     monkeypatch.setattr(lockstep, "STEPS", 12)
-    monkeypatch.setattr(projected_ida, "STEPS", 5)
+    monkeypatch.setattr(ida, "STEPS", 5)
     study = uqmbd.Study("ended", swinging(0.05), np.array([0, 0.1, 0.2, 3.0]))
     with pytest.warns(
         UserWarning, match=r"the projected motion ended, results are given up to t = 0.2 s of 3 s: .*steps"
