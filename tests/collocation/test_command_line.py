@@ -72,7 +72,8 @@ def test_run_with_other_options(cli, tmp_path):
 )
 def test_mistakes_are_one_message(cli, change, words):
     status, out, err = cli("run", **change)
-    assert status == 2
+    # what cannot be written is unusable input; what the method cannot do with these inputs is a method that failed
+    assert status == (2 if change.get("options") in ("order=-1", "rule='gauss', samples=3") else 1)
     assert out == ""
     assert err.startswith("Error: ")
     for word in words:
@@ -135,6 +136,6 @@ def test_everything_failed(cli):
     status, out, err = cli("run", function="sympy.log(a - 2) + b")
     assert status == 1
     assert out == ""
-    (line,) = [line for line in err.splitlines() if not line.startswith("collocation: ") and line]
+    (line,) = [line for line in err.splitlines() if line.startswith("Error")]
     assert line.startswith("Error: collocation: 9 of 9 nodes failed")
     assert "an output is not finite" in line

@@ -181,8 +181,8 @@ def test_limits_and_options():
     with pytest.warns(UserWarning, match="max_realisations"):
         study.propagate(Collocation(order=2, elements="adaptive", max_realisations=40))
     for options, words in (
-        ({"elements": 0}, "1 or more, or 'adaptive'"),
-        ({"elements": "many"}, "1 or more, or 'adaptive'"),
+        ({"elements": 0}, "1 or more, or 'adaptive'|expected a whole number or 'adaptive'"),
+        ({"elements": "many"}, "expected a whole number or 'adaptive'"),
         ({"elements": 3, "order": 0}, "order"),
         ({"elements": "adaptive", "threshold": -1}, "threshold is -1"),
         ({"elements": "adaptive", "max_elements": 0}, "max_elements is 0"),

@@ -169,6 +169,7 @@ def every_joint(signs):
     return mechanism
 
 
+@pytest.mark.filterwarnings("ignore:mechanism 'chain'. assembly moved:uqmbd.StudyWarning")
 def test_both_signs_of_a_quaternion_give_the_same_outputs():
     times = np.linspace(0, 1, 11)
     plain = uqmbd.simulate(every_joint([1, 1, 1, 1]), times, rtol=1e-8)

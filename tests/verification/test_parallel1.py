@@ -61,6 +61,7 @@ def test_ball_and_parallel_axes_are_a_hinge(swap, observe, series):
     assert np.ptp(series(found[0], "r"), axis=0).max() > 0.3
 
 
+@pytest.mark.filterwarnings("ignore:mechanism 'flip'. assembly moved:uqmbd.StudyWarning")
 @pytest.mark.parametrize("degrees", [60, 120, 170])
 def test_never_assembled_the_wrong_way_round(degrees, turn, observe, series):
     mechanism = uqmbd.Mechanism("flip", uqmbd.Spatial())

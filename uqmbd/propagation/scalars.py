@@ -60,7 +60,9 @@ def _run(propagator: Propagator, problem: Problem, check: bool, *, mixed: bool =
     for name, value in integrated_by(problem.observed.counters, problem.integrator).items():
         node.attrs.setdefault(name, value)
     node = with_integration_error(node, problem) if check else node
-    node["statistics"] = xr.DataTree(settled(node.children["statistics"].to_dataset(inherit=False), problem.rtol))
+    statistics = node.children["statistics"].to_dataset(inherit=False)
+    chaos = node.children["chaos"].to_dataset(inherit=False) if "chaos" in node.children else None
+    node["statistics"] = xr.DataTree(settled(statistics, problem.rtol, chaos))
     return node
 
 
