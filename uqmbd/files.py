@@ -6,7 +6,6 @@ import contextlib
 import os
 import shutil
 import tempfile
-import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -55,7 +54,7 @@ def replacing(path: Path, *, lasting: bool = True) -> Iterator[Path]:
             os.replace(path, scratch / "old")
         os.replace(part, path)
     finally:
-        _remove(scratch)
+        shutil.rmtree(scratch, ignore_errors=True)
     if lasting:
         with contextlib.suppress(OSError):  # folders cannot be opened everywhere
             _flush(path.parent)
@@ -65,15 +64,6 @@ def sweep(folder: Path) -> None:
     """Remove what processes that were killed left half written in a folder; nobody must be writing there."""
     for part in folder.glob(f"{_PREFIX}*{_SUFFIX}"):
         shutil.rmtree(part, ignore_errors=True)
-
-
-def _remove(folder: Path) -> None:
-    """Remove a folder; threads of a writer that has failed, as Zarr's, may be at work there for a moment yet."""
-    for _ in range(50):
-        shutil.rmtree(folder, ignore_errors=True)
-        if not folder.exists():
-            return
-        time.sleep(0.05)
 
 
 def _flush(path: Path) -> None:

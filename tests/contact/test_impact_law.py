@@ -15,7 +15,7 @@ import scipy.optimize
 import sympy
 
 import uqmbd
-from uqmbd.dynamics.contacts import Contacts
+from uqmbd.dynamics.contacts import Contacts, pressed
 from uqmbd.dynamics.coulomb import Collision, Touch, solutions
 from uqmbd.dynamics.impacts import impact
 from uqmbd_contact import PlaneImpact
@@ -25,15 +25,18 @@ ZERO = (0, 0)
 
 
 # -- the oracle ----------------------------------------------------------------------------------------------------
-def enumerated(mass, across, along, velocity, e, mu):
+def enumerated(mass, across, along, velocity, e, mu, sliding=None):
     """All velocities after a collision of contacts in the plane: each a pair of velocities and energy gained.
 
-    Parameters: mass (n, n); rows `across` and `along` (contact, n), which give the normal and the sliding speeds.
+    Parameters: mass (n, n); rows `across` and `along` (contact, n), which give the normal and the sliding speeds;
+    `sliding` (contact), where the direction of friction is against a known sliding: +1, -1, or 0 where it is not known.
+    The same for accelerations in the place of velocities.
     """
     n, count = len(velocity), len(e)
+    sliding = np.zeros(count) if sliding is None else sliding
     found = []
     scale = np.abs(np.vstack([across, along]) @ velocity).max()
-    for modes in itertools.product(("open", "stick", +1, -1), repeat=count):
+    for modes in itertools.product(*[("open", x) if x else ("open", "stick", +1, -1) for x in sliding]):
         # unknowns: velocities, normal impulses, tangential impulses
         system, right = np.zeros((n + 2 * count, n + 2 * count)), np.zeros(n + 2 * count)
         system[:n, :n], right[:n] = mass, mass @ velocity
@@ -52,11 +55,12 @@ def enumerated(mass, across, along, velocity, e, mu):
         if np.abs(system @ unknown - right).max() > 1e-9 * scale:
             continue
         after, push, rub = unknown[:n], unknown[n : n + count], unknown[n + count :]
-        small, slow = 1e-9 * np.abs(unknown[n:]).max(initial=0), 1e-9 * scale
+        size = max(np.abs(unknown[n:]).max(initial=0), np.abs(mass @ velocity).max())
+        small, slow = 1e-9 * size, 1e-9 * scale
         good = (push >= -small).all() and (np.abs(rub) <= mu * push + small).all()
         for k, mode in enumerate(modes):
             good &= bool(across[k] @ after >= -e[k] * (across[k] @ velocity) - slow)
-            if mode in (+1, -1):
+            if mode in (+1, -1) and not sliding[k]:
                 good &= bool(mode * (along[k] @ after) >= -slow)
         if good:
             found.append((after, 0.5 * (after @ mass @ after - velocity @ mass @ velocity)))
@@ -160,6 +164,47 @@ def test_an_impact_is_one_of_the_solutions_of_the_law(count):
 @pytest.mark.parametrize("count", [1, 2])
 def test_an_impact_is_one_of_the_solutions_of_the_law_for_many_rods(count):
     compare(count, 20_000, seed=10 + count)
+
+
+def check_rest(count, samples, seed):
+    rng, solvable, wedged = np.random.default_rng(seed), 0, 0
+    for _ in range(samples):
+        mass, across, along, applied, _, mu = random_case(rng, count)
+        free = np.linalg.solve(mass, applied)
+        sliding = rng.choice([0.0, 0.0, 1.0, -1.0], size=count)
+        rows = np.concatenate([across[:, None], along[:, None]], axis=1).reshape(-1, 3)
+        speed = np.column_stack([np.zeros(count), sliding * rng.uniform(0.1, 1, count)]).reshape(1, -1)
+        found = pressed(
+            Contacts(
+                np.zeros((1, count)), tuple(range(0, 2 * count + 1, 2)), np.column_stack([0 * mu, mu])[None], speed,
+                np.zeros_like(speed), rows[None], free[None], np.linalg.solve(mass, rows.T)[None],
+                (rows @ np.linalg.solve(mass, rows.T))[None],
+            ),
+            list(range(count)), 1e-6,
+        )  # fmt: skip
+        known = np.where(mu > 0, sliding, 0.0)
+        possible = [after for after, _ in enumerated(mass, across, along, free, np.zeros(count), mu, known)]
+        if found is None:
+            assert not possible
+            assert sliding.any(), "at rest the laws always have a solution"
+            wedged += 1
+            continue
+        scale = np.abs(free).max()
+        assert min(np.abs(found[2].motion[0] - x).max() for x in possible) < 1e-6 * scale
+        solvable += 1
+    assert solvable > 0.8 * samples
+    return wedged
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_contacts_at_rest_follow_one_of_the_solutions_of_the_law(count):
+    """Where a contact at rest cannot stick it slips: it is not let go, and its friction is not left out."""
+    check_rest(count, 500, seed=20 + count)
+
+
+@pytest.mark.slow
+def test_contacts_at_rest_follow_one_of_the_solutions_of_the_law_for_many_rods():
+    assert sum(check_rest(count, 10_000, seed=30 + count) for count in (1, 2)) > 0
 
 
 def tip(speed, restitution, friction):
@@ -317,3 +362,19 @@ def test_impulses_of_many_contacts_satisfy_the_law_for_many_boxes(space, corners
     dead, lively = many(space, corners, 500, seed=200 * space + corners)
     assert dead == 500
     assert lively > 450
+
+
+def test_a_rod_that_jams_between_two_rough_walls_comes_to_rest():
+    """Hundreds of collisions in one instant leave speeds of the size of rounding; these satisfy the law as well."""
+    rng, many = np.random.default_rng(5), 0
+    for _ in range(400):
+        first = rng.uniform(-np.pi, np.pi)
+        directions = first + np.array([0.0, np.pi + rng.uniform(-0.3, 0.3)])
+        normals = np.column_stack([np.cos(directions), np.sin(directions)])
+        mass, across, along = rod(rng, rng.uniform(-1, 1, 2), normals)
+        velocity = rng.normal(size=3) * [1, 1, 5]
+        after = solved(mass, across, along[:, None], velocity, rng.random(2), rng.uniform(1, 5, 2))
+        assert (across @ after >= -1e-9).all()
+        assert after @ mass @ after <= velocity @ mass @ velocity * (1 + 1e-12)
+        many += np.abs(after).max() < 1e-6
+    assert many > 20

@@ -42,17 +42,23 @@ def made(kinds, order, times, seed, decay=3.0):
 @given(st.lists(st.sampled_from(range(4)), min_size=1, max_size=3), st.integers(1, 2), st.integers(0, 2**32 - 1))
 @settings(max_examples=25, deadline=None)
 def test_samples_tell_what_the_exact_routes_tell(kinds, order, seed):
-    """Within the error of 8192 evenly spread samples, of the order of 1 %; tails converge more slowly."""
+    """Within five standard errors of as many random samples, whose errors of tails are known from higher moments."""
     exact = made(kinds, order, 3, seed)
-    scale, first = exact.kurtosis, exact.skewness
     assert not exact.shape_samples
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(chaos_moments, "MAX_NODES", 0)
         patch.setattr(chaos_moments, "MAX_PRODUCTS", 0)
         other = made(kinds, order, 3, seed)
         assert other.shape_samples == 8192
-        assert np.all(np.abs(other.skewness - first) < 0.05 * scale)
-        assert np.all(np.abs(other.kurtosis - scale) < 0.2 * scale)
+        unit = (exact.evaluate_germs(chaos_sampling.random_germs(exact.space, 400_000, seed)) - exact.mean) / exact.std
+        # how the sample moments move with the samples, to first order, mean and deviation being theirs
+        third, fourth = exact.skewness, exact.kurtosis
+        square = unit**2 - 1
+        of_third = unit**3 - third - 3 * unit - 1.5 * third * square
+        of_fourth = unit**4 - fourth - 4 * third * unit - 2 * fourth * square
+        error = np.sqrt(8192)
+        assert np.all(np.abs(other.skewness - third) < 5 * of_third.std(axis=0) / error + 1e-9)
+        assert np.all(np.abs(other.kurtosis - fourth) < 5 * of_fourth.std(axis=0) / error + 1e-9)
         assert np.all(other.kurtosis >= 1.0)
 
 

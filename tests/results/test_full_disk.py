@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import asyncio
 import os
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -78,6 +80,29 @@ def test_full_disk_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> N
     monkeypatch.setattr(Path, "open", full)
     with pytest.raises(StudyError, match="r.nc.*No space left on device"):
         save(xr.DataTree(xr.Dataset({"x": ("time", np.ones(3))})), tmp_path / "r.nc")
+    assert os.listdir(tmp_path) == []
+
+
+def test_writes_of_zarr_that_are_under_way_when_another_fails_leave_nothing(tmp_path: Path, monkeypatch) -> None:
+    """Those that go on later would make the removed folder again."""
+    local = pytest.importorskip("zarr.storage").LocalStore
+    real, begun, ended = local.set, [], []
+
+    async def late(self: object, key: str, value: object) -> None:
+        if not key.rpartition("/")[2].startswith("."):  # a chunk
+            begun.append(key)
+            if len(begun) == 2:
+                raise OSError("the second chunk fails")
+            await asyncio.sleep(0.5)
+        await real(self, key, value)
+        ended.append(key)
+
+    monkeypatch.setattr(local, "set", late)
+    noise = np.random.default_rng(0).normal(size=(20, 200_000))
+    with pytest.raises(StudyError, match="the second chunk fails"):
+        save(xr.DataTree(xr.Dataset({"x": (("output", "time"), noise)})), tmp_path / "r.zarr")
+    assert len(begun) > 2
+    time.sleep(1)
     assert os.listdir(tmp_path) == []
 
 

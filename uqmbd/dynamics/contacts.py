@@ -11,26 +11,24 @@ References
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-import scipy.optimize
 from numpy.typing import NDArray
 
+from uqmbd.dynamics.coulomb import EXACT, Collision, Touch, solutions
 from uqmbd.dynamics.evaluator import Evaluator
 from uqmbd.dynamics.model import Model
 
 __all__ = [
     "CLOSED",
-    "ROUNDS",
     "Contacts",
     "Lens",
     "Mode",
     "Resting",
     "at_rest",
-    "complementary",
     "heading_of",
     "lasting",
     "pressed",
@@ -46,8 +44,6 @@ CLOSED = 1e-9
 """Gap, over the size of the mechanism, that is none."""
 STILL = 1e-7
 """Speed, over that of the mechanism, that is none: in a contact that lasts, whose velocities are projected."""
-ROUNDS = 60
-"""Most changes of the set of active contacts."""
 SINGULAR = 1e-11
 """Relative size of a singular value that is none."""
 
@@ -329,18 +325,16 @@ def _direction(sliding: Array, heading: Array) -> Array:
 
 
 def pressed(
-    contacts: Contacts, near: Iterable[int], modes: Mapping[int, Mode], headings: Mapping[int, Array], slow: float
-) -> tuple[dict[int, Mode], dict[int, Array], Resting]:
+    contacts: Contacts, near: list[int], slow: float
+) -> tuple[dict[int, Mode], dict[int, Array], Resting] | None:
     """Find which of the contacts that are closed and do not open last, and how, at one state.
 
     Parameters
     ----------
     contacts : Contacts
         Of one state.
-    near : iterable of int
+    near : list of int
         Events whose gaps and normal speeds are none.
-    modes, headings : mapping
-        As they were, of contacts that lasted before.
     slow : float
         Sliding speed, m/s, that is none.
 
@@ -349,44 +343,54 @@ def pressed(
     modes, headings : dict
         Of those that last.
     Resting
+        All three None: no forces satisfy the laws (friction that wedges what slides).
+
+    Notes
+    -----
+    The laws of accelerations and forces are those of speeds and impulses, without restitution; only that the friction
+    of what slides already has a known direction.
     """
-    near = list(near)
-    found: dict[int, Mode] = {}
-    along: dict[int, Array] = {}
+    headings: dict[int, Array] = {}
     for k in near:
         sliding = contacts.sliding(k)[0]
-        fast = float(np.linalg.norm(sliding))
-        if not contacts.rubs(k):
-            found[k] = "slip"
-        elif fast > slow:
-            found[k], along[k] = "slip", sliding / fast
-        elif k in modes:
-            found[k] = modes[k]
-            if modes[k] == "slip":
-                along[k] = headings[k]
-        else:
-            found[k] = "stick"
-    active = dict.fromkeys(near, 0)
-    returned: dict[int, int] = {}
-    resting = at_rest(contacts, found, along)
-    for _ in range(ROUNDS):
-        if (change := _wrong(contacts, resting, found, active, near, returned)) is None:
-            break
-        event, what = change
-        if what == "open":
-            active.pop(event)
-        elif what == "close":
-            active[event] = 0
-            returned[event] = returned.get(event, 0) + 1
-        else:
-            along[event] = heading_of(resting.force[0, contacts.tangents(event)])
-            found[event] = "slip"
-        resting = at_rest(contacts, {k: found[k] for k in active}, along)
-    if (resting.force[0, [contacts.normal(k) for k in active]] < 0).any():
-        active = dict.fromkeys(_without_friction(contacts, near, resting), 0)
-        resting = at_rest(contacts, {k: found[k] for k in active}, along)
-    kept = {k: found[k] for k in active}
-    return kept, {k: along[k] for k in kept if k in along}, resting
+        if contacts.rubs(k) and (fast := float(np.linalg.norm(sliding))) > slow:
+            headings[k] = sliding / fast
+    rows, columns, touches = list[int](), list[Array](), list[Touch]()
+    unit = np.eye(contacts.speed.shape[1])
+    for k in near:
+        held = contacts.tangents(k) if contacts.rubs(k) and k not in headings else []
+        mu, tangents = float(contacts.law[0, k, 1]), range(len(rows) + 1, len(rows) + 1 + len(held))
+        touches.append(Touch(len(rows), tuple(tangents), mu))
+        column = unit[contacts.normal(k)].copy()
+        if k in headings:
+            column[contacts.tangents(k)] = -mu * headings[k]
+        rows += [contacts.normal(k), *held]
+        columns += [column, *unit[held]]
+    free = contacts.bias[0] + contacts.slope[0] @ contacts.free[0, : contacts.coordinates]
+    spread = np.array(columns).reshape(len(rows), len(unit)).T
+    problem = Collision(contacts.delassus[0][rows] @ spread, free[rows], tuple(touches), np.zeros(len(near)))
+    if (force := next(solutions(problem), None)) is None:
+        return None
+    modes: dict[int, Mode] = {}
+    for k, touch in zip(near, touches, strict=True):
+        if force[touch.normal] <= EXACT * float(np.abs(force).max()):
+            continue
+        friction, most = force[list(touch.tangents)], touch.friction * force[touch.normal]
+        # at the limit of friction a contact may not accelerate; as one that slips its force is known all the same
+        stays = len(friction) > 0 and np.linalg.norm(friction) < most * (1 - 1e-9)
+        modes[k] = "stick" if stays else "slip"
+        if len(friction) and not stays:
+            headings[k] = heading_of(friction)
+    resting = at_rest(contacts, modes, headings)
+    # of redundant contacts, whose forces are not unique, those that the least forces would pull are left out
+    while modes and resting.force[0, contacts.normal(worst := _least_pressed(contacts, resting, modes))] < 0:
+        del modes[worst]
+        resting = at_rest(contacts, modes, headings)
+    return modes, {k: x for k, x in headings.items() if k in modes}, resting
+
+
+def _least_pressed(contacts: Contacts, resting: Resting, modes: Mapping[int, Mode]) -> int:
+    return min(modes, key=lambda k: resting.force[0, contacts.normal(k)])
 
 
 def heading_of(friction: Array) -> Array:
@@ -414,53 +418,9 @@ def lasting(lens: Lens, times: Array, states: Array, blocks: Array) -> Iterator[
         closed &= np.abs(seen.speed[:, normals]) <= STILL * fast[:, None]
         for k in np.flatnonzero(closed.any(axis=1)).tolist():
             one = lens(times[k : k + 1], states[k : k + 1], blocks[k : k + 1])
-            modes, _, resting = pressed(one, bodies[closed[k]].tolist(), {}, {}, float(STILL * fast[k]))
-            if modes:
-                yield k, resting
-
-
-def _wrong(
-    contacts: Contacts,
-    resting: Resting,
-    modes: Mapping[int, Mode],
-    active: Mapping[int, int],
-    near: list[int],
-    returned: Mapping[int, int],
-) -> tuple[int, str] | None:
-    """Find a contact that breaks a law, and what it does instead."""
-    force, rate = resting.force[0], resting.rate[0]
-    if not np.isfinite(force).all():
-        return None
-    if active and force[contacts.normal(worst := min(active, key=lambda k: force[contacts.normal(k)]))] <= 0:
-        return worst, "open"
-    for k in active:
-        if modes[k] == "stick" and contacts.rubs(k):
-            most = contacts.law[0, k, 1] * force[contacts.normal(k)]
-            if np.linalg.norm(force[contacts.tangents(k)]) > most * (1 + 1e-9):
-                return k, "slip"
-    size = abs(contacts.bias[0]).max(initial=0.0) + abs(resting.motion[0, : contacts.coordinates]).max(initial=0.0)
-    for k in near:
-        if k not in active and rate[contacts.normal(k)] < -1e-9 * size and returned.get(k, 0) < 3:
-            return k, "close"
-    return None
-
-
-def _without_friction(contacts: Contacts, near: list[int], resting: Resting) -> list[int]:
-    """Find the contacts that last if there were no friction: always possible."""
-    normals = [contacts.normal(k) for k in near]
-    free = contacts.bias + np.einsum("twn,tn->tw", contacts.slope, contacts.free[:, : contacts.coordinates])
-    force = complementary(contacts.delassus[0][np.ix_(normals, normals)], free[0, normals])
-    return [k for k, f in zip(near, force, strict=True) if f > 0]
-
-
-def complementary(matrix: Array, right: Array) -> Array:
-    """Find ``x >= 0`` with ``matrix x + right >= 0``, one or the other zero; the matrix has no negative eigenvalues."""
-    values, vectors = np.linalg.eigh((matrix + matrix.T) / 2)
-    good = values > SINGULAR * values.max(initial=0.0)
-    root = np.sqrt(values[good])
-    # the least of |L^T x + L^-1 right|^2 is that of x.A x / 2 + right.x
-    found: Array = scipy.optimize.nnls(root[:, None] * vectors[:, good].T, -(vectors[:, good].T @ right) / root)[0]
-    return found
+            found = pressed(one, bodies[closed[k]].tolist(), float(STILL * fast[k]))
+            if found is not None and found[0]:
+                yield k, found[2]
 
 
 def project(contacts: Contacts, modes: Mapping[int, Mode]) -> tuple[Array, Array]:

@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 
 from uqmbd.dynamics.pivoting import lemke
 
-__all__ = ["Collision", "Touch", "solutions"]
+__all__ = ["EXACT", "Collision", "Touch", "solutions"]
 
 Array = NDArray[np.float64]
 
@@ -77,17 +77,20 @@ class Collision:
         What collides.
     wanted : array, shape (touch,)
         Least normal speeds afterwards, m/s.
+    earlier : float
+        Largest impulse, N s, of earlier collisions in the same instant, whose rounding is in the speeds.
     """
 
     matrix: Array
     before: Array
     touches: tuple[Touch, ...]
     wanted: Array
+    earlier: float = 0.0
 
     @cached_property
     def answers(self) -> Array:
         """Impulse per speed of each contact, about, shape (touch,)."""
-        diagonal = np.diag(self.matrix)
+        diagonal = np.abs(np.diag(self.matrix))
         largest = np.array([diagonal[[x.normal, *x.tangents]].max() for x in self.touches])
         floor = max(1e-12 * float(largest.max(initial=0.0)), 1e-300)
         return np.asarray(1 / np.maximum(largest, floor))
@@ -116,7 +119,7 @@ class Collision:
         """By how much impulses violate the laws, over their size."""
         if not np.isfinite(impulse).all():
             return math.inf
-        size = float(np.abs(impulse).max(initial=0.0))
+        size = max(self.earlier, float(np.abs(impulse).max(initial=0.0)))
         for touch, answer in zip(self.touches, self.answers, strict=True):
             size = max(size, answer * abs(float(self.before[touch.normal])))
         return float(np.abs(impulse - self.mended(impulse)).max(initial=0.0)) / max(size, 1e-300)

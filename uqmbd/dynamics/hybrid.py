@@ -434,15 +434,10 @@ class Hybrid:
             if float(np.linalg.norm(sliding)) > self._slow():  # it has only turned
                 self.headings[k] = sliding / float(np.linalg.norm(sliding))
                 return z
-            resting = at_rest(contacts, {**self.modes, k: "stick"}, self.headings)
-            friction = resting.force[0, contacts.tangents(k)]
-            if np.linalg.norm(friction) > contacts.law[0, k, 1] * resting.force[0, contacts.normal(k)] * (1 + 1e-9):
-                self.headings[k] = heading_of(friction)
-                return z
-            self.happenings.append(Happening(time, k, "stick"))
-            self.modes[k] = "stick"
-            self.headings.pop(k, None)
-            return np.asarray(self._on(np.array([time]), z[None], self.modes)[0])
+            z = self._settle(time, z)
+            if self.modes.get(k) == "stick":
+                self.happenings.append(Happening(time, k, "stick"))
+            return z
         self.happenings.append(Happening(time, k, "slip"))
         friction = at_rest(contacts, self.modes, self.headings).force[0, contacts.tangents(k)]
         self.modes[k], self.headings[k] = "slip", heading_of(friction)
@@ -489,7 +484,14 @@ class Hybrid:
             and gaps[k] <= (1e-6 if k in before else CLOSED) * self.length
             and abs(contacts.speed[0, contacts.normal(k)]) <= slow
         ]
-        self.modes, self.headings, _ = pressed(contacts, near, before, self.headings, slow)
+        if (found := pressed(contacts, near, slow)) is None:
+            names = ", ".join(repr(self.model.events[k][0]) for k in near)
+            self.message = (
+                f"{names}: no forces satisfy the laws of contact and friction at t = {time:.6g} s; what slides is "
+                "wedged (Painleve's paradox). Lower the coefficient of friction, or use a compliant contact."
+            )
+            return z
+        self.modes, self.headings, _ = found
         for k in before:
             if k not in self.modes:
                 self.happenings.append(Happening(time, k, "lift-off"))

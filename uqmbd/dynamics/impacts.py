@@ -55,7 +55,8 @@ def impact(contacts: Contacts, closed: list[int], approach: float) -> tuple[Arra
         if not active:
             break
         last = blow == BLOWS
-        impulse = _blow(contacts, closed if last else active, before, restitution=not last)
+        earlier = float(np.abs(total).max(initial=0.0))
+        impulse = _blow(contacts, closed if last else active, before, earlier, restitution=not last)
         if impulse is None:
             return None
         before = before + contacts.delassus[0] @ impulse
@@ -65,7 +66,7 @@ def impact(contacts: Contacts, closed: list[int], approach: float) -> tuple[Arra
     return jump, hit
 
 
-def _blow(contacts: Contacts, active: list[int], before: Array, *, restitution: bool) -> Array | None:
+def _blow(contacts: Contacts, active: list[int], before: Array, earlier: float, *, restitution: bool) -> Array | None:
     """Impulses of one collision of the `active` contacts, which never feeds in energy."""
     law = contacts.law[0]
     touches = tuple(
@@ -76,8 +77,8 @@ def _blow(contacts: Contacts, active: list[int], before: Array, *, restitution: 
     )
     back = np.maximum(0.0, [-law[k, 0] * before[contacts.normal(k)] for k in active])
     for wanted in (back, np.zeros(len(active))) if restitution and back.any() else (np.zeros(len(active)),):
-        collision = Collision(contacts.delassus[0], before, touches, wanted)
+        collision = Collision(contacts.delassus[0], before, touches, wanted, earlier)
         for impulse in solutions(collision):
-            if collision.fed(impulse) <= FED * float(abs(impulse) @ abs(before)):
+            if collision.fed(impulse) <= FED * max(earlier, float(abs(impulse).max())) * float(abs(before).sum()):
                 return impulse
     return None

@@ -138,7 +138,9 @@ def _writer(path: Path) -> Callable[[xr.DataTree, Path], None]:
             f"{str(path)!r} needs the package zarr, which is not installed: "
             'pip install "uqmbd[distributed]" brings it (so does "uqmbd[test]"), or use .nc instead.'
         )
-    return _write_zarr
+    from uqmbd.results.zarrwriter import write_zarr
+
+    return write_zarr
 
 
 def _write_netcdf(tree: xr.DataTree, path: Path) -> None:
@@ -150,11 +152,6 @@ def _write_netcdf(tree: xr.DataTree, path: Path) -> None:
             group = made.file if node is tree else made.file.create_group(node.relative_to(tree))
             dataset.dump_to_store(H5NetCDFStore(group), encoding={n: light for n in large})
             made.check()
-
-
-def _write_zarr(tree: xr.DataTree, path: Path) -> None:
-    # Format 2: the specification of format 3 has no fixed-width text and no consolidated metadata yet (both warn).
-    tree.to_zarr(path, zarr_format=2)
 
 
 def _encode_tree(tree: xr.DataTree) -> xr.DataTree:
