@@ -426,7 +426,7 @@ def test_interrupt_from_the_keyboard(tmp_path):
     script = tmp_path / "slow.py"
     script.write_text("import time\nprint('here', flush=True)\ntime.sleep(60)\n")
     with subprocess.Popen(
-        [sys.executable, "-m", "uqmbd.cli", "check", str(script)],
+        [sys.executable, "-m", "uqmbd", "check", str(script)],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,

@@ -86,7 +86,7 @@ class Timed:
     known: dict[tuple[object, ...], Seen] = field(default_factory=dict, repr=False, compare=False)
 
     def value(self, which: int, values: Array, times: Array) -> Array:
-        """Values of a function for inputs (W, input) at times (W, T), shape (W, T)."""
+        """Values of a function for inputs (W, input) at times (W, T), shape (W, T); not finite where it is none."""
         found = np.empty(times.shape)
         per = max(1, ROWS // times.shape[1])
         for first in range(0, len(times), per):
@@ -95,7 +95,7 @@ class Timed:
             found[part] = self.functions(np.column_stack([rows, times[part].ravel()]))[:, which].reshape(
                 -1, len(times.T)
             )
-        return np.nan_to_num(found, nan=0.0, posinf=0.0, neginf=0.0)
+        return found
 
 
 def timed(instances: list[Instance], inputs: tuple[RandomVariable, ...]) -> Timed | None:
@@ -237,15 +237,18 @@ def _look(value: Callable[[Array], Array], breaks: Array, begin: float, end: flo
         at = ends[:, :1] + (ends[:, 1:] - ends[:, :1]) * np.linspace(0, 1, parts * CELL + 1)
         at[:, -1] = ends[:, 1]
         sampled = value(at)
+        points = (np.arange(parts) * CELL)[:, None] + np.arange(CELL + 1)
+        # where a function is no number nothing is to be seen of it: who evaluates it there says so
+        blind = ~np.isfinite(sampled[:, points]).all(axis=2)
+        sampled = np.where(np.isfinite(sampled), sampled, 0.0)
         scale = max(scale, float(np.abs(sampled).max()))
         edges = at[:, ::CELL]
         broken = ((breaks > edges[:, :-1, None]) & (breaks < edges[:, 1:, None])).any(axis=2)
-        good, off = _polynomials(sampled, rtol * scale, broken)
+        good, off = _polynomials(sampled, rtol * scale, broken | blind)
         for row, first, count in good:
             if not (windows[row].beside and count == parts):
                 windows[row].cells.append((edges[row, first], edges[row, first + count]))
         inner: list[_Window] = []
-        points = (np.arange(parts) * CELL)[:, None] + np.arange(CELL + 1)
         spans = np.ptp(sampled[:, points], axis=2)
         for row, window in enumerate(windows):
             bad = np.flatnonzero(off[row] > rtol * scale)
