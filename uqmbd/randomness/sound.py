@@ -54,13 +54,14 @@ def flaw_of(distribution: Any) -> str:
 
 
 def _flaw(distribution: Any) -> str:
-    import chaospy
-
     if len(distribution) > 1:
         if is_dependent(distribution):
             return _flaw_of_map(distribution)
         flaws = [(k, _flaw(part)) for k, part in enumerate(distribution)]
         return next((f"of component {k + 1} {flaw}" for k, flaw in flaws if flaw), "")
+    # looked at first: with such a parameter chaospy may search for quantiles without an end
+    if name := _not_a_number(distribution):
+        return f"its parameter {name} is not a number"
     law = Law.of(distribution)
     levels = np.array([RARE, *LEVELS, 1 - RARE]) if law.discrete else LEVELS
     quantiles = law.quantile(levels) if law.mends else np.ravel(distribution.inv(levels)).astype(float)
@@ -78,9 +79,23 @@ def _flaw(distribution: Any) -> str:
         passed = law.cdf(quantiles) if law.mends else np.ravel(distribution.fwd(quantiles)).astype(float)
         if not np.abs(passed - levels).max() < MISFIT:
             return f"its quantiles ({', '.join(f'{x:.4g}' for x in quantiles)}) are not those of its probabilities"
+    return next((flaw for flaw in map(_flaw, _inner(distribution)) if flaw), "")
+
+
+def _inner(distribution: Any) -> list[Any]:
+    """Distributions that one is made of."""
+    import chaospy
+
     parts = [getattr(distribution, "_dist", None), *distribution._parameters.values()]
-    inner = [part for part in parts if isinstance(part, chaospy.Distribution)]
-    return next((flaw for flaw in map(_flaw, inner) if flaw), "")
+    return [part for part in parts if isinstance(part, chaospy.Distribution)]
+
+
+def _not_a_number(distribution: Any) -> str:
+    """Name of a parameter that is NaN, of a distribution or of what it is made of; empty if there is none."""
+    inner = _inner(distribution)
+    numbers = {name: x for name, x in distribution._parameters.items() if not any(x is part for part in inner)}
+    bad = [name for name, x in numbers.items() if np.isnan(np.asarray(x, dtype=float)).any()]
+    return next((name for name in [*bad, *map(_not_a_number, inner)] if name), "")
 
 
 def _flaw_of_map(distribution: Any) -> str:
