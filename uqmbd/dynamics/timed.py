@@ -37,6 +37,10 @@ PARTS = 16
 """Cells into which one is cut where no polynomial is found."""
 PER_OUTPUT = 4
 """Points of the grid between two output times."""
+HUGE = 1e150
+"""Size of what is no number any more."""
+MOST_WINDOWS = 4096
+"""Cells that are cut at once at most."""
 DEPTH = 12
 """How often a cell is cut at most."""
 SHORTEST = 5e-13
@@ -239,8 +243,10 @@ def _look(value: Callable[[Array], Array], breaks: Array, begin: float, end: flo
         sampled = value(at)
         points = (np.arange(parts) * CELL)[:, None] + np.arange(CELL + 1)
         # where a function is no number nothing is to be seen of it: who evaluates it there says so
-        blind = ~np.isfinite(sampled[:, points]).all(axis=2)
-        sampled = np.where(np.isfinite(sampled), sampled, 0.0)
+        with np.errstate(invalid="ignore"):
+            number = np.abs(sampled) < HUGE
+        blind = ~number[:, points].all(axis=2)
+        sampled = np.where(number, sampled, 0.0)
         scale = max(scale, float(np.abs(sampled).max()))
         edges = at[:, ::CELL]
         broken = ((breaks > edges[:, :-1, None]) & (breaks < edges[:, 1:, None])).any(axis=2)
@@ -271,6 +277,11 @@ def _look(value: Callable[[Array], Array], breaks: Array, begin: float, end: flo
                     for side in _sides(edges[row, k], edges[row, k + 1], breaks)
                 ]
         if not inner:
+            break
+        if len(inner) > MOST_WINDOWS:  # as fast as this wherever it is not smooth: it cannot be stepped over
+            for window in inner:
+                window.cells.append((window.begin, window.end))
+            every += inner
             break
         every += inner
         windows, parts = inner, PARTS

@@ -155,9 +155,9 @@ def verdict_of_decay(
 
 
 def percent(value: float) -> str:
-    """Write a share in per cent, with two digits."""
+    """Write a share in per cent, with two digits; what is smaller counts as a millionth."""
     if 0 < value < 1e-6:
-        return "0.0001 % or less"
+        return "0.0001 %"
     return f"{100.0 * value:.2g} %" if value < 0.995 else f"{100.0 * value:.0f} %"
 
 
