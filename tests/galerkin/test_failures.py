@@ -150,7 +150,7 @@ def test_start_without_a_solution_is_an_error(monkeypatch, mechanisms, project):
         type(projected.coupled), "solve", lambda self, values, tolerance: np.full_like(self.correction, np.nan)
     )
     with pytest.raises(uqmbd.AssemblyError, match="projected equations have no consistent start.*Raise the order"):
-        projected.start  # noqa: B018
+        projected.start  # noqa: B018 - built once
 
 
 @pytest.mark.parametrize(

@@ -125,7 +125,7 @@ def test_what_is_no_polynomial_is_refused():
     mechanism.add(SpringDamper("spring", mechanism.ground, body, (0, 0), (0, 0), 10, free_length=length))
     work = VariationalWork(mechanism, uqmbd.index_set(1, 1))
     with pytest.raises(uqmbd.StudyError, match="is no polynomial"):
-        work.averaged_lagrangian  # noqa: B018
+        work.averaged_lagrangian  # noqa: B018 - built once
 
 
 @pytest.mark.parametrize(

@@ -19,7 +19,7 @@ from uqmbd.results import load, save
 numcodecs = pytest.importorskip("numcodecs")
 pytest.importorskip("zarr")
 
-from numcodecs import registry  # noqa: E402
+from numcodecs import registry  # noqa: E402 - after the check that the package is there
 
 WRITTEN = ("blosc", "zstd")
 OTHERS = sorted((set(registry.codec_registry) | set(registry.entries)) - set(WRITTEN))

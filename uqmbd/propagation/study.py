@@ -298,7 +298,7 @@ class Study:
             if folder:
                 reopen(folder) if resume else clear(folder)
             # what is wrong with the mechanism is no matter of a method
-            self.model  # noqa: B018
+            self.model  # noqa: B018 - built once
             attempts = attempt(self, chosen, crew, progress, folder)
             attempts.told(self.name, stacklevel=2)
             tree = joined(self, attempts, self._attributes())
