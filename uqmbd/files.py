@@ -13,6 +13,7 @@ __all__ = ["replacing", "sweep"]
 
 _PREFIX = ".uqmbd-"
 _SUFFIX = ".part"
+_OLD = "old"
 
 
 @contextlib.contextmanager
@@ -51,19 +52,32 @@ def replacing(path: Path, *, lasting: bool = True) -> Iterator[Path]:
                 if file.is_file():
                     _flush(file)
         if path.is_dir():
-            os.replace(path, scratch / "old")
+            (scratch / _OLD).mkdir()
+            os.replace(path, scratch / _OLD / path.name)
         os.replace(part, path)
     finally:
-        shutil.rmtree(scratch, ignore_errors=True)
+        _discard(scratch)
     if lasting:
         with contextlib.suppress(OSError):  # folders cannot be opened everywhere
             _flush(path.parent)
 
 
 def sweep(folder: Path) -> None:
-    """Remove what processes that were killed left half written in a folder; nobody must be writing there."""
+    """Remove what processes that were killed left half written in a folder; nobody must be writing there.
+
+    What one had just moved away, to put something in its place, is put back.
+    """
     for part in folder.glob(f"{_PREFIX}*{_SUFFIX}"):
-        shutil.rmtree(part, ignore_errors=True)
+        _discard(part)
+
+
+def _discard(scratch: Path) -> None:
+    """Remove a place beside others, but for what was there before and has not been replaced."""
+    for old in (scratch / _OLD).glob("*"):
+        place = scratch.parent / old.name
+        if not place.exists():
+            os.replace(old, place)
+    shutil.rmtree(scratch, ignore_errors=True)
 
 
 def _flush(path: Path) -> None:

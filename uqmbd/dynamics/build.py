@@ -28,7 +28,7 @@ from uqmbd.dynamics.model import (
     evaluator,
     place,
 )
-from uqmbd.dynamics.notices import deep_contacts, moved_bodies
+from uqmbd.dynamics.notices import deep_contacts, moved_bodies, size_of
 from uqmbd.dynamics.outputs import angle_counters, output_map
 from uqmbd.dynamics.parameters import ParameterMap
 from uqmbd.dynamics.prescribed import Prescribed, prescribed_by
@@ -163,6 +163,7 @@ def _kinematics(mechanism: Mechanism, time: float) -> tuple[Model, list[Instance
         statements=tuple(statements),
         held=np.array(held, dtype=np.int64),
         breaks=breaks,
+        length=size_of(mechanism) or 1.0,
         limits=limits,
         tensors=tensors,
         evaluators={kind: evaluator(kind, instances, order, layout, blocks, fuse=False) for kind in kinds},

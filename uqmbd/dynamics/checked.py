@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from uqmbd.dynamics.ensemble import Ensemble
 from uqmbd.dynamics.model import Model
-from uqmbd.dynamics.prescribed import instant, position_jumps
+from uqmbd.dynamics.prescribed import gradient_lengths, instant, position_jumps
 from uqmbd.dynamics.projected import ProjectedEnsemble
 from uqmbd.dynamics.rank import named
 from uqmbd.dynamics.restarts import Drift
@@ -113,7 +113,7 @@ def off_constraints(ensemble: Ensemble, times: Array, states: Array, rtol: float
     size = np.clip(np.abs(states[:, 0, : layout.coordinates]).max(axis=1), 1e-3, 1.0)
     speed = np.nanmax(np.abs(states[..., velocities:]), axis=(1, 2), initial=0.0)
     allowed = _allowed(rtol)
-    scale = allowed * _lengths(ensemble)
+    scale = allowed * gradient_lengths(ensemble)
     breaks, texts = ensemble.breaks, dict[int, tuple[int, str]]()
     per = max(1, BLOCK // len(times))
     for first in range(0, len(good), per):
@@ -156,7 +156,7 @@ def projected_off(projected: ProjectedEnsemble, times: Array, coefficients: Arra
     size = np.clip(np.abs(ensemble.start.q).max(keepdims=True).ravel(), 1e-3, 1.0)
     speed = np.nanmax(np.abs(coefficients[..., velocities:]), initial=0.0)
     allowed = _allowed(rtol)
-    scale = allowed * _lengths(ensemble).mean(axis=0, keepdims=True)
+    scale = allowed * gradient_lengths(ensemble).mean(axis=0, keepdims=True)
     breaks = ensemble.breaks.reshape(1, -1)
     per = max(1, BLOCK // len(ensemble))
     for first in range(0, len(times), per):
@@ -197,24 +197,6 @@ def _wrong(
             if min(float(ratios(times[one] + side, one)[row].max()) for side in (-delta, delta)) <= 1.0:
                 continue
         yield row, k, found[row, k]
-
-
-def _lengths(ensemble: Ensemble) -> Array:
-    """Lengths of the gradients of the equations at the start, shape (K, equation)."""
-    model, start = ensemble.model, ensemble.start
-    evaluator = model.evaluators["velocity"]
-    squares = np.zeros((len(ensemble), model.layout.constraints))
-    columns, (rows, _) = evaluator.index["d"]
-    for first in range(0, len(ensemble), BLOCK):
-        part = slice(first, first + BLOCK)
-        q, s = start.q[part], start.s[part]
-        time = np.full((len(q), 1), model.time)
-        arguments = np.concatenate([q, s, np.zeros_like(q), time, np.zeros_like(time)], axis=1)
-        values = evaluator(arguments, ensemble.block[part])[:, columns]
-        for k, row in enumerate(rows):
-            squares[part, row] += values[:, k] ** 2
-    lengths = np.sqrt(squares)
-    return np.where(lengths > 1e-9, lengths, 1.0)
 
 
 def _residuals(ensemble: Ensemble, members: Index, times: Array, states: Array) -> tuple[Array, Array]:

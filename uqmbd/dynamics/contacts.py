@@ -18,7 +18,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from uqmbd.dynamics.coulomb import EXACT, Collision, Touch, solutions
+from uqmbd.dynamics.coulomb import EXACT, Collision, Touch, scaled_solution, solutions
 from uqmbd.dynamics.evaluator import Evaluator
 from uqmbd.dynamics.model import Model
 
@@ -42,10 +42,10 @@ Mode = Literal["stick", "slip"]
 
 CLOSED = 1e-9
 """Gap, over the size of the mechanism, that is none."""
+RESTS = 1e-8
+"""Acceleration along a surface, over those without contacts, that is none."""
 STILL = 1e-7
 """Speed, over that of the mechanism, that is none: in a contact that lasts, whose velocities are projected."""
-SINGULAR = 1e-11
-"""Relative size of a singular value that is none."""
 
 
 @dataclass(frozen=True)
@@ -279,8 +279,8 @@ def spread_solution(
             return np.asarray(spread[:, :, 0] * (right / inner[:, :, 0]))
     if not (np.isfinite(inner).all() and np.isfinite(right).all()):
         return np.full((count, size), np.nan)
-    # contacts may be redundant (a table of four legs)
-    return np.asarray((spread @ (np.linalg.pinv(inner, rcond=SINGULAR) @ right[:, :, None]))[:, :, 0], dtype=float)
+    units = 1 / np.sqrt(np.maximum(np.abs(np.diagonal(matrix, axis1=1, axis2=2)[:, rows]), 1e-300)).max(axis=0)
+    return np.asarray((spread @ scaled_solution(inner, right, units)[:, :, None])[:, :, 0], dtype=float)
 
 
 def at_rest(contacts: Contacts, modes: Mapping[int, Mode], headings: Mapping[int, Array]) -> Resting:
@@ -371,17 +371,25 @@ def pressed(
     problem = Collision(contacts.delassus[0][rows] @ spread, free[rows], tuple(touches), np.zeros(len(near)))
     if (force := next(solutions(problem), None)) is None:
         return None
-    modes: dict[int, Mode] = {}
-    for k, touch in zip(near, touches, strict=True):
-        if force[touch.normal] <= EXACT * float(np.abs(force).max()):
-            continue
-        friction, most = force[list(touch.tangents)], touch.friction * force[touch.normal]
-        # at the limit of friction a contact may not accelerate; as one that slips its force is known all the same
-        stays = len(friction) > 0 and np.linalg.norm(friction) < most * (1 - 1e-9)
-        modes[k] = "stick" if stays else "slip"
-        if len(friction) and not stays:
-            headings[k] = heading_of(friction)
-    resting = at_rest(contacts, modes, headings)
+    after = problem.after(force)
+    still = RESTS * float(np.abs(problem.before).max(initial=0.0))
+    sliding = dict(headings)
+    # redundant contacts that stick have no unique forces; one at the limit of friction is then better told to slip
+    for at_limit in ("stick", "slip"):
+        modes, headings = dict[int, Mode](), dict(sliding)
+        for k, touch in zip(near, touches, strict=True):
+            friction, normal = force[list(touch.tangents)], float(force[touch.normal])
+            if normal <= EXACT * problem.units[touch.normal] * float(np.abs(force / problem.units).max()):
+                continue
+            stays = len(friction) > 0 and bool(np.linalg.norm(after[list(touch.tangents)]) <= still)
+            if at_limit == "slip":
+                stays = stays and bool(np.linalg.norm(friction) < touch.friction * normal * (1 - 1e-9))
+            modes[k] = "stick" if stays else "slip"
+            if len(friction) and not stays:
+                headings[k] = heading_of(friction)
+        resting = at_rest(contacts, modes, headings)
+        if (resting.force[0, [contacts.normal(k) for k in modes]] >= 0).all():
+            break
     # of redundant contacts, whose forces are not unique, those that the least forces would pull are left out
     while modes and resting.force[0, contacts.normal(worst := _least_pressed(contacts, resting, modes))] < 0:
         del modes[worst]

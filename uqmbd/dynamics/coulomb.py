@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 
 from uqmbd.dynamics.pivoting import lemke
 
-__all__ = ["EXACT", "Collision", "Touch", "solutions"]
+__all__ = ["EXACT", "Collision", "Touch", "scaled_solution", "solutions"]
 
 Array = NDArray[np.float64]
 
@@ -78,7 +78,7 @@ class Collision:
     wanted : array, shape (touch,)
         Least normal speeds afterwards, m/s.
     earlier : float
-        Largest impulse, N s, of earlier collisions in the same instant, whose rounding is in the speeds.
+        Largest jump of a speed, m/s, by earlier collisions in the same instant, whose rounding is in the speeds.
     """
 
     matrix: Array
@@ -88,12 +88,19 @@ class Collision:
     earlier: float = 0.0
 
     @cached_property
+    def units(self) -> Array:
+        """Impulse per speed in each direction, about, shape (direction,): bodies may be of very different masses."""
+        found = np.full(len(self.before), float(self.answers.max(initial=1.0)))
+        for touch, answer in zip(self.touches, self.answers, strict=True):
+            found[[touch.normal, *touch.tangents]] = answer
+        return found
+
+    @cached_property
     def answers(self) -> Array:
         """Impulse per speed of each contact, about, shape (touch,)."""
         diagonal = np.abs(np.diag(self.matrix))
         largest = np.array([diagonal[[x.normal, *x.tangents]].max() for x in self.touches])
-        floor = max(1e-12 * float(largest.max(initial=0.0)), 1e-300)
-        return np.asarray(1 / np.maximum(largest, floor))
+        return np.asarray(1 / np.maximum(largest, 1e-300))
 
     def after(self, impulse: Array) -> Array:
         """Speeds after impulses, shape (direction,)."""
@@ -102,6 +109,10 @@ class Collision:
     def fed(self, impulse: Array) -> float:
         """Energy that impulses feed in, J."""
         return float(0.5 * impulse @ (self.before + self.after(impulse)))
+
+    def worked(self, impulse: Array) -> float:
+        """Size of the energies that impulses exchange, J."""
+        return float(np.abs(impulse) @ np.abs(self.before))
 
     def mended(self, impulse: Array) -> Array:
         """Impulses as the laws would have them, after the speeds that the given ones lead to: equal at a solution."""
@@ -116,13 +127,12 @@ class Collision:
         return found
 
     def violation(self, impulse: Array) -> float:
-        """By how much impulses violate the laws, over their size."""
+        """By how much impulses violate the laws, over their size, both as speeds."""
         if not np.isfinite(impulse).all():
             return math.inf
-        size = max(self.earlier, float(np.abs(impulse).max(initial=0.0)))
-        for touch, answer in zip(self.touches, self.answers, strict=True):
-            size = max(size, answer * abs(float(self.before[touch.normal])))
-        return float(np.abs(impulse - self.mended(impulse)).max(initial=0.0)) / max(size, 1e-300)
+        size = max(self.earlier, float(np.abs(impulse / self.units).max(initial=0.0)))
+        size = max(size, *(abs(float(self.before[x.normal])) for x in self.touches), 1e-300)
+        return float((np.abs(impulse - self.mended(impulse)) / self.units).max(initial=0.0)) / size
 
 
 def solutions(collision: Collision) -> Iterator[Array]:
@@ -145,13 +155,18 @@ def solutions(collision: Collision) -> Iterator[Array]:
             yield impulse
 
 
+def scaled_solution(matrix: Array, right: Array, units: Array) -> Array:
+    """Solve for the impulses (..., N) of least length, each in its unit; contacts may be redundant (a table's legs)."""
+    inner = matrix * units[:, None] * units
+    return np.asarray(units * (np.linalg.pinv(inner, rcond=SINGULAR) @ (units * right)[..., None])[..., 0])
+
+
 def _with_modes(collision: Collision, held: list[int], spread: Array, right: Array) -> Array:
     """Impulses ``spread x`` that give the speeds of the directions `held` the jumps `right`."""
     inner = collision.matrix[held] @ spread
     if len(held) == 1:
         return np.asarray(spread[:, 0] * (right[0] / inner[0, 0] if inner[0, 0] else np.inf))
-    # contacts may be redundant (a table of four legs)
-    return np.asarray(spread @ (np.linalg.pinv(inner, rcond=SINGULAR) @ right))
+    return np.asarray(spread @ scaled_solution(inner, right, np.sqrt(collision.units[held])))
 
 
 def _in_plane(collision: Collision) -> Iterator[Array]:
@@ -195,7 +210,8 @@ def _one_in_space(collision: Collision) -> Iterator[Array]:
     directions = [n, *t]
     stick = np.zeros(size)
     right = np.array([needed, *(-collision.before[t])])
-    stick[directions] = np.linalg.pinv(collision.matrix[np.ix_(directions, directions)], rcond=SINGULAR) @ right
+    inner_matrix = collision.matrix[np.ix_(directions, directions)]
+    stick[directions] = scaled_solution(inner_matrix, right, np.sqrt(collision.units[directions]))
     yield stick
     sliding, mu = collision.before[t], touch.friction
     inner, across, along = collision.matrix[n, n], collision.matrix[n, t], collision.matrix[np.ix_(t, t)]
@@ -244,7 +260,7 @@ def _all_hit(collision: Collision) -> Array:
     held = [j for x in collision.touches for j in (x.normal, *x.tangents)]
     jump = -collision.before
     jump[[x.normal for x in collision.touches]] += collision.wanted
-    found[held] = np.linalg.pinv(collision.matrix[np.ix_(held, held)], rcond=SINGULAR) @ jump[held]
+    found[held] = scaled_solution(collision.matrix[np.ix_(held, held)], jump[held], np.sqrt(collision.units[held]))
     return found
 
 
@@ -288,15 +304,17 @@ def _facets(sliding: Array, count: int) -> Array:
 
 def _improved(collision: Collision, impulse: Array) -> Array:
     """Newton's method, with shorter steps, or one towards the laws, where it does not come closer."""
+    units = collision.units
     rest = impulse - collision.mended(impulse)
     for _ in range(NEWTON):
         if not np.isfinite(rest).all() or collision.violation(impulse) <= 1e-3 * EXACT:
             break
-        step = -np.linalg.pinv(_slope(collision, impulse), rcond=SINGULAR) @ rest
+        slope = _slope(collision, impulse) * units / units[:, None]
+        step = -units * (np.linalg.pinv(slope, rcond=SINGULAR) @ (rest / units))
         for length in (1.0, 0.5, 0.25, 0.1):
             new = impulse + length * step
             new_rest = new - collision.mended(new)
-            if np.linalg.norm(new_rest) < (1 - 0.1 * length) * np.linalg.norm(rest):
+            if np.linalg.norm(new_rest / units) < (1 - 0.1 * length) * np.linalg.norm(rest / units):
                 break
         else:
             new = impulse - rest / len(collision.touches)

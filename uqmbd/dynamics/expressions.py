@@ -21,6 +21,10 @@ TIME = sympy.Symbol("_t", real=True)
 """Time in blocks."""
 
 
+SMALLEST = 1e-290
+"""Size of the numbers that keep all their digits, and of their inverses."""
+
+
 def plain(expression: Any) -> sympy.Expr:
     """Write functions that have no derivative everywhere as piecewise expressions, which have."""
     value = sympy.sympify(expression)
@@ -29,8 +33,27 @@ def plain(expression: Any) -> sympy.Expr:
     if value.has(sympy.Abs, sympy.Max, sympy.Min, sympy.sign, sympy.Heaviside):
         kinds = (sympy.Abs, sympy.Max, sympy.Min, sympy.sign, sympy.Heaviside)
         value = value.replace(lambda e: isinstance(e, kinds), _piecewise)
+    if value.has(sympy.exp) and any(_extreme(x) for x in value.atoms(sympy.Float)):
+        value = value.replace(lambda e: isinstance(e, sympy.Mul) and _extreme(e.args[0]), _with_exponent)
     result: sympy.Expr = value
     return result
+
+
+def _extreme(value: sympy.Basic) -> bool:
+    """Whether a number is none in double precision, or nearly."""
+    return isinstance(value, sympy.Float) and value != 0 and not SMALLEST < abs(value) < 1 / SMALLEST
+
+
+def _with_exponent(e: sympy.Mul) -> sympy.Expr:
+    """Write ``c exp(x)`` as ``exp(log(c) + x)``: SymPy takes numbers out of exponents, where they leave the range."""
+    factor, *others = e.args
+    grows = next((x for x in others if isinstance(x, sympy.exp)), None)
+    if grows is None:
+        return e
+    others.remove(grows)
+    # a float would be taken out again
+    exponent = grows.args[0] + sympy.Rational(float(sympy.log(abs(factor))))
+    return sympy.Mul(sympy.sign(factor), *others, sympy.exp(exponent))
 
 
 def _piecewise(e: sympy.Expr) -> sympy.Expr:

@@ -11,7 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from uqmbd.dynamics.contacts import CLOSED, Contacts, Lens, Mode, at_rest, heading_of, pressed, project
 from uqmbd.dynamics.crossings import SAMPLES, Guard, fall
@@ -168,6 +168,7 @@ class Hybrid:
             z[: self.n] += project(contacts, dict.fromkeys(overlapping, "slip"))[0][0]
         z = self._settle(now, z)
         for stop in [*(leg.end for leg in self.legs[:-1] if leg.jumps), end]:
+            self.inside = (now + instant(now), np.inf)
             z = self._cross(now, z)
             while now < stop and not self.message:
                 now, z = self._piece(now, z, stop)
@@ -208,14 +209,20 @@ class Hybrid:
         return self._on(times, piece(times), piece.modes)
 
     # -- between events ----------------------------------------------------------------------------------------------
+    def _within(self, times: ArrayLike) -> Array:
+        """Keep times within the piece: at its ends what is prescribed may jump."""
+        found: Array = np.clip(np.asarray(times, dtype=float), *self.inside)
+        return found
+
     def _look(self, time: float, z: Array) -> Contacts:
+        time = float(self._within(time))
         if self.seen is None or self.seen[0] != time or not np.array_equal(self.seen[1], z):
             self.seen = time, z.copy(), self.lens(np.array([time]), z[None], self.blocks[:1])
         return self.seen[2]
 
     def _rate(self, time: float, z: Array, out: Out) -> None:
         self.evaluations += 1
-        time = min(max(time, self.inside[0]), self.inside[1])  # at its ends a function of time may jump
+        time = min(max(time, self.inside[0]), self.inside[1])
         if not self.modes and self.flight is not None:
             self.flight.state[:] = z
             self.flight.rate(time, out)
@@ -283,15 +290,13 @@ class Hybrid:
             if found is not None:
                 self.pieces.append(Piece(begin, found[0], tuple(curves), dict(self.modes)))
                 moment = np.array([found[0]])
-                return found[0], self._happen(found[0], self._on(moment, curve(moment), self.modes)[0], found[1], begin)
-            z = self._on(np.array([min(after, self.inside[1])]), new[None], self.modes)[0]
-            if z is new and not self.modes:
-                self.stepper.accept()
-            else:
-                if slow := self._turned(after, z):
-                    self.pieces.append(Piece(begin, after, tuple(curves), dict(self.modes)))
-                    return after, self._happen(after, z, slow, begin)
-                self.stepper.start(after, z)
+                there = self._on(self._within(moment), curve(moment), self.modes)[0]
+                return found[0], self._happen(found[0], there, found[1], begin)
+            z = self._on(self._within([after]), new[None], self.modes)[0]
+            if slow := self._turned(after, z):
+                self.pieces.append(Piece(begin, after, tuple(curves), dict(self.modes)))
+                return after, self._happen(after, z, slow, begin)
+            self.stepper.start(after, z)
             now = after
             factor = min(5.0, 0.9 * max(error, 1e-10) ** (-1 / ORDER))
             self.size = size = size * (min(1.0, factor) if refused else factor)
@@ -360,7 +365,7 @@ class Hybrid:
 
     def _values(self, guards: list[Guard], times: Array, states: Array) -> Array:
         """Values of guards at states (T, width), shape (guard, T)."""
-        blocks = self.blocks[: len(times)]
+        blocks, times = self.blocks[: len(times)], self._within(times)
         if not self.modes:
             return self.lens.guards(times, states, blocks)[:, [g.event for g in guards]].T
         contacts = self.lens(times, states, blocks)
@@ -404,15 +409,23 @@ class Hybrid:
         if not self.marks or end <= begin:
             return
         times = np.linspace(begin, end, SAMPLES + 1)
-        values = self.lens.guards(times, curve(times), self.blocks)
+        values = self.lens.guards(self._within(times), curve(times), self.blocks)
         for k in self.marks:
 
             def value(t: float, k: int = k) -> float:
                 moment = np.array([t])
-                return float(self.lens.guards(moment, curve(moment), self.blocks[:1])[0, k])
+                return float(self.lens.guards(self._within(moment), curve(moment), self.blocks[:1])[0, k])
 
-            if values[0, k] > 0 and (found := fall(Guard("gap", k), times, values[:, k], value, 0.0)) is not None:
+            first = 0
+            while first < SAMPLES:
+                if values[first, k] <= 0:
+                    first += 1
+                    continue
+                found = fall(Guard("gap", k), times[first:], values[first:, k], value, 0.0)
+                if found is None:
+                    break
                 self.happenings.append(Happening(found, k, self.model.events[k][1]))
+                first = int(np.searchsorted(times, found, side="right"))
 
     # -- events ------------------------------------------------------------------------------------------------------
     def _happen(self, time: float, z: Array, guard: Guard, begin: float) -> Array:
@@ -498,4 +511,4 @@ class Hybrid:
         for k in self.modes:
             if k not in before:
                 self.happenings.append(Happening(time, k, "rest"))
-        return self._on(np.array([time]), z[None], self.modes)[0] if self.modes else z
+        return self._on(self._within([time]), z[None], self.modes)[0] if self.modes else z

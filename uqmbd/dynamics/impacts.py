@@ -55,8 +55,9 @@ def impact(contacts: Contacts, closed: list[int], approach: float) -> tuple[Arra
         if not active:
             break
         last = blow == BLOWS
-        earlier = float(np.abs(total).max(initial=0.0))
-        impulse = _blow(contacts, closed if last else active, before, earlier, restitution=not last)
+        earlier = float(np.abs(total * np.diag(contacts.delassus[0])).max(initial=0.0))
+        worked = float(np.abs(total) @ np.abs(contacts.speed[0]))
+        impulse = _blow(contacts, closed if last else active, before, (earlier, worked), restitution=not last)
         if impulse is None:
             return None
         before = before + contacts.delassus[0] @ impulse
@@ -66,9 +67,11 @@ def impact(contacts: Contacts, closed: list[int], approach: float) -> tuple[Arra
     return jump, hit
 
 
-def _blow(contacts: Contacts, active: list[int], before: Array, earlier: float, *, restitution: bool) -> Array | None:
+def _blow(
+    contacts: Contacts, active: list[int], before: Array, so_far: tuple[float, float], *, restitution: bool
+) -> Array | None:
     """Impulses of one collision of the `active` contacts, which never feeds in energy."""
-    law = contacts.law[0]
+    law, (earlier, worked) = contacts.law[0], so_far
     touches = tuple(
         Touch(contacts.normal(k), tuple(contacts.tangents(k)), float(law[k, 1]))
         if contacts.rubs(k)
@@ -79,6 +82,6 @@ def _blow(contacts: Contacts, active: list[int], before: Array, earlier: float, 
     for wanted in (back, np.zeros(len(active))) if restitution and back.any() else (np.zeros(len(active)),):
         collision = Collision(contacts.delassus[0], before, touches, wanted, earlier)
         for impulse in solutions(collision):
-            if collision.fed(impulse) <= FED * max(earlier, float(abs(impulse).max())) * float(abs(before).sum()):
+            if collision.fed(impulse) <= FED * max(collision.worked(impulse), worked):
                 return impulse
     return None

@@ -12,6 +12,7 @@ from uqmbd.dynamics.checked import checked
 from uqmbd.dynamics.dop853 import integrate_by_dop853
 from uqmbd.dynamics.ensemble import Ensemble
 from uqmbd.dynamics.ida import integrate_by_ida
+from uqmbd.dynamics.prescribed import gradient_lengths
 from uqmbd.dynamics.rank import violated
 from uqmbd.dynamics.trajectories import Counters, Trajectories
 from uqmbd.dynamics.with_events import event_times, integrate_with_events
@@ -114,7 +115,7 @@ def _integrate(ensemble: Ensemble, times: Array, rtol: float, stack: int, method
                 if final or not message:
                     states[members[k]], messages[members[k]] = solved.states[k], message
                     by[members[k]] = "dop853"
-    _stop_violations(ensemble, times, states, messages)
+    _stop_violations(ensemble, times, states, messages, rtol)
     if notes:
         more = f" (and {len(notes) - 1} more such changes)" if len(notes) > 1 else ""
         warnings.warn(
@@ -136,15 +137,19 @@ def _with_events(ensemble: Ensemble, times: Array, rtol: float) -> Trajectories:
     states[assembled] = solved.states
     for member, message in zip(assembled, solved.messages, strict=True):
         messages[member] = message
-    _stop_violations(ensemble, times, states, messages)
+    _stop_violations(ensemble, times, states, messages, rtol)
     scalars = event_times(ensemble, assembled, runs)
     counters = solved.counters + Counters(by_dop853=len(assembled))
     return Trajectories(times, states, tuple(messages), counters, scalars)
 
 
-def _stop_violations(ensemble: Ensemble, times: Array, states: Array, messages: list[str]) -> None:
+def _stop_violations(ensemble: Ensemble, times: Array, states: Array, messages: list[str], rtol: float) -> None:
     """Let realisations fail that violate equations which were left out as redundant."""
-    for k, (first, text) in violated(ensemble.model, times, states, ensemble.block).items():
+    model = ensemble.model
+    if model.layout.rank == model.layout.constraints:
+        return
+    found = violated(model, times, states, ensemble.block, gradient_lengths(ensemble), rtol)
+    for k, (first, text) in found.items():
         if not messages[k]:
             states[k, first:], messages[k] = np.nan, text
 

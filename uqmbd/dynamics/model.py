@@ -174,6 +174,8 @@ class Model:
     """Functions of time that components with constraints are given, `uqmbd.dynamics.prescribed.Prescribed`."""
     timed: Any = field(default=None, repr=False)
     """Functions of time that may be stepped over, `uqmbd.dynamics.timed.Timed`."""
+    length: float = 1.0
+    """Largest extent of the mechanism as drawn, m, at the means; 1 where none is known."""
     max_step: float = np.inf
     """Longest step of any integrator, s."""
     added_breaks: tuple[float, ...] = ()

@@ -20,7 +20,7 @@ from uqmbd.mechanism.numbers import flatten
 from uqmbd.mechanism.time import t
 from uqmbd.randomness import RandomVariable
 
-__all__ = ["Prescribed", "instant", "position_jumps", "prescribed_by"]
+__all__ = ["Prescribed", "gradient_lengths", "instant", "jumped", "position_jumps", "prescribed_by"]
 
 Array = NDArray[np.float64]
 
@@ -32,6 +32,10 @@ POSES = 3
 """Poses at which an equation is looked at before and after: at one alone it may agree by chance."""
 LEAST = 1e-9
 """Jump, over the size of the mechanism, that is rounding whatever the tolerance."""
+ROUNDING = 1e-14
+"""Jump, over the largest coordinate, that is rounding in any mechanism."""
+ROWS = 4096
+"""Realisations that are looked at once."""
 
 
 @dataclass(frozen=True)
@@ -86,6 +90,17 @@ def instant(time: float) -> float:
     return INSTANT * max(1.0, abs(time))
 
 
+def jumped(sooner: Array, before: Array, after: Array, later: Array) -> Array:
+    """By how much values of equations jump: those right before and after, and twice as far from the moment.
+
+    What moves fast, and does not jump, moves twice as far in twice the time.  An equation that has only changed its
+    sign says the same.
+    """
+    return np.asarray(
+        np.minimum(np.abs(2 * (after - before) - (later - sooner)), np.abs(2 * (after + before) - (later + sooner)))
+    )
+
+
 def position_jumps(ensemble: Ensemble, times: Array, rtol: float) -> dict[int, str]:
     """Find realisations of which a constraint, and so a position, jumps within the output times.
 
@@ -116,7 +131,7 @@ def position_jumps(ensemble: Ensemble, times: Array, rtol: float) -> dict[int, s
     if not breaks.size:
         return {}
     begin, end = float(times[0]), float(times[-1])
-    ok = ensemble.start.ok
+    ok, gradients = ensemble.start.ok, gradient_lengths(ensemble)
     found: dict[int, str] = {}
     for column in breaks.T:
         some = np.flatnonzero(ok & (column >= begin) & (column <= end))
@@ -124,21 +139,23 @@ def position_jumps(ensemble: Ensemble, times: Array, rtol: float) -> dict[int, s
         if len(some):
             # outside of the output times nothing happens
             delta = INSTANT * np.maximum(1.0, np.abs(column[some]))
-            sides = np.clip(np.stack([column[some] - delta, column[some] + delta]), begin, end)
-            jumps = _equation_jumps(ensemble, some, sides)
+            sides, about = (
+                np.clip(column[some] + far * np.array([[-2], [-1], [1], [2]]) * delta, begin, end)
+                for far in (1.0, NEXT)
+            )
             # next to a pole all is steep: what is no number there is told as such, by who integrates
-            about = np.clip(np.stack([column[some] - NEXT * delta, column[some] + NEXT * delta]), begin, end)
-            jumps = np.where(np.isfinite(_equation_jumps(ensemble, some, about)), jumps, 0.0)
-            size = np.clip(np.abs(ensemble.start.q[some]).max(axis=1, initial=0.0), 1e-3, 1.0)
-            wrong = jumps > max(rtol, LEAST) * size[:, None]
+            steep = ~np.isfinite(_equation_jumps(ensemble, some, about))
+            jumps = np.where(steep, 0.0, _equation_jumps(ensemble, some, sides)) / gradients[some]
+            noise = ROUNDING * np.maximum(1.0, np.abs(ensemble.start.q[some]).max(axis=1, initial=0.0))
+            wrong = jumps > np.maximum(max(rtol, LEAST) * min(1.0, model.length), noise)[:, None]
             for row in np.flatnonzero(wrong.any(axis=1)):
                 equations = np.flatnonzero(wrong[row])
-                found[int(some[row])] = _jump(ensemble, int(some[row]), sides[:, row], column[some[row]], equations)
+                found[int(some[row])] = _jump(ensemble, int(some[row]), sides[1:3, row], column[some[row]], equations)
     return found
 
 
 def _equation_jumps(ensemble: Ensemble, members: NDArray[np.int64], sides: Array) -> Array:
-    """By how much equations differ right before and right after, `sides` (2, K); shape (K, equation)."""
+    """By how much equations jump between times, `sides` (4, K): two before and two after; shape (K, equation)."""
     model, start = ensemble.model, ensemble.start
     drift = model.evaluators["drift"]
     found = np.zeros((len(members), model.layout.constraints))
@@ -152,9 +169,26 @@ def _equation_jumps(ensemble: Ensemble, members: NDArray[np.int64], sides: Array
             drift(np.column_stack([states + shift, time, np.zeros(len(members))]), ensemble.block[members])[:, columns]
             for time in sides
         ]
-        change = np.minimum(np.abs(values[1] - values[0]), np.abs(values[1] + values[0]))
-        found[:, rows] = np.maximum(found[:, rows], change)
+        found[:, rows] = np.maximum(found[:, rows], jumped(*values))
     return found
+
+
+def gradient_lengths(ensemble: Ensemble) -> Array:
+    """Lengths of the gradients of the equations at the start, shape (K, equation)."""
+    model, start = ensemble.model, ensemble.start
+    evaluator = model.evaluators["velocity"]
+    squares = np.zeros((len(ensemble), model.layout.constraints))
+    columns, (rows, _) = evaluator.index["d"]
+    for first in range(0, len(ensemble), ROWS):
+        part = slice(first, first + ROWS)
+        q, s = start.q[part], start.s[part]
+        time = np.full((len(q), 1), model.time)
+        arguments = np.concatenate([q, s, np.zeros_like(q), time, np.zeros_like(time)], axis=1)
+        values = evaluator(arguments, ensemble.block[part])[:, columns]
+        for k, row in enumerate(rows):
+            squares[part, row] += values[:, k] ** 2
+    lengths = np.sqrt(squares)
+    return np.where(lengths > 1e-9, lengths, 1.0)
 
 
 def _jump(ensemble: Ensemble, member: int, sides: Array, time: float, equations: NDArray[np.int64]) -> str:

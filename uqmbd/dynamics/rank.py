@@ -25,8 +25,11 @@ WATCHED = 6
 SMALL = 0.3
 """Relative size of a singular value below which its zero is looked for."""
 
-VIOLATION = 1e-3
-"""Residual of an equation that was left out as redundant, over the size of the mechanism: it was not."""
+VIOLATION = 100.0
+"""Tolerances by which an equation that was left out as redundant may be off, over the size of the mechanism."""
+
+FINE, COARSE = 1e-6, 1e-2
+"""The same, at least and at most."""
 
 BLOCK = 2048
 """States whose residuals are evaluated at once."""
@@ -168,7 +171,9 @@ def null_equations(model: Model, q: Array, s: Array, time: float, parameters: Ar
     return free
 
 
-def violated(model: Model, times: Array, states: Array, parameters: Array) -> dict[int, tuple[int, str]]:
+def violated(
+    model: Model, times: Array, states: Array, parameters: Array, lengths: Array, rtol: float
+) -> dict[int, tuple[int, str]]:
     """Find motions that violate equations which were left out as redundant: they were not, but singular at the start.
 
     Parameters
@@ -181,6 +186,10 @@ def violated(model: Model, times: Array, states: Array, parameters: Array) -> di
         Coordinates, auxiliary states and velocities; NaN where there are none.
     parameters : array, shape (K, parameter)
         Of the realisations.
+    lengths : array, shape (K, equation)
+        Of the gradients of the equations.
+    rtol : float
+        Relative tolerance of the integration.
 
     Returns
     -------
@@ -202,8 +211,8 @@ def violated(model: Model, times: Array, states: Array, parameters: Array) -> di
         arguments = np.concatenate([flat[part], times[part % number][:, None], np.zeros((len(part), 1))], axis=1)
         found = evaluator(arguments, parameters[part // number])
         values[part[:, None], rows[dropped]] = found[:, columns[dropped]]
-    size = np.maximum(1.0, np.abs(states[:, 0, : layout.coordinates]).max(axis=1, initial=0.0))
-    off = np.abs(values).reshape(count, number, -1) > VIOLATION * size[:, None, None]
+    allowed = min(COARSE, max(FINE, VIOLATION * rtol)) * min(1.0, model.length)
+    off = np.abs(values).reshape(count, number, -1) > allowed * lengths[:, None]
     texts: dict[int, tuple[int, str]] = {}
     for k in np.flatnonzero(off.any(axis=(1, 2))).tolist():
         first = int(np.argmax(off[k].any(axis=1)))
@@ -211,8 +220,9 @@ def violated(model: Model, times: Array, states: Array, parameters: Array) -> di
         texts[k] = (
             first,
             f"the equations {names}, left out as redundant at the start, are violated from t = {times[first]:.6g} s: "
-            "the drawn pose is singular, and does not say which motion is meant. Draw the mechanism in another pose, "
-            "if only a little farther along the motion",
+            "other equations do not imply them. Either the constraints contradict each other (as two drivers of one "
+            "motion, or lengths that do not fit), or the drawn pose is singular, and does not say which motion is "
+            "meant: draw the mechanism in another pose, if only a little farther along the motion",
         )
     return texts
 

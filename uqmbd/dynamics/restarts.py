@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from uqmbd.dynamics.evaluator import Evaluator
 from uqmbd.dynamics.index1 import impulses
 from uqmbd.dynamics.model import Model
-from uqmbd.dynamics.prescribed import instant
+from uqmbd.dynamics.prescribed import instant, jumped
 from uqmbd.dynamics.rank import named
 
 __all__ = ["Drift", "speed_jumps"]
@@ -77,10 +77,9 @@ def speed_jumps(
     if not layout.rank or "phi_t" not in model.evaluators["velocity"].index:
         return change, {}
     drift = Drift(model)
-    before, after = (drift(states, np.full(len(states), t), parameters)[1] for t in (time - delta, time + delta))
+    sides = [drift(states, np.full(len(states), time + k * delta), parameters)[1] for k in (-2, -1, 1, 2)]
     speed = np.maximum(np.abs(states[:, layout.coordinates + layout.states :]).max(axis=1, initial=0.0), 1e-3)
-    # an equation that has only changed its sign says the same
-    jump = np.minimum(np.abs(after - before), np.abs(after + before)).max(axis=1)
+    jump = jumped(*sides).max(axis=1)
     some = np.flatnonzero(jump > FELT * rtol * speed)
     if not len(some):
         return change, {}
@@ -88,7 +87,7 @@ def speed_jumps(
     moved = states[some].copy()
     moved[:, layout.coordinates + layout.states :] += change[some]
     left = np.abs(drift(moved, np.full(len(some), time + delta), parameters[some])[1])
-    size = np.maximum(speed[some], np.abs(after[some]).max(axis=1))
+    size = np.maximum(speed[some], np.abs(sides[2][some]).max(axis=1))
     wrong = ~(left <= max(CONTRADICTION, rtol) * size[:, None])
     reasons = {
         int(some[row]): (

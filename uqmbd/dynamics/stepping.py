@@ -97,10 +97,6 @@ class Stepper:
             self.rate(time + size * self.later[more], shifted, self.out[count])
         return Curve(time, size, z, size * (self.tableau.dense @ self.k))
 
-    def accept(self) -> None:
-        """Go on from the step that was tried last: the rate at its end is that at the beginning of the next."""
-        self.k[0] = self.k[STAGES]
-
     def first_size(self, time: float, z: Array, floor: Array, most: float) -> float:
         """Guess a step; `start` has been called."""
         scale = floor + self.rtol * np.abs(z)

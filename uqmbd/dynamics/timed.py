@@ -107,7 +107,8 @@ def timed(instances: list[Instance], inputs: tuple[RandomVariable, ...]) -> Time
     found: dict[sympy.Expr, None] = {}
     for instance in instances:
         values = {sympy.Symbol(f"_p{k}", real=True): p for k, p in enumerate(instance.parameters)}
-        whole = [e for x in instance.type.expressions for e in _of_time(x)]
+        guards = [event.guard for event in instance.type.events]
+        whole = [e for x in (*instance.type.expressions, *guards) for e in _of_time(x)]
         # a corner of what is prescribed is a jump of its speed
         rates = [e.diff(TIME) for x in instance.type.constraints for e in _of_time(x) if e.has(sympy.Piecewise)]
         for e in (*whole, *rates):
@@ -204,15 +205,16 @@ def look(seen: Timed, values: Array, breaks: Array, times: Array, rtol: float) -
         _, first = np.unique(np.nan_to_num(about, nan=np.inf), axis=0, return_index=True)
         for k in first.tolist():
             key = (which, begin, end, leaves, rtol, about[k].tobytes())
-            if key not in seen.known:
+            known = seen.known.get(key)
+            if known is None:
                 if len(seen.known) >= MOST_LEAVES:
                     seen.known.clear()
 
                 def value(at: Array, which: int = which, row: Array = values[k]) -> Array:
                     return seen.value(which, np.repeat(row[None], len(at), axis=0), at)
 
-                seen.known[key] = _look(value, breaks[k], begin, end, leaves, max(rtol, LEAST))
-            found.append(seen.known[key])
+                known = seen.known[key] = _look(value, breaks[k], begin, end, leaves, max(rtol, LEAST))
+            found.append(known)
     cells = np.concatenate([s.cells for s in found]) if found else np.zeros((0, 2))
     jumps = np.concatenate([s.jumps for s in found]) if found else np.zeros(0)
     return Seen(cells, np.unique(jumps))
@@ -245,8 +247,8 @@ def _look(value: Callable[[Array], Array], breaks: Array, begin: float, end: flo
         # where a function is no number nothing is to be seen of it: who evaluates it there says so
         with np.errstate(invalid="ignore"):
             number = np.abs(sampled) < HUGE
-        blind = ~number[:, points].all(axis=2)
-        sampled = np.where(number, sampled, 0.0)
+        blind = ~number[:, points].any(axis=2)
+        sampled = _filled(at, sampled, number)
         scale = max(scale, float(np.abs(sampled).max()))
         edges = at[:, ::CELL]
         broken = ((breaks > edges[:, :-1, None]) & (breaks < edges[:, 1:, None])).any(axis=2)
@@ -287,6 +289,17 @@ def _look(value: Callable[[Array], Array], breaks: Array, begin: float, end: flo
         windows, parts = inner, PARTS
     cells = [cell for window in every for cell in window.cells]
     return Seen(np.array(cells).reshape(-1, 2), np.array(jumps))
+
+
+def _filled(at: Array, values: Array, number: NDArray[np.bool_]) -> Array:
+    """Values (W, T) at times, with a line through those beside where there are none; 0 in a row without any."""
+    if number.all():
+        return values
+    found = np.where(number, values, 0.0)
+    for row in np.flatnonzero(number.any(axis=1) & ~number.all(axis=1)):
+        holes = ~number[row]
+        found[row, holes] = np.interp(at[row, holes], at[row, ~holes], values[row, ~holes])
+    return found
 
 
 def _sides(begin: float, end: float, breaks: Array) -> list[tuple[float, float]]:

@@ -155,7 +155,8 @@ def set_aside(folder: Path) -> Path | None:
     collected = folder / f".{PREVIOUS}"
     shutil.rmtree(collected, ignore_errors=True)
     collected.mkdir()
-    for pattern in _RESULTS:
+    # the result itself last: who is killed before begins again with all of it
+    for pattern in reversed(_RESULTS):
         for found in folder.glob(pattern):
             found.rename(collected / found.name)
     if previous.exists():

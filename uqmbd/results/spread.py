@@ -136,10 +136,12 @@ def _errors(statistics: xr.Dataset, rtol: float) -> tuple[Array, Array]:
     alike = np.array([size[units == unit].max() for unit in units])
     largest = size.max()
     rounding = np.maximum(ROUNDING * size, ALIKE * alike)
-    rounding = np.where(size <= ANY * largest, np.maximum(rounding, ANY * largest), rounding)
     stated = np.full(mean.shape, np.nan)
     if "integration_error" in statistics:
         stated = _rows(statistics["integration_error"])
+    # of other units, where nothing is known of the error
+    unknown = ~np.isfinite(stated).any(axis=1) & (size <= ANY * largest)
+    rounding = np.where(unknown, np.maximum(rounding, ANY * largest), rounding)
     error = np.where(np.isfinite(stated), stated, (OF_TOLERANCE * rtol * size)[:, None])
     return error, np.broadcast_to(rounding[:, None], mean.shape)
 

@@ -36,10 +36,11 @@ def computed(folder: Path, attrs: Mapping[Any, Any]) -> None:
     place = folder / FOLDER
     if not place.is_dir() or "failed" in attrs:
         return
-    (place / _MARK).write_text(_identity(attrs))
-    with contextlib.suppress(FileNotFoundError):
-        shutil.rmtree(folder / _ENDED)
-    place.rename(folder / _ENDED)
+    # where that cannot be noted, as on a full disk, the run is unfinished, and the results are not lost
+    with contextlib.suppress(OSError):
+        (place / _MARK).write_text(_identity(attrs))
+        shutil.rmtree(folder / _ENDED, ignore_errors=True)
+        place.rename(folder / _ENDED)
 
 
 def saved(folder: Path, attrs: Mapping[Any, Any]) -> None:
