@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from numbers import Real
 from operator import index
 from typing import TYPE_CHECKING, Any, Literal, get_args
@@ -46,6 +47,10 @@ def check_options(options: Collocation) -> None:
     if options.nodes is not None:
         _set(options, "nodes", tuple(_whole("nodes", n, 1) for n in np.atleast_1d(options.nodes).tolist()))
     if options.weights is not None:
+        if not isinstance(options.weights, (int, float, tuple, list, np.ndarray)):
+            raise uqmbd.StudyError(
+                f"Collocation: weights is {options.weights!r}; expected a number for each input, in their order."
+            )
         _set(options, "weights", tuple(_positive("weights", w) for w in np.atleast_1d(options.weights).tolist()))
     _set(options, "tolerance", _positive("tolerance", options.tolerance))
     _check_contradictions(options)
@@ -94,6 +99,15 @@ def _check_contradictions(options: Collocation) -> None:
         if options.design not in rules:
             expected = " or ".join(f"rule={rule!r}" for rule in rules)
             _refuse(options, (name,), f"rule={options.design!r}; it is for {expected}")
+    defaults = {f.name: f.default for f in dataclasses.fields(options)}
+    for names, used, what in (
+        (("tolerance",), options.adaptive != "no" or options.alignment is not None, "adaptive='no'"),
+        (("max_elements",), options.elements is not None or options.alignment is not None, "elements=None"),
+        (("threshold",), options.elements is not None, "elements=None"),
+    ):
+        for name in names if not used else ():
+            if getattr(options, name) != defaults[name]:
+                _refuse(options, (name,), what)
     if options.grid:
         _refuse(options, ("samples",), f"rule={options.grid!r}, a grid; give nodes or level, or a rule such as 'sobol'")
 

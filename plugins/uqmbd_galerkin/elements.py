@@ -120,8 +120,8 @@ class _Elements:
                 found = next(results)
             except uqmbd.AssemblyError as error:
                 raise uqmbd.AssemblyError(
-                    f"{problem.label}: {error} An expansion needs a motion at every node: truncate the distributions, "
-                    "or use Monte Carlo, which counts such samples."
+                    f"{problem.label}: {str(error).rstrip('.')}. An expansion needs a motion at every node: truncate "
+                    "the distributions, or use Monte Carlo, which counts such samples."
                 ) from None
             count = found["coefficients"].shape[2]
             labels = problem.labels

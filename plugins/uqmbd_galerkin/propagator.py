@@ -328,6 +328,6 @@ class Galerkin(uqmbd.Propagator):
             return uqmbd.ProjectedEnsemble(ensemble, space.evaluate(rule.nodes, terms), rule.weights)
         except uqmbd.AssemblyError as error:
             raise uqmbd.AssemblyError(
-                f"{label}: {error} An expansion needs a motion at every node: truncate the distributions, or "
-                "use Monte Carlo, which counts such samples."
+                f"{label}: {str(error).rstrip('.')}. An expansion needs a motion at every node: truncate the "
+                "distributions, or use Monte Carlo, which counts such samples."
             ) from None

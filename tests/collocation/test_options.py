@@ -17,6 +17,9 @@ from uqmbd_collocation import Collocation
 @pytest.mark.parametrize(
     ("options", "words"),
     [
+        ({"tolerance": 1e-4}, ["tolerance=0.0001 means nothing with adaptive='no'"]),
+        ({"threshold": 0.1}, ["threshold=0.1 means nothing with elements=None"]),
+        ({"weights": {"x": 2}}, ["weights is {'x': 2}", "a number for each input"]),
         ({"order": -1}, ["order is -1", "whole number, 0 or more"]),
         ({"order": 2.5}, ["order is 2.5"]),
         ({"order": True}, ["order is True"]),
@@ -59,17 +62,17 @@ def test_what_cannot_be_used(options, words):
 
 
 def test_numbers_of_any_kind_become_plain_ones():
-    made = Collocation(order=np.int64(4), nodes=np.array([5, 6]), weights=[1, 2], tolerance=np.float32(0.5))
-    assert (made.order, made.nodes, made.weights, made.tolerance) == (4, (5, 6), (1.0, 2.0), 0.5)
+    made = Collocation(order=np.int64(4), nodes=np.array([5, 6]), weights=[1, 2])
+    assert (made.order, made.nodes, made.weights) == (4, (5, 6), (1.0, 2.0))
+    made = Collocation(adaptive="order", tolerance=np.float32(0.5))
+    assert made.tolerance == 0.5 and type(made.tolerance) is float
     json.dumps(dataclasses.asdict(made))
 
 
 def test_options_from_the_command_line():
-    settings = ["order=4", "nodes=5,6", "weights=1,2", "verify=0", "tolerance=1e-4", "index_set=hyperbolic"]
+    settings = ["order=4", "nodes=5,6", "weights=1,2", "verify=0", "seed=3", "index_set=hyperbolic"]
     (changed,) = apply_settings([f"collocation.{text}" for text in settings], [Collocation()])
-    assert changed == Collocation(
-        order=4, nodes=(5, 6), weights=(1, 2), verify=0, tolerance=1e-4, index_set="hyperbolic"
-    )
+    assert changed == Collocation(order=4, nodes=(5, 6), weights=(1, 2), verify=0, seed=3, index_set="hyperbolic")
     (changed,) = apply_settings(["collocation.nodes=5", "collocation.rule=gauss"], [Collocation()])
     assert changed.nodes == (5,)
     (changed,) = apply_settings(["collocation.nodes=none"], [changed])

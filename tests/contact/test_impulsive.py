@@ -302,3 +302,63 @@ def test_marks_change_nothing_and_are_timed():
     np.testing.assert_allclose(
         [data.apex1, data.hit, data.apex2], [3 / 9.81, hit, hit + 0.5 * speed / 9.81], rtol=1e-10
     )
+
+
+@pytest.mark.parametrize("ratio", [1.0, 1e5, 1e12])
+def test_bodies_that_do_not_touch_each_other_rest_however_unlike_their_masses(ratio):
+    """Two boxes slide on the ground beside each other, each until friction has stopped it."""
+    mechanism = uqmbd.Mechanism("boxes", uqmbd.Translational(gravity=(0, -9.81)))
+    for k, mass in enumerate((1 / np.sqrt(ratio), np.sqrt(ratio))):
+        box = mechanism.body(f"box{k}", mass=mass, position=(5 * k, 0), velocity=(1, 0))
+        ground = mechanism.ground
+        mechanism.add(PlaneImpact(f"floor{k}", ground, box, (0, 0), (0, 0), (0, 1), restitution=0, friction=0.1))
+        mechanism.output(f"x{k}", box.position[0] - 5 * k, units="m")
+        mechanism.output(f"y{k}", box.position[1], units="m")
+    times = np.linspace(0, 1, 5)
+    found = uqmbd.simulate(mechanism, times)
+    for k in range(2):
+        np.testing.assert_allclose(found[f"x{k}"].values, times - 0.5 * 0.981 * times**2, atol=1e-9)
+        np.testing.assert_allclose(found[f"y{k}"].values, 0, atol=1e-9)
+
+
+@pytest.mark.parametrize("share", [0.9999, 1.0, 1.0001])
+def test_a_block_on_an_incline_at_the_angle_of_friction(share):
+    """It slides up, stops, and then stays, or slides down hardly."""
+    tilt, speed, gravity = 0.3, 2.0, 9.81
+    mu = share * np.tan(tilt)
+    along = np.array([np.cos(tilt), np.sin(tilt)])
+    mechanism = uqmbd.Mechanism("incline", uqmbd.Translational(gravity=(0, -gravity)))
+    block = mechanism.body("block", mass=2, velocity=tuple(speed * along))
+    normal = (-np.sin(tilt), np.cos(tilt))
+    mechanism.add(PlaneImpact("plane", mechanism.ground, block, (0, 0), (0, 0), normal, restitution=0, friction=mu))
+    mechanism.output("s", block.position[0] * along[0] + block.position[1] * along[1], units="m")
+    times = np.linspace(0, 2, 21)
+    up = gravity * (np.sin(tilt) + mu * np.cos(tilt))
+    down = max(0.0, gravity * (np.sin(tilt) - mu * np.cos(tilt)))
+    stop = speed / up
+    expected = np.where(
+        times < stop, speed * times - up * times**2 / 2, speed * stop / 2 - down * (times - stop) ** 2 / 2
+    )
+    np.testing.assert_allclose(uqmbd.simulate(mechanism, times)["s"].values, expected, atol=1e-8)
+
+
+class Ruler(uqmbd.Component):
+    """Notes whenever a body passes a line, many times in a step."""
+
+    bodies = ("body",)
+
+    def terms(self, p):
+        """Yield the event."""
+        yield uqmbd.Event(sympy.sin(2 * sympy.pi * p.body.position[0] / 0.05), label="line")
+
+
+def test_all_events_of_one_kind_in_a_step_are_noted():
+    mechanism = uqmbd.Mechanism("ruler", uqmbd.Translational())
+    body = mechanism.body("body", mass=1, position=(0.01, 0), velocity=(1, 0))
+    ruler = mechanism.add(Ruler("ruler", body))
+    for k in range(1, 20):
+        mechanism.output(f"line{k}", ruler.event_time("line", k), units="s")
+    found = uqmbd.simulate(mechanism, np.linspace(0, 1, 3), check=False)
+    np.testing.assert_allclose(
+        [float(found[f"line{k}"]) for k in range(1, 20)], 0.015 + 0.05 * np.arange(19), atol=1e-9
+    )

@@ -12,6 +12,7 @@ import chaospy
 import numpy as np
 import pytest
 import scipy.stats
+import sympy
 import xarray as xr
 
 import uqmbd
@@ -25,6 +26,7 @@ from uqmbd.results import verdicts
 from uqmbd.results.distances import distances, ks_by_chance
 from uqmbd.results.simultaneous import chance, curve_length, pointwise_level
 from uqmbd_collocation import Collocation
+from uqmbd_joints import Revolute
 from uqmbd_montecarlo import MonteCarlo
 
 TIMES = np.linspace(0.0, 2.0, 101)
@@ -311,3 +313,45 @@ def test_error_against_cost() -> None:
         study.converge(Collocation, tolerances=[1])
     with pytest.raises(StudyError, match="give the levels"):
         study.converge(Collocation)
+
+
+def rare_event(chance, seeds):
+    """Two Monte Carlo runs of an output that is not zero in one of so many realisations."""
+    speed = uqmbd.RandomVariable("speed", chaospy.Uniform(1.5, 2.5))
+    mechanism = uqmbd.Mechanism("stone", uqmbd.Translational())
+    stone = mechanism.body("stone", mass=1, velocity=(speed, 0))
+    mechanism.output("excess", sympy.Max(0, stone.velocity[0] - (2.5 - chance)), units="m/s")
+    methods = [MonteCarlo(samples=200, seed=seed, label=f"mc{seed}") for seed in seeds]
+    return uqmbd.Study("rare", mechanism, np.linspace(0, 1, 3), methods).run()["comparison"]
+
+
+@pytest.mark.parametrize("chance", [0.0025, 0.005])
+def test_what_is_so_rare_that_samples_miss_it_does_not_differ(chance):
+    kinds = [str(k) for j in range(6) for k in rare_event(chance, (2 * j, 2 * j + 1))["verdict_kind"].values.ravel()]
+    assert verdicts.DIFFERS not in kinds
+    assert verdicts.FEW in kinds
+
+
+def test_a_spread_that_is_not_rare_is_missed_by_no_samples():
+    """A constant is told from an output of which every tenth realisation differs."""
+    nodes = []
+    for name, values in (("still", np.zeros(200)), ("moves", np.repeat([1.0, 0.0], [20, 180]))):
+        axes = results.labels(["x"], [], [0.0, 1.0])
+        response = np.repeat(values[:, None, None], 2, axis=2)
+        statistics = results.statistics_dataset(axes, **results.sample_statistics(response))
+        nodes.append(results.propagator_node(name, statistics, propagator="p", realisations=200, wall_time=1.0))
+    found = results.compare(nodes, reference="moves")
+    assert verdicts.DIFFERS in found["verdict_kind"].values
+
+
+def test_an_integration_that_is_too_coarse_leads_the_recommendation():
+    length = uqmbd.RandomVariable("length", chaospy.Normal(1, 1e-3))
+    mechanism = uqmbd.Mechanism("pendulum", uqmbd.Planar(gravity=(0, -9.81)))
+    rod = mechanism.body("rod", mass=1, inertia=length**2 / 12, position=(length / 2, 0))
+    mechanism.add(Revolute("pivot", mechanism.ground, rod, (0, 0), (-length / 2, 0)))
+    mechanism.output("angle", rod.angle, units="rad")
+    methods = [Collocation(order=2), MonteCarlo(samples=60, seed=1)]
+    for rtol, coarse in ((1e-3, True), (1e-9, False)):
+        study = uqmbd.Study("pendulum", mechanism, np.linspace(0, 20, 41), methods, rtol=rtol)
+        said = study.run()["comparison"].attrs["recommendation"]
+        assert said.startswith("Lower rtol first: the error of the time integration is up to") is coarse

@@ -15,6 +15,7 @@ import xarray as xr
 
 import uqmbd
 from uqmbd.errors import StudyError
+from uqmbd.files import sweep
 from uqmbd.results import load, save
 
 pytest.importorskip("resource")
@@ -119,3 +120,26 @@ def test_numbers_that_are_written_so_are_those_that_were_given(tmp_path: Path) -
     }
     tree = xr.DataTree.from_dict(sets)
     assert load(save(tree, tmp_path / "r.nc")).identical(tree)
+
+
+def test_a_folder_that_cannot_be_replaced_is_left_as_it_was(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Somebody reads in the old one, on a system that minds; or a process is killed between the two steps."""
+    old = xr.DataTree(xr.Dataset(attrs={"name": "old"}))
+    path = save(old, tmp_path / "r.zarr")
+    real = os.replace
+
+    def busy(source: Path, target: Path) -> None:
+        if Path(source).name == "new":
+            raise PermissionError(13, "somebody reads there")
+        real(source, target)
+
+    monkeypatch.setattr(os, "replace", busy)
+    with pytest.raises(StudyError, match="somebody reads there"):
+        save(xr.DataTree(xr.Dataset(attrs={"name": "new"})), path)
+    monkeypatch.undo()
+    assert load(path).identical(old) and os.listdir(tmp_path) == ["r.zarr"]
+    moved = tmp_path / ".uqmbd-killed.part" / "old" / "r.zarr"
+    moved.parent.mkdir(parents=True)
+    path.rename(moved)
+    sweep(tmp_path)
+    assert load(path).identical(old) and os.listdir(tmp_path) == ["r.zarr"]

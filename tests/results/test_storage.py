@@ -13,7 +13,7 @@ import xarray as xr
 
 from uqmbd import results
 from uqmbd.errors import StudyError
-from uqmbd.results import storage
+from uqmbd.results import storage, zarrwriter
 
 MakeNode = Callable[..., xr.DataTree]
 
@@ -116,7 +116,8 @@ def test_a_failing_write_leaves_the_old_result(
         target.mkdir() if ending == ".zarr" else target.write_bytes(b"half")
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(storage, "_write_netcdf" if ending == ".nc" else "_write_zarr", half)
+    writer = (storage, "_write_netcdf") if ending == ".nc" else (zarrwriter, "write_zarr")
+    monkeypatch.setattr(*writer, half)
     with pytest.raises(StudyError, match="cannot be written .* No space left"):
         results.save(make_node("x"), path)
     assert results.load(path).identical(study)

@@ -284,3 +284,54 @@ def test_an_integrator_of_a_plugin_that_cannot_bound_its_steps_is_refused(monkey
     Steady.paced = True
     data = uqmbd.simulate(particle(1), TIMES, integrator="steady", check=False, max_step=0.1)
     np.testing.assert_allclose(data["speed"], TIMES, atol=1e-6)
+
+
+@pytest.mark.parametrize("integrator", INTEGRATORS)
+@pytest.mark.parametrize("width", [1e-3, 1e-4])
+@pytest.mark.parametrize("at", [sympy.Rational(3, 2), 1.511])
+def test_a_pulse_with_a_hole_in_it_is_seen(integrator, width, at):
+    """u / sinh(u) is no number at u = 0, which is a point of the grid; its integral is pi^2 / 2."""
+    u = (t - at) / width
+    found = uqmbd.simulate(particle(u / sympy.sinh(u) / width), np.linspace(0, 3, 31), integrator=integrator)
+    assert found["speed"].values[-1] == pytest.approx(np.pi**2 / 2, rel=1e-4)
+
+
+@pytest.mark.parametrize("integrator", INTEGRATORS)
+@pytest.mark.parametrize("at", [0.7, 1.0, 1.5])
+def test_an_exponential_whose_constant_is_out_of_range_is_computed(integrator, at):
+    """SymPy writes exp((t - 1) / 0.001) as 5e-435 exp(1000 t); the impulse of each flank is 1 N s."""
+    rises = sympy.Piecewise((1000 * sympy.exp((t - at) / 1e-3), t < at), (0, True))
+    falls = sympy.Piecewise((0, t < at), (1000 * sympy.exp(-(t - at) / 1e-3), True))
+    for force in (rises, falls, -rises / 2 + 1.5 * falls):
+        found = uqmbd.simulate(particle(force), np.linspace(0, 2, 21), integrator=integrator)
+        assert found["speed"].values[-1] == pytest.approx(1, abs=1e-5)
+
+
+def test_a_function_that_is_rough_for_a_tenth_of_the_time_is_not_looked_at_without_end():
+    waves = sum(sympy.sin(10_000 * np.sqrt(p) * t**2) for p in (2, 3, 5))
+    rough = sympy.Piecewise((waves, (t > 0.4) & (t < 0.5)), (0, True))
+    ensemble = Ensemble(build(particle(rough)), np.zeros((1, 0)))
+    legs = uqmbd.dynamics.pace.pace(ensemble, TIMES, 1e-6)
+    assert len(legs) < 20_000
+
+
+class Spike(uqmbd.Component):
+    """Notes when a body falls below a wall that stands for a moment only."""
+
+    bodies = ("body",)
+    width = uqmbd.Parameter("s")
+
+    def terms(self, p):
+        """Yield the event."""
+        yield uqmbd.Event(p.body.position[0] + 1 - 3 * sympy.exp(-(((p.time - 0.637) / p.width) ** 2)), label="spike")
+
+
+@pytest.mark.parametrize("width", [0.1, 1e-2, 3e-3, 1e-3, 1e-4])
+def test_a_pulse_in_the_guard_of_an_event_is_seen(width):
+    mechanism = uqmbd.Mechanism("particle", uqmbd.Translational())
+    body = mechanism.body("particle", mass=1)
+    spike = mechanism.add(Spike("spike", body, width))
+    mechanism.output("when", spike.event_time("spike", 1), units="s")
+    assert float(uqmbd.simulate(mechanism, TIMES)["when"]) == pytest.approx(
+        0.637 - width * np.sqrt(np.log(3)), abs=1e-6
+    )

@@ -7,9 +7,11 @@ import warnings
 import chaospy
 import numpy as np
 import pytest
+import sympy
 from scipy.special import ellipj, ellipk
 
 import uqmbd
+from uqmbd_drivers import PositionDriver
 from uqmbd_joints import Revolute
 
 G, LENGTH, BASE, CRANK, COUPLER = 9.81, 0.4, 0.5, 1.2, 2.0
@@ -139,3 +141,21 @@ def test_random_length_that_breaks_a_redundant_loop_is_refused():
     uqmbd.simulate(mechanism, [0, 0.2])
     with pytest.raises(uqmbd.AssemblyError, match=r"[AB]\d"):
         uqmbd.simulate(mechanism, [0, 0.2], values={"length": LENGTH + 0.01})
+
+
+@pytest.mark.parametrize("size", [100.0, 1.0, 1e-3, 1e-5])
+@pytest.mark.parametrize(("ratio", "rtol"), [(1.5, 1e-6), (1.001, 1e-6), (1.0001, 1e-8)])
+@pytest.mark.parametrize("integrator", ["dop853", "ida"])
+def test_drivers_that_contradict_each_other_later_are_told_at_any_size(size, ratio, rtol, integrator):
+    """At the start, and until 1 s, one of them is redundant; the check knows the size of the mechanism."""
+    mechanism = uqmbd.Mechanism("two", uqmbd.Translational())
+    body = mechanism.body("body", mass=1, position=(0, 0))
+    mechanism.output("x", body.position[0], units="m")
+    late = size * sympy.Max(0, uqmbd.t - 1) ** 3
+    for name, displacement in (("first", size + late), ("second", size + ratio * late)):
+        mechanism.add(PositionDriver(name, mechanism.ground, body, (-size, 0), (0, 0), (1, 0), displacement))
+    with (
+        pytest.warns(uqmbd.RedundantConstraintWarning),
+        pytest.raises(uqmbd.IntegrationError, match="'second: displacement', left out as redundant .* contradict"),
+    ):
+        uqmbd.simulate(mechanism, np.linspace(0, 2, 11), rtol=rtol, integrator=integrator)

@@ -14,6 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import uqmbd
+from uqmbd.dynamics import Ensemble, build, position_jumps
 from uqmbd_contact import PlaneImpact
 from uqmbd_drivers import DistanceDriver, LinearSpeedDriver, PositionDriver, RotationDriver
 from uqmbd_galerkin import Galerkin
@@ -301,3 +302,56 @@ def test_a_result_off_the_constraints_is_a_failed_realisation_whoever_integrates
     response = samples["response"].transpose("sample", "output", "time").values
     assert np.isfinite(response[::2]).all()
     assert not np.isfinite(response[1::2]).any()
+
+
+@pytest.mark.parametrize("after", [-1, 0, 0.5])
+def test_a_contact_does_not_pull_where_the_speed_of_what_pushes_jumps(after):
+    """A pusher of a body that it touches slows down at once; the body goes on with the speed of before."""
+    mechanism = uqmbd.Mechanism("pushed", uqmbd.Translational())
+    pusher, body = mechanism.body("pusher", mass=1), mechanism.body("body", mass=1, position=(0.5, 0))
+    mechanism.add(PlaneImpact("face", pusher, body, (0.5, 0), (0, 0), (1, 0), restitution=0.5))
+    speed = sympy.Piecewise((t, t < 1), (after, True))
+    mechanism.add(LinearSpeedDriver("push", mechanism.ground, pusher, (0, 0), (0, 0), (1, 0), speed))
+    mechanism.output("v", body.velocity[0], units="m/s")
+    mechanism.output("x", body.position[0], units="m")
+    found = uqmbd.simulate(mechanism, np.linspace(0, 2, 21))
+    assert found["v"].values[-1] == pytest.approx(1, abs=1e-9)
+    assert found["x"].values[-1] == pytest.approx(2, abs=1e-6)
+
+
+@pytest.mark.parametrize("length", [1.0, 1e-2, 1e-4, 1e-6])
+@pytest.mark.parametrize("space", [uqmbd.Planar, uqmbd.Translational])
+@pytest.mark.parametrize("rtol", [1e-6, 1e-3])
+def test_a_position_that_jumps_is_refused_in_mechanisms_of_any_size(length, space, rtol):
+    mechanism = uqmbd.Mechanism("small", space())
+    inertia = {"inertia": length**2} if space is uqmbd.Planar else {}
+    body = mechanism.body("body", mass=1, position=(length, 0), **inertia)
+    jumps = length * sympy.Piecewise((1, t < 0.5), (1.5, True))
+    mechanism.add(DistanceDriver("rod", mechanism.ground, body, (0, 0), (0, 0), jumps))
+    mechanism.output("x", body.position[0], units="m")
+    with pytest.raises(uqmbd.StudyError, match=r"at t = 0.5 s a prescribed position jumps: that of 'rod'"):
+        uqmbd.simulate(mechanism, np.linspace(0, 1, 11), rtol=rtol)
+
+
+@pytest.mark.parametrize(
+    ("displacement", "times"),
+    [
+        (sympy.Piecewise((t / 1e-6, t < 1e-6), (1, True)), np.linspace(0, 2e-6, 11)),
+        (uqmbd.step(t, 0.5, 0, 0.7, 1), np.linspace(0, 1, 11)),
+        (sympy.Piecewise((0, t < 0.5), (500 * (t - 0.5) ** 2, True)), np.linspace(0, 1, 11)),
+    ],
+)
+@pytest.mark.parametrize("integrator", INTEGRATORS)
+def test_what_is_fast_or_sets_off_is_no_jump(displacement, times, integrator):
+    mechanism = uqmbd.Mechanism("slide", uqmbd.Translational())
+    body = mechanism.body("body", mass=1)
+    mechanism.add(PositionDriver("push", mechanism.ground, body, (0, 0), (0, 0), (1, 0), displacement))
+    mechanism.output("x", body.position[0], units="m")
+    found = uqmbd.simulate(mechanism, times, integrator=integrator, check=False)
+    expected = sympy.lambdify(t, sympy.sympify(displacement).doit())(times[-1])
+    assert found["x"].values[-1] == pytest.approx(float(expected), rel=1e-6)
+
+
+def test_a_fast_rotor_with_a_break_does_not_jump():
+    model = dataclasses.replace(build(turned_rod(100 * t)), added_breaks=(900.0,))
+    assert position_jumps(Ensemble(model, np.zeros((1, 0))), np.array([0.0, 1000.0]), 1e-7) == {}

@@ -47,7 +47,7 @@ class Modes:
 
     @property
     def frequency(self) -> Array:
-        """Natural (undamped) frequencies ``|eigenvalue| / 2 pi``, Hz."""
+        """Natural frequencies ``|eigenvalue| / 2 pi``, Hz: of proportional damping, those without it."""
         return np.asarray(np.abs(self.eigenvalues) / (2 * np.pi))
 
     @property

@@ -79,6 +79,7 @@ class Body(Frame):
         self.name = name
         self.terms = inertia
         self.pose = pose
+        self.drafts: dict[str, str] = {}  # components that touch it and were not given to `Mechanism.add`: their kinds
         marks = {"q": "", "v": "'", "a": "''"}
         symbols = {
             kind: [StateSymbol(self, kind, i, f"{name}.{c}{mark}") for i, c in enumerate(space.coordinates)]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import inspect
 import traceback
-import weakref
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -54,7 +53,6 @@ __all__ = [
     "Upright",
     "VirtualWork",
     "flatten",
-    "made_components",
 ]
 
 
@@ -103,7 +101,7 @@ class Component:
     stating = False
     """Whether it is being asked for its terms."""
     offered = False
-    """Whether it was given to a mechanism, which may have refused it."""
+    """Whether it is a part of a mechanism without anybody's call of `Mechanism.add`."""
 
     def __init__(self, name: str, *arguments: Any, **keywords: Any) -> None:
         kind = type(self).__name__
@@ -133,7 +131,9 @@ class Component:
         self.attached: dict[str, Body | Ground] = {key: given.pop(key, None) for key in roles}
         self.given = given
         self.values: dict[str, Any] = {}
-        _MADE[id(self)] = self
+        if not self.offered:
+            for body in self.attached.values():
+                getattr(body, "drafts", {})[name] = kind
 
     @classmethod
     def parameters(cls) -> dict[str, Parameter]:
@@ -289,15 +289,6 @@ def _place_of(error: BaseException) -> str:
     """File and line in which an error came up, as a part of a sentence."""
     frames = traceback.extract_tb(error.__traceback__)[1:]
     return f" ({Path(frames[-1].filename).name}, line {frames[-1].lineno})" if frames else ""
-
-
-_MADE: weakref.WeakValueDictionary[int, Component] = weakref.WeakValueDictionary()
-"""All components that somebody holds."""
-
-
-def made_components() -> list[Component]:
-    """Return all components that somebody holds, added or not."""
-    return list(_MADE.values())
 
 
 def _drawn(body: Any) -> tuple[sympy.Expr, ...]:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from uqmbd.mechanism.body import Body
-from uqmbd.mechanism.component import made_components
 from uqmbd.mechanism.mechanism import Mechanism
 
 __all__ = ["forgotten"]
@@ -12,8 +10,7 @@ __all__ = ["forgotten"]
 def forgotten(mechanism: Mechanism) -> tuple[str, ...]:
     """Name the components that touch bodies of a mechanism and were never given to its `add`, a sentence each.
 
-    Components are known as long as somebody holds them: one that was replaced by another of its name, or thrown away,
-    as those of a notebook's cell that is run again, is none of them.
+    One that was replaced by another of its name, or refused, is none of them.
 
     Parameters
     ----------
@@ -33,16 +30,13 @@ def forgotten(mechanism: Mechanism) -> tuple[str, ...]:
     >>> forgotten(mechanism)
     ()
     """
-    found = []
-    for component in made_components():
-        if component.offered or component.name in mechanism.components:
-            continue
-        touched = [body for body in component.attached.values() if isinstance(body, Body)]
-        if not touched or any(mechanism.bodies.get(body.name) is not body for body in touched):
-            continue
-        whose = " and ".join(repr(body.name) for body in touched)
-        found.append(
-            f"{type(component).__name__} {component.name!r} of {'body' if len(touched) == 1 else 'bodies'} {whose} was "
-            "made and never added, so that it has no effect; call mechanism.add(...) with it"
-        )
-    return tuple(sorted(found))
+    touched: dict[tuple[str, str], list[str]] = {}
+    for body in mechanism.bodies.values():
+        for name, kind in body.drafts.items():
+            if name not in mechanism.components:
+                touched.setdefault((name, kind), []).append(repr(body.name))
+    return tuple(
+        f"{kind} {name!r} of {'body' if len(bodies) == 1 else 'bodies'} {' and '.join(bodies)} was made and never "
+        "added, so that it has no effect; call mechanism.add(...) with it"
+        for (name, kind), bodies in sorted(touched.items())
+    )

@@ -198,7 +198,8 @@ class Mechanism:
                 f"mechanism {self.name!r}: add() was given {shown(component)}; "
                 "expected a component such as a joint, a spring or a force."
             )
-        component.offered = True
+        for body in component.attached.values():
+            getattr(body, "drafts", {}).pop(component.name, None)
         where = f"{type(component).__name__} {component.name!r}"
         if self.components.get(component.name) is component:
             raise StudyError(f"{where}: it has been added to mechanism {self.name!r} already.")

@@ -98,7 +98,8 @@ class AtEquilibrium(Placeholder, sympy.Function):
 def eigenfrequency(number: int, at: At = "equilibrium") -> sympy.Expr:
     """Return the natural frequency of a mode, in Hz, for use in an output.
 
-    That of small motions of the constrained mechanism, undamped: ``|eigenvalue| / 2 pi``; see `uqmbd.eigenfrequencies`.
+    That of small motions of the constrained mechanism, ``|eigenvalue| / 2 pi``: with proportional damping that of the
+    undamped motion, with other damping not quite; see `uqmbd.eigenfrequencies`.
     An output with it has one value per realisation and no time.
 
     *Numbering*: by ascending frequency, from 1, of the modes that oscillate; rigid-body modes, at zero frequency, and

@@ -99,7 +99,7 @@ def eigenfrequencies(
     Returns
     -------
     xarray.Dataset
-        Over the dimension ``mode``, sorted: ``frequency``, that of the undamped motion, ``|eigenvalue| / 2 pi``, Hz;
+        Over the dimension ``mode``, sorted: ``frequency``, ``|eigenvalue| / 2 pi``, Hz;
         ``damping_ratio``, ``-Re(eigenvalue) / |eigenvalue|``; ``eigenvalue_real`` and ``eigenvalue_imaginary``, 1/s.
         A degree of freedom that is damped too much to oscillate has two modes of damping ratio 1, an unstable one
         a mode of damping ratio -1; a rigid-body mode has frequency and damping ratio 0.

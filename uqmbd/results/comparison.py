@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from uqmbd.errors import StudyError
 from uqmbd.results.comparison_details import counters, distributions, quantiles
 from uqmbd.results.own_errors import over_time, own_error, root_mean_square
-from uqmbd.results.recommendation import recommend
+from uqmbd.results.recommendation import loose, recommend
 from uqmbd.results.spread import rtol_of
 from uqmbd.results.statements import own_statements
 from uqmbd.results.verdicts import COARSE, NO_SPREAD, REFERENCE, ROUGH, Verdict, verdicts
@@ -232,7 +232,7 @@ def compare(
     if len(nodes) < 2:
         return found
     found = found.assign(counters(attributes)).assign(distributions(nodes, chosen, times, errors[chosen], level))
-    return found.assign_attrs(recommendation="\n".join(recommend(found)))
+    return found.assign_attrs(recommendation="\n".join((*loose(nodes), *recommend(found))))
 
 
 _COMMENTS = {

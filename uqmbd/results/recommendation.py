@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 import numpy as np
 import xarray as xr
 
 from uqmbd.results.chaos_decay import percent
+from uqmbd.results.integration import integration_shares
 from uqmbd.results.verdicts import AGREES, DIFFERS, FEW, NO_SPREAD, REFERENCE, UNDER_RESOLVED
 
-__all__ = ["overall", "recommend"]
+__all__ = ["loose", "overall", "recommend"]
 
 GOOD, FAIR = 0.01, 0.05
 """Own errors, relative to the standard deviation: enough for nearly all purposes, and for most."""
@@ -59,6 +61,29 @@ def overall(comparison: xr.Dataset, method: str) -> tuple[str, str, str]:
     else:
         which = ", ".join(names[:3]) + (", ..." if len(names) > 3 else "")
     return worst, str(row["verdict"].values[first]), which
+
+
+def loose(nodes: Mapping[str, xr.DataTree]) -> tuple[str, ...]:
+    """Say that the time integration is too coarse for any recommendation, in a sentence, or nothing.
+
+    Parameters
+    ----------
+    nodes : mapping of str to xarray.DataTree
+        Methods by label.
+    """
+    shares = [
+        (one, label)
+        for label, node in nodes.items()
+        for one in integration_shares(node.children["statistics"].to_dataset())
+        if one.varies and one.share > FAIR
+    ]
+    if not shares:
+        return ()
+    worst, label = max(shares, key=lambda pair: pair[0].share)
+    return (
+        f"Lower rtol first: the error of the time integration is up to {percent(worst.share)} of the standard "
+        f"deviation (of {worst.output}, with {label}), which the errors stated below do not hold.",
+    )
 
 
 def recommend(comparison: xr.Dataset) -> tuple[str, ...]:

@@ -139,16 +139,17 @@ def _verdict(
     bound_mean = _bound(found, base, o, level, "mean")
     bound_std = _bound(found, base, o, level, "std")
     within = _ratio(float(root_mean_square(_widths(found, base, o, bound_std, floor)[None], times)[0]), scale)
+    unseen_times, rare = _rare(found, base, o, level, names)
     tests = {}
     for claimed in (True, False):
         slack = floor + base.integration[o] + found.integration[o] + base.bias[o] + (found.bias[o] if claimed else 0.0)
         tests[claimed] = (
-            _mean_deviation(found, base, o, bound_mean, slack),
-            _std_deviation(found, base, o, bound_std, slack),
+            _mean_deviation(found, base, o, bound_mean, slack, unseen_times),
+            _std_deviation(found, base, o, bound_std, slack, unseen_times),
         )
     beyond = any(d.significant for d in tests[True])
     unexplained = any(d.significant for d in tests[False])
-    few = _few(found, base, o, times, names)
+    few = rare or _few(found, base, o, times, names)
     stated = float(found.stated[o])
     of_base = float(base.stated[o])
     # terms of the highest order that are large say that more are missing, unless the surrogate is shown to be exact
@@ -156,6 +157,8 @@ def _verdict(
     coarse = stated > COARSE or (truncated and (beyond or (unexplained and np.isnan(stated))))
     if not base.varies[o] and not (found.varies[o] and tests[True][1].significant):
         moved = "; ".join(_differences(found, base, o, times, units, tests[True][:1]))
+        if rare and not moved:
+            return Verdict(FEW, f"too few samples to tell: {rare}", within)
         return Verdict(DIFFERS, f"differs: {moved}", within) if moved else Verdict(NO_SPREAD, STILL, 0.0)
     what = "; ".join(_differences(found, base, o, times, units, tests[beyond] if unexplained else ()))
     if beyond and not coarse and not (found.samples and found.samples < LEAST_SAMPLES) and not of_base > COARSE:
@@ -248,20 +251,45 @@ def _parts(method: OwnError, o: int, name: str) -> Array:
     return np.asarray(off / np.where(size > 0, size, 1.0) * _noise(method, o, name))
 
 
-def _mean_deviation(found: OwnError, base: OwnError, o: int, bound: Array, slack: Array) -> _Deviation:
+def _rare(
+    found: OwnError, base: OwnError, o: int, level: float, names: tuple[str, str]
+) -> tuple[NDArray[np.bool_], str]:
+    """Find the times (T,) at which samples do not vary, and may well have missed what does; say whose.
+
+    Something that happens with probability p makes a kurtosis of at least about 1 / p, and n samples hold none of it
+    with probability (1 - p)^n.
+    """
+    times, said = np.zeros(found.std.shape[1], dtype=bool), ""
+    for method, other, name in ((found, base, names[0]), (base, found, names[1])):
+        if not method.samples:
+            continue
+        chance = 1.0 / np.maximum(other.kurtosis[o], 1.0 + 1e-9)
+        missed = (method.std[o] == 0) & (other.std[o] > 0) & (method.samples * np.log1p(-chance) > np.log(level))
+        if missed.any():
+            times |= missed
+            said = f"{name} has {method.samples}, which may well hold none of the rare events that make the spread"
+    return times, said
+
+
+def _mean_deviation(
+    found: OwnError, base: OwnError, o: int, bound: Array, slack: Array, unseen: NDArray[np.bool_]
+) -> _Deviation:
     difference = np.abs(found.mean[o] - base.mean[o])
     noise = np.hypot(found.noise_mean[o], base.noise_mean[o])
-    return _deviation(np.maximum(difference - slack, 0.0), bound * noise, difference)
+    excess = np.where(unseen, 0.0, np.maximum(difference - slack, 0.0))
+    return _deviation(excess, bound * noise, difference)
 
 
-def _std_deviation(found: OwnError, base: OwnError, o: int, bound: Array, slack: Array) -> _Deviation:
+def _std_deviation(
+    found: OwnError, base: OwnError, o: int, bound: Array, slack: Array, unseen: NDArray[np.bool_]
+) -> _Deviation:
     """Test the ratio of standard deviations: its logarithm is closer to normal than the difference."""
     one, other = found.std[o], base.std[o]
     difference = np.abs(one - other)
     nearer = np.where(one > other, np.maximum(one - slack, other), np.minimum(one + slack, other))
     usable = (nearer > 0) & (other > 0)
     ratio = np.abs(np.log(np.where(usable, nearer, 1.0) / np.where(usable, other, 1.0)))
-    ratio = np.where(usable | (nearer == other), ratio, np.inf)
+    ratio = np.where(unseen, 0.0, np.where(usable | (nearer == other), ratio, np.inf))
     noise = np.hypot(_noise(found, o, "std"), _noise(base, o, "std"))
     return _deviation(ratio, bound * noise, difference)
 
