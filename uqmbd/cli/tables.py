@@ -80,6 +80,8 @@ def show_summary(tree: xr.DataTree, *, files: Mapping[str, Path], title: str = "
     counts = [(int(node.attrs.get("failures", 0)), int(node.attrs.get("realisations", 0))) for node in nodes.values()]
     failed = (Text(f"{bad} of {all_}", style="bold red" if bad else "") for bad, all_ in counts)
     table.add_row("failed realisations", "", *failed)
+    if lacking := _without_values(list(nodes), still):
+        table.add_row("without these values", "", *lacking)
     table.add_row("wall time", "", *(seconds(float(node.attrs.get("wall_time", 0.0))) for node in nodes.values()))
     table.add_row("integration error", "", *(_integration(node) for node in nodes.values()))
     screen.print(table)
@@ -102,6 +104,19 @@ def _integration(node: xr.DataTree) -> str:
     if not stated:
         return "–"
     return max(stated, key=lambda one: one.share if math.isfinite(one.share) else -1.0).words()
+
+
+def _without_values(labels: list[str], still: Mapping[str, xr.DataTree]) -> list[Text]:
+    """Count the realisations that have no outputs without a time, and do not enter their statistics; empty if none."""
+    counts = [
+        (int(still[label].attrs.get("failures", 0)), int(still[label].attrs.get("realisations", 0)))
+        if label in still
+        else (0, 0)
+        for label in labels
+    ]
+    if not any(bad for bad, _ in counts):
+        return []
+    return [Text(f"{bad} of {all_}" if all_ else "", style="bold red" if bad else "") for bad, all_ in counts]
 
 
 def _show_recommendation(tree: xr.DataTree) -> None:

@@ -33,7 +33,7 @@ STARTS = ("drawn", "equilibrium")
 """Where realisations may start."""
 
 
-LONGEST, SHORTEST = 1e30, 1e-30
+LONGEST, SHORTEST = 1e30, 1e-9
 """Times, and distances between them, s, beyond which the steps of an integration leave the range of numbers."""
 
 APART = 1e-14

@@ -297,6 +297,12 @@ def summary(tree: xr.DataTree, nodes: Mapping[str, xr.DataTree]) -> list[str]:
     if compared and not any(_numbers(node)[1] for node in nodes.values()):
         text[0] += " All realisations succeeded."
     for label, node in nodes.items():
+        if lacking := _lacking(node):
+            text.append(
+                f"With {label}, {lacking[0]} of {format_count(lacking[1], 'realisation')} have not all of the outputs "
+                "without a time, and are left out of the statistics of these."
+            )
+    for label, node in nodes.items():
         total, failed = _numbers(node)
         seconds = format_duration(float(node.attrs.get("wall_time", math.nan)))
         outcome = "all succeeded" if not failed else f"{failed} failed and did not enter the statistics"
@@ -342,6 +348,13 @@ def _warnings_of(node: xr.DataTree) -> list[str]:
     return [str(said) for said in found] if isinstance(found, list) else []
 
 
+def _lacking(node: xr.DataTree) -> tuple[int, int] | None:
+    """Return the realisations without outputs without a time, and all; None if there are none of the first."""
+    attrs = node.children["scalars"].attrs if "scalars" in node.children else {}
+    failed, total = int(attrs.get("failures", 0)), int(attrs.get("realisations", 0))
+    return (failed, total) if failed else None
+
+
 def failures(label: str, node: xr.DataTree) -> dict[str, Any]:
     """Return failures of a method: how many, grouped by their reason, and the inputs that caused them."""
     total, failed = _numbers(node)
@@ -356,6 +369,7 @@ def failures(label: str, node: xr.DataTree) -> dict[str, Any]:
         "hidden": 0,
         "kept": "",
         "fit": str(node.attrs.get("fit", "")),
+        "lacking": _lacking(node),
     }
     samples = runs_of(node)
     if samples is None or not failed:
