@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import warnings
 from numbers import Real
 from operator import index
 from typing import TYPE_CHECKING, Any, Literal, get_args
@@ -106,8 +107,9 @@ def _check_contradictions(options: Collocation) -> None:
         (("threshold",), options.elements is not None, "elements=None"),
     ):
         for name in names if not used else ():
-            if getattr(options, name) != defaults[name]:
-                _refuse(options, (name,), what)
+            if (given := getattr(options, name)) != defaults[name]:
+                text = f"Collocation: {name}={given!r} has no effect with {what}; leave it out, or change the latter."
+                warnings.warn(text, uqmbd.StudyWarning, stacklevel=5)
     if options.grid:
         _refuse(options, ("samples",), f"rule={options.grid!r}, a grid; give nodes or level, or a rule such as 'sobol'")
 

@@ -17,8 +17,6 @@ from uqmbd_collocation import Collocation
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ({"tolerance": 1e-4}, ["tolerance=0.0001 means nothing with adaptive='no'"]),
-        ({"threshold": 0.1}, ["threshold=0.1 means nothing with elements=None"]),
         ({"weights": {"x": 2}}, ["weights is {'x': 2}", "a number for each input"]),
         ({"order": -1}, ["order is -1", "whole number, 0 or more"]),
         ({"order": 2.5}, ["order is 2.5"]),
@@ -132,3 +130,30 @@ def test_nothing_random(resting):
 def test_what_can_be_done_has_no_obstacle(resting):
     study = resting(lambda a, b: a * b, NORMAL, NORMAL)
     assert all(Collocation(**o).obstacle(study) is None for o in ({}, {"adaptive": "dimension"}, {"method": "lars"}))
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"tolerance": 1e-4}, "tolerance=0.0001 has no effect with adaptive='no'"),
+        ({"threshold": 0.1}, "threshold=0.1 has no effect with elements=None"),
+        ({"max_elements": 5}, "max_elements=5 has no effect with elements=None"),
+    ],
+)
+def test_an_option_without_effect_is_told(options, words):
+    with pytest.warns(uqmbd.StudyWarning, match=words):
+        Collocation(**options)
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"tolerance": 1e-3},
+        {"adaptive": "order", "tolerance": 1e-4},
+        {"elements": 3, "threshold": 0.1},
+        {"alignment": "events", "max_elements": 5},
+    ],
+)
+def test_options_with_an_effect_are_not_told(options, recwarn):
+    Collocation(**options)
+    assert not recwarn

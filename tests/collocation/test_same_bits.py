@@ -27,7 +27,7 @@ mechanism = uqmbd.Mechanism("pendulum", uqmbd.Planar(gravity=(0.0, -9.81)))
 rod = mechanism.body("rod", mass=1.2 * length, inertia=length**3 / 10, position=(length / 2, 0), angle=angle)
 mechanism.add(Revolute("pivot", mechanism.ground, rod, point_i=(0, 0), point_j=(-length / 2, 0)))
 mechanism.output("angle", rod.angle, units="rad")
-study = uqmbd.Study("pendulum", mechanism, np.linspace(0, 2, 11), [Collocation(adaptive="{}", tolerance=1e-5, order=1)])
+study = uqmbd.Study("pendulum", mechanism, np.linspace(0, 2, 11), [Collocation({}order=1)])
 """
 
 KILLED = """
@@ -65,7 +65,7 @@ def bits(node):
 def script(tmp_path):
     def write(adaptive):
         path = tmp_path / "pendulum_study.py"
-        path.write_text(STUDY.format(adaptive))
+        path.write_text(STUDY.format("" if adaptive == "no" else f"adaptive={adaptive!r}, tolerance=1e-5, "))
         return path
 
     return write
