@@ -12,7 +12,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 import uqmbd
-from uqmbd.results import AlignedChaos, AlignedElement
+from uqmbd.results import AlignedChaos, AlignedElement, Status
 from uqmbd_collocation.plans import verification_points
 from uqmbd_collocation.runs import Runs
 
@@ -143,7 +143,7 @@ def align_with_events(options: Collocation, problem: uqmbd.Problem, space: uqmbd
         children={"aligned": chaos.to_dataset(), "nodes": _nodes(followed, verified)},
         attrs={
             # a realisation that fails while it is followed ends the method
-            "failures": int((verified.status != 0).sum()) if len(points) else 0,
+            "failures": int((verified.status != Status.OK).sum()) if len(points) else 0,
             "fit": f"event times and segments by projection with {options.order + 1} Gauss nodes per input",
             "terms": len(terms),
             "highest_degree": int(terms.max()),

@@ -14,7 +14,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 import uqmbd
-from uqmbd.results import PolynomialChaos
+from uqmbd.results import PolynomialChaos, Status
 from uqmbd_collocation.fitting import Fit
 from uqmbd_collocation.plans import plan, verification_points
 from uqmbd_collocation.record import warn_of_idle_inputs
@@ -140,7 +140,7 @@ def collocate_elements(options: Collocation, problem: uqmbd.Problem, space: uqmb
             "elements": refined.steps,
         },
         attrs={
-            "failures": sum(int((one.runs.status != 0).sum()) for one in work.done),
+            "failures": sum(int((one.runs.status != Status.OK).sum()) for one in work.done),
             "fit": f"{len(kept)} elements, each by {first.fit.how}",
             "terms": len(refined.chaos.multi_index),
             "highest_degree": int(refined.chaos.multi_index.max()),

@@ -11,7 +11,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 import uqmbd
-from uqmbd.results import PolynomialChaos
+from uqmbd.results import PolynomialChaos, Status
 from uqmbd_collocation.adaptive import refine_dimensions
 from uqmbd_collocation.alignment import align_with_events
 from uqmbd_collocation.elements import collocate_elements
@@ -228,7 +228,7 @@ class Collocation(uqmbd.Propagator):
             statistics = statistics.assign(leave_one_out=(problem.labels.dims, fit.leave_one_out, note))
         children = {"chaos": chaos.to_dataset(), "nodes": nodes_dataset(runs, where, fit)}
         attrs = {
-            "failures": int((runs.status != 0).sum()),
+            "failures": int((runs.status != Status.OK).sum()),
             "fit": fit.how,
             "terms": len(fit.multi_index),
             "highest_degree": int(fit.multi_index.max()),

@@ -10,6 +10,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 import uqmbd
+from uqmbd.results import Status
 from uqmbd_collocation.fitting import Fit
 from uqmbd_collocation.runs import Runs
 
@@ -36,7 +37,7 @@ def nodes_dataset(runs: Runs, verification: Index, fit: Fit) -> xr.Dataset:
     used[verification] += 2
     if fit.failed:
         # a failed node was meant for the fit, though it is not in it
-        used[(runs.status != 0) & (used == 0)] = 1
+        used[(runs.status != Status.OK) & (used == 0)] = 1
     data: dict[str, Any] = {
         "inputs": (("node", "input"), runs.values),
         "germs": (("node", "germ"), runs.germs),

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import uqmbd
+from uqmbd.results import Status
 
 __all__ = ["Runs", "announced_once"]
 
@@ -116,7 +117,7 @@ class Runs:
         """Status of each; what is not finite has failed."""
         status = np.concatenate([p.status for p in self._parts])
         infinite = ~np.isfinite(self.response).all(axis=(1, 2))
-        return np.where((status == 0) & infinite, 3, status)
+        return np.where((status == Status.OK) & infinite, Status.NOT_FINITE, status)
 
     @property
     def messages(self) -> list[str]:
@@ -126,7 +127,7 @@ class Runs:
 
     def good(self, where: Index) -> NDArray[np.bool_]:
         """Say which of some realisations, given by their places (K,), did not fail."""
-        return np.asarray(self.status[where] == 0)
+        return np.asarray(self.status[where] == Status.OK)
 
     def reason(self, where: Index) -> str:
         """Return the first reason of a failure among some realisations."""

@@ -10,7 +10,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 import uqmbd
-from uqmbd.results import project, regress_on_nodes
+from uqmbd.results import Status, project, regress_on_nodes
 from uqmbd_galerkin.verification import Verification
 
 __all__ = ["Expansion", "expand", "projected_scalars"]
@@ -71,7 +71,7 @@ def expand(
     uqmbd.IntegrationError
         If too few nodes have values.
     """
-    good = np.flatnonzero(status == 0)
+    good = np.flatnonzero(status == Status.OK)
     failed = len(status) - len(good)
     if not failed:
         how = "evaluated at the nodes of the quadrature and projected there"

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import uqmbd
-from uqmbd.results import PiecewiseChaos, PolynomialChaos
+from uqmbd.results import PiecewiseChaos, PolynomialChaos, Status
 
 __all__ = ["Verification", "horizons", "verification_points"]
 
@@ -77,7 +77,7 @@ class Verification:
         good = np.zeros(0, dtype=np.int64)
         if self.found is not None:
             finite = np.isfinite(self.found.response).all(axis=(1, 2))
-            good = np.flatnonzero((self.found.status == 0) & finite)
+            good = np.flatnonzero((self.found.status == Status.OK) & finite)
         self.germs, self.count = germs[good], count
         self.response = None if self.found is None else self.found.response[good]
 

@@ -9,6 +9,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 import uqmbd
+from uqmbd.results import Status
 from uqmbd_montecarlo.pickfreeze import mixed_inputs, pick_freeze
 
 __all__ = ["SobolRun", "run_sobol"]
@@ -102,4 +103,4 @@ def run_sobol(problem: uqmbd.Problem, samples: uqmbd.Realisations, seed: int, ma
 
 
 def _fine(part: uqmbd.Realisations) -> NDArray[np.bool_]:
-    return np.asarray((part.status == 0) & np.isfinite(part.response).all(axis=(1, 2)))
+    return np.asarray((part.status == Status.OK) & np.isfinite(part.response).all(axis=(1, 2)))

@@ -303,7 +303,8 @@ def velocities(
         statements = [g for g in guilty if g not in model.equations] or sorted(
             {f"{s.quantity} of body {s.body}" for s in model.statements}
         )
-        joints = [g for g in guilty if g in model.equations and not g.endswith(": unit quaternion")]
+        of_components = {model.equations[i] for i in model.of_components(np.arange(len(model.equations)))}
+        joints = [g for g in guilty if g in of_components]
         messages.append(
             f"the stated {' and '.join(statements)} contradict{'s' if len(statements) == 1 else ''} "
             + (

@@ -111,6 +111,7 @@ def _kinematics(mechanism: Mechanism, time: float) -> tuple[Model, list[Instance
     size, n = mechanism.space.size, mechanism.space.size * len(order)
     equations = tuple(f"{i.component.name}: {label}" for i in instances for label in i.type.labels)
     owners = tuple(i.component.name for i in instances for _ in i.type.labels)
+    norms = np.flatnonzero([i.type.owns for i in instances for _ in i.type.labels])
     cosines = tuple(f"{i.component.name}: {label}" for i in instances for label in i.type.cosine_labels)
 
     expressions: list[sympy.Expr] = [p for i in instances for p in i.parameters]
@@ -156,6 +157,7 @@ def _kinematics(mechanism: Mechanism, time: float) -> tuple[Model, list[Instance
         dimension=mechanism.space.dimension,
         equations=equations,
         owners=owners,
+        norms=norms,
         cosines=cosines,
         inputs=inputs.names,
         parameters=ParameterMap.of(expressions, inputs.variables),
@@ -184,8 +186,7 @@ def _kinematics(mechanism: Mechanism, time: float) -> tuple[Model, list[Instance
     if "phi_q" in position.index:
         columns, entries = position.index["phi_q"]
         gradient[entries] = values[0, columns]
-    norms = np.array([k for k, name in enumerate(equations) if name.endswith(": unit quaternion")], dtype=np.int64)
-    kept, _ = independent_rows(gradient, norms)
+    kept, _ = independent_rows(gradient, model.norms)
     frozen, holding = _frozen(model, instances, kept, gradient)
     active = np.setdiff1d(kept, holding)
     return replace(model, layout=replace(layout, kept=kept, frozen=frozen, active=active)), instances

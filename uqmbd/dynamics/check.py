@@ -104,7 +104,7 @@ def check(mechanism: Mechanism, time: float = 0.0) -> Check:
         not_unique=reactions_not_unique(mechanism, time) if len(redundant) else (),
         inputs=tuple((v.name, v.description, v.units) for v in inputs.variables),
         unused_inputs=tuple(n for n in inputs.names if n not in used),
-        unit_lengths=sum(name.endswith(": unit quaternion") for name in model.equations),
+        unit_lengths=len(model.norms),
         apart=_apart(mechanism),
         moved=_moved(mechanism, model, time),
     )

@@ -129,6 +129,8 @@ class Model:
         Name of every constraint equation ("A: point x").
     owners : tuple of str
         Component of every constraint equation.
+    norms : array of int
+        Equations that give a body's quaternion unit length, which every mechanism has.
     parameters : ParameterMap
         All parameters of all instances, then the drawn pose, statements, break times, and random numbers that have a
         range.
@@ -146,6 +148,7 @@ class Model:
     dimension: int
     equations: tuple[str, ...]
     owners: tuple[str, ...]
+    norms: Index
     cosines: tuple[str, ...]
     inputs: tuple[str, ...]
     parameters: ParameterMap
@@ -187,6 +190,11 @@ class Model:
     def block_parameters(self) -> int:
         """How many parameters belong to the blocks (the first ones)."""
         return int(self.drawn[0]) if len(self.drawn) else len(self.parameters.constants)
+
+    def of_components(self, equations: Index) -> list[int]:
+        """Those of some constraint equations that components state."""
+        norms = set(self.norms.tolist())
+        return [int(k) for k in equations if int(k) not in norms]
 
     def quaternions(self) -> Index:
         """Coordinates of each body's quaternion, shape (body, 2 or 4); empty in translational space."""

@@ -79,8 +79,7 @@ def repivoted(model: Model, q: Array, s: Array, time: float, parameters: Array) 
         For the index-1 form only: residual and Jacobian are those of the old choice.
     """
     layout = model.layout
-    norms = [k for k, name in enumerate(model.equations) if name.endswith(": unit quaternion")]
-    first = np.union1d(norms, np.setdiff1d(layout.kept, layout.active)).astype(np.int64)
+    first = np.union1d(model.norms, np.setdiff1d(layout.kept, layout.active)).astype(np.int64)
     kept, _ = independent_rows(gradient(model, q, s, time, parameters), first)
     if len(kept) != layout.rank:
         return model

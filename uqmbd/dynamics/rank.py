@@ -254,11 +254,11 @@ def dead_end(model: Model, time: float, rank: Rank, *, sure: bool = True) -> str
 
 def named(model: Model, equations: Index, most: int = 4) -> str:
     """List equations by joint and direction, unit quaternions left out."""
-    names = [repr(model.equations[k]) for k in equations if not model.equations[k].endswith(": unit quaternion")]
+    names = [repr(model.equations[k]) for k in model.of_components(equations)]
     return ", ".join(names[:most]) + (f" and {len(names) - most} more" if len(names) > most else "")
 
 
 def joints(model: Model, equations: Index) -> str:
     """List the components that own equations."""
-    found = dict.fromkeys(model.owners[k] for k in equations if not model.equations[k].endswith(": unit quaternion"))
+    found = dict.fromkeys(model.owners[k] for k in model.of_components(equations))
     return ", ".join(map(repr, found))

@@ -22,6 +22,7 @@ from uqmbd.errors import StudyError
 from uqmbd.mechanism import AtEquilibrium, EventTime, MotionSymbol, Output, ScalarSymbol
 from uqmbd.names import did_you_mean
 from uqmbd.randomness import RandomVariable
+from uqmbd.status import Status
 
 if TYPE_CHECKING:
     from uqmbd.dynamics.trajectories import Trajectories
@@ -30,9 +31,6 @@ __all__ = ["ScalarMap", "ScalarValues", "scalar_map", "scalars_of"]
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
-
-OK, ASSEMBLY_FAILED, INTEGRATION_FAILED, NOT_FINITE, NONE = range(5)
-"""Status of a realisation: fine, not assembled, not integrated, not finite, or without such a value."""
 
 LASTING = ("rest", "lift-off", "stick", "slip")
 """Labels of what happens in a contact that lasts."""
@@ -47,8 +45,7 @@ class ScalarValues:
     values : array, shape (K, scalar)
         NaN where a realisation has none.
     status : array of int, shape (K,)
-        0: fine; 1: not assembled, 2: integration failed, 3: not finite, 4: no such value, as no equilibrium or fewer
-        modes.
+        Of the kind `Status`; OTHER: no such value, as no equilibrium or fewer modes.
     messages : tuple of str
         Reasons.
     """
@@ -209,12 +206,12 @@ def scalars_of(ensemble: Ensemble, trajectories: Trajectories | None = None) -> 
     count = len(ensemble)
     start = ensemble.start
     messages = list(start.messages)
-    status = np.where(start.ok, OK, ASSEMBLY_FAILED)
+    status = np.where(start.ok, Status.OK, Status.ASSEMBLY_FAILED)
     columns = np.full((count, len(seen.modal) + len(seen.motion) + len(seen.resting.names)), np.nan)
 
-    def fail(members: Index, reasons: Sequence[str], kind: int = NONE) -> None:
+    def fail(members: Index, reasons: Sequence[str], kind: Status = Status.OTHER) -> None:
         for k, reason in zip(members.tolist(), reasons, strict=True):
-            if reason and status[k] == OK:
+            if reason and status[k] == Status.OK:
                 messages[k], status[k] = reason, kind
 
     poses = {"start": (start.q, start.s)}
@@ -223,7 +220,7 @@ def scalars_of(ensemble: Ensemble, trajectories: Trajectories | None = None) -> 
         fail(np.arange(count), found.messages)
         poses["equilibrium"] = (found.q, found.s)
     for pose in sorted({pose for *_, pose in seen.modal}):
-        good = np.flatnonzero(status == OK)
+        good = np.flatnonzero(status == Status.OK)
         q, s = (x[good] for x in poses[pose])
         modes = linearise(ensemble.select(good), q, s) if len(good) else Modes(np.zeros((0, 0), dtype=complex))
         for column, (quantity, number, at) in enumerate(seen.modal):
@@ -233,12 +230,12 @@ def scalars_of(ensemble: Ensemble, trajectories: Trajectories | None = None) -> 
     if seen.motion:
         given: Mapping[str, Array] = {} if trajectories is None else trajectories.scalars
         failed = [""] * count if trajectories is None else list(trajectories.messages)
-        fail(np.arange(count), failed, INTEGRATION_FAILED)
+        fail(np.arange(count), failed, Status.INTEGRATION_FAILED)
         for column, name in enumerate(seen.motion, start=len(seen.modal)):
             columns[:, column] = given.get(name, np.nan)
             missing = np.isnan(columns[:, column])
             fail(np.arange(count), [seen.told(name) if x else "" for x in missing])
-    good = np.flatnonzero(status == OK)
+    good = np.flatnonzero(status == Status.OK)
     if seen.resting.names and len(good):
         q, s = (x[good] for x in poses["equilibrium"])
         columns[good, len(seen.modal) + len(seen.motion) :] = _at_rest(ensemble.select(good), seen.resting, q, s)
@@ -254,9 +251,9 @@ def scalars_of(ensemble: Ensemble, trajectories: Trajectories | None = None) -> 
             f"output {seen.names[int(np.argmax(row))]!r} is not finite ({value[np.argmax(row)]:g})" if row.any() else ""
             for row, value in zip(wrong[good], values[good], strict=True)
         ],
-        NOT_FINITE,
+        Status.NOT_FINITE,
     )
-    values[status != OK] = np.nan
+    values[status != Status.OK] = np.nan
     return ScalarValues(values, status.astype(np.int64), tuple(messages))
 
 

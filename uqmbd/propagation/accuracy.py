@@ -22,6 +22,7 @@ from uqmbd.errors import RedundantConstraintWarning
 from uqmbd.isolation import reason_of
 from uqmbd.propagation.chunks import integrated_by
 from uqmbd.propagation.progress import Silent
+from uqmbd.status import Status
 
 if TYPE_CHECKING:
     from uqmbd.propagation.problem import Problem
@@ -64,7 +65,7 @@ class Observed:
     def add(self, part: Realisations) -> None:
         """Take some of a chunk, evenly spread, until there are enough."""
         self.counters.update(part.counters)
-        good = np.flatnonzero(part.status == 0)
+        good = np.flatnonzero(part.status == Status.OK)
         wanted = min(AGAIN - len(self.values), len(good))
         if wanted > 0:
             for k in good[np.linspace(0, len(good) - 1, wanted).round().astype(int)].tolist():
@@ -159,7 +160,7 @@ def _measured(problem: Problem, by: str) -> tuple[Array, dict[str, str | int | f
             again = _silent(problem, "again", rtol=rtol, integrator="auto").realise(values)
         except Exception as raised:  # noqa: BLE001 - what is measured must not cost what is known
             return unknown, {"reason": f"integrating again with rtol {rtol:g} failed: {reason_of(raised)}"}
-    good = np.flatnonzero(again.status == 0)
+    good = np.flatnonzero(again.status == Status.OK)
     if not len(good):
         why = again.most_frequent_reason()
         return unknown, {"reason": f"all {len(values)} realisations fail that are integrated with rtol {rtol:g}: {why}"}

@@ -22,13 +22,10 @@ from uqmbd.dynamics import (
     scalars_of,
 )
 from uqmbd.errors import StudyError
+from uqmbd.status import Status
 
 __all__ = [
-    "ASSEMBLY_FAILED",
     "CHUNK",
-    "INTEGRATION_FAILED",
-    "NOT_FINITE",
-    "OK",
     "Chunk",
     "compute_chunk",
     "integrated_by",
@@ -41,8 +38,6 @@ Array = NDArray[np.float64]
 
 CHUNK = 64
 """Realisations of a chunk: fixed by sample index, so that results depend neither on workers nor on their number."""
-
-OK, ASSEMBLY_FAILED, INTEGRATION_FAILED, NOT_FINITE = 0, 1, 2, 3
 
 
 @dataclass(frozen=True)
@@ -200,17 +195,17 @@ def compute_chunk(
         status = np.zeros(len(values), dtype=np.int64)
         for k, message in enumerate(trajectories.messages):
             if message:
-                status[k] = INTEGRATION_FAILED if np.isfinite(trajectories.states[k, 0]).all() else ASSEMBLY_FAILED
+                status[k] = Status.INTEGRATION_FAILED if ensemble.start.ok[k] else Status.ASSEMBLY_FAILED
         response = np.full((len(values), len(model.outputs.names), len(times)), np.nan)
-        good = np.flatnonzero(status == OK)
+        good = np.flatnonzero(status == Status.OK)
         if len(good):
             response[good] = ensemble.select(good).outputs(times, trajectories.states[good])
         messages = list(trajectories.messages)
         for k in good[~np.isfinite(response[good]).all(axis=(1, 2))].tolist():
-            status[k], messages[k] = NOT_FINITE, not_finite_output(model.outputs.names, times, response[k])
+            status[k], messages[k] = Status.NOT_FINITE, not_finite_output(model.outputs.names, times, response[k])
         scalars = None if model.scalars is None else scalars_of(ensemble, trajectories)
     counters = asdict(trajectories.counters)
     if integrator not in INTEGRATORS:
-        counters[f"by_{integrator}"] = int(np.count_nonzero(status != ASSEMBLY_FAILED))
+        counters[f"by_{integrator}"] = int(np.count_nonzero(status != Status.ASSEMBLY_FAILED))
     chunk = Chunk(response, status, tuple(messages), counters, scalars)
     return replace(chunk.timeless(), counters=chunk.counters) if timeless else chunk

@@ -20,6 +20,7 @@ from uqmbd.results.chaos_decay import percent
 from uqmbd.results.own_errors import own_error
 from uqmbd.results.spread import rtol_of
 from uqmbd.results.statements import NO_SPREAD
+from uqmbd.status import Status
 
 __all__ = [
     "comparison",
@@ -76,7 +77,7 @@ def has_output(node: xr.DataTree, name: str) -> bool:
 
 def has_histograms(node: xr.DataTree) -> bool:
     """Tell whether a method kept samples that succeeded."""
-    return "samples" in node.children and bool(np.any(node.children["samples"].to_dataset()["status"] == 0))
+    return "samples" in node.children and bool(np.any(node.children["samples"].to_dataset()["status"] == Status.OK))
 
 
 def _statistics(node: xr.DataTree) -> xr.Dataset:
@@ -390,7 +391,7 @@ def failures(label: str, node: xr.DataTree) -> dict[str, Any]:
         for r in reasons[:_SHOWN_REASONS]
     ]
     found["more_reasons"] = len(reasons) - len(found["reasons"])
-    which = np.flatnonzero(samples["status"].values != 0)
+    which = np.flatnonzero(samples["status"].values != Status.OK)
     units = samples["input_units"].values if "input_units" in samples.coords else [""] * samples.sizes["input"]
     found["names"] = [f"{n} [{u}]" if u else str(n) for n, u in zip(samples["input"].values, units, strict=True)]
     drawn = samples["inputs"].values

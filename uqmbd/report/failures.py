@@ -15,6 +15,7 @@ from uqmbd.report.drawing import FAILED, arrange, few_ticks, single_axes, widen_
 from uqmbd.report.selection import Samples, label_of, runs_of, samples_of
 from uqmbd.report.wording import format_count, format_number
 from uqmbd.results import STATUS_MEANINGS
+from uqmbd.status import Status
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -88,7 +89,7 @@ def failure_reasons(node: Samples) -> list[Reason]:
     meanings |= zip(flags, str(samples["status"].attrs.get("flag_meanings", "")).split(), strict=False)
     messages = samples["message"].values
     groups: dict[tuple[str, str], list[int]] = {}
-    for k in np.flatnonzero(status != 0):
+    for k in np.flatnonzero(status != Status.OK):
         kind = meanings.get(int(status[k]), f"status {int(status[k])}").replace("_", " ")
         groups.setdefault((kind, _pattern(str(messages[k]))), []).append(int(k))
     ordered = sorted(groups.items(), key=lambda item: -len(item[1]))
@@ -148,7 +149,7 @@ def separating_inputs(node: Samples, reason: Reason) -> list[Separation]:
     [(1, True), (0, False)]
     """
     samples = _runs(node)
-    drawn, fine = samples["inputs"].values, samples["status"].values == 0
+    drawn, fine = samples["inputs"].values, samples["status"].values == Status.OK
     found = []
     for k in range(drawn.shape[1]):
         bad, good = np.sort(drawn[reason.samples, k]), np.sort(drawn[fine, k])
@@ -169,7 +170,7 @@ def failure_words(node: Samples, reason: Reason) -> list[str]:
     names, units = _input_labels(samples)
     if not names:
         return ["This method recorded no inputs."]
-    drawn, fine = samples["inputs"].values, samples["status"].values == 0
+    drawn, fine = samples["inputs"].values, samples["status"].values == Status.OK
     sentences = []
     for separation in [s for s in separating_inputs(node, reason) if s.clear][:3]:
         k = separation.index
@@ -259,7 +260,7 @@ def failure_inputs(node: Samples, reason: int | Reason = 0) -> Figure:
         reason = reasons[reason]
     if not names:
         raise StudyError(f"The study of {label_of(node)!r} has no random inputs.")
-    fine = np.flatnonzero(samples["status"].values == 0)
+    fine = np.flatnonzero(samples["status"].values == Status.OK)
     drawn = samples["inputs"].values
     best = [s.index for s in separating_inputs(node, reason)[:2]]
     figure, axes = single_axes(2.6 if len(best) > 1 else 2.2)

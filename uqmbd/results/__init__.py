@@ -32,12 +32,14 @@ from uqmbd.results.statistics import sample_statistics, statistics_of_samples
 from uqmbd.results.storage import load, save
 from uqmbd.results.surrogate import surrogate
 from uqmbd.results.validation import propagator_nodes, validate
+from uqmbd.status import Status
 
 __all__ = [
     "AlignedChaos",
     "AlignedElement",
     "DEFAULT_PROBABILITIES",
     "STATUS_MEANINGS",
+    "Status",
     "InputInfo",
     "IntegrationShare",
     "Labels",

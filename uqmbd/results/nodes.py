@@ -16,6 +16,7 @@ from uqmbd.errors import StudyError
 from uqmbd.names import check_label
 from uqmbd.results.scalars import compare_both
 from uqmbd.results.schema import SCHEMA_VERSION
+from uqmbd.status import Status
 
 __all__ = ["failed_methods", "join_nodes", "propagator_node", "study_tree"]
 
@@ -84,7 +85,7 @@ def propagator_node(
     """
     check_label(label)
     if failures is None:
-        failures = 0 if samples is None else int((samples["status"] != 0).sum())
+        failures = 0 if samples is None else int((samples["status"] != Status.OK).sum())
     provenance: dict[str, Any] = {
         "propagator": propagator,
         "label": label,

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from uqmbd.results.chaos_verification import reference_spread
 from uqmbd.results.spread import integration_error, varying
+from uqmbd.status import Status
 
 __all__ = ["OwnError", "own_error", "over_time", "root_mean_square"]
 
@@ -211,7 +212,7 @@ def _design(node: xr.DataTree) -> tuple[int, int, float]:
     count = int(node.attrs.get("realisations", 0)) - int(node.attrs.get("failures", 0))
     if "samples" in node.children:
         status = np.asarray(node.children["samples"].to_dataset()["status"].values)
-        kept = int(np.count_nonzero(status == 0))
+        kept = int(np.count_nonzero(status == Status.OK))
         # realisations for other purposes, as for Sobol' indices, are not samples
         count = kept if len(status) == _option(node, "samples", len(status)) else max(kept, count)
     if str(_option(node, "sampling", "random")) == "random":
@@ -269,6 +270,6 @@ def _response(node: xr.DataTree, shape: tuple[int, ...]) -> Array | None:
     if "samples" not in node.children:
         return None
     data = node.children["samples"].to_dataset()
-    fine = np.flatnonzero(data["status"].values == 0)[:MOST_SAMPLES]
+    fine = np.flatnonzero(data["status"].values == Status.OK)[:MOST_SAMPLES]
     response = data["response"].isel(sample=fine).values.reshape(len(fine), *shape)
     return response if len(fine) > 1 else None

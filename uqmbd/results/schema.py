@@ -27,6 +27,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from uqmbd.errors import StudyError
 from uqmbd.results.axes import Labels, fixed_width
+from uqmbd.status import Status
 
 __all__ = [
     "DEFAULT_PROBABILITIES",
@@ -44,13 +45,7 @@ It is raised where something is renamed, removed or changes its meaning; what is
 earlier versions are read.
 """
 
-STATUS_MEANINGS: Mapping[int, str] = {
-    0: "ok",
-    1: "assembly_failed",
-    2: "integration_failed",
-    3: "not_finite",
-    4: "other",
-}
+STATUS_MEANINGS: Mapping[int, str] = {int(status): status.meaning for status in Status}
 """What the integers of ``status`` mean; a propagator may pass its own."""
 
 DEFAULT_PROBABILITIES = (0.025, 0.05, 0.25, 0.5, 0.75, 0.95, 0.975)
@@ -179,14 +174,14 @@ def sample_dataset(
         raise StudyError(f"Status {unknown[0]} has no meaning; known are {dict(meanings)}.")
 
     finite = np.isfinite(values.reshape(count, -1)).all(axis=1)
-    for k in np.flatnonzero(~finite & (flags == 0)):
+    for k in np.flatnonzero(~finite & (flags == Status.OK)):
         where = np.unravel_index(int(np.argmin(np.isfinite(values[k]))), labels.shape)
         when = "" if labels.times is None else f" at t = {labels.times[where[1]]:g} s"
-        flags[k] = 3
+        flags[k] = Status.NOT_FINITE
         reasons[k] = f"output {labels.outputs[where[0]].name!r} is not finite ({values[k][where]:g}){when}"
-    values[flags != 0] = np.nan
+    values[flags != Status.OK] = np.nan
 
-    known = {**meanings, 3: meanings.get(3, "not_finite")}
+    known = {**meanings, int(Status.NOT_FINITE): meanings.get(Status.NOT_FINITE, Status.NOT_FINITE.meaning)}
     flag_attrs = {
         "flag_values": np.array(sorted(known), dtype=np.int32),
         "flag_meanings": " ".join(known[k].replace(" ", "_") for k in sorted(known)),

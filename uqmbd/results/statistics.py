@@ -15,6 +15,7 @@ from uqmbd.results.axes import InputInfo, Labels, output_infos
 from uqmbd.results.moments import Moments
 from uqmbd.results.replicates import replicate_errors
 from uqmbd.results.schema import DEFAULT_PROBABILITIES, statistics_dataset
+from uqmbd.status import Status
 
 __all__ = ["replicate_statistics", "running_statistics", "sample_statistics", "statistics_of_samples"]
 
@@ -71,7 +72,7 @@ def sample_statistics(
     if samples.ndim == 0:
         raise StudyError("Statistics need samples along the first axis; a single number was given.")
     if status is not None:
-        ok = np.asarray(status) == 0
+        ok = np.asarray(status) == Status.OK
         if ok.shape != samples.shape[:1]:
             raise StudyError(f"'status' must hold one number for each of the {len(samples)} samples; found {ok.shape}.")
         # Copies only if something failed: a large response is held once.
@@ -274,6 +275,6 @@ def statistics_of_samples(samples: xr.Dataset, probabilities: Sequence[float] = 
     response, status = samples["response"].values, samples["status"].values
     found = sample_statistics(response, probabilities, status=status)
     if np.any(axes.turns):
-        fine = status == 0
+        fine = status == Status.OK
         found |= circular_of_samples(response if fine.all() else response[fine], axes.turns)
     return statistics_dataset(axes, **found)
