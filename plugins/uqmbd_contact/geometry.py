@@ -43,6 +43,7 @@ class Meeting:
 class OnPlane(uqmbd.Component):
     """Geometry of a sphere of body j on a plane of body i."""
 
+    symbol = "contact"
     drawn_by = ()
     point_i = uqmbd.Parameter("m", "a point of the plane, frame of body i", kind="point")
     point_j = uqmbd.Parameter("m", "centre of the sphere, frame of body j", kind="point")
@@ -60,6 +61,7 @@ class OnPlane(uqmbd.Component):
 class OnSphere(uqmbd.Component):
     """Geometry of two spheres."""
 
+    symbol = "contact"
     drawn_by = ()
     point_i = uqmbd.Parameter("m", "centre of the sphere, frame of body i", kind="point")
     point_j = uqmbd.Parameter("m", "centre of the sphere, frame of body j", kind="point")
@@ -108,6 +110,7 @@ class OnRoad(uqmbd.Component):
 class InBearing(uqmbd.Component):
     """Geometry of a circle of body j inside a slightly larger one of body i; in space, of a ball in a socket."""
 
+    symbol = "contact"
     point_i = uqmbd.Parameter("m", "centre of the bearing, frame of body i", kind="point")
     point_j = uqmbd.Parameter("m", "centre of the journal, frame of body j", kind="point")
     radius = uqmbd.Parameter("m", "radius of the journal", minimum=0)

@@ -18,6 +18,7 @@ class PositionDriver(uqmbd.Component):
     '(name, body_i, body_j, point_i, point_j, axis_i, displacement)'
     """
 
+    symbol = "driver"
     point_i = uqmbd.Parameter("m", "where the displacement is zero, frame of body i", kind="point")
     point_j = uqmbd.Parameter("m", "the driven point, frame of body j", kind="point")
     axis_i = uqmbd.Parameter("1", "direction, frame of body i", kind="axis")
@@ -38,6 +39,7 @@ class DistanceDriver(uqmbd.Component):
     '(name, body_i, body_j, point_i, point_j, length)'
     """
 
+    symbol = "driver"
     drawn_by = ()
     point_i = uqmbd.Parameter("m", "one end, frame of body i", kind="point")
     point_j = uqmbd.Parameter("m", "other end, frame of body j", kind="point")

@@ -24,6 +24,7 @@ class RotationDriver(uqmbd.Component):
     '(name, body_i, body_j, angle, axis_i, axis_j)'
     """
 
+    symbol = "driver"
     spaces = (uqmbd.Spatial, uqmbd.Planar)
     angle = uqmbd.Parameter("rad", "angle, an expression in uqmbd.t; zero where the two frames coincide")
     axis_i = uqmbd.Parameter("1", "axis, frame of body i (left out in the plane)", kind="turning_axis")

@@ -21,6 +21,7 @@ class SpeedDriver(uqmbd.Component):
     '(name, body_i, body_j, speed, axis_j)'
     """
 
+    symbol = "driver"
     spaces = (uqmbd.Spatial, uqmbd.Planar)
     speed = uqmbd.Parameter("rad/s", "angular speed, an expression in uqmbd.t")
     axis_j = uqmbd.Parameter("1", "axis, frame of body j (left out in the plane)", kind="turning_axis")
@@ -46,6 +47,7 @@ class LinearSpeedDriver(uqmbd.Component):
     '(name, body_i, body_j, point_i, point_j, axis_i, speed)'
     """
 
+    symbol = "driver"
     point_i = uqmbd.Parameter("m", "a point to measure from, frame of body i", kind="point")
     point_j = uqmbd.Parameter("m", "the driven point, frame of body j", kind="point")
     axis_i = uqmbd.Parameter("1", "direction, frame of body i", kind="axis")

@@ -20,6 +20,7 @@ class Cylindrical(Parallel2):
     '(name, body_i, body_j, point_i, point_j, axis_i, axis_j)'
     """
 
+    symbol = "cylinder"
     spaces = (uqmbd.Spatial,)
     axis_j = uqmbd.Parameter("1", "direction of the line, frame of body j", kind="axis")
 

@@ -18,6 +18,7 @@ class Distance(uqmbd.Component):
     '(name, body_i, body_j, point_i, point_j, length)'
     """
 
+    symbol = "rod"
     drawn_by = ()
     point_i = uqmbd.Parameter("m", "end of the rod, frame of body i", kind="point")
     point_j = uqmbd.Parameter("m", "end of the rod, frame of body j", kind="point")

@@ -21,6 +21,7 @@ class Fixed(uqmbd.Component):
     '(name, body_i, body_j, point_i, point_j, rotation=None)'
     """
 
+    symbol = "weld"
     point_i = uqmbd.Parameter("m", "joint point, frame of body i", kind="point")
     point_j = uqmbd.Parameter("m", "joint point, frame of body j", kind="point")
     rotation = uqmbd.Parameter(

@@ -40,6 +40,7 @@ class Dot2(uqmbd.Component):
     '(name, body_i, body_j, point_i, point_j, axis_i)'
     """
 
+    symbol = "plane"
     point_i = uqmbd.Parameter("m", "a point of the plane, frame of body i", kind="point")
     point_j = uqmbd.Parameter("m", "the point on the plane, frame of body j", kind="point")
     axis_i = uqmbd.Parameter("1", "normal of the plane, frame of body i", kind="axis")
@@ -61,6 +62,7 @@ class Parallel2(uqmbd.Component):
     '(name, body_i, body_j, point_i, point_j, axis_i)'
     """
 
+    symbol = "line"
     point_i = uqmbd.Parameter("m", "a point of the line, frame of body i", kind="point")
     point_j = uqmbd.Parameter("m", "the point on the line, frame of body j", kind="point")
     axis_i = uqmbd.Parameter("1", "direction of the line, frame of body i", kind="axis")

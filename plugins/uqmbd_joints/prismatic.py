@@ -23,6 +23,7 @@ class Prismatic(uqmbd.Component):
     '(name, body_i, body_j, point_i, point_j, axis_i, axis_j)'
     """
 
+    symbol = "slide"
     point_i = uqmbd.Parameter("m", "a point of the line, frame of body i", kind="point")
     point_j = uqmbd.Parameter("m", "the point on the line, frame of body j", kind="point")
     axis_i = uqmbd.Parameter("1", "direction of the line, frame of body i", kind="axis")

@@ -25,6 +25,7 @@ class Revolute(uqmbd.Component):
     <Revolute 'pivot': ground, rod>
     """
 
+    symbol = "hinge"
     point_i = uqmbd.Parameter("m", "joint point, frame of body i", kind="point")
     point_j = uqmbd.Parameter("m", "joint point, frame of body j", kind="point")
     axis_i = uqmbd.Parameter("1", "joint axis, frame of body i (left out in the plane)", kind="turning_axis")

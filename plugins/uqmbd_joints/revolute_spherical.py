@@ -20,6 +20,7 @@ class RevoluteSpherical(uqmbd.Component):
     '(name, body_i, body_j, point_i, point_j, axis_i, length)'
     """
 
+    symbol = "rod"
     spaces = (uqmbd.Spatial,)
     drawn_by = ("axis",)
     point_i = uqmbd.Parameter("m", "hinge, frame of body i", kind="point")

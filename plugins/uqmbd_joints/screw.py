@@ -22,6 +22,7 @@ class Screw(Cylindrical):
     '(name, body_i, body_j, point_i, point_j, axis_i, axis_j, pitch)'
     """
 
+    symbol = ""
     pitch = uqmbd.Parameter("m", "advance per turn; negative: left-handed")
 
     def prepare(self) -> dict[str, Any]:

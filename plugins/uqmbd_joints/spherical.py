@@ -18,6 +18,7 @@ class Spherical(uqmbd.Component):
     '(name, body_i, body_j, point_i, point_j)'
     """
 
+    symbol = "ball"
     point_i = uqmbd.Parameter("m", "joint point, frame of body i", kind="point")
     point_j = uqmbd.Parameter("m", "joint point, frame of body j", kind="point")
 

@@ -18,6 +18,7 @@ class Universal(uqmbd.Component):
     '(name, body_i, body_j, point_i, point_j, axis_i, axis_j)'
     """
 
+    symbol = "universal"
     spaces = (uqmbd.Spatial,)
     drawn_by = ("at",)
     point_i = uqmbd.Parameter("m", "centre of the cross, frame of body i", kind="point")

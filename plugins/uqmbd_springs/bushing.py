@@ -26,6 +26,7 @@ class Bushing(uqmbd.Component):
     '(name, body_i, body_j, point_i, point_j, stiffness, damping=0)'
     """
 
+    symbol = "spring"
     spaces = (uqmbd.Spatial, uqmbd.Planar)
     point_i = uqmbd.Parameter("m", "where there is no force, frame of body i", kind="point")
     point_j = uqmbd.Parameter("m", "the same point, frame of body j", kind="point")

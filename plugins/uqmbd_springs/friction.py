@@ -29,6 +29,7 @@ class RotationalFriction(uqmbd.Component):
     '(name, body_i, body_j, friction, damping=0, transition=0.01, axis_i)'
     """
 
+    symbol = "coil"
     spaces = (uqmbd.Spatial, uqmbd.Planar)
     friction = uqmbd.Parameter(
         "N m", "Coulomb's moment: coefficient times constant load times radius; 0: none", minimum=0
@@ -57,6 +58,7 @@ class SlidingFriction(uqmbd.Component):
     '(name, body_i, body_j, point_i, point_j, axis_i, friction, damping=0, transition=0.01)'
     """
 
+    symbol = "spring"
     point_i = uqmbd.Parameter("m", "a point of the axis, frame of body i", kind="point")
     point_j = uqmbd.Parameter("m", "the point that slides, frame of body j", kind="point")
     axis_i = uqmbd.Parameter("1", "direction, frame of body i", kind="axis")

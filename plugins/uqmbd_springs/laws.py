@@ -34,6 +34,7 @@ class NonlinearSpringDamper(uqmbd.Component):
     >>> cubic = 1000 * (length - 0.3) ** 3
     """
 
+    symbol = "spring"
     drawn_by = ()
     point_i = uqmbd.Parameter("m", "end, frame of body i", kind="point")
     point_j = uqmbd.Parameter("m", "end, frame of body j", kind="point")
@@ -62,6 +63,7 @@ class NonlinearTorsionSpringDamper(uqmbd.Component):
     '(name, body_i, body_j, law, axis_i, axis_j)'
     """
 
+    symbol = "coil"
     spaces = (uqmbd.Spatial, uqmbd.Planar)
     law = uqmbd.Parameter("N m", "moment", kind="option", example=2 * length**3 + rate / 5)
     axis_i = uqmbd.Parameter("1", "axis, frame of body i (left out in the plane)", kind="turning_axis")

@@ -23,6 +23,7 @@ class PointForce(uqmbd.Component):
     '(name, body, point, force)'
     """
 
+    symbol = "force"
     bodies = ("body",)
     point = uqmbd.Parameter("m", "where it acts, body frame", kind="point")
     force = uqmbd.Parameter("N", "the force, world axes", kind="vector")
@@ -41,9 +42,10 @@ class FollowerForce(uqmbd.Component):
     '(name, body, point, force)'
     """
 
+    symbol = "force"
     bodies = ("body",)
     point = uqmbd.Parameter("m", "where it acts, body frame", kind="point")
-    force = uqmbd.Parameter("N", "the force, body axes", kind="vector")
+    force = uqmbd.Parameter("N", "the force, body axes", kind="vector", axes="body")
 
     def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.VirtualWork]:
         """Yield its virtual work."""
@@ -59,6 +61,7 @@ class Gravity(uqmbd.Component):
     '(name, body, acceleration)'
     """
 
+    symbol = "force"
     bodies = ("body",)
     acceleration = uqmbd.Parameter("m/s^2", "acceleration of free fall to be added, world axes", kind="vector")
 
@@ -81,6 +84,7 @@ class Torque(uqmbd.Component):
     "(name, body, torque, frame='world')"
     """
 
+    symbol = "torque"
     bodies = ("body",)
     spaces = (uqmbd.Spatial, uqmbd.Planar)
     torque = uqmbd.Parameter("N m", "the torque", kind="moment")

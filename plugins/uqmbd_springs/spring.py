@@ -22,6 +22,7 @@ class SpringDamper(uqmbd.Component):
     '(name, body_i, body_j, point_i, point_j, stiffness, damping=0, free_length=0)'
     """
 
+    symbol = "spring"
     drawn_by = ()
     point_i = uqmbd.Parameter("m", "end, frame of body i", kind="point")
     point_j = uqmbd.Parameter("m", "end, frame of body j", kind="point")

@@ -23,6 +23,7 @@ class TorsionSpringDamper(uqmbd.Component):
     '(name, body_i, body_j, stiffness, damping=0, free_angle=0, axis_i, axis_j)'
     """
 
+    symbol = "coil"
     spaces = (uqmbd.Spatial, uqmbd.Planar)
     stiffness = uqmbd.Parameter("N m/rad", "spring rate")
     damping = uqmbd.Parameter("N m s/rad", "damper rate", default=0)

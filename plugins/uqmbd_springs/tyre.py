@@ -28,7 +28,7 @@ class RoadFollower(uqmbd.Component):
     '(name, body_i, body_j, point, road, height=0)'
     """
 
-    point = uqmbd.Parameter("m", "the point, frame of body j", kind="point")
+    point = uqmbd.Parameter("m", "the point, frame of body j", kind="point", body="body_j")
     road = uqmbd.Parameter("m", "height of the road", kind="option", example=ROAD)
     height = uqmbd.Parameter("m", "height of the point above the road: the radius of a wheel", default=0)
 
@@ -60,7 +60,8 @@ class RadialTyre(uqmbd.Component):
     '(name, body_i, body_j, point, road, radius, stiffness, damping=0, transition=0.0001)'
     """
 
-    point = uqmbd.Parameter("m", "centre of the wheel, frame of body j", kind="point")
+    symbol = "contact"
+    point = uqmbd.Parameter("m", "centre of the wheel, frame of body j", kind="point", body="body_j")
     road = uqmbd.Parameter("m", "height of the road", kind="option", example=ROAD)
     radius = uqmbd.Parameter("m", "radius of the wheel without load", minimum=0)
     stiffness = uqmbd.Parameter("N/m", "spring rate", minimum=0)

@@ -73,10 +73,10 @@ def kinematic_model(mechanism: Mechanism, time: float = 0.0) -> Model:
     return _kinematics(mechanism, time)[0]
 
 
-def equation_names(mechanism: Mechanism) -> tuple[str, ...]:
-    """Name all constraint equations of a mechanism, assembled or not: component and what it holds together."""
+def constraining(mechanism: Mechanism) -> tuple[str, ...]:
+    """Name the components that state constraints, whether the mechanism can be assembled or not."""
     instances = instances_of([*mechanism.all_components(), *angle_counters(mechanism)], mechanism.space)
-    return tuple(f"{i.component.name}: {label}" for i in instances for label in i.type.labels)
+    return tuple(i.component.name for i in instances if i.type.labels)
 
 
 def reactions_not_unique(mechanism: Mechanism, time: float = 0.0) -> tuple[str, ...]:

@@ -56,6 +56,13 @@ __all__ = [
 ]
 
 
+SYMBOLS = (
+    "ball", "coil", "contact", "cylinder", "damper", "driver", "force", "hinge", "line", "plane", "rod", "slide",
+    "spring", "torque", "universal", "weld",
+)  # fmt: skip
+"""How figures can draw a component."""
+
+
 class Component:
     """Base of joints, drivers, springs and forces.
 
@@ -98,6 +105,8 @@ class Component:
     grounded: ClassVar[tuple[str, ...]] = ()
     drawn_by: ClassVar[tuple[str, ...]] = ("at", "axis")
     spaces: ClassVar[tuple[type[Space], ...]] = (Spatial, Planar, Translational)
+    symbol: ClassVar[str] = ""
+    """How figures draw it, one of `SYMBOLS`; empty: by the kinds of its parameters, and where it attaches."""
     stating = False
     """Whether it is being asked for its terms."""
     offered = False
@@ -153,6 +162,9 @@ class Component:
 
     def __init_subclass__(cls, **keywords: Any) -> None:
         super().__init_subclass__(**keywords)
+        if cls.symbol and cls.symbol not in SYMBOLS:
+            known = ", ".join(map(repr, SYMBOLS))
+            raise StudyError(f"{cls.__name__}: symbol is {cls.symbol!r}; expected one of {known}.")
         if hidden := sorted(RESERVED & cls.parameters().keys()):
             raise StudyError(
                 f"{cls.__name__}: a parameter cannot be called {hidden[0]!r}: p.{hidden[0]} of terms() "

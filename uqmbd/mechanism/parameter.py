@@ -45,6 +45,11 @@ class Parameter:
         outside has failed.  Values that depend on time or motion are not looked at.
     exclusive : bool
         Whether the ends of the range do not belong to it.
+    body : str
+        Body argument in whose frame a point or an axis is given; empty: the one whose name ends alike (`point_i` is in
+        the frame of `body_i`), else the first.
+    axes : str
+        Axes of a vector or a moment: ``world`` or ``body``.
 
     Examples
     --------
@@ -64,6 +69,8 @@ class Parameter:
     minimum: float = field(default=-math.inf, kw_only=True)
     maximum: float = field(default=math.inf, kw_only=True)
     exclusive: bool = field(default=False, kw_only=True)
+    body: str = field(default="", kw_only=True)
+    axes: Literal["world", "body"] = field(default="world", kw_only=True)
 
     def __post_init__(self) -> None:
         if not self.minimum < self.maximum:
@@ -75,6 +82,12 @@ class Parameter:
             raise StudyError(
                 f"Parameter({self.units!r}, {self.description!r}): a parameter of kind {self.kind!r} has no range; "
                 "leave minimum= and maximum= out."
+            )
+
+        if self.axes == "body" and self.kind not in ("vector", "moment"):
+            raise StudyError(
+                f"Parameter({self.units!r}, {self.description!r}): axes='body' is for vectors and moments; a "
+                f"parameter of kind {self.kind!r} is in the frame of a body by itself."
             )
 
     def __set_name__(self, owner: type, name: str) -> None:

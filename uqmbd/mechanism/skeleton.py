@@ -9,7 +9,7 @@ from typing import Any
 import sympy
 
 from uqmbd.mechanism.body import Body, StateSymbol
-from uqmbd.mechanism.component import Component, Parameter
+from uqmbd.mechanism.component import Component
 from uqmbd.mechanism.mechanism import Mechanism
 from uqmbd.mechanism.time import t
 from uqmbd.randomness import RandomVariable
@@ -52,7 +52,7 @@ def skeleton(mechanism: Mechanism, time: float = 0.0) -> list[Mark]:
     """Collect what is known of the shape of each body: joint points, ends of springs, centres of mass, observed points.
 
     Whatever component declares parameters of the kinds ``point``, ``axis``, ``turning_axis`` or ``vector`` is drawn; a
-    parameter belongs to the body argument that ends alike (`point_i` to `body_i`), else to the only or first body.
+    parameter belongs to the body argument that it names (`Parameter.body`).
 
     Parameters
     ----------
@@ -93,7 +93,7 @@ def _marks(component: Component, mechanism: Mechanism, time: float) -> Iterator[
             if local:
                 yield Mark("point", body, component.name, key, local, _radius(component, key))
         elif parameter.kind in ("axis", "turning_axis", "vector") or (parameter.kind == "moment" and dimension == 3):
-            turned = body if parameter.kind in ("axis", "turning_axis") or _in_body_axes(parameter) else "ground"
+            turned = body if parameter.kind in ("axis", "turning_axis") or parameter.axes == "body" else "ground"
             local = tuple(_still(x, time) for x in value)
             if any(x != 0 for x in local):
                 yield Mark("direction", turned, component.name, key, local)
@@ -101,11 +101,10 @@ def _marks(component: Component, mechanism: Mechanism, time: float) -> Iterator[
 
 def _role(component: Component, parameter: str) -> str:
     """Body argument that a parameter belongs to."""
+    if stated := component.parameters()[parameter].body:
+        return stated
     ending = parameter.rsplit("_", 1)[-1]
     alike = [role for role in component.bodies if role.rsplit("_", 1)[-1] == ending]
-    if not alike:  # as "centre of the wheel, frame of body j"
-        text = component.parameters()[parameter].description
-        alike = [role for role in component.bodies if text.endswith(f"frame of body {role.rsplit('_', 1)[-1]}")]
     return alike[0] if alike else component.bodies[0]
 
 
@@ -117,10 +116,6 @@ def _radius(component: Component, point: str) -> sympy.Expr:
         own = component.values.get("radius")
     value = sympy.sympify(own or 0)
     return value if _settled(value) else sympy.S.Zero
-
-
-def _in_body_axes(parameter: Parameter) -> bool:
-    return "body axes" in parameter.description or "frame of" in parameter.description
 
 
 def _points(value: list[Any], time: float) -> tuple[sympy.Expr, ...] | None:

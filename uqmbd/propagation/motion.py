@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import copy
 import warnings
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -26,26 +26,12 @@ from uqmbd.propagation.deterministic import input_point, observed_model, stepped
 if TYPE_CHECKING:
     import xarray as xr
 
-    from uqmbd.mechanism import Component, Mechanism
+    from uqmbd.mechanism import Component, Mechanism, Space
     from uqmbd.propagation.study import Study
 
 __all__ = ["drawn_pose", "motion"]
 
 Array = NDArray[np.float64]
-
-SYMBOLS = {
-    frozenset({"point"}): "ball",
-    frozenset({"point", "axis"}): "hinge",
-    frozenset({"point", "axes"}): "universal",
-    frozenset({"point", "rotation"}): "weld",
-    frozenset({"line", "rotation"}): "slide",
-    frozenset({"line", "axis"}): "cylinder",
-    frozenset({"line"}): "line",
-    frozenset({"plane"}): "plane",
-    frozenset({"length"}): "rod",
-    frozenset({"axis", "length"}): "rod",
-}
-"""What constraints hold together (`uqmbd.Constraint.label`), and the symbol that stands for it."""
 
 
 def drawn_pose(mechanism: Mechanism, values: Mapping[str, float] | None = None, time: float = 0.0) -> xr.Dataset:
@@ -82,7 +68,7 @@ def drawn_pose(mechanism: Mechanism, values: Mapping[str, float] | None = None, 
     """
     from uqmbd.dynamics import kinematic_model
     from uqmbd.dynamics.assembly import positions
-    from uqmbd.dynamics.build import equation_names
+    from uqmbd.dynamics.build import constraining
     from uqmbd.dynamics.parameters import ParameterMap
 
     if not mechanism.bodies:
@@ -93,15 +79,12 @@ def drawn_pose(mechanism: Mechanism, values: Mapping[str, float] | None = None, 
         model = mechanism.remembered(("kinematics", time), lambda: kinematic_model(mechanism, time))
         parameters = model.parameters(point)
         q, messages = positions(model, parameters[:, model.drawn], time, parameters, model.layout.kept)
-        note, equations = messages[0], model.equations
+        note, owners = messages[0], model.owners
     except AssemblyError as error:
         drawn = [x for body in mechanism.bodies.values() for x in body.pose.q]
-        q, note, equations = (
-            ParameterMap.of(drawn, mechanism.inputs.variables)(point),
-            str(error),
-            equation_names(mechanism),
-        )
-    return _dataset(mechanism, q[:, None, :], point, [time], equations, {"method": "", "note": note})
+        q, note = ParameterMap.of(drawn, mechanism.inputs.variables)(point), str(error)
+        owners = constraining(mechanism)
+    return _dataset(mechanism, q[:, None, :], point, [time], owners, {"method": "", "note": note})
 
 
 def motion(study: Study, samples: int = 20, frames: int = 60, seed: int = 1, method: str | None = None) -> xr.Dataset:
@@ -162,7 +145,7 @@ def motion(study: Study, samples: int = 20, frames: int = 60, seed: int = 1, met
 
     mechanism, start = study.mechanism, float(study.times[0])
     model = mechanism.remembered(("kinematics", start), lambda: kinematic_model(mechanism, start))
-    return _dataset(mechanism, q[good], values[good], times, model.equations, {**known, "failures": failures})
+    return _dataset(mechanism, q[good], values[good], times, model.owners, {**known, "failures": failures})
 
 
 def _integrated(study: Study, times: Array, values: Array) -> tuple[Array, str]:
@@ -220,7 +203,7 @@ def _dataset(
     q: Array,
     values: Array,
     times: ArrayLike,
-    equations: tuple[str, ...],
+    owners: Collection[str],
     attrs: Mapping[str, Any],
 ) -> xr.Dataset:
     """Put poses (realisation, time, coordinate) and what is known of the bodies into one dataset."""
@@ -246,9 +229,7 @@ def _dataset(
     }
     kinds = {
         "component_type": [type(c).__name__ for c in components],
-        "component_symbol": [
-            _symbol(c, equations, d, {m.role for m in marks if m.component == c.name}) for c in components
-        ],
+        "component_symbol": [symbol_of(c, space, constrains=c.name in owners) for c in components],
         "component_bodies": ["/".join(getattr(c.attached[b], "name", "ground") for b in c.bodies) for c in components],
     }  # names never contain a slash
     data: dict[str, Any] = {
@@ -279,27 +260,24 @@ def _dataset(
     return xr.Dataset(data, coords, {"mechanism": mechanism.name, "space": space.name, **attrs})
 
 
-def _symbol(component: Component, equations: tuple[str, ...], dimension: int, given: set[str]) -> str:
-    """Tell how a component is drawn: by what it says itself, else by what it holds together or which numbers it has."""
-    labels = {
-        e.removeprefix(f"{component.name}: ").split(" ")[0] for e in equations if e.startswith(f"{component.name}: ")
-    }
-    points = sum(name.startswith("point") for name in given)
-    if labels:
-        from uqmbd.mechanism.time import t
+def symbol_of(component: Component, space: Space, *, constrains: bool) -> str:
+    """Tell how a component is drawn: by what it says itself, else by its parameters and what it attaches to."""
+    from uqmbd.mechanism.time import t
 
-        timed = any(t in getattr(x, "free_symbols", ()) for x in component.values.values())
-        if labels <= {"angle", "displacement"} or (timed and labels == {"length"}):
-            return "driver"
-        found = SYMBOLS.get(frozenset(labels), "")
-        return {"ball": "hinge"}.get(found, found) if dimension == 2 else found
-    declared = component.parameters()
-    round_ = any(name.split("_")[0] == "radius" and parameter.kind == "scalar" for name, parameter in declared.items())
-    if points and (round_ or any(name.startswith("normal") for name in given)):
-        return "contact"
-    if points >= 2:
-        return "damper" if component.values.get("stiffness") == 0 and component.values.get("damping") else "spring"
-    kinds = {parameter.kind for parameter in declared.values()}
+    found = component.symbol
+    if found == "rod" and any(t in getattr(x, "free_symbols", ()) for x in component.values.values()):
+        found = "driver"
+    if found == "spring" and component.values.get("stiffness") == 0 and component.values.get("damping"):
+        found = "damper"
+    if found:
+        # what does not turn has no use for what holds turns
+        found = found if space.turns else {"weld": "hinge", "slide": "line"}.get(found, found)
+        return "hinge" if found == "ball" and space.dimension == 2 else found
+    if constrains:
+        return ""
+    kinds = [parameter.kind for key, parameter in component.parameters().items() if key in component.values]
+    if kinds.count("point") >= 2:
+        return "spring"
     if len(component.bodies) == 1:
         return "torque" if "moment" in kinds else "force" if "vector" in kinds else ""
     return "coil" if "turning_axis" in kinds else ""

@@ -1,0 +1,82 @@
+"""Descriptions and labels are for people: whatever they say, the program does the same."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import uqmbd
+from uqmbd import plugins
+from uqmbd.dynamics import build
+from uqmbd.mechanism.skeleton import skeleton
+from uqmbd.propagation.motion import drawn_pose
+from uqmbd.testing.cases import cases
+
+EVERY = [(name, plugins.component(name).spaces[-1]) for name in sorted(plugins.components())]
+
+
+def reworded(component):
+    """The same component, with other words for everything that has some."""
+
+    def terms(self, p):
+        for term in component.terms(self, p):
+            worded = isinstance(term, (uqmbd.Constraint, uqmbd.Upright))
+            yield dataclasses.replace(term, label=f"unit quaternion {len(term.label)}") if worded else term
+
+    words = {
+        key: dataclasses.replace(parameter, description="body axes, frame of body i")
+        for key, parameter in component.parameters().items()
+    }
+    return type(component.__name__, (component,), {"terms": terms, **words})
+
+
+def known(component, space):
+    """What is derived, assembled and drawn of a component, without words."""
+    case = next(cases(component, space, {}, np.random.default_rng(3)))
+    mechanism = case.mechanism
+    marks = [(m.kind, m.body, m.component, m.role, str(m.local), str(m.radius)) for m in skeleton(mechanism)]
+    pose = drawn_pose(mechanism)
+    model = build(mechanism)
+    symbols = pose["component_symbol"].values.tolist() if "component_symbol" in pose else []
+    layout = model.layout
+    return marks, symbols, pose["pose"].values, layout.kept, layout.active, model.norms
+
+
+@pytest.mark.parametrize(("name", "space"), EVERY, ids=[f"{name}-{space.__name__}" for name, space in EVERY])
+def test_other_words_change_nothing(name, space):
+    component = plugins.component(name)
+    first, second = known(component, space), known(reworded(component), space)
+    assert first[:2] == second[:2]
+    for one, other in zip(first[2:], second[2:], strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
+def test_a_parameter_says_in_which_frame_it_is():
+    class Hook(uqmbd.Component):
+        bodies = ("body_i", "body_j")
+        eye = uqmbd.Parameter("m", "a point", kind="point", body="body_j")
+        pull = uqmbd.Parameter("N", "a force", kind="vector", axes="body")
+        push = uqmbd.Parameter("N", "a force", kind="vector")
+
+        def terms(self, p):
+            yield uqmbd.VirtualWork(p.pull, p.body_j.point_velocity(p.eye))
+
+    mechanism = uqmbd.Mechanism("hooked", uqmbd.Planar())
+    one, two = (mechanism.body(name, mass=1, inertia=1) for name in ("one", "two"))
+    mechanism.add(Hook("hook", one, two, (1, 2), (3, 4), (5, 6)))
+    found = {m.role: m.body for m in skeleton(mechanism) if m.component == "hook"}
+    assert found == {"eye": "two", "pull": "one", "push": "ground"}
+
+
+def test_axes_belong_to_vectors_only():
+    with pytest.raises(uqmbd.StudyError, match="axes='body' is for vectors and moments"):
+        uqmbd.Parameter("m", "a point", kind="point", axes="body")
+
+
+def test_a_symbol_that_does_not_exist_is_refused():
+    with pytest.raises(uqmbd.StudyError, match=r"Bolt: symbol is 'bolt'; expected one of 'ball', .*'weld'"):
+
+        class Bolt(uqmbd.Component):
+            symbol = "bolt"
