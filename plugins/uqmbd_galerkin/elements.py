@@ -15,7 +15,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 import uqmbd
-from uqmbd.results import PolynomialChaos
+from uqmbd.results import PolynomialChaos, Status
 from uqmbd_galerkin.ending import DOUBTFUL, finished, padded
 from uqmbd_galerkin.rules import basis, quadrature
 from uqmbd_galerkin.scalars import expand
@@ -129,7 +129,7 @@ class _Elements:
             good, response = np.zeros(0, dtype=np.int64), None
             if known is not None:
                 own = slice(start, start + len(germs))
-                fine = np.isfinite(known.response[own]).all(axis=(1, 2)) & (known.status[own] == 0)
+                fine = np.isfinite(known.response[own]).all(axis=(1, 2)) & (known.status[own] == Status.OK)
                 good = np.flatnonzero(fine)
                 response = known.response[own][good][:, :, :count]
             start += len(germs)

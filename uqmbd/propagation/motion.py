@@ -22,6 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from uqmbd.errors import AssemblyError, RedundantConstraintWarning, StudyError, StudyWarning
 from uqmbd.propagation.deterministic import input_point, observed_model, stepped
+from uqmbd.status import Status
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -185,7 +186,7 @@ def _of_method(study: Study, times: Array, samples: int, seed: int, method: str)
         node = again.propagate(propagators[method])
     if "samples" in node.children:
         data = node["samples"].to_dataset()
-        data = data.isel(sample=np.flatnonzero(data["status"].values == 0)[:samples])
+        data = data.isel(sample=np.flatnonzero(data["status"].values == Status.OK)[:samples])
         drawn = data["inputs"].sel(input=list(observed.inputs.names)).transpose("sample", "input")
         return drawn.values, data["response"].sel(output=names).transpose("sample", "time", "output").values
     if {"chaos", "aligned"} & set(node.children):

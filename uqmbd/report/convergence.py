@@ -16,6 +16,7 @@ from uqmbd.report.drawing import COLOURS, arrange, axes_grid, constant, widen_if
 from uqmbd.report.selection import Samples, label_of, of_output, samples_of
 from uqmbd.report.wording import format_integer
 from uqmbd.results.statistics import replicate_statistics, running_statistics
+from uqmbd.status import Status
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -92,7 +93,7 @@ def convergence(node: Samples, output: str, time: float | None = None) -> Figure
     """
     samples = samples_of(node)
     response = of_output(samples, output)["response"]
-    fine = samples["status"].values == 0
+    fine = samples["status"].values == Status.OK
     if fine.sum() < 2:
         raise StudyError(f"Fewer than two samples of {label_of(node)!r} succeeded: there is nothing to converge.")
     if time is None:

@@ -24,6 +24,7 @@ from uqmbd.report.drawing import (
 )
 from uqmbd.report.selection import Results, Samples, automatic_times, label_of, nodes_of, samples_of, succeeded
 from uqmbd.report.surrogates import surrogate_nodes, surrogate_of
+from uqmbd.status import Status
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -178,7 +179,7 @@ def _responses(results: Results | Samples, output: str) -> dict[str, xr.DataArra
     surrogates = {label: node for label, node in surrogate_nodes(nodes).items() if label not in sampled}
     # With none at all, the error of the first names it.
     kept = sampled if sampled or surrogates else dict(list(nodes.items())[:1])
-    failed = [label for label, node in kept.items() if not np.any(samples_of(node)["status"].values == 0)]
+    failed = [label for label, node in kept.items() if not np.any(samples_of(node)["status"].values == Status.OK)]
     usable = {label: node for label, node in kept.items() if label not in failed} or kept
     found = {label: succeeded(node, output) for label, node in usable.items()}
     for label, node in surrogates.items():
@@ -237,7 +238,7 @@ def inputs(node: Samples) -> Figure:
     names = [str(name) for name in samples["input"].values]
     if not names:
         raise StudyError(f"The study of {label_of(node)!r} has no random inputs.")
-    failed = samples["status"].values != 0
+    failed = samples["status"].values != Status.OK
     figure, grid = axes_grid(len(names), 1.6)
     handles: dict[str, Any] = {}
     for place, (axes, name) in enumerate(zip(grid, names, strict=True)):

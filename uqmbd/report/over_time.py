@@ -23,6 +23,7 @@ from uqmbd.report.drawing import (
     wrapped,
 )
 from uqmbd.report.selection import Results, Samples, nodes_of, of_output, samples_of, succeeded, thinned
+from uqmbd.status import Status
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -327,7 +328,7 @@ def _curves(node: xr.DataTree, output: str, count: int) -> NDArray[np.float64]:
     if "samples" not in node.children:
         return np.zeros((0, node.children["statistics"].sizes["time"]))
     samples = samples_of(node)
-    ok = np.flatnonzero(samples["status"].values == 0)[:count]
+    ok = np.flatnonzero(samples["status"].values == Status.OK)[:count]
     return np.asarray(of_output(samples, output)["response"].values[ok], dtype=float)
 
 

@@ -18,6 +18,7 @@ from uqmbd.report.images import image
 from uqmbd.report.selection import Results, nodes_of
 from uqmbd.report.wording import format_count, format_number
 from uqmbd.results import scalar_nodes, surrogate, worst_integration_share
+from uqmbd.status import Status
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -167,7 +168,7 @@ def _responses(node: xr.DataTree) -> dict[str, NDArray[np.float64]]:
     """Return samples of each output of a method, or of its surrogate; nothing where it has neither."""
     if "samples" in node.children:
         data = node.children["samples"].to_dataset()
-        values = data["response"].values[data["status"].values == 0]
+        values = data["response"].values[data["status"].values == Status.OK]
         return dict(zip(_names(node), values.T, strict=True)) if len(values) else {}
     if "chaos" in node.children:
         # a general joint distribution cannot be sampled without its mechanism

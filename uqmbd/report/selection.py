@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from uqmbd.errors import StudyError
 from uqmbd.results import propagator_nodes
+from uqmbd.status import Status
 
 __all__ = [
     "Results",
@@ -88,7 +89,7 @@ def of_output(source: xr.DataTree | xr.Dataset, output: str) -> xr.Dataset:
 def succeeded(node: Samples, output: str) -> xr.DataArray:
     """Return the response (sample, time) of the samples that succeeded; none is an error."""
     samples = samples_of(node)
-    fine = np.flatnonzero(samples["status"].values == 0)
+    fine = np.flatnonzero(samples["status"].values == Status.OK)
     if not len(fine):
         raise StudyError(f"All samples of {label_of(node)!r} failed: there is nothing to draw.")
     response = of_output(samples, output)["response"]

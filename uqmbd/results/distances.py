@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from uqmbd.errors import UqmbdError
 from uqmbd.results.chaos_sampling import spread_germs
+from uqmbd.status import Status
 
 __all__ = ["distances", "ks_by_chance", "realisations_at"]
 
@@ -93,7 +94,7 @@ def realisations_at(node: xr.DataTree, where: Sequence[int]) -> tuple[Array, flo
                 continue
             data = data.isel(time=list(where))
         if name == "samples":
-            response = data["response"].isel(sample=np.flatnonzero(data["status"].values == 0)).values
+            response = data["response"].isel(sample=np.flatnonzero(data["status"].values == Status.OK)).values
             if len(response):
                 return response.reshape(*response.shape[:2], -1), float(len(response))
             continue

@@ -11,6 +11,7 @@ import xarray as xr
 from uqmbd.errors import StudyError
 from uqmbd.results.scalars import validate_scalars
 from uqmbd.results.schema import check_version
+from uqmbd.status import Status
 
 __all__ = ["propagator_nodes", "validate"]
 
@@ -271,7 +272,7 @@ def _validate_samples(node: xr.DataTree, statistics: xr.DataTree, parent: xr.Dat
     )
     is_text = all(isinstance(value, str) for value in node.to_dataset()["message"].values.tolist())
     _require(is_text, f"{node.path}/message", f"the type {node['message'].dtype}", "texts")
-    response, failed = node.to_dataset()["response"], status != 0
+    response, failed = node.to_dataset()["response"], status != Status.OK
     fine = _not_finite(response) & ~failed
     _values(
         node, "response", fine.transpose(*response.dims), "a value that is not finite in a sample of status 0", "none"
