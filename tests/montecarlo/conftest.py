@@ -13,7 +13,7 @@ import sympy
 
 import uqmbd
 from uqmbd.randomness import GermSpace, index_set
-from uqmbd.randomness.quadrature import gauss_tensor
+from uqmbd.randomness.quadrature.rules import gauss_tensor
 from uqmbd.results import PolynomialChaos, project
 
 

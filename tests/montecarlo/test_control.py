@@ -15,7 +15,7 @@ import xarray as xr
 
 import uqmbd
 from uqmbd.randomness import GermSpace, JointInput, index_set
-from uqmbd.randomness.quadrature import gauss_tensor
+from uqmbd.randomness.quadrature.rules import gauss_tensor
 from uqmbd.results import PolynomialChaos, labels, project, propagator_nodes, sample_statistics, validate
 from uqmbd_joints import Revolute
 from uqmbd_montecarlo import MonteCarlo

@@ -10,8 +10,8 @@ import scipy.stats
 
 import uqmbd
 from uqmbd.randomness import GermSpace, JointInput
-from uqmbd.randomness.laws import Law
-from uqmbd.randomness.stieltjes import discretise, discretise_quantiles
+from uqmbd.randomness.distributions.decomposed import Law
+from uqmbd.randomness.germs.stieltjes import discretise, discretise_quantiles
 
 
 class Density:
@@ -189,7 +189,7 @@ def test_arithmetic_with_whole_numbers_and_distributions_that_contradict_themsel
         "cannot evaluate": chaospy.Normal() + chaospy.Uniform(),
     }
     for words, distribution in wrong.items():
-        from uqmbd.randomness.families import independent_part
+        from uqmbd.randomness.space.families import independent_part
 
         with pytest.raises(uqmbd.StudyError, match=f"Input 'x'.*{words}.*mechanism"):
             independent_part("x", distribution)

@@ -11,8 +11,8 @@ import scipy.stats
 
 import uqmbd
 from uqmbd.randomness import GermSpace, JointInput, gauss_tensor, index_set
-from uqmbd.randomness.dependence import nataf_correlation
-from uqmbd.randomness.families import normal_marginal
+from uqmbd.randomness.space.dependence import nataf_correlation
+from uqmbd.randomness.space.families import normal_marginal
 
 MEAN, COVARIANCE = np.array([3.0, -2.0]), np.array([[0.5, 0.3], [0.3, 0.8]])
 

@@ -11,7 +11,7 @@ import scipy.stats
 
 import uqmbd
 from uqmbd.randomness import GermBox, GermSpace, JointInput, gauss_tensor, gram_error, index_set, located
-from uqmbd.randomness.truncation import cumulated, truncated
+from uqmbd.randomness.germs.truncated import cumulated, truncated
 
 # distribution, density of its germ, and where numerical integrals of it are cut
 CASES = {

@@ -9,8 +9,8 @@ import scipy.stats
 
 import uqmbd
 from uqmbd.randomness import GermSpace, JointInput, gauss_tensor
-from uqmbd.randomness.laws import Law
-from uqmbd.randomness.tails import heaviest_tail
+from uqmbd.randomness.distributions.decomposed import Law
+from uqmbd.randomness.distributions.tails import heaviest_tail
 
 INFINITE = {
     "Cauchy": (chaospy.Cauchy(1, 3), 1),

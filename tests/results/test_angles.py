@@ -10,8 +10,8 @@ import xarray as xr
 
 from uqmbd import RandomVariable, results
 from uqmbd.errors import StudyError
-from uqmbd.randomness.germspace import GermSpace
 from uqmbd.randomness.joint import JointInput
+from uqmbd.randomness.space.germ_space import GermSpace
 from uqmbd.results import PolynomialChaos, angles
 
 TURN = 2 * np.pi

@@ -12,10 +12,10 @@ import pytest
 
 from uqmbd import RandomVariable, results
 from uqmbd.errors import StudyError
-from uqmbd.randomness.germ import Germ
-from uqmbd.randomness.germspace import GermSpace
-from uqmbd.randomness.indexsets import index_set
+from uqmbd.randomness.germs.germ import Germ
+from uqmbd.randomness.index_sets import index_set
 from uqmbd.randomness.joint import JointInput
+from uqmbd.randomness.space.germ_space import GermSpace
 from uqmbd.randomness.variable import random_vector
 from uqmbd.results import PolynomialChaos, chaos_moments
 from uqmbd.results.chaos_moments import skewness_kurtosis

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from uqmbd import results
-from uqmbd.randomness.germ import Germ
-from uqmbd.randomness.germspace import GermSpace
-from uqmbd.randomness.indexsets import index_set
+from uqmbd.randomness.germs.germ import Germ
+from uqmbd.randomness.index_sets import index_set
+from uqmbd.randomness.space.germ_space import GermSpace
 from uqmbd.results import PolynomialChaos, chaos_moments, chaos_products
 
 

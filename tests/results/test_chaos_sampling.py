@@ -11,9 +11,9 @@ import scipy.stats
 
 from uqmbd import RandomVariable, results
 from uqmbd.errors import StudyError
-from uqmbd.randomness.germspace import GermSpace
-from uqmbd.randomness.indexsets import index_set
+from uqmbd.randomness.index_sets import index_set
 from uqmbd.randomness.joint import JointInput
+from uqmbd.randomness.space.germ_space import GermSpace
 from uqmbd.results import PolynomialChaos, chaos_sampling
 
 TIMES = np.linspace(0.0, 1.0, 4)

@@ -13,9 +13,9 @@ import xarray as xr
 
 from uqmbd import RandomVariable, results
 from uqmbd.errors import StudyError
-from uqmbd.randomness.germspace import GermSpace
-from uqmbd.randomness.indexsets import index_set
+from uqmbd.randomness.index_sets import index_set
 from uqmbd.randomness.joint import JointInput
+from uqmbd.randomness.space.germ_space import GermSpace
 from uqmbd.randomness.variable import random_vector
 from uqmbd.results import PolynomialChaos
 

@@ -8,9 +8,9 @@ import pytest
 
 from uqmbd import RandomVariable, results
 from uqmbd.errors import StudyError
-from uqmbd.randomness.germspace import GermSpace
-from uqmbd.randomness.indexsets import index_set
+from uqmbd.randomness.index_sets import index_set
 from uqmbd.randomness.joint import JointInput
+from uqmbd.randomness.space.germ_space import GermSpace
 from uqmbd.results import PolynomialChaos
 from uqmbd.results.chaos_sampling import random_germs, spread_germs
 

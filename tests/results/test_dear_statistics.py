@@ -10,9 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import uqmbd
-from uqmbd.randomness.germspace import GermSpace
-from uqmbd.randomness.indexsets import index_set
+from uqmbd.randomness.index_sets import index_set
 from uqmbd.randomness.joint import JointInput
+from uqmbd.randomness.space.germ_space import GermSpace
 from uqmbd.results import PolynomialChaos, chaos_from_dataset, chaos_moments, chaos_sampling, labels, load, save
 from uqmbd_collocation import Collocation
 from uqmbd_galerkin import Galerkin

@@ -5,14 +5,20 @@ The only place that imports chaospy.
 
 from __future__ import annotations
 
-from uqmbd.randomness.elements import GermBox, located
-from uqmbd.randomness.germ import Germ
-from uqmbd.randomness.germspace import GermSpace
-from uqmbd.randomness.indexsets import index_set
+from uqmbd.randomness.germs import Germ, truncated
+from uqmbd.randomness.index_sets import index_set
 from uqmbd.randomness.joint import JointInput
-from uqmbd.randomness.quadrature import Quadrature, clenshaw_curtis, gauss_tensor, gram_error, monte_carlo_rule
-from uqmbd.randomness.sparse import combination_coefficients, smolyak, sparse_rule
-from uqmbd.randomness.truncation import truncated
+from uqmbd.randomness.quadrature import (
+    Quadrature,
+    clenshaw_curtis,
+    combination_coefficients,
+    gauss_tensor,
+    gram_error,
+    monte_carlo_rule,
+    smolyak,
+    sparse_rule,
+)
+from uqmbd.randomness.space import GermBox, GermSpace, located
 from uqmbd.randomness.variable import RandomVariable, random_vector, uniform_variable
 
 __all__ = [

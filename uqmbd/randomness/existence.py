@@ -8,9 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from uqmbd.randomness.distributions import Law, Tail, heaviest_tail, is_dependent, tail_of
 from uqmbd.randomness.joint import JointInput, in_blocks
-from uqmbd.randomness.laws import Law, is_dependent
-from uqmbd.randomness.tails import Tail, heaviest_tail, tail_of
 
 __all__ = ["exists", "moment_orders"]
 

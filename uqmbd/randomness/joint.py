@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from uqmbd.errors import StudyError
-from uqmbd.randomness.laws import Law, is_dependent
+from uqmbd.randomness.distributions import Law, is_dependent
 from uqmbd.randomness.variable import RandomVariable
 
 __all__ = ["JointInput", "in_blocks"]

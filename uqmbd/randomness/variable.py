@@ -196,7 +196,7 @@ def _require_distribution(where: str, distribution: Any, dimension: int) -> None
             else "give one name for each dimension"
         )
         raise StudyError(f"{where}: the distribution has {count}, expected {dimension}; {remedy}.")
-    from uqmbd.randomness.sound import flaw_of
+    from uqmbd.randomness.distributions import flaw_of
 
     if flaw := flaw_of(distribution):
         raise StudyError(
@@ -213,9 +213,8 @@ def mean_of(distribution: Any) -> np.ndarray:
     """
     import chaospy
 
-    from uqmbd.randomness.laws import Law, is_dependent
-    from uqmbd.randomness.stieltjes import discretise
-    from uqmbd.randomness.tails import heaviest_tail
+    from uqmbd.randomness.distributions import Law, heaviest_tail, is_dependent
+    from uqmbd.randomness.germs import discretise
 
     if len(distribution) > 1 and not is_dependent(distribution) and any(Law.of(d).mends for d in distribution):
         return np.concatenate([mean_of(d) for d in distribution])

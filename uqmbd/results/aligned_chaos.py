@@ -22,8 +22,7 @@ from uqmbd.results.chaos_verification import stated_error
 from uqmbd.results.schema import DEFAULT_PROBABILITIES
 
 if TYPE_CHECKING:
-    from uqmbd.randomness.elements import GermBox
-    from uqmbd.randomness.germspace import GermSpace
+    from uqmbd.randomness.space import GermBox, GermSpace
 
 __all__ = ["AlignedChaos", "AlignedElement"]
 
@@ -166,7 +165,7 @@ class AlignedChaos(ChaosInterface):
         return found
 
     def _sampled(self, germs: Array) -> list[_Sampled]:
-        from uqmbd.randomness.elements import located
+        from uqmbd.randomness.space import located
 
         where = located([e.box for e in self.elements], germs)
         if np.any(where < 0):

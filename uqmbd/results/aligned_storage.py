@@ -60,8 +60,7 @@ def aligned_dataset(chaos: AlignedChaos) -> xr.Dataset:
 
 def aligned_arguments(dataset: xr.Dataset | xr.DataTree) -> dict[str, Any]:
     """Return the arguments of `AlignedChaos` that a dataset was made from."""
-    from uqmbd.randomness.elements import GermBox
-    from uqmbd.randomness.germspace import GermSpace
+    from uqmbd.randomness.space import GermBox, GermSpace
     from uqmbd.results.aligned_chaos import AlignedElement
 
     data = dataset.to_dataset() if isinstance(dataset, xr.DataTree) else dataset

@@ -69,7 +69,7 @@ class PolynomialChaos(ChaosTrust):
     Examples
     --------
     >>> import chaospy, numpy as np, uqmbd
-    >>> from uqmbd.randomness.germspace import GermSpace
+    >>> from uqmbd.randomness.space import GermSpace
     >>> from uqmbd.randomness.joint import JointInput
     >>> from uqmbd.results import labels
     >>> length = uqmbd.RandomVariable("length", chaospy.Normal(0.15, 0.003), units="m")

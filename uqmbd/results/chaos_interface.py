@@ -18,7 +18,7 @@ from uqmbd.results.chaos_verification import first_above
 from uqmbd.results.schema import DEFAULT_PROBABILITIES, statistics_dataset
 
 if TYPE_CHECKING:
-    from uqmbd.randomness.germspace import GermSpace
+    from uqmbd.randomness.space import GermSpace
 
 __all__ = ["FEWER", "SAMPLES", "ChaosInterface"]
 

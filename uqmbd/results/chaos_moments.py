@@ -13,7 +13,7 @@ from uqmbd.results.chaos_products import ProductTable, product_count, product_ta
 from uqmbd.results.projection import one_thread
 
 if TYPE_CHECKING:
-    from uqmbd.randomness.germ import Germ
+    from uqmbd.randomness.germs import Germ
 
 __all__ = ["column_blocks", "constant_columns", "shape_route", "skewness_kurtosis", "standard_deviation"]
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
-    from uqmbd.randomness.germ import Germ
+    from uqmbd.randomness.germs import Germ
 
 __all__ = ["ProductTable", "product_count", "product_table"]
 

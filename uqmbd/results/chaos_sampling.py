@@ -12,7 +12,7 @@ from uqmbd.errors import StudyError
 from uqmbd.results.projection import one_thread
 
 if TYPE_CHECKING:
-    from uqmbd.randomness.germspace import GermSpace
+    from uqmbd.randomness.space import GermSpace
 
 __all__ = [
     "affordable",

@@ -24,7 +24,7 @@ from uqmbd.results.chaos_sobol import (
 from uqmbd.results.projection import one_thread
 
 if TYPE_CHECKING:
-    from uqmbd.randomness.germspace import GermSpace
+    from uqmbd.randomness.space import GermSpace
 
 __all__ = ["ChaosStatistics"]
 

@@ -25,8 +25,7 @@ from uqmbd.results.projection import one_thread
 from uqmbd.results.schema import DEFAULT_PROBABILITIES
 
 if TYPE_CHECKING:
-    from uqmbd.randomness.elements import GermBox
-    from uqmbd.randomness.germspace import GermSpace
+    from uqmbd.randomness.space import GermBox, GermSpace
 
 __all__ = ["PiecewiseChaos", "chaos_from_dataset"]
 
@@ -393,7 +392,7 @@ class PiecewiseChaos(ChaosInterface):
 
     def _rows(self, points: Array) -> list[NDArray[np.intp]]:
         """Numbers of the points in each element."""
-        from uqmbd.randomness.elements import located
+        from uqmbd.randomness.space import located
 
         where = located(self.boxes, points)
         if np.any(where < 0):

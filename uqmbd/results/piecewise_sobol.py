@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
-    from uqmbd.randomness.elements import GermBox
-    from uqmbd.randomness.germ import Germ
+    from uqmbd.randomness.germs import Germ
+    from uqmbd.randomness.space import GermBox
 
 __all__ = ["closed_variance"]
 
@@ -85,7 +85,7 @@ def closed_variance(
 
 def _products(germ: Germ, one: Interval, other: Interval, degree: int) -> Array:
     """Integrate products of the polynomials of two intervals of a germ over their overlap, shape (degree + 1, same)."""
-    from uqmbd.randomness.truncation import cumulated, truncated
+    from uqmbd.randomness.germs import cumulated, truncated
 
     found = np.zeros((degree + 1, degree + 1))
     low, high = max(one[0], other[0]), min(one[1], other[1])

@@ -10,7 +10,7 @@ import scipy.special
 from numpy.typing import NDArray
 
 from uqmbd.errors import StudyError
-from uqmbd.randomness.marginals import Marginal
+from uqmbd.randomness.space.marginals import Marginal
 
 __all__ = ["Coupled", "Group", "JointMap", "Rosenblatt", "conditional_names"]
 

@@ -9,8 +9,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from uqmbd.errors import StudyError
-from uqmbd.randomness.germ import Germ
-from uqmbd.randomness.transforms import Group
+from uqmbd.randomness.germs import Germ
+from uqmbd.randomness.space.parts import space_parts
+from uqmbd.randomness.space.storage import from_dataset, to_dataset
+from uqmbd.randomness.space.transforms import Group
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -90,8 +92,6 @@ class GermSpace:
         uqmbd.StudyError
             If the transform is unknown, or an input has no finite moments.
         """
-        from uqmbd.randomness.families import space_parts
-
         if transform not in TRANSFORMS:
             raise StudyError(f"transform is {transform!r}; expected one of {', '.join(TRANSFORMS)}.")
         germs, groups = space_parts(inputs, transform)
@@ -216,10 +216,17 @@ class GermSpace:
         fail, everything else works.  Recurrence coefficients and affine, lognormal and multivariate normal maps are
         kept exactly.  Other quantile functions are tables over the probit scale, the same that are used before storing:
         nothing changes by storing.
-        """
-        from uqmbd.randomness.storage import to_dataset
 
-        return to_dataset(self)
+        Examples
+        --------
+        >>> import chaospy, uqmbd
+        >>> from uqmbd.randomness import JointInput
+        >>> space = GermSpace.of(JointInput.of([uqmbd.RandomVariable("a", chaospy.Normal(1, 2))]))
+        >>> stored = space.to_dataset()
+        >>> str(stored["germ_family"].item()), GermSpace.from_dataset(stored).to_inputs([[0.5]]).tolist()
+        ('hermite', [[2.0]])
+        """
+        return to_dataset(self.inputs, self.names, self.germs, self.groups)
 
     @classmethod
     def from_dataset(cls, dataset: xr.Dataset) -> GermSpace:
@@ -230,8 +237,6 @@ class GermSpace:
         uqmbd.StudyError
             If it lacks something.
         """
-        from uqmbd.randomness.storage import from_dataset
-
         return cls(*from_dataset(dataset))
 
     def _checked(self, array: ArrayLike, what: str) -> Array:

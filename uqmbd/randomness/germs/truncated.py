@@ -10,10 +10,10 @@ import scipy.special
 from numpy.typing import ArrayLike, NDArray
 
 from uqmbd.errors import StudyError
-from uqmbd.randomness.germ import STORED, Germ
-from uqmbd.randomness.recurrences import recurrence
-from uqmbd.randomness.stieltjes import COUNT, lanczos
-from uqmbd.randomness.tables import KNOTS, interpolate, invert
+from uqmbd.randomness.germs.germ import STORED, Germ
+from uqmbd.randomness.germs.quantile_tables import KNOTS, interpolate, invert
+from uqmbd.randomness.germs.recurrences import recurrence
+from uqmbd.randomness.germs.stieltjes import COUNT, lanczos
 
 __all__ = ["TruncatedGerm", "cumulated", "median", "truncated"]
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from uqmbd.randomness.tables import interpolate, invert
+from uqmbd.randomness.germs import interpolate, invert
 
 __all__ = ["Marginal"]
 

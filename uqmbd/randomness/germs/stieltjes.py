@@ -9,8 +9,8 @@ import numpy as np
 import scipy.special
 from numpy.typing import NDArray
 
-from uqmbd.randomness.laws import Law
-from uqmbd.randomness.tables import KNOTS
+from uqmbd.randomness.distributions import Law
+from uqmbd.randomness.germs.quantile_tables import KNOTS
 
 __all__ = ["COUNT", "Discretised", "discretise", "discretise_quantiles", "lanczos"]
 

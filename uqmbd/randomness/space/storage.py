@@ -8,14 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uqmbd.errors import StudyError
-from uqmbd.randomness.germ import Germ
-from uqmbd.randomness.marginals import Marginal
-from uqmbd.randomness.transforms import Coupled, Group, Rosenblatt
+from uqmbd.randomness.germs import Germ
+from uqmbd.randomness.space.marginals import Marginal
+from uqmbd.randomness.space.transforms import Coupled, Group, Rosenblatt
 
 if TYPE_CHECKING:
     import xarray as xr
-
-    from uqmbd.randomness.germspace import GermSpace
 
 __all__ = ["from_dataset", "to_dataset"]
 
@@ -33,21 +31,13 @@ REQUIRED = (
 )  # fmt: skip
 
 
-def to_dataset(space: GermSpace) -> xr.Dataset:
-    """Return a germ space as a dataset; see :meth:`uqmbd.randomness.GermSpace.to_dataset`.
-
-    Examples
-    --------
-    >>> import chaospy, uqmbd
-    >>> from uqmbd.randomness import GermSpace, JointInput
-    >>> space = GermSpace.of(JointInput.of([uqmbd.RandomVariable("a", chaospy.Normal(1, 2))]))
-    >>> stored = to_dataset(space)
-    >>> str(stored["germ_family"].item()), GermSpace.from_dataset(stored).to_inputs([[0.5]]).tolist()
-    ('hermite', [[2.0]])
-    """
+def to_dataset(
+    inputs: tuple[str, ...], names: tuple[str, ...], germs: tuple[Germ, ...], groups: tuple[Group, ...]
+) -> xr.Dataset:
+    """Return the parts of a germ space as a dataset; see :meth:`uqmbd.randomness.GermSpace.to_dataset`."""
     import xarray as xr
 
-    dimension = space.dimension
+    dimension = len(germs)
     tables: list[Array] = []
     maps: dict[str, Any] = {
         "kind": [""] * dimension,
@@ -57,7 +47,7 @@ def to_dataset(space: GermSpace) -> xr.Dataset:
     }
     group_of, order = np.zeros(dimension, dtype=int), np.zeros(dimension, dtype=int)
     factor = np.zeros((dimension, dimension))
-    for number, group in enumerate(space.groups):
+    for number, group in enumerate(groups):
         columns = np.array(group.columns)
         group_of[columns] = number
         order[columns[list(group.order)]] = np.arange(len(columns))
@@ -71,14 +61,14 @@ def to_dataset(space: GermSpace) -> xr.Dataset:
             maps["coefficient"][column] = [getattr(marginal, c) for c in COEFFICIENTS]
             maps["bounds"][column] = marginal.bounds
             maps["table"][column] = _keep(marginal.table, tables)
-    germ_tables = np.array([_keep(germ.table, tables) for germ in space.germs], dtype=int)
-    longest = max((len(germ.alpha) for germ in space.germs), default=0)
+    germ_tables = np.array([_keep(germ.table, tables) for germ in germs], dtype=int)
+    longest = max((len(germ.alpha) for germ in germs), default=0)
     variables: dict[str, Any] = {
-        "germ_family": ("germ", np.array([germ.family for germ in space.germs], dtype=np.str_)),
-        "germ_alpha": (("germ", "germ_degree"), _padded([germ.alpha for germ in space.germs], longest)),
-        "germ_beta": (("germ", "germ_degree"), _padded([germ.beta for germ in space.germs], longest)),
-        "germ_parameter": (("germ", "germ_end"), _padded([np.array(germ.parameters) for germ in space.germs], 2)),
-        "germ_bounds": (("germ", "germ_end"), np.array([germ.bounds for germ in space.germs]).reshape(-1, 2)),
+        "germ_family": ("germ", np.array([germ.family for germ in germs], dtype=np.str_)),
+        "germ_alpha": (("germ", "germ_degree"), _padded([germ.alpha for germ in germs], longest)),
+        "germ_beta": (("germ", "germ_degree"), _padded([germ.beta for germ in germs], longest)),
+        "germ_parameter": (("germ", "germ_end"), _padded([np.array(germ.parameters) for germ in germs], 2)),
+        "germ_bounds": (("germ", "germ_end"), np.array([germ.bounds for germ in germs]).reshape(-1, 2)),
         "germ_table_of_germ": ("germ", germ_tables),
         "germ_group": ("input", group_of),
         "germ_order": ("input", order),
@@ -92,7 +82,7 @@ def to_dataset(space: GermSpace) -> xr.Dataset:
         width = max(table.shape[1] for table in tables)
         filled = np.stack([_padded(list(table), width) for table in tables])
         variables["germ_table"] = (("germ_tabulated", "germ_row", "germ_knot"), filled)
-    coords = {"germ": np.array(space.names, dtype=np.str_), "input": np.array(space.inputs, dtype=np.str_)}
+    coords = {"germ": np.array(names, dtype=np.str_), "input": np.array(inputs, dtype=np.str_)}
     return xr.Dataset(variables, coords=coords)
 
 

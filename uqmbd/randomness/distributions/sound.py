@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from uqmbd.randomness.laws import Law, is_dependent
+from uqmbd.randomness.distributions.decomposed import Law, is_dependent
 
 __all__ = ["flaw_of"]
 

@@ -10,41 +10,16 @@ import scipy.special
 from numpy.typing import NDArray
 
 from uqmbd.errors import StudyError
-from uqmbd.randomness.germ import Germ
-from uqmbd.randomness.joint import JointInput
-from uqmbd.randomness.laws import Law, is_dependent
-from uqmbd.randomness.marginals import Marginal
-from uqmbd.randomness.stieltjes import COUNT, Discretised, discretise, discretise_quantiles, lanczos
-from uqmbd.randomness.tables import KNOTS, LARGEST
-from uqmbd.randomness.tails import FEWEST, Tail, heaviest_tail
-from uqmbd.randomness.transforms import Coupled, Group
+from uqmbd.randomness.distributions import FEWEST, Law, Tail, heaviest_tail
+from uqmbd.randomness.germs import COUNT, KNOTS, LARGEST, Discretised, Germ, discretise, discretise_quantiles, lanczos
+from uqmbd.randomness.space.marginals import Marginal
 
-__all__ = ["independent_part", "normal_marginal", "refuse_tail", "space_parts"]
+__all__ = ["independent_part", "normal_marginal", "refuse_tail"]
 
 Array = NDArray[np.float64]
 
 PROBE = np.array([1e-3, 0.05, 0.25, 0.5, 0.75, 0.95, 0.999])
 """Probabilities at which a recognised family is confirmed."""
-
-
-def space_parts(inputs: JointInput, transform: str) -> tuple[tuple[Germ, ...], tuple[Group, ...]]:
-    """Return the germs of all inputs, in order, and the maps of their groups."""
-    from uqmbd.randomness.dependence import dependent_part
-
-    germs: dict[int, Germ] = {}
-    groups: list[Group] = []
-    for joint in {id(v.joint): v.joint for v in inputs.variables}.values():
-        columns = tuple(inputs.names.index(name) for name in joint.names)
-        if len(columns) > 1 and is_dependent(joint.distribution):
-            found, group = dependent_part(joint.names, joint.distribution, columns, transform)
-            groups.append(group)
-            germs.update(zip(columns, found, strict=True))
-            continue
-        for place, (column, name) in enumerate(zip(columns, joint.names, strict=True)):
-            alone = joint.distribution if len(columns) == 1 else joint.distribution[place]
-            germs[column], marginal = independent_part(name, alone)
-            groups.append(Coupled.single(column, marginal))
-    return tuple(germs[k] for k in range(len(inputs))), tuple(groups)
 
 
 def independent_part(name: str, distribution: Any) -> tuple[Germ, Marginal]:

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from uqmbd.errors import StudyError
-from uqmbd.randomness.germspace import GermSpace
-from uqmbd.randomness.indexsets import whole_number
-from uqmbd.randomness.nested import nested_count, nested_exactness, nested_rule
+from uqmbd.randomness.index_sets import whole_number
+from uqmbd.randomness.quadrature.nested import nested_count, nested_exactness, nested_rule
+from uqmbd.randomness.space import GermSpace
 
 __all__ = [
     "MOST_NODES",

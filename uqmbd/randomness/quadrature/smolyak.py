@@ -8,15 +8,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from uqmbd.errors import StudyError
-from uqmbd.randomness.germ import Germ
-from uqmbd.randomness.germspace import GermSpace
-from uqmbd.randomness.indexsets import index_set, whole_number
-from uqmbd.randomness.nested import nested_count, nested_exactness, nested_rule
-from uqmbd.randomness.quadrature import (
+from uqmbd.randomness.germs import Germ
+from uqmbd.randomness.index_sets import index_set, whole_number
+from uqmbd.randomness.quadrature.nested import nested_count, nested_exactness, nested_rule
+from uqmbd.randomness.quadrature.rules import (
     Quadrature,
     check_size,
     tensor_rule,
 )
+from uqmbd.randomness.space import GermSpace
 
 __all__ = ["combination_coefficients", "smolyak", "sparse_rule"]
 
@@ -46,7 +46,7 @@ def smolyak(space: GermSpace, level: int, growth: str = "slow", rule: str = "gau
         Nodes of the Gauss rule at level l: ``l + 1``, or ``2 l + 1`` (which share the middle of symmetric germs, and
         are more accurate in single germs).
     rule : {"gauss", "clenshaw-curtis"}
-        Gauss rules, or nested ones (see :func:`uqmbd.randomness.quadrature.clenshaw_curtis`; `growth` does not matter).
+        Gauss rules, or nested ones (see :func:`uqmbd.randomness.clenshaw_curtis`; `growth` does not matter).
 
     Returns
     -------

@@ -11,9 +11,9 @@ import scipy.special
 from numpy.typing import ArrayLike, NDArray
 
 from uqmbd.errors import StudyError
-from uqmbd.randomness.indexsets import whole_number
-from uqmbd.randomness.recurrences import CLASSICAL, recurrence
-from uqmbd.randomness.tables import LARGEST, interpolate, probit
+from uqmbd.randomness.germs.quantile_tables import LARGEST, interpolate, probit
+from uqmbd.randomness.germs.recurrences import CLASSICAL, recurrence
+from uqmbd.randomness.index_sets import whole_number
 
 __all__ = ["Germ"]
 

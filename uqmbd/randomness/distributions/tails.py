@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from uqmbd.randomness.laws import Law
+from uqmbd.randomness.distributions.decomposed import Law
 
 __all__ = ["FEWEST", "Tail", "heaviest_tail", "tail_of"]
 

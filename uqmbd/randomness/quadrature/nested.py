@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from uqmbd.randomness.germ import Germ
+from uqmbd.randomness.germs import Germ
 
 __all__ = ["nested_count", "nested_exactness", "nested_rule"]
 

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from uqmbd.errors import StudyError
-from uqmbd.randomness.germspace import GermSpace
-from uqmbd.randomness.truncation import cumulated, median, truncated
+from uqmbd.randomness.germs import cumulated, median, truncated
+from uqmbd.randomness.space.germ_space import GermSpace
 
 __all__ = ["GermBox", "located"]
 

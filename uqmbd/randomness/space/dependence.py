@@ -12,12 +12,12 @@ import scipy.special
 from numpy.typing import NDArray
 
 from uqmbd.errors import StudyError
-from uqmbd.randomness.families import normal_marginal, refuse_tail
-from uqmbd.randomness.germ import Germ
+from uqmbd.randomness.distributions import Tail, tail_of
+from uqmbd.randomness.germs import Germ
 from uqmbd.randomness.joint import in_blocks
-from uqmbd.randomness.marginals import Marginal
-from uqmbd.randomness.tails import Tail, tail_of
-from uqmbd.randomness.transforms import Coupled, Group, Rosenblatt, conditional_names
+from uqmbd.randomness.space.families import normal_marginal, refuse_tail
+from uqmbd.randomness.space.marginals import Marginal
+from uqmbd.randomness.space.transforms import Coupled, Group, Rosenblatt, conditional_names
 
 __all__ = ["dependent_part", "nataf_correlation"]
 

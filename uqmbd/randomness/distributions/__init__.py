@@ -1,0 +1,17 @@
+"""Distributions of chaospy: what they are made of, whether they exist, and how heavy their tails are."""
+
+from __future__ import annotations
+
+from uqmbd.randomness.distributions.decomposed import Law, is_dependent
+from uqmbd.randomness.distributions.sound import flaw_of
+from uqmbd.randomness.distributions.tails import FEWEST, Tail, heaviest_tail, tail_of
+
+__all__ = [
+    "FEWEST",
+    "Law",
+    "Tail",
+    "flaw_of",
+    "heaviest_tail",
+    "is_dependent",
+    "tail_of",
+]

@@ -1,0 +1,24 @@
+"""Standard variables: their orthonormal polynomials, recurrences, discretised measures and tables of quantiles."""
+
+from __future__ import annotations
+
+from uqmbd.randomness.germs.germ import Germ
+from uqmbd.randomness.germs.quantile_tables import KNOTS, LARGEST, interpolate, invert
+from uqmbd.randomness.germs.stieltjes import COUNT, Discretised, discretise, discretise_quantiles, lanczos
+from uqmbd.randomness.germs.truncated import cumulated, median, truncated
+
+__all__ = [
+    "COUNT",
+    "Discretised",
+    "Germ",
+    "KNOTS",
+    "LARGEST",
+    "cumulated",
+    "discretise",
+    "discretise_quantiles",
+    "interpolate",
+    "invert",
+    "lanczos",
+    "median",
+    "truncated",
+]

@@ -1,0 +1,17 @@
+"""Quadrature rules over germs: Gauss, nested, sparse grids of Smolyak, and samples."""
+
+from __future__ import annotations
+
+from uqmbd.randomness.quadrature.rules import Quadrature, clenshaw_curtis, gauss_tensor, gram_error, monte_carlo_rule
+from uqmbd.randomness.quadrature.smolyak import combination_coefficients, smolyak, sparse_rule
+
+__all__ = [
+    "Quadrature",
+    "clenshaw_curtis",
+    "combination_coefficients",
+    "gauss_tensor",
+    "gram_error",
+    "monte_carlo_rule",
+    "smolyak",
+    "sparse_rule",
+]

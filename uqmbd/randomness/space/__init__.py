@@ -1,0 +1,13 @@
+"""The germs of all inputs together, the maps between germs and inputs, boxes of germs, and how they are stored."""
+
+from __future__ import annotations
+
+from uqmbd.randomness.space.boxes import GermBox, located
+from uqmbd.randomness.space.germ_space import TRANSFORMS, GermSpace
+
+__all__ = [
+    "GermBox",
+    "GermSpace",
+    "TRANSFORMS",
+    "located",
+]
