@@ -9,9 +9,7 @@ from sympy.core.function import AppliedUndef
 from sympy.core.numbers import ImaginaryUnit
 from sympy.logic.boolalg import BooleanAtom, BooleanFunction
 
-from uqmbd.mechanism.time import step
-
-__all__ = ["FUNCTIONS", "UNEVALUATED", "WITHOUT_DERIVATIVE", "Placeholder", "foreign_part", "told"]
+__all__ = ["FUNCTIONS", "UNEVALUATED", "WITHOUT_DERIVATIVE", "OwnFunction", "Placeholder", "foreign_part", "told"]
 
 FUNCTIONS: tuple[type[sympy.Basic], ...] = (
     sympy.sin, sympy.cos, sympy.tan, sympy.cot, sympy.sec, sympy.csc,
@@ -19,7 +17,7 @@ FUNCTIONS: tuple[type[sympy.Basic], ...] = (
     sympy.sinh, sympy.cosh, sympy.tanh, sympy.coth, sympy.sech, sympy.csch,
     sympy.asinh, sympy.acosh, sympy.atanh, sympy.acoth,
     sympy.exp, sympy.log, sympy.erf, sympy.erfc, sympy.gamma, sympy.loggamma,
-    sympy.Abs, sympy.sign, sympy.Heaviside, sympy.Max, sympy.Min, sympy.floor, sympy.ceiling, sympy.Piecewise, step,
+    sympy.Abs, sympy.sign, sympy.Heaviside, sympy.Max, sympy.Min, sympy.floor, sympy.ceiling, sympy.Piecewise,
 )  # fmt: skip
 """Functions that expressions may contain."""
 
@@ -29,6 +27,10 @@ WITHOUT_DERIVATIVE: tuple[type[sympy.Basic], ...] = (sympy.floor, sympy.ceiling,
 
 class Placeholder:
     """Base of functions that stand for what is computed otherwise, such as a value at equilibrium."""
+
+
+class OwnFunction(sympy.Function):
+    """Base of functions that SymPy does not have, and that write themselves out in those that it has (`doit`)."""
 
 
 _OPERATIONS: tuple[type[sympy.Basic], ...] = (
@@ -42,7 +44,7 @@ UNEVALUATED: tuple[type[sympy.Basic], ...] = (
 """What SymPy writes down without computing it."""
 
 
-_KNOWN: tuple[Any, ...] = (*_OPERATIONS, *FUNCTIONS, Placeholder)
+_KNOWN: tuple[Any, ...] = (*_OPERATIONS, *FUNCTIONS, OwnFunction, Placeholder)
 
 
 def foreign_part(expression: Any) -> sympy.Basic | None:
@@ -95,6 +97,6 @@ def told(part: sympy.Basic) -> str:
     if isinstance(part, sympy.Function):
         return (
             f"it contains {text}, and {kind} cannot be computed; write it with the functions that can: "
-            f"{', '.join(sorted(f.__name__ for f in FUNCTIONS))}."
+            f"{', '.join(sorted(f.__name__ for f in (*FUNCTIONS, *OwnFunction.__subclasses__())))}."
         )
     return f"it contains {text}, which is a {kind} and no number."

@@ -7,6 +7,8 @@ from typing import Any
 import sympy
 
 from uqmbd.errors import StudyError
+from uqmbd.mechanism.computable import OwnFunction
+from uqmbd.mechanism.numbers import numbers
 from uqmbd.randomness.symbolic import Symbolic
 
 __all__ = ["step", "t"]
@@ -30,7 +32,7 @@ t = _Time()
 """Time in seconds: a SymPy symbol for drivers, forces and outputs."""
 
 
-class step(sympy.Function):  # noqa: N801 - it is written as a function in expressions
+class step(OwnFunction):  # noqa: N801 - it is written as a function in expressions
     """The cubic step from `y0` at `x0` to `y1` at `x1`: constant outside, ``3 s^2 - 2 s^3`` between.
 
     Its second derivative jumps at both ends, so the integrator is restarted there where `x` is the time.
@@ -51,8 +53,6 @@ class step(sympy.Function):  # noqa: N801 - it is written as a function in expre
 
     def __new__(cls, *arguments: Any, **options: Any) -> Any:
         """Refuse what is no number or expression, before SymPy fails on it."""
-        from uqmbd.mechanism.numbers import numbers  # it looks for steps itself
-
         if len(arguments) != 5:
             raise StudyError(f"step: {len(arguments)} arguments are given; expected step(x, x0, y0, x1, y1).")
         named = zip(("x", "x0", "y0", "x1", "y1"), arguments, strict=True)
