@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 import uqmbd
+from uqmbd.testing.bench import Bench
 from uqmbd.testing.cases import Case
-from uqmbd.testing.component import Bench, _check_broadcasting, _check_jacobian
+from uqmbd.testing.component import _check_broadcasting, _check_jacobian
 
 # Ones and zeros are written into the equations, other numbers are parameters: each pattern is another expression.
 BODIES = {

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,9 +10,7 @@ from numpy.typing import NDArray
 from uqmbd.dynamics.block import Instance
 from uqmbd.dynamics.derivation import Derived, derive
 from uqmbd.dynamics.kernels import Kernel, cached, compile_kernel
-
-if TYPE_CHECKING:
-    from uqmbd.testing.component import Bench
+from uqmbd.testing.bench import Bench
 
 __all__ = ["check_energy", "is_timeless"]
 

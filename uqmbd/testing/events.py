@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from numpy.typing import NDArray
 
+from uqmbd.testing.bench import Bench
 from uqmbd.testing.motion import displaced, random_turn, virtual_motions
-
-if TYPE_CHECKING:
-    from uqmbd.testing.component import Bench
 
 __all__ = ["check_events"]
 

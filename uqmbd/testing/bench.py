@@ -1,0 +1,92 @@
+"""A component on a bench: what is derived of it, with random values of whatever it declares, in random states."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uqmbd.dynamics.block import Instance, instances_of
+from uqmbd.dynamics.derivation import derive
+from uqmbd.dynamics.kernels import Kernel, cached, compile_kernel
+from uqmbd.dynamics.parameters import ParameterMap
+from uqmbd.mechanism import Space
+from uqmbd.testing.cases import Case
+from uqmbd.testing.motion import random_unit
+
+__all__ = ["REALISATIONS", "Bench", "random_coordinates"]
+
+Array = NDArray[np.float64]
+
+REALISATIONS = 3
+
+
+@dataclass(frozen=True)
+class Bench:
+    """A component with everything that is evaluated for it, for some realisations of its parameters.
+
+    Attributes
+    ----------
+    title : str
+        For messages.
+    case : Case
+        The mechanism.
+    instance : Instance
+        The component as a block.
+    parameters : ParameterMap
+        From inputs to the parameters of the block.
+    inputs : array, shape (K, input)
+        Random.
+    """
+
+    title: str
+    case: Case
+    instance: Instance
+    parameters: ParameterMap
+    inputs: Array
+
+    @classmethod
+    def of(cls, title: str, case: Case, rng: np.random.Generator) -> Bench:
+        """Derive the component's block."""
+        instance = instances_of([case.component], case.mechanism.space)[0]
+        joint = case.mechanism.inputs
+        uniform = rng.uniform(0.05, 0.95, (REALISATIONS, len(joint)))
+        inputs = joint.from_uniform(uniform)
+        return cls(title, case, instance, ParameterMap.of(instance.parameters, joint.variables), inputs)
+
+    def kernel(self, kind: str) -> tuple[Kernel, list[Any]]:
+        """Compile one kind of equations of the block; what each result is comes with it."""
+        derived = derive(self.instance.type)
+
+        def make() -> tuple[Kernel, list[Any]]:
+            equations = derived.equations(kind)
+            arguments = [x for *_, x in derived.arguments(kind)] + derived.p
+            return compile_kernel(arguments, equations.expressions), equations.targets
+
+        result: tuple[Kernel, list[Any]] = cached(("check", kind, self.instance.type.digest), make)
+        return result
+
+    def state(self, rng: np.random.Generator) -> dict[str, Array]:
+        """Return random values of all variables by letter, shape (K, count); no constraint holds."""
+        counts = Counter(letter for letter, *_ in derive(self.instance.type).arguments("jacobian"))
+        found = {letter: rng.normal(size=(REALISATIONS, count)) for letter, count in counts.items()}
+        found["q"] = random_coordinates(self.case.mechanism.space, rng, REALISATIONS, len(self.instance.bodies))
+        found["c"] = found["c"] ** 2 + 1
+        return found
+
+    def evaluate(self, kind: str, state: dict[str, Array], parameters: Array) -> Array:
+        """Return the results of one kind, shape (K, result)."""
+        letters = dict.fromkeys(letter for letter, *_ in derive(self.instance.type).arguments(kind))
+        arguments = np.concatenate([*(state[letter] for letter in letters), parameters], axis=1)
+        return self.kernel(kind)[0](np.ascontiguousarray(arguments))
+
+
+def random_coordinates(space: Space, rng: np.random.Generator, count: int, bodies: int) -> Array:
+    """Return random poses of some bodies, shape (count, coordinates); quaternions have length one."""
+    q = rng.uniform(-1, 1, (count, bodies, space.size))
+    if space.turns:
+        q[..., space.dimension :] = random_unit(rng, q[..., space.dimension :].shape)
+    return q.reshape(count, -1)
