@@ -9,7 +9,7 @@ from typing import Any
 import sympy
 
 from uqmbd.mechanism.component import Component, Constraint, Kinetic, Local, Parameter, Potential, Term
-from uqmbd.mechanism.frame import Frame
+from uqmbd.mechanism.frame import Frame, NamedFrame
 from uqmbd.mechanism.space import Space
 from uqmbd.randomness.symbolic import Symbolic
 
@@ -47,7 +47,7 @@ class PlaneScalar(StateSymbol):
         return self
 
 
-class Ground(Frame):
+class Ground(NamedFrame):
     """The world: a body that does not move.  Points and axes on it are in world coordinates."""
 
     name = "ground"
@@ -67,7 +67,7 @@ class Pose:
     angle: sympy.Expr
 
 
-class Body(Frame):
+class Body(NamedFrame):
     """A rigid body (in translational space a point mass).
 
     Made by `Mechanism.body`.  Its properties (`position`, `velocity`, `acceleration`, `rotation`, `quaternion`,

@@ -6,7 +6,7 @@ import inspect
 import traceback
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import sympy
 
@@ -23,7 +23,7 @@ from uqmbd.mechanism.contributions import (
     Upright,
     VirtualWork,
 )
-from uqmbd.mechanism.frame import Frame
+from uqmbd.mechanism.frame import Frame, NamedFrame
 from uqmbd.mechanism.geometry import relative_quaternion
 from uqmbd.mechanism.local import RESERVED, Local
 from uqmbd.mechanism.numbers import flatten
@@ -33,9 +33,6 @@ from uqmbd.mechanism.scalars import EventTime
 from uqmbd.mechanism.space import Planar, Space, Spatial, Translational
 from uqmbd.mechanism.world import KEYWORDS, replaced
 from uqmbd.names import check_name, checked, did_you_mean
-
-if TYPE_CHECKING:
-    from uqmbd.mechanism.body import Body, Ground
 
 __all__ = [
     "Auxiliary",
@@ -137,7 +134,7 @@ class Component:
                 raise StudyError(f"{where}: {key!r} is missing; give a body or mechanism.ground. {usage}")
         # reactions are those on the last one, which is never one that may be left out
         roles = sorted(self.bodies, key=lambda key: (key != self.bodies[0], key not in self.grounded))
-        self.attached: dict[str, Body | Ground] = {key: given.pop(key, None) for key in roles}
+        self.attached: dict[str, NamedFrame] = {key: given.pop(key, None) for key in roles}
         self.given = given
         self.values: dict[str, Any] = {}
         if not self.offered:

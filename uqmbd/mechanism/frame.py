@@ -13,7 +13,7 @@ from uqmbd.mechanism.numbers import flatten, numbers, shown
 from uqmbd.mechanism.space import Space
 from uqmbd.names import checked
 
-__all__ = ["Frame"]
+__all__ = ["Frame", "NamedFrame"]
 
 
 class Frame:
@@ -141,3 +141,9 @@ class Frame:
         for x, dx in zip((*self.q, *self.v), (*self.v, *self._a), strict=True):
             result += vector.diff(x) * dx
         return result
+
+
+class NamedFrame(Frame):
+    """Frame of a body of a mechanism, or of its ground."""
+
+    name: str

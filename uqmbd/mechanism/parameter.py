@@ -4,19 +4,23 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal, Protocol
 
 from uqmbd.errors import StudyError
 from uqmbd.mechanism.space import Space
-
-if TYPE_CHECKING:
-    from uqmbd.mechanism.component import Component
 
 __all__ = ["Parameter", "range_text"]
 
 _REQUIRED: Any = type("Required", (), {"__repr__": lambda self: "required"})()
 
 Kind = Literal["scalar", "point", "axis", "turning_axis", "vector", "moment", "rotation", "option"]
+
+
+class _Owner(Protocol):
+    """What has values for its parameters: a component."""
+
+    stating: bool
+    values: dict[str, Any]
 
 
 @dataclass(frozen=True)
@@ -93,7 +97,7 @@ class Parameter:
     def __set_name__(self, owner: type, name: str) -> None:
         object.__setattr__(self, "name", name)
 
-    def __get__(self, instance: Component | None, owner: type) -> Any:  # noqa: ANN401 - the value as it was given
+    def __get__(self, instance: _Owner | None, owner: type) -> Any:  # noqa: ANN401 - the value as it was given
         if instance is None:
             return self
         if instance.stating and self.kind != "option":

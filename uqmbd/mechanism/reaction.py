@@ -2,26 +2,29 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 import sympy
 
 from uqmbd.randomness.symbolic import Symbolic
 
-if TYPE_CHECKING:
-    from uqmbd.mechanism.component import Component
+__all__ = ["Loaded", "PlaneReaction", "ReactionSymbol"]
 
-__all__ = ["PlaneReaction", "ReactionSymbol"]
+
+class Loaded(Protocol):
+    """What reacts: a component."""
+
+    name: str
 
 
 class ReactionSymbol(Symbolic, sympy.Symbol):
     """One number of a component's reaction, a placeholder in output expressions."""
 
-    component: Component
+    component: Loaded
     quantity: str
     index: int
 
-    def __new__(cls, component: Component, quantity: str, index: int) -> ReactionSymbol:
+    def __new__(cls, component: Loaded, quantity: str, index: int) -> ReactionSymbol:
         """Name it after the component and the quantity."""
         self: ReactionSymbol = sympy.Symbol.__xnew__(cls, f"{component.name}.{quantity}[{index}]", real=True)
         self.component, self.quantity, self.index = component, quantity, index

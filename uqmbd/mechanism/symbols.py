@@ -9,9 +9,8 @@ import sympy
 
 from uqmbd.errors import StudyError
 from uqmbd.mechanism.body import Body, StateSymbol
-from uqmbd.mechanism.component import Component
 from uqmbd.mechanism.numbers import flatten
-from uqmbd.mechanism.reaction import ReactionSymbol
+from uqmbd.mechanism.reaction import Loaded, ReactionSymbol
 from uqmbd.mechanism.scalars import ScalarSymbol, is_scalar
 from uqmbd.mechanism.time import t
 from uqmbd.randomness import RandomVariable
@@ -84,10 +83,10 @@ def _require_scope(where: str, symbol: sympy.Symbol, scope: Scope) -> None:
         )
 
 
-def _require_member(members: Mapping[str, Any], owner: Body | Component, mechanism: Mechanism, what: str) -> None:
+def _require_member(members: Mapping[str, Any], owner: Body | Loaded, mechanism: Mechanism, what: str) -> None:
     if members.get(owner.name) is owner:
         return
-    if isinstance(owner, Component):
+    if not isinstance(owner, Body):
         raise StudyError(
             f"{what}, but {owner.name!r} was not added to mechanism {mechanism.name!r}; call mechanism.add(...) first."
         )

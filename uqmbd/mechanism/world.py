@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping
+from typing import Any, ClassVar, Protocol
 
 import sympy
 
 from uqmbd.errors import StudyError
+from uqmbd.mechanism.frame import Frame
 from uqmbd.mechanism.numbers import numbers, shown
+from uqmbd.mechanism.parameter import Parameter
 from uqmbd.mechanism.space import Space
-
-if TYPE_CHECKING:
-    from uqmbd.mechanism.component import Component
 
 __all__ = ["KEYWORDS", "localised", "replaced"]
 
@@ -24,7 +24,24 @@ ROUNDING = 1e-15
 """Size, relative to the largest entry, below which an entry of a turned vector is rounding."""
 
 
-def replaced(component: type[Component], keyword: str) -> list[str]:
+class _Drawn(Protocol):
+    """What may be given in the world: a component."""
+
+    bodies: ClassVar[tuple[str, ...]]
+    drawn_by: ClassVar[tuple[str, ...]]
+    given: dict[str, Any]
+    world_pose: dict[str, Any]
+
+    @property
+    def attached(self) -> Mapping[str, Any]: ...
+
+    @classmethod
+    def parameters(cls) -> dict[str, Parameter]: ...
+
+    def drawn_frame(self, role: str) -> Frame: ...
+
+
+def replaced(component: type[_Drawn], keyword: str) -> list[str]:
     """Return the parameters that a pose in the world stands for: none where a component does not take it.
 
     Examples
@@ -45,7 +62,7 @@ def replaced(component: type[Component], keyword: str) -> list[str]:
     return [] if keyword == "at" and len(found) < 2 else found
 
 
-def localised(where: str, component: Component, space: Space) -> dict[str, Any]:
+def localised(where: str, component: _Drawn, space: Space) -> dict[str, Any]:
     """Return what was given to a component, with poses in the world turned into points and axes of the bodies.
 
     Parameters
@@ -84,7 +101,7 @@ def localised(where: str, component: Component, space: Space) -> dict[str, Any]:
     return given
 
 
-def _seen_from(where: str, component: Component, keyword: str, name: str, entries: list[sympy.Expr]) -> list[float]:
+def _seen_from(where: str, component: _Drawn, keyword: str, name: str, entries: list[sympy.Expr]) -> list[float]:
     """Point or axis in the frame of the body it belongs to, as drawn."""
     role = _role(name)
     frame = component.drawn_frame(role)
