@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import scipy.optimize
 import scipy.special
 from numpy.typing import NDArray
 
@@ -94,6 +93,8 @@ def nataf_correlation(first: Marginal, second: Marginal, correlation: float) -> 
     >>> bool(abs(nataf_correlation(a, b, 0.3) - exact) < 1e-12)
     True
     """
+    from scipy.optimize import brentq
+
     hermite = Germ.classical("z", "hermite")
     nodes, weights = hermite.gauss(64)
     psi = hermite.polynomials(nodes, 30)[:, 1:]
@@ -112,7 +113,7 @@ def nataf_correlation(first: Marginal, second: Marginal, correlation: float) -> 
             f"no Gaussian copula gives these marginal distributions the correlation {correlation:.6g} (possible are "
             f"{miss(-1.0) + correlation:.6g} to {miss(1.0) + correlation:.6g}); use transform='rosenblatt'."
         )
-    return float(scipy.optimize.brentq(miss, -1.0, 1.0, xtol=1e-15))
+    return float(brentq(miss, -1.0, 1.0, xtol=1e-15))
 
 
 @dataclass(frozen=True, eq=False)
