@@ -321,3 +321,8 @@ def test_parameter_of_a_component_that_is_not_finite_at_the_means_is_named():
         uqmbd.StudyError, match="SpringDamper 'spring': its parameter 'stiffness' is nan at .*length = 1"
     ):
         uqmbd.simulate(mechanism, [0, 1])
+
+
+def test_a_component_without_a_name_says_how_it_is_made():
+    with pytest.raises(uqmbd.StudyError, match=r"SpringDamper: the name is missing. Usage: SpringDamper\(name, body_i"):
+        SpringDamper()

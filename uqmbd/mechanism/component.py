@@ -109,8 +109,10 @@ class Component:
     offered = False
     """Whether it is a part of a mechanism without anybody's call of `Mechanism.add`."""
 
-    def __init__(self, name: str, *arguments: Any, **keywords: Any) -> None:
+    def __init__(self, name: str | None = None, *arguments: Any, **keywords: Any) -> None:
         kind = type(self).__name__
+        if name is None:
+            raise StudyError(f"{kind}: the name is missing. Usage: {kind}{self.signature()}.")
         self.name = check_name(name, kind)
         names = [*(x for x in self.bodies if x not in self.grounded), *self.parameters()]
         where = f"{kind} {name!r}"
