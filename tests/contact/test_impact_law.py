@@ -15,7 +15,7 @@ import scipy.optimize
 import sympy
 
 import uqmbd
-from uqmbd.dynamics.contacts import Contacts, pressed
+from uqmbd.dynamics.contacts import Contacts, pressed, spread_solution
 from uqmbd.dynamics.coulomb import Collision, Touch, solutions
 from uqmbd.dynamics.impacts import impact
 from uqmbd_contact import PlaneImpact
@@ -378,3 +378,16 @@ def test_a_rod_that_jams_between_two_rough_walls_comes_to_rest():
         assert after @ mass @ after <= velocity @ mass @ velocity * (1 + 1e-12)
         many += np.abs(after).max() < 1e-6
     assert many > 20
+
+
+def test_forces_of_redundant_contacts_do_not_depend_on_which_states_are_looked_at_together():
+    """Four contacts of three coordinates, whose inertia changes by a factor of a million from state to state."""
+    rng = np.random.default_rng(8)
+    slopes = rng.normal(size=(6, 4, 3))
+    matrices = slopes @ (10.0 ** rng.uniform(-3, 3, (6, 3, 1)) * slopes.transpose(0, 2, 1))
+    right = (matrices @ rng.normal(size=(6, 4, 1)))[:, :, 0]
+    together = spread_solution(matrices, right, [0, 1, 2, 3], {})
+    for k in range(6):
+        alone = spread_solution(matrices[k : k + 1], right[k : k + 1], [0, 1, 2, 3], {})[0]
+        np.testing.assert_allclose(together[k], alone, rtol=1e-9, atol=1e-12 * np.abs(alone).max())
+        np.testing.assert_allclose(matrices[k] @ alone, right[k], atol=1e-8 * np.abs(right[k]).max())

@@ -279,7 +279,8 @@ def spread_solution(
             return np.asarray(spread[:, :, 0] * (right / inner[:, :, 0]))
     if not (np.isfinite(inner).all() and np.isfinite(right).all()):
         return np.full((count, size), np.nan)
-    units = 1 / np.sqrt(np.maximum(np.abs(np.diagonal(matrix, axis1=1, axis2=2)[:, rows]), 1e-300)).max(axis=0)
+    # of each state by itself: forces of redundant contacts must not depend on which states are looked at together
+    units = 1 / np.sqrt(np.maximum(np.abs(np.diagonal(matrix, axis1=1, axis2=2)[:, rows]), 1e-300))
     return np.asarray((spread @ scaled_solution(inner, right, units)[:, :, None])[:, :, 0], dtype=float)
 
 
@@ -373,10 +374,10 @@ def pressed(
         return None
     after = problem.after(force)
     still = RESTS * float(np.abs(problem.before).max(initial=0.0))
-    sliding = dict(headings)
+    moving = dict(headings)
     # redundant contacts that stick have no unique forces; one at the limit of friction is then better told to slip
     for at_limit in ("stick", "slip"):
-        modes, headings = dict[int, Mode](), dict(sliding)
+        modes, headings = dict[int, Mode](), dict(moving)
         for k, touch in zip(near, touches, strict=True):
             friction, normal = force[list(touch.tangents)], float(force[touch.normal])
             if normal <= EXACT * problem.units[touch.normal] * float(np.abs(force / problem.units).max()):

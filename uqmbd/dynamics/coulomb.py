@@ -157,7 +157,7 @@ def solutions(collision: Collision) -> Iterator[Array]:
 
 def scaled_solution(matrix: Array, right: Array, units: Array) -> Array:
     """Solve for the impulses (..., N) of least length, each in its unit; contacts may be redundant (a table's legs)."""
-    inner = matrix * units[:, None] * units
+    inner = matrix * units[..., :, None] * units[..., None, :]
     return np.asarray(units * (np.linalg.pinv(inner, rcond=SINGULAR) @ (units * right)[..., None])[..., 0])
 
 
