@@ -10,7 +10,7 @@ import warnings
 import pytest
 
 import uqmbd.report
-import uqmbd.report.animation
+import uqmbd.report.mechanism.animation
 from uqmbd import results
 from uqmbd.cli import main
 
@@ -106,7 +106,9 @@ def failing(*arguments, **options):
 
 @pytest.mark.parametrize("part", ["report", "motion"])
 def test_results_are_stored_before_report_and_motion_can_fail(cli, tmp_path, monkeypatch, part):
-    owner, name = (uqmbd.report, "write_report") if part == "report" else (uqmbd.report.animation, "with_motion")
+    owner, name = (
+        (uqmbd.report, "write_report") if part == "report" else (uqmbd.report.mechanism.animation, "with_motion")
+    )
     monkeypatch.setattr(owner, name, failing)
     status, out, err = cli("run", "fall.py", "--out", "r", methods="MonteCarlo(samples=8, seed=1)")
     assert status == (1 if part == "report" else 0)
@@ -116,9 +118,9 @@ def test_results_are_stored_before_report_and_motion_can_fail(cli, tmp_path, mon
 
 
 def test_comparison_that_fails_costs_nothing_but_itself(cli, tmp_path, monkeypatch):
-    import uqmbd.results.nodes
+    import uqmbd.results.schema.nodes
 
-    monkeypatch.setattr(uqmbd.results.nodes, "compare_both", failing)
+    monkeypatch.setattr(uqmbd.results.schema.nodes, "compare_both", failing)
     methods = "MonteCarlo(samples=8, seed=1), Collocation(order=1, verify=0)"
     status, out, err = cli("run", "fall.py", "--out", "r", methods=methods)
     assert (status, "no ink" in out) == (0, True), err
@@ -128,13 +130,13 @@ def test_comparison_that_fails_costs_nothing_but_itself(cli, tmp_path, monkeypat
 
 def test_results_are_stored_before_curves_of_error_against_cost(cli, tmp_path, monkeypatch):
     """An interruption there is none of a method: it finds them stored."""
-    import uqmbd.propagation.growing
+    import uqmbd.propagation.convergence.in_study
 
     def interrupted(*arguments, **options):
         assert list(results.propagator_nodes(results.load(tmp_path / "r" / "results.nc"))) == ["monte-carlo"]
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(uqmbd.propagation.growing, "converge", interrupted)
+    monkeypatch.setattr(uqmbd.propagation.convergence.in_study, "converge", interrupted)
     methods = (
         'MonteCarlo(samples=8, seed=1)], convergence={"propagators": [Collocation], "order": [1, 2]}, report_times=['
     )

@@ -33,8 +33,11 @@ from rich.table import Table
 from scipy.integrate import solve_ivp
 
 import uqmbd
-from uqmbd.dynamics import Ensemble, Model, build, elimination, index1, integrate, straightline, system
-from uqmbd.dynamics.system import index1_system
+from uqmbd.dynamics import Ensemble, Model, build, integrate
+from uqmbd.dynamics.linear import accelerations as index1
+from uqmbd.dynamics.linear import elimination, system
+from uqmbd.dynamics.linear import straight_line as straightline
+from uqmbd.dynamics.linear.system import index1_system
 from uqmbd_joints import Revolute
 
 Array = NDArray[np.float64]

@@ -123,7 +123,8 @@ class Timers:
 @contextmanager
 def timed_callbacks(timers: Timers) -> Iterator[None]:
     """Time what the integrators call, and the integrators as a whole."""
-    from uqmbd.dynamics import dop853, ida, lockstep
+    from uqmbd.dynamics.integration import dop853, ida
+    from uqmbd.dynamics.integration import lock_step as lockstep
 
     callbacks, solver = ida._callbacks, ida._solver
     equations, stack = dop853._Equations, lockstep.LockStep

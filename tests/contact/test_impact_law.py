@@ -15,9 +15,9 @@ import scipy.optimize
 import sympy
 
 import uqmbd
-from uqmbd.dynamics.contacts import Contacts, pressed, spread_solution
-from uqmbd.dynamics.coulomb import Collision, Touch, solutions
-from uqmbd.dynamics.impacts import impact
+from uqmbd.dynamics.contact.contacts import Contacts, pressed, spread_solution
+from uqmbd.dynamics.contact.coulomb import Collision, Touch, solutions
+from uqmbd.dynamics.contact.impacts import impact
 from uqmbd_contact import PlaneImpact
 from uqmbd_montecarlo import MonteCarlo
 

@@ -11,7 +11,7 @@ import pytest
 import sympy
 
 import uqmbd
-from uqmbd.dynamics import straightline
+from uqmbd.dynamics.linear import straight_line as straightline
 from uqmbd_galerkin import Galerkin
 from uqmbd_joints import Distance, Prismatic, Revolute
 from uqmbd_springs import PointForce, SpringDamper, TorsionSpringDamper

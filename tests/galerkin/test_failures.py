@@ -13,7 +13,9 @@ import pytest
 
 import uqmbd
 from uqmbd import results
-from uqmbd.dynamics import ProjectedEnsemble, ida, lockstep
+from uqmbd.dynamics import ProjectedEnsemble
+from uqmbd.dynamics.integration import ida
+from uqmbd.dynamics.integration import lock_step as lockstep
 from uqmbd_galerkin import Galerkin
 from uqmbd_joints import Distance
 from uqmbd_springs import SpringDamper

@@ -12,10 +12,11 @@ from hypothesis import strategies as st
 from scipy import sparse
 
 import uqmbd
-from uqmbd.dynamics import projected_ida, straightline
-from uqmbd.dynamics.coupled import Coupled
-from uqmbd.dynamics.index1 import dense, state_arguments
-from uqmbd.dynamics.nodal import CompiledSystems, LapackSystems
+from uqmbd.dynamics.linear import straight_line as straightline
+from uqmbd.dynamics.linear.accelerations import dense, state_arguments
+from uqmbd.dynamics.linear.nodal import CompiledSystems, LapackSystems
+from uqmbd.dynamics.projection import ida as projected_ida
+from uqmbd.dynamics.projection.coupled import Coupled
 from uqmbd_galerkin import Galerkin
 from uqmbd_springs import SpringDamper
 

@@ -10,7 +10,7 @@ import pytest
 import sympy
 
 import uqmbd
-from uqmbd.mechanism.computable import FUNCTIONS, WITHOUT_DERIVATIVE
+from uqmbd.mechanism.expressions.computable import FUNCTIONS, WITHOUT_DERIVATIVE
 from uqmbd_springs import PointForce
 
 variable = uqmbd.RandomVariable("stiffness of the spring", chaospy.Uniform(0.4, 0.6), "N/m")

@@ -15,8 +15,8 @@ import pytest
 
 import uqmbd
 from uqmbd.errors import IntegrationError
-from uqmbd.propagation.checkpoint import Checkpoint
-from uqmbd.propagation.chunks import Chunk
+from uqmbd.propagation.execution.checkpoint import Checkpoint
+from uqmbd.propagation.execution.chunks import Chunk
 from uqmbd.results import save
 from uqmbd_joints import Distance
 from uqmbd_montecarlo import MonteCarlo

@@ -13,7 +13,7 @@ import sympy
 
 import uqmbd
 from uqmbd import report
-from uqmbd.report.elements import elements_in_words
+from uqmbd.report.figures.elements import elements_in_words
 from uqmbd.results import PiecewiseChaos, chaos_from_dataset, validate
 from uqmbd_collocation import Collocation
 from uqmbd_galerkin import Galerkin

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import uqmbd
-from uqmbd.propagation.chunks import compute_chunk
+from uqmbd.propagation.execution.chunks import compute_chunk
 from uqmbd_collocation import Collocation
 from uqmbd_galerkin import Galerkin
 from uqmbd_joints import Prismatic

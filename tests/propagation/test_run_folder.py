@@ -15,7 +15,7 @@ import pytest
 
 from uqmbd.cli.run import run_study
 from uqmbd.errors import StudyError
-from uqmbd.propagation.runfolder import claimed, set_aside
+from uqmbd.propagation.execution.run_folder import claimed, set_aside
 from uqmbd.results import load
 
 STUDY = """
@@ -38,7 +38,7 @@ study = uqmbd.Study("swing", mechanism, times, [MonteCarlo(samples={samples}, se
 HOLDER = """
 import sys, time
 from pathlib import Path
-from uqmbd.propagation.runfolder import claimed
+from uqmbd.propagation.execution.run_folder import claimed
 with claimed(Path(sys.argv[1])):
     print("held", flush=True)
     time.sleep(600)

@@ -12,9 +12,9 @@ import sympy
 from scipy.integrate import quad
 
 import uqmbd
-import uqmbd.propagation.chunks as chunks
+import uqmbd.propagation.execution.chunks as chunks
 import uqmbd.propagation.problem as problems
-import uqmbd.report.animation
+import uqmbd.report.mechanism.animation
 from uqmbd.mechanism import MotionSymbol
 from uqmbd.report import write_report
 from uqmbd.results import PolynomialChaos, load, save, statistics_dataset, validate
@@ -424,7 +424,7 @@ def test_times_may_be_left_out_where_nothing_moves(tree, tmp_path):
             np.testing.assert_allclose(one, other, rtol=1e-12, atol=1e-15)
     assert write_report(found, tmp_path / "report.html").exists()
     with pytest.raises(uqmbd.StudyError, match="no output times, so that nothing moves"):
-        uqmbd.report.animation.motion(study)
+        uqmbd.report.mechanism.animation.motion(study)
 
 
 def test_outputs_over_time_need_times():

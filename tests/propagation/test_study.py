@@ -298,7 +298,7 @@ def test_script_with_a_guard_runs_and_its_workers_ignore_interrupts_and_may_die(
         def disposition():
             return signal.getsignal(signal.SIGINT) is signal.SIG_IGN
         if __name__ == "__main__":
-            from uqmbd.propagation.workers import pool
+            from uqmbd.propagation.execution.workers import pool
             print(study.run(workers=2)["monte-carlo"]["samples"].sizes["sample"])
             try:
                 with pool(2) as executor:

@@ -7,7 +7,7 @@ import functools
 import pytest
 
 from uqmbd import plugins
-from uqmbd.propagation.workers import pool
+from uqmbd.propagation.execution.workers import pool
 from uqmbd.testing import check_propagator
 
 # What a method needs to be accurate on the cases, and the options that make it another method.

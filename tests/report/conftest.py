@@ -11,7 +11,7 @@ import xarray as xr
 
 from uqmbd import RandomVariable, results
 from uqmbd.randomness import GermSpace, JointInput, gauss_tensor, index_set, random_vector
-from uqmbd.results.chaos_sampling import random_germs
+from uqmbd.results.chaos.sampling import random_germs
 
 NAMES = ("slider_x", r"$F_{pin} \frac <b>&", "constant 力", "zero")
 

@@ -15,8 +15,8 @@ from PIL import Image
 import uqmbd
 from uqmbd import results
 from uqmbd.report import animate, motion, poses, with_motion, write_report
-from uqmbd.report.animation import Film
-from uqmbd.report.sketch import world
+from uqmbd.report.mechanism.animation import Film
+from uqmbd.report.mechanism.sketch import world
 from uqmbd_collocation import Collocation
 from uqmbd_joints import Revolute
 from uqmbd_montecarlo import MonteCarlo

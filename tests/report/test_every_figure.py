@@ -111,7 +111,7 @@ def test_it_draws(name: str, tree: xr.DataTree, study: uqmbd.Study) -> None:
 
 def test_event_times_are_those_of_the_closed_form(tree: xr.DataTree) -> None:
     """The first impact of a ball from a uniform height: its mean is known, and so are its ends."""
-    from uqmbd.report.event_times import events_of
+    from uqmbd.report.figures.event_times import events_of
 
     first, *others = events_of(tree["event-aligned"])
     low, high = (np.sqrt(2 * h / G) for h in (0.9, 1.1))

@@ -10,7 +10,7 @@ import xarray as xr
 
 from uqmbd import report, results
 from uqmbd.errors import StudyError
-from uqmbd.report.failures import failure_reasons, failure_words, separating_inputs
+from uqmbd.report.figures.failures import failure_reasons, failure_words, separating_inputs
 
 
 def _samples(drawn: np.ndarray, status: np.ndarray, messages: list[str], names: list[object]) -> xr.Dataset:

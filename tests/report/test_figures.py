@@ -15,8 +15,8 @@ from matplotlib.figure import Figure
 
 from uqmbd import report, results
 from uqmbd.errors import StudyError
-from uqmbd.report.distributions import density
-from uqmbd.report.over_time import occurrences
+from uqmbd.report.figures.distributions import density
+from uqmbd.report.figures.over_time import occurrences
 from uqmbd.report.ticks import freeze_ticks
 
 

@@ -15,7 +15,7 @@ import xarray as xr
 
 from uqmbd import RandomVariable, report, results
 from uqmbd.randomness import GermSpace, JointInput, index_set
-from uqmbd.results.chaos_sampling import random_germs
+from uqmbd.results.chaos.sampling import random_germs
 
 OUTPUTS, INPUTS, COUNT = 20, 6, 400
 TIMES = np.linspace(0.0, 4.0, COUNT)

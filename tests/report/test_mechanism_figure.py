@@ -11,11 +11,11 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 import uqmbd
 from uqmbd.mechanism.skeleton import skeleton
-from uqmbd.propagation.motion import drawn_pose
 from uqmbd.report import figures
-from uqmbd.report.drawing import FAILED
-from uqmbd.report.sketch import Sketch, world
-from uqmbd.report.stage import stage
+from uqmbd.report.figures.style import FAILED
+from uqmbd.report.mechanism.poses import drawn_pose
+from uqmbd.report.mechanism.sketch import Sketch, world
+from uqmbd.report.mechanism.stage import stage
 from uqmbd_contact import PlaneContact, PlaneImpact, SphereContact
 from uqmbd_drivers import PositionDriver, RotationDriver
 from uqmbd_joints import Cylindrical, Distance, Fixed, Parallel1, Prismatic, Revolute, Spherical, Universal

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import uqmbd
-from uqmbd.propagation.progress import Lines, Notebook, Silent, told
+from uqmbd.propagation.execution.progress import Lines, Notebook, Silent, told
 from uqmbd.results import PolynomialChaos
 from uqmbd_collocation import Collocation
 from uqmbd_joints import Revolute

@@ -20,7 +20,7 @@ from uqmbd import RandomVariable, results
 from uqmbd.cli.compare import show_comparison
 from uqmbd.randomness import GermSpace, JointInput
 from uqmbd.report import html, images
-from uqmbd.results.chaos_decay import percent
+from uqmbd.results.chaos.decay import percent
 
 TIMES = np.linspace(0, 2, 6)
 SPACE = GermSpace.of(JointInput.of([RandomVariable("k", chaospy.Uniform(-1, 1))]))

@@ -12,8 +12,8 @@ from matplotlib.figure import Figure
 
 from uqmbd import report, results
 from uqmbd.errors import StudyError
-from uqmbd.report.influence import indices_of
-from uqmbd.report.surrogates import finest, series, shown_methods
+from uqmbd.report.figures.sobol import indices_of
+from uqmbd.report.figures.surrogates import finest, series, shown_methods
 from uqmbd.report.ticks import freeze_ticks
 
 Maker = Callable[..., xr.DataTree]

@@ -12,7 +12,8 @@ from uqmbd import RandomVariable, results
 from uqmbd.errors import StudyError
 from uqmbd.randomness.joint import JointInput
 from uqmbd.randomness.space.germ_space import GermSpace
-from uqmbd.results import PolynomialChaos, angles
+from uqmbd.results import PolynomialChaos
+from uqmbd.results.statistics import angles
 
 TURN = 2 * np.pi
 SIGMA = np.array([0.01, 0.3, 1.0, 2.0])

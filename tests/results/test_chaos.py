@@ -17,8 +17,9 @@ from uqmbd.randomness.index_sets import index_set
 from uqmbd.randomness.joint import JointInput
 from uqmbd.randomness.space.germ_space import GermSpace
 from uqmbd.randomness.variable import random_vector
-from uqmbd.results import PolynomialChaos, chaos_moments
-from uqmbd.results.chaos_moments import skewness_kurtosis
+from uqmbd.results import PolynomialChaos
+from uqmbd.results.chaos import moments as chaos_moments
+from uqmbd.results.chaos.moments import skewness_kurtosis
 
 
 def space_of(**distributions: object) -> GermSpace:

@@ -14,7 +14,8 @@ from uqmbd.errors import StudyError
 from uqmbd.randomness.index_sets import index_set
 from uqmbd.randomness.joint import JointInput
 from uqmbd.randomness.space.germ_space import GermSpace
-from uqmbd.results import PolynomialChaos, chaos_sampling
+from uqmbd.results import PolynomialChaos
+from uqmbd.results.chaos import sampling as chaos_sampling
 
 TIMES = np.linspace(0.0, 1.0, 4)
 

@@ -12,7 +12,7 @@ from uqmbd.randomness.index_sets import index_set
 from uqmbd.randomness.joint import JointInput
 from uqmbd.randomness.space.germ_space import GermSpace
 from uqmbd.results import PolynomialChaos
-from uqmbd.results.chaos_sampling import random_germs, spread_germs
+from uqmbd.results.chaos.sampling import random_germs, spread_germs
 
 TIMES = np.linspace(0.0, 2.0, 21)
 

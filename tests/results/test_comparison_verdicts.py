@@ -21,10 +21,10 @@ from uqmbd.cli.compare import show_comparison
 from uqmbd.errors import StudyError
 from uqmbd.randomness import GermSpace, JointInput, gauss_tensor, index_set
 from uqmbd.report import error_cost
-from uqmbd.report.verdicts import agreement
-from uqmbd.results import verdicts
-from uqmbd.results.distances import distances, ks_by_chance
-from uqmbd.results.simultaneous import chance, curve_length, pointwise_level
+from uqmbd.report.sections.agreement import agreement
+from uqmbd.results.comparison import verdicts
+from uqmbd.results.comparison.distances import distances, ks_by_chance
+from uqmbd.results.comparison.simultaneous import chance, curve_length, pointwise_level
 from uqmbd_collocation import Collocation
 from uqmbd_joints import Revolute
 from uqmbd_montecarlo import MonteCarlo

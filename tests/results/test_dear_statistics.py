@@ -13,7 +13,9 @@ import uqmbd
 from uqmbd.randomness.index_sets import index_set
 from uqmbd.randomness.joint import JointInput
 from uqmbd.randomness.space.germ_space import GermSpace
-from uqmbd.results import PolynomialChaos, chaos_from_dataset, chaos_moments, chaos_sampling, labels, load, save
+from uqmbd.results import PolynomialChaos, chaos_from_dataset, labels, load, save
+from uqmbd.results.chaos import moments as chaos_moments
+from uqmbd.results.chaos import sampling as chaos_sampling
 from uqmbd_collocation import Collocation
 from uqmbd_galerkin import Galerkin
 

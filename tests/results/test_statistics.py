@@ -8,7 +8,7 @@ import scipy.stats
 
 from uqmbd.errors import StudyError
 from uqmbd.results import DEFAULT_PROBABILITIES, labels, sample_dataset, sample_statistics, statistics_of_samples
-from uqmbd.results.statistics import replicate_statistics, running_statistics
+from uqmbd.results.statistics.samples import replicate_statistics, running_statistics
 
 
 def test_statistics_agree_with_scipy_and_numpy() -> None:

@@ -13,7 +13,8 @@ import xarray as xr
 
 from uqmbd import results
 from uqmbd.errors import StudyError
-from uqmbd.results import storage, zarrwriter
+from uqmbd.results.storage import storage
+from uqmbd.results.storage import zarr_writer as zarrwriter
 
 MakeNode = Callable[..., xr.DataTree]
 

@@ -7,9 +7,11 @@ import numpy as np
 import pytest
 
 import uqmbd
-from uqmbd.dynamics import Ensemble, build, integrate, lockstep, straightline
-from uqmbd.dynamics.elimination import plan
-from uqmbd.dynamics.straightline import residual_kernel, straight_line
+from uqmbd.dynamics import Ensemble, build, integrate
+from uqmbd.dynamics.integration import lock_step as lockstep
+from uqmbd.dynamics.linear import straight_line as straightline
+from uqmbd.dynamics.linear.elimination import plan
+from uqmbd.dynamics.linear.straight_line import residual_kernel, straight_line
 from uqmbd_drivers import RotationDriver
 from uqmbd_joints import Prismatic, Revolute
 from uqmbd_springs import PointForce, SpringDamper, Torque

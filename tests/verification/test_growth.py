@@ -10,11 +10,12 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import uqmbd
-from uqmbd.dynamics import Ensemble, build, index1, integrate
-from uqmbd.dynamics.fronts import frontal
-from uqmbd.dynamics.nodal import FrontalSystems, LapackSystems, SparseSystems
-from uqmbd.dynamics.ordering import rounds_of, units_of
-from uqmbd.dynamics.sparse import SparsePattern
+from uqmbd.dynamics import Ensemble, build, integrate
+from uqmbd.dynamics.linear import accelerations as index1
+from uqmbd.dynamics.linear.fronts import frontal
+from uqmbd.dynamics.linear.nodal import FrontalSystems, LapackSystems, SparseSystems
+from uqmbd.dynamics.linear.ordering import rounds_of, units_of
+from uqmbd.dynamics.linear.sparse import SparsePattern
 from uqmbd_collocation import Collocation
 from uqmbd_galerkin import Galerkin
 from uqmbd_joints import Revolute
@@ -103,7 +104,7 @@ def test_small_systems_by_blocks_as_in_one_piece():
     assert model.system.fronts is None
     values = values_of(model)
     bare = index1.index1_system(model, None)
-    from uqmbd.dynamics.system import _by_blocks
+    from uqmbd.dynamics.linear.system import _by_blocks
 
     blocks = _by_blocks(model, bare, values[:2])
     expected = model.system.solve(values)

@@ -14,8 +14,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import uqmbd
-from uqmbd.dynamics.kernels import compilations, source_digest
-from uqmbd.dynamics.store import Store
+from uqmbd.dynamics.equations.kernels import compilations, source_digest
+from uqmbd.dynamics.equations.store import Store
 from uqmbd_joints import Distance
 
 ROOT = Path(uqmbd.__file__).parents[1]
@@ -38,7 +38,7 @@ import random, sys
 from pathlib import Path
 import uqmbd
 from uqmbd_joints import Distance
-from uqmbd.dynamics.kernels import compilations
+from uqmbd.dynamics.equations.kernels import compilations
 
 def found():
     mechanism = uqmbd.Mechanism("swing", uqmbd.Translational(gravity=(0, -9.81)))

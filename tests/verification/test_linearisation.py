@@ -30,7 +30,7 @@ def frequencies(mechanism, **more):
         (uqmbd.Planar(), {"inertia": 0.1}, 1),
         (uqmbd.Spatial(), {"inertia": (0.1, 0.2, 0.3)}, 3),
     ],
-    ids=lambda x: type(x).__name__ if isinstance(x, uqmbd.mechanism.space.Space) else "",
+    ids=lambda x: type(x).__name__ if isinstance(x, uqmbd.mechanism.geometry.space.Space) else "",
 )
 def test_a_mass_on_a_spring(space, more, rigid):
     """Spring of zero free length at the centre of mass: sqrt(k/m) in every direction; turns are rigid-body modes."""

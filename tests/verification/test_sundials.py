@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import uqmbd
-from uqmbd.dynamics.sundials import solve
+from uqmbd.dynamics.integration.sundials import solve
 from uqmbd_joints import Revolute
 from uqmbd_springs import PointForce
 
@@ -24,7 +24,7 @@ def test_a_sparse_solver_that_stops_before_its_first_matrix_does_not_end_the_pro
     done = run("""
         import numpy as np
         from scipy import sparse
-        from uqmbd.dynamics.sundials import solve
+        from uqmbd.dynamics.integration.sundials import solve
 
         def decay(t, y, yp, res):
             res[:] = yp + y
@@ -66,7 +66,7 @@ def test_ctrl_c_in_the_middle_of_an_integration_is_a_keyboard_interrupt():
         import os, signal
         import numpy as np
         from scipy import sparse
-        from uqmbd.dynamics.sundials import solve
+        from uqmbd.dynamics.integration.sundials import solve
 
         def residual(t, y, yp, res):
             os.kill(os.getpid(), signal.SIGINT)

@@ -18,9 +18,9 @@ from uqmbd.cli.settings import apply_settings, check_labels
 from uqmbd.cli.tables import show_summary
 from uqmbd.errors import MethodFailedWarning, StudyError, UqmbdError
 from uqmbd.isolation import Isolated
-from uqmbd.propagation.runfolder import claimed, set_aside
+from uqmbd.propagation.execution.run_folder import claimed, set_aside
 from uqmbd.propagation.script import load_study
-from uqmbd.results.unfinished import FOLDER
+from uqmbd.results.storage.unfinished import FOLDER
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -134,7 +134,7 @@ def _delivered(tree: xr.DataTree, study: Study, out: Path, script: Path) -> bool
 
 def _report(tree: xr.DataTree, study: Study, out: Path, files: dict[str, Path]) -> str:
     """Write poses and report of saved results; return why the report could not be written, or nothing."""
-    from uqmbd.report.animation import with_motion
+    from uqmbd.report.mechanism.animation import with_motion
 
     with Isolated(Exception, SystemExit) as work:
         tree, missing = with_motion(tree, study)

@@ -9,19 +9,19 @@ from uqmbd.dynamics.build import build, kinematic_model
 from uqmbd.dynamics.capabilities import INTEGRATORS, Capability, Integrator, capabilities, require, require_for
 from uqmbd.dynamics.check import Check, check
 from uqmbd.dynamics.checked import checked, off_constraints
-from uqmbd.dynamics.contacts import Lens
+from uqmbd.dynamics.contact.contacts import Lens
+from uqmbd.dynamics.contact.event_driven import Hybrid
 from uqmbd.dynamics.ensemble import Ensemble
-from uqmbd.dynamics.hybrid import Hybrid
-from uqmbd.dynamics.integration import integrate
-from uqmbd.dynamics.linearisation import Modes, linearise
-from uqmbd.dynamics.model import Layout, Model
-from uqmbd.dynamics.prescribed import position_jumps
-from uqmbd.dynamics.projected import ProjectedEnsemble
-from uqmbd.dynamics.projected_integration import ProjectedTrajectories
-from uqmbd.dynamics.scalars import ScalarValues, scalars_of
-from uqmbd.dynamics.statics import Equilibrium, static_equilibria
-from uqmbd.dynamics.terms import MechanismTerms, mechanism_terms
-from uqmbd.dynamics.trajectories import Counters, Trajectories
+from uqmbd.dynamics.equations.model import Layout, Model
+from uqmbd.dynamics.equations.terms import MechanismTerms, mechanism_terms
+from uqmbd.dynamics.integrate import integrate
+from uqmbd.dynamics.integration.prescribed import position_jumps
+from uqmbd.dynamics.integration.trajectories import Counters, Trajectories
+from uqmbd.dynamics.projection.ensemble import ProjectedEnsemble
+from uqmbd.dynamics.projection.integrate import ProjectedTrajectories
+from uqmbd.dynamics.statics.equilibrium import Equilibrium, static_equilibria
+from uqmbd.dynamics.statics.modes import Modes, linearise
+from uqmbd.dynamics.statics.timeless_outputs import ScalarValues, scalars_of
 
 __all__ = [
     "Capability",

@@ -11,14 +11,13 @@ import numpy as np
 import sympy
 from numpy.typing import NDArray
 
-from uqmbd.dynamics.assembly import independent_rows, positions
-from uqmbd.dynamics.block import Instance, instances_of
-from uqmbd.dynamics.derivation import derive
-from uqmbd.dynamics.expressions import TIME
-from uqmbd.dynamics.finite import not_finite
-from uqmbd.dynamics.index1 import index1_system, massless_direction, state_arguments
-from uqmbd.dynamics.limits import limits_of
-from uqmbd.dynamics.model import (
+from uqmbd.dynamics.assembly.assembly import independent_rows, positions
+from uqmbd.dynamics.assembly.uniqueness import not_unique, reaction_symbols
+from uqmbd.dynamics.equations.block import Instance, instances_of
+from uqmbd.dynamics.equations.derivation import derive
+from uqmbd.dynamics.equations.expressions import TIME
+from uqmbd.dynamics.equations.limits import limits_of
+from uqmbd.dynamics.equations.model import (
     FUSED_LIMIT,
     Layout,
     Model,
@@ -28,13 +27,14 @@ from uqmbd.dynamics.model import (
     evaluator,
     place,
 )
+from uqmbd.dynamics.equations.outputs import angle_counters, output_map
+from uqmbd.dynamics.equations.parameters import ParameterMap
+from uqmbd.dynamics.finite import not_finite
+from uqmbd.dynamics.integration.functions_of_time import timed
+from uqmbd.dynamics.integration.prescribed import Prescribed, prescribed_by
+from uqmbd.dynamics.linear.accelerations import index1_system, massless_direction, state_arguments
 from uqmbd.dynamics.notices import deep_contacts, moved_bodies, size_of
-from uqmbd.dynamics.outputs import angle_counters, output_map
-from uqmbd.dynamics.parameters import ParameterMap
-from uqmbd.dynamics.prescribed import Prescribed, prescribed_by
-from uqmbd.dynamics.scalars import scalar_map
-from uqmbd.dynamics.timed import timed
-from uqmbd.dynamics.uniqueness import not_unique, reaction_symbols
+from uqmbd.dynamics.statics.timeless_outputs import scalar_map
 from uqmbd.errors import AssemblyError, RedundantConstraintWarning, StudyError
 from uqmbd.mechanism import Mechanism, Output
 

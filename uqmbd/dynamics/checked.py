@@ -8,13 +8,13 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from uqmbd.dynamics.assembly.rank import named
 from uqmbd.dynamics.ensemble import Ensemble
-from uqmbd.dynamics.model import Model
-from uqmbd.dynamics.prescribed import gradient_lengths, instant, position_jumps
-from uqmbd.dynamics.projected import ProjectedEnsemble
-from uqmbd.dynamics.rank import named
-from uqmbd.dynamics.restarts import Drift
-from uqmbd.dynamics.trajectories import Trajectories
+from uqmbd.dynamics.equations.model import Model
+from uqmbd.dynamics.integration.prescribed import gradient_lengths, instant, position_jumps
+from uqmbd.dynamics.integration.restarts import Drift
+from uqmbd.dynamics.integration.trajectories import Trajectories
+from uqmbd.dynamics.projection.ensemble import ProjectedEnsemble
 
 __all__ = ["checked", "off_constraints", "projected_off"]
 

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from uqmbd.dynamics.assembly import Start, assemble
-from uqmbd.dynamics.index1 import accelerations, dense, state_arguments
-from uqmbd.dynamics.model import Layout, Model
+from uqmbd.dynamics.assembly.assembly import Start, assemble
+from uqmbd.dynamics.equations.model import Layout, Model
+from uqmbd.dynamics.linear.accelerations import accelerations, dense, state_arguments
 
 if TYPE_CHECKING:
-    from uqmbd.dynamics.pace import Leg
+    from uqmbd.dynamics.integration.pace import Leg
 
 __all__ = ["Ensemble", "referenced", "split"]
 
@@ -55,7 +55,7 @@ class Ensemble:
         if self._given_start is not None:
             return self._given_start
         if self.model.start_at == "equilibrium":
-            from uqmbd.dynamics.statics import equilibrium_start  # it needs ensembles itself
+            from uqmbd.dynamics.statics.equilibrium import equilibrium_start  # it needs ensembles itself
 
             return equilibrium_start(self)
         return assemble(self.model, self.parameters, self.model.time)
@@ -81,7 +81,7 @@ class Ensemble:
         tuple of (end, longest)
             Legs of the integration, one after the other: until when nothing jumps, s, and the longest step, s.
         """
-        from uqmbd.dynamics.pace import pace  # it needs ensembles itself
+        from uqmbd.dynamics.integration.pace import pace  # it needs ensembles itself
 
         return pace(self, np.asarray(times, dtype=float), rtol)
 
@@ -211,7 +211,7 @@ class Ensemble:
 
     def _add_contacts(self, states: Array, time: Array, parameters: Array, a: Array, multipliers: Array) -> Array:
         """Put right what contacts that last change of accelerations and multipliers; their forces (S, direction)."""
-        from uqmbd.dynamics.contacts import Lens, lasting
+        from uqmbd.dynamics.contact.contacts import Lens, lasting
 
         lens = Lens(self.model)
         forces = np.zeros((len(states), lens.directions))

@@ -8,10 +8,10 @@ import numpy as np
 import sympy
 from numpy.typing import NDArray
 
-from uqmbd.dynamics.block import Instance
-from uqmbd.dynamics.model import Model
+from uqmbd.dynamics.equations.block import Instance
+from uqmbd.dynamics.equations.model import Model
 from uqmbd.mechanism import Mechanism
-from uqmbd.mechanism.numbers import flatten
+from uqmbd.mechanism.expressions.user_values import flatten
 
 __all__ = ["not_finite"]
 

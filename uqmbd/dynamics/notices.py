@@ -8,12 +8,12 @@ import numpy as np
 import sympy
 from numpy.typing import NDArray
 
-from uqmbd.dynamics.block import Instance
-from uqmbd.dynamics.expressions import TIME
-from uqmbd.dynamics.model import Model
+from uqmbd.dynamics.equations.block import Instance
+from uqmbd.dynamics.equations.expressions import TIME
+from uqmbd.dynamics.equations.model import Model
 from uqmbd.errors import StudyError
 from uqmbd.mechanism import Mechanism, nominal
-from uqmbd.mechanism.frame import Frame
+from uqmbd.mechanism.geometry.frame import Frame
 from uqmbd.mechanism.skeleton import skeleton
 
 __all__ = ["Move", "deep_contacts", "moved_bodies", "moves", "size_of"]

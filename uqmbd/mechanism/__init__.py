@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from uqmbd.mechanism.body import Body, Ground
-from uqmbd.mechanism.component import (
+from uqmbd.mechanism.components.component import (
     Auxiliary,
     Component,
     Constraint,
@@ -17,19 +17,9 @@ from uqmbd.mechanism.component import (
     Upright,
     VirtualWork,
 )
-from uqmbd.mechanism.counting import counted_angle, half_angle
-from uqmbd.mechanism.frame import Frame
-from uqmbd.mechanism.geometry import (
-    aligned,
-    joint_frames,
-    nominal,
-    perpendiculars,
-    quaternion_product,
-    relative_quaternion,
-    smallest_rotation,
-)
-from uqmbd.mechanism.mechanism import Mechanism, Output
-from uqmbd.mechanism.scalars import (
+from uqmbd.mechanism.components.turn_counting import counted_angle, half_angle
+from uqmbd.mechanism.expressions.time import step, t
+from uqmbd.mechanism.expressions.timeless import (
     AtEquilibrium,
     EventTime,
     MotionSymbol,
@@ -38,8 +28,18 @@ from uqmbd.mechanism.scalars import (
     damping_ratio,
     eigenfrequency,
 )
-from uqmbd.mechanism.space import Planar, Space, Spatial, Translational
-from uqmbd.mechanism.time import step, t
+from uqmbd.mechanism.geometry.frame import Frame
+from uqmbd.mechanism.geometry.quaternions import (
+    aligned,
+    joint_frames,
+    nominal,
+    perpendiculars,
+    quaternion_product,
+    relative_quaternion,
+    smallest_rotation,
+)
+from uqmbd.mechanism.geometry.space import Planar, Space, Spatial, Translational
+from uqmbd.mechanism.mechanism import Mechanism, Output
 
 __all__ = [
     "AtEquilibrium",

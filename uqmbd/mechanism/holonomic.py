@@ -6,11 +6,11 @@ import sympy
 
 from uqmbd.errors import StudyError
 from uqmbd.mechanism.body import Body, StateSymbol
-from uqmbd.mechanism.component import Component, Constraint, Potential, flatten
-from uqmbd.mechanism.frame import Frame
-from uqmbd.mechanism.local import Local
-from uqmbd.mechanism.space import Space
-from uqmbd.mechanism.time import t
+from uqmbd.mechanism.components.component import Component, Constraint, Potential, flatten
+from uqmbd.mechanism.components.local import Local
+from uqmbd.mechanism.expressions.time import t
+from uqmbd.mechanism.geometry.frame import Frame
+from uqmbd.mechanism.geometry.space import Space
 
 __all__ = ["require_holonomic"]
 

@@ -12,15 +12,15 @@ import sympy
 
 from uqmbd.errors import StudyError
 from uqmbd.mechanism.body import Body, BodyTerms, Ground, Pose
-from uqmbd.mechanism.component import Component
-from uqmbd.mechanism.frame import Frame
+from uqmbd.mechanism.components.component import Component
+from uqmbd.mechanism.components.values import settle
+from uqmbd.mechanism.expressions.timeless import check_scalar, is_scalar
+from uqmbd.mechanism.expressions.user_values import flatten, numbers, random_variables, shown
+from uqmbd.mechanism.geometry.frame import Frame
+from uqmbd.mechanism.geometry.space import Space
 from uqmbd.mechanism.holonomic import require_holonomic
-from uqmbd.mechanism.numbers import flatten, numbers, random_variables, shown
-from uqmbd.mechanism.rigid_body import inertia_entries, mass_number, orientation
-from uqmbd.mechanism.scalars import check_scalar, is_scalar
-from uqmbd.mechanism.space import Space
-from uqmbd.mechanism.symbols import require_known
-from uqmbd.mechanism.values import settle
+from uqmbd.mechanism.inertia import inertia_entries, mass_number, orientation
+from uqmbd.mechanism.scope import require_known
 from uqmbd.names import check_name, check_units, checked
 from uqmbd.randomness import JointInput, RandomVariable
 

@@ -9,9 +9,9 @@ from typing import Any
 import sympy
 
 from uqmbd.mechanism.body import Body, StateSymbol
-from uqmbd.mechanism.component import Component
+from uqmbd.mechanism.components.component import Component
+from uqmbd.mechanism.expressions.time import t
 from uqmbd.mechanism.mechanism import Mechanism
-from uqmbd.mechanism.time import t
 from uqmbd.randomness import RandomVariable
 
 __all__ = ["Mark", "skeleton"]

@@ -20,13 +20,13 @@ from numpy.typing import NDArray
 from uqmbd.dynamics import INTEGRATORS
 from uqmbd.errors import RedundantConstraintWarning
 from uqmbd.isolation import reason_of
-from uqmbd.propagation.chunks import integrated_by
-from uqmbd.propagation.progress import Silent
+from uqmbd.propagation.execution.chunks import integrated_by
+from uqmbd.propagation.execution.progress import Silent
 from uqmbd.status import Status
 
 if TYPE_CHECKING:
+    from uqmbd.propagation.execution.realisations import Realisations
     from uqmbd.propagation.problem import Problem
-    from uqmbd.propagation.realisations import Realisations
 
 __all__ = ["AGAIN", "LONG_NAME", "Observed", "deviation", "tighter", "with_integration_error"]
 

@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Any
 from uqmbd.errors import MethodFailedWarning, StudyError, UqmbdError
 from uqmbd.isolation import Isolated, reason_of, release
 from uqmbd.propagation.estimate import obstacle_of
-from uqmbd.propagation.progress import Progress
+from uqmbd.propagation.execution.progress import Progress
+from uqmbd.propagation.execution.workers import Crew
 from uqmbd.propagation.propagator import Propagator
-from uqmbd.propagation.scalars import propagated
-from uqmbd.propagation.workers import Crew
+from uqmbd.propagation.timeless import propagated
 
 if TYPE_CHECKING:
     import xarray as xr

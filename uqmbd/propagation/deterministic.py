@@ -106,7 +106,7 @@ def simulate(
 
     from uqmbd.dynamics import Ensemble, require_for
     from uqmbd.mechanism import Mechanism
-    from uqmbd.propagation.chunks import integrated_by, integrator_of, not_finite_output
+    from uqmbd.propagation.execution.chunks import integrated_by, integrator_of, not_finite_output
 
     if not isinstance(mechanism, Mechanism):
         raise StudyError(f"simulate: the mechanism is {mechanism!r}; expected a uqmbd.Mechanism.")

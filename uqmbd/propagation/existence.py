@@ -10,8 +10,8 @@ import numpy as np
 import sympy
 
 from uqmbd.mechanism.body import StateSymbol
-from uqmbd.mechanism.numbers import random_variables
-from uqmbd.mechanism.time import t
+from uqmbd.mechanism.expressions.time import t
+from uqmbd.mechanism.expressions.user_values import random_variables
 from uqmbd.randomness import RandomVariable
 from uqmbd.randomness.existence import exists, moment_orders
 

@@ -22,15 +22,15 @@ from uqmbd import __version__
 from uqmbd.dynamics import Capability, Ensemble, Model, ScalarValues, require
 from uqmbd.errors import StudyError, StudyWarning
 from uqmbd.propagation.accuracy import Observed
-from uqmbd.propagation.checkpoint import Checkpoint
-from uqmbd.propagation.chunks import CHUNK, Chunk, compute_chunk
-from uqmbd.propagation.cost import Clock, Laps
 from uqmbd.propagation.deterministic import not_unique_attribute, step_attributes
+from uqmbd.propagation.execution.checkpoint import Checkpoint
+from uqmbd.propagation.execution.chunks import CHUNK, Chunk, compute_chunk
+from uqmbd.propagation.execution.cost import Clock, Laps
+from uqmbd.propagation.execution.histories import History, event_histories
+from uqmbd.propagation.execution.progress import Progress, Silent
+from uqmbd.propagation.execution.realisations import Realisations
+from uqmbd.propagation.execution.tasks import Arrays, failed, run_tasks
 from uqmbd.propagation.existence import Existence
-from uqmbd.propagation.histories import History, event_histories
-from uqmbd.propagation.progress import Progress, Silent
-from uqmbd.propagation.realisations import Realisations
-from uqmbd.propagation.tasks import Arrays, failed, run_tasks
 from uqmbd.randomness import JointInput
 from uqmbd.results import InputInfo, Labels, OutputInfo, labels, propagator_node
 

@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike
 from uqmbd.errors import StudyError
 from uqmbd.names import check_name, checked
 from uqmbd.propagation.attempts import attempt, joined
+from uqmbd.propagation.convergence.in_study import check_convergence_of, with_convergence
 from uqmbd.propagation.deterministic import (
     notices_attribute,
     observed_model,
@@ -25,8 +26,9 @@ from uqmbd.propagation.deterministic import (
     step_attributes,
     stepped,
 )
+from uqmbd.propagation.execution.progress import Progress, told
+from uqmbd.propagation.execution.workers import Crew, pool
 from uqmbd.propagation.existence import existence_of
-from uqmbd.propagation.growing import check_convergence_of, with_convergence
 from uqmbd.propagation.options import (
     check_breaks,
     check_integrator,
@@ -37,10 +39,8 @@ from uqmbd.propagation.options import (
     check_still,
     check_times,
 )
-from uqmbd.propagation.progress import Progress, told
 from uqmbd.propagation.propagator import Propagator
-from uqmbd.propagation.scalars import propagated
-from uqmbd.propagation.workers import Crew, pool
+from uqmbd.propagation.timeless import propagated
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -201,7 +201,7 @@ class Study:
         folder: Path | None = None,
     ) -> Problem:
         """Make the problem that a propagator is given."""
-        from uqmbd.propagation.checkpoint import Checkpoint
+        from uqmbd.propagation.execution.checkpoint import Checkpoint
         from uqmbd.propagation.problem import Problem
 
         return Problem(
@@ -284,8 +284,8 @@ class Study:
         uqmbd.UqmbdError
             If the mechanism cannot be used, or no method succeeded: then that of the first one, or whatever it raised.
         """
-        from uqmbd.propagation.runfolder import claimed
-        from uqmbd.results.unfinished import clear, computed, reopen
+        from uqmbd.propagation.execution.run_folder import claimed
+        from uqmbd.results.storage.unfinished import clear, computed, reopen
 
         if not self.propagators:
             raise StudyError(
@@ -329,9 +329,9 @@ class Study:
     ) -> xr.Dataset:
         """Run methods over lists of orders or sample numbers, and compare errors with costs.
 
-        As ``study.converge(Collocation, order=[1, 2, 3, 4])``; see :func:`uqmbd.propagation.converge.converge`.
+        As ``study.converge(Collocation, order=[1, 2, 3, 4])``; see `uqmbd.propagation.convergence`.
         """
-        from uqmbd.propagation.converge import converge
+        from uqmbd.propagation.convergence.converge import converge
 
         return converge(self, propagators, reference=reference, workers=workers, progress=progress, **levels)
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from uqmbd.report.animation import animate, motion, with_motion
 from uqmbd.report.figures import (
     bands,
     coefficient_decay,
@@ -24,6 +23,7 @@ from uqmbd.report.figures import (
     verification,
 )
 from uqmbd.report.html import Section, write_report
+from uqmbd.report.mechanism.animation import animate, motion, with_motion
 
 __all__ = [
     "Section",

@@ -15,18 +15,20 @@ import xarray as xr
 
 from uqmbd.errors import PluginWarning, StudyError
 from uqmbd.isolation import Isolated
-from uqmbd.report import content, figures, record
-from uqmbd.report.error_cost_section import error_against_cost
-from uqmbd.report.events_section import events
-from uqmbd.report.failures import ENOUGH
+from uqmbd.report import figures
+from uqmbd.report.figures.failures import ENOUGH
+from uqmbd.report.figures.timeless import scalars
 from uqmbd.report.images import image, write_images
-from uqmbd.report.motion_section import moving_picture
-from uqmbd.report.outputs import outputs
-from uqmbd.report.scalars import scalars
-from uqmbd.report.trust import influence, trust
-from uqmbd.report.verdicts import agreement
+from uqmbd.report.sections import provenance as record
+from uqmbd.report.sections import summary as content
+from uqmbd.report.sections.agreement import agreement
+from uqmbd.report.sections.error_cost import error_against_cost
+from uqmbd.report.sections.events import events
+from uqmbd.report.sections.motion import moving_picture
+from uqmbd.report.sections.outputs import outputs
+from uqmbd.report.sections.trust import influence, trust
 from uqmbd.results import propagator_nodes, scalar_nodes
-from uqmbd.results.spread import rtol_of
+from uqmbd.results.statistics.spread import rtol_of
 
 __all__ = ["Section", "write_report"]
 

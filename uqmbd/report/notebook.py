@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from uqmbd.report.wording import format_number
+from uqmbd.wording import format_number
 
 if TYPE_CHECKING:
     from uqmbd.mechanism import Mechanism

@@ -2,36 +2,36 @@
 
 from __future__ import annotations
 
-from uqmbd.results.aligned_chaos import AlignedChaos, AlignedElement
-from uqmbd.results.alignment import align
-from uqmbd.results.axes import InputInfo, Labels, OutputInfo, labels
-from uqmbd.results.chaos import PolynomialChaos
-from uqmbd.results.comparison import choose_reference, compare
-from uqmbd.results.directions import (
+from uqmbd.results.chaos.aligned import AlignedChaos, AlignedElement
+from uqmbd.results.chaos.chaos import PolynomialChaos
+from uqmbd.results.chaos.fit import LeastSquares, NodeRegression, least_squares, project, regress_on_nodes
+from uqmbd.results.chaos.of_dataset import surrogate
+from uqmbd.results.chaos.piecewise import PiecewiseChaos, chaos_from_dataset
+from uqmbd.results.comparison.alignment import align
+from uqmbd.results.comparison.compare import choose_reference, compare
+from uqmbd.results.comparison.integration_share import IntegrationShare, integration_shares, worst_integration_share
+from uqmbd.results.comparison.recommendation import overall, recommend
+from uqmbd.results.comparison.relative_errors import relative_errors
+from uqmbd.results.comparison.statements import own_statements, statements
+from uqmbd.results.schema.axes import InputInfo, Labels, OutputInfo, labels
+from uqmbd.results.schema.datasets import DEFAULT_PROBABILITIES, STATUS_MEANINGS, sample_dataset, statistics_dataset
+from uqmbd.results.schema.nodes import failed_methods, join_nodes, propagator_node, study_tree
+from uqmbd.results.schema.validation import propagator_nodes, validate
+from uqmbd.results.statistics.circular import (
     circular_mean,
     circular_of_components,
     circular_std,
     mean_direction,
     unwrap_samples,
 )
-from uqmbd.results.integration import IntegrationShare, integration_shares, worst_integration_share
-from uqmbd.results.moments import Moments
-from uqmbd.results.nodes import failed_methods, join_nodes, propagator_node, study_tree
-from uqmbd.results.piecewise import PiecewiseChaos, chaos_from_dataset
-from uqmbd.results.projection import LeastSquares, NodeRegression, least_squares, project, regress_on_nodes
-from uqmbd.results.recommendation import overall, recommend
-from uqmbd.results.relative_errors import relative_errors
-from uqmbd.results.replicates import replicate_errors
-from uqmbd.results.rotations import mean_rotation, rotation_std
-from uqmbd.results.samplefile import SampleFile, sample_file
-from uqmbd.results.scalars import scalar_nodes, with_scalars
-from uqmbd.results.schema import DEFAULT_PROBABILITIES, STATUS_MEANINGS, sample_dataset, statistics_dataset
-from uqmbd.results.spread import varies, varying
-from uqmbd.results.statements import own_statements, statements
-from uqmbd.results.statistics import sample_statistics, statistics_of_samples
-from uqmbd.results.storage import load, save
-from uqmbd.results.surrogate import surrogate
-from uqmbd.results.validation import propagator_nodes, validate
+from uqmbd.results.statistics.moments import Moments
+from uqmbd.results.statistics.replicates import replicate_errors
+from uqmbd.results.statistics.rotations import mean_rotation, rotation_std
+from uqmbd.results.statistics.samples import sample_statistics, statistics_of_samples
+from uqmbd.results.statistics.spread import varies, varying
+from uqmbd.results.storage.sample_file import SampleFile, sample_file
+from uqmbd.results.storage.storage import load, save
+from uqmbd.results.tree import scalar_nodes, with_scalars
 from uqmbd.status import Status
 
 __all__ = [

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from uqmbd.dynamics.block import Instance, instances_of
-from uqmbd.dynamics.derivation import derive
-from uqmbd.dynamics.kernels import Kernel, cached, compile_kernel
-from uqmbd.dynamics.parameters import ParameterMap
+from uqmbd.dynamics.equations.block import Instance, instances_of
+from uqmbd.dynamics.equations.derivation import derive
+from uqmbd.dynamics.equations.kernels import Kernel, cached, compile_kernel
+from uqmbd.dynamics.equations.parameters import ParameterMap
 from uqmbd.mechanism import Space
 from uqmbd.testing.cases import Case
 from uqmbd.testing.motion import random_unit

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from uqmbd.dynamics.block import Instance
-from uqmbd.dynamics.derivation import derive
-from uqmbd.dynamics.kernels import Kernel, cached, compile_kernel
+from uqmbd.dynamics.equations.block import Instance
+from uqmbd.dynamics.equations.derivation import derive
+from uqmbd.dynamics.equations.kernels import Kernel, cached, compile_kernel
 from uqmbd.mechanism import Component, Space
 from uqmbd.propagation import Propagator
 from uqmbd.testing.bench import REALISATIONS, Bench, random_coordinates

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from uqmbd.dynamics.block import Instance
-from uqmbd.dynamics.derivation import Derived, derive
-from uqmbd.dynamics.kernels import Kernel, cached, compile_kernel
+from uqmbd.dynamics.equations.block import Instance
+from uqmbd.dynamics.equations.derivation import Derived, derive
+from uqmbd.dynamics.equations.kernels import Kernel, cached, compile_kernel
 from uqmbd.testing.bench import Bench
 
 __all__ = ["check_energy", "is_timeless"]

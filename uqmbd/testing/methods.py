@@ -10,12 +10,12 @@ import numpy as np
 
 from uqmbd import plugins
 from uqmbd.dynamics import Ensemble
-from uqmbd.dynamics.block import instances_of
-from uqmbd.dynamics.derivation import derive
+from uqmbd.dynamics.equations.block import instances_of
+from uqmbd.dynamics.equations.derivation import derive
 from uqmbd.errors import AssemblyError
 from uqmbd.mechanism import Component, Space
 from uqmbd.propagation import Propagator, Study
-from uqmbd.propagation.chunks import integrator_of
+from uqmbd.propagation.execution.chunks import integrator_of
 from uqmbd.testing.cases import Case, moving_case, name_of
 from uqmbd.testing.energy import is_timeless
 from uqmbd.testing.moments import check_schema, stated_errors

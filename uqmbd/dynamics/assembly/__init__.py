@@ -1,0 +1,1 @@
+"""Consistent initial states, and which equations are independent."""

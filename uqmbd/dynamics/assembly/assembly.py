@@ -1,0 +1,369 @@
+"""Assembly: consistent positions, velocities, accelerations and multipliers from the drawn pose.
+
+Positions by damped Gauss-Newton with the smallest change, vectorised over realisations; the rank of the constraint
+Jacobian by singular values and pivoted QR; velocities with the smallest norm; accelerations from the index-1 system.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg
+from numpy.typing import NDArray
+
+from uqmbd.dynamics.assembly.undefined import REMEDY, undefined
+from uqmbd.dynamics.equations.limits import impossible
+from uqmbd.dynamics.equations.model import Model
+from uqmbd.dynamics.linear.accelerations import RANK_TOLERANCE, accelerations, dense, state_arguments
+from uqmbd.mechanism.expressions.user_values import LARGEST
+
+__all__ = ["Start", "assemble", "independent_rows", "positions", "velocities"]
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+POSITION_TOLERANCE = 1e-12
+ITERATIONS = 200
+
+
+@dataclass(frozen=True)
+class Start:
+    """Consistent initial states of K realisations.
+
+    Attributes
+    ----------
+    q, s, v, a, rates, multipliers : array, shape (K, ...)
+        Coordinates, auxiliary states, velocities, accelerations, rates of the auxiliary states, and multipliers of the
+        kept equations.
+    messages : tuple of str
+        Empty where the realisation could be assembled, else the reason.
+    """
+
+    q: Array
+    s: Array
+    v: Array
+    a: Array
+    rates: Array
+    multipliers: Array
+    messages: tuple[str, ...]
+
+    def select(self, members: Index) -> Start:
+        """Make the initial states of some realisations."""
+        return Start(
+            self.q[members],
+            self.s[members],
+            self.v[members],
+            self.a[members],
+            self.rates[members],
+            self.multipliers[members],
+            tuple(self.messages[k] for k in members),
+        )
+
+    @property
+    def ok(self) -> NDArray[np.bool_]:
+        """Which realisations could be assembled, shape (K,)."""
+        return np.array([not m for m in self.messages], dtype=bool)
+
+
+def _constraints(model: Model, q: Array, time: float, parameters: Array) -> dict[str, Array]:
+    still = np.zeros((len(q), model.layout.states))
+    return dense(model, "position", state_arguments(q, still, np.zeros_like(q), time), parameters)
+
+
+def _scales(gradient: Array) -> Array:
+    """Norm of each equation's gradient: residuals divided by it are displacements."""
+    norm = np.linalg.norm(gradient, axis=2)
+    return np.where(norm > 1e-9, norm, 1.0)
+
+
+def positions(
+    model: Model, drawn: Array, time: float, parameters: Array, rows: Index | None = None
+) -> tuple[Array, list[str]]:
+    """Move drawn poses as little as closes all constraints.
+
+    Parameters
+    ----------
+    model : Model
+        With its ``position`` evaluator.
+    drawn : array, shape (K, coordinate)
+        Drawn poses.
+    time : float
+        Initial time.
+    parameters : array, shape (K, parameter)
+        Of each realisation.
+    rows : array of int, optional
+        Independent equations; all, by singular values, if left out.
+
+    Returns
+    -------
+    q : array, shape (K, coordinate)
+        Assembled poses.
+    messages : list of str
+        Reason of failure of each realisation, or empty.
+    """
+    count, n = drawn.shape
+    free = np.setdiff1d(np.arange(n), model.held)
+    q = drawn.copy()
+    size = max(1e-3, float(np.abs(drawn[:, : model.dimension]).max(initial=0.0)), 1.0)
+    now = _constraints(model, q, time, parameters)
+    scale = _scales(now["phi_q"])
+    residual = now["phi"] / scale
+    active = np.abs(residual).max(axis=1, initial=0.0) > POSITION_TOLERANCE * size
+    quaternions = model.quaternions()
+    for _ in range(ITERATIONS):
+        todo = np.flatnonzero(active)
+        if not len(todo):
+            break
+        used = slice(None) if rows is None else rows
+        a = (now["phi_q"][todo] / scale[todo][:, :, None])[:, used][:, :, free]
+        r = residual[todo][:, used]
+        move = np.zeros((len(todo), n))
+        move[:, free] = -_least_norm(a, r, truncate=rows is None)
+        # no body turns by more than about 0.6 rad in one iteration: beyond, the linearisation means nothing
+        largest = (
+            np.abs(move[:, quaternions.ravel()]).max(axis=1, initial=0.0) if quaternions.size else np.zeros(len(todo))
+        )
+        move /= np.maximum(1.0, largest / 0.3)[:, None]
+        before = np.linalg.norm(residual[todo], axis=1)
+        step = np.ones(len(todo))
+        pending = np.arange(len(todo))
+        best_q = q[todo].copy()
+        for halving in range(14):
+            trial = _normalised(
+                q[todo[pending]] + step[pending, None] * move[pending], quaternions, step[pending], model.held
+            )
+            there = _constraints(model, trial, time, parameters[todo[pending]])
+            after = np.linalg.norm(there["phi"] / scale[todo[pending]], axis=1)
+            good = (after < before[pending]) | (after < POSITION_TOLERANCE * size)
+            best_q[pending[good]] = trial[good]
+            pending = pending[~good]
+            step[pending] /= 2
+            if not len(pending):
+                break
+            if halving == 13:
+                active[todo[pending]] = False  # no descent: as close as it gets
+        moved = np.abs(best_q - q[todo]).max(axis=1, initial=0.0)
+        q[todo] = best_q
+        now = _constraints(model, q, time, parameters)
+        scale = _scales(now["phi_q"])
+        residual = now["phi"] / scale
+        still = np.abs(residual).max(axis=1, initial=0.0) <= POSITION_TOLERANCE * size
+        active[still] = False
+        active[todo[moved < 1e-16 * size]] = False
+    return q, _position_messages(model, now, residual, size)
+
+
+def _least_norm(a: Array, r: Array, *, truncate: bool) -> Array:
+    """Least-squares solution of smallest norm of ``a x = r``, for each realisation."""
+    if not truncate:
+        gram = a @ a.transpose(0, 2, 1)
+        try:
+            y = np.linalg.solve(gram, r[:, :, None])
+            x: Array = (a.transpose(0, 2, 1) @ y)[:, :, 0]
+            if np.all(np.isfinite(x)):
+                return x
+        except np.linalg.LinAlgError:
+            pass
+    usable: NDArray[np.bool_] = np.asarray(np.isfinite(a).all(axis=(1, 2)))
+    inverse = np.linalg.pinv(np.where(usable[:, None, None], a, 0.0), rcond=RANK_TOLERANCE)
+    result: Array = (inverse @ r[:, :, None])[:, :, 0]
+    result[~usable] = np.nan
+    return result
+
+
+def _normalised(q: Array, quaternions: Index, step: Array, held: Index) -> Array:
+    """Bring quaternions back to length one after a step that was too long to matter otherwise."""
+    if not quaternions.size:
+        return q
+    e = q[:, quaternions]
+    length = np.linalg.norm(e, axis=2, keepdims=True)
+    far = np.abs(length - 1) > 1e-6
+    free = np.asarray(~np.isin(quaternions, held).any(axis=1))
+    far &= free[None, :, None]
+    q = q.copy()
+    q[:, quaternions] = np.where(far, e / np.where(length > 0.1, length, 1.0), e)
+    return q
+
+
+def _position_messages(model: Model, now: dict[str, Array], residual: Array, size: float) -> list[str]:
+    messages = []
+    for k in range(len(residual)):
+        worst = np.abs(residual[k])
+        message = ""
+        if worst.size and not worst.max() <= 1e-9 * size:
+            if not np.all(np.isfinite(worst)):
+                i = int(np.argmax(~np.isfinite(worst)))
+                messages.append(
+                    f"the equation {model.equations[i]!r} is {now['phi'][k, i]:g}: a number that "
+                    f"{model.owners[i]!r} is given, as a driver's function of time, has no finite value. {REMEDY}"
+                )
+                continue
+            i = int(np.argmax(worst))
+            owners = _largest_owners(model, worst)
+            message = (
+                f"{owners} cannot be closed: equation {model.equations[i]!r} keeps a residual of {now['phi'][k, i]:.3g}"
+                f" (about {worst[i]:.3g} m or rad apart). Check its points, axes and lengths, and the drawn pose."
+            )
+        elif now["cos"].size and now["cos"][k].min() < 0:
+            i = int(np.argmin(now["cos"][k]))
+            message = (
+                f"{model.cosines[i]} was assembled in its mirror image, half a turn off "
+                f"(cosine {now['cos'][k, i]:.3g}). Draw the body closer to the intended pose."
+            )
+        messages.append(message)
+    return messages
+
+
+def _largest_owners(model: Model, worst: Array) -> str:
+    by_owner: dict[str, float] = {}
+    for owner, value in zip(model.owners, worst, strict=True):
+        by_owner[owner] = max(by_owner.get(owner, 0.0), float(value) if np.isfinite(value) else np.inf)
+    ranked = sorted(by_owner, key=lambda o: -by_owner[o])
+    others = [repr(o) for o in ranked[1:4] if by_owner[o] > 0.3 * by_owner[ranked[0]]]
+    return f"joint {ranked[0]!r}" + (f" (together with {', '.join(others)})" if others else "")
+
+
+def independent_rows(gradient: Array, first: Index) -> tuple[Index, Index]:
+    """Split equations into independent and redundant ones.
+
+    Parameters
+    ----------
+    gradient : array, shape (equation, coordinate)
+        ``Phi_q`` at an assembled pose.
+    first : array of int
+        Equations that are kept before all others (unit quaternions).
+
+    Returns
+    -------
+    kept, redundant : array of int
+        Sorted.
+    """
+    m = len(gradient)
+    if m == 0:
+        return np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
+    norm = np.linalg.norm(gradient, axis=1)
+    a = gradient / np.where(norm > 1e-12, norm, 1.0)[:, None]
+    others = np.setdiff1d(np.arange(m), first)
+    basis = scipy.linalg.orth(a[first].T) if len(first) else np.zeros((a.shape[1], 0))
+    rest = a[others] - (a[others] @ basis) @ basis.T
+    if not len(others):
+        return np.arange(m), np.zeros(0, dtype=np.int64)
+    _, r, pivots = scipy.linalg.qr(rest.T, mode="economic", pivoting=True)
+    diagonal = np.abs(np.diag(r))
+    rank = int(np.sum(diagonal > RANK_TOLERANCE * max(1.0, diagonal.max(initial=0.0))))
+    kept = np.sort(np.concatenate([first, others[pivots[:rank]]]))
+    return kept.astype(np.int64), np.setdiff1d(np.arange(m), kept).astype(np.int64)
+
+
+def velocities(
+    model: Model, q: Array, s: Array, time: float, parameters: Array, all_parameters: Array
+) -> tuple[Array, list[str]]:
+    """Velocities of smallest norm that satisfy the constraints and the stated velocities.
+
+    Returns
+    -------
+    v : array, shape (K, coordinate)
+    messages : list of str
+        Contradictions, by name; empty where there are none.
+    """
+    found = dense(model, "velocity", state_arguments(q, s, np.zeros_like(q), time), parameters)
+    count, n = q.shape
+    a, b = found["d"], -found["phi_t"]
+    if not model.statements:
+        if not np.any(b):
+            return np.zeros_like(q), [""] * count
+        kept = model.layout.kept
+        return _least_norm(a[:, kept], b[:, kept], truncate=False), [""] * count
+    rows, values, names = [a], [b], list(model.equations)
+    for statement in model.statements:
+        stated = all_parameters[:, statement.parameters]
+        if statement.quantity == "velocity":
+            block = np.zeros((count, len(statement.coordinates), n))
+            block[:, np.arange(len(statement.coordinates)), statement.coordinates] = 1.0
+        else:
+            block = np.zeros((count, stated.shape[1], n))
+            block[:, :, statement.coordinates] = _body_rate(q[:, statement.coordinates])
+        rows.append(block)
+        values.append(stated)
+        names += [f"{statement.quantity} of body {statement.body}"] * stated.shape[1]
+    a, b = np.concatenate(rows, axis=1), np.concatenate(values, axis=1)
+    scale = np.linalg.norm(a, axis=2)
+    scale = np.where(scale > 1e-12, scale, 1.0)
+    a, b = a / scale[:, :, None], b / scale
+    v = _least_norm(a, b, truncate=True)
+    error = np.abs((a @ v[:, :, None])[:, :, 0] - b)
+    limit = 1e-8 * np.maximum(1.0, np.abs(b).max(axis=1, initial=0.0))
+    messages = []
+    for k in range(count):
+        if error[k].max(initial=0.0) <= limit[k]:
+            messages.append("")
+            continue
+        guilty = list(dict.fromkeys(names[i] for i in np.argsort(-error[k]) if error[k, i] > 0.05 * error[k].max()))
+        statements = [g for g in guilty if g not in model.equations] or sorted(
+            {f"{s.quantity} of body {s.body}" for s in model.statements}
+        )
+        of_components = {model.equations[i] for i in model.of_components(np.arange(len(model.equations)))}
+        joints = [g for g in guilty if g in of_components]
+        messages.append(
+            f"the stated {' and '.join(statements)} contradict{'s' if len(statements) == 1 else ''} "
+            + (
+                f"the constraint{'s' * (len(joints) != 1)} {', '.join(map(repr, joints[:4]))}"
+                if joints
+                else "one another"
+            )
+            + f" (by {error[k].max():.3g}). State fewer of them, or consistent ones."
+        )
+    return v, messages
+
+
+def _body_rate(e: Array) -> Array:
+    """Matrix from quaternion rates to the angular velocity in body axes, ``2 G(e)``."""
+    if e.shape[1] == 2:
+        return 2 * np.stack([-e[:, 1], e[:, 0]], axis=1)[:, None, :]
+    a, b, c, d = e.T
+    return 2 * np.stack(
+        [np.stack([-b, a, d, -c], axis=1), np.stack([-c, -d, a, b], axis=1), np.stack([-d, c, -b, a], axis=1)], axis=1
+    )
+
+
+def assemble(model: Model, all_parameters: Array, time: float) -> Start:
+    """Make consistent initial states.
+
+    Parameters
+    ----------
+    model : Model
+        Compiled.
+    all_parameters : array, shape (K, parameter)
+        From the model's parameter map.
+    time : float
+        Initial time.
+
+    Returns
+    -------
+    Start
+        With a message for each realisation that has no assembly.
+    """
+    count = len(all_parameters)
+    layout = model.layout
+    drawn = all_parameters[:, model.drawn]
+    bad: NDArray[np.bool_] = np.asarray(~(np.abs(all_parameters) <= LARGEST).all(axis=1))
+    safe = np.where(bad[:, None], np.nan_to_num(all_parameters, nan=1.0, posinf=1.0, neginf=1.0), all_parameters)
+    q, messages = positions(model, np.where(bad[:, None], np.nan_to_num(drawn), drawn), time, safe, layout.kept)
+    s = dense(model, "initial", state_arguments(q, np.zeros((count, layout.states)), np.zeros_like(q), time), safe)["s"]
+    v, contradictions = velocities(model, q, s, time, safe, safe)
+    forbidden = impossible(model.limits, model.tensors, safe)
+    messages = [
+        f"a parameter is not finite, or larger than {LARGEST:g}" if b else (n or m or c)
+        for b, n, m, c in zip(bad, forbidden, messages, contradictions, strict=True)
+    ]
+    a, rates = np.zeros_like(q), np.zeros_like(s)
+    multipliers = np.zeros((count, layout.rank))
+    good = np.flatnonzero([not m for m in messages])
+    a[good], multipliers[good], rates[good] = accelerations(model, q[good], s[good], v[good], time, safe[good])
+    for k in np.flatnonzero(~np.isfinite(a).all(axis=1)):
+        messages[k] = (
+            undefined(model, q[k], s[k], v[k], time, safe[k])
+            or "the accelerations are not determined: the assembled pose is singular for these inputs"
+        )
+    return Start(q, s, v, a, rates, multipliers, tuple(messages))

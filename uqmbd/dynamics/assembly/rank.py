@@ -1,0 +1,264 @@
+"""The rank of the constraint equations along a motion: how near a singular pose is, and which equations are concerned.
+
+A pose is singular where the equations of motion's constraints lose rank.  Near it the smallest singular values change
+linearly with time, unless the mechanism locks up: then they vanish like the square root of the time that is left.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uqmbd.dynamics.equations.model import Model
+from uqmbd.dynamics.linear.accelerations import dense, state_arguments
+
+__all__ = ["Rank", "dead_end", "gradient", "joints", "named", "null_equations", "rank_along", "violated"]
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+WATCHED = 6
+"""Most singular values whose zeros are looked for."""
+
+SMALL = 0.3
+"""Relative size of a singular value below which its zero is looked for."""
+
+VIOLATION = 100.0
+"""Tolerances by which an equation that was left out as redundant may be off, over the size of the mechanism."""
+
+FINE, COARSE = 1e-6, 1e-2
+"""The same, at least and at most."""
+
+BLOCK = 2048
+"""States whose residuals are evaluated at once."""
+
+
+@dataclass(frozen=True)
+class Rank:
+    """How well the constraint equations of one realisation determine its motion.
+
+    Attributes
+    ----------
+    every : float
+        Smallest relevant singular value of all equations, each scaled to length one: as many are relevant as the
+        equations have at a general pose.
+    kept : float
+        Smallest singular value of the kept equations.
+    ahead : float
+        Time until the nearest singular pose of all equations, s, to first order; negative: it lies behind; infinite:
+        there is none near.
+    kept_ahead : float
+        The same for the kept equations.
+    equations : array of int
+        Those that are about to become dependent, the most concerned first.
+    kept_equations : array of int
+        The same among the kept ones.
+    """
+
+    every: float
+    kept: float
+    ahead: float
+    kept_ahead: float
+    equations: Index
+    kept_equations: Index
+
+
+def gradient(model: Model, q: Array, s: Array, time: float, parameters: Array) -> Array:
+    """Constraint Jacobian of all equations, each scaled to length one, of one realisation.
+
+    Parameters
+    ----------
+    model : Model
+        With its ``velocity`` evaluator.
+    q, s : array, shape (coordinate,) and (state,)
+        Pose and auxiliary states.
+    time : float
+        s.
+    parameters : array, shape (parameter,)
+        Of the realisation.
+
+    Returns
+    -------
+    array, shape (equation, coordinate)
+    """
+    state = state_arguments(q[None], s[None], np.zeros_like(q)[None], time)
+    d = dense(model, "velocity", state, parameters[None])["d"][0]
+    norm = np.linalg.norm(d, axis=1)
+    scaled: Array = d / np.where(norm > 1e-9, norm, 1.0)[:, None]
+    return scaled
+
+
+def rank_along(model: Model, q: Array, s: Array, v: Array, time: float, parameters: Array) -> Rank:
+    """Judge the rank at a state, and where it is lost along the present velocity.
+
+    Parameters
+    ----------
+    model : Model
+        With its kept equations.
+    q, s, v : array
+        State of one realisation.
+    time : float
+        s.
+    parameters : array, shape (parameter,)
+        Of the realisation.
+
+    Returns
+    -------
+    Rank
+    """
+    here = gradient(model, q, s, time, parameters)
+    # a short way along the motion: long enough to be seen, short enough to be straight
+    delta = 1e-5 / max(float(np.abs(v).max(initial=0.0)), 1e-3)
+    slope = (gradient(model, q + delta * v, s, time + delta, parameters) - here) / delta
+    kept = model.layout.kept
+    every, ahead, equations = _nearest(here, slope, model.layout.rank)
+    if len(kept) == len(here):
+        return Rank(every, every, ahead, ahead, equations, equations)
+    least, kept_ahead, some = _nearest(here[kept], slope[kept], len(kept))
+    return Rank(every, least, ahead, kept_ahead, equations, kept[some])
+
+
+def _nearest(a: Array, slope: Array, rank: int) -> tuple[float, float, Index]:
+    """Smallest relevant singular value, time to its zero (or that of others that are small), and rows concerned."""
+    if not (rank and np.isfinite(a).all() and np.isfinite(slope).all()):
+        return 1.0, np.inf, np.zeros(0, dtype=np.int64)  # what is no number is told elsewhere
+    left, values, right = np.linalg.svd(a)
+    values = np.concatenate([values, np.zeros(max(0, rank - len(values)))])
+    size = max(float(values[0]), 1e-300)
+    small = np.arange(max(0, rank - WATCHED), rank)
+    small = small[values[small] < SMALL * size]
+    weakest = left[:, rank - 1]
+    order = np.argsort(-np.abs(weakest), kind="stable")
+    rows = order[np.abs(weakest[order]) > 0.1 * np.abs(weakest).max()].astype(np.int64)
+    ahead = np.inf
+    if len(small):
+        # singular where sigma + t U^T D' W is: it changes linearly for small times
+        change = left[:, small].T @ slope @ right[small].T
+        inverse = np.linalg.eigvals(-change / values[small][:, None]) if values[small].all() else np.array([np.inf])
+        real = np.where(np.abs(inverse.imag) <= 0.5 * np.abs(inverse.real), inverse.real, 0.0)
+        strongest = real[np.argmax(np.abs(real))]
+        ahead = float(1.0 / strongest) if strongest else np.inf
+    return float(values[rank - 1] / size), ahead, rows
+
+
+def null_equations(model: Model, q: Array, s: Array, time: float, parameters: Array) -> Array:
+    """Find combinations of constraint equations that no coordinate feels: multipliers that may be added at will.
+
+    Parameters
+    ----------
+    model : Model
+        With its ``velocity`` evaluator and its kept equations.
+    q, s : array, shape (coordinate,) and (state,)
+        Pose and auxiliary states of one realisation.
+    time : float
+        s.
+    parameters : array, shape (parameter,)
+        Of the realisation.
+
+    Returns
+    -------
+    array, shape (equation, redundancy)
+        Orthonormal before each row is divided by the length of its equation's gradient.
+    """
+    state = state_arguments(q[None], s[None], np.zeros_like(q)[None], time)
+    d = dense(model, "velocity", state, parameters[None])["d"][0]
+    norm = np.linalg.norm(d, axis=1)
+    norm = np.where(norm > 1e-9, norm, 1.0)
+    left = np.linalg.svd(d / norm[:, None])[0]
+    free: Array = left[:, model.layout.rank :] / norm[:, None]
+    return free
+
+
+def violated(
+    model: Model, times: Array, states: Array, parameters: Array, lengths: Array, rtol: float
+) -> dict[int, tuple[int, str]]:
+    """Find motions that violate equations which were left out as redundant: they were not, but singular at the start.
+
+    Parameters
+    ----------
+    model : Model
+        With its kept equations.
+    times : array, shape (T,)
+        s.
+    states : array, shape (K, T, 2 coordinate + state)
+        Coordinates, auxiliary states and velocities; NaN where there are none.
+    parameters : array, shape (K, parameter)
+        Of the realisations.
+    lengths : array, shape (K, equation)
+        Of the gradients of the equations.
+    rtol : float
+        Relative tolerance of the integration.
+
+    Returns
+    -------
+    dict of int to (int, str)
+        By realisation: the number of the first time at which that is so, and what to say.
+    """
+    layout = model.layout
+    if layout.rank == layout.constraints:
+        return {}
+    count, number, width = states.shape
+    evaluator = model.evaluators["drift"]
+    if "phi" not in evaluator.index:
+        return {}
+    columns, (rows,) = evaluator.index["phi"]
+    dropped = np.isin(rows, np.setdiff1d(np.arange(layout.constraints), layout.kept))
+    flat, values = states.reshape(-1, width), np.zeros((count * number, layout.constraints))
+    for first in range(0, len(flat), BLOCK):
+        part = np.arange(first, min(first + BLOCK, len(flat)))
+        arguments = np.concatenate([flat[part], times[part % number][:, None], np.zeros((len(part), 1))], axis=1)
+        found = evaluator(arguments, parameters[part // number])
+        values[part[:, None], rows[dropped]] = found[:, columns[dropped]]
+    allowed = min(COARSE, max(FINE, VIOLATION * rtol)) * min(1.0, model.length)
+    off = np.abs(values).reshape(count, number, -1) > allowed * lengths[:, None]
+    texts: dict[int, tuple[int, str]] = {}
+    for k in np.flatnonzero(off.any(axis=(1, 2))).tolist():
+        first = int(np.argmax(off[k].any(axis=1)))
+        names = named(model, np.flatnonzero(off[k, first]))
+        texts[k] = (
+            first,
+            f"the equations {names}, left out as redundant at the start, are violated from t = {times[first]:.6g} s: "
+            "other equations do not imply them. Either the constraints contradict each other (as two drivers of one "
+            "motion, or lengths that do not fit), or the drawn pose is singular, and does not say which motion is "
+            "meant: draw the mechanism in another pose, if only a little farther along the motion",
+        )
+    return texts
+
+
+def dead_end(model: Model, time: float, rank: Rank, *, sure: bool = True) -> str:
+    """Say that a motion ends where constraints become dependent; nothing if they do not.
+
+    Parameters
+    ----------
+    model : Model
+        For the names.
+    time : float
+        Last time that was reached, s.
+    rank : Rank
+        There.
+    sure : bool
+        Whether it was tried to pass over the pose.
+    """
+    if min(rank.every, rank.kept) > 1e-3 and abs(rank.ahead) > 1e-6 * max(1.0, abs(time)):
+        return ""
+    what, end = ("locks up", ", and no motion leads on") if sure else ("locks up, or is in a singular pose", "")
+    return (
+        f"the integration stopped at t = {time:.6g} s: the mechanism {what}; there the equations "
+        f"{named(model, rank.equations)} become dependent{end}. "
+        f"Check lengths and drivers at the joints {joints(model, rank.equations)}, "
+        "or end before"
+    )
+
+
+def named(model: Model, equations: Index, most: int = 4) -> str:
+    """List equations by joint and direction, unit quaternions left out."""
+    names = [repr(model.equations[k]) for k in model.of_components(equations)]
+    return ", ".join(names[:most]) + (f" and {len(names) - most} more" if len(names) > most else "")
+
+
+def joints(model: Model, equations: Index) -> str:
+    """List the components that own equations."""
+    found = dict.fromkeys(model.owners[k] for k in model.of_components(equations))
+    return ", ".join(map(repr, found))

@@ -1,0 +1,82 @@
+"""What in the equations of a realisation is not a number, in words: a driver, a force, a length."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uqmbd.dynamics.equations.model import Model
+from uqmbd.dynamics.linear.accelerations import dense, state_arguments
+
+__all__ = ["REMEDY", "ahead", "undefined"]
+
+Array = NDArray[np.float64]
+
+REMEDY = "Look for divisions by zero, and for roots, logarithms and powers outside of their range."
+
+AHEAD = (1e-9, 1e-6, 1e-4)
+"""Parts of the rest of the time in which an integration that stopped may have looked ahead."""
+
+
+def undefined(model: Model, q: Array, s: Array, v: Array, time: float, parameters: Array) -> str:
+    """Say which equation or force of one realisation is not a finite number in a state.
+
+    Parameters
+    ----------
+    model : Model
+        With its ``position``, ``velocity`` and ``acceleration`` evaluators.
+    q, s, v : array, shape (n,)
+        Of the realisation.
+    time : float
+        s.
+    parameters : array, shape (parameter,)
+        Of the realisation.
+
+    Returns
+    -------
+    str
+        Empty if all of them are.
+    """
+    states, own = state_arguments(q[None], s[None], v[None], time), parameters[None]
+    at = f"at t = {time:.6g} s"
+    with np.errstate(all="ignore"):
+        found = {kind: dense(model, kind, states, own) for kind in ("position", "velocity", "acceleration")}
+    for kind, name, what in (
+        ("position", "phi", "the equation"),
+        ("velocity", "phi_t", "the rate in time of the equation"),
+        ("acceleration", "gamma", "the second derivative in time of the equation"),
+    ):
+        values = found[kind][name][0]
+        if (wrong := np.flatnonzero(~np.isfinite(values))).size:
+            k = int(wrong[0])
+            return (
+                f"{what} {model.equations[k]!r} is {values[k]:g} {at}: a number that {model.owners[k]!r} is given, "
+                f"as a driver's function of time, has no finite value there. {REMEDY}"
+            )
+    for name, what in (("force", "the force on"), ("mass", "the mass or inertia of")):
+        rows = found["acceleration"][name][0].reshape(model.layout.coordinates, -1)
+        if (wrong := np.flatnonzero(~np.isfinite(rows).all(axis=1))).size:
+            value = rows[wrong[0]][~np.isfinite(rows[wrong[0]])][0]
+            body = model.bodies[int(wrong[0]) // model.size]
+            return f"{what} body {body!r} is {value:g} {at}: a spring, a load or another component has none. {REMEDY}"
+    return ""
+
+
+def ahead(model: Model, states: tuple[Array, Array, Array], span: tuple[float, float], parameters: Array) -> str:
+    """Say what ceases to be a number just after the time at which an integration stopped.
+
+    Parameters
+    ----------
+    model : Model
+    states : tuple of q, s, v
+        Where it stopped.
+    span : tuple of float
+        When it stopped, and where it was to go, s.
+    parameters : array, shape (parameter,)
+        Of the realisation.
+    """
+    now, end = span
+    for part in AHEAD:
+        if told := undefined(model, *states, now + part * (end - now), parameters):
+            return told
+    return ""

@@ -1,0 +1,1 @@
+"""Contacts, impacts, and integration from event to event."""

@@ -1,0 +1,445 @@
+"""Contacts of rigid bodies at a state: gaps, relative velocities, and forces where bodies stay on each other.
+
+The forces follow Signorini's and Coulomb's laws [1]_.  All contacts that are closed at a time are treated together; few
+at a time are expected.
+
+References
+----------
+.. [1] F. Pfeiffer, C. Glocker, Multibody Dynamics with Unilateral Contacts, Wiley 1996.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uqmbd.dynamics.contact.coulomb import EXACT, Collision, Touch, scaled_solution, solutions
+from uqmbd.dynamics.equations.evaluator import Evaluator
+from uqmbd.dynamics.equations.model import Model
+
+__all__ = [
+    "CLOSED",
+    "Contacts",
+    "Lens",
+    "Mode",
+    "Resting",
+    "at_rest",
+    "heading_of",
+    "lasting",
+    "pressed",
+    "project",
+    "spread_solution",
+]
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+Mode = Literal["stick", "slip"]
+
+CLOSED = 1e-9
+"""Gap, over the size of the mechanism, that is none."""
+RESTS = 1e-8
+"""Acceleration along a surface, over those without contacts, that is none."""
+STILL = 1e-7
+"""Speed, over that of the mechanism, that is none: in a contact that lasts, whose velocities are projected."""
+
+
+@dataclass(frozen=True)
+class Contacts:
+    """Everything about the contacts of T states.
+
+    Attributes
+    ----------
+    guard : array, shape (T, event)
+        Gaps, and the guards of events that are no contacts.
+    first : tuple of int
+        First direction of each event, then the end.
+    law : array, shape (T, event, 2)
+        Coefficients of restitution and of friction.
+    speed, bias : array, shape (T, direction)
+        Relative velocities, and their rates without accelerations.
+    slope : array, shape (T, direction, coordinate)
+        How velocities enter the speeds.
+    free : array, shape (T, coordinate + multiplier)
+        Accelerations without contacts, then multipliers of the kept equations.
+    answer : array, shape (T, coordinate + multiplier, direction)
+        The same per force (jumps of velocity per impulse) in each direction.
+    delassus : array, shape (T, direction, direction)
+        Rates of the speeds per force.
+    """
+
+    guard: Array
+    first: tuple[int, ...]
+    law: Array
+    speed: Array
+    bias: Array
+    slope: Array
+    free: Array
+    answer: Array
+    delassus: Array
+
+    @property
+    def coordinates(self) -> int:
+        """How many there are."""
+        return int(self.slope.shape[-1])
+
+    def normal(self, event: int) -> int:
+        """Return the normal direction of an event."""
+        return int(self.first[event])
+
+    def tangents(self, event: int) -> list[int]:
+        """Directions along the surface."""
+        return list(range(self.first[event] + 1, self.first[event + 1]))
+
+    def rubs(self, event: int) -> bool:
+        """Whether there is friction, at the first of the states."""
+        return bool(self.law[0, event, 1] > 0) and self.first[event + 1] > self.first[event] + 1
+
+    def sliding(self, event: int) -> Array:
+        """Velocity along the surface, shape (T, 1 or 2)."""
+        return self.speed[:, self.tangents(event)]
+
+
+class Lens:
+    """Finds everything about the contacts of states: a model's index maps, laid out once.
+
+    Parameters
+    ----------
+    model : Model
+        With events.
+    """
+
+    def __init__(self, model: Model) -> None:
+        self.model = model
+        layout = model.layout
+        n, events = layout.coordinates, len(model.events)
+        counts = [count for *_, count in model.events]
+        self.first = tuple(np.cumsum([0, *counts]).tolist())
+        self.directions = w = self.first[-1]
+        self.n, self.size = n, n + len(layout.kept)
+        self.contact, self.motion = model.evaluators["contact"], model.evaluators["acceleration"]
+        shapes: dict[str, tuple[int, ...]] = {
+            "guard": (events,), "law": (events, 2), "speed": (w,), "bias": (w,), "slope": (w, n)
+        }  # fmt: skip
+        self.shapes, self.slices = shapes, dict[str, slice]()
+        source: list[Index] = []
+        target: list[Index] = []
+        offset = 0
+        for name, shape in shapes.items():
+            length = int(np.prod(shape))
+            self.slices[name] = slice(offset, offset + length)
+            if name in self.contact.index:
+                columns, where = self.contact.index[name]
+                source.append(columns)
+                target.append(offset + np.ravel_multi_index(tuple(where), shape))
+            offset += length
+        self.length, self.source, self.target = offset, np.concatenate(source), np.concatenate(target)
+        self._lay_out_matrix(layout.kept, layout.constraints)
+
+    def _lay_out_matrix(self, kept: Index, constraints: int) -> None:
+        """Where results of the ``acceleration`` evaluator stand in the matrix, and in the right-hand side."""
+        n, index = self.n, self.motion.index
+        number = np.full(constraints, -1, dtype=np.int64)
+        number[kept] = np.arange(len(kept))
+        source, target = [], []
+        if "mass" in index:
+            columns, (i, k) = index["mass"]
+            source.append(columns)
+            target.append(i * self.size + k)
+        if "d" in index:
+            columns, (i, k) = index["d"]
+            used = number[i] >= 0
+            row, k = n + number[i[used]], k[used]
+            source += [columns[used], columns[used]]
+            target += [row * self.size + k, k * self.size + row]
+        self.matrix = np.concatenate(source), np.concatenate(target)
+        source, target = [], []
+        if "force" in index:
+            columns, (i,) = index["force"]
+            source.append(columns)
+            target.append(i)
+        if "gamma" in index:
+            columns, (i,) = index["gamma"]
+            used = number[i] >= 0
+            source.append(columns[used])
+            target.append(n + number[i[used]])
+        none = np.zeros(0, dtype=np.int64)
+        self.right = np.concatenate([none, *source]), np.concatenate([none, *target])
+
+    def arguments(self, times: Array, states: Array) -> Array:
+        """Arguments of evaluators at states (T, width)."""
+        found = np.zeros((len(states), states.shape[1] + 2))
+        found[:, :-2] = states
+        found[:, -2] = times
+        return found
+
+    def guards(self, times: Array, states: Array, blocks: Array) -> Array:
+        """Guards of all events at states (T, width) with parameters (T, parameter), shape (T, event)."""
+        values = _evaluated(self.contact, self.arguments(times, states), blocks)
+        found = np.zeros((len(states), self.length))
+        found[:, self.target] = values[:, self.source]
+        return found[:, self.slices["guard"]]
+
+    def __call__(self, times: Array, states: Array, blocks: Array) -> Contacts:
+        """Look at states (T, width) at times (T,) with parameters (T, parameter)."""
+        count, n, w = len(states), self.n, self.directions
+        arguments = self.arguments(times, states)
+        flat = np.zeros((count, self.length))
+        flat[:, self.target] = _evaluated(self.contact, arguments, blocks)[:, self.source]
+        part = {x: flat[:, self.slices[x]].reshape(count, *shape) for x, shape in self.shapes.items()}
+        values = _evaluated(self.motion, arguments, blocks)
+        matrix = np.zeros((count, self.size * self.size))
+        matrix[:, self.matrix[1]] = values[:, self.matrix[0]]
+        right = np.zeros((count, self.size, 1 + w))
+        right[:, self.right[1], 0] = values[:, self.right[0]]
+        right[:, :n, 1:] = part["slope"].transpose(0, 2, 1)
+        solved = _solved(matrix.reshape(count, self.size, self.size), right)
+        answer = solved[:, :, 1:]
+        return Contacts(
+            part["guard"], self.first, part["law"], part["speed"], part["bias"], part["slope"], solved[:, :, 0], answer,
+            part["slope"] @ answer[:, :n],
+        )  # fmt: skip
+
+
+def _evaluated(evaluator: Evaluator, arguments: Array, blocks: Array) -> Array:
+    if (kernel := evaluator.fused_kernel) is not None:
+        return kernel.fast(np.concatenate([arguments, blocks], axis=1))
+    return evaluator(arguments, blocks)
+
+
+def _solved(matrix: Array, right: Array) -> Array:
+    """Solve each system; by least squares where it is singular."""
+    try:
+        return np.asarray(np.linalg.solve(matrix, right), dtype=float)
+    except np.linalg.LinAlgError:
+        pass
+    found: Array = np.full(right.shape, np.nan)
+    for k in range(len(matrix)):
+        with contextlib.suppress(np.linalg.LinAlgError):
+            found[k] = np.linalg.lstsq(matrix[k], right[k], rcond=None)[0]
+    return found
+
+
+@dataclass(frozen=True)
+class Resting:
+    """Motion of T states with bodies that stay in contact.
+
+    Attributes
+    ----------
+    motion : array, shape (T, coordinate + multiplier)
+        Accelerations, then multipliers of the kept equations.
+    force : array, shape (T, direction)
+        Contact forces, N.
+    rate : array, shape (T, direction)
+        Rates of the speeds.
+    """
+
+    motion: Array
+    force: Array
+    rate: Array
+
+
+def spread_solution(
+    matrix: Array, right: Array, rows: list[int], coupled: Mapping[int, tuple[list[int], Array]]
+) -> Array:
+    """Solve for forces in `rows`, where tangential ones may be multiples of normal ones.
+
+    Parameters
+    ----------
+    matrix : array, shape (T, direction, direction)
+        Rates per force.
+    right : array, shape (T, len(rows))
+        What the forces must give.
+    rows : list of int
+        Directions.
+    coupled : mapping
+        Of a normal direction: its tangents, and their forces over the normal one, shape (T, tangent).
+
+    Returns
+    -------
+    array, shape (T, direction)
+    """
+    count, size = matrix.shape[:2]
+    found = np.zeros((count, size))
+    if not rows:
+        return found
+    spread = np.zeros((count, size, len(rows)))
+    spread[:, rows, range(len(rows))] = 1.0
+    for column, row in enumerate(rows):
+        if row in coupled:
+            tangents, share = coupled[row]
+            spread[:, tangents, column] = share
+    inner = matrix[:, rows, :] @ spread
+    if len(rows) == 1:
+        with np.errstate(all="ignore"):
+            return np.asarray(spread[:, :, 0] * (right / inner[:, :, 0]))
+    if not (np.isfinite(inner).all() and np.isfinite(right).all()):
+        return np.full((count, size), np.nan)
+    # of each state by itself: forces of redundant contacts must not depend on which states are looked at together
+    units = 1 / np.sqrt(np.maximum(np.abs(np.diagonal(matrix, axis1=1, axis2=2)[:, rows]), 1e-300))
+    return np.asarray((spread @ scaled_solution(inner, right, units)[:, :, None])[:, :, 0], dtype=float)
+
+
+def at_rest(contacts: Contacts, modes: Mapping[int, Mode], headings: Mapping[int, Array]) -> Resting:
+    """Solve for accelerations and contact forces with given modes of the contacts that last.
+
+    Parameters
+    ----------
+    contacts : Contacts
+        At the states.
+    modes : mapping
+        Of each lasting contact: whether it sticks or slips.
+    headings : mapping
+        Of each that slips, the direction near which it slides, shape (tangent,): where the speed passes zero, friction
+        does not turn round, so that the passage is seen by a smooth integration.
+    """
+    free = contacts.bias + np.einsum("twn,tn->tw", contacts.slope, contacts.free[:, : contacts.coordinates])
+    rows: list[int] = []
+    coupled = {}
+    for k, mode in modes.items():
+        n, tangents = contacts.normal(k), contacts.tangents(k)
+        rows.append(n)
+        if not contacts.rubs(k):
+            continue
+        if mode == "stick":
+            rows += tangents
+        else:
+            direction = _direction(contacts.speed[:, tangents], headings[k])
+            coupled[n] = (tangents, -contacts.law[:, k, 1:] * direction)
+    force = spread_solution(contacts.delassus, -free[:, rows], rows, coupled)
+    motion = contacts.free + np.einsum("tnw,tw->tn", contacts.answer, force)
+    return Resting(motion, force, free + np.einsum("tvw,tw->tv", contacts.delassus, force))
+
+
+def _direction(sliding: Array, heading: Array) -> Array:
+    """Direction of sliding (T, tangent), continued through zero."""
+    if sliding.shape[1] == 1:
+        return np.broadcast_to(heading, sliding.shape)
+    fast = np.linalg.norm(sliding, axis=1, keepdims=True)
+    forward = np.where((sliding @ heading)[:, None] < 0, -1.0, 1.0)
+    with np.errstate(all="ignore"):
+        return np.where(fast > 1e-12, forward * sliding / fast, heading)
+
+
+def pressed(
+    contacts: Contacts, near: list[int], slow: float
+) -> tuple[dict[int, Mode], dict[int, Array], Resting] | None:
+    """Find which of the contacts that are closed and do not open last, and how, at one state.
+
+    Parameters
+    ----------
+    contacts : Contacts
+        Of one state.
+    near : list of int
+        Events whose gaps and normal speeds are none.
+    slow : float
+        Sliding speed, m/s, that is none.
+
+    Returns
+    -------
+    modes, headings : dict
+        Of those that last.
+    Resting
+        All three None: no forces satisfy the laws (friction that wedges what slides).
+
+    Notes
+    -----
+    The laws of accelerations and forces are those of speeds and impulses, without restitution; only that the friction
+    of what slides already has a known direction.
+    """
+    headings: dict[int, Array] = {}
+    for k in near:
+        sliding = contacts.sliding(k)[0]
+        if contacts.rubs(k) and (fast := float(np.linalg.norm(sliding))) > slow:
+            headings[k] = sliding / fast
+    rows, columns, touches = list[int](), list[Array](), list[Touch]()
+    unit = np.eye(contacts.speed.shape[1])
+    for k in near:
+        held = contacts.tangents(k) if contacts.rubs(k) and k not in headings else []
+        mu, tangents = float(contacts.law[0, k, 1]), range(len(rows) + 1, len(rows) + 1 + len(held))
+        touches.append(Touch(len(rows), tuple(tangents), mu))
+        column = unit[contacts.normal(k)].copy()
+        if k in headings:
+            column[contacts.tangents(k)] = -mu * headings[k]
+        rows += [contacts.normal(k), *held]
+        columns += [column, *unit[held]]
+    free = contacts.bias[0] + contacts.slope[0] @ contacts.free[0, : contacts.coordinates]
+    spread = np.array(columns).reshape(len(rows), len(unit)).T
+    problem = Collision(contacts.delassus[0][rows] @ spread, free[rows], tuple(touches), np.zeros(len(near)))
+    if (force := next(solutions(problem), None)) is None:
+        return None
+    after = problem.after(force)
+    still = RESTS * float(np.abs(problem.before).max(initial=0.0))
+    moving = dict(headings)
+    # redundant contacts that stick have no unique forces; one at the limit of friction is then better told to slip
+    for at_limit in ("stick", "slip"):
+        modes, headings = dict[int, Mode](), dict(moving)
+        for k, touch in zip(near, touches, strict=True):
+            friction, normal = force[list(touch.tangents)], float(force[touch.normal])
+            if normal <= EXACT * problem.units[touch.normal] * float(np.abs(force / problem.units).max()):
+                continue
+            stays = len(friction) > 0 and bool(np.linalg.norm(after[list(touch.tangents)]) <= still)
+            if at_limit == "slip":
+                stays = stays and bool(np.linalg.norm(friction) < touch.friction * normal * (1 - 1e-9))
+            modes[k] = "stick" if stays else "slip"
+            if len(friction) and not stays:
+                headings[k] = heading_of(friction)
+        resting = at_rest(contacts, modes, headings)
+        if (resting.force[0, [contacts.normal(k) for k in modes]] >= 0).all():
+            break
+    # of redundant contacts, whose forces are not unique, those that the least forces would pull are left out
+    while modes and resting.force[0, contacts.normal(worst := _least_pressed(contacts, resting, modes))] < 0:
+        del modes[worst]
+        resting = at_rest(contacts, modes, headings)
+    return modes, {k: x for k, x in headings.items() if k in modes}, resting
+
+
+def _least_pressed(contacts: Contacts, resting: Resting, modes: Mapping[int, Mode]) -> int:
+    return min(modes, key=lambda k: resting.force[0, contacts.normal(k)])
+
+
+def heading_of(friction: Array) -> Array:
+    """Direction in which a contact starts to slide: against the friction that held it."""
+    size = float(np.linalg.norm(friction))
+    return np.asarray(-friction / size) if size > 0 else np.eye(len(friction))[0]
+
+
+def lasting(lens: Lens, times: Array, states: Array, blocks: Array) -> Iterator[tuple[int, Resting]]:
+    """Find the states (T, width) in which contacts last, and their motion.
+
+    Such contacts are recognised by their gaps and speeds, which are none, and by the forces that press them together.
+    """
+    model = lens.model
+    bodies = np.array([k for k, (*_, count) in enumerate(model.events) if count], dtype=np.int64)
+    if not len(bodies) or not len(states):
+        return
+    n = lens.n
+    normals = np.array([lens.first[k] for k in bodies])
+    size = np.maximum(1e-3, np.abs(states[:, :n]).max(axis=1).clip(max=1.0))
+    fast = np.maximum(size, np.abs(states[:, -n:]).max(axis=1))
+    with np.errstate(all="ignore"):
+        seen = lens(times, states, blocks)
+        closed = np.abs(seen.guard[:, bodies]) <= CLOSED * size[:, None]
+        closed &= np.abs(seen.speed[:, normals]) <= STILL * fast[:, None]
+        for k in np.flatnonzero(closed.any(axis=1)).tolist():
+            one = lens(times[k : k + 1], states[k : k + 1], blocks[k : k + 1])
+            found = pressed(one, bodies[closed[k]].tolist(), float(STILL * fast[k]))
+            if found is not None and found[0]:
+                yield k, found[2]
+
+
+def project(contacts: Contacts, modes: Mapping[int, Mode]) -> tuple[Array, Array]:
+    """Corrections of coordinates and velocities (T, coordinate) that put states onto their lasting contacts."""
+    n = contacts.coordinates
+    answer = contacts.answer[:, :n]
+    if not modes:
+        return np.zeros(answer.shape[:2]), np.zeros(answer.shape[:2])
+    normals = [contacts.normal(k) for k in modes]
+    held = [j for k, x in modes.items() for j in [contacts.normal(k), *(contacts.tangents(k) if x == "stick" else [])]]
+    q = spread_solution(contacts.delassus, -contacts.guard[:, list(modes)], normals, {})
+    v = spread_solution(contacts.delassus, -contacts.speed[:, held], held, {})
+    return np.einsum("tnw,tw->tn", answer, q), np.einsum("tnw,tw->tn", answer, v)

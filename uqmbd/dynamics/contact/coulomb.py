@@ -1,0 +1,346 @@
+"""Newton's law of restitution and Coulomb's law of friction at one collision: which impulses satisfy both.
+
+Of each contact that collides, with the normal impulse N, the tangential one T, and the speeds n and s after the
+collision across and along the surface (n0 before it)::
+
+    N >= 0,  n + e n0 >= 0,  N (n + e n0) = 0
+    |T| <= mu N,  and where s is not zero: T = -mu N s / |s|
+
+so that friction opposes the sliding *after* the collision [1]_.  The law may have several solutions; with restitution,
+or without, none.  Without restitution it has at least one [2]_, which never feeds in energy.
+
+References
+----------
+.. [1] F. Pfeiffer, C. Glocker, Multibody Dynamics with Unilateral Contacts, Wiley 1996.
+.. [2] D. E. Stewart, J. C. Trinkle, International Journal for Numerical Methods in Engineering 39 (1996) 2673-2691.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uqmbd.dynamics.linear.pivoting import lemke
+
+__all__ = ["EXACT", "Collision", "Touch", "scaled_solution", "solutions"]
+
+Array = NDArray[np.float64]
+
+EXACT = 1e-10
+"""Largest violation of the laws, over the size of impulses."""
+SINGULAR = 1e-11
+"""Relative size of a singular value that is none."""
+MOST_MODES = 64
+"""Most combinations of modes that are tried one after the other."""
+FACETS = (12, 33, 120)
+"""Of the pyramid in place of the cone of friction, where starts for an iteration are sought."""
+NEWTON = 40
+"""Most steps of an iteration."""
+
+
+@dataclass(frozen=True)
+class Touch:
+    """A contact in a collision.
+
+    Attributes
+    ----------
+    normal : int
+        Its normal direction.
+    tangents : tuple of int
+        Its directions along the surface; none without friction.
+    friction : float
+        Coefficient.
+    """
+
+    normal: int
+    tangents: tuple[int, ...] = ()
+    friction: float = 0.0
+
+
+@dataclass(frozen=True)
+class Collision:
+    """Contacts that collide at the same time.
+
+    Attributes
+    ----------
+    matrix : array, shape (direction, direction)
+        Jumps of the speeds, m/s, per impulse, N s.
+    before : array, shape (direction,)
+        Speeds, m/s.
+    touches : tuple of Touch
+        What collides.
+    wanted : array, shape (touch,)
+        Least normal speeds afterwards, m/s.
+    earlier : float
+        Largest jump of a speed, m/s, by earlier collisions in the same instant, whose rounding is in the speeds.
+    """
+
+    matrix: Array
+    before: Array
+    touches: tuple[Touch, ...]
+    wanted: Array
+    earlier: float = 0.0
+
+    @cached_property
+    def units(self) -> Array:
+        """Impulse per speed in each direction, about, shape (direction,): bodies may be of very different masses."""
+        found = np.full(len(self.before), float(self.answers.max(initial=1.0)))
+        for touch, answer in zip(self.touches, self.answers, strict=True):
+            found[[touch.normal, *touch.tangents]] = answer
+        return found
+
+    @cached_property
+    def answers(self) -> Array:
+        """Impulse per speed of each contact, about, shape (touch,)."""
+        diagonal = np.abs(np.diag(self.matrix))
+        largest = np.array([diagonal[[x.normal, *x.tangents]].max() for x in self.touches])
+        return np.asarray(1 / np.maximum(largest, 1e-300))
+
+    def after(self, impulse: Array) -> Array:
+        """Speeds after impulses, shape (direction,)."""
+        return np.asarray(self.before + self.matrix @ impulse)
+
+    def fed(self, impulse: Array) -> float:
+        """Energy that impulses feed in, J."""
+        return float(0.5 * impulse @ (self.before + self.after(impulse)))
+
+    def worked(self, impulse: Array) -> float:
+        """Size of the energies that impulses exchange, J."""
+        return float(np.abs(impulse) @ np.abs(self.before))
+
+    def mended(self, impulse: Array) -> Array:
+        """Impulses as the laws would have them, after the speeds that the given ones lead to: equal at a solution."""
+        after, found = self.after(impulse), np.zeros_like(impulse)
+        for touch, wanted, answer in zip(self.touches, self.wanted, self.answers, strict=True):
+            n, t = touch.normal, list(touch.tangents)
+            found[n] = max(0.0, impulse[n] - answer * (after[n] - wanted))
+            if t:
+                tried = impulse[t] - answer * after[t]
+                size, most = float(np.linalg.norm(tried)), touch.friction * found[n]
+                found[t] = tried if size <= most else tried * (most / size)
+        return found
+
+    def violation(self, impulse: Array) -> float:
+        """By how much impulses violate the laws, over their size, both as speeds."""
+        if not np.isfinite(impulse).all():
+            return math.inf
+        size = max(self.earlier, float(np.abs(impulse / self.units).max(initial=0.0)))
+        size = max(size, *(abs(float(self.before[x.normal])) for x in self.touches), 1e-300)
+        return float((np.abs(impulse - self.mended(impulse)) / self.units).max(initial=0.0)) / size
+
+
+def solutions(collision: Collision) -> Iterator[Array]:
+    """Yield impulses (direction,) that satisfy the laws, always in the same order.
+
+    Few contacts in the plane, and one in space: all solutions, in the order of the modes of each contact: it sticks,
+    slips on, slips back, is not hit.  More: those that an iteration finds.
+    """
+    touches = collision.touches
+    plane = all(len(x.tangents) <= 1 for x in touches)
+    count = math.prod(4 if x.tangents else 2 for x in touches)
+    if plane and count <= MOST_MODES:
+        candidates = _in_plane(collision)
+    elif len(touches) == 1:
+        candidates = _one_in_space(collision)
+    else:
+        candidates = _iterated(collision)
+    for impulse in candidates:
+        if collision.violation(impulse) <= EXACT:
+            yield impulse
+
+
+def scaled_solution(matrix: Array, right: Array, units: Array) -> Array:
+    """Solve for the impulses (..., N) of least length, each in its unit; contacts may be redundant (a table's legs)."""
+    inner = matrix * units[..., :, None] * units[..., None, :]
+    return np.asarray(units * (np.linalg.pinv(inner, rcond=SINGULAR) @ (units * right)[..., None])[..., 0])
+
+
+def _with_modes(collision: Collision, held: list[int], spread: Array, right: Array) -> Array:
+    """Impulses ``spread x`` that give the speeds of the directions `held` the jumps `right`."""
+    inner = collision.matrix[held] @ spread
+    if len(held) == 1:
+        return np.asarray(spread[:, 0] * (right[0] / inner[0, 0] if inner[0, 0] else np.inf))
+    return np.asarray(spread @ scaled_solution(inner, right, np.sqrt(collision.units[held])))
+
+
+def _in_plane(collision: Collision) -> Iterator[Array]:
+    """Candidates of all combinations of modes, of contacts with one tangent or none."""
+    size = len(collision.before)
+    modes = [("stick", "on", "back", "open") if x.tangents else ("push", "open") for x in collision.touches]
+    for chosen in itertools.product(*modes):
+        held, right, columns = list[int](), list[float](), list[Array]()
+        for touch, wanted, mode in zip(collision.touches, collision.wanted, chosen, strict=True):
+            if mode == "open":
+                continue
+            column = np.zeros(size)
+            column[touch.normal] = 1.0
+            held.append(touch.normal)
+            right.append(wanted - collision.before[touch.normal])
+            columns.append(column)
+            if mode == "stick":
+                along = np.zeros(size)
+                along[touch.tangents[0]] = 1.0
+                held.append(touch.tangents[0])
+                right.append(-collision.before[touch.tangents[0]])
+                columns.append(along)
+            elif mode in ("on", "back"):
+                sense = math.copysign(1.0, collision.before[touch.tangents[0]])
+                column[touch.tangents[0]] = -touch.friction * (sense if mode == "on" else -sense)
+        if not held:
+            yield np.zeros(size)
+            continue
+        yield _with_modes(collision, held, np.column_stack(columns), np.array(right))
+
+
+def _one_in_space(collision: Collision) -> Iterator[Array]:
+    """Candidates of one contact with two tangents.
+
+    Where it slips in the direction of angle a, that the sliding has this direction is an equation of second order in
+    cos(a) and sin(a), of fourth order in exp(i a).
+    """
+    (touch,), size = collision.touches, len(collision.before)
+    n, t = touch.normal, list(touch.tangents)
+    needed = float(collision.wanted[0] - collision.before[n])
+    directions = [n, *t]
+    stick = np.zeros(size)
+    right = np.array([needed, *(-collision.before[t])])
+    inner_matrix = collision.matrix[np.ix_(directions, directions)]
+    stick[directions] = scaled_solution(inner_matrix, right, np.sqrt(collision.units[directions]))
+    yield stick
+    sliding, mu = collision.before[t], touch.friction
+    inner, across, along = collision.matrix[n, n], collision.matrix[n, t], collision.matrix[np.ix_(t, t)]
+
+    def turned(angle: float) -> float:
+        """Sliding across the direction, times the divisor of the normal impulse."""
+        d = np.array([math.cos(angle), math.sin(angle)])
+        slide = sliding * (inner - mu * across @ d) + needed * (across - mu * along @ d)
+        return float(d[0] * slide[1] - d[1] * slide[0])
+
+    samples = np.array([turned(2 * np.pi * k / 5) for k in range(5)])
+    waves = np.fft.fft(samples) / 5
+    if not np.isfinite(waves).all():
+        return
+    roots = np.roots([waves[2], waves[1], waves[0], waves[4], waves[3]])
+    first = math.atan2(sliding[1], sliding[0])
+    angles = [math.remainder(float(np.angle(z)) - first, 2 * math.pi) for z in roots if abs(abs(z) - 1) < 1e-3]
+    for offset in sorted(angles, key=abs):
+        turn = np.exp(1j * (first + offset))
+        for _ in range(3):  # the roots of a polynomial are known to fewer digits
+            value, rate = (
+                (waves[0] + 2 * waves[1] * turn + 2 * waves[2] * turn**2).real,
+                (2j * waves[1] * turn + 4j * waves[2] * turn**2).real,
+            )
+            turn *= np.exp(-1j * value / rate) if abs(value) < abs(rate) else 1.0
+        d = np.array([turn.real, turn.imag])
+        divisor = float(inner - mu * across @ d)
+        impulse = np.zeros(size)
+        impulse[n] = needed / divisor if divisor else np.inf
+        impulse[t] = -mu * impulse[n] * d
+        yield impulse
+    yield np.zeros(size)
+
+
+def _iterated(collision: Collision) -> Iterator[Array]:
+    """Candidates by Newton's method for the equation that the laws leave impulses as they are, from several starts."""
+    yield _improved(collision, _all_hit(collision))
+    for facets in FACETS:
+        if (impulse := _on_pyramids(collision, facets)) is not None:
+            yield _improved(collision, impulse)
+
+
+def _all_hit(collision: Collision) -> Array:
+    """Impulses where every contact is hit and sticks."""
+    found = np.zeros(len(collision.before))
+    held = [j for x in collision.touches for j in (x.normal, *x.tangents)]
+    jump = -collision.before
+    jump[[x.normal for x in collision.touches]] += collision.wanted
+    found[held] = scaled_solution(collision.matrix[np.ix_(held, held)], jump[held], np.sqrt(collision.units[held]))
+    return found
+
+
+def _on_pyramids(collision: Collision, facets: int) -> Array | None:
+    """Impulses where cones of friction are pyramids: a linear complementarity problem; in the plane, exact."""
+    size, count = len(collision.before), len(collision.touches)
+    columns, owner, wanted = list[Array](), list[int](), list[float]()
+    for k, (touch, least) in enumerate(zip(collision.touches, collision.wanted, strict=True)):
+        column = np.zeros(size)
+        column[touch.normal] = 1.0
+        columns.append(column)
+        owner.append(-1)
+        wanted.append(least)
+        for direction in _facets(collision.before[list(touch.tangents)], facets):
+            column = np.zeros(size)
+            column[list(touch.tangents)] = direction
+            columns.append(column)
+            owner.append(k)
+            wanted.append(0.0)
+    spread, owners = np.column_stack(columns), np.array(owner)
+    share = (owners[:, None] == np.arange(count)).astype(float)
+    normals = np.flatnonzero(owners < 0)
+    limit = -share.T
+    limit[range(count), normals] = [x.friction for x in collision.touches]
+    # lengths of impulses in units in which the matrix is about one
+    unit = 1 / float(collision.answers.mean())
+    inner = np.block([[spread.T @ collision.matrix @ spread / unit, share], [limit, np.zeros((count, count))]])
+    offset = np.concatenate([spread.T @ collision.before - wanted, np.zeros(count)])
+    fast = float(np.abs(offset).max(initial=0.0))
+    found = lemke(inner, offset / fast) if fast > 0 else np.zeros(len(offset))
+    return None if found is None else np.asarray(spread @ found[: len(owners)]) * (fast / unit)
+
+
+def _facets(sliding: Array, count: int) -> Array:
+    """Directions of friction, shape (facet, tangent); the first is against the sliding."""
+    if len(sliding) < 2:
+        return np.array([[-1.0], [1.0]])[:, : len(sliding)] if len(sliding) else np.zeros((0, 0))
+    angles = math.atan2(sliding[1], sliding[0]) + np.pi + 2 * np.pi * np.arange(count) / count
+    return np.column_stack([np.cos(angles), np.sin(angles)])
+
+
+def _improved(collision: Collision, impulse: Array) -> Array:
+    """Newton's method, with shorter steps, or one towards the laws, where it does not come closer."""
+    units = collision.units
+    rest = impulse - collision.mended(impulse)
+    for _ in range(NEWTON):
+        if not np.isfinite(rest).all() or collision.violation(impulse) <= 1e-3 * EXACT:
+            break
+        slope = _slope(collision, impulse) * units / units[:, None]
+        step = -units * (np.linalg.pinv(slope, rcond=SINGULAR) @ (rest / units))
+        for length in (1.0, 0.5, 0.25, 0.1):
+            new = impulse + length * step
+            new_rest = new - collision.mended(new)
+            if np.linalg.norm(new_rest / units) < (1 - 0.1 * length) * np.linalg.norm(rest / units):
+                break
+        else:
+            new = impulse - rest / len(collision.touches)
+            new_rest = new - collision.mended(new)
+        impulse, rest = new, new_rest
+    return impulse
+
+
+def _slope(collision: Collision, impulse: Array) -> Array:
+    """Return the derivative of impulses without the mended ones, shape (direction, direction)."""
+    found, after = np.eye(len(impulse)), collision.after(impulse)
+    for touch, wanted, answer in zip(collision.touches, collision.wanted, collision.answers, strict=True):
+        n, t = touch.normal, list(touch.tangents)
+        tried = impulse[n] - answer * (after[n] - wanted)
+        if tried <= 0:
+            continue
+        found[n] = answer * collision.matrix[n]
+        if not t:
+            continue
+        along, most = impulse[t] - answer * after[t], touch.friction * tried
+        size = float(np.linalg.norm(along))
+        if size <= most:
+            found[t] = answer * collision.matrix[t]
+            continue
+        direction = along / size
+        moved = np.eye(len(impulse)) - answer * collision.matrix
+        across = np.eye(len(t)) - np.outer(direction, direction)
+        found[t] -= touch.friction * np.outer(direction, moved[n]) + (most / size) * across @ moved[t]
+    return found

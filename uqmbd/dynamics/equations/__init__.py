@@ -1,0 +1,1 @@
+"""From a mechanism's terms to compiled equations: derivation, kernels, and the model that holds them."""

@@ -1,0 +1,358 @@
+"""Blocks: the terms of one component type in local symbols, shared by all its instances.
+
+Local symbols are plain SymPy symbols with fixed names, so that two instances of one type give one text:
+``_q`` coordinates, ``_v`` velocities, ``_s`` auxiliary states, ``_l``, ``_m`` multipliers, ``_p`` parameters, ``_t``.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import sympy
+
+from uqmbd.dynamics.equations.expressions import TIME, plain, require_derivatives, settled_expression
+from uqmbd.errors import StudyError
+from uqmbd.mechanism.body import Body, BodyTerms, StateSymbol
+from uqmbd.mechanism.components.component import (
+    Auxiliary,
+    Component,
+    Constraint,
+    Event,
+    Kinetic,
+    Local,
+    Potential,
+    Separation,
+    Upright,
+    VirtualWork,
+    flatten,
+)
+from uqmbd.mechanism.expressions.time import t
+from uqmbd.mechanism.geometry.frame import Frame
+from uqmbd.mechanism.geometry.space import Space
+from uqmbd.randomness import RandomVariable
+
+__all__ = ["BlockType", "Instance", "instances_of"]
+
+
+@dataclass(frozen=True)
+class EventType:
+    """An event in local symbols; one that makes velocities jump has directions: the normal one first."""
+
+    label: str
+    guard: sympy.Expr
+    directions: tuple[sympy.Expr, ...] = ()
+    restitution: sympy.Expr = sympy.S.Zero
+    friction: sympy.Expr = sympy.S.Zero
+
+    @property
+    def expressions(self) -> tuple[sympy.Expr, ...]:
+        """All of them."""
+        return (self.guard, *self.directions, self.restitution, self.friction)
+
+
+@dataclass(frozen=True)
+class BlockType:
+    """Terms of a component type in local symbols."""
+
+    name: str
+    space: Space
+    bodies: int
+    owns: bool  # the block of a body states q' = v for its coordinates
+    parameters: int
+    states: tuple[str, ...]
+    kinetic: sympy.Expr
+    potential: sympy.Expr
+    work: tuple[tuple[sympy.Expr, sympy.Expr], ...]
+    constraints: tuple[sympy.Expr, ...]
+    labels: tuple[str, ...]
+    rates: tuple[sympy.Expr, ...]
+    initial: tuple[sympy.Expr, ...]
+    cosines: tuple[sympy.Expr, ...]
+    cosine_labels: tuple[str, ...]
+    reaction_point: tuple[sympy.Expr, ...]
+    quantities: tuple[tuple[sympy.Symbol, str, sympy.Expr], ...]  # symbol, "value" or "rate", expression; in order
+    events: tuple[EventType, ...]
+    gaps: tuple[tuple[sympy.Expr, sympy.Expr], ...]  # gap at the start, and the depth that is much
+    reaction_on: int  # local body that the reaction acts on; its sign is in `reaction_sign`
+    reaction_sign: int
+
+    @property
+    def coordinates(self) -> int:
+        """Number of local coordinates."""
+        return self.bodies * self.space.size
+
+    @property
+    def expressions(self) -> list[sympy.Expr]:
+        """Everything that the equations of motion are derived from."""
+        work = [x for pair in self.work for x in pair]
+        named = [e for _, _, e in self.quantities]
+        return [self.kinetic, self.potential, *self.constraints, *self.rates, *work, *named]
+
+    def whole(self, expression: sympy.Expr) -> sympy.Expr:
+        """Insert what named quantities stand for."""
+        if not self.quantities:
+            return expression
+        return expression.xreplace(self._quantities)
+
+    @cached_property
+    def _quantities(self) -> dict[sympy.Basic, sympy.Expr]:
+        flow = {sympy.Symbol(f"_q{k}", real=True): sympy.Symbol(f"_v{k}", real=True) for k in range(self.coordinates)}
+        found: dict[sympy.Basic, sympy.Expr] = {}
+        flow |= {sympy.Symbol(f"_s{k}", real=True): rate for k, rate in enumerate(self.rates)}
+        for symbol, kind, expression in self.quantities:
+            e = expression.xreplace(found)
+            if kind == "rate":
+                e = e.diff(TIME) + sympy.Add(*(e.diff(x) * dx.xreplace(found) for x, dx in flow.items()))
+            found[symbol] = e
+        return found
+
+    @cached_property
+    def digest(self) -> str:
+        """Hash of everything that the derivation depends on."""
+        parts = (
+            self.space.name,
+            self.bodies,
+            self.owns,
+            self.parameters,
+            len(self.states),
+            sympy.srepr(
+                sympy.Tuple(
+                    self.kinetic, self.potential, *(x for w in self.work for x in w), sympy.S.Zero, *self.constraints,
+                    sympy.S.Zero, *self.rates, *self.initial, sympy.S.Zero, *self.cosines,
+                    *(x for e in self.events for x in (sympy.Symbol(e.label), *e.expressions)),
+                    *(x for s, kind, e in self.quantities for x in (s, sympy.Integer(kind == "rate"), e)),
+                )
+            ),
+        )  # fmt: skip
+        return hashlib.sha256(repr(parts).encode()).hexdigest()
+
+
+@dataclass(frozen=True)
+class Instance:
+    """One component as an instance of its block type."""
+
+    component: Component
+    type: BlockType
+    bodies: tuple[Body, ...]
+    parameters: tuple[sympy.Expr, ...]
+    """Values of the local parameters, expressions in random variables."""
+
+
+def instances_of(components: list[Component], space: Space) -> list[Instance]:
+    """Sort components into block types; terms are asked for once per type."""
+    known: dict[Any, BlockType] = {}
+    return [_instance(component, space, known) for component in components]
+
+
+def _symbols(letter: str, count: int) -> list[sympy.Symbol]:
+    return [sympy.Symbol(f"_{letter}{k}", real=True) for k in range(count)]
+
+
+def _instance(component: Component, space: Space, known: dict[Any, BlockType]) -> Instance:
+    bodies: list[Body] = []
+    for body in component.attached.values():
+        if isinstance(body, Body) and body not in bodies:
+            bodies.append(body)
+    for value in component.values.values():
+        for part in flatten(value):
+            for symbol in sorted(getattr(part, "free_symbols", ()), key=str):
+                if isinstance(symbol, StateSymbol) and symbol.owner not in bodies:
+                    bodies.append(symbol.owner)
+    values, parameters, pattern = _localise(component, bodies, space)
+    kinds = tuple(bodies.index(b) if isinstance(b, Body) else -1 for b in component.attached.values())
+    key = (type(component), space.name, kinds, len(bodies), pattern)
+    if key not in known:
+        known[key] = _block(component, space, bodies, kinds, values, len(parameters))
+    return Instance(component, known[key], tuple(bodies), tuple(parameters))
+
+
+def _localise(
+    component: Component, bodies: list[Body], space: Space
+) -> tuple[dict[str, Any], list[sympy.Expr], tuple[Any, ...]]:
+    """Replace numbers by parameter symbols; keep zeros, ones, options and functions of time or state."""
+    parameters: list[sympy.Expr] = []
+    local: dict[sympy.Basic, sympy.Expr] = {t: TIME}
+    for b, body in enumerate(bodies):
+        for letter, symbols in (("q", body.q), ("v", body.v)):
+            for k, symbol in enumerate(symbols):
+                local[symbol] = sympy.Symbol(f"_{letter}{b * space.size + k}", real=True)
+
+    def symbol_for(expression: sympy.Expr) -> sympy.Symbol:
+        parameters.append(expression)
+        return sympy.Symbol(f"_p{len(parameters) - 1}", real=True)
+
+    def place(entry: Any) -> sympy.Expr:
+        entry = sympy.sympify(entry)
+        if entry.is_number:
+            number = float(entry)
+            return sympy.Integer(int(number)) if number in (0.0, 1.0) else symbol_for(entry)
+        foreign = [s for s in entry.free_symbols if not isinstance(s, RandomVariable)]
+        if not foreign:
+            return symbol_for(entry)
+        mapping = dict(local)
+        for symbol in sorted(entry.free_symbols, key=str):
+            if isinstance(symbol, RandomVariable):
+                mapping[symbol] = symbol_for(symbol)
+            elif isinstance(symbol, StateSymbol) and symbol not in mapping:
+                if symbol.quantity != "angular_velocity":
+                    raise StudyError(
+                        f"{type(component).__name__} {component.name!r}: a parameter depends on {symbol}; "
+                        "parameters may depend on positions, velocities and time."
+                    )
+                mapping[symbol] = symbol.owner.expand(symbol).xreplace(local)
+        return plain(entry).xreplace(mapping)
+
+    values: dict[str, Any] = {}
+    pattern: list[Any] = []
+    declared = component.parameters()
+    for name, value in component.values.items():
+        if value is None or (name in declared and declared[name].kind == "option"):
+            values[name] = value
+            pattern.append((name, repr(value) if not isinstance(value, tuple) else len(value)))
+            continue
+        if isinstance(value, tuple):
+            values[name] = sympy.Matrix([place(x) for x in value]) if value else ()
+        else:
+            values[name] = place(value)
+        pattern.append((name, tuple(values[name]) if isinstance(value, tuple) else values[name]))
+    return values, parameters, tuple(pattern)
+
+
+def _block(
+    component: Component,
+    space: Space,
+    bodies: list[Body],
+    kinds: tuple[int, ...],
+    values: Mapping[str, Any],
+    parameters: int,
+) -> BlockType:
+    n = space.size
+    q, v = _symbols("q", n * len(bodies)), _symbols("v", n * len(bodies))
+    moving = [Frame(space, q[n * b : n * b + n], v[n * b : n * b + n]) for b in range(len(bodies))]
+    frames = {role: moving[k] if k >= 0 else Frame(space) for role, k in zip(component.attached, kinds, strict=True)}
+    local = Local(space, frames, values, TIME)
+    terms, point = component.stated(local)
+    named = {symbol: sympy.Symbol(f"_u{k}", real=True) for k, symbol in enumerate(local.quantities)}
+    where = f"{type(component).__name__} {component.name!r}"
+    known = {*q, *v, *local.states.values(), *_symbols("p", parameters), *named.values(), TIME}
+
+    def settled(expression: Any) -> sympy.Expr:
+        return settled_expression(where, component, expression, named, known)
+
+    quantities = tuple((named[symbol], kind, settled(e)) for symbol, (kind, e) in local.quantities.items())
+
+    velocities, coordinates = set(v), set(q) | set(local.states.values())
+    for symbol, kind, e in quantities:
+        if kind == "rate" or e.free_symbols & velocities:
+            velocities.add(symbol)
+        if e.free_symbols & coordinates:
+            coordinates.add(symbol)
+    kinetic: sympy.Expr = sympy.S.Zero
+    potential: sympy.Expr = sympy.S.Zero
+    work: list[tuple[sympy.Expr, sympy.Expr]] = []
+    constraints: list[sympy.Expr] = []
+    labels: list[str] = []
+    rates: dict[sympy.Symbol, tuple[sympy.Expr, sympy.Expr]] = {}
+    uprights: list[tuple[sympy.Expr, str]] = []
+    gaps: list[tuple[sympy.Expr, sympy.Expr]] = []
+    events: list[EventType] = []
+    for term in terms:
+        match term:
+            case Kinetic(energy):
+                kinetic += settled(energy)
+            case Potential(energy):
+                potential += settled(energy)
+            case VirtualWork(force, velocity):
+                f, w = flatten(force), flatten(velocity)
+                if len(f) != len(w):
+                    raise StudyError(
+                        f"{where}: VirtualWork has a force of {len(f)} components and "
+                        f"a velocity of {len(w)}; they must be alike."
+                    )
+                pairs = [(settled(a), settled(b)) for a, b in zip(f, w, strict=True)]
+                for _, rate in pairs:
+                    if rate.free_symbols and not rate.free_symbols & velocities:
+                        raise StudyError(
+                            f"{where}: VirtualWork(force, velocity) is given {rate}, which contains no velocity; "
+                            "the work of a force on a point is VirtualWork(force, body.point_velocity(point))."
+                        )
+                work += pairs
+            case Constraint(equations, label):
+                parts = [settled(e) for e in flatten(equations)]
+                names = ["x", "y", "z"] if len(parts) in (2, 3) else [str(k + 1) for k in range(len(parts))]
+                word = label or "equation"
+                labels += [word] if len(parts) == 1 else [f"{word} {x}" for x in names[: len(parts)]]
+                constraints += parts
+            case Auxiliary(state, rate, initial):
+                rates[state] = (settled(rate), settled(initial))
+            case Event():
+                events.append(_event(where, term, settled, velocities))
+            case Upright(cosine, label):
+                uprights.append((settled(cosine), label))
+            case Separation(gap, reach):
+                gaps.append((settled(gap), settled(reach)))
+            case _:
+                raise StudyError(
+                    f"{where}: terms() yielded {term!r}; expected Kinetic, Potential, VirtualWork, "
+                    "Constraint, Auxiliary, Event, Upright or Separation."
+                )
+    for state, symbol in local.states.items():
+        if symbol not in rates:
+            raise StudyError(f"{where}: the state {state!r} is used but no Auxiliary term gives its rate.")
+    for e in (*constraints, potential):
+        if moving := e.free_symbols & velocities:
+            what = "a potential energy" if e is potential else f"the constraint {e} = 0"
+            raise StudyError(
+                f"{where}: {what} contains a velocity ({min(map(str, moving))}); constraints are equations, and "
+                "potentials energies, of positions, states and time. What depends on velocities is a VirtualWork."
+            )
+    clash = [e for e in constraints if not e.free_symbols & coordinates]
+    if clash:
+        raise StudyError(f"{where}: the constraint {clash[0]} = 0 contains no coordinate of a body.")
+    changing = {*velocities, *coordinates}
+    require_derivatives(where, [kinetic, potential, *(x for pair in work for x in pair)], changing)
+    require_derivatives(where, [*constraints, *(rate for rate, _ in rates.values())], changing | {TIME})
+    on, sign = (kinds[-1], 1) if kinds[-1] >= 0 else (kinds[0], -1)
+    return BlockType(
+        name=type(component).__name__,
+        space=space,
+        bodies=len(bodies),
+        owns=isinstance(component, BodyTerms),
+        parameters=parameters,
+        states=tuple(local.states),
+        kinetic=kinetic,
+        potential=potential,
+        work=tuple(work),
+        constraints=tuple(constraints),
+        labels=tuple(labels),
+        rates=tuple(rates[s][0] for s in local.states.values()),
+        initial=tuple(rates[s][1] for s in local.states.values()),
+        cosines=tuple(u for u, _ in uprights),
+        cosine_labels=tuple(x for _, x in uprights),
+        reaction_point=tuple(settled(x) for x in point),
+        quantities=quantities,
+        events=tuple(events),
+        gaps=tuple(gaps),
+        reaction_on=on,
+        reaction_sign=sign,
+    )
+
+
+def _event(where: str, event: Event, settled: Callable[[Any], sympy.Expr], velocities: set[sympy.Symbol]) -> EventType:
+    guard, jump = settled(event.guard), event.jump
+    if jump is None:
+        return EventType(event.label, guard)
+    sliding = [settled(x) for x in flatten(jump.sliding)]
+    directions = (settled(jump.speed), *sliding)
+    if still := [x for x in directions if x != 0 and not x.free_symbols & velocities]:
+        raise StudyError(f"{where}: the speed {still[0]} of an Impact contains no velocity; give p.rate_of(gap).")
+    friction = settled(jump.friction)
+    if friction != 0 and not sliding:
+        raise StudyError(f"{where}: an Impact has friction but no sliding velocity; give sliding=.")
+    if friction == 0:
+        directions = directions[:1]
+    return EventType(event.label, guard, directions, settled(jump.restitution), friction)

@@ -1,0 +1,298 @@
+"""Derivation: from the terms of a block to residuals, Jacobians and the rest, by SymEngine.
+
+No derivative is written by hand.
+
+With ``psi = d Phi / dt`` (the constraints at velocity level) and ``D = d psi / d v``, which is ``Phi_q`` for geometric
+constraints and stays right where a constraint or a potential contains an auxiliary state, the stabilised index-2 form
+(Gear, Gupta and Leimkuhler, 1985) is::
+
+    0 = q' - v + D^T mu
+    0 = s' - g(q, v, s, t)
+    0 = M v' + h - Q + D^T lambda
+    0 = Phi
+    0 = psi
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import symengine as se
+
+from uqmbd.dynamics.equations.block import BlockType
+
+__all__ = ["KINDS", "Derived", "Equations", "Kind", "derive"]
+
+Kind = str
+KINDS = ("residual", "jacobian", "position", "velocity", "initial", "acceleration", "drift", "energy", "contact")
+
+
+@dataclass(frozen=True)
+class Equations:
+    """Expressions of one kind with what each of them is.
+
+    Attributes
+    ----------
+    expressions : list of SymEngine expressions
+    targets : list of tuples
+        ``("r", row)`` for a vector entry or ``("J", row, column)`` for a matrix entry, and the like, with local
+        variables ``("q", 3)``.
+    """
+
+    expressions: list[Any]
+    targets: list[tuple[Any, ...]]
+
+
+class Derived:
+    """Local symbols of a block and its derived expressions.
+
+    Parameters
+    ----------
+    block : BlockType
+        What is derived from.
+    """
+
+    def __init__(self, block: BlockType) -> None:
+        n, m, k = block.coordinates, len(block.constraints), len(block.states)
+        self.block = block
+        self.q, self.v, self.a, self.qd = (_symbols(x, n) for x in ("q", "v", "a", "d"))
+        self.s, self.sd = _symbols("s", k), _symbols("r", k)
+        self.l, self.m = _symbols("l", m), _symbols("m", m)
+        self.p = _symbols("p", block.parameters)
+        self.f = _symbols("f", sum(len(e.directions) for e in block.events))
+        self.t, self.c = se.Symbol("_t"), se.Symbol("_c")
+        convert = self._converter()
+        self.kinetic, self.potential = convert(block.kinetic), convert(block.potential)
+        self.work = [(convert(f), convert(w)) for f, w in block.work]
+        self.phi = [convert(e) for e in block.constraints]
+        self.g = [convert(e) for e in block.rates]
+        self.s0 = [convert(e) for e in block.initial]
+        self.cosines = [convert(e) for e in block.cosines]
+        self.events = [
+            (convert(e.guard), [convert(w) for w in e.directions], convert(e.restitution), convert(e.friction))
+            for e in block.events
+        ]
+        self._derive()
+
+    def _converter(self) -> Callable[[Any], Any]:
+        """From SymPy to SymEngine, with what named quantities stand for.
+
+        It is inserted here, since SymEngine keeps one copy of a part that expressions share and treats it once.
+        """
+        known: dict[Any, Any] = {}
+
+        def convert(e: Any) -> Any:
+            return se.sympify(e).xreplace(known) if known else se.sympify(e)
+
+        for symbol, kind, expression in self.block.quantities:
+            e = convert(expression)
+            if kind == "rate":
+                flow = list(zip([*self.q, *self.s], [*self.v, *map(convert, self.block.rates)], strict=True))
+                e = _diff(e, self.t) + _sum(_diff(e, x) * dx for x, dx in flow)
+            known[se.Symbol(symbol.name)] = e
+        return convert
+
+    def _derive(self) -> None:
+        q, v, a, s, t = self.q, self.v, self.a, self.s, self.t
+
+        def flow(e: Any, *, accelerate: bool) -> Any:
+            """Total time derivative of an expression in q, s, t (and v)."""
+            total = _diff(e, t) + _sum(_diff(e, x) * dx for x, dx in zip(q, v, strict=True))
+            total += _sum(_diff(e, x) * dx for x, dx in zip(s, self.g, strict=True))
+            return total + _sum(_diff(e, x) * dx for x, dx in zip(v, a, strict=True)) if accelerate else total
+
+        momentum = [_diff(self.kinetic, x) for x in v]
+        self.mass = [[_diff(p, x) for x in v] for p in momentum]
+        inertial = [flow(p, accelerate=False) - _diff(self.kinetic, x) for p, x in zip(momentum, q, strict=True)]
+        self.work_force = [_sum(f * _diff(w, x) for f, w in self.work) for x in v]
+        self.potential_force = [
+            -_diff(self.potential, x)
+            - _sum(_diff(self.potential, y) * _diff(g, dx) for y, g in zip(s, self.g, strict=True))
+            for x, dx in zip(q, v, strict=True)
+        ]
+        self.force = [f + w - h for f, w, h in zip(self.potential_force, self.work_force, inertial, strict=True)]
+        self.psi = [flow(e, accelerate=False) for e in self.phi]
+        self.d = [[_diff(e, x) for x in v] for e in self.psi]
+        self.gamma = [-flow(e, accelerate=False) for e in self.psi]
+        self.bias = [[flow(w, accelerate=False) for w in directions] for _, directions, *_ in self.events]
+
+    def constraint_force(self, multipliers: list[Any], k: int) -> Any:
+        """``(D^T multipliers)_k``."""
+        return _sum(self.d[i][k] * x for i, x in enumerate(multipliers))
+
+    def residual(self) -> Equations:
+        """Rows of the stabilised index-2 form."""
+        e: list[Any] = []
+        targets: list[tuple[Any, ...]] = []
+        for k in range(len(self.q)):
+            row = self.constraint_force(self.m, k)
+            e.append(self.qd[k] - self.v[k] + row if self.block.owns else row)
+            targets.append(("q", k))
+        for k, g in enumerate(self.g):
+            e.append(self.sd[k] - g)
+            targets.append(("s", k))
+        for k in range(len(self.q)):
+            inertia = _sum(self.mass[k][j] * x for j, x in enumerate(self.a))
+            e.append(inertia - self.force[k] + self.constraint_force(self.l, k))
+            targets.append(("v", k))
+        for k, (phi, psi) in enumerate(zip(self.phi, self.psi, strict=True)):
+            e += [phi, psi]
+            targets += [("l", k), ("m", k)]
+        return _nonzero(e, targets)
+
+    def unknowns(self) -> list[tuple[str, int, Any, Any]]:
+        """Return (letter, index, symbol, symbol of its rate or None)."""
+        table = [
+            ("q", self.q, self.qd),
+            ("s", self.s, self.sd),
+            ("v", self.v, self.a),
+            ("l", self.l, None),
+            ("m", self.m, None),
+        ]
+        return [(x, k, y, r[k] if r else None) for x, symbols, r in table for k, y in enumerate(symbols)]
+
+    def jacobian(self) -> Equations:
+        """Entries of ``d residual / d y + c d residual / d y'``."""
+        rows = self.residual()
+        e: list[Any] = []
+        targets: list[tuple[Any, ...]] = []
+        for row, target in zip(rows.expressions, rows.targets, strict=True):
+            free = row.free_symbols
+            for letter, k, y, rate in self.unknowns():
+                entry = _diff(row, y) if y in free else se.Integer(0)
+                if rate is not None and rate in free:
+                    entry = entry + self.c * _diff(row, rate)
+                if entry != 0:
+                    e.append(entry)
+                    targets.append((target, (letter, k)))
+        return Equations(e, targets)
+
+    def position(self) -> Equations:
+        """``Phi`` and ``Phi_q`` with auxiliary states at their initial values, and the cosines of `Upright`."""
+        start = dict(zip(self.s, self.s0, strict=True))
+        phi = [x.subs(start) for x in self.phi] if start else self.phi
+        e = list(phi)
+        targets: list[tuple[Any, ...]] = [("phi", k) for k in range(len(phi))]
+        for i, x in enumerate(phi):
+            e += [_diff(x, y) for y in self.q]
+            targets += [("phi_q", i, k) for k in range(len(self.q))]
+        kept = _nonzero(e, targets)
+        cosines = [x.subs(start) if start else x for x in self.cosines]
+        return Equations(kept.expressions + cosines, kept.targets + [("cos", k) for k in range(len(cosines))])
+
+    def initial(self) -> Equations:
+        """Return the initial values of the auxiliary states."""
+        return Equations(list(self.s0), [("s", k) for k in range(len(self.s0))])
+
+    def velocity(self) -> Equations:
+        """``D`` and ``psi`` at rest, which is ``Phi_t``."""
+        rest = dict.fromkeys(self.v, se.Integer(0))
+        e = [x.subs(rest) for x in self.psi]
+        targets: list[tuple[Any, ...]] = [("phi_t", i) for i in range(len(e))]
+        for i, row in enumerate(self.d):
+            e += [x.subs(rest) for x in row]
+            targets += [("d", i, k) for k in range(len(row))]
+        return _nonzero(e, targets)
+
+    def drift(self) -> Equations:
+        """``Phi`` and ``dPhi/dt``."""
+        targets: list[tuple[Any, ...]] = [(x, k) for x in ("phi", "psi") for k in range(len(self.phi))]
+        return _nonzero([*self.phi, *self.psi], targets)
+
+    def acceleration(self) -> Equations:
+        """Index-1 system: ``M``, ``Q - h``, ``D``, ``gamma``; and the rates of the auxiliary states."""
+        n = len(self.q)
+        e: list[Any] = []
+        targets: list[tuple[Any, ...]] = []
+        for i in range(n):
+            e += [*self.mass[i], self.force[i]]
+            targets += [*(("mass", i, k) for k in range(n)), ("force", i)]
+        for i, row in enumerate(self.d):
+            e += [*row, self.gamma[i]]
+            targets += [*(("d", i, k) for k in range(n)), ("gamma", i)]
+        e += self.g
+        targets += [("s", k) for k in range(len(self.g))]
+        return _nonzero(e, targets)
+
+    def contact(self) -> Equations:
+        """Guards of events; of those with directions their speeds ``w``, ``dw/dv``, ``w'`` without accelerations, laws.
+
+        Laws are the coefficients of restitution and of friction.
+        """
+        e: list[Any] = []
+        targets: list[tuple[Any, ...]] = []
+        direction = 0
+        for k, ((guard, directions, *law), bias) in enumerate(zip(self.events, self.bias, strict=True)):
+            e += [guard, *law]
+            targets += [("guard", k), ("law", k, 0), ("law", k, 1)]
+            for w, rest in zip(directions, bias, strict=True):
+                e += [w, rest, *(_diff(w, x) for x in self.v)]
+                targets += [("speed", direction), ("bias", direction)]
+                targets += [("slope", direction, i) for i in range(len(self.v))]
+                direction += 1
+        return _nonzero(e, targets)
+
+    def energy(self) -> Equations:
+        """Kinetic and potential energy."""
+        return _nonzero([self.kinetic, self.potential], [("energy", 0), ("energy", 1)])
+
+    def generalised_force(self) -> list[Any]:
+        """Return what the block exerts on its coordinates: constraints, potentials, virtual work, lasting contacts."""
+        directions = [w for _, along, *_ in self.events for w in along]
+        return [
+            -self.constraint_force(self.l, k)
+            + self.potential_force[k]
+            + self.work_force[k]
+            + _sum(_diff(w, x) * f for w, f in zip(directions, self.f, strict=True))
+            for k, x in enumerate(self.v)
+        ]
+
+    def equations(self, kind: Kind) -> Equations:
+        """Return the expressions of one kind."""
+        result: Equations = getattr(self, kind)()
+        return result
+
+    def arguments(self, kind: Kind) -> list[tuple[str, int, Any]]:
+        """State arguments of a kind, without parameters: (letter, index, symbol)."""
+        if kind in ("residual", "jacobian"):
+            groups = [
+                ("q", self.q),
+                ("s", self.s),
+                ("v", self.v),
+                ("l", self.l),
+                ("m", self.m),
+                ("dq", self.qd),
+                ("ds", self.sd),
+                ("dv", self.a),
+            ]
+            extra = [("t", [self.t])] + ([("c", [self.c])] if kind == "jacobian" else [])
+        else:
+            groups = [("q", self.q), ("s", self.s), ("v", self.v)]
+            extra = [("t", [self.t])]
+        return [(letter, k, x) for letter, symbols in groups + extra for k, x in enumerate(symbols)]
+
+
+@lru_cache(maxsize=256)
+def derive(block: BlockType) -> Derived:
+    """Derive a block; remembered, for the same type recurs in every mechanism."""
+    return Derived(block)
+
+
+def _symbols(letter: str, count: int) -> list[Any]:
+    return [se.Symbol(f"_{letter}{k}") for k in range(count)]
+
+
+def _diff(e: Any, x: Any) -> Any:
+    return e.diff(x)
+
+
+def _sum(parts: Any) -> Any:
+    return se.Add(*parts)
+
+
+def _nonzero(e: list[Any], targets: list[tuple[Any, ...]]) -> Equations:
+    kept = [(x, y) for x, y in zip(e, targets, strict=True) if x != 0]
+    return Equations([x for x, _ in kept], [y for _, y in kept])

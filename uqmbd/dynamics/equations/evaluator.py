@@ -1,0 +1,299 @@
+"""Evaluators: one kind of equations of a whole mechanism, for any number of realisations.
+
+Either *typed* (one kernel for each component type; gather, evaluate, sum), whose compilation does not grow with the
+mechanism, or *fused* (one kernel for everything), which has the smallest cost per call.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uqmbd.dynamics.equations.block import BlockType
+from uqmbd.dynamics.equations.derivation import Kind, derive
+from uqmbd.dynamics.equations.kernels import Kernel, cached, compile_kernel, replaced
+
+__all__ = ["Evaluator", "Placement", "fused", "typed"]
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+OPTIMISED_WIDTH = 120
+"""State arguments up to which LLVM optimises: beyond, the time it takes grows faster than what it saves."""
+
+
+@dataclass(frozen=True)
+class Placement:
+    """Where the local variables of one instance are in the whole mechanism.
+
+    Attributes
+    ----------
+    letters : dict
+        For each local letter (``q``, ``s``, ``l``, ...) the global index of each local variable; -1: dropped.
+    parameters : array of int
+        Where its parameters are among those of the model.
+    limit : int, optional
+        Number of unknowns: rows and columns from there on are no equations.
+    """
+
+    letters: dict[str, Index]
+    parameters: Index
+    limit: int = 2**31
+
+
+@dataclass(frozen=True)
+class _Group:
+    """All instances of one type."""
+
+    kernel: Kernel
+    gather: Index  # (instance, local argument) into the arguments of the mechanism
+    parameters: Index  # (instance, local parameter)
+    whole: bool = False  # one instance whose arguments and parameters are those of the mechanism, in order
+
+
+@dataclass(frozen=True)
+class Evaluator:
+    """Compiled equations of one kind.
+
+    Attributes
+    ----------
+    targets : tuple
+        What each result is, in order, with global indices.
+    """
+
+    targets: tuple[Any, ...]
+    groups: tuple[_Group, ...]
+    order: Index | None  # permutation of concatenated results, sorted by target
+    starts: Index | None  # first of each target in that order
+
+    def __call__(self, arguments: Array, parameters: Array) -> Array:
+        """Evaluate.
+
+        Parameters
+        ----------
+        arguments : array, shape (K, argument)
+            State arguments of the kind, then a zero.
+        parameters : array, shape (K, parameter)
+            Of the model.
+
+        Returns
+        -------
+        array, shape (K, len(targets))
+        """
+        count = len(arguments)
+        parts = []
+        for group in self.groups:
+            if group.whole:
+                local = np.concatenate([arguments, parameters[:, : group.parameters.shape[1]]], axis=1)
+            else:
+                local = np.concatenate([arguments[:, group.gather], parameters[:, group.parameters]], axis=2)
+            found = group.kernel.fast(local.reshape(-1, local.shape[-1]))
+            parts.append(found.reshape(count, len(group.gather) * group.kernel.outputs))
+        if not parts:
+            return np.zeros((count, 0))
+        values = parts[0] if len(parts) == 1 else np.concatenate(parts, axis=1)
+        if self.order is None or self.starts is None:
+            return values
+        first, several, order, starts = self._sums
+        result: Array = values[:, first]
+        if len(several):
+            result[:, several] = np.add.reduceat(values[:, order], starts, axis=1)
+        return result
+
+    @cached_property
+    def _sums(self) -> tuple[Index, Index, Index, Index]:
+        """First result of each target, the targets that are sums, their results in order, and the first of each."""
+        assert self.order is not None
+        assert self.starts is not None
+        counts = np.diff([*self.starts, len(self.order)])
+        several = np.flatnonzero(counts > 1)
+        starts = np.cumsum([0, *counts[several]])[:-1]
+        return self.order[self.starts], several, self.order[np.repeat(counts > 1, counts)], starts
+
+    @property
+    def fused_kernel(self) -> Kernel | None:
+        """The kernel, if there is only one and its results are in order."""
+        whole = len(self.groups) == 1 and len(self.groups[0].gather) == 1 and self.order is None
+        return self.groups[0].kernel if whole and self.groups[0].whole else None
+
+    @cached_property
+    def index(self) -> dict[str, tuple[Index, tuple[Index, ...]]]:
+        """For each letter of the targets: columns of the results, and the indices behind the letter."""
+        found: dict[str, list[tuple[int, tuple[int, ...]]]] = {}
+        for column, target in enumerate(self.targets):
+            found.setdefault(target[0], []).append((column, target[1:]))
+        return {
+            letter: (np.array([c for c, _ in entries]), tuple(np.array([x for _, x in entries], dtype=np.int64).T))
+            for letter, entries in found.items()
+        }
+
+
+def _globalise(target: tuple[Any, ...], place: Placement, kind: Kind) -> tuple[Any, ...] | None:
+    """Turn a local target into a global one; None where it is dropped."""
+    where = place.letters
+    if kind == "residual":
+        row = where[target[0]][target[1]]
+        return None if row < 0 or row >= place.limit else ("r", int(row))
+    if kind == "jacobian":
+        (a, i), (b, j) = target
+        row, column = where[a][i], where[b][j]
+        dropped = min(row, column) < 0 or max(row, column) >= place.limit
+        return None if dropped else ("J", int(column), int(row))
+    name = target[0]
+    letters = {
+        "phi": ("row",),
+        "psi": ("row",),
+        "phi_q": ("row", "q"),
+        "cos": ("cos",),
+        "phi_t": ("row",),
+        "d": ("row", "q"),
+        "mass": ("q", "q"),
+        "force": ("q",),
+        "gamma": ("row",),
+        "s": ("state",),
+        "energy": (None,),
+        "guard": ("event",),
+        "law": ("event", None),
+        "speed": ("direction",),
+        "bias": ("direction",),
+        "slope": ("direction", "q"),
+    }[name]
+    return (name, *(int(i if x is None else where[x][i]) for x, i in zip(letters, target[1:], strict=True)))
+
+
+def _arrange(targets: list[tuple[Any, ...] | None]) -> tuple[tuple[Any, ...], Index | None, Index | None]:
+    kept = [k for k, x in enumerate(targets) if x is not None]
+    order = sorted(kept, key=lambda k: (targets[k], k))
+    unique: list[tuple[Any, ...]] = []
+    starts: list[int] = []
+    for position, k in enumerate(order):
+        target = targets[k]
+        if target is not None and (not unique or unique[-1] != target):
+            unique.append(target)
+            starts.append(position)
+    if order == list(range(len(targets))) and len(unique) == len(order):
+        return tuple(unique), None, None
+    return tuple(unique), np.array(order, dtype=np.int64), np.array(starts, dtype=np.int64)
+
+
+def _type_kernel(block: BlockType, kind: Kind) -> tuple[Kernel, list[tuple[Any, ...]]]:
+    def make() -> tuple[Kernel, list[tuple[Any, ...]]]:
+        derived = derive(block)
+        equations = derived.equations(kind)
+        arguments = [x for *_, x in derived.arguments(kind)] + derived.p
+        return compile_kernel(arguments, equations.expressions), equations.targets
+
+    result: tuple[Kernel, list[tuple[Any, ...]]] = cached(("typed", kind, block.digest), make)
+    return result
+
+
+def _local_arguments(block: BlockType, kind: Kind) -> list[tuple[str, int]]:
+    n, k, m = block.coordinates, len(block.states), len(block.constraints)
+    state = [("q", n), ("s", k), ("v", n)]
+    if kind in ("residual", "jacobian"):
+        state += [("l", m), ("m", m), ("dq", n), ("ds", k), ("dv", n)]
+    extra = [("t", 1), ("c", 1)] if kind == "jacobian" else [("t", 1)]
+    return [(letter, i) for letter, count in state + extra for i in range(count)]
+
+
+def typed(
+    kind: Kind, blocks: Sequence[BlockType], places: Sequence[Placement], columns: dict[tuple[str, int], int]
+) -> Evaluator:
+    """Make an evaluator of one kernel per component type.
+
+    Parameters
+    ----------
+    kind : str
+        What to evaluate.
+    blocks, places : sequence
+        Type and placement of each instance.
+    columns : dict
+        Column of each global variable among the arguments; dropped ones use the last, which is zero.
+    """
+    members: dict[str, list[int]] = {}
+    for i, block in enumerate(blocks):
+        members.setdefault(block.digest, []).append(i)
+    groups: list[_Group] = []
+    targets: list[tuple[Any, ...] | None] = []
+    zero = _zero_column(columns)
+    for indices in members.values():
+        block = blocks[indices[0]]
+        kernel, local = _type_kernel(block, kind)
+        if not local:
+            continue
+        arguments = _local_arguments(block, kind)
+        gather = [
+            [zero if (g := places[i].letters[x][k]) < 0 else columns[x, int(g)] for x, k in arguments] for i in indices
+        ]
+        parameters = [places[i].parameters for i in indices]
+        groups.append(
+            _Group(
+                kernel,
+                np.array(gather, dtype=np.int64).reshape(len(indices), -1),
+                np.array(parameters, dtype=np.int64).reshape(len(indices), -1),
+            )
+        )
+        targets += [_globalise(x, places[i], kind) for i in indices for x in local]
+    return Evaluator(*_order(targets, groups))
+
+
+def _zero_column(columns: dict[tuple[str, int], int]) -> int:
+    """Return the column that is always zero: the one that no variable has."""
+    used = set(columns.values())
+    return next(c for c in range(len(columns) + 1) if c not in used)
+
+
+def _order(
+    targets: list[tuple[Any, ...] | None], groups: list[_Group]
+) -> tuple[tuple[Any, ...], tuple[_Group, ...], Index | None, Index | None]:
+    unique, order, starts = _arrange(targets)
+    return unique, tuple(groups), order, starts
+
+
+def fused(
+    kind: Kind,
+    blocks: Sequence[BlockType],
+    places: Sequence[Placement],
+    columns: dict[tuple[str, int], int],
+    parameters: int,
+) -> Evaluator:
+    """Make an evaluator of one kernel for the whole mechanism; arguments as for `typed`."""
+    layout = [
+        (b.digest, sorted((k, tuple(map(int, x))) for k, x in p.letters.items()), tuple(map(int, p.parameters)))
+        for b, p in zip(blocks, places, strict=True)
+    ]
+
+    width = len(columns) + 1
+
+    def make() -> tuple[Kernel, list[tuple[Any, ...]]]:
+        import symengine as se
+
+        names = {column: se.Symbol(f"_y{column}") for column in columns.values()}
+        sums: dict[tuple[Any, ...], list[Any]] = {}
+        for block, place in zip(blocks, places, strict=True):
+            derived = derive(block)
+            swap = {
+                symbol: se.Integer(0) if (g := place.letters[x][k]) < 0 else names[columns[x, int(g)]]
+                for x, k, symbol in derived.arguments(kind)
+            }
+            swap |= {x: se.Symbol(f"_g{int(k)}") for x, k in zip(derived.p, place.parameters, strict=True)}
+            equations = derived.equations(kind)
+            swapped = replaced(equations.expressions, swap)
+            for e, local in zip(swapped, equations.targets, strict=True):
+                target = _globalise(local, place, kind)
+                if target is not None:
+                    sums.setdefault(target, []).append(e)
+        targets = sorted(sums)
+        arguments = [names.get(k, se.Symbol(f"_y{k}")) for k in range(width)]
+        arguments += [se.Symbol(f"_g{k}") for k in range(parameters)]
+        level = 2 if width <= OPTIMISED_WIDTH else 0
+        return compile_kernel(arguments, [se.Add(*sums[x]) for x in targets], opt_level=level), targets
+
+    kernel, targets = cached(("fused", kind, parameters, sorted(columns.items()), layout), make)
+    group = _Group(kernel, np.arange(width)[None, :], np.arange(parameters)[None, :], whole=True)
+    return Evaluator(tuple(targets), (group,), None, None)

@@ -1,0 +1,169 @@
+"""Expressions as they are derived from: functions written out, and whatever means nothing there refused."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import sympy
+
+from uqmbd.errors import StudyError
+from uqmbd.mechanism.body import StateSymbol
+from uqmbd.mechanism.components.component import Component
+from uqmbd.mechanism.expressions.computable import WITHOUT_DERIVATIVE, foreign_part, told
+from uqmbd.mechanism.expressions.time import step, t
+from uqmbd.mechanism.expressions.user_values import random_variables, shown
+from uqmbd.randomness import RandomVariable
+
+__all__ = ["TIME", "plain", "require_derivatives", "settled_expression"]
+
+TIME = sympy.Symbol("_t", real=True)
+"""Time in blocks."""
+
+
+SMALLEST = 1e-290
+"""Size of the numbers that keep all their digits, and of their inverses."""
+
+
+def plain(expression: Any) -> sympy.Expr:
+    """Write functions that have no derivative everywhere as piecewise expressions, which have."""
+    value = sympy.sympify(expression)
+    if value.has(step):
+        value = value.replace(lambda e: isinstance(e, step), lambda e: e.doit())
+    if value.has(sympy.Abs, sympy.Max, sympy.Min, sympy.sign, sympy.Heaviside):
+        kinds = (sympy.Abs, sympy.Max, sympy.Min, sympy.sign, sympy.Heaviside)
+        value = value.replace(lambda e: isinstance(e, kinds), _piecewise)
+    if value.has(sympy.exp) and any(_extreme(x) for x in value.atoms(sympy.Float)):
+        value = value.replace(lambda e: isinstance(e, sympy.Mul) and _extreme(e.args[0]), _with_exponent)
+    result: sympy.Expr = value
+    return result
+
+
+def _extreme(value: sympy.Basic) -> bool:
+    """Whether a number is none in double precision, or nearly."""
+    return isinstance(value, sympy.Float) and value != 0 and not SMALLEST < abs(value) < 1 / SMALLEST
+
+
+def _with_exponent(e: sympy.Mul) -> sympy.Expr:
+    """Write ``c exp(x)`` as ``exp(log(c) + x)``: SymPy takes numbers out of exponents, where they leave the range."""
+    factor, *others = e.args
+    grows = next((x for x in others if isinstance(x, sympy.exp)), None)
+    if grows is None:
+        return e
+    others.remove(grows)
+    # a float would be taken out again
+    exponent = grows.args[0] + sympy.Rational(float(sympy.log(abs(factor))))
+    return sympy.Mul(sympy.sign(factor), *others, sympy.exp(exponent))
+
+
+def _piecewise(e: sympy.Expr) -> sympy.Expr:
+    x = e.args[0]
+    if isinstance(e, sympy.Abs):
+        return sympy.Piecewise((x, x >= 0), (-x, True))
+    if isinstance(e, sympy.sign):
+        return sympy.Piecewise((1, x > 0), (-1, x < 0), (0, True))
+    if isinstance(e, sympy.Heaviside):
+        return sympy.Piecewise((1, x > 0), (0, True))
+    best = e.args[0]
+    for other in e.args[1:]:
+        keep = best >= other if isinstance(e, sympy.Max) else best <= other
+        best = sympy.Piecewise((best, keep), (other, True))
+    return best
+
+
+def settled_expression(
+    where: str,
+    component: Component,
+    expression: Any,
+    named: Mapping[sympy.Basic, sympy.Expr],
+    known: set[sympy.Symbol],
+) -> sympy.Expr:
+    """Return an expression of terms as it is derived from, or say what in it means nothing there.
+
+    Parameters
+    ----------
+    where : str
+        The component, for the message.
+    component : Component
+        Whose terms they are.
+    expression : object
+        As `Component.terms` stated it.
+    named : mapping
+        Local symbols of named quantities.
+    known : set of symbols
+        All local symbols.
+
+    Returns
+    -------
+    expression
+        In local symbols.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        Saying what to write instead.
+    """
+    try:
+        value = sympy.sympify(expression, strict=True)
+    except (sympy.SympifyError, TypeError, ValueError):
+        value = None
+    if not isinstance(value, sympy.Expr):
+        raise StudyError(
+            f"{where}: terms() holds {shown(expression)}, which is no expression; expected one in what p offers."
+        )
+    if value.has(sympy.nan, sympy.zoo, sympy.I):
+        raise StudyError(f"{where}: terms() holds {shown(value)}, which is not a finite real number.")
+    value = plain(value).xreplace(named) if named else plain(value)
+    if (foreign := foreign_part(value)) is not None:
+        raise StudyError(f"{where}: in an expression of its terms {told(foreign)}")
+    strangers = sorted(value.free_symbols - known, key=str)
+    if strangers:
+        raise StudyError(f"{where}: {_stranger(component, strangers[0])}")
+    return value
+
+
+def _stranger(component: Component, symbol: sympy.Symbol) -> str:
+    """Say what to write in terms instead of a symbol that means nothing there."""
+    if symbol == t:
+        return "terms() uses uqmbd.t; there the time is p.time."
+    if isinstance(symbol, StateSymbol):
+        roles = [role for role, body in component.attached.items() if body is symbol.owner]
+        write = f"p.{roles[0]}" if roles else "an argument of the component, named in `bodies`, as p.body"
+        return f"terms() uses {symbol} of body {symbol.owner.name!r} itself; write {write}."
+    holders = [key for key, value in component.values.items() if symbol in random_variables(value)]
+    if isinstance(symbol, RandomVariable) and holders:
+        return (
+            f"terms() uses the random variable {symbol} of its option {holders[0]!r}; declare it as a number, "
+            f"{holders[0]} = uqmbd.Parameter(units, description), and write p.{holders[0]}."
+        )
+    if isinstance(symbol, RandomVariable):
+        return (
+            f"terms() uses the random variable {symbol} itself; declare a uqmbd.Parameter, write p.NAME for it, and "
+            "give the random variable where the component is made."
+        )
+    return (
+        f"terms() uses the symbol {symbol}, which means nothing there; expected what p offers: bodies, parameters, "
+        "states and time."
+    )
+
+
+def require_derivatives(where: str, expressions: list[sympy.Expr], changing: set[sympy.Symbol]) -> None:
+    """Raise where a function without a derivative holds what an expression is differentiated by.
+
+    Parameters
+    ----------
+    where : str
+        What the expressions belong to, for the message.
+    expressions : list of expressions
+        In local symbols.
+    changing : set of symbols
+        What they are differentiated by.
+    """
+    for expression in expressions:
+        for part in sorted(expression.atoms(*WITHOUT_DERIVATIVE), key=str):
+            if part.free_symbols & changing:
+                kind = type(part).__name__
+                raise StudyError(
+                    f"{where}: a force, an energy or a constraint contains {kind}(...) of what moves, and {kind} has "
+                    "no derivative that can be computed; write it piecewise, or smooth it."
+                )

@@ -1,0 +1,210 @@
+"""Compiled kernels (SymEngine with LLVM) and their cache on disk."""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import importlib
+import os
+import pickle
+import platform
+from collections.abc import Callable, Iterable, Sequence
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uqmbd.dynamics.equations.store import Store
+
+__all__ = ["Kernel", "cache_folder", "cached", "compilations", "compile_kernel", "replaced", "source_digest"]
+
+Array = NDArray[np.float64]
+
+compilations = [0]
+"""Number of kernels compiled by this process, for tests and provenance."""
+
+
+class Kernel:
+    """A compiled vector function that broadcasts over rows.
+
+    Parameters
+    ----------
+    function : symengine.LLVMDouble or None
+        None where there is nothing to compute.
+    inputs, outputs : int
+        Number of arguments and results.
+    """
+
+    def __init__(self, function: Any, inputs: int, outputs: int) -> None:
+        self.function = function
+        self.inputs = inputs
+        self.outputs = outputs
+
+    def __call__(self, arguments: Array, out: Array | None = None) -> Array:
+        """Evaluate.
+
+        Parameters
+        ----------
+        arguments : array, shape (..., inputs)
+            C-contiguous.
+        out : array, shape (..., outputs), optional
+            Where to write.
+
+        Returns
+        -------
+        array, shape (..., outputs)
+        """
+        if self.function is None or not arguments.size:
+            return np.zeros((*arguments.shape[:-1], self.outputs))
+        result: Array = self.function(arguments, out=out) if out is not None else self.function(arguments)
+        return result.reshape(*arguments.shape[:-1], self.outputs)
+
+    def fast(self, arguments: Array, out: Array | None = None) -> Array:
+        """Evaluate like a call, without any check: both arrays C-contiguous, of two dimensions, and of type float64."""
+        if out is None:
+            out = np.empty((len(arguments), self.outputs))
+        if self.function is None or not arguments.size:
+            out[:] = 0.0
+        else:
+            count = len(arguments)
+            if count == 1:
+                self.function.unsafe_real(arguments[0], out[0])
+            else:
+                self.function.unsafe_eval(arguments.reshape(-1), out.reshape(-1), count)
+        return out
+
+
+def compile_kernel(arguments: Sequence[Any], expressions: Sequence[Any], *, opt_level: int = 0) -> Kernel:
+    """Compile SymEngine expressions in SymEngine symbols.
+
+    SymEngine's derivatives may hold sums with terms that are not collected, from which its search for common
+    subexpressions loses terms.  So expressions are rebuilt first, and the kernel is compared with a plain evaluation.
+    """
+    if not expressions:
+        return Kernel(None, len(arguments), 0)
+    import symengine as se
+
+    compilations[0] += 1
+    # LLVM wants at least one argument
+    symbols = list(arguments) or [se.Symbol("_none")]
+    nothing = {se.Symbol("_nothing"): se.Symbol("_nowhere")}
+    rebuilt = replaced(expressions, nothing)
+    function = se.Lambdify(symbols, rebuilt, backend="llvm", cse=True, opt_level=opt_level)
+    point = np.random.default_rng(0).uniform(0.1, 0.9, len(symbols))
+    expected = _plainly(expressions, dict(zip(symbols, point, strict=True)))
+    with np.errstate(all="ignore"):
+        same = expected is not None and np.allclose(function(point), expected, rtol=1e-9, atol=1e-12, equal_nan=True)
+    if not same:
+        function = se.Lambdify(symbols, rebuilt, backend="llvm", cse=False, opt_level=opt_level)
+    return Kernel(function, len(symbols), len(expressions))
+
+
+def replaced(expressions: Sequence[Any], known: dict[Any, Any]) -> Sequence[Any]:
+    """Replace symbols in SymEngine expressions; all at once, so that the parts that they share stay shared."""
+    import symengine as se
+
+    found: Sequence[Any] = se.Function("_all")(*expressions).xreplace(known).args if expressions else ()
+    return found
+
+
+def _plainly(expressions: Sequence[Any], point: dict[Any, float]) -> Array | None:
+    """Evaluate expressions by inserting numbers, which treats a part that they share once; NaN where that fails.
+
+    None where nothing can be inserted, as a complex number into a comparison.
+    """
+    import symengine as se
+
+    values = {symbol: se.RealDouble(x) for symbol, x in point.items()}
+
+    def number(e: Any) -> float:
+        try:
+            return float(e.n())
+        except (RuntimeError, TypeError, ValueError):
+            return float("nan")
+
+    try:
+        inserted = replaced(expressions, values)
+    except RuntimeError:
+        return None
+    return np.array([number(e) for e in inserted])
+
+
+def straight_line_kernel(arguments: Sequence[Any], expressions: Sequence[Any]) -> Kernel:
+    """Compile expressions that share nearly all their parts, as the steps of an elimination do.
+
+    They are compiled as they stand: rebuilding or evaluating them one by one would visit shared parts again and again.
+    """
+    import symengine as se
+
+    compilations[0] += 1
+    function = se.Lambdify(list(arguments), list(expressions), backend="llvm", cse=True, opt_level=2)
+    return Kernel(function, len(arguments), len(expressions))
+
+
+def cache_folder() -> Path:
+    """Folder of cached kernels: ``UQMBD_CACHE`` if set, else in the user's cache folder."""
+    import platformdirs
+
+    return Path(os.environ.get("UQMBD_CACHE") or platformdirs.user_cache_path("uqmbd") / "kernels")
+
+
+def source_digest(folders: Iterable[Path]) -> bytes:
+    """Digest of every file in some folders, by name; compiled copies of them do not count."""
+    digest = hashlib.sha256()
+    for folder in folders:
+        for path in sorted(folder.rglob("*")):
+            if path.is_file() and "__pycache__" not in path.parts:
+                content = path.read_bytes()
+                digest.update(repr((path.relative_to(folder).as_posix(), len(content))).encode())
+                digest.update(content)
+    return digest.digest()
+
+
+_SOURCES = source_digest(Path(__file__).parents[2] / name for name in ("dynamics", "mechanism"))
+"""Of all that writes equations, when it was imported: what is edited while a program runs belongs to the next one."""
+
+
+@cache
+def _surroundings() -> bytes:
+    """Describe what kernels depend on besides their expressions: sources, versions, and processor features."""
+    import symengine
+    import sympy
+    from symengine.lib import symengine_wrapper
+
+    features = platform.processor()
+    with contextlib.suppress(OSError):
+        for line in Path("/proc/cpuinfo").read_text().splitlines():
+            if line.startswith(("flags", "Features")):
+                features = line
+                break
+    # LLVM is a part of it, and does not tell its version
+    library = Path(symengine_wrapper.__file__).stat()
+    ours = importlib.import_module("uqmbd").__version__
+    versions = (ours, symengine.__version__, sympy.__version__, np.__version__, platform.python_version())
+    about = (versions, library.st_size, library.st_mtime_ns, platform.machine(), features)
+    return repr(about).encode() + _SOURCES
+
+
+def cached(key: object, make: Callable[[], Any]) -> Any:  # noqa: ANN401 - whatever `make` returns
+    """Return what `make` returns, from the cache on disk if it is there.
+
+    What is damaged, or was not put there by this user, is made again; a folder that cannot be written costs only time.
+
+    Parameters
+    ----------
+    key : object
+        Plain data; its ``repr`` is hashed together with all that kernels depend on besides.
+    make : callable
+        Makes the value; it must survive pickling.
+    """
+    name = hashlib.sha256(repr(key).encode() + _surroundings()).hexdigest()
+    store = Store(cache_folder())
+    stored = store.get(name)
+    if stored is not None:
+        with contextlib.suppress(Exception):  # written by us as a whole, but not for what is installed now
+            return pickle.loads(stored)  # noqa: S301 - checked by the store
+    value = make()
+    store.put(name, pickle.dumps(value))
+    return value

@@ -1,0 +1,328 @@
+"""The model: index maps and compiled equations of a mechanism; numbers only, so that it travels to worker processes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import sympy
+from numpy.typing import NDArray
+
+from uqmbd.dynamics.equations.block import Instance
+from uqmbd.dynamics.equations.derivation import Kind
+from uqmbd.dynamics.equations.evaluator import Evaluator, Placement, fused, typed
+from uqmbd.dynamics.equations.limits import Limit, Tensor
+from uqmbd.dynamics.equations.parameters import ParameterMap
+
+__all__ = ["FUSED_LIMIT", "Layout", "Model", "Statement"]
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+FUSED_LIMIT = 130
+"""Unknowns up to which residual and Jacobian are one kernel: beyond, compilation costs more than it saves."""
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Sizes, and where everything is in the unknowns ``y = (q, s, v, lambda, mu)``.
+
+    Attributes
+    ----------
+    coordinates, states, constraints : int
+        Of the whole mechanism.
+    kept : array of int
+        Independent constraint equations.
+    frozen : array of int
+        Coordinates that a constraint holds at one value for good (a slider that cannot turn, say).  They are no
+        unknowns of the integration.
+    active : array of int
+        Kept equations without those that freeze a coordinate: the ones with multipliers in ``y``.
+    """
+
+    coordinates: int
+    states: int
+    constraints: int
+    kept: Index
+    frozen: Index
+    active: Index
+
+    @property
+    def width(self) -> int:
+        """Length of a state: all coordinates, auxiliary states and velocities."""
+        return 2 * self.coordinates + self.states
+
+    @cached_property
+    def rank(self) -> int:
+        """Number of independent constraint equations."""
+        return len(self.kept)
+
+    @cached_property
+    def free(self) -> Index:
+        """Coordinates that are unknowns."""
+        return np.setdiff1d(np.arange(self.coordinates), self.frozen)
+
+    @cached_property
+    def multipliers(self) -> int:
+        """Number of constraint equations in the integration."""
+        return len(self.active)
+
+    @cached_property
+    def differential(self) -> int:
+        """Number of unknowns whose derivative occurs: the first of ``y``."""
+        return 2 * (self.coordinates - len(self.frozen)) + self.states
+
+    @cached_property
+    def unknowns(self) -> int:
+        """Length of ``y``."""
+        return self.differential + 2 * self.multipliers
+
+    @cached_property
+    def slices(self) -> dict[str, slice]:
+        """Parts of ``y`` by letter: q, s, v, l, m."""
+        n, k, m = self.coordinates - len(self.frozen), self.states, self.multipliers
+        ends = np.cumsum([0, n, k, n, m, m])
+        return {x: slice(int(a), int(b)) for x, a, b in zip("qsvlm", ends[:-1], ends[1:], strict=True)}
+
+    def columns(self, kind: Kind) -> dict[tuple[str, int], int]:
+        """Column of each variable among the arguments of a kind."""
+        k = self.states
+        if kind in ("residual", "jacobian"):
+            n, m = self.coordinates - len(self.frozen), self.multipliers
+            parts = [("q", n), ("s", k), ("v", n), ("l", m), ("m", m), ("dq", n), ("ds", k), ("dv", n)]
+        else:
+            n = self.coordinates
+            parts = [("q", n), ("s", k), ("v", n)]
+        parts += [("t", 1), ("c", 1)] if kind == "jacobian" else [("t", 1)]
+        names = [(letter, i) for letter, count in parts for i in range(count)]
+        return {name: column for column, name in enumerate(names)}
+
+
+@dataclass(frozen=True)
+class Statement:
+    """A stated initial velocity or angular velocity of a body, or its held pose."""
+
+    body: str
+    quantity: str
+    coordinates: Index
+    parameters: Index
+
+
+@dataclass(frozen=True)
+class Model:
+    """Everything numeric about a mechanism.
+
+    Attributes
+    ----------
+    time : float
+        Initial time, s.
+    layout : Layout
+        Sizes, kept rows and frozen coordinates.
+    bodies : tuple of str
+        Names, in the order of their coordinates.
+    size, dimension : int
+        Coordinates of a body, and dimension of its position.
+    equations : tuple of str
+        Name of every constraint equation ("A: point x").
+    owners : tuple of str
+        Component of every constraint equation.
+    norms : array of int
+        Equations that give a body's quaternion unit length, which every mechanism has.
+    parameters : ParameterMap
+        All parameters of all instances, then the drawn pose, statements, break times, and random numbers that have a
+        range.
+    limits : tuple of Limit
+        Parameters that have a range.
+    tensors : tuple of Tensor
+        Random inertia tensors.
+    """
+
+    name: str
+    time: float
+    layout: Layout
+    bodies: tuple[str, ...]
+    size: int
+    dimension: int
+    equations: tuple[str, ...]
+    owners: tuple[str, ...]
+    norms: Index
+    cosines: tuple[str, ...]
+    inputs: tuple[str, ...]
+    parameters: ParameterMap
+    drawn: Index
+    statements: tuple[Statement, ...]
+    held: Index
+    breaks: Index
+    limits: tuple[Limit, ...]
+    tensors: tuple[Tensor, ...]
+    evaluators: dict[str, Evaluator] = field(repr=False)
+    events: tuple[tuple[str, str, int], ...] = ()
+    """Component and label of each event, and in how many directions velocities jump, the normal one first; 0: none."""
+    rough: bool = False
+    """Whether a force has corners in the state (contact, stops, friction): long steps could step over them."""
+    notices: tuple[str, ...] = ()
+    """What may be meant and often is not, a sentence each."""
+    digest: str = ""
+    """Hash of all equations, parameters and outputs, as symbols."""
+    outputs: Any = field(default=None, repr=False)
+    scalars: Any = field(default=None, repr=False)
+    """Compiled outputs without a time, or None."""
+    system: Any = field(default=None, repr=False)
+    pattern: tuple[Index, Index] = field(default=(np.zeros(0, int), np.zeros(0, int)), repr=False)
+    """Row indices and column pointers of the Jacobian, compressed by columns."""
+    prescribed: Any = field(default=None, repr=False)
+    """Functions of time that components with constraints are given, a `Prescribed`."""
+    timed: Any = field(default=None, repr=False)
+    """Functions of time that may be stepped over, `uqmbd.dynamics.integration.functions_of_time.Timed`."""
+    length: float = 1.0
+    """Largest extent of the mechanism as drawn, m, at the means; 1 where none is known."""
+    max_step: float = np.inf
+    """Longest step of any integrator, s."""
+    added_breaks: tuple[float, ...] = ()
+    """Times at which integrations start anew besides those that the equations have, s."""
+    start_at: str = "drawn"
+    """Where realisations start: ``drawn`` (as assembled from the drawn pose) or ``equilibrium``."""
+
+    @cached_property
+    def block_parameters(self) -> int:
+        """How many parameters belong to the blocks (the first ones)."""
+        return int(self.drawn[0]) if len(self.drawn) else len(self.parameters.constants)
+
+    def of_components(self, equations: Index) -> list[int]:
+        """Those of some constraint equations that components state."""
+        norms = set(self.norms.tolist())
+        return [int(k) for k in equations if int(k) not in norms]
+
+    def quaternions(self) -> Index:
+        """Coordinates of each body's quaternion, shape (body, 2 or 4); empty in translational space."""
+        first = np.arange(len(self.bodies)) * self.size + self.dimension
+        return first[:, None] + np.arange(self.size - self.dimension)[None, :]
+
+
+def place(instances: list[Instance], order: dict[str, int], kept: Index | None = None) -> list[Placement]:
+    """Give every local variable its global index.
+
+    Parameters
+    ----------
+    instances : list of Instance
+        All blocks.
+    order : dict
+        Index of each body by name.
+    kept : array of int, optional
+        Independent equations; all by default.
+    """
+    total = sum(len(i.type.constraints) for i in instances)
+    number = np.full(total, -1, dtype=np.int64)
+    kept = np.arange(total) if kept is None else kept
+    number[kept] = np.arange(len(kept))
+    rows = states = cosines = parameters = events = directions = 0
+    placements = []
+    for instance in instances:
+        block = instance.type
+        size = block.space.size
+        q = np.concatenate([np.arange(size) + order[b.name] * size for b in instance.bodies] or [np.zeros(0, int)])
+        row = np.arange(rows, rows + len(block.constraints))
+        state = np.arange(states, states + len(block.states))
+        multipliers = number[row]
+        one = np.zeros(1, dtype=np.int64)
+        along = sum(len(e.directions) for e in block.events)
+        placements.append(
+            Placement(
+                {
+                    "q": q,
+                    "v": q,
+                    "dq": q,
+                    "dv": q,
+                    "s": state,
+                    "ds": state,
+                    "l": multipliers,
+                    "m": multipliers,
+                    "t": one,
+                    "c": one,
+                    "row": row,
+                    "state": state,
+                    "cos": np.arange(cosines, cosines + len(block.cosines)),
+                    "event": np.arange(events, events + len(block.events)),
+                    "direction": np.arange(directions, directions + along),
+                },  # fmt: skip
+                np.arange(parameters, parameters + block.parameters),
+            )
+        )
+        rows, states = rows + len(block.constraints), states + len(block.states)
+        cosines, parameters = cosines + len(block.cosines), parameters + block.parameters
+        events, directions = events + len(block.events), directions + along
+    return placements
+
+
+def residual_places(places: list[Placement], layout: Layout) -> list[Placement]:
+    """Placements whose letters are rows of ``y``: what residual and Jacobian targets need.
+
+    Frozen coordinates come after all unknowns; their velocities are dropped.
+    """
+    slices, n = layout.slices, layout.coordinates
+    unknown, held = np.full(n, -1, dtype=np.int64), np.full(n, -1, dtype=np.int64)
+    unknown[layout.free] = np.arange(n - len(layout.frozen))
+    held[layout.frozen] = layout.unknowns + np.arange(len(layout.frozen))
+    result = []
+    for p in places:
+        letters = dict(p.letters)
+        for letter in ("q", "v", "dq", "dv"):
+            letters[letter] = unknown[p.letters[letter]]
+        for letter in "qsvlm":
+            index = letters[letter]
+            letters[letter] = np.where(index < 0, -1, index + slices[letter].start)
+        letters["q"] = np.where(letters["q"] < 0, held[p.letters["q"]], letters["q"])
+        result.append(Placement(letters, p.parameters, layout.unknowns))
+    return result
+
+
+def evaluator(
+    kind: Kind, instances: list[Instance], order: dict[str, int], layout: Layout, parameters: int, *, fuse: bool
+) -> Evaluator:
+    """Compile one kind of equations."""
+    blocks = [i.type for i in instances]
+    if kind in ("residual", "jacobian"):
+        places = residual_places(place(instances, order, layout.active), layout)
+        # in y the columns of q, s, v, l, m are their own indices
+        columns = {
+            (x, i + (layout.slices[x].start if x in "qsvlm" else 0)): c for (x, i), c in layout.columns(kind).items()
+        }
+        # behind the zero column stand the values of the frozen coordinates
+        first = len(columns) + 1
+        columns |= {("q", layout.unknowns + i): first + i for i in range(len(layout.frozen))}
+    else:
+        places = place(instances, order)
+        columns = layout.columns(kind)
+    if fuse:
+        return fused(kind, blocks, places, columns, parameters)
+    return typed(kind, blocks, places, columns)
+
+
+def csc_pattern(jacobian: Evaluator, unknowns: int) -> tuple[Index, Index]:
+    """Row indices and column pointers from the targets of a Jacobian, which are sorted by column and row."""
+    columns = np.array([x[1] for x in jacobian.targets], dtype=np.int64)
+    rows = np.array([x[2] for x in jacobian.targets], dtype=np.int64)
+    pointers = np.searchsorted(columns, np.arange(unknowns + 1))
+    return rows, pointers.astype(np.int64)
+
+
+def break_times(
+    expressions: list[sympy.Expr], time: sympy.Symbol, whole: Callable[[sympy.Expr], sympy.Expr] = lambda e: e
+) -> list[sympy.Expr]:
+    """Find the times at which expressions may change branch: roots of conditions that are linear in time.
+
+    `whole` inserts what named quantities in a condition stand for.
+    """
+    found: list[sympy.Expr] = []
+    for e in expressions:
+        for condition in sorted(e.atoms(sympy.core.relational.Relational), key=str):
+            difference = whole(condition.lhs - condition.rhs)
+            slope = difference.diff(time)
+            if slope != 0 and not slope.has(time):
+                root = -difference.subs(time, 0) / slope
+                if not root.has(time) and root not in found:
+                    found.append(root)
+    return found

@@ -1,0 +1,305 @@
+"""Outputs: the user's expressions, compiled for states, accelerations and multipliers."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import sympy
+from numpy.typing import NDArray
+
+from uqmbd.dynamics.equations.block import Instance
+from uqmbd.dynamics.equations.derivation import derive
+from uqmbd.dynamics.equations.evaluator import Placement
+from uqmbd.dynamics.equations.expressions import plain
+from uqmbd.dynamics.equations.kernels import Kernel, cached, compile_kernel
+from uqmbd.errors import StudyError
+from uqmbd.mechanism import Mechanism, Output
+from uqmbd.mechanism.body import Body, StateSymbol
+from uqmbd.mechanism.components.component import Auxiliary, Component, Local, Parameter, ReactionSymbol
+from uqmbd.mechanism.expressions.time import t
+from uqmbd.randomness import RandomVariable
+
+__all__ = ["AngleCounter", "OutputMap", "angle_counters", "output_map"]
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+
+class AngleCounter(Component):
+    """Counts the turns of a body in the plane: a state that integrates its angular velocity.
+
+    Its value only picks the branch of the angle; the angle itself comes from the coordinates.
+    """
+
+    bodies = ("body",)
+    offered = True
+    drawn = Parameter("rad", "angle as drawn")
+
+    def terms(self, p: Local) -> list[Auxiliary]:
+        """Start at the angle of the assembled pose that is nearest to the drawn one."""
+        e = p.body.quaternion
+        raw = 2 * sympy.atan2(e[1], e[0])
+        start = raw + 4 * sympy.pi * sympy.floor((p.drawn - raw) / (4 * sympy.pi) + sympy.Rational(1, 2))
+        return [Auxiliary(p.state("angle"), p.body.angular_velocity[0], start)]
+
+
+def angle_counters(mechanism: Mechanism) -> list[Component]:
+    """Make a counter for every body whose angle is an output."""
+    owners: dict[str, Body] = {}
+    for output in (*mechanism.outputs.values(), *mechanism.scalars.values()):
+        for symbol in output.expression.free_symbols:
+            if isinstance(symbol, StateSymbol) and symbol.quantity == "angle":
+                owners[symbol.owner.name] = symbol.owner
+    counters: list[Component] = []
+    for name in sorted(owners):
+        counter = AngleCounter(f"{name}.angle", owners[name], drawn=owners[name].pose.angle)
+        counter.values["drawn"] = owners[name].pose.angle
+        counters.append(counter)
+    return counters
+
+
+@dataclass(frozen=True)
+class OutputMap:
+    """Compiled outputs.
+
+    Attributes
+    ----------
+    names, units : tuple of str
+        As the user wrote them.
+    accelerates : bool
+        Whether accelerations or multipliers are needed.
+    kernel : Kernel
+        Of ``(q, s, v, a, lambda, t, inputs, parameters[needed])``; lambda of all constraint equations.
+    turns : array, shape (output,)
+        Length of a turn of the outputs that are angles, else 0.
+    counted : array of bool, shape (output,)
+        Which of them the integration makes continuous already.
+    reference : array, shape (output,)
+        Angles near which realisations start; see `uqmbd.dynamics.ensemble.referenced`.
+    not_unique : tuple of str
+        Names of the outputs that redundant constraints leave undetermined (some reactions).
+    directions : array of int
+        Directions of contacts whose forces are arguments too, the last ones.
+    """
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    accelerates: bool
+    kernel: Kernel
+    needed: Index
+    turns: Array
+    counted: NDArray[np.bool_]
+    reference: Array
+    not_unique: tuple[str, ...] = ()
+    directions: Index = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+
+    def __call__(self, state: Array, inputs: Array, parameters: Array, forces: Array | None = None) -> Array:
+        """Evaluate at ``state = (q, s, v, a, lambda, t)``; all arguments have the same leading shape.
+
+        `forces` are those of contacts that last, in all directions; None: there are none.
+        """
+        pushes = np.zeros((*state.shape[:-1], len(self.directions)))
+        if forces is not None:
+            pushes = forces[..., self.directions]
+        arguments = np.concatenate([state, inputs, parameters[..., self.needed], pushes], axis=-1)
+        return self.kernel(np.ascontiguousarray(arguments))
+
+    def unwrap(self, response: Array) -> Array:
+        """Add whole turns to angles, so that each realisation is continuous over time and starts near the reference.
+
+        Nothing else is changed, and one realisation does not depend on the others.  Each time may come on a branch of
+        its own: what was observed in pieces is joined first.
+
+        Parameters
+        ----------
+        response : array, shape (..., output, T)
+            At all output times, from the initial one on, so dense that no angle moves by half a turn from one to the
+            next.  What is not finite stays so and counts no turns.
+
+        Returns
+        -------
+        array, shape (..., output, T)
+        """
+        which = np.flatnonzero(self.turns)
+        if not len(which):
+            return response
+        turn, angle = self.turns[which, None], response[..., which, :]
+        before = np.broadcast_to(self.reference[which, None], (*angle.shape[:-1], 1))
+        with np.errstate(invalid="ignore"):
+            steps = np.round(np.diff(angle, axis=-1, prepend=before) / turn)
+        steps[..., self.counted[which], 1:] = 0.0
+        steps[~np.isfinite(steps)] = 0.0
+        result: Array = response.copy()
+        result[..., which, :] = angle - turn * np.cumsum(steps, axis=-1)
+        return result
+
+
+def output_map(
+    outputs: Sequence[Output],
+    instances: list[Instance],
+    places: list[Placement],
+    order: dict[str, int],
+    inputs: Sequence[RandomVariable],
+    sizes: tuple[int, int, int],
+) -> OutputMap:
+    """Compile outputs.
+
+    Parameters
+    ----------
+    outputs : sequence of Output
+        What to compile.
+    instances, places : list
+        All blocks, and where they are (all equations kept).
+    order : dict
+        Index of each body by name.
+    inputs : sequence of RandomVariable
+        Columns of the inputs.
+    sizes : tuple
+        Numbers of coordinates, auxiliary states and constraint equations.
+    """
+    n, k, m = sizes
+    start = {"q": 0, "s": n, "v": n + k, "a": 2 * n + k, "l": 3 * n + k, "t": 3 * n + k + m}
+
+    def column(letter: str, index: int) -> str:
+        return f"_y{start[letter] + index}"
+
+    symbols: dict[Any, sympy.Expr] = {t: sympy.Symbol(column("t", 0), real=True)}
+    symbols |= {v: sympy.Symbol(f"_x{i}", real=True) for i, v in enumerate(inputs)}
+    holders: dict[str, tuple[str, Any]] = {}
+    pending = [plain(o.expression) for o in outputs]
+    free = sorted({s for e in pending for s in e.free_symbols}, key=str)
+    for symbol in free:
+        if isinstance(symbol, ReactionSymbol):
+            holder = f"_R{len(holders)}"
+            holders[holder] = ("reaction", symbol)
+            symbols[symbol] = sympy.Symbol(holder, real=True)
+        elif isinstance(symbol, StateSymbol):
+            if symbol.quantity in ("kinetic_energy", "potential_energy"):
+                holder = f"_R{len(holders)}"
+                holders[holder] = (symbol.quantity, symbol)
+                symbols[symbol] = sympy.Symbol(holder, real=True)
+            elif symbol.quantity == "angle":
+                symbols[symbol] = _angle(symbol, instances, places, order, column)
+            elif symbol.quantity in ("q", "v", "a"):
+                symbols[symbol] = _coordinate(symbol, order, column)
+            else:
+                inner = symbol.owner.expand(symbol)
+                swap = {s: _coordinate(s, order, column) for s in inner.free_symbols}
+                symbols[symbol] = inner.xreplace(swap)
+    local = [e.xreplace(symbols) for e in pending]
+    used = [(i, p) for i, p in zip(instances, places, strict=True) if _uses(i, holders)]
+    layout = [
+        (
+            i.type.digest,
+            i.component.name,
+            (i.type.reaction_on, i.type.reaction_sign, sympy.srepr(sympy.Tuple(*i.type.reaction_point))),
+            {x: tuple(map(int, y)) for x, y in p.letters.items()},
+            tuple(map(int, p.parameters)),
+        )
+        for i, p in used
+    ]
+    wanted = [(h, kind, str(s)) for h, (kind, s) in holders.items()]
+    width = 3 * n + k + m + 1
+
+    def make() -> tuple[Kernel, Index, bool, Index]:
+        import symengine as se
+
+        swap = {
+            se.Symbol(h): _reaction(used, s, column) if kind == "reaction" else _energy(used, kind, column)
+            for h, (kind, s) in holders.items()
+        }
+        expressions = [se.sympify(e).xreplace(swap) for e in local]
+        names = {str(s) for e in expressions for s in e.free_symbols}
+        needed = sorted(int(x[2:]) for x in names if x.startswith("_g"))
+        late = any(x.startswith("_y") and start["a"] <= int(x[2:]) < start["t"] for x in names)
+        pushes = sorted(int(x[2:]) for x in names if x.startswith("_w"))
+        arguments = [se.Symbol(f"_y{c}") for c in range(width)] + [se.Symbol(f"_x{c}") for c in range(len(inputs))]
+        arguments += [se.Symbol(f"_g{c}") for c in needed] + [se.Symbol(f"_w{c}") for c in pushes]
+        kernel = compile_kernel(arguments, expressions)
+        return kernel, np.array(needed, dtype=np.int64), late or bool(pushes), np.array(pushes, dtype=np.int64)
+
+    key = ("outputs with contacts", width, len(inputs), layout, wanted, sympy.srepr(sympy.Tuple(*local)))
+    kernel, needed, late, pushes = cached(key, make)
+    turns = np.array([o.turn for o in outputs], dtype=float)
+    counted = np.array([_counted(o.expression) for o in outputs], dtype=bool)
+    names, units = tuple(o.name for o in outputs), tuple(o.units for o in outputs)
+    return OutputMap(names, units, late, kernel, needed, turns, counted, np.zeros(len(outputs)), directions=pushes)
+
+
+def _counted(expression: sympy.Expr) -> bool:
+    """Whether an angle is a polynomial of angles that are counted, so that it cannot jump."""
+    free = expression.free_symbols
+    angles = any(isinstance(s, StateSymbol) and s.quantity == "angle" for s in free)
+    return angles and bool(expression.is_polynomial(*free))
+
+
+def _coordinate(symbol: Any, order: dict[str, int], column: Any) -> sympy.Symbol:
+    index = order[symbol.owner.name] * symbol.owner.space.size + symbol.index
+    return sympy.Symbol(column(symbol.quantity, index), real=True)
+
+
+def _angle(
+    symbol: Any, instances: list[Instance], places: list[Placement], order: dict[str, int], column: Any
+) -> sympy.Expr:
+    body = symbol.owner
+    first = order[body.name] * body.space.size + body.space.dimension
+    e0, e1 = (sympy.Symbol(column("q", first + i), real=True) for i in (0, 1))
+    for instance, place in zip(instances, places, strict=True):
+        if isinstance(instance.component, AngleCounter) and instance.bodies[0] is body:
+            counted = sympy.Symbol(column("s", int(place.letters["s"][0])), real=True)
+            raw = 2 * sympy.atan2(e1, e0)
+            return raw + 4 * sympy.pi * sympy.floor((counted - raw) / (4 * sympy.pi) + sympy.Rational(1, 2))
+    raise StudyError(f"the angle of body {body.name!r} is not counted; record it with mechanism.output(...).")
+
+
+def _uses(instance: Instance, holders: dict[str, tuple[str, Any]]) -> bool:
+    return any(kind != "reaction" or s.component is instance.component for kind, s in holders.values())
+
+
+def _global(instance: Instance, place: Placement, column: Any) -> dict[Any, Any]:
+    import symengine as se
+
+    derived = derive(instance.type)
+    swap = {derived.t: se.Symbol(column("t", 0))}
+    for letter, symbols in (("q", derived.q), ("s", derived.s), ("v", derived.v)):
+        swap |= {x: se.Symbol(column(letter, int(g))) for x, g in zip(symbols, place.letters[letter], strict=True)}
+    swap |= {x: se.Symbol(column("l", int(g))) for x, g in zip(derived.l, place.letters["row"], strict=True)}
+    swap |= {x: se.Symbol(f"_w{int(g)}") for x, g in zip(derived.f, place.letters["direction"], strict=True)}
+    return swap | {x: se.Symbol(f"_g{int(g)}") for x, g in zip(derived.p, place.parameters, strict=True)}
+
+
+def _reaction(used: list[tuple[Instance, Placement]], symbol: Any, column: Any) -> Any:
+    """One component of the force or moment on body j (``E Q / 2`` moved from body origin to the component's point)."""
+    import symengine as se
+
+    instance, place = next((i, p) for i, p in used if i.component is symbol.component)
+    block = instance.type
+    space, derived = block.space, derive(block)
+    d, first = space.dimension, block.reaction_on * space.size
+    q = [sympy.Symbol(f"_q{first + i}", real=True) for i in range(space.size)]
+    load = [sympy.Symbol(f"_Q{first + i}", real=True) for i in range(space.size)]
+    if symbol.quantity == "reaction_force":
+        e = load[symbol.index]
+    else:
+        arm = sympy.Matrix(q[:d]) - sympy.Matrix([block.whole(x) for x in block.reaction_point])
+        force = sympy.Matrix(load[:d])
+        moment = space.moment(q[d:], load[d:])
+        extra = arm.cross(force) if d == 3 else sympy.Matrix([arm[0] * force[1] - arm[1] * force[0]])
+        e = (moment + extra)[symbol.index]
+    loads = {se.Symbol(f"_Q{i}"): x for i, x in enumerate(derived.generalised_force())}
+    return (se.sympify(block.reaction_sign * e).xreplace(loads)).xreplace(_global(instance, place, column))
+
+
+def _energy(used: list[tuple[Instance, Placement]], kind: str, column: Any) -> Any:
+    import symengine as se
+
+    total = se.Integer(0)
+    for instance, place in used:
+        derived = derive(instance.type)
+        total = total + (derived.kinetic if kind == "kinetic_energy" else derived.potential).xreplace(
+            _global(instance, place, column)
+        )
+    return total

@@ -1,0 +1,129 @@
+"""The terms of a whole mechanism, as expressions: what its equations are derived from, for other derivations."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import sympy
+
+from uqmbd.dynamics.equations.block import Instance, instances_of
+from uqmbd.dynamics.equations.expressions import TIME
+from uqmbd.mechanism import Mechanism
+from uqmbd.mechanism.expressions.time import t
+
+__all__ = ["MechanismTerms", "mechanism_terms"]
+
+
+@dataclass(frozen=True)
+class MechanismTerms:
+    """Energies, virtual work and constraints of all bodies and components of a mechanism.
+
+    Symbols are those of the bodies (``body.q``, ``body.v``), the random variables, `uqmbd.t`, and `states`.
+
+    Attributes
+    ----------
+    coordinates, velocities : tuple of symbols
+        Of all bodies, in the order of an ensemble's states.
+    kinetic, potential : tuple of expressions
+        Energies, J, one for each body or component that has any.
+    work : tuple of (force, velocity)
+        Generalised forces are ``sum of force * d velocity / d v_i``.
+    constraints : tuple of expressions
+        Zero; in the order of an ensemble's equations.
+    equations : tuple of str
+        Their names.
+    states, rates, initial : tuple of symbols, of expressions, of expressions
+        Auxiliary differential states, ``state' = rate``, and where they start.
+    """
+
+    coordinates: tuple[sympy.Symbol, ...]
+    velocities: tuple[sympy.Symbol, ...]
+    kinetic: tuple[sympy.Expr, ...]
+    potential: tuple[sympy.Expr, ...]
+    work: tuple[tuple[sympy.Expr, sympy.Expr], ...]
+    constraints: tuple[sympy.Expr, ...]
+    equations: tuple[str, ...]
+    states: tuple[sympy.Symbol, ...] = ()
+    rates: tuple[sympy.Expr, ...] = ()
+    initial: tuple[sympy.Expr, ...] = ()
+
+
+def mechanism_terms(mechanism: Mechanism) -> MechanismTerms:
+    """Collect the terms of all bodies and components of a mechanism.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        What to look into.
+
+    Returns
+    -------
+    MechanismTerms
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If a component yields something that is no term.
+
+    Examples
+    --------
+    >>> import uqmbd
+    >>> mechanism = uqmbd.Mechanism("falling", uqmbd.Translational(gravity=(0, -10)))
+    >>> stone = mechanism.body("stone", mass=2)
+    >>> terms = uqmbd.mechanism_terms(mechanism)
+    >>> terms.potential[0]
+    20*stone.y
+    """
+    kinetic: list[sympy.Expr] = []
+    potential: list[sympy.Expr] = []
+    work: list[tuple[sympy.Expr, sympy.Expr]] = []
+    constraints: list[sympy.Expr] = []
+    equations: list[str] = []
+    states: list[sympy.Symbol] = []
+    rates: list[sympy.Expr] = []
+    initial: list[sympy.Expr] = []
+    for instance in instances_of(mechanism.all_components(), mechanism.space):
+        block, own = instance.type, _states(instance)
+        known = _globals(instance, own)
+        whole = block.whole
+        if block.kinetic != 0:
+            kinetic.append(whole(block.kinetic).xreplace(known))
+        if block.potential != 0:
+            potential.append(whole(block.potential).xreplace(known))
+        work += [(whole(f).xreplace(known), whole(w).xreplace(known)) for f, w in block.work]
+        constraints += [whole(e).xreplace(known) for e in block.constraints]
+        equations += [f"{instance.component.name}: {label}" for label in block.labels]
+        states += own
+        rates += [whole(e).xreplace(known) for e in block.rates]
+        initial += [whole(e).xreplace(known) for e in block.initial]
+    bodies = mechanism.bodies.values()
+    return MechanismTerms(
+        tuple(x for body in bodies for x in body.q),
+        tuple(x for body in bodies for x in body.v),
+        tuple(kinetic),
+        tuple(potential),
+        tuple(work),
+        tuple(constraints),
+        tuple(equations),
+        tuple(states),
+        tuple(rates),
+        tuple(initial),
+    )
+
+
+def _states(instance: Instance) -> list[sympy.Symbol]:
+    return [sympy.Symbol(f"{instance.component.name}.{name}", real=True) for name in instance.type.states]
+
+
+def _globals(instance: Instance, states: list[sympy.Symbol]) -> dict[sympy.Basic, sympy.Expr]:
+    """For each local symbol what it stands for."""
+    lists = {
+        "q": [x for body in instance.bodies for x in body.q],
+        "v": [x for body in instance.bodies for x in body.v],
+        "s": states,
+        "p": list(instance.parameters),
+    }
+    known: dict[sympy.Basic, sympy.Expr] = {TIME: t}
+    for letter, values in lists.items():
+        known |= {sympy.Symbol(f"_{letter}{k}", real=True): value for k, value in enumerate(values)}
+    return known

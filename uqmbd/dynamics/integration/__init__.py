@@ -1,0 +1,1 @@
+"""Integration without events: explicit in lock-step, and implicit by IDA."""

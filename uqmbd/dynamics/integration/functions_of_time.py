@@ -1,0 +1,356 @@
+"""Functions of time alone in the equations of motion, looked at before the integration on a fine grid.
+
+What acts for a moment only, in a long time without anything, lies between the stages of a step and is missed: the step
+size follows the errors of steps, and those that do not meet it have none.  So every function of time is sampled
+beforehand, on cells that are halved until a polynomial through every other point predicts the points between; where
+none does, the grid is refined.  The sizes of these cells say how fast the function changes, and where the integration
+must not take long steps (`uqmbd.dynamics.integration.pace`).  Functions that are alike everywhere (polynomials, sines
+of linear phases, and pieces of them) cannot be stepped over, and are not looked at.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+import sympy
+from numpy.typing import NDArray
+
+from uqmbd.dynamics.equations.block import Instance
+from uqmbd.dynamics.equations.expressions import TIME
+from uqmbd.dynamics.equations.parameters import ParameterMap
+from uqmbd.mechanism.expressions.time import t
+from uqmbd.randomness import RandomVariable
+
+__all__ = ["Seen", "Timed", "look", "timed"]
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+CELL = 16
+"""Intervals of a cell."""
+LEAVES, MOST_LEAVES = 512, 4096
+"""Cells of the grid, at least and at most."""
+PARTS = 16
+"""Cells into which one is cut where no polynomial is found."""
+PER_OUTPUT = 4
+"""Points of the grid between two output times."""
+HUGE = 1e150
+"""Size of what is no number any more."""
+MOST_WINDOWS = 4096
+"""Cells that are cut at once at most."""
+DEPTH = 12
+"""How often a cell is cut at most."""
+SHORTEST = 5e-13
+"""Length of a cell, over the larger of 1 s and the time, at which what is left is a jump."""
+EVERYWHERE = 0.25
+"""Part of the cells without a polynomial from which the function is as fast everywhere, and not looked at further."""
+FEW = 2
+FADES = 0.5
+"""Where so few parts of a cell deviate, and the range of values there is this part of that of the cell, is a corner."""
+LEAST = 1e-9
+"""Deviation, over the largest value, that is rounding whatever the tolerance."""
+POWER = 4
+"""Largest power of a sine that is as broad as its period."""
+ROWS = 1 << 17
+"""Values that are computed at once."""
+
+
+class Seen(NamedTuple):
+    """What was seen of functions of time between two times.
+
+    Attributes
+    ----------
+    cells : array, shape (C, 2)
+        Begin and end of cells on which a function is a polynomial within the tolerance, s.
+    jumps : array, shape (J,)
+        Times at which one jumps, s.
+    """
+
+    cells: Array
+    jumps: Array
+
+
+@dataclass(frozen=True)
+class Timed:
+    """Functions of time that may be stepped over.
+
+    Attributes
+    ----------
+    functions : ParameterMap
+        From inputs and time to their values.
+    uses : tuple of array of int
+        Inputs that each depends on.
+    """
+
+    functions: ParameterMap
+    uses: tuple[Index, ...]
+    known: dict[tuple[object, ...], Seen] = field(default_factory=dict, repr=False, compare=False)
+
+    def value(self, which: int, values: Array, times: Array) -> Array:
+        """Values of a function for inputs (W, input) at times (W, T), shape (W, T); not finite where it is none."""
+        found = np.empty(times.shape)
+        per = max(1, ROWS // times.shape[1])
+        for first in range(0, len(times), per):
+            part = slice(first, first + per)
+            rows = np.repeat(values[part], times.shape[1], axis=0)
+            found[part] = self.functions(np.column_stack([rows, times[part].ravel()]))[:, which].reshape(
+                -1, len(times.T)
+            )
+        return found
+
+
+def timed(instances: list[Instance], inputs: tuple[RandomVariable, ...]) -> Timed | None:
+    """Find the functions of time in the equations of motion that may be stepped over."""
+    found: dict[sympy.Expr, None] = {}
+    for instance in instances:
+        values = {sympy.Symbol(f"_p{k}", real=True): p for k, p in enumerate(instance.parameters)}
+        guards = [event.guard for event in instance.type.events]
+        whole = [e for x in (*instance.type.expressions, *guards) for e in _of_time(x)]
+        # a corner of what is prescribed is a jump of its speed
+        rates = [e.diff(TIME) for x in instance.type.constraints for e in _of_time(x) if e.has(sympy.Piecewise)]
+        for e in (*whole, *rates):
+            if not _even(e):
+                found[e.xreplace({**values, TIME: t})] = None
+    if not found:
+        return None
+    uses = tuple(np.array([k for k, x in enumerate(inputs) if x in e.free_symbols], dtype=np.int64) for e in found)
+    return Timed(ParameterMap.of(list(found), [*inputs, t]), uses)
+
+
+def _of_time(e: sympy.Expr) -> Iterator[sympy.Expr]:
+    """Yield the largest parts of an expression that depend on time, and on nothing else that changes."""
+
+    def alone(part: sympy.Basic) -> bool:
+        return all(s == TIME or s.name.startswith("_p") for s in part.free_symbols)
+
+    if TIME not in e.free_symbols:
+        return
+    if alone(e):
+        if isinstance(e, sympy.Expr):
+            yield e
+        else:
+            for part in e.args:
+                yield from _of_time(part)
+        return
+    mixed = list(e.args)
+    if isinstance(e, (sympy.Add, sympy.Mul)):
+        mine = [x for x in e.args if alone(x)]
+        if mine:
+            yield from _of_time(e.func(*mine))
+            mixed = [x for x in e.args if x not in mine]
+    for part in mixed:
+        yield from _of_time(part)
+
+
+def _even(e: sympy.Basic) -> bool:
+    """Whether a function of time is alike everywhere, or in pieces whose ends are known."""
+    if TIME not in e.free_symbols or e == TIME:
+        return True
+    if isinstance(e, (sympy.Add, sympy.Mul)):
+        return all(_even(x) for x in e.args)
+    if isinstance(e, sympy.Pow):
+        base, power = e.args
+        if not (power.is_Integer and power > 0):
+            return False
+        return bool(_linear(base) or (power <= POWER and _even(base)))
+    if isinstance(e, (sympy.sin, sympy.cos)):
+        return _linear(e.args[0])
+    if isinstance(e, sympy.Piecewise):
+        conditions = [x for _, c in e.args for x in c.atoms(sympy.core.relational.Relational)]
+        return all(_linear(c.lhs - c.rhs) for c in conditions) and all(_even(x) for x, _ in e.args)
+    return False
+
+
+def _linear(e: sympy.Expr) -> bool:
+    """Whether a function of time is linear, or in pieces whose ends are known."""
+    pieces = e.atoms(sympy.Piecewise)
+    outer = [x for x in pieces if not any(x != y and y.has(x) for y in pieces)]
+    for x in outer:
+        conditions = [y for _, c in x.args for y in c.atoms(sympy.core.relational.Relational)]
+        if not (all(_linear(c.lhs - c.rhs) for c in conditions) and all(_linear(branch) for branch, _ in x.args)):
+            return False
+    whole = e.xreplace({x: sympy.Dummy(real=True) for x in outer})
+    moving = {TIME, *(whole.free_symbols - e.free_symbols)}
+    return all(not whole.diff(x).free_symbols & moving for x in moving)
+
+
+# -- looking ----------------------------------------------------------------------------------------------------------
+def look(seen: Timed, values: Array, breaks: Array, times: Array, rtol: float) -> Seen:
+    """Look at all functions, of some realisations.
+
+    Parameters
+    ----------
+    seen : Timed
+        The functions.
+    values : array, shape (K, input)
+        Inputs.
+    breaks : array, shape (K, break)
+        Times at which they may jump or have corners, s.
+    times : array, shape (T,)
+        Output times, s.
+    rtol : float
+        Deviation, over the largest value of a function, that is none.
+    """
+    leaves = LEAVES
+    while leaves < min(MOST_LEAVES, PER_OUTPUT * len(times) / CELL):
+        leaves *= 2
+    begin, end = float(times[0]), float(times[-1])
+    found: list[Seen] = []
+    for which, uses in enumerate(seen.uses):
+        # realisations that do not differ in this function are looked at once
+        about = np.concatenate([values[:, uses], breaks], axis=1)
+        _, first = np.unique(np.nan_to_num(about, nan=np.inf), axis=0, return_index=True)
+        for k in first.tolist():
+            key = (which, begin, end, leaves, rtol, about[k].tobytes())
+            known = seen.known.get(key)
+            if known is None:
+                if len(seen.known) >= MOST_LEAVES:
+                    seen.known.clear()
+
+                def value(at: Array, which: int = which, row: Array = values[k]) -> Array:
+                    return seen.value(which, np.repeat(row[None], len(at), axis=0), at)
+
+                known = seen.known[key] = _look(value, breaks[k], begin, end, leaves, max(rtol, LEAST))
+            found.append(known)
+    cells = np.concatenate([s.cells for s in found]) if found else np.zeros((0, 2))
+    jumps = np.concatenate([s.jumps for s in found]) if found else np.zeros(0)
+    return Seen(cells, np.unique(jumps))
+
+
+@dataclass
+class _Window:
+    """A part of time that is looked at by itself: one that lies beside a known break is no cell if all of it is one."""
+
+    begin: float
+    end: float
+    within: _Window | None = None
+    span: float = np.inf
+    beside: bool = False
+    cells: list[tuple[float, float]] = field(default_factory=list)
+    few: bool = False
+
+
+def _look(value: Callable[[Array], Array], breaks: Array, begin: float, end: float, leaves: int, rtol: float) -> Seen:
+    """Look at one function of one realisation."""
+    breaks = np.sort(breaks[np.isfinite(breaks) & (breaks > begin) & (breaks < end)])
+    windows = [_Window(begin, end)]
+    every, jumps, scale, parts = list(windows), list[float](), 0.0, leaves
+    for depth in range(DEPTH + 1):
+        ends = np.array([(w.begin, w.end) for w in windows])
+        at = ends[:, :1] + (ends[:, 1:] - ends[:, :1]) * np.linspace(0, 1, parts * CELL + 1)
+        at[:, -1] = ends[:, 1]
+        sampled = value(at)
+        points = (np.arange(parts) * CELL)[:, None] + np.arange(CELL + 1)
+        # where a function is no number nothing is to be seen of it: who evaluates it there says so
+        with np.errstate(invalid="ignore"):
+            number = np.abs(sampled) < HUGE
+        blind = ~number[:, points].any(axis=2)
+        sampled = _filled(at, sampled, number)
+        scale = max(scale, float(np.abs(sampled).max()))
+        edges = at[:, ::CELL]
+        broken = ((breaks > edges[:, :-1, None]) & (breaks < edges[:, 1:, None])).any(axis=2)
+        good, off = _polynomials(sampled, rtol * scale, broken | blind)
+        for row, first, count in good:
+            if not (windows[row].beside and count == parts):
+                windows[row].cells.append((edges[row, first], edges[row, first + count]))
+        inner: list[_Window] = []
+        spans = np.ptp(sampled[:, points], axis=2)
+        for row, window in enumerate(windows):
+            bad = np.flatnonzero(off[row] > rtol * scale)
+            pieces = [(edges[row, k], edges[row, k + 1]) for k in bad]
+            window.few = depth > 0 and len(bad) <= FEW
+            if depth == 0 and len(bad) > EVERYWHERE * parts:
+                window.cells += pieces
+            elif window.few and len(bad) and spans[row, bad].max() <= FADES * window.span:
+                window.cells = [(window.begin, window.end)]  # a corner, maybe of something as short as this
+            elif depth == DEPTH or window.end - window.begin <= PARTS * SHORTEST * max(1.0, abs(window.end)):
+                jumps += [low for low, _ in pieces]  # right before
+                over: _Window | None = window
+                while len(bad) and over is not None and over.few:
+                    over.cells, over = [], over.within
+            else:
+                inner += [_Window(*piece, window, spans[row, k]) for piece, k in zip(pieces, bad, strict=True)]
+                inner += [
+                    _Window(*side, window, beside=True)
+                    for k in np.flatnonzero(broken[row])
+                    for side in _sides(edges[row, k], edges[row, k + 1], breaks)
+                ]
+        if not inner:
+            break
+        if len(inner) > MOST_WINDOWS:  # as fast as this wherever it is not smooth: it cannot be stepped over
+            for window in inner:
+                window.cells.append((window.begin, window.end))
+            every += inner
+            break
+        every += inner
+        windows, parts = inner, PARTS
+    cells = [cell for window in every for cell in window.cells]
+    return Seen(np.array(cells).reshape(-1, 2), np.array(jumps))
+
+
+def _filled(at: Array, values: Array, number: NDArray[np.bool_]) -> Array:
+    """Values (W, T) at times, with a line through those beside where there are none; 0 in a row without any."""
+    if number.all():
+        return values
+    found = np.where(number, values, 0.0)
+    for row in np.flatnonzero(number.any(axis=1) & ~number.all(axis=1)):
+        holes = ~number[row]
+        found[row, holes] = np.interp(at[row, holes], at[row, ~holes], values[row, ~holes])
+    return found
+
+
+def _sides(begin: float, end: float, breaks: Array) -> list[tuple[float, float]]:
+    """Cut a cell at the breaks inside of it."""
+    inside = breaks[(breaks > begin) & (breaks < end)]
+    tiny = 1e-12 * np.maximum(1.0, np.abs(inside))
+    pairs = zip([begin, *(inside + tiny)], [*(inside - tiny), end], strict=True)
+    return [(float(low), float(high)) for low, high in pairs if high > low]
+
+
+def _polynomials(values: Array, allowed: float, broken: NDArray[np.bool_]) -> tuple[list[tuple[int, int, int]], Array]:
+    """Find the largest cells on which a function is a polynomial, of `values` (W, points).
+
+    Returns
+    -------
+    list of (int, int, int)
+        Window, first smallest cell and number of them.
+    array, shape (W, cell)
+        Deviation on each smallest cell.
+    """
+    found: list[tuple[int, int, int]] = []
+    count = broken.shape[1]
+    smallest = np.zeros(0)
+    stride, below = 1, None
+    while count:
+        points = (np.arange(count) * CELL)[:, None] + np.arange(CELL + 1)
+        here = values[:, ::stride][:, points]
+        deviation = np.abs(here[..., 1::2] - here[..., ::2] @ _BETWEEN.T).max(axis=2)
+        deviation[broken] = 0.0
+        good = np.less_equal(deviation, allowed)
+        if below is None:
+            smallest = deviation
+        else:
+            good &= below[:, ::2] & below[:, 1::2]
+            alone = below & ~np.repeat(good, 2, axis=1)
+            found += [(row, k * stride // 2, stride // 2) for row, k in np.argwhere(alone).tolist()]
+        if count == 1:
+            found += [(int(row), 0, stride) for row in np.flatnonzero(good[:, 0])]
+            break
+        below, broken = good, broken[:, ::2] | broken[:, 1::2]
+        count, stride = count // 2, 2 * stride
+    return found, smallest
+
+
+def _between() -> Array:
+    """Weights of the polynomial through the even points of a cell at its odd ones."""
+    from scipy.interpolate import BarycentricInterpolator
+
+    even = np.arange(0, CELL + 1, 2)
+    found: Array = BarycentricInterpolator(even, np.eye(len(even)))(np.arange(1, CELL, 2))
+    return found
+
+
+_BETWEEN = _between()

@@ -1,0 +1,319 @@
+"""Integration of the stabilised index-2 form by IDA (SUNDIALS, through scikit-sundae), many realisations in one stack.
+
+Realisations of a stack share the steps.  The error norm of IDA averages over them, so that a realisation that is much
+harder than the others gets less accuracy than it would alone, by its roughness over the mean roughness at most.  Where
+that is too much it is taken out and integrated alone.
+
+IDA holds the tolerance in each step, and in the mean over all unknowns.  A motion without damping forgets none of the
+errors of its steps: those of the velocities add up, over a hundred steps for each turn of a body, and their sum shifts
+its phase ever faster.  And where one body of many turns, its errors are hidden by what rests, and by the multipliers,
+which have none.  Therefore a step is given a small part of the tolerance only (`step_tolerance`).
+"""
+
+from __future__ import annotations
+
+import time as clock
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uqmbd.dynamics.assembly.rank import dead_end, rank_along
+from uqmbd.dynamics.assembly.undefined import ahead
+from uqmbd.dynamics.ensemble import Ensemble
+from uqmbd.dynamics.equations.model import Model
+from uqmbd.dynamics.integration.pace import pace
+from uqmbd.dynamics.integration.prescribed import instant
+from uqmbd.dynamics.integration.restarts import speed_jumps
+from uqmbd.dynamics.integration.sundials import Solution, solve
+from uqmbd.dynamics.integration.trajectories import Counters, Solved
+from uqmbd.dynamics.linear.accelerations import accelerations
+
+__all__ = ["RELAXED", "STEPS", "diagnosis", "integrate_by_ida", "step_limits", "step_tolerance"]
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+Callbacks = tuple[Callable[..., None], Callable[..., None]]
+
+RELAXED = 1e8
+"""Absolute tolerance of multipliers: the error test must not see them, the Newton iteration hardly."""
+
+STEP_SHARE = 0.02
+"""Part of the tolerance that a step may take up in one unknown.  Measured on rotors, pendulums, a governor and a
+slider-crank: ten turns are wrong by some ten to a hundred tolerances then, and take twice as many steps as without."""
+
+LEAST_TOLERANCE = 1e-13
+"""Tightest tolerance of a step: beyond, its errors are those of rounding."""
+
+SPARSE_FROM = 150
+"""Unknowns from which a sparse factorisation wins."""
+
+OUTLIER = 2.5
+"""A realisation whose roughness exceeds the root mean square of its stack by this factor is integrated alone."""
+
+STEPS = 200_000
+"""Most steps between two output times."""
+
+
+@dataclass(frozen=True)
+class _Run:
+    """One integration of a stack: states, and the reason if it stopped early."""
+
+    states: Array
+    message: str
+    counters: Counters
+    singular: bool = False
+
+
+def integrate_by_ida(ensemble: Ensemble, members: Index, times: Array, rtol: float) -> Solved:
+    """Integrate a stack of assembled realisations.
+
+    Parameters
+    ----------
+    ensemble : Ensemble
+        All realisations.
+    members : array of int, shape (M,)
+        Those of the stack.
+    times : array, shape (T,)
+        Output times, s.
+    rtol : float
+        Relative tolerance.
+
+    Returns
+    -------
+    Solved
+    """
+    states = np.full((len(members), len(times), ensemble.model.layout.width), np.nan)
+    messages, final = [""] * len(members), [False] * len(members)
+    counters = Counters()
+    todo = [np.arange(len(members))]
+    while todo:
+        part = todo.pop(0)
+        run = _integrate_stack(ensemble.select(members[part]), times, rtol)
+        counters = counters + run.counters
+        if run.message and len(part) > 1:
+            # which one failed is not known: halve until it is alone
+            half = len(part) // 2
+            todo = [part[:half], part[half:], *todo]
+            continue
+        states[part] = run.states
+        if run.message:
+            messages[part[0]], final[part[0]] = run.message, run.singular
+        if len(part) > 1:
+            rough = _roughness(ensemble, run.states)
+            hard = part[rough > OUTLIER * np.sqrt(np.mean(rough**2))]
+            todo = [*(np.array([k]) for k in hard), *todo]
+            counters = counters + Counters(alone=len(hard))
+    return Solved(states, tuple(messages), counters, tuple(final))
+
+
+def step_tolerance(rtol: float, unknowns: int) -> float:
+    """Return the relative tolerance of a step that makes a motion as accurate as `rtol` says, or nearly so.
+
+    Parameters
+    ----------
+    rtol : float
+        Relative tolerance of the motion.
+    unknowns : int
+        Over which the norm of the errors is averaged: those of one realisation, or of all that are coupled.  The error
+        of a single one may be larger than the norm by the square root of their number.
+
+    Examples
+    --------
+    >>> step_tolerance(1e-6, 16), step_tolerance(1e-13, 16)
+    (5e-09, 1e-13)
+    """
+    return min(rtol, max(STEP_SHARE * rtol / float(np.sqrt(unknowns)), LEAST_TOLERANCE))
+
+
+def _integrate_stack(ensemble: Ensemble, times: Array, rtol: float) -> _Run:
+    """Integrate a stack through all its break times."""
+    start = ensemble.start
+    width = ensemble.model.layout.width
+    result = np.full((len(ensemble), len(times), width), np.nan)
+    result[:, 0] = np.concatenate([start.q, start.s, start.v], axis=1)
+    if not ensemble.model.layout.unknowns:  # nothing can move
+        result[:] = result[:, :1]
+        return _Run(result, "", Counters())
+    y = ensemble.pack(start.q, start.s, start.v, start.multipliers)
+    yp = ensemble.pack(start.v, start.rates, start.a, np.zeros_like(start.multipliers))
+    counters = Counters()
+    callbacks = _callbacks(ensemble)
+    now = float(times[0])
+    for stop, longest, _ in pace(ensemble, times, rtol):
+        inside = np.flatnonzero((times > now) & (times <= stop))
+        grid = np.unique(np.concatenate([[now], times[inside], [stop]]))
+        if len(grid) == 2:  # with two times the integrator returns its own steps instead
+            grid = np.array([now, 0.5 * (now + stop), stop])
+        if ensemble.breaks.size or now > times[0]:
+            y, yp, refused = _consistent(ensemble, now, y, rtol)
+            result[:, np.flatnonzero(times[1:] == now) + 1] = np.concatenate(ensemble.expand(y[:, None]), axis=2)
+            if refused:
+                return _Run(result, next(iter(refused.values())), counters, True)
+        begin = clock.perf_counter()
+        solution = _solved(ensemble, callbacks, grid, y, yp, rtol, longest)
+        spent = clock.perf_counter() - begin
+        counters = counters + Counters(solution.residuals, solution.jacobians, 1, seconds=spent)
+        found = solution.y.reshape(len(solution.t), len(ensemble), -1)
+        reached = len(found) if solution.success else len(found) - 1
+        where = np.searchsorted(grid, times[inside])
+        done = where < reached
+        result[:, inside[done]] = np.concatenate(ensemble.expand(found[where[done]].transpose(1, 0, 2)), axis=2)
+        if not solution.success or reached < len(grid):
+            last = float(solution.t[-1]) if len(solution.t) else now
+            dead = _dead_end(ensemble, found, last)
+            reason = dead or _no_number(ensemble, found, last, float(times[-1])) or diagnosis(solution, last, rtol)
+            return _Run(result, reason, counters, bool(dead))
+        now, y = stop, found[-1].copy()
+    return _Run(result, "", counters)
+
+
+def _dead_end(ensemble: Ensemble, found: Array, time: float) -> str:
+    """Name the equations that become dependent where one realisation stopped, if there are any."""
+    if len(ensemble) > 1 or not len(found):
+        return ""
+    (q, s, v), model = ensemble.expand(found[-1]), ensemble.model
+    if not np.isfinite(found[-1]).all():
+        return ""
+    return dead_end(model, time, rank_along(model, q[0], s[0], v[0], time, ensemble.parameters[0]), sure=False)
+
+
+def _no_number(ensemble: Ensemble, found: Array, time: float, stop: float) -> str:
+    """Name what is not a number from there on where one realisation stopped."""
+    if len(ensemble) > 1 or not len(found) or not np.isfinite(found[-1]).all():
+        return ""
+    q, s, v = ensemble.expand(found[-1])
+    return ahead(ensemble.model, (q[0], s[0], v[0]), (time, stop), ensemble.parameters[0])
+
+
+def _consistent(ensemble: Ensemble, time: float, y: Array, rtol: float) -> tuple[Array, Array, dict[int, str]]:
+    """Unknowns and rates at the start of a segment: those an instant later, as forces and speeds may jump there."""
+    q, s, v = ensemble.expand(y)
+    change, refused = speed_jumps(ensemble.model, np.concatenate([q, s, v], axis=1), time, ensemble.block, rtol)
+    v = v + change
+    a, multipliers, rates = accelerations(ensemble.model, q, s, v, time + instant(time), ensemble.block)
+    y, yp = ensemble.pack(q, s, v, multipliers), ensemble.pack(v, rates, a, np.zeros_like(multipliers))
+    return y, yp, refused
+
+
+def _roughness(ensemble: Ensemble, states: Array) -> Array:
+    """Relative size of the local errors of the realisations of a stack.
+
+    They share steps and order, so that their local errors are as their high derivatives: fourth differences of the
+    coordinates between output times.
+    """
+    n = ensemble.model.layout.coordinates
+    differences = np.diff(states[:, :, :n], n=min(4, states.shape[1] - 1), axis=1)
+    rough: Array = np.sqrt(np.mean(differences**2, axis=(1, 2)))
+    return rough
+
+
+def _solved(
+    ensemble: Ensemble, callbacks: Callbacks, times: Array, y: Array, yp: Array, rtol: float, longest: float
+) -> Solution:
+    """Integrate a stack from one time to the last without a break."""
+    model = ensemble.model
+    residual, jacobian = callbacks
+    length = max(1e-3, float(np.abs(y[:, model.layout.slices["q"]]).max(initial=0.0)))
+    rtol = step_tolerance(rtol, model.layout.unknowns)
+    atol = np.full(model.layout.unknowns, rtol * min(1.0, length))
+    atol[model.layout.differential :] = RELAXED
+    options: dict[str, Any] = {"linsolver": "dense", "jacfn": jacobian}
+    if y.size >= SPARSE_FROM:
+        options |= {"linsolver": "sparse", "sparsity": _sparsity(model, len(ensemble))}
+    limits = {"rtol": rtol, "atol": np.tile(atol, len(ensemble)), **step_limits(times, longest)}
+    return solve(residual, options, times, y.ravel(), yp.ravel(), **limits)
+
+
+def step_limits(times: Array, longest: float) -> dict[str, Any]:
+    """Return IDA's limits of steps; whoever wants short ones gets as many between two output times as that takes."""
+    if not np.isfinite(longest):
+        return {"max_num_steps": STEPS}
+    return {"max_num_steps": STEPS + int(float(np.diff(times).max()) / longest), "max_step": longest}
+
+
+def _callbacks(ensemble: Ensemble) -> Callbacks:
+    """Residual and Jacobian as IDA wants them."""
+    count, n = len(ensemble), ensemble.model.layout.unknowns
+    rows, pointers = ensemble.model.pattern
+    columns = np.repeat(np.arange(n), np.diff(pointers))
+    if count == 1 and (single := _single(ensemble)) is not None:
+        residual, values = single
+    else:
+
+        def residual(t: float, y: Array, yp: Array, res: Array) -> None:
+            res[:] = ensemble.residual(t, y.reshape(count, n), yp.reshape(count, n)).ravel()
+
+        def values(t: float, y: Array, yp: Array, c: float) -> Array:
+            return ensemble.jacobian(t, y.reshape(count, n), yp.reshape(count, n), c).ravel()
+
+    if count * n >= SPARSE_FROM:
+
+        def jacobian(t: float, y: Array, yp: Array, res: Array, c: float, jac: Array) -> None:
+            jac[:] = values(t, y, yp, c)
+    elif count == 1:
+
+        def jacobian(t: float, y: Array, yp: Array, res: Array, c: float, jac: Array) -> None:
+            jac[rows, columns] = values(t, y, yp, c)
+    else:
+        offsets = n * np.arange(count)[:, None]
+        all_rows, all_columns = (rows + offsets).ravel(), (columns + offsets).ravel()
+
+        def jacobian(t: float, y: Array, yp: Array, res: Array, c: float, jac: Array) -> None:
+            jac[all_rows, all_columns] = values(t, y, yp, c)
+
+    return residual, jacobian
+
+
+def _single(ensemble: Ensemble) -> tuple[Callable[..., None], Callable[..., Array]] | None:
+    """One realisation with fused kernels: called with as little Python as possible."""
+    model = ensemble.model
+    kernels = [k for kind in ("residual", "jacobian") if (k := model.evaluators[kind].fused_kernel) is not None]
+    if len(kernels) < 2:
+        return None
+    n, d = model.layout.unknowns, model.layout.differential
+    width = n + d + 2
+    constants = np.concatenate([ensemble.frozen[0], ensemble.block[0]])
+    arguments = np.concatenate([np.zeros(width), constants])
+    arguments_j = np.concatenate([np.zeros(width + 1), constants])
+    entries = np.empty(len(model.pattern[0]))
+    call, call_j = (k.function.unsafe_real for k in kernels)
+
+    def residual(t: float, y: Array, yp: Array, res: Array) -> None:
+        arguments[:n] = y
+        arguments[n : n + d] = yp[:d]
+        arguments[n + d] = t
+        call(arguments, res)
+
+    def values(t: float, y: Array, yp: Array, c: float) -> Array:
+        arguments_j[:n] = y
+        arguments_j[n : n + d] = yp[:d]
+        arguments_j[n + d] = t
+        arguments_j[n + d + 1] = c
+        call_j(arguments_j, entries)
+        return entries
+
+    return residual, values
+
+
+def _sparsity(model: Model, copies: int) -> Any:
+    """Structural pattern of `copies` realisations side by side, compressed by columns."""
+    from scipy import sparse
+
+    rows, pointers = model.pattern
+    one = sparse.csc_matrix((np.ones(len(rows)), rows, pointers), shape=(model.layout.unknowns,) * 2)
+    return one if copies == 1 else sparse.block_diag([one] * copies, format="csc")
+
+
+def diagnosis(solution: Solution, time: float, rtol: float) -> str:
+    """Say why IDA stopped, and what to try."""
+    if solution.too_much_work:
+        cause = "too many steps: the motion is very stiff or very fast for the output times"
+    else:
+        cause = "the steps became too small: a singular pose, a stop or an impact, or a force that jumps"
+    return (
+        f"the integration stopped at t = {time:.6g} s ({solution.message}); probably {cause}. "
+        f"Try another rtol (now {rtol:g}), or look at the motion up to that time."
+    )

@@ -1,0 +1,102 @@
+"""The legs of an integration: where it starts anew, and how long its steps may be, for every integrator alike."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uqmbd.dynamics.ensemble import Ensemble
+from uqmbd.dynamics.integration.functions_of_time import look
+from uqmbd.dynamics.integration.trajectories import stops
+
+__all__ = ["Leg", "legs_of", "pace"]
+
+Array = NDArray[np.float64]
+
+BAND = 16.0
+"""Factor of the sizes of cells that one leg may hold."""
+SHARE = 2.0
+"""Longest step, over the smallest cell of a leg."""
+NEAR = 8.0
+"""Gaps between fast times, over the size of cells there, that are not worth a leg of their own."""
+
+
+class Leg(NamedTuple):
+    """A part of an integration, from the end of the one before.
+
+    Attributes
+    ----------
+    end : float
+        Time at which the integration starts anew, or ends, s.
+    longest : float
+        Longest step, s.
+    jumps : bool
+        Whether something may jump at the end.
+    """
+
+    end: float
+    longest: float
+    jumps: bool = True
+
+
+def pace(ensemble: Ensemble, times: Array, rtol: float) -> tuple[Leg, ...]:
+    """Lay out the integration of an ensemble whose realisations share the steps.
+
+    Parameters
+    ----------
+    ensemble : Ensemble
+        K realisations.
+    times : array, shape (T,)
+        Output times, s.
+    rtol : float
+        Relative tolerance.
+    """
+    model, breaks = ensemble.model, ensemble.breaks
+    if model.timed is None:
+        return legs_of(breaks, times, model.max_step)
+    seen = look(model.timed, ensemble.values, breaks, times, rtol)
+    edges, sizes = _sizes(seen.cells, float(times[0]), float(times[-1]))
+    ends, longest = _bands(edges, sizes)
+    legs = legs_of(np.concatenate([breaks.ravel(), seen.jumps, ends[:-1]]), times, model.max_step)
+    # the middle of a leg lies in one band, but where its end was moved by rounding
+    begins = np.array([float(times[0]), *(leg.end for leg in legs[:-1])])
+    middle = 0.5 * (begins + np.array([leg.end for leg in legs]))
+    which = np.minimum(np.searchsorted(ends, middle), len(ends) - 1)
+    known = set(stops(np.concatenate([breaks.ravel(), seen.jumps]), times).tolist())
+    return tuple(
+        Leg(leg.end, min(leg.longest, float(longest[k])), leg.end in known) for leg, k in zip(legs, which, strict=True)
+    )
+
+
+def legs_of(breaks: Array, times: Array, longest: float = np.inf) -> tuple[Leg, ...]:
+    """Lay out an integration with breaks at given times, and steps up to a length."""
+    return tuple(Leg(end, longest) for end in [*stops(np.asarray(breaks), times).tolist(), float(times[-1])])
+
+
+def _sizes(cells: Array, begin: float, end: float) -> tuple[Array, Array]:
+    """Size of the smallest cell on each piece of time: edges (P + 1,) and sizes (P,)."""
+    edges = np.unique(np.concatenate([[begin, end], cells.ravel()]))
+    sizes = np.full(len(edges) - 1, end - begin)
+    lengths = cells[:, 1] - cells[:, 0]
+    first, last = np.searchsorted(edges, cells[:, 0]), np.searchsorted(edges, cells[:, 1])
+    for k in np.argsort(-lengths, kind="stable"):  # the smallest last
+        sizes[first[k] : last[k]] = lengths[k]
+    return edges, sizes
+
+
+def _bands(edges: Array, sizes: Array) -> tuple[Array, Array]:
+    """Join pieces whose sizes are alike: ends (B,) and longest steps (B,)."""
+    whole = edges[-1] - edges[0]
+    band = np.floor(np.log(whole / sizes) / np.log(BAND) + 1e-9).astype(int)
+    for level in range(int(band.max(initial=0)), 0, -1):
+        fast = np.flatnonzero(band >= level)
+        gaps = edges[fast[1:]] - edges[fast[:-1] + 1]
+        for k in np.flatnonzero((gaps > 0) & (gaps < NEAR * whole / BAND**level)):
+            band[fast[k] + 1 : fast[k + 1]] = level
+    changes = np.flatnonzero(np.diff(band)) + 1
+    starts = np.concatenate([[0], changes])
+    smallest = np.minimum.reduceat(sizes, starts)
+    longest = np.where(band[starts] > band.min(), SHARE * smallest, np.inf)
+    return edges[[*changes, -1]], longest

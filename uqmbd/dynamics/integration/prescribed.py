@@ -1,0 +1,206 @@
+"""What components prescribe as functions of time: where it jumps, and by how much."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import sympy
+from numpy.typing import NDArray
+
+from uqmbd.dynamics.assembly.rank import named
+from uqmbd.dynamics.ensemble import Ensemble
+from uqmbd.dynamics.equations.expressions import plain
+from uqmbd.dynamics.equations.parameters import ParameterMap
+from uqmbd.dynamics.integration.functions_of_time import look
+from uqmbd.mechanism import Component
+from uqmbd.mechanism.expressions.time import t
+from uqmbd.mechanism.expressions.user_values import flatten
+from uqmbd.randomness import RandomVariable
+
+__all__ = ["Prescribed", "gradient_lengths", "instant", "jumped", "position_jumps", "prescribed_by"]
+
+Array = NDArray[np.float64]
+
+INSTANT = 1e-12
+"""Time, over the larger of 1 s and the time itself, by which right before and right after are told apart."""
+NEXT = 1e3
+"""As many of these times next to a jump an equation is a number, on both sides."""
+POSES = 3
+"""Poses at which an equation is looked at before and after: at one alone it may agree by chance."""
+LEAST = 1e-9
+"""Jump, over the size of the mechanism, that is rounding whatever the tolerance."""
+ROUNDING = 1e-14
+"""Jump, over the largest coordinate, that is rounding in any mechanism."""
+ROWS = 4096
+"""Realisations that are looked at once."""
+
+
+@dataclass(frozen=True)
+class Prescribed:
+    """Parameters that are functions of time, of components that constrain.
+
+    Attributes
+    ----------
+    owners, names, units : tuple of str
+        Component, parameter and unit of each.
+    functions : ParameterMap
+        From inputs and time to their values.
+    """
+
+    owners: tuple[str, ...]
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    functions: ParameterMap
+
+    def jumps(self, owner: str, values: Array, before: float, after: float) -> str:
+        """Say which parameters of a component jump between two times, and by how much, at inputs (input,)."""
+        moments = np.array([[*values, before], [*values, after]])
+        change = np.diff(self.functions(moments), axis=0)[0]
+        found = [
+            f"its {name} by {size:.6g} {units}".rstrip()
+            for name, of, units, size in zip(self.names, self.owners, self.units, change, strict=True)
+            if of == owner and abs(size) > LEAST
+        ]
+        return " and ".join(found)
+
+
+def prescribed_by(components: Sequence[Component], inputs: Sequence[RandomVariable]) -> Prescribed:
+    """Find the parameters of components that are functions of time and of random variables alone."""
+    known = {t, *inputs}
+    about: list[tuple[str, str, str]] = []
+    expressions: list[sympy.Expr] = []
+    for component in components:
+        for name, parameter in component.parameters().items():
+            entries = flatten(component.values.get(name)) if parameter.kind != "option" else []
+            for k, entry in enumerate(entries):
+                symbols: set[Any] = getattr(entry, "free_symbols", set())
+                if t in symbols and symbols <= known:
+                    label = name if len(entries) == 1 else f"{name}[{k}]"
+                    about.append((component.name, label, parameter.units))
+                    expressions.append(plain(entry))
+    owners, names, units = zip(*about, strict=True) if about else ((), (), ())
+    return Prescribed(tuple(owners), tuple(names), tuple(units), ParameterMap.of(expressions, [*inputs, t]))
+
+
+def instant(time: float) -> float:
+    """Return the time, s, by which right before and right after a moment are told apart."""
+    return INSTANT * max(1.0, abs(time))
+
+
+def jumped(sooner: Array, before: Array, after: Array, later: Array) -> Array:
+    """By how much values of equations jump: those right before and after, and twice as far from the moment.
+
+    What moves fast, and does not jump, moves twice as far in twice the time.  An equation that has only changed its
+    sign says the same.
+    """
+    return np.asarray(
+        np.minimum(np.abs(2 * (after - before) - (later - sooner)), np.abs(2 * (after + before) - (later + sooner)))
+    )
+
+
+def position_jumps(ensemble: Ensemble, times: Array, rtol: float) -> dict[int, str]:
+    """Find realisations of which a constraint, and so a position, jumps within the output times.
+
+    An equation jumps where it is another one right after a break time than right before; one that has only changed its
+    sign says the same.
+
+    Parameters
+    ----------
+    ensemble : Ensemble
+        K realisations.
+    times : array, shape (T,)
+        Output times, s.
+    rtol : float
+        Relative tolerance, over the size of the mechanism, within which a jump is none.
+
+    Returns
+    -------
+    dict of int to str
+        By realisation: when, which component, and by how much.
+    """
+    model = ensemble.model
+    if "phi_t" not in model.evaluators["velocity"].index:
+        return {}
+    breaks = ensemble.breaks
+    if model.timed is not None:  # jumps at times that are known from looking only
+        seen = look(model.timed, ensemble.values, breaks, times, rtol).jumps
+        breaks = np.concatenate([breaks, np.tile(seen, (len(ensemble), 1))], axis=1)
+    if not breaks.size:
+        return {}
+    begin, end = float(times[0]), float(times[-1])
+    ok, gradients = ensemble.start.ok, gradient_lengths(ensemble)
+    found: dict[int, str] = {}
+    for column in breaks.T:
+        some = np.flatnonzero(ok & (column >= begin) & (column <= end))
+        some = some[[int(k) not in found for k in some]] if len(some) else some
+        if len(some):
+            # outside of the output times nothing happens
+            delta = INSTANT * np.maximum(1.0, np.abs(column[some]))
+            sides, about = (
+                np.clip(column[some] + far * np.array([[-2], [-1], [1], [2]]) * delta, begin, end)
+                for far in (1.0, NEXT)
+            )
+            # next to a pole all is steep: what is no number there is told as such, by who integrates
+            steep = ~np.isfinite(_equation_jumps(ensemble, some, about))
+            jumps = np.where(steep, 0.0, _equation_jumps(ensemble, some, sides)) / gradients[some]
+            noise = ROUNDING * np.maximum(1.0, np.abs(ensemble.start.q[some]).max(axis=1, initial=0.0))
+            wrong = jumps > np.maximum(max(rtol, LEAST) * min(1.0, model.length), noise)[:, None]
+            for row in np.flatnonzero(wrong.any(axis=1)):
+                equations = np.flatnonzero(wrong[row])
+                found[int(some[row])] = _jump(ensemble, int(some[row]), sides[1:3, row], column[some[row]], equations)
+    return found
+
+
+def _equation_jumps(ensemble: Ensemble, members: NDArray[np.int64], sides: Array) -> Array:
+    """By how much equations jump between times, `sides` (4, K): two before and two after; shape (K, equation)."""
+    model, start = ensemble.model, ensemble.start
+    drift = model.evaluators["drift"]
+    found = np.zeros((len(members), model.layout.constraints))
+    if "phi" not in drift.index:
+        return found
+    columns, (rows,) = drift.index["phi"]
+    states = np.concatenate([start.q, start.s, np.zeros_like(start.v)], axis=1)[members]
+    shifts = np.random.default_rng(0).uniform(-0.3, 0.3, (POSES, states.shape[1]))
+    for shift in shifts:
+        values = [
+            drift(np.column_stack([states + shift, time, np.zeros(len(members))]), ensemble.block[members])[:, columns]
+            for time in sides
+        ]
+        found[:, rows] = np.maximum(found[:, rows], jumped(*values))
+    return found
+
+
+def gradient_lengths(ensemble: Ensemble) -> Array:
+    """Lengths of the gradients of the equations at the start, shape (K, equation)."""
+    model, start = ensemble.model, ensemble.start
+    evaluator = model.evaluators["velocity"]
+    squares = np.zeros((len(ensemble), model.layout.constraints))
+    columns, (rows, _) = evaluator.index["d"]
+    for first in range(0, len(ensemble), ROWS):
+        part = slice(first, first + ROWS)
+        q, s = start.q[part], start.s[part]
+        time = np.full((len(q), 1), model.time)
+        arguments = np.concatenate([q, s, np.zeros_like(q), time, np.zeros_like(time)], axis=1)
+        values = evaluator(arguments, ensemble.block[part])[:, columns]
+        for k, row in enumerate(rows):
+            squares[part, row] += values[:, k] ** 2
+    lengths = np.sqrt(squares)
+    return np.where(lengths > 1e-9, lengths, 1.0)
+
+
+def _jump(ensemble: Ensemble, member: int, sides: Array, time: float, equations: NDArray[np.int64]) -> str:
+    """Say what jumps."""
+    model = ensemble.model
+    owners = dict.fromkeys(model.owners[k] for k in equations)
+    parts = []
+    for owner in owners:
+        by = model.prescribed.jumps(owner, ensemble.values[member], *sides) if model.prescribed is not None else ""
+        parts.append(f"{owner!r} ({by})" if by else repr(owner))
+    return (
+        f"at t = {time:.6g} s a prescribed position jumps: that of {', '.join(parts)}, so that the equations "
+        f"{named(model, equations)} want bodies to be in two places. Expected a continuous function of time, such as "
+        "uqmbd.step between two positions, or a prescribed speed"
+    )

@@ -1,0 +1,99 @@
+"""Restarts: what becomes of velocities where a prescribed speed jumps, and whether results are on the constraints."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uqmbd.dynamics.assembly.rank import named
+from uqmbd.dynamics.equations.evaluator import Evaluator
+from uqmbd.dynamics.equations.model import Model
+from uqmbd.dynamics.integration.prescribed import instant, jumped
+from uqmbd.dynamics.linear.accelerations import impulses
+
+__all__ = ["Drift", "speed_jumps"]
+
+Array = NDArray[np.float64]
+
+FELT = 0.1
+"""Jump of a speed, over the tolerance, that is an impulse."""
+CONTRADICTION = 1e-6
+"""Speed, over the largest, that is left after an impulse where equations contradict each other."""
+
+
+class Drift:
+    """Residuals of the constraints and of their rates.
+
+    Parameters
+    ----------
+    model : Model
+        With its ``drift`` evaluator.
+    """
+
+    def __init__(self, model: Model) -> None:
+        self.model = model
+        self.evaluator: Evaluator = model.evaluators["drift"]
+
+    def __call__(self, states: Array, times: Array, parameters: Array) -> tuple[Array, Array]:
+        """Residuals in position and in velocity, each of shape (S, equation), of states (S, width) at times (S,)."""
+        values = self.evaluator(np.column_stack([states, times, np.zeros(len(states))]), parameters)
+        both = []
+        for letter in ("phi", "psi"):
+            found = np.zeros((len(states), self.model.layout.constraints))
+            if letter in self.evaluator.index:
+                columns, (rows,) = self.evaluator.index[letter]
+                found[:, rows] = values[:, columns]
+            both.append(found)
+        return both[0], both[1]
+
+
+def speed_jumps(
+    model: Model, states: Array, time: float, parameters: Array, rtol: float
+) -> tuple[Array, dict[int, str]]:
+    """Find the impulsive change of velocities where prescribed speeds jump: ``M dv = D^T L``, ``D dv = -psi``.
+
+    Parameters
+    ----------
+    model : Model
+        With its kept equations.
+    states : array, shape (K, width)
+        Right before.
+    time : float
+        Of the jump, s.
+    parameters : array, shape (K, parameter)
+        Of the realisations.
+    rtol : float
+        Relative tolerance of the integration.
+
+    Returns
+    -------
+    change : array, shape (K, coordinate)
+        Of the velocities; zero where nothing jumps.
+    reasons : dict of int to str
+        Why a realisation cannot go on.
+    """
+    layout, delta = model.layout, instant(time)
+    change = np.zeros((len(states), layout.coordinates))
+    if not layout.rank or "phi_t" not in model.evaluators["velocity"].index:
+        return change, {}
+    drift = Drift(model)
+    sides = [drift(states, np.full(len(states), time + k * delta), parameters)[1] for k in (-2, -1, 1, 2)]
+    speed = np.maximum(np.abs(states[:, layout.coordinates + layout.states :]).max(axis=1, initial=0.0), 1e-3)
+    jump = jumped(*sides).max(axis=1)
+    some = np.flatnonzero(jump > FELT * rtol * speed)
+    if not len(some):
+        return change, {}
+    change[some] = impulses(model, states[some], time + delta, parameters[some])
+    moved = states[some].copy()
+    moved[:, layout.coordinates + layout.states :] += change[some]
+    left = np.abs(drift(moved, np.full(len(some), time + delta), parameters[some])[1])
+    size = np.maximum(speed[some], np.abs(sides[2][some]).max(axis=1))
+    wrong = ~(left <= max(CONTRADICTION, rtol) * size[:, None])
+    reasons = {
+        int(some[row]): (
+            f"a prescribed speed jumps at t = {time:.6g} s, by {jump[some[row]]:.6g}, and the equations "
+            f"{named(model, np.flatnonzero(wrong[row]))} cannot follow: they contradict others"
+        )
+        for row in np.flatnonzero(wrong.any(axis=1))
+    }
+    return change, reasons

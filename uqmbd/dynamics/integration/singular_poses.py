@@ -1,0 +1,273 @@
+"""Passing over singular poses, and choosing other equations where the kept ones become dependent.
+
+In a singular pose branches of motions meet, and the equations of motion do not say which one is taken: the motion that
+comes is continued smoothly, as momentum has it.  So the last states before the pose are continued by the polynomial
+that has their rates, too [1]_, to as far behind the pose as they are before it, and put on the constraints there.  That
+is done from so near that polynomials of degree 9 and 7 (or 7 and 5) agree within the tolerance; a motion that ends in
+the pose (a mechanism that locks up) has no such polynomial.  Next to the pose rounding is magnified by the inverse
+square of the distance: where it hides the tolerance, the continuation with the least difference is taken, if that is
+small enough.
+
+References
+----------
+.. [1] E. Hairer, S. P. Norsett, G. Wanner, Solving Ordinary Differential Equations I, 2nd ed., Springer 1993, II.6.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uqmbd.dynamics.assembly.assembly import independent_rows
+from uqmbd.dynamics.assembly.rank import Rank, dead_end, gradient, named, rank_along
+from uqmbd.dynamics.equations.model import Model
+from uqmbd.dynamics.integration.lock_step import Course, Equations, Node
+from uqmbd.dynamics.linear.accelerations import index1_system, state_arguments
+
+__all__ = ["Guard", "repivoted"]
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+REACH = 4.0
+"""A singular pose is near if it is not farther than this many steps of the size that was tried."""
+FOOTING = 0.1
+"""A step that ends nearer to a singular pose than this part of itself is taken back."""
+APPROACH = 0.4
+"""Part of the time to a singular pose that a step may use."""
+FEWEST = 4
+"""States from which a motion is continued; one fewer give the estimate of the error."""
+PAST = 0.2
+"""Part of the distance of the best continuation so far at which that one is taken: rounding has won."""
+ROUNDING = 1e-7
+"""Largest relative error of a continuation whose tolerance is out of reach because of rounding."""
+LOOKS = 60
+"""Looks at the same pose after which it is given up."""
+END = 1e-10
+"""Part of the time that has passed below which the time to a singular pose is nothing."""
+DEPENDENT = 0.2
+"""Kept equations are nearly dependent if their smallest singular value is below this part of that of all."""
+STRAY = 0.05
+"""Part of the way over a pose by which the constraints may correct what was continued: branches lie farther apart."""
+SYSTEMS = 8
+"""Systems of other equations that are remembered."""
+
+_systems: dict[tuple[str, bytes], Any] = {}
+
+
+def repivoted(model: Model, q: Array, s: Array, time: float, parameters: Array) -> Model:
+    """Choose the independent equations anew at a pose of one realisation.
+
+    Parameters
+    ----------
+    model : Model
+        With a compiled index-1 system.
+    q, s : array, shape (coordinate,) and (state,)
+        Pose and auxiliary states.
+    time : float
+        s.
+    parameters : array, shape (parameter,)
+        Of the realisation.
+
+    Returns
+    -------
+    Model
+        For the index-1 form only: residual and Jacobian are those of the old choice.
+    """
+    layout = model.layout
+    first = np.union1d(model.norms, np.setdiff1d(layout.kept, layout.active)).astype(np.int64)
+    kept, _ = independent_rows(gradient(model, q, s, time, parameters), first)
+    if len(kept) != layout.rank:
+        return model
+    new = replace(model, layout=replace(layout, kept=kept, active=np.intersect1d(kept, layout.active)))
+    key = (model.digest, kept.tobytes())
+    if key not in _systems:
+        shift = np.random.default_rng(0).uniform(0.1, 0.3, (2, len(q)))
+        near = state_arguments(np.stack([q, q + shift[0]]), np.stack([s, s]), np.stack([shift[1], shift[1]]), time)
+        typical = model.evaluators["acceleration"](near, np.stack([parameters, parameters]))
+        while len(_systems) >= SYSTEMS:
+            del _systems[next(iter(_systems))]
+        _systems[key] = index1_system(new, typical)
+    return replace(new, system=_systems[key])
+
+
+@dataclass
+class Guard:
+    """Watches the rank for a lock-step integration.
+
+    Attributes
+    ----------
+    model : Model
+        The equations that are kept at present.
+    remake : callable
+        Makes the equations of motion of a model with the parameters of one realisation.
+    tolerance : float
+        Relative tolerance; the absolute one, of coordinates of size one, is the same.
+    limit : float
+        Longest step, s.
+    passed : int
+        Singular poses that were passed.
+    notes : list of str
+        What was changed, in words.
+    models : list of (time, Model)
+        Choices of equations, with the time from which they hold.
+    final : bool
+        Whether the failure that was found is one of the mechanism: no other method could go on either.
+    """
+
+    model: Model
+    remake: Callable[[Model, Array], Equations]
+    tolerance: float
+    limit: float = np.inf
+    passed: int = 0
+
+    def __post_init__(self) -> None:
+        self.notes: list[str] = []
+        self.models: list[tuple[float, Model]] = [(-np.inf, self.model)]
+        self.looks, self.final = 0, False
+        self.best: Course | None = None
+        self.least, self.distance = np.inf, np.inf
+
+    @property
+    def alert(self) -> bool:
+        """Whether a singular pose is being approached."""
+        return self.looks > 0
+
+    def near(self, time: float, z: Array, size: float, parameters: Array) -> bool:
+        """Whether a realisation that finds steps of some size difficult is near a singular pose."""
+        rank = self._rank(time, z, parameters)
+        return min(abs(rank.ahead), abs(rank.kept_ahead)) < REACH * size
+
+    def look(self, now: float, nodes: Sequence[Node], size: float, end: float, equations: Equations) -> Course | None:
+        """Say how to go on from the last node; None: as before.
+
+        Parameters
+        ----------
+        now : float
+            Time of the last node, s.
+        nodes : sequence of Node
+            Latest accepted states with their rates, of one realisation.
+        size : float
+            Step that was difficult, s.
+        end : float
+            Until when nothing jumps, s.
+        equations : Equations
+            Those of the realisation.
+        """
+        parameters, z = equations.block[0], nodes[-1].z
+        rank = self._rank(now, z, parameters)
+        step = now - nodes[-2].time if len(nodes) > 1 else 0.0
+        apart = abs(rank.ahead) > 2 * abs(rank.kept_ahead)
+        if apart and rank.kept < DEPENDENT * rank.every and abs(rank.kept_ahead) < REACH * max(size, step):
+            return self._others(now, z, rank, equations)
+        if not self.alert:
+            if abs(rank.ahead) > REACH * max(size, step):
+                return None
+            if abs(rank.ahead) < FOOTING * step and len(nodes) > 1:
+                return Course(back=True)
+        if rank.ahead <= 0 or rank.ahead > 100 * max(size, step):
+            return self._calm()
+        self.looks += 1
+        self.limit = APPROACH * rank.ahead
+        if rank.ahead < END * max(1.0, abs(now)) or self.looks > LOOKS:
+            # with many looks it may be rounding that forbids to pass: another method may be lucky
+            self.final = sure = self.looks <= LOOKS
+            return Course(reason=dead_end(self.model, now, replace(rank, every=0.0), sure=sure))
+        return self._over(now, nodes, rank, end, equations) or Course()
+
+    def reason(self, now: float, z: Array, parameters: Array) -> str:
+        """Say why the steps became too small, if it is the rank; else nothing."""
+        text = dead_end(self.model, now, self._rank(now, z, parameters))
+        self.final = self.final or bool(text)
+        return text
+
+    def _rank(self, time: float, z: Array, parameters: Array) -> Rank:
+        n, k = self.model.layout.coordinates, self.model.layout.states
+        return rank_along(self.model, z[:n], z[n : n + k], z[n + k :], time, parameters)
+
+    def _speed(self, z: Array) -> float:
+        return float(np.abs(z[self.model.layout.coordinates + self.model.layout.states :]).max(initial=0.0))
+
+    def _calm(self) -> Course | None:
+        """Go on as if nothing had been."""
+        before, self.looks, self.limit = self.looks, 0, np.inf
+        self.best, self.least, self.distance = None, np.inf, np.inf
+        return Course() if before else None
+
+    def _others(self, now: float, z: Array, rank: Rank, equations: Equations) -> Course | None:
+        """Keep other equations."""
+        n, k = self.model.layout.coordinates, self.model.layout.states
+        model = repivoted(self.model, z[:n], z[n : n + k], now, equations.block[0])
+        new = np.setdiff1d(model.layout.kept, self.model.layout.kept)
+        if not len(new):
+            return self._calm()
+        old = np.setdiff1d(self.model.layout.kept, model.layout.kept)
+        self.notes.append(
+            f"at t = {now:.6g} s the equations {named(model, rank.kept_equations)} become dependent; "
+            f"{named(model, new, 40)} are kept instead of {named(model, old, 40)}"
+        )
+        self.model = model
+        self.models.append((now, model))
+        self._calm()
+        return Course(equations=self.remake(model, equations.block))
+
+    def _over(self, now: float, nodes: Sequence[Node], rank: Rank, end: float, equations: Equations) -> Course | None:
+        """Pass over a singular pose, if the motion can be continued well enough."""
+        if len(nodes) >= FEWEST:
+            self._continue(now, nodes, rank, end, equations)
+        allowed = self.tolerance if rank.ahead > PAST * self.distance else max(self.tolerance, ROUNDING)
+        if self.best is None or self.least > allowed:
+            return None
+        course = self.best
+        self.passed += 1
+        self._calm()
+        return course
+
+    def _continue(self, now: float, nodes: Sequence[Node], rank: Rank, end: float, equations: Equations) -> None:
+        """Continue the motion behind a singular pose; remember it if that is better than from farther away."""
+        curve, lower = _polynomial(nodes), _polynomial(nodes[1:])
+        n = self.model.layout.coordinates
+        velocities = n + self.model.layout.states
+        way = max(self._speed(nodes[-1].z) * rank.ahead, 1e-300)
+        for factor in (2.0, 3.0):
+            time = now + factor * rank.ahead
+            there = curve(time)
+            error = float(np.sqrt(np.mean(((there - lower(time)) / (1.0 + np.abs(there))) ** 2)))
+            if time > end or not error < self.least:
+                return
+            state = there.copy()
+            for _ in range(4):
+                equations.state[:] = state
+                equations.rate(time, _scrap(equations, len(state)))
+                q, v = equations.excess()
+                state[:n] -= q[0]
+                state[velocities:] -= v[0]
+            strayed = np.abs(state - there)
+            if not (
+                strayed[:n].max(initial=0.0) < STRAY * way
+                and strayed[velocities:].max(initial=0.0) < STRAY * self._speed(state) * min(1.0, STRAY)
+            ):
+                continue
+            if -4 * rank.ahead < self._rank(time, state, equations.block[0]).ahead < -0.2 * rank.ahead:
+                self.best = Course(time=time, state=state, curve=curve)
+                self.least, self.distance = error, rank.ahead
+                return
+
+
+def _scrap(equations: Equations, width: int) -> tuple[Array, Array, Array]:
+    """Make room for rates that nobody reads."""
+    every = np.zeros((1, width))
+    return every[:, : equations.n], every[:, equations.velocities :], every
+
+
+def _polynomial(nodes: Sequence[Node]) -> Callable[[Any], Array]:
+    """Interpolate states and rates."""
+    from scipy.interpolate import KroghInterpolator
+
+    values = np.stack([x for node in nodes for x in (node.z, node.rate)])
+    found: Callable[[Any], Array] = KroghInterpolator(np.repeat([node.time for node in nodes], 2), values)
+    return found

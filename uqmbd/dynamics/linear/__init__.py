@@ -1,0 +1,1 @@
+"""The linear system of accelerations and multipliers, and its solvers."""

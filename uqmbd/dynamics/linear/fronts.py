@@ -1,0 +1,324 @@
+"""Elimination of large systems by blocks: code for each kind of block, compiled once and used for all of them.
+
+A front is a unit of a mechanism at its elimination: with its block ``A``, what couples it to its neighbours ``B`` and
+its right-hand side ``b``, it leaves ``-B^T A^-1 B`` and ``-B^T A^-1 b`` to the neighbours, and finds its unknowns when
+theirs are known, ``x = A^-1 b - A^-1 B y`` [1]_.  Fronts of one pattern share their code, and those of one round are
+computed together, for all realisations: neither the time of compilation nor the number of calls grows like the system.
+
+References
+----------
+.. [1] I. S. Duff, J. K. Reid, The multifrontal solution of indefinite sparse symmetric linear equations, ACM
+   Transactions on Mathematical Software 9 (1983) 302-325.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uqmbd.dynamics.equations.kernels import Kernel, cached
+from uqmbd.dynamics.linear.elimination import plan
+from uqmbd.dynamics.linear.ordering import Front
+from uqmbd.dynamics.linear.straight_line import Operation, eliminated, stage_kernel, worth_while
+
+__all__ = ["Fronts", "FrontalSolver", "frontal"]
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+CACHE = 2_000_000
+"""Bytes of values that are held at once: they should stay in the processor's cache."""
+
+
+FEW = 8
+"""Systems that are cheaper all at once, with their entries repeated for each right-hand side."""
+
+
+@dataclass(frozen=True)
+class _Batch:
+    """Fronts of one kind and round: what each of them reads, and the first of their results."""
+
+    kernel: Kernel
+    reads: Index  # (front, argument)
+    first: int
+    last: int
+
+
+@dataclass(frozen=True)
+class Fronts:
+    """The compiled elimination of a system.
+
+    Attributes
+    ----------
+    given, size : int
+        Values that are given with each system, among them its entries, and number of unknowns.  A right-hand side
+        comes after the given values, then what is computed.
+    width : int
+        All values.
+    batches : tuple
+        The code.
+    solution : array of int, shape (size,)
+        Where the solution is among the values.
+    operations : int
+        Additions, multiplications and divisions of a solution.
+    """
+
+    given: int
+    size: int
+    width: int
+    batches: tuple[_Batch, ...]
+    solution: Index
+    operations: int
+
+    def solve(self, given: Array, right: Array) -> Array:
+        """Solve systems.
+
+        Parameters
+        ----------
+        given : array, shape (K, given)
+            With the entries.
+        right : array, shape (K, size)
+            Right-hand sides.
+
+        Returns
+        -------
+        array, shape (K, size)
+            Infinite or NaN where a block is singular.
+        """
+        found = np.empty((len(given), self.size))
+        block = max(1, CACHE // (8 * self.width))
+        for first in range(0, len(given), block):
+            part = slice(first, first + block)
+            count = len(given[part])
+            values = np.empty((count, self.width))
+            values[:, : self.given] = given[part]
+            values[:, self.given : self.given + self.size] = right[part]
+            if count == 1:
+                self._one(values[0])
+            else:
+                for batch in self.batches:
+                    arguments = values.take(batch.reads, axis=1).reshape(-1, batch.reads.shape[1])
+                    values[:, batch.first : batch.last] = batch.kernel.fast(arguments).reshape(count, -1)
+            found[part] = values.take(self.solution, axis=1)
+        return found
+
+    def _one(self, values: Array) -> None:
+        for batch in self.batches:
+            shape = (len(batch.reads), batch.kernel.outputs)
+            batch.kernel.fast(values.take(batch.reads), values[batch.first : batch.last].reshape(shape))
+
+
+@dataclass(frozen=True)
+class FrontalSolver:
+    """Solves systems for right-hand sides that are among the given values; used like a `StraightLine`.
+
+    Attributes
+    ----------
+    fronts : Fronts
+        The elimination.
+    rights : array of int, shape (R, size)
+        Which of the given values each entry of a right-hand side is; -1: zero.
+    wanted : int
+        The first so many unknowns are wanted.
+    """
+
+    fronts: Fronts
+    rights: Index
+    wanted: int
+
+    @property
+    def given(self) -> int:
+        """Values that are given with each system, its entries among them."""
+        return self.fronts.given
+
+    @property
+    def stages(self) -> tuple[_Batch, ...]:
+        """The code."""
+        return self.fronts.batches
+
+    def __call__(self, given: Array, out: Array | None = None) -> Array:
+        """Solve, for one right-hand side after the other, as `StraightLine` does."""
+        count = len(given)
+        if out is None:
+            out = np.empty((count, len(self.rights) * self.wanted))
+        entries, many = given[:, : self.fronts.given], len(self.rights)
+        if count * many <= FEW:  # calls are what it costs
+            right = np.where(self.rights < 0, 0.0, given[:, self.rights]).reshape(count * many, -1)
+            found = self.fronts.solve(entries.repeat(many, axis=0) if many > 1 else entries, right)
+            out[:] = found[:, : self.wanted].reshape(out.shape)
+            return out
+        for k, side in enumerate(self.rights):
+            found = self.fronts.solve(entries, np.where(side < 0, 0.0, given[:, side]))
+            out[:, k * self.wanted : (k + 1) * self.wanted] = found[:, : self.wanted]
+        return out
+
+
+@dataclass(frozen=True)
+class _Code:
+    """Code of one kind of front, and what its results are, by local numbers."""
+
+    forward: Kernel
+    backward: Kernel
+    beside: tuple[tuple[int, int], ...]  # entries of A^-1 B
+    left: tuple[tuple[int, int], ...]  # entries of -B^T A^-1 B, on and above the diagonal
+    moved: tuple[int, ...]  # entries of -B^T A^-1 b
+    operations: int
+
+
+def frontal(
+    rounds: list[list[Front]], rows: Index, columns: Index, source: Index, given: int, size: int
+) -> Fronts | None:
+    """Compile an elimination, or return None if a kind of front has too many operations.
+
+    Parameters
+    ----------
+    rounds : list of list of Front
+        The order.
+    rows, columns : array of int, shape (nnz,)
+        Places of the entries; the matrix is symmetric.
+    source : array of int, shape (nnz,)
+        Which of the given values each of them is.
+    given, size : int
+        Number of given values and of unknowns.
+    """
+    # the values whose sum is an entry of what is left of the matrix, or of the right-hand side
+    entries: dict[tuple[int, int], list[int]] = {}
+    for i, j, k in zip(rows.tolist(), columns.tolist(), source.tolist(), strict=True):
+        if i <= j:
+            entries.setdefault((i, j), []).append(k)
+    rights = {i: [given + i] for i in range(size)}
+    width = given + size
+    forward: list[_Batch] = []
+    later: list[list[tuple[_Code, list[_Place]]]] = []
+    operations = 0
+    for fronts in rounds:
+        kinds: dict[Any, list[_Place]] = {}
+        for front in fronts:
+            place = _Place.of(front, entries, rights)
+            kinds.setdefault(place.key, []).append(place)
+        later.append([])
+        for key, places in kinds.items():
+            code = _code(key, np.concatenate([p.front.block for p in places]))
+            if code is None:
+                return None
+            outputs = code.forward.outputs
+            reads = np.array([p.reads for p in places], dtype=np.int64).reshape(len(places), -1)
+            forward.append(_Batch(code.forward, reads, width, width + len(places) * outputs))
+            for p in places:
+                p.first = width
+                width += outputs
+                p.leave(code, entries, rights)
+            later[-1].append((code, places))
+            operations += code.operations * len(places)
+    backward: list[_Batch] = []
+    solution = np.zeros(size, dtype=np.int64)
+    for kind in reversed(later):
+        for code, places in kind:
+            begin, count = width, code.backward.outputs
+            columns_read = []
+            for p in places:
+                known = [int(solution[x]) for x in p.beside]
+                columns_read.append([*range(p.first, p.first + len(code.beside) + count), *known])
+                solution[list(p.front.unknowns)] = np.arange(width, width + count)
+                width += count
+            reads = np.array(columns_read, dtype=np.int64).reshape(len(places), -1)
+            backward.append(_Batch(code.backward, reads, begin, width))
+    return Fronts(given, size, width, (*forward, *backward), solution, operations)
+
+
+class _Place:
+    """A front among the values."""
+
+    def __init__(self, front: Front, beside: list[int], reads: list[int], key: Any) -> None:
+        self.front, self.beside, self.reads, self.key, self.first = front, beside, reads, key, 0
+
+    @staticmethod
+    def of(front: Front, entries: dict[tuple[int, int], list[int]], rights: dict[int, list[int]]) -> _Place:
+        """Find what a front reads; those of one key have one code."""
+        own = front.unknowns
+        beside = [j for j in front.neighbours if any(_slot(i, j) in entries for i in own)]
+        square = [entries.get(_slot(own[a], own[b]), []) for a in range(len(own)) for b in range(a, len(own))]
+        across = [entries.get(_slot(i, j), []) for i in own for j in beside]
+        sides = [rights[i] for i in own]
+        key = (len(own), len(beside), *(tuple(len(x) for x in part) for part in (square, across, sides)))
+        return _Place(front, beside, [k for part in (square, across, sides) for x in part for k in x], key)
+
+    def leave(self, code: _Code, entries: dict[tuple[int, int], list[int]], rights: dict[int, list[int]]) -> None:
+        """Leave what the front adds to its neighbours."""
+        value = self.first + len(code.beside) + len(self.front.unknowns)
+        for i, j in code.left:
+            entries.setdefault(_slot(self.beside[i], self.beside[j]), []).append(value)
+            value += 1
+        for i in code.moved:
+            rights[self.beside[i]].append(value)
+            value += 1
+
+
+def _slot(i: int, j: int) -> tuple[int, int]:
+    return (i, j) if i <= j else (j, i)
+
+
+def _code(key: Any, typical: Array) -> _Code | None:
+    """Write down and compile the code of a kind of front; None: it would be too long."""
+    size, count, square, across, sides = key
+    first = sum(map(sum, (square, across, sides)))
+    operations: list[Operation] = []
+
+    def made(kind: str, a: int, b: int = -1, c: int = -1) -> int:
+        operations.append((kind, a, b, c))
+        return first + len(operations) - 1
+
+    read = 0
+
+    def entry(number: int) -> int:
+        """Add up the arguments of an entry; -1: it is zero."""
+        nonlocal read
+        value = read if number else -1
+        for k in range(read + 1, read + number):
+            value = made("sum", value, k)
+        read += number
+        return value
+
+    pairs = [(a, b) for a in range(size) for b in range(a, size)]
+    own = {p: x for p, number in zip(pairs, square, strict=True) if (x := entry(number)) >= 0}
+    coupling = np.array([entry(number) for number in across], dtype=np.int64).reshape(size, count)
+    right = np.array([entry(number) for number in sides], dtype=np.int64)
+    own |= {(b, a): x for (a, b), x in own.items()}
+    places = sorted(own)
+    rows, columns = (np.array(x, dtype=np.int64) for x in zip(*places, strict=True))
+    values = np.array([own[p] for p in places], dtype=np.int64)
+    order = plan(rows, columns, typical)
+    known = first + len(operations)
+    more, found = eliminated(order, rows, columns, values, np.vstack([coupling.T, right]), known, size)
+    operations += more
+    solved = np.array(found).reshape(count + 1, size)  # A^-1 B, transposed, and A^-1 b
+    zeros = {known + k for k, (kind, *_) in enumerate(more) if kind == "zero"}
+
+    def product(i: int, side: int) -> int:
+        total = -1
+        for k in range(size):
+            if coupling[k, i] >= 0 and int(solved[side, k]) not in zeros:
+                total = made("difference", total, int(coupling[k, i]), int(solved[side, k]))
+        return total
+
+    beside = tuple((j, k) for j in range(count) for k in range(size) if int(solved[j, k]) not in zeros)
+    left = {(i, j): x for i in range(count) for j in range(i, count) if (x := product(i, j)) >= 0}
+    moved = {i: x for i in range(count) if (x := product(i, count)) >= 0}
+    writes = [int(solved[p]) for p in beside] + solved[count].tolist() + [*left.values(), *moved.values()]
+    # back: entries of A^-1 B, A^-1 b, then the unknowns of the neighbours
+    back: list[Operation] = []
+    begin = len(beside) + size + count
+    results = [len(beside) + k for k in range(size)]
+    for place, (j, k) in enumerate(beside):
+        back.append(("difference", results[k], place, len(beside) + size + j))
+        results[k] = begin + len(back) - 1
+    if not worth_while(operations):
+        return None
+    name = ("front", key, order.steps)
+    forward, backward = cached(
+        name, lambda: (stage_kernel(operations, first, writes), stage_kernel(back, begin, results))
+    )
+    return _Code(forward, backward, beside, tuple(left), tuple(moved), len(operations) + len(back))

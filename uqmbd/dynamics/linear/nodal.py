@@ -1,0 +1,254 @@
+"""The index-1 systems at the nodes of a projection, with right-hand sides of any kind: compiled, or factorised."""
+
+from __future__ import annotations
+
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uqmbd.dynamics.equations.model import Model
+from uqmbd.dynamics.linear.accelerations import DENSE_LIMIT, System
+from uqmbd.dynamics.linear.sparse import Factors
+from uqmbd.dynamics.linear.straight_line import StraightLine, defect_kernel, straight_line
+
+__all__ = [
+    "CompiledSystems",
+    "FrontalSystems",
+    "LapackSystems",
+    "NodalSystems",
+    "SparseSystems",
+    "nodal_systems",
+    "right_sides",
+]
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+
+class NodalSystems(Protocol):
+    """Systems ``A_k x = b_k`` of K nodes.
+
+    Attributes
+    ----------
+    compiled : bool
+        Whether they are cheap enough for every stage of an explicit step.
+    """
+
+    compiled: bool
+
+    def place(self, values: Array) -> None:
+        """Take the results of the ``acceleration`` evaluator at the nodes (K, result): all else is about them."""
+
+    def motion(self) -> Array:
+        """Accelerations and multipliers at the nodes, shape (K, size)."""
+
+    def solve(self, right: Array) -> Array:
+        """Solve for any right-hand sides (K, size)."""
+
+    def apply(self, x: Array) -> Array:
+        """``-A_k x_k``, shape (K, size)."""
+
+    def defect(self, x: Array) -> Array:
+        """``b_k - A_k x_k`` of the equations of motion, shape (K, size)."""
+
+    def excess(self, drift: Array) -> Array:
+        """Find what is too much of coordinates and velocities at the nodes, shape (K, 2 coordinate)."""
+
+
+def nodal_systems(model: Model, count: int) -> NodalSystems:
+    """Make the systems of `count` nodes: compiled where that is not too long."""
+    system: System = model.system
+    if system.fronts is not None:
+        return FrontalSystems(model)
+    if system.elimination is not None and isinstance(system.solve, StraightLine) and system.project is not None:
+        given, size = system.solve.given, system.size
+        rights = given + np.arange(size)[None, :]
+        code = straight_line(system.elimination, system.rows, system.columns, system.source, rights, given + size, size)
+        if code is not None:
+            return CompiledSystems(system, code, count)
+    return SparseSystems(model) if system.size > DENSE_LIMIT else LapackSystems(model)
+
+
+def right_sides(model: Model, drift: Array) -> tuple[Array, Array]:
+    """Right-hand sides (K, size) of the projections of coordinates and velocities, from the ``drift`` evaluator."""
+    n, kept = model.layout.coordinates, model.layout.kept
+    number = np.full(model.layout.constraints, -1)
+    number[kept] = np.arange(len(kept))
+    results = []
+    for letter in ("phi", "psi"):
+        right = np.zeros((len(drift), n + len(kept)))
+        found = model.evaluators["drift"].index.get(letter)
+        if found is not None:
+            columns, (rows,) = found
+            used = number[rows] >= 0
+            right[:, n + number[rows[used]]] = drift[:, columns[used]]
+        results.append(right)
+    return results[0], results[1]
+
+
+class CompiledSystems:
+    """Straight-line code for the model's own order of elimination."""
+
+    compiled = True
+
+    def __init__(self, system: System, code: Any, count: int) -> None:
+        assert system.solve is not None and system.project is not None
+        self.system, self.given, self.code = system, system.solve.given, code
+        entries = (system.rows, system.columns, system.source)
+        self.product = defect_kernel(*entries, np.full(system.size, -1), self.given)
+        self.difference = defect_kernel(*entries, system.motion, self.given)
+        self.both = np.empty((count, self.given + system.size))
+        self.values = self.both[:, : self.given]
+
+    def place(self, values: Array) -> None:
+        """See `NodalSystems`."""
+        self.values = values
+        self.both[:, : self.given] = values
+
+    def motion(self) -> Array:
+        """See `NodalSystems`."""
+        assert self.system.solve is not None
+        return self.system.solve(self.values)
+
+    def solve(self, right: Array) -> Array:
+        """See `NodalSystems`."""
+        self.both[:, self.given :] = right
+        found: Array = self.code(self.both)
+        return found
+
+    def apply(self, x: Array) -> Array:
+        """See `NodalSystems`."""
+        self.both[:, self.given :] = x
+        return self.product.fast(self.both)
+
+    def defect(self, x: Array) -> Array:
+        """See `NodalSystems`."""
+        self.both[:, self.given :] = x
+        return self.difference.fast(self.both)
+
+    def excess(self, drift: Array) -> Array:
+        """See `NodalSystems`."""
+        assert self.system.project is not None
+        return self.system.project(np.concatenate([self.values, drift], axis=1))
+
+
+class SparseSystems:
+    """Sparse factorisations, for large mechanisms whose elimination cannot be compiled."""
+
+    compiled = False
+
+    def __init__(self, model: Model) -> None:
+        self.model, self.system = model, model.system
+        self.values = np.zeros((0, 0))
+        self.factors = Factors((), np.zeros((0, 0)))
+        self.sides = _motion(model)
+
+    def place(self, values: Array) -> None:
+        """See `NodalSystems`."""
+        self.values = values
+        self.factors = self.system.pattern.factorise(values)
+
+    def motion(self) -> Array:
+        """See `NodalSystems`."""
+        return self.solve(self._right())
+
+    def solve(self, right: Array) -> Array:
+        """See `NodalSystems`."""
+        return self.factors.solve(right)
+
+    def apply(self, x: Array) -> Array:
+        """See `NodalSystems`."""
+        return -np.asarray(self.system.pattern.product(self.values, x))
+
+    def defect(self, x: Array) -> Array:
+        """See `NodalSystems`."""
+        return self._right() + self.apply(x)
+
+    def excess(self, drift: Array) -> Array:
+        """See `NodalSystems`."""
+        n = self.model.layout.coordinates
+        return np.concatenate([self.solve(side)[:, :n] for side in right_sides(self.model, drift)], axis=1)
+
+    def _right(self) -> Array:
+        return np.where(self.sides < 0, 0.0, self.values[:, self.sides])
+
+
+class FrontalSystems(SparseSystems):
+    """The model's own elimination by blocks."""
+
+    compiled = True
+
+    def place(self, values: Array) -> None:
+        """See `NodalSystems`."""
+        self.values = values
+
+    def solve(self, right: Array) -> Array:
+        """See `NodalSystems`."""
+        found: Array = self.system.fronts.solve(self.values, right)
+        return found
+
+
+def _motion(model: Model) -> Index:
+    """Which result of the ``acceleration`` evaluator each entry of the right-hand side is; -1: zero."""
+    layout = model.layout
+    sides = np.full(layout.coordinates + len(layout.kept), -1, dtype=np.int64)
+    number = np.full(layout.constraints, -1, dtype=np.int64)
+    number[layout.kept] = layout.coordinates + np.arange(len(layout.kept))
+    index = model.evaluators["acceleration"].index
+    for letter, place in (("force", np.arange(layout.coordinates)), ("gamma", number)):
+        if letter in index:
+            columns, (rows,) = index[letter]
+            used = place[rows] >= 0
+            sides[place[rows[used]]] = columns[used]
+    return sides
+
+
+class LapackSystems:
+    """Dense inverses: for mechanisms whose elimination is too long to compile, at the starts of an integration."""
+
+    compiled = False
+
+    def __init__(self, model: Model) -> None:
+        self.model, self.system = model, model.system
+        self.matrix = self.inverse = np.zeros((0, 0, 0))
+        self.right = np.zeros((0, 0))
+
+    def place(self, values: Array) -> None:
+        """See `NodalSystems`."""
+        system = self.system
+        self.matrix = np.zeros((len(values), system.size, system.size))
+        self.matrix[:, system.rows, system.columns] = values[:, system.source]
+        # rows of light bodies are scaled up: the pivots see comparable numbers
+        scale = np.abs(self.matrix).max(axis=2)
+        scale = np.where(scale > 0, scale, 1.0)
+        try:
+            self.inverse = np.linalg.inv(self.matrix / scale[:, :, None]) / scale[:, None, :]
+        except np.linalg.LinAlgError:
+            self.inverse = np.full_like(self.matrix, np.nan)
+        sides = _motion(self.model)
+        self.right = np.where(sides < 0, 0.0, values[:, sides])
+
+    def motion(self) -> Array:
+        """See `NodalSystems`."""
+        return self.solve(self.right)
+
+    def solve(self, right: Array) -> Array:
+        """See `NodalSystems`."""
+        found = np.matmul(self.inverse, right[:, :, None])
+        # refined once: an inverse loses digits that a factorisation keeps
+        found += np.matmul(self.inverse, right[:, :, None] - np.matmul(self.matrix, found))
+        return np.asarray(found[:, :, 0])
+
+    def apply(self, x: Array) -> Array:
+        """See `NodalSystems`."""
+        return np.asarray(-np.matmul(self.matrix, x[:, :, None])[:, :, 0])
+
+    def defect(self, x: Array) -> Array:
+        """See `NodalSystems`."""
+        return self.right + self.apply(x)
+
+    def excess(self, drift: Array) -> Array:
+        """See `NodalSystems`."""
+        n = self.model.layout.coordinates
+        return np.concatenate([self.solve(side)[:, :n] for side in right_sides(self.model, drift)], axis=1)

@@ -1,0 +1,1 @@
+"""Galerkin projection of an ensemble: its equations and their integration."""

@@ -1,0 +1,290 @@
+"""The projected ensemble: realisations at the nodes of a quadrature, coupled through a basis (Galerkin).
+
+Coordinates, velocities and multipliers are expanded in polynomials that are orthonormal for the distribution of the
+inputs, ``y(xi) = sum_j Y_j psi_j(xi)``.  With nodes ``xi_k``, weights ``w_k`` and ``Psi_kj = psi_j(xi_k)`` the
+equations of the coefficients are those of the ensemble, projected::
+
+    R(Y, Y', t) = Psi^T W r(Psi Y, Psi Y', t; xi)
+
+They are the Euler-Lagrange equations of the averaged Lagrangian with averaged virtual work (Variational Work).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+import scipy.linalg
+from numpy.typing import NDArray
+
+from uqmbd.dynamics.ensemble import Ensemble
+from uqmbd.dynamics.integration.prescribed import instant
+from uqmbd.dynamics.integration.restarts import speed_jumps
+from uqmbd.dynamics.linear.accelerations import dense, state_arguments
+from uqmbd.dynamics.projection.coupled import Coupled
+from uqmbd.errors import AssemblyError
+
+if TYPE_CHECKING:
+    from uqmbd.dynamics.projection.integrate import ProjectedTrajectories
+
+__all__ = ["ProjectedEnsemble", "ProjectedStart"]
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+ORTHONORMAL = 1e-9
+"""Error of products of the basis, under the rule, that counts as rounding."""
+
+CLOSED = 1e-8
+"""What may be left of a projected constraint at the start, over the size of the coordinates."""
+
+CORRECTIONS = 12
+"""Most Newton steps that put projected initial states on the projected constraints."""
+
+
+@dataclass(frozen=True)
+class ProjectedStart:
+    """Consistent initial coefficients.
+
+    Attributes
+    ----------
+    state : array, shape (P, 2 coordinate + state)
+        Of coordinates, auxiliary states and velocities.
+    accelerations : array, shape (P, coordinate)
+        Their coefficients.
+    multipliers : array, shape (P, kept)
+        Of the kept equations.
+    corrections : int
+        Newton steps that the projected constraints needed.
+    """
+
+    state: Array
+    accelerations: Array
+    multipliers: Array
+    corrections: int
+
+
+class ProjectedEnsemble:
+    """Realisations at quadrature nodes, seen through a basis.
+
+    Parameters
+    ----------
+    ensemble : Ensemble
+        K realisations, at the nodes.
+    psi : array, shape (K, P)
+        Values of the basis at the nodes.
+    weights : array, shape (K,)
+        Of the nodes, all positive; they sum to 1.
+
+    Raises
+    ------
+    uqmbd.AssemblyError
+        If a node cannot be assembled: the expansion would be one of something that does not exist.
+    """
+
+    def __init__(self, ensemble: Ensemble, psi: Array, weights: Array) -> None:
+        self.ensemble, self.model = ensemble, ensemble.model
+        self.psi = np.ascontiguousarray(psi, dtype=float)
+        self.weights = np.asarray(weights, dtype=float)
+        self.adjoint = np.ascontiguousarray((self.psi * self.weights[:, None]).T)
+        """``Psi^T W``, shape (P, K): values at the nodes -> coefficients.  For a rule in which the basis is not
+        orthonormal (samples) the least squares of the rule: ``(Psi^T W Psi)^-1 Psi^T W``."""
+        gram = self.adjoint @ self.psi
+        if np.abs(gram - np.eye(len(gram))).max() > ORTHONORMAL:
+            self.adjoint = np.ascontiguousarray(np.linalg.solve(gram, self.adjoint))
+        wrong = [k for k, ok in enumerate(ensemble.start.ok) if not ok]
+        if wrong:
+            values = ", ".join(
+                f"{name} = {x:.6g}" for name, x in zip(self.model.inputs, ensemble.values[wrong[0]], strict=True)
+            )
+            raise AssemblyError(
+                f"{len(wrong)} of {len(ensemble)} nodes cannot be assembled, the first at {values}: "
+                f"{ensemble.start.messages[wrong[0]]}"
+            )
+
+    @property
+    def terms(self) -> int:
+        """Number of polynomials, P."""
+        return int(self.psi.shape[1])
+
+    @property
+    def unknowns(self) -> int:
+        """Number of unknown coefficients of the stabilised index-2 form."""
+        return self.terms * self.model.layout.unknowns
+
+    @property
+    def collocates(self) -> bool:
+        """Whether there are as many terms as nodes, so that nothing is truncated."""
+        return bool(self.psi.shape[0] == self.psi.shape[1])
+
+    def residual(self, time: float, coefficients: Array, rates: Array) -> Array:
+        """Projected residual ``Psi^T W r(Psi Y, Psi Y')``, shape (P, n)."""
+        found = self.ensemble.residual(time, self.psi @ coefficients, self.psi @ rates)
+        result: Array = self.adjoint @ found
+        return result
+
+    def nodal_jacobian(self, time: float, coefficients: Array, rates: Array, c: float) -> Array:
+        """Jacobian values at the nodes on the model's pattern, shape (K, nnz)."""
+        return self.ensemble.jacobian(time, self.psi @ coefficients, self.psi @ rates, c)
+
+    @cached_property
+    def products(self) -> Array:
+        """``w_k psi_i(xi_k) psi_j(xi_k)``, shape (P P, K)."""
+        count = len(self.weights)
+        found: Array = np.einsum("ik,kj->ijk", self.adjoint, self.psi).reshape(-1, count)
+        return np.ascontiguousarray(found)
+
+    def jacobian_blocks(self, time: float, coefficients: Array, rates: Array, c: float) -> Array:
+        """Values of all blocks ``J_ij = sum_k w_k psi_i psi_j J_k``, shape (P, P, nnz)."""
+        found = self.products @ self.nodal_jacobian(time, coefficients, rates, c)
+        return found.reshape(self.terms, self.terms, -1)
+
+    def jacobian(self, time: float, coefficients: Array, rates: Array, c: float) -> Array:
+        """Dense Jacobian ``dR/dY + c dR/dY'`` of the flattened coefficients, shape (P n, P n)."""
+        rows, pointers = self.model.pattern
+        n = self.model.layout.unknowns
+        columns = np.repeat(np.arange(n), np.diff(pointers))
+        dense = np.zeros((self.terms, n, self.terms, n))
+        blocks = self.jacobian_blocks(time, coefficients, rates, c)
+        dense[:, rows, :, columns] = blocks.transpose(2, 0, 1)
+        return dense.reshape(self.unknowns, self.unknowns)
+
+    def split(self, state: Array) -> tuple[Array, Array, Array]:
+        """Coordinates, auxiliary states and velocities of states (..., width)."""
+        n, k = self.model.layout.coordinates, self.model.layout.states
+        return state[..., :n], state[..., n : n + k], state[..., n + k :]
+
+    @cached_property
+    def coupled(self) -> Coupled:
+        """The projected index-1 system."""
+        return Coupled(self.model, self.psi, self.adjoint)
+
+    @cached_property
+    def start(self) -> ProjectedStart:
+        """Consistent initial coefficients: nodes assembled, projected, and put on the projected constraints."""
+        nodal, time = self.ensemble.start, self.model.time
+        state = self.adjoint @ np.concatenate([nodal.q, nodal.s, nodal.v], axis=1)
+        n, velocities = self.model.layout.coordinates, self.model.layout.coordinates + self.model.layout.states
+        size = max(1e-3, float(np.abs(nodal.q).max(initial=0.0)))
+        corrections, left = 0, np.inf
+        # coordinates until they are right, then velocities, whose equations are linear
+        for corrections in range(CORRECTIONS + 1):
+            q, _ = self._excess(state, time)
+            before, left = left, float(np.abs(q).max(initial=0.0))
+            # rounding stays where it is
+            done = left <= 1e-14 * size or (left <= 1e-11 * size and left > 0.1 * before)
+            if done or corrections == CORRECTIONS or not np.isfinite(left):
+                break
+            state[:, :n] -= q
+        for _ in range(2):
+            state[:, velocities:] -= self._excess(state, time)[1]
+        values = self._values(state, time)
+        found = self.coupled.solve(values, tolerance=1e-12)
+        if not (left <= CLOSED * size and np.isfinite(found).all() and np.isfinite(state).all()):
+            raise AssemblyError(
+                f"mechanism {self.model.name!r}: the projected equations have no consistent start, though every node "
+                "has one: they are singular, or the truncated expansion is too coarse. Raise the order, or use "
+                "collocation."
+            )
+        return ProjectedStart(state, found[:, :n], found[:, n:], corrections)
+
+    def accelerations(self, state: Array, time: float) -> tuple[Array, Array, Array]:
+        """Coefficients of accelerations, multipliers of the kept equations and rates of the auxiliary states."""
+        values = self._values(state, time)
+        found = self.coupled.solve(np.ascontiguousarray(values), tolerance=1e-10)
+        n = self.model.layout.coordinates
+        rates = np.zeros((self.terms, self.model.layout.states))
+        entry = self.model.evaluators["acceleration"].index.get("s")
+        if entry is not None:
+            columns, (where,) = entry
+            rates[:, where] = self.adjoint @ values[:, columns]
+        return found[:, :n], found[:, n:], rates
+
+    def impulse(self, state: Array, time: float, rtol: float) -> Array:
+        """Change of the coefficients of velocities (P, coordinate) where speeds that are prescribed at nodes jump.
+
+        Parameters
+        ----------
+        state : array, shape (P, width)
+            Right before.
+        time : float
+            s.
+        rtol : float
+            Relative tolerance of the integration.
+        """
+        nodal = self.psi @ state
+        jump = speed_jumps(self.model, nodal, time, self.ensemble.block, rtol)[0]
+        if not np.any(jump):
+            return np.zeros((self.terms, self.model.layout.coordinates))
+        return -self._excess(state, time + instant(time))[1]
+
+    def _values(self, state: Array, time: float) -> Array:
+        q, s, v = self.split(self.psi @ state)
+        return self.model.evaluators["acceleration"](state_arguments(q, s, v, time), self.ensemble.block)
+
+    def _excess(self, state: Array, time: float) -> tuple[Array, Array]:
+        q, s, v = self.split(self.psi @ state)
+        drift = self.model.evaluators["drift"](state_arguments(q, s, v, time), self.ensemble.block)
+        return self.coupled.excess(self._values(state, time), drift, tolerance=1e-10)
+
+    def constraints(self, times: Array, nodal: Array) -> Array:
+        """Root of the expectation of the squared constraints, summed, of nodal states (K, T, width); shape (T,)."""
+        count, number, _ = nodal.shape
+        q, s, v = self.split(nodal.reshape(count * number, -1))
+        arguments = state_arguments(q, s, v, np.tile(times, count))
+        evaluator = self.model.evaluators["drift"]
+        found = evaluator(arguments, np.repeat(self.ensemble.block, number, axis=0)).reshape(count, number, -1)
+        entry = evaluator.index.get("phi")
+        phi = found[:, :, entry[0]] if entry is not None else found[:, :, :0]
+        squares: Array = np.sqrt(np.einsum("k,ktm->t", self.weights, phi**2))
+        return squares
+
+    def smallest_singular_values(self, time: float, state: Array) -> tuple[float, float]:
+        """Smallest singular value of the projected constraint Jacobian, and the smallest of those at the nodes.
+
+        Rows are those of the kept equations; without constraints both are infinite.
+
+        Parameters
+        ----------
+        time : float
+            s.
+        state : array, shape (P, width)
+            Coefficients.
+        """
+        q, s, v = self.split(self.psi @ state)
+        d = dense(self.model, "acceleration", state_arguments(q, s, v, time), self.ensemble.block)["d"]
+        d = d[:, self.model.layout.kept]
+        if not d.shape[1]:
+            return np.inf, np.inf
+        blocks = (self.products @ d.reshape(len(d), -1)).reshape(self.terms, self.terms, *d.shape[1:])
+        whole = blocks.transpose(0, 2, 1, 3).reshape(self.terms * d.shape[1], -1)
+        # the least eigenvalue of the product with its transpose: the precision of a root is enough to see a singularity
+        least = scipy.linalg.eigh(whole @ whole.T, eigvals_only=True, subset_by_index=[0, 0])[0]
+        nodal = np.linalg.svd(d, compute_uv=False)[:, -1]
+        return float(np.sqrt(max(least, 0.0))), float(nodal.min())
+
+    def integrate(
+        self,
+        times: Array,
+        rtol: float = 1e-6,
+        integrator: str = "auto",
+        linear_solver: str = "auto",
+        watch: Callable[[Array], bool] | None = None,
+    ) -> ProjectedTrajectories:
+        """Integrate the coefficients; see `uqmbd.dynamics.projection.integrate.integrate_projected`."""
+        from uqmbd.dynamics.projection.integrate import integrate_projected
+
+        return integrate_projected(self, np.asarray(times, dtype=float), rtol, integrator, linear_solver, watch)
+
+    def nodal(self, coefficients: Array) -> Array:
+        """Values at the nodes of coefficients (P, ...), shape (K, ...)."""
+        found = self.psi @ coefficients.reshape(self.terms, -1)
+        return found.reshape(len(self.weights), *coefficients.shape[1:])
+
+    def project(self, values: Array) -> Array:
+        """Coefficients of values at the nodes (K, ...), shape (P, ...)."""
+        found = self.adjoint @ values.reshape(len(self.weights), -1)
+        return found.reshape(self.terms, *values.shape[1:])

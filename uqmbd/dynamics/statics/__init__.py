@@ -1,0 +1,1 @@
+"""Static equilibria, modes about them, and outputs without a time."""

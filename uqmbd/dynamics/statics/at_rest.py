@@ -1,0 +1,222 @@
+"""The equations of motion at rest, and their exact derivatives: what statics and linearisation are made of.
+
+At rest, at one time, the equations of the unknown coordinates ``q``, the auxiliary states ``s`` and the multipliers
+``lambda`` of the stabilised index-2 form are::
+
+    0 = -Q(q, s) + D(q, s)^T lambda        s' = g(q, s)        0 = Phi(q, s)
+
+Coordinates that a constraint holds for good (``Layout.frozen``) are no unknowns here either.
+
+An auxiliary state is carried along when the pose changes: ``ds = T dq`` with ``T = dg/dv``, its rate per velocity.  A
+state whose rate depends on the state itself (that relaxes) has an equilibrium of its own instead, ``g(q, s) = 0``, and
+``T`` follows from that.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uqmbd.dynamics.ensemble import Ensemble
+from uqmbd.dynamics.linear.accelerations import RANK_TOLERANCE, dense, state_arguments
+
+__all__ = ["Forces", "Rest", "apply", "tangents"]
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+Mask = NDArray[np.bool_]
+
+
+def apply(matrices: Array, vectors: Array) -> Array:
+    """Multiply each matrix (K, m, n) with its vector (K, n)."""
+    product: Array = (matrices @ vectors[:, :, None])[:, :, 0]
+    return product
+
+
+def tangents(gradient: Array) -> Array:
+    """Orthonormal bases of the directions in which constraints let coordinates move.
+
+    Parameters
+    ----------
+    gradient : array, shape (K, m, n)
+        ``D``, of full rank.
+
+    Returns
+    -------
+    array, shape (K, n, n - m)
+    """
+    count, m, n = gradient.shape
+    if not m:
+        return np.tile(np.eye(n), (count, 1, 1))
+    basis = np.linalg.qr(gradient.transpose(0, 2, 1), mode="complete")[0]
+    return np.asarray(basis[:, :, m:], dtype=float)
+
+
+@dataclass(frozen=True)
+class Forces:
+    """Forces, constraints and the way auxiliary states go, of K states at rest.
+
+    Attributes
+    ----------
+    force : array, shape (K, n)
+        Applied generalised forces ``Q`` on the unknown coordinates.
+    phi : array, shape (K, m)
+        Constraints.
+    rates : array, shape (K, k)
+        Of the auxiliary states.
+    gradient : array, shape (K, m, n)
+        ``D``.
+    carry : array, shape (K, k, n)
+        ``T``: change of the auxiliary states with the coordinates.
+    settle : array, shape (K, k)
+        Change of the auxiliary states that relax, to their equilibrium.
+    """
+
+    force: Array
+    phi: Array
+    rates: Array
+    gradient: Array
+    carry: Array
+    settle: Array
+
+    def select(self, members: Index) -> Forces:
+        """Take some of the states."""
+        return Forces(**{name: value[members] for name, value in vars(self).items()})
+
+    def multipliers(self) -> Array:
+        """Multipliers that balance the forces as well as constraints can, in the least-squares sense."""
+        return _normal(self.gradient, apply(self.gradient, self.force))
+
+    def within(self, direction: Array) -> Array:
+        """Part of directions (K, n) along which the constraints stay closed."""
+        back = _normal(self.gradient, apply(self.gradient, direction))
+        return direction - apply(self.gradient.transpose(0, 2, 1), back)
+
+    def closing(self) -> Array:
+        """Smallest change of the coordinates that closes the constraints, to first order."""
+        return -apply(self.gradient.transpose(0, 2, 1), _normal(self.gradient, self.phi))
+
+
+def _normal(gradient: Array, right: Array) -> Array:
+    """Solve ``D D^T x = right``."""
+    if not gradient.shape[1]:
+        return np.zeros_like(right)
+    gram = gradient @ gradient.transpose(0, 2, 1)
+    try:
+        x = np.linalg.solve(gram, right[:, :, None])[:, :, 0]
+        if np.isfinite(x).all():
+            return np.asarray(x, dtype=float)
+    except np.linalg.LinAlgError:
+        pass
+    return apply(np.linalg.pinv(np.nan_to_num(gram), rcond=RANK_TOLERANCE**2, hermitian=True), right)
+
+
+class Rest:
+    """Realisations at rest.
+
+    Parameters
+    ----------
+    ensemble : Ensemble
+        With an assembled start, which gives the frozen coordinates.
+    """
+
+    def __init__(self, ensemble: Ensemble) -> None:
+        self.model, self.parameters = ensemble.model, ensemble.block
+        layout = self.model.layout
+        self.frozen, self.time = ensemble.frozen, self.model.time
+        self.n, self.states, self.m = len(layout.free), layout.states, layout.multipliers
+        rows, pointers = self.model.pattern
+        columns = np.repeat(np.arange(layout.unknowns), np.diff(pointers))
+        self._entries: dict[str, tuple[Index, Index, Index]] = {}
+        for name in ("vq", "vs", "vv", "vl", "sq", "ss", "sv"):
+            i, k = layout.slices[name[0]], layout.slices[name[1]]
+            inside = (rows >= i.start) & (rows < i.stop) & (columns >= k.start) & (columns < k.stop)
+            which = np.flatnonzero(inside)
+            self._entries[name] = which, rows[which] - i.start, columns[which] - k.start
+        self.relaxing = np.zeros((len(ensemble), self.states), dtype=bool)
+        if self.states:
+            every = np.arange(len(ensemble))
+            own = self.derivatives(every, self.coordinates(ensemble.start.q), ensemble.start.s)["ss"]
+            self.relaxing = np.diagonal(own, axis1=1, axis2=2) != 0
+
+    def coordinates(self, q: Array) -> Array:
+        """Take the unknown coordinates from all of them, shape (K, n)."""
+        return q[:, self.model.layout.free]
+
+    def whole(self, members: Index, q: Array) -> Array:
+        """All coordinates, with the frozen ones."""
+        layout = self.model.layout
+        result = np.zeros((len(q), layout.coordinates))
+        result[:, layout.free], result[:, layout.frozen] = q, self.frozen[members]
+        return result
+
+    def forces(self, members: Index, q: Array, s: Array) -> Forces:
+        """Evaluate forces and constraints at rest.
+
+        Parameters
+        ----------
+        members : array of int, shape (K,)
+            Which realisations.
+        q, s : array, shape (K, n) and (K, k)
+            Unknown coordinates, and auxiliary states.
+        """
+        layout = self.model.layout
+        where = layout.slices
+        residual = self.model.evaluators["residual"](self._arguments(members, q, s, None, ()), self.parameters[members])
+        full = np.zeros((len(q), layout.unknowns))
+        columns = [x[1] for x in self.model.evaluators["residual"].targets]
+        full[:, columns] = residual
+        found = self.derivatives(members, q, s)
+        carry, settle = np.zeros((len(q), self.states, self.n)), np.zeros((len(q), self.states))
+        rates = -full[:, where["s"]]
+        if self.states:
+            relaxing = self.relaxing[members]
+            matrix = np.where(relaxing[:, :, None], found["ss"], np.eye(self.states))
+            right = np.where(relaxing[:, :, None], -found["sq"], -found["sv"])
+            settled = np.where(relaxing, rates, 0.0)[:, :, None]
+            solved = np.linalg.solve(matrix, np.concatenate([right, settled], axis=2))
+            carry, settle = solved[:, :, : self.n], solved[:, :, self.n]
+        gradient = np.ascontiguousarray(found["vl"].transpose(0, 2, 1))
+        return Forces(-full[:, where["v"]], full[:, where["l"]], rates, gradient, carry, settle)
+
+    def derivatives(
+        self, members: Index, q: Array, s: Array, multipliers: Array | None = None, c: float = 0.0
+    ) -> dict[str, Array]:
+        """Blocks of the Jacobian of the residual at rest, ``dr/dy + c dr/dy'``, by row and column.
+
+        ``vq``, ``vs``, ``vv``, ``vl``, ``sq``, ``ss`` and ``sv``, each of shape (K, rows, columns).
+        """
+        arguments = self._arguments(members, q, s, multipliers, (c,))
+        values = self.model.evaluators["jacobian"](arguments, self.parameters[members])
+        sizes = {"q": self.n, "v": self.n, "s": self.states, "l": self.m}
+        result = {}
+        for name, (which, rows, columns) in self._entries.items():
+            block = np.zeros((len(q), sizes[name[0]], sizes[name[1]]))
+            block[:, rows, columns] = values[:, which]
+            result[name] = block
+        return result
+
+    def recomputed(self, members: Index, q: Array) -> Array:
+        """Auxiliary states as they would start at a pose."""
+        full = self.whole(members, q)
+        arguments = state_arguments(full, np.zeros((len(q), self.states)), np.zeros_like(full), self.time)
+        return dense(self.model, "initial", arguments, self.parameters[members])["s"]
+
+    def _arguments(
+        self, members: Index, q: Array, s: Array, multipliers: Array | None, extra: tuple[float, ...]
+    ) -> Array:
+        layout = self.model.layout
+        y = np.zeros((len(q), layout.unknowns))
+        where = layout.slices
+        y[:, where["q"]], y[:, where["s"]] = q, s
+        if multipliers is not None:
+            y[:, where["l"]] = multipliers
+        n, d = layout.unknowns, layout.differential
+        width = n + d + 2 + len(extra)
+        arguments = np.zeros((len(q), width + self.frozen.shape[1]))
+        arguments[:, :n], arguments[:, n + d] = y, self.time
+        arguments[:, n + d + 1 : n + d + 1 + len(extra)] = extra
+        arguments[:, width:] = self.frozen[members]
+        return arguments

@@ -1,0 +1,161 @@
+"""Eigenfrequencies and damping of a constrained mechanism, linearised about a pose at rest.
+
+Small motions within the constraints are ``dq = N x`` with a basis ``N`` of the null space of ``D``, so that neither
+multipliers nor the length of a quaternion give modes of their own::
+
+    M x'' + C x' + K x + F s = 0        s' = A x + B x' + E s
+
+with ``M``, ``C`` and ``K`` projected by ``N``; ``K`` contains ``(D^T lambda)_q``, the stiffness that constraint forces
+give.  Everything comes from the exact Jacobian of the stabilised index-2 form.  Auxiliary states that only follow the
+bodies (angles that are counted) are eliminated and add to ``K``; only states with dynamics of their own stay as ``s``.
+
+Time is frozen at the initial time: drivers hold still.  About a pose that is no equilibrium the forces that are not
+balanced are taken to be balanced by constant forces.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg
+from numpy.typing import NDArray
+
+from uqmbd.dynamics.ensemble import Ensemble
+from uqmbd.dynamics.statics.at_rest import Rest, apply, tangents
+
+__all__ = ["Modes", "linearise"]
+
+Array = NDArray[np.float64]
+
+ZERO = 1e-11
+"""Stiffness, as a part of the largest one, that is no stiffness but rounding."""
+
+
+@dataclass(frozen=True)
+class Modes:
+    """Eigenvalues of K linearised realisations.
+
+    Attributes
+    ----------
+    eigenvalues : array of complex, shape (K, mode)
+        1/s.  Of a pair of conjugates the one with positive imaginary part; sorted by absolute value; NaN behind the
+        last mode of a realisation that has fewer than others.
+    """
+
+    eigenvalues: NDArray[np.complex128]
+
+    @property
+    def frequency(self) -> Array:
+        """Natural frequencies ``|eigenvalue| / 2 pi``, Hz: of proportional damping, those without it."""
+        return np.asarray(np.abs(self.eigenvalues) / (2 * np.pi))
+
+    @property
+    def damping_ratio(self) -> Array:
+        """``-Re(eigenvalue) / |eigenvalue|``.
+
+        1 of modes that decay without oscillation, -1 of those that grow so, 0 of rigid-body modes.
+        """
+        size = np.abs(self.eigenvalues)
+        return np.asarray(0.0 - self.eigenvalues.real / np.where(size == 0, 1.0, size))
+
+
+def linearise(ensemble: Ensemble, q: Array, s: Array) -> Modes:
+    """Linearise each realisation of an ensemble about a pose at rest.
+
+    Parameters
+    ----------
+    ensemble : Ensemble
+        K realisations.
+    q, s : array, shape (K, ...)
+        All coordinates and the auxiliary states, consistent with the constraints.
+
+    Returns
+    -------
+    Modes
+        A mode for each degree of freedom; one that is damped so much that it does not oscillate gives two.  NaN where
+        a pose is not finite or a mass is not positive.
+    """
+    rest, every = Rest(ensemble), np.arange(len(ensemble))
+    if not rest.n:
+        return Modes(np.zeros((len(q), 0), dtype=complex))
+    free = rest.coordinates(q)
+    bare = rest.derivatives(every, free, s)
+    mass = rest.derivatives(every, free, s, c=1.0)["vv"] - bare["vv"]
+    force = rest.forces(every, free, s).force
+    multipliers = _multipliers(mass, bare["vl"], force)
+    found = rest.derivatives(every, free, s, multipliers)
+    basis = tangents(np.ascontiguousarray(bare["vl"].transpose(0, 2, 1)))
+    each = [
+        _eigenvalues({name: block[k] for name, block in found.items()}, mass[k], basis[k])
+        if np.isfinite(free[k]).all()
+        else np.zeros(0, dtype=complex)
+        for k in every
+    ]
+    result = np.full((len(q), max(map(len, each), default=0)), complex(np.nan, np.nan))
+    for k, values in enumerate(each):
+        result[k, : len(values)] = values
+    return Modes(result)
+
+
+def _multipliers(mass: Array, transposed: Array, force: Array) -> Array:
+    """Multipliers at rest: ``M a + D^T lambda = Q``, ``D a = 0``."""
+    count, n, m = transposed.shape
+    matrix = np.zeros((count, n + m, n + m))
+    matrix[:, :n, :n], matrix[:, :n, n:] = mass, transposed
+    matrix[:, n:, :n] = transposed.transpose(0, 2, 1)
+    right = np.zeros((count, n + m))
+    right[:, :n] = force
+    return apply(np.linalg.pinv(matrix, rcond=1e-14, hermitian=True), right)[:, n:]
+
+
+def _eigenvalues(blocks: dict[str, Array], mass: Array, basis: Array) -> NDArray[np.complex128]:
+    """Eigenvalues of one realisation, one of each pair, sorted."""
+    own = (blocks["sq"] != 0).any(axis=1) | (blocks["ss"] != 0).any(axis=1)
+    # the others follow the coordinates: ds = T dq with T = dg/dv
+    carry = np.where(own[:, None], 0.0, -blocks["sv"])
+    whole = blocks["vq"] + blocks["vs"] @ carry
+    largest = float(np.abs(whole).max(initial=0.0))
+    m, c, k = (basis.T @ x @ basis for x in (mass, blocks["vv"], whole))
+    f = basis.T @ blocks["vs"][:, own]
+    a = -(blocks["sq"][own] + blocks["ss"][np.ix_(own, ~own)] @ carry[~own]) @ basis
+    b, e = -blocks["sv"][own] @ basis, -blocks["ss"][np.ix_(own, own)]
+    try:
+        factor = np.linalg.cholesky((m + m.T) / 2)
+    except np.linalg.LinAlgError:
+        return np.zeros(0, dtype=complex)
+    unit = scipy.linalg.solve_triangular(factor, np.eye(len(m)), lower=True).T  # motions of unit mass, as columns
+    if not own.any() and not np.any(c) and np.abs(k - k.T).max(initial=0.0) <= ZERO * largest:
+        squares, modes = np.linalg.eigh(unit.T @ ((k + k.T) / 2) @ unit)
+        shape = unit @ modes
+        squares[np.abs(squares) <= ZERO * largest * np.einsum("ij,ij->j", shape, shape)] = 0.0
+        roots = np.sqrt(np.abs(squares))
+        return _sorted(np.concatenate([1j * roots[squares >= 0], roots[squares < 0], -roots[squares < 0]]))
+    n, r = len(k), int(own.sum())
+    static = np.block([[k, f], [-a, -e]])
+    first = np.block([[c, np.zeros((n, r))], [-b, np.eye(r)]])
+    zeros, twice = _zeros(static, first, ZERO * largest)
+    k, c, f, a, b = unit.T @ k @ unit, unit.T @ c @ unit, unit.T @ f, a @ unit, b @ unit
+    top = np.hstack([np.zeros((n, n)), np.eye(n), np.zeros((n, r))])
+    matrix = np.vstack([top, np.hstack([-k, -c, -f]), np.hstack([a, b, e])])
+    values = np.linalg.eigvals(matrix).astype(complex)
+    values = values[np.argsort(np.abs(values))][zeros + twice :]
+    real = np.abs(values.imag) <= 1e-9 * np.abs(values)
+    kept = np.concatenate([values[real].real.astype(complex), values[~real & (values.imag > 0)]])
+    return _sorted(np.concatenate([np.zeros(zeros, dtype=complex), kept]))
+
+
+def _zeros(static: Array, first: Array, noise: float) -> tuple[int, int]:
+    """Count modes at zero, and those of them that are double eigenvalues (bodies that move on undamped)."""
+    left, values, right = np.linalg.svd(static)
+    none = values <= max(noise, 1e-13 * float(values[:1].max(initial=0.0)))
+    if not none.any():
+        return 0, 0
+    rates = left[:, none].T @ first @ right[none].T
+    rank = int(np.sum(np.linalg.svd(rates, compute_uv=False) > 1e-10 * max(np.abs(first).max(), 1e-300)))
+    return int(none.sum()), int(none.sum()) - rank
+
+
+def _sorted(values: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    size = np.round(np.abs(values), 12)  # a growing mode behind the decaying one of the same size
+    return np.asarray(values[np.lexsort((values.real, size))], dtype=complex)

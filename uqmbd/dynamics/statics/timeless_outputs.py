@@ -1,0 +1,282 @@
+"""Outputs without a time: modes about a pose at rest, values at static equilibrium, and what an integration yields."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import sympy
+from numpy.typing import NDArray
+
+from uqmbd.dynamics.ensemble import Ensemble
+from uqmbd.dynamics.equations.block import Instance
+from uqmbd.dynamics.equations.evaluator import Placement
+from uqmbd.dynamics.equations.expressions import plain
+from uqmbd.dynamics.equations.kernels import Kernel, cached, compile_kernel
+from uqmbd.dynamics.equations.outputs import OutputMap, output_map
+from uqmbd.dynamics.statics.equilibrium import static_equilibria
+from uqmbd.dynamics.statics.modes import Modes, linearise
+from uqmbd.errors import StudyError
+from uqmbd.mechanism import AtEquilibrium, EventTime, MotionSymbol, Output, ScalarSymbol
+from uqmbd.names import did_you_mean
+from uqmbd.randomness import RandomVariable
+from uqmbd.status import Status
+
+if TYPE_CHECKING:
+    from uqmbd.dynamics.integration.trajectories import Trajectories
+
+__all__ = ["ScalarMap", "ScalarValues", "scalar_map", "scalars_of"]
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+LASTING = ("rest", "lift-off", "stick", "slip")
+"""Labels of what happens in a contact that lasts."""
+
+
+@dataclass(frozen=True)
+class ScalarValues:
+    """Outputs without a time of K realisations.
+
+    Attributes
+    ----------
+    values : array, shape (K, scalar)
+        NaN where a realisation has none.
+    status : array of int, shape (K,)
+        Of the kind `Status`; OTHER: no such value, as no equilibrium or fewer modes.
+    messages : tuple of str
+        Reasons.
+    """
+
+    values: Array
+    status: Index
+    messages: tuple[str, ...]
+
+    @classmethod
+    def joined(cls, parts: Sequence[ScalarValues]) -> ScalarValues:
+        """Join those of several chunks."""
+        return cls(
+            np.concatenate([p.values for p in parts]),
+            np.concatenate([p.status for p in parts]),
+            tuple(m for p in parts for m in p.messages),
+        )
+
+
+@dataclass(frozen=True)
+class ScalarMap:
+    """Compiled outputs without a time.
+
+    Attributes
+    ----------
+    names, units : tuple of str
+        As the user wrote them.
+    modal : tuple of (quantity, number, pose)
+        Frequencies (Hz) and damping ratios that are needed.
+    motion : tuple of str
+        What is needed of an integration, by name.
+    resting : OutputMap
+        Expressions that are evaluated at static equilibrium.
+    kernel : Kernel
+        Of ``(modal, motion, resting, inputs)``.
+    events : frozenset of str
+        Those of `motion` that are times of events.
+    """
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    modal: tuple[tuple[str, int, str], ...]
+    motion: tuple[str, ...]
+    resting: OutputMap
+    kernel: Kernel
+    events: frozenset[str] = frozenset()
+
+    @property
+    def needs_motion(self) -> bool:
+        """Whether the motion must be integrated."""
+        return bool(self.motion)
+
+    def absent(self, given: Mapping[str, Array]) -> list[str]:
+        """Return the events whose times are needed, and that the motion of one realisation has not."""
+        return [name for name in self.motion if name in self.events and not np.isfinite(given.get(name, np.nan)).all()]
+
+    def told(self, name: str) -> str:
+        """Say that a motion has not what is needed of it."""
+        if name in self.events:
+            return f"the event {name!r} does not happen until the last output time"
+        return f"its motion has no {name}"
+
+    @property
+    def needs_equilibrium(self) -> bool:
+        """Whether the static equilibrium must be found."""
+        return bool(self.resting.names) or any(pose == "equilibrium" for *_, pose in self.modal)
+
+
+def scalar_map(
+    outputs: Sequence[Output],
+    instances: list[Instance],
+    places: list[Placement],
+    order: dict[str, int],
+    inputs: Sequence[RandomVariable],
+    sizes: tuple[int, int, int],
+) -> ScalarMap | None:
+    """Compile outputs without a time; None if there are none.
+
+    Parameters
+    ----------
+    outputs : sequence of Output
+        What to compile.
+    instances, places, order, inputs, sizes
+        As of `uqmbd.dynamics.equations.outputs.output_map`.
+    """
+    if not outputs:
+        return None
+    free = sorted({s for o in outputs for s in o.expression.free_symbols if isinstance(s, ScalarSymbol)}, key=str)
+    motion = [s for s in free if isinstance(s, MotionSymbol)]
+    modal = [s for s in free if not isinstance(s, MotionSymbol)]
+    for symbol in motion:
+        if isinstance(symbol, EventTime):
+            _require_event(symbol, outputs, instances)
+    held = sorted({e for o in outputs for e in o.expression.atoms(AtEquilibrium)}, key=str)
+    inner = [Output(f"_e{k}", e.args[0], "") for k, e in enumerate(held)]
+    resting = output_map(inner, instances, places, order, inputs, sizes)
+    # whole expressions first, for their symbols are states
+    swaps: list[tuple[Any, list[Any]]] = [("_e", list(held)), ("_m", modal), ("_n", motion), ("_x", list(inputs))]
+    local = [plain(o.expression) for o in outputs]
+    for letter, old in swaps:
+        new = {e: sympy.Symbol(f"{letter}{k}", real=True) for k, e in enumerate(old)}
+        local = [e.xreplace(new) for e in local]
+
+    def make() -> Kernel:
+        import symengine as se
+
+        names = [f"{letter}{k}" for letter in ("_m", "_n", "_e", "_x") for k in range(len(dict(swaps)[letter]))]
+        return compile_kernel([se.Symbol(name) for name in names], [se.sympify(e) for e in local])
+
+    counts = [len(old) for _, old in swaps]
+    kernel = cached(("scalars", counts, sympy.srepr(sympy.Tuple(*local))), make)
+    return ScalarMap(
+        tuple(o.name for o in outputs),
+        tuple(o.units for o in outputs),
+        tuple((s.quantity, s.number, s.at) for s in modal),
+        tuple(str(s) for s in motion),
+        resting,
+        kernel,
+        frozenset(str(s) for s in motion if isinstance(s, EventTime)),
+    )
+
+
+def _require_event(symbol: EventTime, outputs: Sequence[Output], instances: Sequence[Instance]) -> None:
+    """Raise unless a component has events of that label."""
+    kinds = [e for i in instances if i.component is symbol.component for e in i.type.events]
+    lasting = LASTING if any(e.directions for e in kinds) else ()
+    known = [*dict.fromkeys(e.label for e in kinds), *lasting]
+    if symbol.label in known:
+        return
+    component = symbol.component
+    where = next((o.name for o in outputs if symbol in o.expression.free_symbols), "")
+    there = f"Its events are: {', '.join(map(repr, known))}." if known else "It has no events."
+    raise StudyError(
+        f"output {where!r}: {type(component).__name__} {component.name!r} has no event "
+        f"{symbol.label!r}{did_you_mean(symbol.label, known) or '.'} {there}"
+    )
+
+
+def scalars_of(ensemble: Ensemble, trajectories: Trajectories | None = None) -> ScalarValues:
+    """Evaluate the outputs without a time of every realisation.
+
+    Poses are those of the realisations' own start, and the static equilibria that are found from there; time is held
+    at the initial one.
+
+    Parameters
+    ----------
+    ensemble : Ensemble
+        K realisations.
+    trajectories : Trajectories, optional
+        Their motion, where the outputs need it (``model.scalars.needs_motion``).
+
+    Returns
+    -------
+    ScalarValues
+        A realisation that lacks one of the values has none of them.
+    """
+    model = ensemble.model
+    seen: ScalarMap = model.scalars
+    count = len(ensemble)
+    start = ensemble.start
+    messages = list(start.messages)
+    status = np.where(start.ok, Status.OK, Status.ASSEMBLY_FAILED)
+    columns = np.full((count, len(seen.modal) + len(seen.motion) + len(seen.resting.names)), np.nan)
+
+    def fail(members: Index, reasons: Sequence[str], kind: Status = Status.OTHER) -> None:
+        for k, reason in zip(members.tolist(), reasons, strict=True):
+            if reason and status[k] == Status.OK:
+                messages[k], status[k] = reason, kind
+
+    poses = {"start": (start.q, start.s)}
+    if seen.needs_equilibrium:
+        found = static_equilibria(ensemble)
+        fail(np.arange(count), found.messages)
+        poses["equilibrium"] = (found.q, found.s)
+    for pose in sorted({pose for *_, pose in seen.modal}):
+        good = np.flatnonzero(status == Status.OK)
+        q, s = (x[good] for x in poses[pose])
+        modes = linearise(ensemble.select(good), q, s) if len(good) else Modes(np.zeros((0, 0), dtype=complex))
+        for column, (quantity, number, at) in enumerate(seen.modal):
+            if at == pose:
+                columns[good, column], reasons = _of_mode(modes, quantity, number)
+                fail(good, reasons)
+    if seen.motion:
+        given: Mapping[str, Array] = {} if trajectories is None else trajectories.scalars
+        failed = [""] * count if trajectories is None else list(trajectories.messages)
+        fail(np.arange(count), failed, Status.INTEGRATION_FAILED)
+        for column, name in enumerate(seen.motion, start=len(seen.modal)):
+            columns[:, column] = given.get(name, np.nan)
+            missing = np.isnan(columns[:, column])
+            fail(np.arange(count), [seen.told(name) if x else "" for x in missing])
+    good = np.flatnonzero(status == Status.OK)
+    if seen.resting.names and len(good):
+        q, s = (x[good] for x in poses["equilibrium"])
+        columns[good, len(seen.modal) + len(seen.motion) :] = _at_rest(ensemble.select(good), seen.resting, q, s)
+    values = np.full((count, len(seen.names)), np.nan)
+    if len(good):
+        with np.errstate(all="ignore"):
+            arguments = np.concatenate([columns[good], ensemble.values[good]], axis=1)
+            values[good] = seen.kernel(np.ascontiguousarray(arguments))
+    wrong = ~np.isfinite(values)
+    fail(
+        good,
+        [
+            f"output {seen.names[int(np.argmax(row))]!r} is not finite ({value[np.argmax(row)]:g})" if row.any() else ""
+            for row, value in zip(wrong[good], values[good], strict=True)
+        ],
+        Status.NOT_FINITE,
+    )
+    values[status != Status.OK] = np.nan
+    return ScalarValues(values, status.astype(np.int64), tuple(messages))
+
+
+def _of_mode(modes: Modes, quantity: str, number: int) -> tuple[Array, list[str]]:
+    """Value of the mode of a number, counted among those that oscillate, shape (K,), and why there is none."""
+    swinging = modes.eigenvalues.imag > 0  # not where a realisation has fewer modes: NaN
+    chosen = swinging & (np.cumsum(swinging, axis=1) == number)
+    values = np.where(chosen.any(axis=1), np.where(chosen, getattr(modes, quantity), 0.0).sum(axis=1), np.nan)
+    known = swinging.sum(axis=1)
+    words = {"frequency": "eigenfrequency", "damping_ratio": "damping ratio"}[quantity]
+    reasons = [
+        ""
+        if n >= number
+        else f"it has no {words} {number}: {n} of its modes oscillate; rigid-body modes, and modes that decay or grow "
+        "without oscillation, have no number"
+        for n in known.tolist()
+    ]
+    return np.asarray(values), reasons
+
+
+def _at_rest(ensemble: Ensemble, resting: OutputMap, q: Array, s: Array) -> Array:
+    """Evaluate expressions in poses at rest, shape (K, expression)."""
+    model = replace(ensemble.model, outputs=resting)
+    still = Ensemble(model, ensemble.values, start=ensemble.start)
+    states = np.concatenate([q, s, np.zeros_like(q)], axis=1)
+    return still.outputs(np.array([model.time]), states[:, None, :])[:, :, 0]

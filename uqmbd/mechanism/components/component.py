@@ -1,0 +1,309 @@
+"""Components: what a joint, driver, spring or force says of itself."""
+
+from __future__ import annotations
+
+import inspect
+import traceback
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any, ClassVar
+
+import sympy
+
+from uqmbd.errors import StudyError
+from uqmbd.mechanism.components.local import RESERVED, Local
+from uqmbd.mechanism.components.parameter import Parameter
+from uqmbd.mechanism.components.reaction import PlaneReaction, ReactionSymbol
+from uqmbd.mechanism.components.terms import (
+    Auxiliary,
+    Constraint,
+    Event,
+    Impact,
+    Kinetic,
+    Potential,
+    Separation,
+    Term,
+    Upright,
+    VirtualWork,
+)
+from uqmbd.mechanism.components.world_pose import KEYWORDS, replaced
+from uqmbd.mechanism.expressions.timeless import EventTime
+from uqmbd.mechanism.expressions.user_values import flatten
+from uqmbd.mechanism.geometry.frame import Frame, NamedFrame
+from uqmbd.mechanism.geometry.quaternions import relative_quaternion
+from uqmbd.mechanism.geometry.space import Planar, Space, Spatial, Translational
+from uqmbd.names import check_name, checked, did_you_mean
+
+__all__ = [
+    "Auxiliary",
+    "Component",
+    "Constraint",
+    "Event",
+    "Impact",
+    "Kinetic",
+    "Local",
+    "Parameter",
+    "Potential",
+    "ReactionSymbol",
+    "Separation",
+    "Term",
+    "Upright",
+    "VirtualWork",
+    "flatten",
+]
+
+
+SYMBOLS = (
+    "ball", "coil", "contact", "cylinder", "damper", "driver", "force", "hinge", "line", "plane", "rod", "slide",
+    "spring", "torque", "universal", "weld",
+)  # fmt: skip
+"""How figures can draw a component."""
+
+
+class Component:
+    """Base of joints, drivers, springs and forces.
+
+    A subclass names its body arguments in `bodies` (in `grounded` those that may be left out: the ground) and the
+    spaces it makes sense in in `spaces`, declares each `Parameter` as a class attribute, and yields terms.  Everything
+    else (equations of motion, Jacobians, reactions) is derived.
+
+    Instead of `point_i` and `point_j` one point in the world may be given, ``at=``, and instead of `axis_i` and
+    `axis_j` (or the one that there is) one axis in the world, ``axis=``: as the bodies are drawn, and no random ones.
+    A component whose points or axes do not coincide leaves the keyword out of `drawn_by`.
+
+    Parameters
+    ----------
+    name : str
+        Unique in its mechanism.
+    *arguments, **keywords
+        The bodies, then the parameters in the order of their declaration, by position or by name.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If an argument is missing, unknown or given twice.
+
+    Examples
+    --------
+    A particle held on a circle about the world's origin:
+
+    >>> import uqmbd
+    >>> class Circle(uqmbd.Component):
+    ...     bodies = ("body",)
+    ...     radius = uqmbd.Parameter("m", "radius of the circle")
+    ...     def terms(self, p):
+    ...         r = p.body.position
+    ...         yield uqmbd.Constraint(r.dot(r) - p.radius**2)
+    >>> Circle.signature()
+    '(name, body, radius)'
+    """
+
+    bodies: ClassVar[tuple[str, ...]] = ("body_i", "body_j")
+    grounded: ClassVar[tuple[str, ...]] = ()
+    drawn_by: ClassVar[tuple[str, ...]] = ("at", "axis")
+    spaces: ClassVar[tuple[type[Space], ...]] = (Spatial, Planar, Translational)
+    symbol: ClassVar[str] = ""
+    """How figures draw it, one of `SYMBOLS`; empty: by the kinds of its parameters, and where it attaches."""
+    stating = False
+    """Whether it is being asked for its terms."""
+    offered = False
+    """Whether it is a part of a mechanism without anybody's call of `Mechanism.add`."""
+
+    def __init__(self, name: str | None = None, *arguments: Any, **keywords: Any) -> None:
+        kind = type(self).__name__
+        if name is None:
+            raise StudyError(f"{kind}: the name is missing. Usage: {kind}{self.signature()}.")
+        self.name = check_name(name, kind)
+        names = [*(x for x in self.bodies if x not in self.grounded), *self.parameters()]
+        where = f"{kind} {name!r}"
+        usage = f"Usage: {kind}{self.signature()}."
+        if len(arguments) > len(names):
+            raise StudyError(
+                f"{where}: {len(arguments) + 1} arguments given by position, at most {len(names) + 1} fit. {usage}"
+            )
+        given = dict(zip(names, arguments, strict=False))
+        self.world_pose = {key: keywords.pop(key) for key in KEYWORDS if key in keywords and replaced(type(self), key)}
+        for key, value in keywords.items():
+            if key not in (*names, *self.grounded):
+                known = [*names, *self.grounded, *(word for word in KEYWORDS if replaced(type(self), word))]
+                near = did_you_mean(key, known) or "."
+                raise StudyError(f"{where}: there is no argument {key!r}{near} {usage}")
+            if key in given:
+                raise StudyError(f"{where}: {key!r} is given twice. {usage}")
+            given[key] = value
+        for key in self.bodies:
+            if key not in given and key not in self.grounded:
+                raise StudyError(f"{where}: {key!r} is missing; give a body or mechanism.ground. {usage}")
+        # reactions are those on the last one, which is never one that may be left out
+        roles = sorted(self.bodies, key=lambda key: (key != self.bodies[0], key not in self.grounded))
+        self.attached: dict[str, NamedFrame] = {key: given.pop(key, None) for key in roles}
+        self.given = given
+        self.values: dict[str, Any] = {}
+        if not self.offered:
+            for body in self.attached.values():
+                getattr(body, "drafts", {})[name] = kind
+
+    @classmethod
+    def parameters(cls) -> dict[str, Parameter]:
+        """Return the declared parameters by name, in the order of their declaration."""
+        found: dict[str, Parameter] = {}
+        for base in reversed(cls.__mro__):
+            found.update({k: v for k, v in vars(base).items() if isinstance(v, Parameter)})
+        return found
+
+    @classmethod
+    def signature(cls) -> str:
+        """Return the argument list as text."""
+        words = ["name", *(x for x in cls.bodies if x not in cls.grounded)]
+        words += [k if p.required else f"{k}={p.default!r}" for k, p in cls.parameters().items()]
+        words += [f"{x}=ground" for x in cls.grounded]
+        return f"({', '.join(words)})"
+
+    def __init_subclass__(cls, **keywords: Any) -> None:
+        super().__init_subclass__(**keywords)
+        if cls.symbol and cls.symbol not in SYMBOLS:
+            known = ", ".join(map(repr, SYMBOLS))
+            raise StudyError(f"{cls.__name__}: symbol is {cls.symbol!r}; expected one of {known}.")
+        if hidden := sorted(RESERVED & cls.parameters().keys()):
+            raise StudyError(
+                f"{cls.__name__}: a parameter cannot be called {hidden[0]!r}: p.{hidden[0]} of terms() "
+                "is something else; take another name."
+            )
+        kind = inspect.Parameter.POSITIONAL_OR_KEYWORD
+        parts = [inspect.Parameter(n, kind) for n in ("name", *cls.bodies) if n not in cls.grounded]
+        rest = sorted(cls.parameters().items(), key=lambda item: not item[1].required)
+        parts += [
+            inspect.Parameter(n, kind, default=inspect.Parameter.empty if p.required else p.default) for n, p in rest
+        ]
+        parts += [inspect.Parameter(n, inspect.Parameter.KEYWORD_ONLY, default=None) for n in cls.grounded]
+        cls.__signature__ = inspect.Signature(parts)  # type: ignore[attr-defined]  # what help() shows
+
+    def prepare(self) -> Mapping[str, Any]:
+        """Return further parameters, computed from the given ones (`self.point_i` and so on).
+
+        Called once, when the component is added; expressions in random variables are welcome, and are evaluated once
+        for each realisation.
+        """
+        return {}
+
+    def terms(self, p: Local) -> Iterable[Term]:
+        """Yield the terms, written in what `p` offers (never in `self`)."""
+        raise NotImplementedError
+
+    def stated(self, p: Local) -> tuple[list[Term], sympy.Matrix]:
+        """Return the terms and the point of reactions, or say what went wrong in them.
+
+        Raises
+        ------
+        uqmbd.StudyError
+            Whatever `terms` raises: it is the component author's.
+        """
+        self.stating = True
+        method = "terms()"
+        try:
+            terms = list(self.terms(p))
+            method = "reaction_point()"
+            return terms, self.reaction_point(p)
+        except StudyError as error:
+            raise StudyError(f"{type(self).__name__} {self.name!r}: {error}") from None
+        except Exception as error:
+            raise StudyError(
+                f"{type(self).__name__} {self.name!r}: {method} raised {type(error).__name__}: {error}"
+                f"{_place_of(error)}. It is to yield terms (Kinetic, Potential, VirtualWork, Constraint, ...) that are "
+                "written in what p offers."
+            ) from error
+        finally:
+            self.stating = False
+
+    def reaction_point(self, p: Local) -> sympy.Matrix:
+        """World position of the point about which `reaction_moment` is taken: `point_i` if there is one."""
+        first = getattr(p, self.bodies[0])
+        if isinstance(first, Frame):
+            local = p.__dict__["_names"].get("point_i", p.__dict__["_names"].get("point"))
+            return first.position if local is None else first.point(local)
+        raise TypeError(f"{self.bodies[0]} is no frame")
+
+    # -- outputs -----------------------------------------------------------------------------------------------------
+    @property
+    def reaction_force(self) -> sympy.Matrix:
+        """Force exerted on body j by body i, world axes, N: a column of symbols for outputs."""
+        return sympy.Matrix([ReactionSymbol(self, "reaction_force", k) for k in range(self._space().dimension)])
+
+    @property
+    def reaction_moment(self) -> Any:
+        """Moment exerted on body j by body i about the component's point on body i, world axes, N m.
+
+        A column of three symbols; in the plane one symbol, as angular velocities are.
+        """
+        if self._space().dimension == 2:
+            return PlaneReaction(self, "reaction_moment", 0)
+        return sympy.Matrix([ReactionSymbol(self, "reaction_moment", k) for k in range(3)])
+
+    @checked
+    def event_time(self, label: str, number: int = 1) -> sympy.Symbol:
+        """Time of an event, s, for outputs without a time.
+
+        Parameters
+        ----------
+        label : str
+            That of the `Event` ("impact"); an impact has "rest" (bodies stay in contact), "lift-off", "stick" and
+            "slip" too.
+        number : int
+            1: the first.  A realisation in which it does not happen until the last output time has none.
+        """
+        if not isinstance(label, str):
+            raise StudyError(
+                f"{type(self).__name__} {self.name!r}: event_time: the label is {label!r}; expected that of an event, "
+                "such as 'impact'."
+            )
+        if isinstance(number, bool) or not isinstance(number, int) or number < 1:
+            raise StudyError(
+                f"{type(self).__name__} {self.name!r}: event_time({label!r}, {number!r}): "
+                f"the number is {number!r}; events are counted from 1."
+            )
+        return EventTime(self, label, number)
+
+    def drawn_quaternion(self, body_i: str = "body_i", body_j: str = "body_j") -> tuple[sympy.Expr, ...]:
+        """Quaternion of one body relative to another in the drawn pose, ``conj(e_i) e_j``, for `prepare`."""
+        return relative_quaternion(*(_drawn(self.attached[b]) for b in (body_i, body_j)))
+
+    def drawn_angle(self, body_i: str = "body_i", body_j: str = "body_j") -> sympy.Expr:
+        """Angle of one body relative to another as drawn in the plane, any number of turns, for `prepare`."""
+        angle_i, angle_j = (getattr(getattr(self.attached[b], "pose", None), "angle", 0) for b in (body_i, body_j))
+        return sympy.sympify(angle_j) - sympy.sympify(angle_i)
+
+    def drawn_frame(self, body: str) -> Frame:
+        """Frame of one of its bodies in the drawn pose, at rest, for `prepare`."""
+        attached = self.attached[body]
+        pose = getattr(attached, "pose", None)
+        return Frame(self._space(), attached.q if pose is None else pose.q)
+
+    def drawn_displacement(self) -> sympy.Expr:
+        """Displacement of `point_j` from `point_i` along `axis_i` in the drawn pose, for `prepare`."""
+        i, j = (self.drawn_frame(key) for key in ("body_i", "body_j"))
+        point_i, point_j, axis_i = (self.values[key] for key in ("point_i", "point_j", "axis_i"))
+        return i.direction(axis_i).dot(j.point(point_j) - i.point(point_i))
+
+    def _space(self) -> Space:
+        for body in self.attached.values():
+            space = getattr(body, "space", None)
+            if isinstance(space, Space):
+                return space
+        raise StudyError(f"{type(self).__name__} {self.name!r}: none of its bodies belongs to a mechanism.")
+
+    def __repr__(self) -> str:
+        where = ", ".join(getattr(self.attached[b], "name", repr(self.attached[b])) for b in self.bodies)
+        return f"<{type(self).__name__} {self.name!r}: {where}>"
+
+
+def _place_of(error: BaseException) -> str:
+    """File and line in which an error came up, as a part of a sentence."""
+    frames = traceback.extract_tb(error.__traceback__)[1:]
+    return f" ({Path(frames[-1].filename).name}, line {frames[-1].lineno})" if frames else ""
+
+
+def _drawn(body: Any) -> tuple[sympy.Expr, ...]:
+    """Quaternion of a body as drawn; of the ground, the identity."""
+    pose = getattr(body, "pose", None)
+    q = body.q if pose is None else pose.q
+    return tuple(q[body.space.dimension :])

@@ -1,0 +1,107 @@
+"""What terms are written in: frames of bodies, symbols of parameters, states, and named quantities."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import sympy
+
+from uqmbd.errors import StudyError
+from uqmbd.mechanism.expressions.user_values import flatten
+from uqmbd.mechanism.geometry.frame import Frame
+from uqmbd.mechanism.geometry.space import Space
+
+__all__ = ["RESERVED", "Local", "Quantity"]
+
+RESERVED = frozenset({"let", "rate_of", "space", "state", "states", "time", "quantities"})
+"""Names of `Local` that parameters would hide."""
+
+
+class Quantity(sympy.Dummy):
+    """Symbol of a named quantity, see `Local.let`; SymPy must not differentiate past it."""
+
+    contains: frozenset[sympy.Symbol] = frozenset()
+
+    @property
+    def free_symbols(self) -> set[sympy.Symbol]:
+        """Return the symbol itself, and those of what it stands for."""
+        return {self, *self.contains}
+
+    def _eval_derivative_n_times(self, s: sympy.Symbol, n: Any) -> sympy.Expr:
+        if s not in self.contains:
+            return super()._eval_derivative_n_times(s, n)
+        raise StudyError(
+            f"{self.name!r} is a quantity made by let(), whose derivative is not known here; use rate_of() "
+            "for its rate in time, or differentiate the expression before it is given to let()."
+        )
+
+
+class Local:
+    """What `Component.terms` works with: frames for bodies, symbols for parameters, and the time.
+
+    Attributes have the names of the component's body arguments (a `Frame` each), parameters and prepared values
+    (an expression or a column of them).  Numbers are symbols here: one derivation serves all instances and values.
+    """
+
+    def __init__(
+        self, space: Space, frames: Mapping[str, Frame], values: Mapping[str, Any], time: sympy.Symbol
+    ) -> None:
+        self.space = space
+        self.time = time
+        self._names = {**frames, **values}
+        self.states: dict[str, sympy.Symbol] = {}
+        self.quantities: dict[Quantity, tuple[str, sympy.Expr]] = {}
+
+    def __getattr__(self, name: str) -> Any:  # noqa: ANN401 - a frame, an expression, a vector or an option
+        try:
+            return self.__dict__["_names"][name]
+        except KeyError:
+            raise AttributeError(
+                f"nothing named {name!r} here; there are {sorted(self.__dict__.get('_names', ()))}"
+            ) from None
+
+    def state(self, name: str) -> sympy.Symbol:
+        """Return the symbol of an auxiliary differential state; yield `Auxiliary` for it as well."""
+        return self.states.setdefault(name, sympy.Symbol(f"_s{len(self.states)}", real=True))
+
+    def let(self, name: str, expression: Any) -> Any:  # noqa: ANN401 - an expression, or a column of them
+        """Name an intermediate quantity (a gap, a normal), so that what it stands for is derived and computed once.
+
+        Terms that hold one long expression many times over take long to derive; with a name for it they do not.
+
+        Parameters
+        ----------
+        name : str
+            For messages.
+        expression : expression, or vector of them
+            In coordinates, velocities, states, time, parameters and other quantities.
+
+        Returns
+        -------
+        symbol, or column of them
+            Stands for the expression in terms; differentiated wherever the terms are.  Numbers and symbols are returned
+            as they are.
+        """
+        return self._named(name, expression, "value")
+
+    def rate_of(self, expression: Any) -> Any:  # noqa: ANN401 - an expression, or a column of them
+        """Rate in time of an expression, or of a vector of them, in coordinates, states, time and quantities.
+
+        Returns
+        -------
+        symbol, or column of them
+            Stands for ``d expression / d q . v + d expression / d t`` (and the same for states).
+        """
+        return self._named("rate", expression, "rate")
+
+    def _named(self, name: str, expression: Any, kind: str) -> Any:  # noqa: ANN401
+        if isinstance(expression, (list, tuple, sympy.MatrixBase)):
+            return sympy.Matrix([self._named(name, x, kind) for x in flatten(expression)])
+        value = sympy.sympify(expression)
+        if value.is_number or (value.is_Symbol and kind == "value"):
+            return value if kind == "value" else sympy.S.Zero
+        symbol = Quantity(name, real=True)
+        symbol.contains = frozenset(value.free_symbols)
+        self.quantities[symbol] = (kind, value)
+        return symbol

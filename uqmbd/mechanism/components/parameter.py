@@ -1,0 +1,152 @@
+"""Parameters: the numbers, vectors and options that a component declares, with their units and ranges."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Any, Literal, Protocol
+
+from uqmbd.errors import StudyError
+from uqmbd.mechanism.geometry.space import Space
+
+__all__ = ["Parameter", "range_text"]
+
+_REQUIRED: Any = type("Required", (), {"__repr__": lambda self: "required"})()
+
+Kind = Literal["scalar", "point", "axis", "turning_axis", "vector", "moment", "rotation", "option"]
+
+
+class _Owner(Protocol):
+    """What has values for its parameters: a component."""
+
+    stating: bool
+    values: dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A declared number, vector or option of a component.
+
+    Parameters
+    ----------
+    units : str
+        Units of the value.
+    description : str
+        What it is, for people.
+    kind : str
+        ``scalar``; ``point``, ``axis``, ``vector`` (as many numbers as the space has dimensions);
+        ``turning_axis`` (three numbers in space, left out in the plane); ``moment`` (three numbers in space, one in the
+        plane); ``rotation`` (quaternion or matrix); ``option`` (anything that is no number, handed through as it is).
+    default : object
+        Value when left out; required without it.
+    choices : tuple
+        Allowed values of an option.
+    example : object
+        A value to try the component with, where any numbers will not do; `uqmbd.testing.check_component` uses it.
+    minimum, maximum : float
+        Range of the number, or of each of its numbers, in its units.  A constant outside is an error when the component
+        is added, as is an expression in random variables that is outside at their means; a realisation in which it is
+        outside has failed.  Values that depend on time or motion are not looked at.
+    exclusive : bool
+        Whether the ends of the range do not belong to it.
+    body : str
+        Body argument in whose frame a point or an axis is given; empty: the one whose name ends alike (`point_i` is in
+        the frame of `body_i`), else the first.
+    axes : str
+        Axes of a vector or a moment: ``world`` or ``body``.
+
+    Examples
+    --------
+    >>> Parameter("N/m", "spring rate").units
+    'N/m'
+    >>> Parameter("m", "length", minimum=0, exclusive=True).range_text
+    'more than 0'
+    """
+
+    units: str = ""
+    description: str = ""
+    kind: Kind = "scalar"
+    default: Any = _REQUIRED
+    choices: tuple[Any, ...] = ()
+    example: Any = None
+    name: str = field(default="", compare=False)
+    minimum: float = field(default=-math.inf, kw_only=True)
+    maximum: float = field(default=math.inf, kw_only=True)
+    exclusive: bool = field(default=False, kw_only=True)
+    body: str = field(default="", kw_only=True)
+    axes: Literal["world", "body"] = field(default="world", kw_only=True)
+
+    def __post_init__(self) -> None:
+        if not self.minimum < self.maximum:
+            raise StudyError(
+                f"Parameter({self.units!r}, {self.description!r}): its range is from minimum={self.minimum!r} to "
+                f"maximum={self.maximum!r}; expected a minimum below the maximum."
+            )
+        if self.ranged and self.kind in ("option", "rotation", "axis", "turning_axis"):
+            raise StudyError(
+                f"Parameter({self.units!r}, {self.description!r}): a parameter of kind {self.kind!r} has no range; "
+                "leave minimum= and maximum= out."
+            )
+
+        if self.axes == "body" and self.kind not in ("vector", "moment"):
+            raise StudyError(
+                f"Parameter({self.units!r}, {self.description!r}): axes='body' is for vectors and moments; a "
+                f"parameter of kind {self.kind!r} is in the frame of a body by itself."
+            )
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        object.__setattr__(self, "name", name)
+
+    def __get__(self, instance: _Owner | None, owner: type) -> Any:  # noqa: ANN401 - the value as it was given
+        if instance is None:
+            return self
+        if instance.stating and self.kind != "option":
+            raise StudyError(
+                f"terms() uses self.{self.name}; write p.{self.name}: the terms of one type of component are stated "
+                "once, in symbols, for all its objects and values."
+            )
+        return instance.values[self.name]
+
+    @property
+    def required(self) -> bool:
+        """Whether there is no default."""
+        return self.default is _REQUIRED
+
+    @property
+    def ranged(self) -> bool:
+        """Whether its numbers have a range."""
+        return self.minimum > -math.inf or self.maximum < math.inf
+
+    @property
+    def range_text(self) -> str:
+        """The range in words, for messages."""
+        return range_text(self.minimum, self.maximum, exclusive=self.exclusive)
+
+    def allows(self, value: float) -> bool:
+        """Whether a number lies in the range."""
+        if self.exclusive:
+            return self.minimum < value < self.maximum
+        return self.minimum <= value <= self.maximum
+
+    def size(self, space: Space) -> int:
+        """Return how many numbers the parameter has in a space."""
+        if self.kind in ("point", "axis", "vector"):
+            return space.dimension
+        if self.kind in ("turning_axis", "moment"):
+            return 3 if space.dimension == 3 else (1 if self.kind == "moment" else 0)
+        return 0 if self.kind == "option" else 1
+
+
+def range_text(minimum: float, maximum: float, *, exclusive: bool = False) -> str:
+    """Return a range in words, as a message shows it after "expected".
+
+    Examples
+    --------
+    >>> range_text(0, math.inf), range_text(0, 1), range_text(-math.inf, 2, exclusive=True)
+    ('0 or more', '0 to 1', 'less than 2')
+    """
+    if minimum > -math.inf and maximum < math.inf:
+        return f"more than {minimum:g} and less than {maximum:g}" if exclusive else f"{minimum:g} to {maximum:g}"
+    if maximum < math.inf:
+        return f"less than {maximum:g}" if exclusive else f"{maximum:g} or less"
+    return f"more than {minimum:g}" if exclusive else f"{minimum:g} or more"

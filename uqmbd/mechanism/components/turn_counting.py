@@ -1,0 +1,88 @@
+"""The angle between two bodies that turn about a common axis, counted over any number of turns."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import sympy
+
+from uqmbd.mechanism.components.component import Auxiliary, Local
+from uqmbd.mechanism.geometry.frame import Frame
+from uqmbd.mechanism.geometry.quaternions import relative_quaternion
+
+__all__ = ["counted_angle", "half_angle"]
+
+
+def half_angle(p: Local, body_i: Frame, body_j: Frame, drawn: Sequence[Any], axis_j: Sequence[Any]) -> tuple[Any, Any]:
+    """Cosine and sine of half the angle by which body j has turned relative to body i since it was drawn.
+
+    Parameters
+    ----------
+    p : Local
+        What `Component.terms` is given.
+    body_i, body_j : Frame
+        The bodies.
+    drawn : sequence
+        Their relative quaternion as drawn, from `Component.drawn_quaternion`.
+    axis_j : sequence
+        Unit vector of the axis in the frame of body j; nothing in the plane.
+
+    Returns
+    -------
+    tuple of two expressions
+        Quadratic in the coordinates; known up to their common sign, and of length one where the axis is the only one
+        that the bodies turn about.
+    """
+    r = relative_quaternion(body_i.attitude(drawn), body_j.quaternion)
+    return r[0], r[1] if p.space.dimension == 2 else sympy.Matrix(r[1:]).dot(sympy.Matrix(list(axis_j)))
+
+
+def counted_angle(
+    p: Local, state: str, body_i: Frame, body_j: Frame, drawn: Sequence[Any], axis_j: Sequence[Any] = ()
+) -> tuple[sympy.Expr, Auxiliary]:
+    """Angle by which body j has turned relative to body i since it was drawn, any number of turns, for constraints.
+
+    The coordinates say what the angle is, and a state that follows its rate says which turn is meant.  So the angle
+    does not drift, and it does not depend on the state otherwise: constraints in it are geometric.
+
+    Parameters
+    ----------
+    p : Local
+        What `Component.terms` is given.
+    state : str
+        Name of the state.
+    body_i, body_j, drawn, axis_j
+        As in `half_angle`.
+
+    Returns
+    -------
+    angle : expression
+        rad; zero as drawn.
+    term : Auxiliary
+        To be yielded as well.
+
+    Examples
+    --------
+    >>> import uqmbd
+    >>> class Coupling(uqmbd.Component):
+    ...     \"\"\"Two shafts in the plane, of which one turns twice as fast.\"\"\"
+    ...     bodies, spaces = ("body_i", "body_j"), (uqmbd.Planar,)
+    ...     def prepare(self):
+    ...         return {"drawn": self.drawn_quaternion()}
+    ...     def terms(self, p):
+    ...         ground = uqmbd.Frame(p.space)
+    ...         fast, turns = uqmbd.counted_angle(p, "fast", ground, p.body_i, (1, 0))
+    ...         yield turns
+    ...         slow, turns = uqmbd.counted_angle(p, "slow", ground, p.body_j, (1, 0))
+    ...         yield turns
+    ...         yield uqmbd.Constraint(fast - 2 * slow)
+    """
+    cosine, sine = half_angle(p, body_i, body_j, drawn, axis_j)
+    spin = body_j.angular_velocity - body_i.angular_velocity
+    rate = spin[0] if p.space.dimension == 2 else spin.dot(body_j.direction(axis_j))
+    counted = p.state(state)
+    c, s = sympy.cos(counted / 2), sympy.sin(counted / 2)
+    # the tangent does not know the sign of a quaternion, nor does the angle
+    angle = counted + 2 * sympy.atan((sine * c - cosine * s) / (cosine * c + sine * s))
+    return angle, Auxiliary(counted, rate, 2 * sympy.atan(sine / cosine))

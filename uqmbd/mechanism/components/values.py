@@ -1,0 +1,138 @@
+"""Values of a component's parameters, checked and put into one form."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import sympy
+
+from uqmbd.errors import StudyError
+from uqmbd.mechanism.components.component import Component, Parameter
+from uqmbd.mechanism.components.world_pose import KEYWORDS, localised, replaced
+from uqmbd.mechanism.expressions.user_values import flatten, numbers, shown
+from uqmbd.mechanism.geometry.quaternions import nominal, quaternion_of_matrix, unit
+from uqmbd.mechanism.geometry.space import Space
+from uqmbd.randomness import RandomVariable
+
+__all__ = ["settle"]
+
+
+def settle(where: str, component: Component, space: Space) -> dict[str, Any]:
+    """Return the values of a component: its parameters, then what its `prepare` makes of them.
+
+    Parameters
+    ----------
+    where : str
+        What the component is called in messages.
+    component : Component
+        As it was made; its ``values`` are filled on the way, for `prepare`.
+    space : Space
+        The space of its mechanism.
+
+    Returns
+    -------
+    dict
+        A scalar is an expression, a vector a tuple of them; an option is what was given.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If a parameter is missing, or its value is not what the declaration says.
+    """
+    given = localised(where, component, space)
+    for key, parameter in component.parameters().items():
+        left_out = parameter.kind == "turning_axis" and parameter.size(space) == 0
+        if key not in given and parameter.required and not left_out:
+            units = f", {parameter.units}" if parameter.units else ""
+            other = [word for word in KEYWORDS if key in replaced(type(component), word)]
+            raise StudyError(
+                f"{where}: {key!r} is missing ({parameter.description}{units}). "
+                f"Usage: {type(component).__name__}{component.signature()}"
+                + (f", or {other[0]}= in world axes, as drawn." if other else ".")
+            )
+        value = given.get(key, None if parameter.required else parameter.default)
+        try:
+            component.values[key] = _value(where, key, parameter, value, space, stated=key in given)
+        except StudyError as error:
+            # helpers on axes and rotations do not know whom they work for
+            raise StudyError(str(error) if str(error).startswith(where) else f"{where}: {key}: {error}") from None
+    try:
+        prepared = dict(component.prepare())
+    except StudyError as error:
+        raise StudyError(f"{where}: {error}") from None
+    for key, value in prepared.items():
+        component.values[key] = _prepared(where, key, value)
+    return component.values
+
+
+def _value(where: str, key: str, parameter: Parameter, value: Any, space: Space, *, stated: bool) -> Any:
+    size = parameter.size(space)
+    hint = ", ".join(filter(None, (parameter.description, parameter.units)))
+    if parameter.kind == "option":
+        if parameter.choices and not any(isinstance(value, type(x)) and value == x for x in parameter.choices):
+            listed = ", ".join(map(repr, parameter.choices))
+            raise StudyError(f"{where}: {key} is {shown(value)}; expected one of {listed}.")
+        _require_usable(where, key, value)
+        return value
+    if parameter.kind == "turning_axis" and size == 0:
+        if stated and value is not None:
+            raise StudyError(
+                f"{where}: {key} is given; in the plane everything turns about the same axis, so leave it out."
+            )
+        return ()
+    if value is None and not parameter.required and parameter.default is None:
+        return None
+    if parameter.kind == "rotation":
+        return _rotation(where, key, value, space, hint)
+    entries = numbers(where, key, value, size, hint)
+    if parameter.ranged:
+        _require_range(f"{where}: {key}", parameter, entries, hint)
+    if parameter.kind in ("axis", "turning_axis"):
+        return unit(entries)
+    return entries[0] if parameter.kind == "scalar" else tuple(entries)
+
+
+def _require_range(what: str, parameter: Parameter, entries: list[sympy.Expr], hint: str) -> None:
+    """Raise unless numbers, and expressions in random variables at their means, lie in the range of a parameter."""
+    for entry in entries:
+        if not all(isinstance(s, RandomVariable) for s in entry.free_symbols):
+            continue
+        try:
+            value = nominal(entry)
+        except StudyError:  # no finite number at the means: told with all others when the mechanism is assembled
+            continue
+        if not parameter.allows(value):
+            at_means = "" if entry.is_number else f" at the means of the random variables ({shown(entry)})"
+            raise StudyError(f"{what} is {value:g}{at_means}; expected {parameter.range_text} ({hint}).")
+
+
+def _rotation(where: str, key: str, value: Any, space: Space, hint: str) -> tuple[sympy.Expr, ...]:
+    """Return the quaternion of a relative rotation; a half-angle pair in the plane."""
+    if not space.turns:
+        raise StudyError(
+            f"{where}: {key} is given, but bodies in {type(space).__name__} space do not turn; leave it out."
+        )
+    parts = flatten(value)
+    if space.dimension == 2:
+        half = numbers(where, key, value, 1, f"{hint}: the angle in rad")[0] / 2
+        return (sympy.cos(half), sympy.sin(half))
+    if len(parts) not in (4, 9):
+        raise StudyError(
+            f"{where}: {key} is {shown(value)}; expected a quaternion (e0, e1, e2, e3) or a 3 x 3 matrix ({hint})."
+        )
+    entries = numbers(where, key, parts, len(parts), hint)
+    return unit(entries) if len(entries) == 4 else quaternion_of_matrix(value)
+
+
+def _require_usable(where: str, key: str, value: Any) -> None:
+    """Raise where expressions of an option hold what is no number, or cannot be computed."""
+    for part in flatten(value):
+        if isinstance(part, (sympy.Expr, float, complex)):
+            numbers(where, key, part, 1)
+
+
+def _prepared(where: str, key: str, value: Any) -> Any:
+    """Return what `Component.prepare` made, as an expression or a tuple of them."""
+    parts = [numbers(where, key, x, 1)[0] for x in flatten(value)]
+    scalar = len(parts) == 1 and isinstance(value, (int, float, sympy.Expr))
+    return parts[0] if scalar else tuple(parts)

@@ -1,0 +1,1 @@
+"""Expressions of time, inputs and quantities without a time, and what users may give as values."""

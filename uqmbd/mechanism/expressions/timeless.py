@@ -1,0 +1,250 @@
+"""Quantities without a time in output expressions: frequencies and damping of modes, values at static equilibrium."""
+
+from __future__ import annotations
+
+import operator
+from typing import Any, Literal
+
+import sympy
+
+from uqmbd.errors import StudyError
+from uqmbd.mechanism.expressions.computable import Placeholder
+from uqmbd.mechanism.expressions.time import t
+from uqmbd.mechanism.expressions.user_values import flatten, shown
+from uqmbd.names import checked
+from uqmbd.randomness import RandomVariable
+from uqmbd.randomness.symbolic import Symbolic
+
+__all__ = [
+    "AtEquilibrium",
+    "EventTime",
+    "MotionSymbol",
+    "ScalarSymbol",
+    "at_equilibrium",
+    "check_scalar",
+    "damping_ratio",
+    "eigenfrequency",
+    "is_scalar",
+]
+
+At = Literal["equilibrium", "start"]
+
+
+class ScalarSymbol(Symbolic, sympy.Symbol):
+    """A number that a realisation has once, whatever the output times; the same for the same name.
+
+    `quantity` says what it is (``frequency`` or ``damping_ratio`` of a mode), `number` of which mode, `at` about which
+    pose it is linearised.
+    """
+
+    quantity: str
+    number: int
+    at: str
+
+    def __new__(cls, name: str, quantity: str, number: int = 0, at: str = "") -> ScalarSymbol:
+        """Name it, and remember what it stands for."""
+        self: ScalarSymbol = sympy.Symbol.__xnew__(cls, name, real=True)
+        self.quantity, self.number, self.at = quantity, number, at
+        return self
+
+    def __init__(self, *args: Any) -> None:
+        """Accept the arguments of ``__new__``."""
+
+    def _hashable_content(self) -> tuple[Any, ...]:
+        return (*super()._hashable_content(), "uqmbd scalar")
+
+
+class MotionSymbol(ScalarSymbol):
+    """A number that the integration of a motion yields beside its states, as the time of an event.
+
+    Integrators give it in ``Trajectories.scalars`` under its name.
+    """
+
+    def __new__(cls, name: str) -> MotionSymbol:
+        """Name it."""
+        self: MotionSymbol = super().__new__(cls, name, "motion")
+        return self
+
+
+def event_name(component: str, label: str, number: int) -> str:
+    """Name of the time of an event among what a motion yields."""
+    return f"{component}: {label} {number}"
+
+
+class EventTime(MotionSymbol):
+    """The time of an event of a component."""
+
+    component: Any
+    label: str
+
+    def __new__(cls, component: Any, label: str, number: int) -> EventTime:
+        """Name it, and remember what it is of."""
+        self = super().__new__(cls, event_name(component.name, label, number))
+        self.component, self.label = component, label
+        return self
+
+    def _hashable_content(self) -> tuple[Any, ...]:
+        return (*super()._hashable_content(), id(self.component))
+
+
+class AtEquilibrium(Placeholder, sympy.Function):
+    """The value of an expression at the static equilibrium of a realisation."""
+
+    nargs = 1
+    is_real = True
+
+
+@checked
+def eigenfrequency(number: int, at: At = "equilibrium") -> sympy.Expr:
+    """Return the natural frequency of a mode, in Hz, for use in an output.
+
+    That of small motions of the constrained mechanism, ``|eigenvalue| / 2 pi``: with proportional damping that of the
+    undamped motion, with other damping not quite; see `uqmbd.eigenfrequencies`.
+    An output with it has one value per realisation and no time.
+
+    *Numbering*: by ascending frequency, from 1, of the modes that oscillate; rigid-body modes, at zero frequency, and
+    modes that decay or grow without oscillation have no number.  A realisation with fewer modes has failed, with a
+    status and a reason.  The number belongs to the place in this order, not to the shape of the mode: where two modes
+    exchange places within the range of the inputs, each of the two frequencies has a kink, which polynomials follow
+    slowly.
+
+    Parameters
+    ----------
+    number : int
+        Of the mode, from 1.
+    at : {"equilibrium", "start"}
+        About which pose, at rest, with time held at the first output time: ``equilibrium``: the realisation's own
+        static equilibrium, found from where it starts (a realisation without one has failed); ``start``: the pose in
+        which it starts, which is the assembled drawing, or the equilibrium with ``Study(start="equilibrium")``.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If there cannot be such a mode.
+
+    Examples
+    --------
+    >>> import numpy as np, uqmbd
+    >>> from uqmbd_springs import SpringDamper
+    >>> mechanism = uqmbd.Mechanism("oscillator", uqmbd.Translational())
+    >>> mass = mechanism.body("mass", mass=2, position=(1, 0))
+    >>> spring = mechanism.add(SpringDamper("spring", mechanism.ground, mass, (0, 0), (0, 0), stiffness=8))
+    >>> mechanism.output("frequency", uqmbd.eigenfrequency(1), units="Hz")
+    >>> round(float(uqmbd.simulate(mechanism, [0, 1])["frequency"]), 6)
+    0.31831
+    """
+    return _modal("eigenfrequency", "frequency", number, at)
+
+
+@checked
+def damping_ratio(number: int, at: At = "equilibrium") -> sympy.Expr:
+    """Return the damping ratio of a mode, ``-Re(eigenvalue) / |eigenvalue|``, for use in an output.
+
+    Numbers and poses are those of `uqmbd.eigenfrequency`: modes are ordered by their frequency.
+
+    Parameters
+    ----------
+    number : int
+        Of the mode, from 1.
+    at : {"equilibrium", "start"}
+        About which pose.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If there cannot be such a mode.
+
+    Examples
+    --------
+    >>> damping_ratio(1) / 2
+    damping_ratio(1)/2
+    """
+    return _modal("damping_ratio", "damping_ratio", number, at)
+
+
+@checked
+def at_equilibrium(expression: Any) -> sympy.Expr:
+    """Return the value of an expression at the static equilibrium of a realisation, for use in an output.
+
+    The equilibrium is found from where the realisation starts, at rest, with time held at the first output time, as by
+    `uqmbd.static_equilibrium`.  An output with it has one value per realisation and no time.
+
+    Parameters
+    ----------
+    expression : SymPy expression
+        In whatever an output may contain: positions, reactions, random variables ...
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If it is no single expression, or contains a quantity without a time already.
+
+    Examples
+    --------
+    >>> import uqmbd
+    >>> from uqmbd_springs import SpringDamper
+    >>> mechanism = uqmbd.Mechanism("balance", uqmbd.Translational(gravity=(0, -10)))
+    >>> pan = mechanism.body("pan", mass=2, position=(0, -1))
+    >>> spring = mechanism.add(SpringDamper("spring", mechanism.ground, pan, (0, 0), (0, 0), 100, free_length=1))
+    >>> mechanism.output("sag", -1 - uqmbd.at_equilibrium(pan.position[1]), units="m")
+    >>> round(float(uqmbd.simulate(mechanism, [0, 1])["sag"]), 9)
+    0.2
+    """
+    parts = flatten(expression)
+    try:
+        value = sympy.sympify(parts[0], strict=True) if len(parts) == 1 else None
+    except (sympy.SympifyError, TypeError, ValueError):
+        value = None
+    if not isinstance(value, sympy.Expr):
+        raise StudyError(
+            f"at_equilibrium was given {shown(expression)}; expected one expression, e.g. "
+            "uqmbd.at_equilibrium(body.position[0])."
+        )
+    if is_scalar(value):
+        raise StudyError(
+            f"at_equilibrium was given {shown(value)}, which holds a quantity without a time already; take "
+            "at_equilibrium of positions and reactions only, and combine the results."
+        )
+    found: sympy.Expr = AtEquilibrium(value)
+    return found
+
+
+def is_scalar(value: Any) -> bool:
+    """Tell whether an expression contains a quantity without a time.
+
+    Examples
+    --------
+    >>> is_scalar(2 * eigenfrequency(1)), is_scalar(sympy.pi)
+    (True, False)
+    """
+    return isinstance(value, sympy.Basic) and value.has(ScalarSymbol, AtEquilibrium)
+
+
+def check_scalar(where: str, value: sympy.Expr) -> None:
+    """Raise unless an expression with a quantity without a time contains nothing that changes with time."""
+    held = {e: sympy.Dummy() for e in value.atoms(AtEquilibrium)}
+    outside = value.xreplace(held).free_symbols - set(held.values())
+    moving = sorted((s for s in outside if not isinstance(s, (ScalarSymbol, RandomVariable))), key=str)
+    if not moving:
+        return
+    named = "time" if moving[0] == t else str(moving[0])
+    raise StudyError(
+        f"{where}: it mixes {named}, which changes while the mechanism moves, with a quantity that a realisation has "
+        f"once. Write uqmbd.at_equilibrium({moving[0]}) for the value at rest, or declare two outputs."
+    )
+
+
+def _modal(function: str, quantity: str, number: Any, at: Any) -> sympy.Expr:
+    try:
+        count = operator.index(number)
+    except TypeError:
+        count = 0
+    if isinstance(number, bool) or count < 1:
+        raise StudyError(
+            f"{function}: the number of the mode is {shown(number)}; expected 1 for the lowest frequency above zero, "
+            "2 for the next, ..."
+        )
+    if not isinstance(at, str) or at not in ("equilibrium", "start"):
+        raise StudyError(f"{function}: at is {shown(at)}; expected 'equilibrium' or 'start'.")
+    pose = "" if at == "equilibrium" else ", start"
+    return ScalarSymbol(f"{function}({count}{pose})", quantity, count, at)

@@ -1,0 +1,168 @@
+"""What users give where numbers are expected: scalars, sequences, arrays, matrices, expressions in random variables."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import sympy
+
+from uqmbd.errors import StudyError
+from uqmbd.mechanism.expressions.computable import UNEVALUATED, foreign_part, told
+from uqmbd.randomness import RandomVariable
+
+__all__ = ["LARGEST", "flatten", "numbers", "random_variables", "shown"]
+
+
+LARGEST = 1e100
+"""Numbers beyond which there is no arithmetic in 64 bits: energies are products of three of them."""
+
+
+def flatten(value: Any) -> list[Any]:
+    """Return the entries of a scalar, a sequence, an array or a matrix, as a list.
+
+    Examples
+    --------
+    >>> flatten([1, (2, sympy.Matrix([3, 4]))])
+    [1, 2, 3, 4]
+    """
+    parts = _parts(value)
+    return [value] if parts is None else [leaf for part in parts for leaf in flatten(part)]
+
+
+def numbers(where: str, key: str, value: Any, size: int, hint: str = "") -> list[sympy.Expr]:
+    """Return real numbers, or expressions that may be such, or say what is wrong with them.
+
+    Parameters
+    ----------
+    where, key : str
+        What the numbers belong to, and their name, for the message.
+    value : object
+        A number or expression, a sequence of them, an array, a row or a column.
+    size : int
+        How many there must be.
+    hint : str
+        What they mean, for the message.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If they are missing, not numbers, not real, not finite, or of another count.
+
+    Examples
+    --------
+    >>> numbers("body 'rod'", "position", (1, 0.5), 2)
+    [1, 0.500000000000000]
+    """
+    wanted = f"expected {'a number' if size == 1 else f'{size} numbers'}{f' ({hint})' if hint else ''}"
+    if value is None:
+        raise StudyError(f"{where}: {key} is missing; {wanted}.")
+    parts = _row(value)
+    if parts is None:
+        raise StudyError(f"{where}: {key} is {shown(value)}, which is nested; {wanted}, one after the other.")
+    if len(parts) != size and not any(isinstance(x, (str, bytes)) for x in parts):
+        count = f"{len(parts)} number{'s' * (len(parts) != 1)}"
+        raise StudyError(f"{where}: {key} has {count}, expected {size}{f' ({hint})' if hint else ''}; it is {value!r}.")
+    return [_number(f"{where}: {key}", x, value, wanted) for x in parts]
+
+
+def random_variables(value: Any) -> set[RandomVariable]:
+    """Return the random variables that occur in a value.
+
+    Examples
+    --------
+    >>> random_variables((1, None, "text"))
+    set()
+    """
+    symbols = {s for part in flatten(value) if isinstance(part, sympy.Basic) for s in part.free_symbols}
+    return {s for s in symbols if isinstance(s, RandomVariable)}
+
+
+def shown(value: object) -> str:
+    """Return a value as a message shows it: short, and a text or a class as what it is.
+
+    Examples
+    --------
+    >>> shown("0.3"), shown(dict), shown(2)
+    ("the text '0.3'", 'the class dict', '2')
+    """
+    if isinstance(value, str):
+        return f"the text {value!r}"
+    if isinstance(value, type):
+        return f"the class {value.__name__}"
+    text = repr(value)
+    return text if len(text) <= 80 else text[:77] + "..."
+
+
+def _number(where: str, entry: Any, value: Any, wanted: str) -> sympy.Expr:
+    given = shown(entry) if entry is value else f"{shown(value)} with {shown(entry)} in it"
+    # SymPy would read a text as a formula and make symbols of its words
+    if isinstance(entry, (str, bytes, bool, type)) or entry is None:
+        raise StudyError(f"{where} is {given}; {wanted}.")
+    try:
+        number = sympy.sympify(entry, strict=True)
+    except (sympy.SympifyError, TypeError, ValueError):
+        raise StudyError(f"{where} is {given}, which is no number or expression; {wanted}.") from None
+    if not isinstance(number, sympy.Expr) or number.is_commutative is False:
+        raise StudyError(f"{where} is {given}, which is a {type(number).__name__}; {wanted}.")
+    if number.has(sympy.nan, sympy.zoo) or (number.has(sympy.oo, -sympy.oo) and not number.atoms(*UNEVALUATED)):
+        raise StudyError(f"{where} is {given}, which is not finite; {wanted}.")
+    if (foreign := foreign_part(number)) is not None:
+        # a constant has a value all the same, such as that of a definite integral
+        value = None if number.free_symbols else _evaluated(number)
+        if value is None:
+            raise StudyError(f"{where} is {given}: {told(foreign)}")
+        number = value
+    if number.has(sympy.I) or (number.is_number and not number.is_real):
+        raise StudyError(f"{where} is {given}, which is not real; {wanted}.")
+    if number.is_number and abs(_float(number)) > LARGEST:
+        raise StudyError(
+            f"{where} is {given}, which is too large to compute with: squares of it leave the range of numbers "
+            f"of 64 bits; {wanted}, at most {LARGEST:g}."
+        )
+    return number
+
+
+def _evaluated(constant: sympy.Expr) -> sympy.Expr | None:
+    """Return the value of a constant that is not written out; None if it has no finite one."""
+    try:
+        value = constant.doit().evalf()
+    except Exception:  # noqa: BLE001 - SymPy fails in many ways where there is no value
+        return None
+    return value if isinstance(value, sympy.Number) and value.is_finite else None
+
+
+def _float(number: sympy.Expr) -> float:
+    try:
+        return float(number)
+    except (OverflowError, TypeError):
+        return math.inf
+
+
+def _parts(value: Any) -> list[Any] | None:
+    """Return what a sequence, an array or a matrix consists of; None for anything else."""
+    if isinstance(value, (str, bytes)):
+        return None
+    if isinstance(value, (sympy.MatrixBase, sympy.Tuple)):
+        return list(value)
+    if hasattr(value, "tolist") and not isinstance(value, sympy.Basic):
+        value = value.tolist()
+        return value if isinstance(value, list) else None  # a NumPy scalar is a number
+    return list(value) if isinstance(value, Sequence) else None
+
+
+def _row(value: Any) -> list[Any] | None:
+    """Return the entries of a scalar, a row or a column; None where sequences are nested in another way."""
+    parts = _parts(value)
+    if parts is None:
+        return [value]
+    nested = [_parts(part) for part in parts]
+    inner = [part for part in nested if part is not None]
+    if not inner:
+        return parts
+    if len(inner) < len(parts) or any(_parts(x) is not None for part in inner for x in part):
+        return None
+    if len(inner) == 1 or all(len(part) == 1 for part in inner):
+        return [x for part in inner for x in part]
+    return None

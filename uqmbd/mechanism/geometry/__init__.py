@@ -1,0 +1,1 @@
+"""Spaces, frames and rotations."""

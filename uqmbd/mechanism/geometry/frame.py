@@ -1,0 +1,149 @@
+"""A body seen as a frame: the vocabulary in which components and outputs are written."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import sympy
+
+from uqmbd.errors import StudyError
+from uqmbd.mechanism.expressions.user_values import flatten, numbers, shown
+from uqmbd.mechanism.geometry.quaternions import quaternion_product
+from uqmbd.mechanism.geometry.space import Space
+from uqmbd.names import checked
+
+__all__ = ["Frame", "NamedFrame"]
+
+
+class Frame:
+    """Position, rotation and velocity of a body frame, as SymPy expressions.
+
+    Component authors receive one for each body argument; `Body` is one for outputs.  Vectors are columns
+    (`sympy.Matrix`) of `space.dimension` numbers in world axes, unless said otherwise.
+
+    Parameters
+    ----------
+    space : Space
+        The space of the mechanism.
+    q, v, a : sequence of expressions, or None
+        Coordinates, their rates and their second derivatives.  None: the ground, which does not move.
+
+    Examples
+    --------
+    >>> import sympy, uqmbd
+    >>> x, y, c, s = sympy.symbols("x y c s")
+    >>> frame = Frame(uqmbd.Planar(), (x, y, c, s), sympy.symbols("vx vy vc vs"))
+    >>> frame.point((1, 0)).T
+    Matrix([[c**2 - s**2 + x, 2*c*s + y]])
+    """
+
+    def __init__(
+        self,
+        space: Space,
+        q: Sequence[Any] | None = None,
+        v: Sequence[Any] | None = None,
+        a: Sequence[Any] | None = None,
+    ) -> None:
+        self.space = space
+        d = space.dimension
+        self.is_ground = q is None
+        still = (0,) * d + (1,) + (0,) * (space.size - d - 1) if space.turns else (0,) * d
+        self.q: tuple[sympy.Expr, ...] = tuple(map(sympy.sympify, still if q is None else q))
+        self.v: tuple[sympy.Expr, ...] = tuple(map(sympy.sympify, (0,) * space.size if v is None else v))
+        self._a = tuple(map(sympy.sympify, (0,) * space.size if a is None else a))
+
+    @property
+    def position(self) -> sympy.Matrix:
+        """Position of the frame's origin."""
+        return sympy.Matrix(self.q[: self.space.dimension])
+
+    @property
+    def velocity(self) -> sympy.Matrix:
+        """Velocity of the frame's origin."""
+        return sympy.Matrix(self.v[: self.space.dimension])
+
+    @property
+    def acceleration(self) -> sympy.Matrix:
+        """Acceleration of the frame's origin (outputs only)."""
+        return sympy.Matrix(self._a[: self.space.dimension])
+
+    @property
+    def quaternion(self) -> sympy.Matrix:
+        """The unit quaternion, body to world, scalar first, a column; in the plane the half-angle pair."""
+        return sympy.Matrix(self.q[self.space.dimension :])
+
+    @property
+    def quaternion_rate(self) -> sympy.Matrix:
+        """Time derivative of the quaternion, a column."""
+        return sympy.Matrix(self.v[self.space.dimension :])
+
+    @property
+    def rotation(self) -> sympy.Matrix:
+        """Rotation matrix, body to world."""
+        return self.space.rotation(self.quaternion)
+
+    @property
+    def angular_velocity(self) -> sympy.Matrix:
+        """Angular velocity, world axes; in the plane a column of one number."""
+        return self.space.angular_velocity(self.quaternion, self.quaternion_rate)
+
+    @property
+    def body_angular_velocity(self) -> sympy.Matrix:
+        """Angular velocity, body axes; in the plane a column of one number."""
+        return self.space.body_angular_velocity(self.quaternion, self.quaternion_rate)
+
+    @property
+    def angular_acceleration(self) -> sympy.Matrix:
+        """Angular acceleration, world axes (outputs only)."""
+        return self._rate(self.angular_velocity)
+
+    @checked
+    def attitude(self, local: Sequence[Any]) -> tuple[sympy.Expr, ...]:
+        """Quaternion, to the world, of a frame whose quaternion relative to this one is given."""
+        return quaternion_product(self.quaternion, local)
+
+    @checked
+    def direction(self, local: Sequence[Any]) -> sympy.Matrix:
+        """Turn a vector from body axes to world axes."""
+        return self.rotation * self._column(local, "direction", "vector")
+
+    @checked
+    def point(self, local: Sequence[Any]) -> sympy.Matrix:
+        """World position of a point given in the body frame."""
+        return self.position + self.rotation * self._column(local, "point", "point")
+
+    @checked
+    def point_velocity(self, local: Sequence[Any]) -> sympy.Matrix:
+        """World velocity of a point fixed in the body, ``r' + d/dt(A c)``: quadratic in the quaternion."""
+        return self._rate(self.point(local))
+
+    @checked
+    def point_acceleration(self, local: Sequence[Any]) -> sympy.Matrix:
+        """World acceleration of a point fixed in the body (outputs only)."""
+        return self._rate(self.point_velocity(local))
+
+    def _column(self, local: Any, method: str, kind: str) -> sympy.Matrix:
+        """Return components as a column, or say that there are not as many as there are dimensions."""
+        given = flatten(local)
+        if len(given) != self.space.dimension or any(isinstance(x, (str, bytes)) for x in given):
+            raise StudyError(
+                f"{method}() needs {self.space.dimension} numbers, one for each axis of the body; its argument local "
+                f"is {shown(local)}; if it is a parameter of a component declare it with kind={kind!r}, as in "
+                f"uqmbd.Parameter(..., kind={kind!r})."
+            )
+        return sympy.Matrix(numbers(f"{method}()", "its argument local", given, self.space.dimension))
+
+    def _rate(self, vector: sympy.Matrix) -> sympy.Matrix:
+        if self.is_ground:
+            return vector * 0
+        result = sympy.zeros(*vector.shape)
+        for x, dx in zip((*self.q, *self.v), (*self.v, *self._a), strict=True):
+            result += vector.diff(x) * dx
+        return result
+
+
+class NamedFrame(Frame):
+    """Frame of a body of a mechanism, or of its ground."""
+
+    name: str

@@ -1,0 +1,235 @@
+"""Small pure helpers on vectors and rotations whose entries may be random."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import sympy
+
+from uqmbd.errors import StudyError
+from uqmbd.mechanism.expressions.time import t
+from uqmbd.randomness import RandomVariable
+
+__all__ = [
+    "aligned",
+    "joint_frames",
+    "nominal",
+    "perpendiculars",
+    "quaternion_of_matrix",
+    "quaternion_product",
+    "relative_quaternion",
+    "smallest_rotation",
+    "unit",
+]
+
+
+def nominal(expression: Any) -> float:
+    """Value of an expression at the means of its random variables and at time zero.
+
+    Examples
+    --------
+    >>> import chaospy, uqmbd
+    >>> nominal(2 * uqmbd.RandomVariable("m", chaospy.Normal(3, 1)))
+    6.0
+    """
+    value = sympy.sympify(expression)
+    means: dict[sympy.Symbol, sympy.Expr] = {
+        s: sympy.Float(s.mean) for s in value.free_symbols if isinstance(s, RandomVariable)
+    }
+    result = value.xreplace({**means, t: sympy.Float(0)}).doit()
+    try:
+        number = float(result)
+    except TypeError:
+        strangers = ", ".join(sorted(map(str, result.free_symbols)))
+        if strangers:
+            raise StudyError(
+                f"{value} contains {strangers}; only numbers and random variables have a value here."
+            ) from None
+        number = math.nan
+    if not math.isfinite(number):
+        raise StudyError(
+            f"{value} is {result} at the means of the random variables; expected a finite real number "
+            "(look for divisions by zero, and for roots, logarithms and arcus functions outside of their range)."
+        )
+    return number
+
+
+def unit(vector: Sequence[Any]) -> tuple[sympy.Expr, ...]:
+    """Scale a vector to length one; numbers stay numbers."""
+    entries = [sympy.sympify(x) for x in vector]
+    length = math.sqrt(sum(nominal(x) ** 2 for x in entries))
+    if length < 1e-12:
+        raise StudyError(
+            f"the vector {tuple(vector)} has no length; give a vector that points somewhere, e.g. (0, 0, 1)."
+        )
+    if all(x.is_number for x in entries):
+        return tuple(sympy.Float(float(x) / length) if x != 0 else sympy.S.Zero for x in entries)
+    root = sympy.sqrt(sum(x * x for x in entries))
+    return tuple(x / root for x in entries)
+
+
+def perpendiculars(axis: Sequence[Any]) -> tuple[sympy.Matrix, sympy.Matrix]:
+    """Two unit vectors that make a right-handed frame with a unit axis of three components.
+
+    The reference direction is chosen at the nominal values, so that the result is smooth in the random variables.
+
+    Examples
+    --------
+    >>> [tuple(map(float, n)) for n in perpendiculars((0, 0, 1))]
+    [(1.0, 0.0, 0.0), (0.0, 1.0, 0.0)]
+    """
+    axis = [sympy.sympify(x) for x in axis]
+    start = (int(np.argmax(np.abs([nominal(x) for x in axis]))) + 1) % 3
+    helper = [0, 0, 0]
+    helper[start] = 1
+    a = sympy.Matrix(axis)
+    along = a[start]
+    first = sympy.Matrix(unit([h - along * x for h, x in zip(helper, axis, strict=True)]))
+    return first, a.cross(first)
+
+
+def quaternion_of_matrix(matrix: Any) -> tuple[sympy.Expr, ...]:
+    """Quaternion of a 3 x 3 rotation matrix (the largest component is computed first, at the nominal values).
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If the matrix is no proper rotation.
+    """
+    r = sympy.Matrix(matrix)
+    if r.shape != (3, 3):
+        raise StudyError(f"a rotation matrix has 3 rows and 3 columns; this one has shape {r.shape}.")
+    numbers = np.array([[nominal(x) for x in r.row(i)] for i in range(3)])
+    if not np.allclose(numbers @ numbers.T, np.eye(3), atol=1e-8) or np.linalg.det(numbers) < 0:
+        raise StudyError(
+            f"the matrix {numbers.tolist()} is no rotation: its columns must be perpendicular unit vectors "
+            "that form a right-handed set."
+        )
+    squares = [
+        1 + r[0, 0] + r[1, 1] + r[2, 2],
+        1 + r[0, 0] - r[1, 1] - r[2, 2],
+        1 - r[0, 0] + r[1, 1] - r[2, 2],
+        1 - r[0, 0] - r[1, 1] + r[2, 2],
+    ]
+    products = {
+        (0, 1): r[2, 1] - r[1, 2],
+        (0, 2): r[0, 2] - r[2, 0],
+        (0, 3): r[1, 0] - r[0, 1],
+        (1, 2): r[0, 1] + r[1, 0],
+        (1, 3): r[0, 2] + r[2, 0],
+        (2, 3): r[1, 2] + r[2, 1],
+    }
+    big = int(np.argmax([nominal(s) for s in squares]))
+    twice = sympy.sqrt(squares[big])
+    return tuple(twice / 2 if k == big else products[min(k, big), max(k, big)] / (2 * twice) for k in range(4))
+
+
+def relative_quaternion(e_i: Sequence[Any], e_j: Sequence[Any]) -> tuple[sympy.Expr, ...]:
+    """Quaternion of frame j relative to frame i, ``conj(e_i) e_j``; half-angle pairs in the plane.
+
+    Nothing where nothing turns, as in translational space.
+
+    Examples
+    --------
+    >>> relative_quaternion((1, 0), (0, 1))
+    (0, 1)
+    """
+    i, j = [sympy.sympify(x) for x in e_i], [sympy.sympify(x) for x in e_j]
+    if not i:
+        return ()
+    if len(i) == 2:
+        return (i[0] * j[0] + i[1] * j[1], i[0] * j[1] - i[1] * j[0])
+    a, b = sympy.Matrix(i[1:]), sympy.Matrix(j[1:])
+    vector = i[0] * b - j[0] * a - a.cross(b)
+    return (i[0] * j[0] + a.dot(b), *vector)
+
+
+def quaternion_product(a: Sequence[Any], b: Sequence[Any]) -> tuple[sympy.Expr, ...]:
+    """Product of two quaternions (half-angle pairs in the plane): the rotation `b`, then `a`.
+
+    Examples
+    --------
+    >>> quaternion_product((0, 1, 0, 0), (0, 0, 1, 0))
+    (0, 0, 0, 1)
+    """
+    a, b = [sympy.sympify(x) for x in a], [sympy.sympify(x) for x in b]
+    if not a:
+        return ()
+    if len(a) == 2:
+        return (a[0] * b[0] - a[1] * b[1], a[0] * b[1] + a[1] * b[0])
+    u, v = sympy.Matrix(a[1:]), sympy.Matrix(b[1:])
+    return (a[0] * b[0] - u.dot(v), *(a[0] * v + b[0] * u + u.cross(v)))
+
+
+def smallest_rotation(start: Sequence[Any], end: Sequence[Any]) -> tuple[sympy.Expr, ...]:
+    """Quaternion of the smallest rotation that turns one unit vector into another.
+
+    Examples
+    --------
+    >>> [round(float(x), 3) for x in smallest_rotation((1, 0, 0), (0, 1, 0))]
+    [0.707, 0.0, 0.0, 0.707]
+    """
+    a, b = sympy.Matrix(list(start)), sympy.Matrix(list(end))
+    if a == b:
+        return (sympy.S.One, sympy.S.Zero, sympy.S.Zero, sympy.S.Zero)
+    scalar = 1 + a.dot(b)
+    if nominal(scalar) < 1e-9:  # half a turn: about any perpendicular
+        return (sympy.S.Zero, *perpendiculars(a)[0])
+    return unit([scalar, *a.cross(b)])
+
+
+def joint_frames(axis_i: Sequence[Any], axis_j: Sequence[Any]) -> tuple[tuple[sympy.Expr, ...], tuple[sympy.Expr, ...]]:
+    """Frames fixed in two bodies whose third axes are the given ones, as quaternions relative to the bodies.
+
+    The frames are equal where the axes have equal components; else frame j is frame i turned by the smallest rotation
+    that takes `axis_i` to `axis_j`.  So the angle between them is zero where the body frames coincide.
+
+    Examples
+    --------
+    >>> i, j = joint_frames((0, 0, 1), (0, 0, 1))
+    >>> i == j, [float(x) for x in i]
+    (True, [1.0, 0.0, 0.0, 0.0])
+    """
+    first, second = perpendiculars(axis_i)
+    frame = quaternion_of_matrix(sympy.Matrix.hstack(first, second, sympy.Matrix(list(axis_i))))
+    return frame, quaternion_product(smallest_rotation(axis_i, axis_j), frame)
+
+
+def aligned(turn: Sequence[Any], axis_i: Sequence[Any], axis_j: Sequence[Any]) -> tuple[sympy.Expr, ...]:
+    """Turn a relative rotation by as little as makes two axes parallel.
+
+    Parameters
+    ----------
+    turn : sequence
+        Quaternion of body j relative to body i (half-angle pair in the plane).
+    axis_i, axis_j : sequence
+        The axes, each in its body's frame.
+
+    Returns
+    -------
+    tuple
+        The quaternion `turn` itself where the axes are parallel already.
+
+    Examples
+    --------
+    >>> [float(x) for x in aligned((1, 0, 0, 0), (0, 0, 1), (0, 0, 1))]
+    [1.0, 0.0, 0.0, 0.0]
+    """
+    turn = [sympy.sympify(x) for x in turn]
+    if not turn:
+        return ()
+    if len(turn) == 2:
+        c, s = turn[0] ** 2 - turn[1] ** 2, 2 * turn[0] * turn[1]
+        drawn = [c * axis_j[0] - s * axis_j[1], s * axis_j[0] + c * axis_j[1]]
+    else:
+        conjugate = (turn[0], *(-x for x in turn[1:]))
+        drawn = list(quaternion_product(quaternion_product(turn, (0, *axis_j)), conjugate)[1:])
+    if max(abs(nominal(a) - nominal(b)) for a, b in zip(drawn, axis_i, strict=True)) < 1e-12:
+        return tuple(turn)
+    if len(turn) == 2:
+        half = smallest_rotation((*drawn, 0), (*axis_i, 0))
+        return quaternion_product((half[0], half[3]), turn)
+    return quaternion_product(smallest_rotation(drawn, axis_i), turn)

@@ -1,0 +1,181 @@
+"""The three spaces: which coordinates a body has, and how they rotate a vector.
+
+Rotations are unit quaternions, scalar first, from the body to the world; in the plane the half-angle pair
+``(cos(theta/2), sin(theta/2))``.  Nothing here takes a trigonometric function of a coordinate.
+"""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar, Self
+
+import sympy
+
+from uqmbd.mechanism.expressions.user_values import numbers
+from uqmbd.names import check_arguments
+
+__all__ = ["Planar", "Space", "Spatial", "Translational"]
+
+
+@dataclass(frozen=True)
+class Space:
+    """What bodies of a mechanism move in.
+
+    Parameters
+    ----------
+    gravity : sequence of numbers or expressions
+        Acceleration of free fall, world axes, m/s^2.
+    """
+
+    gravity: Sequence[Any] | None = None
+
+    name: ClassVar[str]
+    dimension: ClassVar[int]
+    coordinates: ClassVar[tuple[str, ...]]
+    turns: ClassVar[bool] = True
+
+    def __new__(cls, *arguments: Any, **keywords: Any) -> Self:
+        """Refuse arguments that there are not."""
+        check_arguments(cls.__name__, inspect.signature(cls.__init__), (None, *arguments), keywords, bound=True)
+        return super().__new__(cls)
+
+    def __post_init__(self) -> None:
+        gravity = (0.0,) * self.dimension if self.gravity is None else self.gravity
+        hint = f"world axes, m/s^2, e.g. {(0.0,) * (self.dimension - 1) + (-9.81,)}"
+        entries = numbers(type(self).__name__, "gravity", gravity, self.dimension, hint)
+        object.__setattr__(self, "gravity", tuple(entries))
+
+    @property
+    def size(self) -> int:
+        """Number of coordinates of a body."""
+        return len(self.coordinates)
+
+    def rotation(self, e: Sequence[Any]) -> sympy.Matrix:
+        """Rotation matrix (body to world) of a unit quaternion."""
+        raise NotImplementedError
+
+    def angular_velocity(self, e: Sequence[Any], rate: Sequence[Any]) -> sympy.Matrix:
+        """Angular velocity in world axes; in the plane one number."""
+        raise NotImplementedError
+
+    def body_angular_velocity(self, e: Sequence[Any], rate: Sequence[Any]) -> sympy.Matrix:
+        """Angular velocity in body axes; in the plane one number."""
+        raise NotImplementedError
+
+    def moment(self, e: Sequence[Any], force: Sequence[Any]) -> sympy.Matrix:
+        """Moment about the body's origin, world axes, of a generalised force on the quaternion (``E Q / 2``)."""
+        raise NotImplementedError
+
+
+@dataclass(frozen=True)
+class Spatial(Space):
+    """Three dimensions: ``q = (x, y, z, e0, e1, e2, e3)``.
+
+    Examples
+    --------
+    >>> Spatial(gravity=(0, 0, -9.81)).size
+    7
+    """
+
+    name: ClassVar[str] = "spatial"
+    dimension: ClassVar[int] = 3
+    coordinates: ClassVar[tuple[str, ...]] = ("x", "y", "z", "e0", "e1", "e2", "e3")
+
+    def rotation(self, e: Sequence[Any]) -> sympy.Matrix:
+        """Rotation matrix, homogeneous of degree two in the quaternion."""
+        a, b, c, d = e
+        return sympy.Matrix(
+            [
+                [a * a + b * b - c * c - d * d, 2 * (b * c - a * d), 2 * (b * d + a * c)],
+                [2 * (b * c + a * d), a * a - b * b + c * c - d * d, 2 * (c * d - a * b)],
+                [2 * (b * d - a * c), 2 * (c * d + a * b), a * a - b * b - c * c + d * d],
+            ]
+        )
+
+    @staticmethod
+    def _world(e: Sequence[Any]) -> sympy.Matrix:
+        a, b, c, d = e
+        return sympy.Matrix([[-b, a, -d, c], [-c, d, a, -b], [-d, -c, b, a]])
+
+    @staticmethod
+    def _body(e: Sequence[Any]) -> sympy.Matrix:
+        a, b, c, d = e
+        return sympy.Matrix([[-b, a, d, -c], [-c, -d, a, b], [-d, c, -b, a]])
+
+    def angular_velocity(self, e: Sequence[Any], rate: Sequence[Any]) -> sympy.Matrix:
+        """World axes, three numbers."""
+        return 2 * self._world(e) * sympy.Matrix(rate)
+
+    def body_angular_velocity(self, e: Sequence[Any], rate: Sequence[Any]) -> sympy.Matrix:
+        """Body axes, three numbers."""
+        return 2 * self._body(e) * sympy.Matrix(rate)
+
+    def moment(self, e: Sequence[Any], force: Sequence[Any]) -> sympy.Matrix:
+        """World axes, three numbers."""
+        return self._world(e) * sympy.Matrix(force) / 2
+
+
+@dataclass(frozen=True)
+class Planar(Space):
+    """The plane, with rotation: ``q = (x, y, e0, e1)``.
+
+    Examples
+    --------
+    >>> Planar(gravity=(0, -9.81)).coordinates
+    ('x', 'y', 'e0', 'e1')
+    """
+
+    name: ClassVar[str] = "planar"
+    dimension: ClassVar[int] = 2
+    coordinates: ClassVar[tuple[str, ...]] = ("x", "y", "e0", "e1")
+
+    def rotation(self, e: Sequence[Any]) -> sympy.Matrix:
+        """Rotation matrix of the half-angle pair."""
+        c, s = e
+        return sympy.Matrix([[c * c - s * s, -2 * c * s], [2 * c * s, c * c - s * s]])
+
+    def angular_velocity(self, e: Sequence[Any], rate: Sequence[Any]) -> sympy.Matrix:
+        """One number."""
+        return sympy.Matrix([2 * (e[0] * rate[1] - e[1] * rate[0])])
+
+    def body_angular_velocity(self, e: Sequence[Any], rate: Sequence[Any]) -> sympy.Matrix:
+        """One number, the same as in world axes."""
+        return self.angular_velocity(e, rate)
+
+    def moment(self, e: Sequence[Any], force: Sequence[Any]) -> sympy.Matrix:
+        """One number."""
+        return sympy.Matrix([(e[0] * force[1] - e[1] * force[0]) / 2])
+
+
+@dataclass(frozen=True)
+class Translational(Space):
+    """The plane without rotation, for point masses: ``q = (x, y)``.
+
+    Examples
+    --------
+    >>> Translational(gravity=(0, -9.81)).turns
+    False
+    """
+
+    name: ClassVar[str] = "translational"
+    dimension: ClassVar[int] = 2
+    coordinates: ClassVar[tuple[str, ...]] = ("x", "y")
+    turns: ClassVar[bool] = False
+
+    def rotation(self, e: Sequence[Any]) -> sympy.Matrix:
+        """Nothing turns: the identity."""
+        return sympy.eye(2)
+
+    def angular_velocity(self, e: Sequence[Any], rate: Sequence[Any]) -> sympy.Matrix:
+        """Nothing turns: zero."""
+        return sympy.zeros(1, 1)
+
+    def body_angular_velocity(self, e: Sequence[Any], rate: Sequence[Any]) -> sympy.Matrix:
+        """Nothing turns: zero."""
+        return sympy.zeros(1, 1)
+
+    def moment(self, e: Sequence[Any], force: Sequence[Any]) -> sympy.Matrix:
+        """Nothing turns: zero."""
+        return sympy.zeros(1, 1)

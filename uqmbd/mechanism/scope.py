@@ -1,0 +1,93 @@
+"""Which symbols an expression may contain: random variables anywhere, time and states in laws, reactions in outputs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, Literal
+
+import sympy
+
+from uqmbd.errors import StudyError
+from uqmbd.mechanism.body import Body, StateSymbol
+from uqmbd.mechanism.components.reaction import Loaded, ReactionSymbol
+from uqmbd.mechanism.expressions.time import t
+from uqmbd.mechanism.expressions.timeless import ScalarSymbol, is_scalar
+from uqmbd.mechanism.expressions.user_values import flatten
+from uqmbd.randomness import RandomVariable
+
+if TYPE_CHECKING:
+    from uqmbd.mechanism.mechanism import Mechanism
+
+__all__ = ["Scope", "require_known"]
+
+Scope = Literal["number", "law", "output"]
+"""A number knows random variables; a law time, positions and velocities as well; an output everything."""
+
+LAW_QUANTITIES = ("q", "v", "angular_velocity")
+
+
+def require_known(mechanism: Mechanism, where: str, value: Any, scope: Scope) -> None:
+    """Raise unless every symbol in a value means something in its place.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        Whose bodies and components may occur.
+    where : str
+        What the value belongs to, for the message.
+    value : object
+        An expression, or a vector of them; anything else has no symbols.
+    scope : {"number", "law", "output"}
+        What kind of place it is.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        Naming the symbol, and what may stand there.
+    """
+    for part in flatten(value) if scope != "output" else ():
+        if is_scalar(part):
+            raise StudyError(
+                f"{where}: it contains {part}, which is computed from the mechanism; it can only be an output."
+            )
+    symbols = {s for part in flatten(value) if isinstance(part, sympy.Basic) for s in part.free_symbols}
+    for symbol in sorted(symbols, key=str):
+        if isinstance(symbol, (RandomVariable, ScalarSymbol)):
+            continue
+        if isinstance(symbol, StateSymbol):
+            _require_member(mechanism.bodies, symbol.owner, mechanism, f"{where}: it contains {symbol}")
+        elif isinstance(symbol, ReactionSymbol):
+            _require_member(mechanism.components, symbol.component, mechanism, f"{where}: it contains {symbol}")
+        elif symbol != t:
+            hint = " That is another symbol of the name t: time is uqmbd.t." if str(symbol) == "t" else ""
+            raise StudyError(
+                f"{where}: it contains the symbol {symbol}, which is neither a random variable (uqmbd.RandomVariable), "
+                f"nor time (uqmbd.t), nor a quantity of a body or component.{hint}"
+            )
+        _require_scope(where, symbol, scope)
+
+
+def _require_scope(where: str, symbol: sympy.Symbol, scope: Scope) -> None:
+    if scope == "number":
+        raise StudyError(
+            f"{where}: it contains {symbol}, which changes while the mechanism moves; "
+            "only numbers and random variables can stand here."
+        )
+    late = isinstance(symbol, ReactionSymbol) or (
+        isinstance(symbol, StateSymbol) and symbol.quantity not in LAW_QUANTITIES
+    )
+    if scope == "law" and late:
+        raise StudyError(
+            f"{where}: it depends on {symbol}; parameters may depend on random variables, positions, velocities, "
+            "angular velocities, and time."
+        )
+
+
+def _require_member(members: Mapping[str, Any], owner: Body | Loaded, mechanism: Mechanism, what: str) -> None:
+    if members.get(owner.name) is owner:
+        return
+    if not isinstance(owner, Body):
+        raise StudyError(
+            f"{what}, but {owner.name!r} was not added to mechanism {mechanism.name!r}; call mechanism.add(...) first."
+        )
+    raise StudyError(f"{what}, but body {owner.name!r} is not in mechanism {mechanism.name!r}.")

@@ -1,0 +1,1 @@
+"""What propagators of polynomial chaos share."""

@@ -1,0 +1,1 @@
+"""Studies of convergence, and convergence of samples within a study."""

@@ -1,0 +1,261 @@
+"""Error against cost: a method at several orders, or numbers of samples."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterable, Mapping, Sequence
+from concurrent.futures import Executor
+from contextlib import contextmanager, nullcontext
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uqmbd.errors import StudyError
+from uqmbd.isolation import Isolated, release
+from uqmbd.propagation.convergence.reference import reference_node
+from uqmbd.propagation.execution.progress import Progress
+from uqmbd.propagation.execution.workers import Crew
+from uqmbd.propagation.propagator import Propagator
+from uqmbd.propagation.timeless import propagated
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    import xarray as xr
+
+    from uqmbd.propagation.study import Study
+
+__all__ = ["check_convergence", "converge"]
+
+Array = NDArray[np.float64]
+Method = Propagator | type[Propagator]
+
+SHAPES = ("mean_error_l2", "std_error_l2", "mean_error_max", "std_error_max", "stated_error")
+
+
+@dataclass(frozen=True)
+class _Series:
+    """A method, the option that changes, and its values."""
+
+    propagator: Propagator
+    option: str
+    values: tuple[Any, ...]
+
+
+def converge(
+    study: Study,
+    propagators: Method | Sequence[Method],
+    *,
+    reference: xr.DataTree | xr.Dataset | Propagator | None = None,
+    workers: int | Executor | Crew = 1,
+    progress: Progress | bool | None = None,
+    folder: Path | None = None,
+    **levels: Any,
+) -> xr.Dataset:
+    r"""Run methods at several orders, or numbers of samples, and compare their errors with what they cost.
+
+    Parameters
+    ----------
+    study : Study
+    propagators : Propagator, class of one, or sequence of these
+        Each takes the first of `levels` that is an option of it; a class its default options otherwise. Several of one
+        class with different options need labels of their own.
+    reference : xarray.DataTree, xarray.Dataset or Propagator, optional
+        A node; a method that is run; or a dataset of what is known, as in closed form: `mean` and `std`
+        ``(output, time)``, exact. Default: of the results the one that states the least error itself (where none does,
+        the last level of the first method), whose errors are NaN.
+    workers : int or concurrent.futures.Executor
+    progress : Progress or bool, optional
+    folder : Path, optional
+        Where finished chunks are kept while it runs, as of `Study.run`.
+    **levels : sequence, or mapping of str to sequence
+        Values of an option, as ``order=[1, 2, 3]`` or ``samples=[100, 400, 1600]``: for all methods that have it, or
+        for those of some labels, which then take no other: ``order={"plain": [2, 4, 6]}, elements={"split": [4, 16]}``.
+
+    Returns
+    -------
+    xarray.Dataset
+        With the dimensions ``method``, ``level`` and ``output``: ``mean_error_l2`` and ``std_error_l2``, the norms over
+        time of the differences to the reference, relative to the norm of its mean, or standard deviation;
+        ``mean_error_max`` and ``std_error_max``, the largest ones, relative to its largest standard deviation;
+        ``stated_error``, what the result states itself of its standard deviation. ``value``, ``realisations``,
+        ``wall_time`` (s), ``level_name`` and ``problem`` (empty, or why a level failed, whose numbers are NaN)
+        ``(method, level)``.
+        ``reference_mean_error`` and ``reference_std_error`` ``(output)``: own errors of the reference, in the measure
+        of ``..._error_l2``; NaN where it states none.
+
+        ``mean_rate`` and ``std_rate`` ``(method, output)`` are the fitted orders of convergence p, of errors above
+        those of the reference: for ``order`` the decades by which the error falls with each order,
+        :math:`e \sim 10^{-p\,\mathrm{order}}`, for other options :math:`e \sim \mathrm{value}^{-p}` (1/2 for plain
+        Monte Carlo); NaN for fewer than two such errors. The coordinate ``option (method)`` says which option changes.
+
+    Raises
+    ------
+    StudyError
+        If there are no levels, a method has none of the options, or no level of any method succeeded.
+
+    Examples
+    --------
+    >>> import chaospy, numpy as np, uqmbd
+    >>> from uqmbd_collocation import Collocation
+    >>> mechanism = uqmbd.Mechanism("fall", uqmbd.Translational(gravity=(0, -9.81)))
+    >>> speed = uqmbd.RandomVariable("speed", chaospy.Normal(3, 0.2), units="m/s")
+    >>> stone = mechanism.body("stone", mass=1, velocity=(0, speed))
+    >>> mechanism.output("square", stone.position[1] ** 2, units="m^2")
+    >>> study = uqmbd.Study("fall", mechanism, np.linspace(0, 1, 3))
+    >>> found = study.converge(Collocation(verify=0), order=[1, 2], reference=Collocation(order=3))
+    >>> found["std_error_l2"].values[0, :, 0] < 1e-6
+    array([False,  True])
+    """
+    series = _series(study, propagators, levels)
+    with nullcontext(workers) if isinstance(workers, Crew) else Crew(workers) as crew:
+        nodes: dict[tuple[int, int], xr.DataTree] = {}
+        problems: dict[tuple[int, int], str] = {}
+        # first, because nothing is of use without it
+        with crew.at_work() as executor:
+            base = reference_node(study, reference, executor, progress, folder)
+        for m, one in enumerate(series):
+            for k, value in enumerate(one.values):
+                with Isolated(Exception, SystemExit) as work:
+                    label = f"{one.propagator.node_name}-{value}"
+                    made = replace(one.propagator, label=label, **{one.option: value})
+                    with _coarse_on_purpose(), crew.at_work() as executor:
+                        nodes[m, k] = propagated(made, study.problem(made, executor, progress, folder), check=False)
+                if work.error is not None:
+                    release(work.error)
+                    problems[m, k] = work.reason
+    if not nodes:
+        raise StudyError(
+            f"study {study.name!r}: no level of any method succeeded; the first failed by "
+            f"{next(iter(problems.values()), 'nothing')}"
+        )
+    own = None
+    if base is None:
+        own = _most_converged(nodes)
+        base = nodes[own]
+    return _dataset(series, nodes, problems, base, own)
+
+
+@contextmanager
+def _coarse_on_purpose() -> Iterator[None]:
+    """Pass over what methods warn of at low orders: that is what is measured here."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)
+        yield
+
+
+def _most_converged(nodes: dict[tuple[int, int], xr.DataTree]) -> tuple[int, int]:
+    """Return the result that states the least error; where none does, the last level of the first method."""
+    from uqmbd.results import relative_errors
+
+    stated = {key: relative_errors(node, node)["stated_error"] for key, node in nodes.items()}
+    worst = {key: float(np.where(np.isnan(e), np.inf, e).max(initial=0.0)) for key, e in stated.items()}
+    return min(nodes, key=lambda key: (worst[key], key[0], -key[1]))
+
+
+def check_convergence(study: Study, given: Method | Sequence[Method], levels: Mapping[str, Any]) -> None:
+    """Raise a StudyError where methods and levels of `converge` do not fit together."""
+    _series(study, given, levels)
+
+
+def _series(study: Study, given: Method | Sequence[Method], levels: Mapping[str, Any]) -> list[_Series]:
+    if not levels:
+        raise StudyError("converge: give the levels, as in study.converge(Collocation, order=[1, 2, 3, 4]).")
+    for name, values in levels.items():
+        for one in values.values() if isinstance(values, Mapping) else [values]:
+            if isinstance(one, (str, bytes)) or not isinstance(one, Iterable) or not len(list(one)):
+                raise StudyError(f"converge: {name} is {one!r}; expected a list of levels, as in {name}=[1, 2, 3].")
+    methods = list(given) if isinstance(given, Iterable) else [given]
+    found: list[_Series] = []
+    for method in methods:
+        made = method() if isinstance(method, type) and issubclass(method, Propagator) else method
+        if not isinstance(made, Propagator):
+            raise StudyError(f"converge: {method!r} is no propagator; expected as in study.converge(Collocation, ...).")
+        options = [f.name for f in fields(made) if f.name != "label"]
+        own = {name: v[made.node_name] for name, v in levels.items() if isinstance(v, Mapping) and made.node_name in v}
+        usable = own or {name: v for name, v in levels.items() if not isinstance(v, Mapping)}
+        chosen = next((name for name in usable if name in options), None)
+        if chosen is None:
+            raise StudyError(
+                f"converge: {made.node_name} ({type(made).__name__}) has no option "
+                f"{' or '.join(usable or levels)}, or is given no levels of it; its options are: {', '.join(options)}."
+            )
+        found.append(_Series(made, chosen, tuple(usable[chosen])))
+    study.with_propagators([one.propagator for one in found])  # labels must differ
+    known = [one.propagator.node_name for one in found]
+    unknown = [x for v in levels.values() if isinstance(v, Mapping) for x in v if x not in known]
+    if unknown:
+        raise StudyError(f"converge: levels are given for {unknown[0]!r}; the methods are: {', '.join(known)}.")
+    return found
+
+
+def _dataset(
+    series: list[_Series],
+    nodes: dict[tuple[int, int], xr.DataTree],
+    problems: dict[tuple[int, int], str],
+    base: xr.DataTree,
+    skip: tuple[int, int] | None,
+) -> xr.Dataset:
+    import xarray as xr
+
+    from uqmbd.results import relative_errors
+
+    statistics = base.children["statistics"].to_dataset()
+    outputs = statistics["output"].values
+    size = (len(series), max(len(one.values) for one in series))
+    errors = {name: np.full((*size, len(outputs)), np.nan) for name in SHAPES}
+    value, wall, runs = (np.full(size, np.nan) for _ in range(3))
+    texts, names = (np.full(size, "", dtype=object) for _ in range(2))
+    for m, one in enumerate(series):
+        for k, number in enumerate(one.values):
+            value[m, k] = float(number) if isinstance(number, (int, float)) else k
+            texts[m, k], names[m, k] = problems.get((m, k), ""), f"{one.option} {number}"
+            node = nodes.get((m, k))
+            if node is None:
+                continue
+            wall[m, k] = float(node.attrs.get("wall_time", np.nan))
+            runs[m, k] = float(node.attrs.get("realisations", np.nan))
+            for name, found in relative_errors(node, base).items():
+                if name in errors and ((m, k) != skip or name == "stated_error"):
+                    errors[name][m, k] = found
+    own = relative_errors(base, base)
+    limits = {name: own[f"own_{name}_error"] for name in ("mean", "std")}
+    rates = {name: _rates(series, value, errors[f"{name}_error_l2"], limits[name]) for name in ("mean", "std")}
+    dims = ("method", "level", "output")
+    data: dict[str, Any] = {name: (dims, found) for name, found in errors.items()}
+    for name in ("mean", "std"):
+        data[f"{name}_rate"] = (("method", "output"), rates[name], {"long_name": "order of convergence"})
+        data[f"reference_{name}_error"] = ("output", limits[name], {"long_name": "own error of the reference"})
+    return xr.Dataset(
+        {
+            **data,
+            "value": (("method", "level"), value),
+            "realisations": (("method", "level"), runs),
+            "wall_time": (("method", "level"), wall, {"units": "s"}),
+            "level_name": (("method", "level"), names.astype(np.str_)),
+            "problem": (("method", "level"), texts.astype(np.str_)),
+        },
+        coords={
+            "method": ("method", np.array([one.propagator.node_name for one in series], dtype=np.str_)),
+            "option": ("method", np.array([one.option for one in series], dtype=np.str_)),
+            "output": ("output", outputs),
+            "output_units": ("output", statistics["output_units"].values),
+        },
+        attrs={"reference": str(base.attrs.get("label", base.name))},
+    )
+
+
+def _rates(series: list[_Series], value: Array, errors: Array, limits: Array) -> Array:
+    """Fit the order of convergence (method, output) by least squares."""
+    found = np.full((len(series), errors.shape[-1]), np.nan)
+    for m, one in enumerate(series):
+        for o in range(errors.shape[-1]):
+            least = max(1e-13, float(np.nan_to_num(limits[o])))
+            used = np.isfinite(errors[m, :, o]) & (errors[m, :, o] > least)
+            x = value[m, used] if one.option == "order" else np.log10(np.maximum(value[m, used], 1e-300))
+            if used.sum() >= 2 and np.ptp(x) > 0:
+                found[m, o] = -np.polyfit(x, np.log10(errors[m, used, o]), 1)[0]
+    return found

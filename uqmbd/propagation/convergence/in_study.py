@@ -1,0 +1,106 @@
+"""Error against cost as a part of a study: what is asked for, and the node that a run stores of it."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping
+from pathlib import Path
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
+
+from uqmbd.errors import StudyError
+from uqmbd.isolation import Isolated
+from uqmbd.propagation.convergence.converge import check_convergence, converge
+from uqmbd.propagation.execution.checkpoint import FOLDER
+from uqmbd.propagation.execution.progress import Progress
+from uqmbd.propagation.execution.workers import Crew
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from uqmbd.propagation.study import Study
+
+__all__ = ["check_convergence_of", "with_convergence"]
+
+
+def check_convergence_of(study: Study, given: object) -> Mapping[str, Any] | None:
+    """Return the arguments of `Study.converge` that a study was given, or say what is wrong with them.
+
+    Raises
+    ------
+    StudyError
+        If it is no mapping, has no propagators, an unknown reference, or levels that do not fit the methods.
+    """
+    if given is None:
+        return None
+    where = f"study {study.name!r}"
+    if not isinstance(given, Mapping) or not all(isinstance(key, str) for key in given):
+        raise StudyError(
+            f"{where}: convergence is {given!r}; expected the arguments of study.converge, as in "
+            "{'propagators': [Collocation], 'order': [1, 2, 3], 'reference': 'monte-carlo'}."
+        )
+    levels = {name: value for name, value in given.items() if name not in ("propagators", "reference")}
+    if "propagators" not in given:
+        raise StudyError(
+            f"{where}: convergence has no 'propagators'; give it some, as in 'propagators': [Collocation]."
+        )
+    check_convergence(study, given["propagators"], levels)
+    reference, known = given.get("reference"), [p.node_name for p in study.propagators]
+    if isinstance(reference, str) and reference not in known:
+        raise StudyError(
+            f"{where}: the reference of convergence is {reference!r}, which is no propagator of this study; there are: "
+            f"{', '.join(known) or 'none'}."
+        )
+    return MappingProxyType(dict(given))
+
+
+def with_convergence(
+    study: Study,
+    tree: xr.DataTree,
+    crew: Crew,
+    progress: Progress | bool | None = None,
+    folder: Path | None = None,
+) -> xr.DataTree:
+    """Add the node ``convergence`` to the results of a study that asks for it.
+
+    Whatever goes wrong here is a warning and the attribute ``problem`` of the node: the other results stand.
+
+    Parameters
+    ----------
+    study : Study
+    tree : xarray.DataTree
+        Its results.
+    crew : Crew
+        Who computes.
+    progress, folder
+        As of `Study.run`.
+    """
+    import xarray as xr
+
+    if study.convergence is None:
+        return tree
+    arguments = dict(study.convergence)
+    reference = arguments.pop("reference", None)
+    found = None
+    # what is computed must stand, whatever methods of plugins raise
+    with Isolated(Exception, SystemExit) as work:
+        if isinstance(reference, str):
+            if reference not in tree.children:
+                raise StudyError(f"the reference {reference!r} gave no results.")
+            reference = tree[reference]
+        found = converge(
+            study,
+            arguments.pop("propagators"),
+            reference=reference,
+            workers=crew,
+            progress=progress,
+            folder=folder / FOLDER / "convergence" if folder else None,
+            **arguments,
+        )
+    if found is None:
+        warnings.warn(
+            f"study {study.name!r}: there are no curves of error against cost: {work.reason}", UserWarning, stacklevel=3
+        )
+        found = xr.Dataset(attrs={"problem": work.reason})
+    tree["convergence"] = xr.DataTree(found)
+    return tree

@@ -1,0 +1,66 @@
+"""What errors are measured against: a result, a method that is run for it, or what is known exactly."""
+
+from __future__ import annotations
+
+from concurrent.futures import Executor
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from uqmbd.errors import StudyError
+from uqmbd.propagation.execution.progress import Progress
+from uqmbd.propagation.propagator import Propagator
+from uqmbd.propagation.timeless import propagated
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from uqmbd.propagation.study import Study
+
+__all__ = ["reference_node"]
+
+
+def reference_node(
+    study: Study, reference: object, executor: Executor | None, progress: Progress | bool | None, folder: Path | None
+) -> xr.DataTree | None:
+    """Return the node of the reference, computed if need be; None where one of the levels is to be it."""
+    import xarray as xr
+
+    if isinstance(reference, Propagator):
+        study.with_propagators([reference])
+        return propagated(reference, study.problem(reference, executor, progress, folder), check=False)
+    if isinstance(reference, xr.Dataset):
+        return _known(study, reference)
+    if reference is None or (isinstance(reference, xr.DataTree) and "statistics" in reference.children):
+        return reference
+    what = f"a tree of {', '.join(reference.children)}" if isinstance(reference, xr.DataTree) else repr(reference)
+    raise StudyError(
+        f"converge: the reference is {what}; expected the node of one method, as tree['monte-carlo'], a propagator, or "
+        "a dataset of 'mean' and 'std'."
+    )
+
+
+def _known(study: Study, exact: xr.Dataset) -> xr.DataTree:
+    """Make a node of exact means and standard deviations (output, time)."""
+    from uqmbd.results import labels, propagator_node, statistics_dataset
+
+    model = study.model.outputs
+    axes = labels(list(zip(model.names, model.units, strict=True)), [], study.times)
+    found = {}
+    for name in ("mean", "std"):
+        if name not in exact or set(exact[name].dims) != {"output", "time"}:
+            raise StudyError(f"converge: the reference needs {name!r} with the dimensions (output, time).")
+        values = exact[name].transpose("output", "time")
+        if "output" in values.coords:
+            given = [str(v) for v in values["output"].values]
+            if sorted(given) != sorted(model.names):
+                raise StudyError(f"converge: the reference has the outputs {given}; expected {list(model.names)}.")
+            values = values.isel(output=[given.index(n) for n in model.names])
+        if values.shape != axes.shape or not bool(np.isfinite(values.values).all()):
+            raise StudyError(
+                f"converge: {name!r} of the reference has the shape {values.shape}; expected {axes.shape}, all finite."
+            )
+        found[name] = values.values
+    label = str(exact.attrs.get("label", "exact"))
+    return propagator_node(label, statistics_dataset(axes, **found), propagator=label, realisations=0, wall_time=0.0)

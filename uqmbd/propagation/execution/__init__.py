@@ -1,0 +1,1 @@
+"""How realisations are computed: chunks, tasks, workers, checkpoints, progress."""

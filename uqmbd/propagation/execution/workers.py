@@ -1,0 +1,154 @@
+"""Who computes: this process, processes of our own, or whoever the user brings."""
+
+from __future__ import annotations
+
+import operator
+import os
+import signal
+from collections.abc import Iterator
+from concurrent.futures import BrokenExecutor, CancelledError, Executor
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any, Self
+
+from uqmbd.errors import IntegrationError, StudyError
+from uqmbd.propagation.execution.main_script import Script, adopt, main_script, refuse_workers_of_workers, spawning
+from uqmbd.propagation.execution.parent import end_with_parent
+
+if TYPE_CHECKING:
+    from concurrent.futures import ProcessPoolExecutor
+
+__all__ = ["Crew", "pool"]
+
+
+class Crew:
+    """Who computes, for several pieces of work one after another: processes that died are replaced for the next one.
+
+    A context: processes that it started end with it.
+
+    Parameters
+    ----------
+    workers : int or concurrent.futures.Executor
+        Number of processes, or an executor, which is left open.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If it is neither.
+
+    Examples
+    --------
+    >>> with Crew(1) as crew, crew.at_work() as executor:
+    ...     print(executor)
+    None
+    """
+
+    def __init__(self, workers: int | Executor) -> None:
+        self._given = workers if isinstance(workers, Executor) else None
+        self._count = 1 if self._given is not None else _count(workers)
+        if self._count > 1:
+            refuse_workers_of_workers()
+        self._processes: ProcessPoolExecutor | None = None
+        self._started: Any = None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._dismiss()
+
+    @contextmanager
+    def at_work(self) -> Iterator[Executor | None]:
+        """Yield who does the work: nobody (this process), a pool of processes, or the executor that was given.
+
+        Raises
+        ------
+        uqmbd.StudyError
+            If the processes cannot start.
+        uqmbd.IntegrationError
+            If a process dies, or the executor gives up.
+        """
+        if self._given is not None:
+            with _patient(self._given):
+                yield self._given
+            return
+        if self._count == 1:
+            yield None
+            return
+        if self._processes is None:
+            self._processes, self._started = _hired(self._count)
+        try:
+            yield self._processes
+        except BrokenExecutor as error:
+            started = self._started.is_set()
+            self._dismiss()
+            if started:
+                raise IntegrationError(
+                    "A worker process ended unexpectedly; perhaps it ran out of memory or was killed. "
+                    "Try fewer workers; with workers=1 an error shows where it happens."
+                ) from error
+            raise StudyError(
+                "The worker processes cannot start: what they say is above. With workers=1 this process does the work."
+            ) from error
+
+    def _dismiss(self) -> None:
+        if self._processes is not None:
+            self._processes.shutdown(wait=True, cancel_futures=True)
+            self._processes = None
+
+
+@contextmanager
+def _patient(executor: Executor) -> Iterator[None]:
+    """Say what it means that an executor of somebody else's gives up, as that of Dask does without its scheduler."""
+    try:
+        yield
+    except Exception as error:
+        # its own errors: Python's for executors, and those of the package that it comes from
+        package = type(executor).__module__.partition(".")[0]
+        own = type(error).__module__.partition(".")[0] == package and package not in ("uqmbd", "builtins", "__main__")
+        if not own and not isinstance(error, (BrokenExecutor, CancelledError)):
+            raise
+        reason = f"{type(error).__name__}: {error}".rstrip(": ")
+        raise IntegrationError(
+            f"The executor that does the work has given up ({reason}); perhaps its scheduler, or its workers, have "
+            "ended. Finished work is kept where the run has a folder: start them again, and go on with --resume (in "
+            "Python: resume=True)."
+        ) from error
+
+
+@contextmanager
+def pool(workers: int | Executor) -> Iterator[Executor | None]:
+    """Yield who does one piece of work; see `Crew`."""
+    with Crew(workers) as crew, crew.at_work() as executor:
+        yield executor
+
+
+def _hired(count: int) -> tuple[ProcessPoolExecutor, Any]:
+    """Make a pool of processes, and an event that tells whether any of them has started."""
+    from concurrent.futures import ProcessPoolExecutor
+
+    # OpenMP runtimes do not survive a fork; threads on small blocks cost more than they give
+    os.environ.setdefault("OMP_NUM_THREADS", "1")
+    context = spawning()
+    started = context.Event()
+    start = (started, main_script())
+    return ProcessPoolExecutor(count, mp_context=context, initializer=_start, initargs=start), started
+
+
+def _count(workers: object) -> int:
+    try:
+        count = operator.index(workers)  # type: ignore[arg-type]  # that is the question
+    except TypeError:
+        count = 0
+    if count < 1 or isinstance(workers, bool):
+        raise StudyError(
+            f"workers is {workers!r}; expected a number of processes, 1 or more, or a concurrent.futures.Executor."
+        )
+    return count
+
+
+def _start(started: Any, script: Script | None) -> None:
+    """Begin the life of a worker: Ctrl-C is the parent's business, which ends its workers in order, or leaves them."""
+    end_with_parent()
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    adopt(script)
+    started.set()

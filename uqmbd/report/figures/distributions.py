@@ -1,0 +1,258 @@
+"""Figures of distributions: the densities of outputs at chosen times, and the inputs that were sampled."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uqmbd.errors import StudyError
+from uqmbd.report.figures.selection import Results, Samples, automatic_times, label_of, nodes_of, samples_of, succeeded
+from uqmbd.report.figures.style import (
+    COLOURS,
+    FAILED,
+    arrange,
+    axes_grid,
+    constant,
+    draw_histogram,
+    few_ticks,
+    style,
+    with_units,
+    wrapped,
+)
+from uqmbd.report.figures.surrogates import surrogate_nodes, surrogate_of
+from uqmbd.status import Status
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from matplotlib.figure import Figure
+
+__all__ = ["density", "histograms", "inputs"]
+
+_CELLS = 1000
+
+SURROGATE_SAMPLES = 4096
+"""Samples of a chaos from which its density is drawn."""
+
+
+def density(values: NDArray[np.float64], points: int = 200) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
+    """Estimate a density with Gaussian kernels.
+
+    The width of the kernels is Silverman's, from the smaller of the standard deviation and the interquartile range (as
+    of a normal distribution), so that far values and several peaks do not blur it.
+
+    Parameters
+    ----------
+    values : array, shape (S,)
+    points : int
+        Where to evaluate: as many points, from three widths below the smallest value to three above the largest.
+
+    Returns
+    -------
+    points, densities : array
+        Or None if the values do not vary.
+
+    References
+    ----------
+    B. W. Silverman, Density Estimation for Statistics and Data Analysis, Chapman and Hall, 1986, section 3.4.2.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> x, f = density(np.random.default_rng(0).normal(size=500))
+    >>> round(float(np.trapezoid(f, x)), 2)
+    1.0
+    >>> density(np.ones(5)) is None
+    True
+    """
+    from scipy.stats import gaussian_kde
+
+    low, high = float(values.min()), float(values.max())
+    if len(values) < 2 or constant(low, high):
+        return None
+    # Shifted and scaled, so that values of 1e-200 do not vanish in their variance.
+    scaled = (values - low) / (high - low)
+    deviation = float(scaled.std(ddof=1))
+    quartiles = float(np.subtract(*np.percentile(scaled, [75, 25]))) / 1.349
+    factor = 0.9 * (min(deviation, quartiles) if quartiles > 0.1 * deviation else deviation) / deviation
+    factor *= len(values) ** -0.2
+    if len(scaled) > 2 * _CELLS:
+        # Many samples are counted in fine cells first: the width of a kernel is many cells.
+        weights, edges = np.histogram(scaled, _CELLS, (0.0, 1.0))
+        kernels = gaussian_kde((edges[:-1] + edges[1:])[weights > 0] / 2, factor, weights=weights[weights > 0])
+    else:
+        kernels = gaussian_kde(scaled, factor)
+    reach = 3 * factor * deviation
+    x = np.linspace(-reach, 1 + reach, points)
+    return low + (high - low) * x, kernels(x) / (high - low)
+
+
+def histograms(results: Results | Samples, output: str, times: Sequence[float] | None = None) -> Figure:
+    """Draw how an output is distributed at some times: histograms as densities, and a smooth estimate.
+
+    Of several methods the first has bars and a curve, the others a curve each.  A method without samples that holds a
+    polynomial chaos is drawn from samples of it.
+
+    Parameters
+    ----------
+    results : xarray.DataTree, xarray.Dataset, mapping or iterable of nodes
+        A study's result, nodes, or the samples of one method; methods that have neither samples nor a polynomial chaos
+        are passed over.
+    output : str
+        Name of the output.
+    times : sequence of float, optional
+        In seconds; the nearest stored times are taken. Default: up to four, the end, the time of the largest standard
+        deviation, and times between.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+
+    Raises
+    ------
+    StudyError
+        If no method has samples or a chaos, none of the samples succeeded, or no such output exists.
+
+    Examples
+    --------
+    >>> from uqmbd.results import labels, propagator_node, sample_dataset, statistics_of_samples
+    >>> samples = sample_dataset([[[0.0]], [[1.0]]], [[1.0], [2.0]], labels([("x", "m")], ["k"], [0.5]))
+    >>> node = propagator_node("mine", statistics_of_samples(samples), samples,
+    ...                        propagator="p", realisations=2, wall_time=0.0)
+    >>> axes = histograms(node, "x").axes[0]
+    >>> axes.get_title(), axes.get_ylabel()
+    ('t = 0.5 s', 'density [1/m]')
+    """
+    import xarray as xr
+    from matplotlib.lines import Line2D
+
+    responses = _responses(results, output)
+    first = next(iter(responses.values()))
+    grid_of_times = first["time"].values
+    if times is None:
+        chosen = automatic_times(grid_of_times, first.values.std(axis=0))
+    else:
+        chosen = sorted({int(np.abs(grid_of_times - t).argmin()) for t in times})
+    units = str(first["output_units"].item())
+    bars = isinstance(results, xr.Dataset) or "samples" in nodes_of(results)[next(iter(responses))].children
+    figure, grid = axes_grid(len(chosen), 1.75)
+    for place, (axes, k) in enumerate(zip(grid, chosen, strict=True)):
+        time = float(grid_of_times[k])
+        axes.set_title(f"t = {time:.4g} s", fontsize=9.5, y=1.0)
+        if bars:
+            draw_histogram(axes, first.values[:, k], COLOURS[0], density=True)
+        for method, response in enumerate(responses.values()):
+            values = response.values[:, int(np.abs(response["time"].values - time).argmin())]
+            colour, line = style(method)
+            curve = density(values)
+            if curve is not None:
+                axes.plot(*curve, color=colour, ls=line, lw=1.5)
+                axes.set_ylim(0, max(axes.get_ylim()[1], 1.05 * float(curve[1].max())))
+        low, high = float(first.values[:, k].min()), float(first.values[:, k].max())
+        if len(responses) > 1 and not constant(low, high):
+            # the far tails of a surrogate would squeeze what matters
+            axes.set_xlim(low - 0.2 * (high - low), high + 0.2 * (high - low))
+        few_ticks(axes)
+        axes.set_ylabel(_density_label(units) if place % 2 == 0 else "")
+        if place >= len(chosen) - 2:
+            axes.set_xlabel(wrapped(with_units(output, units), 20))
+    handles: dict[str, Any] = {}
+    if len(responses) > 1:
+        styles = [style(k) for k in range(len(responses))]
+        handles = {
+            name: Line2D([], [], color=c, ls=ls, lw=1.5) for name, (c, ls) in zip(responses, styles, strict=True)
+        }
+    arrange(figure, grid, min(2, len(chosen)), legend=handles)
+    return figure
+
+
+def _responses(results: Results | Samples, output: str) -> dict[str, xr.DataArray]:
+    import xarray as xr
+
+    if isinstance(results, xr.Dataset):
+        return {"samples": succeeded(results, output)}
+    nodes = nodes_of(results)
+    sampled = {label: node for label, node in nodes.items() if "samples" in node.children}
+    surrogates = {label: node for label, node in surrogate_nodes(nodes).items() if label not in sampled}
+    # With none at all, the error of the first names it.
+    kept = sampled if sampled or surrogates else dict(list(nodes.items())[:1])
+    failed = [label for label, node in kept.items() if not np.any(samples_of(node)["status"].values == Status.OK)]
+    usable = {label: node for label, node in kept.items() if label not in failed} or kept
+    found = {label: succeeded(node, output) for label, node in usable.items()}
+    for label, node in surrogates.items():
+        # a general joint distribution cannot be sampled without its mechanism
+        with contextlib.suppress(StudyError):
+            found[label] = _of_surrogate(node, output)
+    return found
+
+
+def _of_surrogate(node: xr.DataTree, output: str) -> xr.DataArray:
+    """Sample a chaos: a response (sample, time)."""
+    import xarray as xr
+
+    chaos = surrogate_of(node, output)
+    _, values = chaos.sample(SURROGATE_SAMPLES, seed=0)
+    units = chaos.labels.outputs[0].units
+    return xr.DataArray(
+        values[:, 0],
+        dims=("sample", "time"),
+        coords={"time": chaos.labels.times, "output_units": units},
+    )
+
+
+def _density_label(units: str) -> str:
+    if units in ("", "1"):
+        return "density"
+    inverse = f"1/({units})" if any(c in units for c in " */·") else f"1/{units}"
+    return wrapped(with_units("density", inverse), 24)
+
+
+def inputs(node: Samples) -> Figure:
+    """Draw histograms of the sampled inputs: what was uncertain, and (red ticks) where samples failed.
+
+    Parameters
+    ----------
+    node : xarray.DataTree or xarray.Dataset
+        The node of a propagator that has ``samples``, or its samples.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+
+    Raises
+    ------
+    StudyError
+        If the node has no samples or no inputs.
+
+    Examples
+    --------
+    >>> from uqmbd.results import labels, sample_dataset
+    >>> samples = sample_dataset([[[0.0]], [[1.0]]], [[1.0], [2.0]], labels(["x"], [("k", "N/m")], [0.5]))
+    >>> inputs(samples).axes[0].get_xlabel()
+    'k [N/m]'
+    """
+    samples = samples_of(node)
+    names = [str(name) for name in samples["input"].values]
+    if not names:
+        raise StudyError(f"The study of {label_of(node)!r} has no random inputs.")
+    failed = samples["status"].values != Status.OK
+    figure, grid = axes_grid(len(names), 1.6)
+    handles: dict[str, Any] = {}
+    for place, (axes, name) in enumerate(zip(grid, names, strict=True)):
+        chosen = samples.sel(input=name)
+        values = chosen["inputs"].values
+        draw_histogram(axes, values, COLOURS[2])
+        few_ticks(axes, whole=True)
+        if failed.any():
+            # Ticks at the foot of the axes, whatever the counts are.
+            foot = axes.get_xaxis_transform()
+            ticks = axes.vlines(values[failed][:2000], 0, 0.12, transform=foot, color=FAILED, lw=1.3)
+            handles = {"inputs of failed samples": ticks}
+        units = str(chosen["input_units"].item()) if "input_units" in chosen.coords else ""
+        axes.set_xlabel(wrapped(with_units(name, units), 20))
+        axes.set_ylabel("samples" if place % 2 == 0 else "")
+    arrange(figure, grid, min(2, len(names)), legend=handles)
+    return figure

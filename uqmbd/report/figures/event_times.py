@@ -1,0 +1,142 @@
+"""When the events of a motion happen, as an event-aligned chaos knows it."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from uqmbd.errors import StudyError
+from uqmbd.report.figures.distributions import SURROGATE_SAMPLES, density
+from uqmbd.report.figures.selection import Results, nodes_of
+from uqmbd.report.figures.style import COLOURS, arrange, axes_grid, constant, draw_histogram, few_ticks, wrapped
+from uqmbd.results import AlignedChaos
+from uqmbd.wording import format_number
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = ["EventTime", "event_times", "events_in_words", "events_of", "has_events"]
+
+MOST = 8
+"""Events that are drawn, the earliest."""
+
+
+@dataclass(frozen=True, eq=False)
+class EventTime:
+    """One event: the n-th of its kind.
+
+    Attributes
+    ----------
+    name : str
+        What happens, as ``floor: impact``.
+    number : int
+        1 for the first of this name.
+    times : array, shape (K,)
+        Its times in those of the sampled realisations that reach it, s; also after the end of the study.
+    share : float
+        Share of realisations in which it happens until the end of the study.
+    """
+
+    name: str
+    number: int
+    times: NDArray[np.float64]
+    share: float
+
+
+def has_events(node: xr.DataTree) -> bool:
+    """Tell whether a method followed events, and there were any."""
+    if "aligned" not in node.children or "event" not in node.children["aligned"].data_vars:
+        return False
+    return bool(np.any(node.children["aligned"].to_dataset()["event"].values != ""))
+
+
+def events_of(node: xr.DataTree) -> list[EventTime]:
+    """Return the events that some realisation reaches before the end of the study, the earliest first."""
+    from uqmbd.randomness.space import located
+    from uqmbd.results.chaos.sampling import random_germs
+
+    chaos = AlignedChaos.from_dataset(node.children["aligned"])
+    germs = random_germs(chaos.space, SURROGATE_SAMPLES, 0)
+    edges = chaos.edges_at_germs(germs)
+    where = located([element.box for element in chaos.elements], germs)
+    assert chaos.labels.times is not None
+    end = float(chaos.labels.times[-1])
+    found: dict[tuple[str, int], list[NDArray[np.float64]]] = {}
+    for k, element in enumerate(chaos.elements):
+        seen: Counter[str] = Counter()
+        for segment, name in enumerate(element.events):
+            if name:
+                seen[name] += 1
+                found.setdefault((name, seen[name]), []).append(edges[where == k, segment + 1])
+    events = []
+    for (name, number), parts in found.items():
+        times = np.concatenate(parts)
+        times = times[np.isfinite(times)]
+        share = float(np.count_nonzero(times <= end)) / len(germs)
+        if share > 0:
+            events.append(EventTime(name, number, times, share))
+    return sorted(events, key=lambda event: float(np.median(event.times)))
+
+
+def event_times(results: Results) -> Figure:
+    """Draw how the times of events are distributed, each event in axes of its own.
+
+    Parameters
+    ----------
+    results : xarray.DataTree, mapping or iterable of nodes
+        With a method that follows events, as ``Collocation(alignment="events")``; of several the first.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        Axes for each event, the first eight.
+
+    Raises
+    ------
+    StudyError
+        If no method followed events, or none happens.
+
+    Examples
+    --------
+    >>> event_times([])
+    Traceback (most recent call last):
+        ...
+    uqmbd.errors.StudyError: A figure needs the result of at least one propagator; there is none.
+    """
+    node = next((n for n in nodes_of(results).values() if has_events(n)), None)
+    events = [] if node is None else events_of(node)[:MOST]
+    if not events:
+        raise StudyError("None of these results follows events; use Collocation(alignment='events').")
+    figure, grid = axes_grid(len(events), 1.5)
+    for place, (axes, event) in enumerate(zip(grid, events, strict=True)):
+        axes.set_title(_title(event), fontsize=9.5, y=1.0)
+        draw_histogram(axes, event.times, COLOURS[0], density=True)
+        curve = None if constant(float(event.times.min()), float(event.times.max())) else density(event.times)
+        if curve is not None:
+            axes.plot(*curve, color=COLOURS[0], lw=1.5)
+            axes.set_ylim(0, max(axes.get_ylim()[1], 1.05 * float(curve[1].max())))
+        few_ticks(axes)
+        axes.set_ylabel(wrapped("density [1/s]", 24) if place % 2 == 0 else "")
+        if place >= len(events) - 2:
+            axes.set_xlabel("time [s]")
+    arrange(figure, grid, min(2, len(events)))
+    return figure
+
+
+def events_in_words(node: xr.DataTree) -> str:
+    """Say when each event happens: mean and standard deviation of its time, and in how many realisations."""
+    parts = []
+    for event in events_of(node)[:MOST]:
+        parts.append(f"{_title(event)} at {format_number(float(event.times.mean()), float(event.times.std()))} s")
+    return f"{'; '.join(parts)} (mean ± standard deviation)."
+
+
+def _title(event: EventTime) -> str:
+    name = event.name.replace("$", r"\$")
+    share = "" if event.share > 0.9995 else f" ({100 * event.share:.2g} % reach it)"
+    return f"{name}, no. {event.number}{share}"

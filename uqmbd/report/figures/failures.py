@@ -1,0 +1,290 @@
+"""Why samples failed: reasons that differ in numbers only are one, and the inputs that tell failed from fine ones."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from uqmbd.errors import StudyError
+from uqmbd.report.figures.selection import Samples, label_of, runs_of, samples_of
+from uqmbd.report.figures.style import FAILED, arrange, few_ticks, single_axes, widen_if_constant, with_units, wrapped
+from uqmbd.results import STATUS_MEANINGS
+from uqmbd.status import Status
+from uqmbd.wording import format_count, format_number
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = ["Reason", "Separation", "failure_inputs", "failure_reasons", "separating_inputs"]
+
+_MOST_POINTS = 1500
+ENOUGH = 3
+"""Failures of one kind from which inputs can tell anything."""
+# Names in quotes stay as they are, and so do digits that belong to a word; remarks in brackets are set aside.
+_TOKENS = re.compile(r"""('[^']*'|"[^"]*")|(?<![\w.])([+\-−]?(?:\d+\.?\d*|\.\d+)(?:[eE][+\-]?\d+)?)(?![\w]|\.\d)""")
+_BRACKETS = re.compile(r"\s*\([^()]*\)")
+
+
+@dataclass(frozen=True, eq=False)
+class Reason:
+    """Failures of one kind: their status in words, their message with numbers as ranges, and the samples."""
+
+    kind: str
+    text: str
+    samples: NDArray[np.intp]
+
+
+@dataclass(frozen=True, eq=False)
+class Separation:
+    """How well an input tells failed samples from fine ones.
+
+    Attributes
+    ----------
+    index : int
+        Of the input.
+    distance : float
+        Largest difference between the two empirical distribution functions (Kolmogorov and Smirnov), 0 to 1.
+    clear : bool
+        Whether chance gives such a distance in fewer than one of a hundred cases.
+    """
+
+    index: int
+    distance: float
+    clear: bool
+
+
+def failure_reasons(node: Samples) -> list[Reason]:
+    """Group the failed samples of a method by their reason, the most frequent first.
+
+    Messages that differ only in their numbers, or in remarks in brackets, are one reason; differing numbers are shown
+    as a range.
+
+    Parameters
+    ----------
+    node : xarray.DataTree or xarray.Dataset
+        The node of a propagator that has ``samples``, or its samples.
+
+    Returns
+    -------
+    list of Reason
+
+    Examples
+    --------
+    >>> from uqmbd.results import labels, sample_dataset
+    >>> messages = ["", "no step at t = 0.25 s (joint 'a')", "no step at t = 0.5 s (joint 'b')"]
+    >>> axes = labels(["x"], ["k"], [0.0])
+    >>> samples = sample_dataset([[[0.0]]] * 3, [[1.0]] * 3, axes, status=[0, 2, 2], messages=messages)
+    >>> [(r.kind, r.text, len(r.samples)) for r in failure_reasons(samples)]
+    [('integration failed', 'no step at t = 0.25 to 0.5 s', 2)]
+    """
+    samples = _runs(node)
+    status = samples["status"].values
+    flags = np.atleast_1d(samples["status"].attrs.get("flag_values", [])).tolist()
+    meanings = dict(STATUS_MEANINGS)
+    meanings |= zip(flags, str(samples["status"].attrs.get("flag_meanings", "")).split(), strict=False)
+    messages = samples["message"].values
+    groups: dict[tuple[str, str], list[int]] = {}
+    for k in np.flatnonzero(status != Status.OK):
+        kind = meanings.get(int(status[k]), f"status {int(status[k])}").replace("_", " ")
+        groups.setdefault((kind, _pattern(str(messages[k]))), []).append(int(k))
+    ordered = sorted(groups.items(), key=lambda item: -len(item[1]))
+    return [Reason(kind, _joined([str(messages[k]) for k in which]), np.array(which)) for (kind, _), which in ordered]
+
+
+def _runs(node: Samples) -> xr.Dataset:
+    found = runs_of(node)
+    return samples_of(node) if found is None else found
+
+
+def _pattern(message: str) -> str:
+    return _TOKENS.sub(lambda found: found[1] or "#", _BRACKETS.sub("", message))
+
+
+def _joined(messages: list[str]) -> str:
+    """Return one message for many of the same pattern."""
+    if not messages[0]:
+        return "no reason was given"
+    if len(set(messages)) == 1:
+        return messages[0]
+    plain = [_BRACKETS.sub("", message) for message in messages]
+    written = [[found[2] for found in _TOKENS.finditer(text) if found[2]] for text in plain]
+    columns = iter(zip(*written, strict=True))
+
+    def merged(found: re.Match[str]) -> str:
+        if found[1]:
+            return found[1]
+        column = sorted(set(next(columns)), key=lambda text: float(text.replace("−", "-")))
+        return column[0] if len(column) == 1 else f"{column[0]} to {column[-1]}"
+
+    return _TOKENS.sub(merged, plain[0])
+
+
+def separating_inputs(node: Samples, reason: Reason) -> list[Separation]:
+    """Order the inputs by how well they tell the samples that failed for a reason from those that succeeded.
+
+    Parameters
+    ----------
+    node : xarray.DataTree or xarray.Dataset
+        The node of a propagator that has ``samples``, or its samples.
+    reason : Reason
+
+    Returns
+    -------
+    list of Separation
+        The best first.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from uqmbd.results import labels, sample_dataset
+    >>> drawn = np.random.default_rng(0).random((200, 2))
+    >>> status = np.where(drawn[:, 1] > 0.9, 1, 0)
+    >>> samples = sample_dataset(np.zeros((200, 1, 1)), drawn, labels(["x"], ["a", "b"], [0.0]), status=status)
+    >>> [(s.index, s.clear) for s in separating_inputs(samples, failure_reasons(samples)[0])]
+    [(1, True), (0, False)]
+    """
+    samples = _runs(node)
+    drawn, fine = samples["inputs"].values, samples["status"].values == Status.OK
+    found = []
+    for k in range(drawn.shape[1]):
+        bad, good = np.sort(drawn[reason.samples, k]), np.sort(drawn[fine, k])
+        both = np.concatenate([bad, good])
+        if not len(good) or not np.all(np.isfinite(both)):
+            found.append(Separation(k, 0.0, False))
+            continue
+        shares = [np.searchsorted(part, both, side="right") / len(part) for part in (bad, good)]
+        distance = float(np.abs(shares[0] - shares[1]).max())
+        critical = 1.63 * np.sqrt((len(bad) + len(good)) / (len(bad) * len(good)))
+        found.append(Separation(k, distance, bool(distance > critical)))
+    return sorted(found, key=lambda s: -s.distance)
+
+
+def failure_words(node: Samples, reason: Reason) -> list[str]:
+    """Say in words where the inputs of the failed samples lie: a sentence for each input that tells, at most three."""
+    samples = _runs(node)
+    names, units = _input_labels(samples)
+    if not names:
+        return ["This method recorded no inputs."]
+    drawn, fine = samples["inputs"].values, samples["status"].values == Status.OK
+    sentences = []
+    for separation in [s for s in separating_inputs(node, reason) if s.clear][:3]:
+        k = separation.index
+        bad, good, unit = drawn[reason.samples, k], drawn[fine, k], units[k] and " " + units[k]
+        ranges = _ranges(np.sort(bad), np.sort(good))
+        inside = sum(int(((good >= low) & (good <= high)).sum()) for low, high in ranges)
+        spans = " or ".join(
+            f"at {_short(low)}" if low == high else f"between {_short(low)} and {_short(high)}" for low, high in ranges
+        )
+        everything = drawn[:, k]
+        others = (
+            f"no sample with {'such a value' if len(ranges) == 1 else 'such values'} succeeded"
+            if not inside
+            else f"{format_count(inside, 'sample')} of that range succeeded"
+        )
+        sentences.append(
+            f"{names[k]}: failed samples lie {spans}{unit} "
+            f"(all samples {_short(float(everything.min()))} to {_short(float(everything.max()))}{unit}); {others}."
+        )
+    if not sentences and len(reason.samples) < ENOUGH:
+        return ["These samples are too few to tell which input is behind it."]
+    if not sentences:
+        return ["No single input tells these samples from those that succeeded."]
+    return sentences
+
+
+def _short(value: float) -> str:
+    return format_number(float(f"{value:.3g}"))
+
+
+def _ranges(bad: NDArray[np.float64], good: NDArray[np.float64]) -> list[tuple[float, float]]:
+    """Return where sorted failed values lie: one range, or two with most of the fine samples between them."""
+    whole = [(float(bad[0]), float(bad[-1]))]
+    if len(bad) < 2 or not len(good):
+        return whole
+    between = np.diff(np.searchsorted(good, bad))
+    gap = int(between.argmax())
+    if between[gap] < 0.5 * len(good):
+        return whole
+    return [(float(bad[0]), float(bad[gap])), (float(bad[gap + 1]), float(bad[-1]))]
+
+
+def _input_labels(samples: xr.Dataset) -> tuple[list[str], list[str]]:
+    names = [str(name) for name in samples["input"].values]
+    units = [str(u) for u in samples["input_units"].values] if "input_units" in samples.coords else [""] * len(names)
+    return names, units
+
+
+def failure_inputs(node: Samples, reason: int | Reason = 0) -> Figure:
+    """Draw the inputs of samples that failed for one reason among those of samples that succeeded.
+
+    Of several inputs the two that tell them apart best are drawn; a single input is a strip.
+
+    Parameters
+    ----------
+    node : xarray.DataTree or xarray.Dataset
+        The node of a propagator that has ``samples``, or its samples.
+    reason : int or Reason
+        One of :func:`failure_reasons`, or its place there: 0 is the most frequent.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+
+    Raises
+    ------
+    StudyError
+        If there are no such failures, or no inputs.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from uqmbd.results import labels, sample_dataset
+    >>> drawn = np.random.default_rng(0).random((200, 2))
+    >>> axes = labels(["x"], [("a", "m"), ("b", "kg")], [0.0])
+    >>> samples = sample_dataset(np.zeros((200, 1, 1)), drawn, axes, status=np.where(drawn[:, 1] > 0.9, 1, 0))
+    >>> axes = failure_inputs(samples).axes[0]
+    >>> axes.get_xlabel(), axes.get_ylabel()
+    ('b [kg]', 'a [m]')
+    """
+    samples = _runs(node)
+    names, units = _input_labels(samples)
+    if isinstance(reason, int):
+        reasons = failure_reasons(node)
+        if not 0 <= reason < len(reasons):
+            raise StudyError(f"{label_of(node)!r} has {len(reasons)} reasons of failures; number {reason} is none.")
+        reason = reasons[reason]
+    if not names:
+        raise StudyError(f"The study of {label_of(node)!r} has no random inputs.")
+    fine = np.flatnonzero(samples["status"].values == Status.OK)
+    drawn = samples["inputs"].values
+    best = [s.index for s in separating_inputs(node, reason)[:2]]
+    figure, axes = single_axes(2.6 if len(best) > 1 else 2.2)
+    axes.grid(visible=False)
+    few_ticks(axes)
+    handles: dict[str, Any] = {}
+    for which, name, colour, size, order in (
+        (fine, "succeeded", "0.72", 2.4, 2.0),
+        (reason.samples, "failed", FAILED, 4.0, 3.0),
+    ):
+        shown = which[:: -(-len(which) // _MOST_POINTS)] if len(which) else which
+        x = drawn[shown, best[0]]
+        # A strip: heights without a meaning, spread evenly by the golden ratio, so that points do not hide each other.
+        y = drawn[shown, best[1]] if len(best) > 1 else (shown * 0.6180339887) % 1
+        (points,) = axes.plot(x, y, "o", color=colour, ms=size, mew=0, zorder=order)
+        if len(which):
+            handles[f"{name} ({len(which)})"] = points
+    axes.set_xlabel(wrapped(with_units(names[best[0]], units[best[0]]), 60))
+    if len(best) > 1:
+        axes.set_ylabel(wrapped(with_units(names[best[1]], units[best[1]]), 26))
+    else:
+        axes.set_yticks([])
+        axes.spines["left"].set_visible(False)
+    for k, direction in zip(best, "xy", strict=False):
+        widen_if_constant(axes, direction, float(drawn[:, k].min()), float(drawn[:, k].max()))
+    arrange(figure, [axes], legend=handles)
+    return figure

@@ -1,0 +1,187 @@
+"""How the mean and the standard deviation settle as samples are added, and how well they are known in the end."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from uqmbd.errors import StudyError
+from uqmbd.report.figures.selection import Samples, label_of, of_output, samples_of
+from uqmbd.report.figures.style import COLOURS, arrange, axes_grid, constant, widen_if_constant, with_units, wrapped
+from uqmbd.results.statistics.samples import replicate_statistics, running_statistics
+from uqmbd.status import Status
+from uqmbd.wording import format_integer
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = ["Design", "convergence", "design_of"]
+
+NORMAL_95 = 1.96
+_POINTS = 120
+
+
+@dataclass(frozen=True)
+class Design:
+    """How samples were drawn: independently, or in replicates (one after the other) of a design of some name."""
+
+    name: str = "random"
+    replicates: int = 1
+
+    @property
+    def independent(self) -> bool:
+        """Whether each sample is independent of all others."""
+        return self.name == "random"
+
+
+def design_of(attrs: Mapping[Any, Any]) -> Design:
+    """Return the design from the attributes of a propagator's node; without any, samples are independent.
+
+    Examples
+    --------
+    >>> design_of({"options": '{"sampling": "sobol", "replicates": 8}'})
+    Design(name='sobol', replicates=8)
+    >>> design_of({}).independent
+    True
+    """
+    try:
+        options = json.loads(attrs.get("options", "{}"))
+        name, replicates = str(options.get("sampling", "random")), int(options.get("replicates", 1))
+    except (AttributeError, TypeError, ValueError):
+        return Design()
+    return Design(name, replicates) if name != "random" and replicates > 1 else Design()
+
+
+def convergence(node: Samples, output: str, time: float | None = None) -> Figure:
+    """Draw mean and standard deviation against the number of samples, with the bands that hold them in 95 % of cases.
+
+    The points of a Latin hypercube or Sobol' design say nothing one by one: there the estimates are drawn against the
+    number of its independent replicates.
+
+    Parameters
+    ----------
+    node : xarray.DataTree or xarray.Dataset
+        The node of a propagator that has ``samples``, or its samples (which then count as independent).
+    output : str
+        Name of the output.
+    time : float, optional
+        In seconds; the nearest stored time is taken. Default: that of the largest standard deviation.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+
+    Raises
+    ------
+    StudyError
+        If the node has no samples, fewer than two succeeded, or no such output exists.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from uqmbd.results import labels, sample_dataset
+    >>> x = np.arange(50.0).reshape(50, 1, 1)
+    >>> figure = convergence(sample_dataset(x, np.zeros((50, 0)), labels([("x", "m")], [], [0.5])), "x")
+    >>> float(figure.axes[0].lines[-1].get_ydata()[-1]), figure.axes[1].get_xlabel()
+    (24.5, 'number of samples')
+    """
+    samples = samples_of(node)
+    response = of_output(samples, output)["response"]
+    fine = samples["status"].values == Status.OK
+    if fine.sum() < 2:
+        raise StudyError(f"Fewer than two samples of {label_of(node)!r} succeeded: there is nothing to converge.")
+    if time is None:
+        with np.errstate(invalid="ignore"):
+            chosen = int(np.std(response.values[fine], axis=0).argmax())
+    else:
+        chosen = int(np.abs(response["time"].values - time).argmin())
+    values = response.values[:, chosen]
+    design = design_of(node.attrs)
+    total = max(int(node.attrs.get("realisations", 0)), len(values))
+    counts, found = _estimates(values, fine, design, total)
+    if total > len(values) and isinstance(node, xr.DataTree):
+        # Only the first samples were kept; what all of them say is stored.
+        last = of_output(node.children["statistics"], output).isel(time=chosen)
+        number = total - int(node.attrs.get("failures", 0)) if design.independent else design.replicates
+        counts = np.append(counts, number)
+        found = {name: np.append(part, float(last[name]) if name in last else np.nan) for name, part in found.items()}
+
+    figure, grid = axes_grid(2, 1.75, 1)
+    units = str(response["output_units"].item())
+    handles: dict[str, Any] = {}
+    for axes, name, title in zip(grid, ("mean", "std"), ("mean", "standard deviation"), strict=True):
+        centre, error = found[name], NORMAL_95 * found[f"std_error_{name}"]
+        low = centre - error if name == "mean" else np.maximum(centre - error, 0.0)
+        band = axes.fill_between(counts, low, centre + error, color=COLOURS[0], alpha=0.18, lw=0)
+        axes.axhline(centre[-1], color="0.35", lw=0.9, ls=(0, (4, 2)))
+        marker = "" if design.independent and len(counts) > 1 else "o"
+        (line,) = axes.plot(counts, centre, color=COLOURS[0], lw=1.5, marker=marker, ms=3.5)
+        axes.set_ylabel(wrapped(with_units(title, units), 16))
+        axes.grid(color="0.9", lw=0.7)
+        _limit(axes, counts, centre, error)
+        handles = {"estimate so far": line, "95 % band": band, "final value": axes.lines[0]}
+    _count_axis(grid, counts, design)
+    grid[0].tick_params(labelbottom=False)
+    if design.independent:
+        grid[1].set_xlabel("number of samples")
+    else:
+        grid[1].set_xlabel(f"number of replicates (of {total / design.replicates:.4g} samples each)")
+    grid[0].set_title(f"t = {float(response['time'][chosen]):.4g} s", fontsize=9.5, y=1.0, loc="right")
+    arrange(figure, grid, legend=handles)
+    return figure
+
+
+def _estimates(
+    values: NDArray[np.float64], fine: NDArray[np.bool_], design: Design, planned: int
+) -> tuple[NDArray[np.float64], dict[str, NDArray[np.float64]]]:
+    """Return the numbers of samples or replicates, and the estimates that belong to them."""
+    if design.independent:
+        total = int(fine.sum())
+        start = max(2, min(10, total // 4))
+        numbers = np.unique(np.geomspace(start, total, _POINTS).round().astype(int)) if total > start else [total]
+        return np.asarray(numbers, dtype=float), running_statistics(values[fine], numbers)
+    edges = np.cumsum([0, *(len(part) for part in np.array_split(np.arange(planned), design.replicates))])
+    # Of samples that were not all kept, the complete replicates.
+    edges = edges[edges <= len(values)] if edges[1] <= len(values) else np.array([0, len(values)])
+    parts = [values[a:b][fine[a:b]] for a, b in zip(edges[:-1], edges[1:], strict=True)]
+    usable = [part for part in parts if len(part)]
+    if len(usable[0]) < 2:
+        usable = [np.concatenate(usable)]
+    return np.arange(1.0, len(usable) + 1), replicate_statistics(usable)
+
+
+def _limit(axes: Any, counts: NDArray[np.float64], centre: NDArray[np.float64], error: NDArray[np.float64]) -> None:
+    """Let the y axis show the estimates, and their bands but for the first, widest ones."""
+    if constant(float(centre.min()), float(centre.max())) and not np.any(error > 1e-9 * np.abs(centre).max()):
+        widen_if_constant(axes, "y", float(centre.min()), float(centre.max()))
+        return
+    late = counts >= counts[-1] ** 0.6
+    reach = np.nan_to_num(error[late], nan=0.0)
+    low = min(float(centre.min()), float((centre[late] - reach).min()))
+    high = max(float(centre.max()), float((centre[late] + reach).max()))
+    margin = 0.06 * (high - low)
+    axes.set_ylim(low - margin, high + margin)
+
+
+def _count_axis(grid: list[Any], counts: NDArray[np.float64], design: Design) -> None:
+    from matplotlib.ticker import FixedLocator, FuncFormatter, MaxNLocator, NullLocator
+
+    first, last = float(counts[0]), float(counts[-1])
+    for axes in grid:
+        if design.independent and last > first:
+            axes.set_xscale("log")
+            axes.xaxis.set_minor_locator(NullLocator())
+            steps = [m * 10**k for k in range(10) for m in (1, 2, 5) if first <= m * 10**k <= last]
+            axes.xaxis.set_major_locator(FixedLocator(steps if len(steps) < 9 else steps[::2]))
+            axes.set_xlim(first, last)
+        else:
+            axes.xaxis.set_major_locator(MaxNLocator(nbins=8, integer=True))
+            axes.set_xlim(first - 0.3, last + 0.3)
+        axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: format_integer(value)))
+        axes.yaxis.set_major_locator(MaxNLocator(nbins=4, steps=[1, 2, 5, 10]))

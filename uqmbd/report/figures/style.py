@@ -1,0 +1,291 @@
+"""What all figures share: size, colours, axes, legends, and labels that show names as they were written."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uqmbd.report.figures.scales import plain_formatter
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.axis import Axis
+    from matplotlib.figure import Figure
+
+__all__ = [
+    "COLOURS",
+    "FAILED",
+    "arrange",
+    "axes_grid",
+    "constant",
+    "draw_histogram",
+    "histogram_edges",
+    "few_ticks",
+    "limit_times",
+    "line_width",
+    "shortened",
+    "single_axes",
+    "style",
+    "surroundings",
+    "widen_if_constant",
+    "with_units",
+    "wrapped",
+]
+
+# Okabe and Ito's colours: distinguishable with every common colour vision, and by their line style in print.
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#8A6D00", "#000000")
+LINES: tuple[Any, ...] = ("-", (0, (5, 2)), (0, (1, 1.2)), (0, (6, 2, 1, 2)), (0, (3, 1, 1, 1, 1, 1)), (0, (9, 3)))
+FAILED = "#B00020"
+WIDTH = 5.6  # inches: legible at its own size, and still when a phone shrinks it
+MOST_LINES = 4
+"""Lines of a label: more would cover the figure."""
+_LINE, _CHARACTER = 0.165, 0.078  # inches: height of a line, width of a digit
+
+
+def style(k: int) -> tuple[str, Any]:
+    """Return colour and line style of the k-th method."""
+    return COLOURS[k % len(COLOURS)], LINES[k % len(LINES)]
+
+
+def single_axes(height: float) -> tuple[Figure, Axes]:
+    """Return a figure of some height (inches) with one pair of axes."""
+    figure, (axes,) = axes_grid(1, height, 1)
+    axes.grid(color="0.9", lw=0.7)
+    return figure, axes
+
+
+def axes_grid(count: int, height: float, columns: int = 2) -> tuple[Figure, list[Axes]]:
+    """Return a figure with ``count`` axes in at most ``columns`` columns, each row of some height (inches)."""
+    from matplotlib.figure import Figure
+
+    rows = -(-count // min(count, columns))
+    figure = Figure(figsize=(WIDTH, max(height * rows + (0.3 if rows > 1 else 0.0), 2.2)))
+    # Where they lie is decided by `arrange`, once their labels are known.
+    grid = [figure.add_axes((0.1, 0.1, 0.8, 0.8)) for _ in range(count)]
+    for axes in grid:
+        _dress(axes)
+    return figure, grid
+
+
+def _dress(axes: Axes) -> None:
+    from matplotlib.ticker import MaxNLocator
+
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.set_axisbelow(True)
+    axes.tick_params(labelsize=9)
+    # A stated height of the title spares a search for what might be in its way.
+    axes.set_title("", y=1.0)
+    for axis in (axes.xaxis, axes.yaxis):
+        formatter = plain_formatter()(useMathText=False)
+        formatter.set_powerlimits((-3, 4))
+        axis.set_major_formatter(formatter)
+        axis.set_major_locator(MaxNLocator(nbins=6, steps=[1, 2, 2.5, 5, 10]))
+        axis.get_offset_text().set_fontsize(9)
+
+
+def arrange(
+    figure: Figure,
+    grid: Sequence[Axes],
+    columns: int = 1,
+    *,
+    legend: Mapping[str, Any] | None = None,
+    right: float = 0.18,
+    heights: Sequence[float] | None = None,
+) -> None:
+    """Place axes row by row, with the room that their labels and a legend above them need.
+
+    Matplotlib's own layout engines draw every figure twice to measure it; counting characters is as good here.
+
+    Parameters
+    ----------
+    figure : matplotlib.figure.Figure
+    grid : sequence of matplotlib.axes.Axes
+        Row after row.
+    columns : int
+    legend : mapping of str to artist, optional
+        Names and handles.
+    right : float
+        Room on the right, inches.
+    heights : sequence of float, optional
+        Heights of the rows of axes themselves, inches: the figure becomes as high as these, their labels and the legend
+        need together. Rows whose times are not labelled move together. Default: equal shares of the figure.
+
+    Examples
+    --------
+    >>> figure, axes = single_axes(3.0)
+    >>> arrange(figure, [axes])
+    >>> bool(0 < axes.get_position().x0 < 0.15 and axes.get_position().x1 > 0.9)
+    True
+    """
+    width, height = figure.get_size_inches()
+    top = 0.08 + (_legend_above(figure, legend) if legend else 0.0)
+    rows = [grid[k : k + columns] for k in range(0, len(grid), columns)]
+    ticks = [max(_tick_width(row[j].yaxis) for row in rows if j < len(row)) for j in range(len(rows[0]))]
+    lefts = [w + max(_lines(row[j].get_ylabel()) for row in rows if j < len(row)) for j, w in enumerate(ticks)]
+    heads = [
+        max(0.2 if a.get_title() or a.get_title("left") or _offset(a.yaxis) else 0.06 for a in row) for row in rows
+    ]
+    feet = [0.27 + max(_lines(a.get_xlabel()) or (0.12 if _offset(a.xaxis) else 0.0) for a in row) for row in rows]
+    inner_width = (width - sum(lefts) - right * len(lefts)) / len(lefts)
+    if heights is None:
+        inner = [(height - top - sum(heads) - sum(feet)) / len(rows)] * len(rows)
+    else:
+        inner = list(heights)
+        heads = [
+            head + (0.06 if any(a.get_title("left") for a in row) else 0.0)
+            for row, head in zip(rows, heads, strict=True)
+        ]
+        feet = [
+            foot if any(a.xaxis.get_tick_params().get("labelbottom", True) for a in row) else 0.1
+            for row, foot in zip(rows, feet, strict=True)
+        ]
+        height = top + sum(heads) + sum(inner) + sum(feet)
+        figure.set_figheight(height)
+    down = height - top
+    for row, head, inner_height, foot in zip(rows, heads, inner, feet, strict=True):
+        down -= head + inner_height
+        across = 0.0
+        for axes, tick, left in zip(row, ticks, lefts, strict=False):
+            across += left
+            axes.set_position((across / width, down / height, inner_width / width, inner_height / height))
+            # Stated positions of labels spare Matplotlib from measuring every tick again.
+            axes.yaxis.set_label_coords(-tick / inner_width, 0.5)
+            axes.xaxis.set_label_coords(0.5, -0.26 / inner_height)
+            across += inner_width + right
+        down -= foot
+
+
+def _tick_width(axis: Axis) -> float:
+    texts = axis.get_major_formatter().format_ticks(list(axis.get_majorticklocs()))
+    return 0.12 + _CHARACTER * max((len(text) for text in texts), default=0)
+
+
+def _offset(axis: Axis) -> bool:
+    axis.get_major_formatter().format_ticks(list(axis.get_majorticklocs()))
+    return bool(axis.get_major_formatter().get_offset())
+
+
+def _lines(text: str) -> float:
+    return _LINE * (text.count("\n") + 1) + 0.05 if text else 0.0
+
+
+def histogram_edges(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return edges of bins for values, shape (S,): a constant has one bin, no histogram more than 60."""
+    low, high = float(values.min()), float(values.max())
+    if constant(low, high):
+        return np.array(surroundings(low, high, 0.04))
+    # By the Freedman-Diaconis rule, but never finer than by a number of samples in each bin.
+    edges = np.histogram_bin_edges(values, "auto")
+    return np.linspace(low, high, 61) if len(edges) > 61 else np.asarray(edges, dtype=float)
+
+
+def draw_histogram(axes: Axes, values: NDArray[np.float64], colour: str, *, density: bool = False) -> None:
+    """Draw a histogram of values, shape (S,); a constant is one bar that says so."""
+    edges = histogram_edges(values)
+    heights, _ = np.histogram(values, edges, density=density)
+    # One outline: a patch for each bar would take most of the time of a report.
+    axes.stairs(heights, edges, fill=True, color=colour, alpha=0.3 if density else 0.7, lw=0)
+    axes.vlines(edges[1:-1], 0, np.minimum(heights[:-1], heights[1:]), color="white", lw=0.5)
+    axes.set_ylim(0, 1.05 * float(heights.max()))
+    low, high = float(values.min()), float(values.max())
+    if constant(low, high):
+        axes.text(0.97, 0.95, "no spread", transform=axes.transAxes, ha="right", va="top", fontsize=9, color="0.3")
+        widen_if_constant(axes, "x", low, high)
+
+
+def line_width(k: int, count: int) -> float:
+    """Return the width of the k-th of several methods' lines: where they coincide, those beneath look out.
+
+    Examples
+    --------
+    >>> line_width(0, 1), line_width(0, 3) > line_width(1, 3) > line_width(2, 3)
+    (1.6, True)
+    """
+    return 1.6 if count == 1 else max(2.8 - 0.6 * k, 1.0)
+
+
+def few_ticks(axes: Axes, *, whole: bool = False) -> None:
+    """Let small axes have four intervals at most; ``whole``: only whole numbers upwards."""
+    from matplotlib.ticker import MaxNLocator
+
+    axes.xaxis.set_major_locator(MaxNLocator(nbins=5, steps=[1, 2, 2.5, 5, 10]))
+    axes.yaxis.set_major_locator(MaxNLocator(nbins=4, integer=whole, steps=[1, 2, 5, 10]))
+
+
+def constant(low: float, high: float) -> bool:
+    """Tell whether values between these ends differ by rounding only."""
+    return high - low <= 1e-9 * max(abs(low), abs(high))
+
+
+def surroundings(low: float, high: float, share: float) -> tuple[float, float]:
+    """Return ends around a constant, a share of its size away."""
+    centre = (low + high) / 2
+    reach = share * (abs(centre) or 1.0)
+    return centre - reach, centre + reach
+
+
+def widen_if_constant(axes: Axes, direction: str, low: float, high: float) -> None:
+    """Show a constant as a constant: never magnify rounding to full height."""
+    if not constant(low, high):
+        return
+    ends = surroundings(low, high, 0.5)
+    if direction == "x":
+        axes.set_xlim(*ends)
+    else:
+        axes.set_ylim(*ends)
+
+
+def limit_times(axes: Axes, times: NDArray[np.float64]) -> None:
+    """Let the time axis end where the data ends."""
+    if len(times) > 1:
+        axes.set_xlim(times[0], times[-1])
+
+
+def _legend_above(figure: Figure, handles: Mapping[str, Any]) -> float:
+    """Put a legend at the top, in as many columns as fit; return its height in inches."""
+    names = [shortened(name) for name in handles]
+    columns = len(names)
+    while columns > 1 and _legend_width(names, columns) > 72 * WIDTH - 10:
+        columns -= 1
+    legend = figure.legend(
+        list(handles.values()), names, loc="upper left", bbox_to_anchor=(0.0, 1.0), ncols=columns, frameon=False,
+        fontsize=9, borderaxespad=0.15,
+    )  # fmt: skip
+    for text in legend.get_texts():
+        text.set_parse_math(False)
+    return 0.19 * -(-len(names) // columns) + 0.06
+
+
+def _legend_width(names: Sequence[str], columns: int) -> float:
+    """Estimate the width in points: the columns are as equally long as can be, as Matplotlib fills them."""
+    return sum(5.2 * max(map(len, column)) + 42 for column in np.array_split(np.array(names, dtype=object), columns))
+
+
+def with_units(name: str, units: str) -> str:
+    """Return a label: the name, and its units, if any, in brackets."""
+    return f"{name} [{units}]" if units not in ("", "1") else name
+
+
+def wrapped(text: str, width: int) -> str:
+    r"""Break a long name into lines and take the special meaning from its dollar signs; one that is too long is cut.
+
+    Examples
+    --------
+    >>> wrapped("force in the left spring", 14), wrapped("w" * 300, 10).count("\n")
+    ('force in the\nleft spring', 3)
+    """
+    lines = textwrap.wrap(text, width) or [text]
+    if len(lines) > MOST_LINES:
+        # the middle goes: what tells names apart is often their end
+        half = MOST_LINES * width // 2 - width // 4 - 2
+        lines = textwrap.wrap(f"{text[:half].rstrip()} … {text[-half:].lstrip()}", width)
+    return "\n".join(lines).replace("$", r"\$")
+
+
+def shortened(text: str) -> str:
+    """Cut the middle out of a text of more than 60 characters: what tells names apart is often their end."""
+    return text if len(text) <= 60 else f"{text[:34].rstrip()} … {text[-22:].lstrip()}"

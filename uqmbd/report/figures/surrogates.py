@@ -1,0 +1,172 @@
+"""Which methods of a result hold a polynomial chaos, which of them to show, and what it holds."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from uqmbd.errors import StudyError
+from uqmbd.report.figures.selection import Results, nodes_of, of_output
+from uqmbd.results import AlignedChaos, PiecewiseChaos, PolynomialChaos, chaos_from_dataset, surrogate, varies
+
+__all__ = [
+    "chaos_nodes",
+    "chaos_of",
+    "finest",
+    "one_node",
+    "order_of",
+    "series",
+    "shown_methods",
+    "stated_error_of",
+    "surrogate_nodes",
+    "surrogate_of",
+    "times_of",
+    "varies_over_time",
+]
+
+
+def chaos_nodes(nodes: Mapping[str, xr.DataTree]) -> dict[str, xr.DataTree]:
+    """Return the methods that hold one chaos, with coefficients of each term, output and time."""
+    return {label: node for label, node in nodes.items() if _has_chaos(node)}
+
+
+def surrogate_nodes(nodes: Mapping[str, xr.DataTree]) -> dict[str, xr.DataTree]:
+    """Return the methods that hold a surrogate of outputs over time: one chaos, or one that follows events."""
+    return {label: node for label, node in nodes.items() if _has_chaos(node) or "aligned" in node.children}
+
+
+def surrogate_of(node: xr.DataTree, output: str | None = None) -> PolynomialChaos | PiecewiseChaos | AlignedChaos:
+    """Return the surrogate of a method over time, or that of one of its outputs."""
+    if "aligned" in node.children and not _has_chaos(node):
+        return surrogate(node, output)
+    return chaos_of(node, output)
+
+
+def _has_chaos(node: xr.DataTree) -> bool:
+    if "chaos" not in node.children:
+        return False
+    chaos = node.children["chaos"]
+    found = [tuple(map(str, chaos[n].dims)) if n in chaos.data_vars else () for n in ("coefficients", "multi_index")]
+    plain = ("term", "output", "time")
+    return found[0] in (plain, ("element", *plain)) and found[1] == ("term", "input")
+
+
+def chaos_of(node: xr.DataTree, output: str | None = None) -> PolynomialChaos | PiecewiseChaos:
+    """Return the chaos of a method, or that of one of its outputs; a method without one is an error."""
+    if not _has_chaos(node):
+        raise StudyError(
+            f"The propagator {node.name!r} holds no polynomial chaos of outputs over time; this figure is drawn from "
+            "one. Use the node of a propagator that makes one, as collocation does."
+        )
+    data = node.children["chaos"].to_dataset()
+    if output is not None:
+        of_output(data, output)  # an unknown name is an error
+        data = data.isel(output=[str(name) for name in data["output"].values].index(output) + np.arange(1))
+    return chaos_from_dataset(data)
+
+
+def order_of(node: xr.DataTree) -> int:
+    """Return the order of a method's surrogate: the largest degree of any input."""
+    child = next(name for name in ("chaos", "aligned") if name in node.children)
+    return int(np.max(node.children[child].to_dataset()["multi_index"].values, initial=0))
+
+
+def finest(nodes: Mapping[str, xr.DataTree]) -> str:
+    """Return the label of the chaos of the highest order; among equals the one with the most realisations.
+
+    Only where there is no other, one that follows events.
+    """
+    found = chaos_nodes(nodes) or surrogate_nodes(nodes)
+    if not found:
+        raise StudyError("None of these results holds a polynomial chaos of outputs over time.")
+    return max(found, key=lambda label: (order_of(found[label]), int(found[label].attrs.get("realisations", 0))))
+
+
+def one_node(results: Results) -> xr.DataTree:
+    """Return the node to draw: the only one, or the one with the finest chaos."""
+    nodes = nodes_of(results)
+    return next(iter(nodes.values())) if len(nodes) == 1 else nodes[finest(nodes)]
+
+
+def stated_error_of(node: xr.DataTree) -> xr.DataArray | None:
+    """Return the stated error (output, time) of a method's surrogate; None if it states none.
+
+    That of an output that does not vary is 0: there is no spread to be wrong about.
+    """
+    for child in ("statistics", "chaos"):  # an aligned one states it with its statistics
+        if child in node.children and "verification_error" in node.children[child].data_vars:
+            found = node.children[child].to_dataset()["verification_error"]
+            if "time" not in found.dims:
+                return None
+            moves = [varies(node, str(name)) for name in found["output"].values]
+            return found.where(xr.DataArray(moves, dims="output"), 0.0)
+    return None
+
+
+def times_of(data: xr.Dataset) -> NDArray[np.float64]:
+    """Return the times; outputs without times are an error."""
+    if "time" not in data.sizes:
+        raise StudyError("This figure is drawn over time, and these outputs have no times.")
+    return np.asarray(data["time"].values, dtype=float)
+
+
+def varies_over_time(std: NDArray[np.float64], mean: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Tell at which times (T,) an output spreads: by more than 1 % of its largest spread, and more than rounding.
+
+    Shares of a spread that hardly exists say nothing; the same 1 % bounds the errors that a chaos states.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> varies_over_time(np.array([0.0, 1e-4, 0.5]), np.ones(3)).tolist()
+    [False, False, True]
+    """
+    from uqmbd.results.chaos.stated_error import SPREAD_FLOOR
+
+    rounding = 1e-13 * float(np.abs(mean).max(initial=0.0))
+    return np.asarray(std > max(SPREAD_FLOOR * float(std.max(initial=0.0)), rounding))
+
+
+def series(nodes: Mapping[str, xr.DataTree]) -> dict[str, list[str]]:
+    """Group methods with a surrogate that differ in their order only, each group by rising order.
+
+    Methods belong together if their propagator and all options that are texts agree: a rule, a kind of fit.
+
+    Returns
+    -------
+    dict of str to list of str
+        Labels by the name of the group: what its labels begin with, or its propagator.
+    """
+    groups: dict[tuple[str, ...], list[str]] = {}
+    found = surrogate_nodes(nodes)
+    for label, node in found.items():
+        try:
+            options = dict(json.loads(node.attrs.get("options", "{}")))
+        except (TypeError, ValueError):
+            options = {}
+        texts = sorted(f"{k}={v}" for k, v in options.items() if isinstance(v, str) and k != "label")
+        if options.get("elements") is not None:
+            texts.append("with elements")  # a number of them is no kind of its own, but none at all is
+        groups.setdefault((str(node.attrs.get("propagator", "")), *texts), []).append(label)
+    named: dict[str, list[str]] = {}
+    for (propagator, *_), members in groups.items():
+        members.sort(key=lambda label: (order_of(found[label]), int(found[label].attrs.get("realisations", 0))))
+        name = os.path.commonprefix(members).rstrip(" -_0123456789") or propagator
+        while name in named:
+            name += "'"
+        named[members[0] if len(members) == 1 else name] = members
+    return named
+
+
+def shown_methods(nodes: Mapping[str, xr.DataTree], most: int = 4) -> dict[str, xr.DataTree]:
+    """Return the methods to draw together: if there are more than ``most``, only the highest order of each chaos.
+
+    What has no chaos always stays.
+    """
+    lower = {label for members in series(nodes).values() for label in members[:-1]} if len(nodes) > most else set()
+    return {label: node for label, node in nodes.items() if label not in lower}

@@ -1,0 +1,1 @@
+"""Drawings of a mechanism: its picture, its poses, its animation."""

@@ -1,0 +1,125 @@
+"""A picture of a mechanism in one pose."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uqmbd.report.mechanism.labels import Placed, place
+from uqmbd.report.mechanism.sketch import Sketch, world
+from uqmbd.report.mechanism.stage import Shape, Stage, stage
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from uqmbd.mechanism import Mechanism
+
+__all__ = ["mechanism"]
+
+Array = NDArray[np.float64]
+
+MOST_NAMES = 60
+"""Names in a picture; of more, bodies come first."""
+
+
+def mechanism(mechanism: Mechanism, values: Mapping[str, float] | None = None, time: float = 0.0) -> Figure:
+    """Draw a mechanism as it is assembled: bodies from what is known of them, joints, springs, drivers and loads.
+
+    A body is what its joint points, ends of springs, centre of mass and observed points span.  Components of plugins
+    are drawn from their points and axes, too.  A mechanism that cannot be assembled is shown as drawn, and the title
+    says so.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        With at least one body.
+    values : mapping, optional
+        Values of random variables by name; the others are at their means.
+    time : float
+        Initial time, s.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        Axes in metres, of equal scale; a plane view, in space an orthographic one.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If there is no body, or a value cannot be used.
+
+    Examples
+    --------
+    >>> import uqmbd
+    >>> from uqmbd_joints import Revolute
+    >>> pendulum = uqmbd.Mechanism("pendulum", uqmbd.Planar())
+    >>> rod = pendulum.body("rod", mass=1, inertia=1, position=(0.5, 0))
+    >>> pivot = pendulum.add(Revolute("pivot", pendulum.ground, rod, (0, 0), (-0.5, 0)))
+    >>> sorted(text.get_text() for text in mechanism(pendulum).texts)
+    ['pendulum', 'pivot', 'rod']
+    """
+    from uqmbd.report.mechanism.poses import drawn_pose
+
+    data = drawn_pose(mechanism, values, time)
+    sketch, points = Sketch(data), world(data)[0, 0]
+    made = stage(sketch.extent(points))
+    pen = sketch.draw(made, points)
+    labels = sketch.labels(made, points)[:MOST_NAMES]
+    made.draw(pen.shapes)
+    _write(made, place(labels, _obstacles(pen.shapes), made.box))
+    note = f"{mechanism.name} – as drawn: it cannot be assembled" if data.attrs["note"] else mechanism.name
+    _title(made, note, warning=bool(data.attrs["note"]))
+    return made.figure
+
+
+def _title(made: Stage, text: str, *, warning: bool) -> None:
+    size = made.figure.get_size_inches()
+    shown = made.figure.text(
+        0.1 / size[0],
+        1 - 0.08 / size[1],
+        text,
+        ha="left",
+        va="top",
+        fontsize=10,
+        color="#B00020" if warning else "0.15",
+    )
+    shown.set_parse_math(False)
+
+
+def _obstacles(shapes: Sequence[Shape]) -> Array:
+    """Points on the page, a twelfth of an inch apart, that names should not cover."""
+    found = [np.zeros((0, 2))]
+    for shape in shapes:
+        corners = np.concatenate([shape.vertices, shape.vertices[:1]]) if shape.closed else shape.vertices
+        lines = np.stack([corners[:-1], corners[1:]], axis=1)
+        for a, b in lines[np.isfinite(lines).all(axis=(1, 2))]:
+            count = int(np.hypot(*(b - a)) / 0.083) + 1
+            found.append(a + np.linspace(0, 1, count, endpoint=False)[:, None] * (b - a))
+    every = np.concatenate(found)
+    return np.unique(np.round(every / 0.04), axis=0) * 0.04
+
+
+def _write(made: Stage, placed: Sequence[Placed]) -> None:
+    """Write names, and a thin line to what they name where that is not at hand."""
+    from matplotlib.patheffects import withStroke
+
+    lines = []
+    for one in placed:
+        label = one.label
+        if one.distance > 0.2:
+            half = label.extent / 2
+            away = label.anchor - one.centre
+            share = 1 / max(1.0, float(np.max(abs(away) / np.maximum(half, 1e-9))))
+            start = one.centre + share * away
+            lines.append(Shape(np.array([start, label.anchor]), "0.6", None, 0.6, order=4.9))
+        x, y = map(float, one.centre)
+        text = made.figure.text(
+            x, y, label.text, transform=made.figure.dpi_scale_trans, ha="center", va="center",
+            fontsize=label.size, color=label.colour, fontweight="bold" if label.bold else "normal", zorder=9,
+        )  # fmt: skip
+        text.set_parse_math(False)
+        text.set_path_effects([withStroke(linewidth=2.0, foreground="white")])
+    made.draw(lines)

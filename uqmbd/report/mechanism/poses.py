@@ -1,0 +1,284 @@
+"""Poses of bodies: as assembled, and along the motions of some realisations; what pictures and animations are made of.
+
+The dataset that comes out holds all that is needed to draw, so that it can be stored with results and drawn without the
+mechanism::
+
+    pose (realisation, time, body, coordinate)   positions (m) and unit quaternions; realisation 0: at the means
+    local (realisation, point, axis)             points in the frames of their bodies, m, and directions
+    inputs (realisation, input)                  values of the random variables
+    point_kind, point_body, point_component, point_role (point)
+    component_type, component_symbol, component_bodies (component)
+"""
+
+from __future__ import annotations
+
+import copy
+import warnings
+from collections.abc import Collection, Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from uqmbd.errors import AssemblyError, RedundantConstraintWarning, StudyError, StudyWarning
+from uqmbd.propagation.deterministic import input_point, observed_model, stepped
+from uqmbd.status import Status
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from uqmbd.mechanism import Component, Mechanism, Space
+    from uqmbd.propagation.study import Study
+
+__all__ = ["drawn_pose", "motion"]
+
+Array = NDArray[np.float64]
+
+
+def drawn_pose(mechanism: Mechanism, values: Mapping[str, float] | None = None, time: float = 0.0) -> xr.Dataset:
+    """Assemble a mechanism and return its pose; where it cannot be assembled, the pose as drawn, with the reason.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        With at least one body.
+    values : mapping, optional
+        Values of random variables by name; the others are at their means.
+    time : float
+        Initial time, s.
+
+    Returns
+    -------
+    xarray.Dataset
+        See the module; one realisation, one time.  The attribute ``note`` says why it is not assembled, if so.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If there is no body, or a value cannot be used.
+
+    Examples
+    --------
+    >>> import uqmbd
+    >>> from uqmbd_joints import Revolute
+    >>> mechanism = uqmbd.Mechanism("pendulum", uqmbd.Planar())
+    >>> rod = mechanism.body("rod", mass=1, inertia=1, position=(0.6, 0))
+    >>> pivot = mechanism.add(Revolute("pivot", mechanism.ground, rod, (0, 0), (-0.5, 0)))
+    >>> [round(float(x), 6) for x in drawn_pose(mechanism)["pose"].sel(body="rod").squeeze()]
+    [0.5, 0.0, 1.0, 0.0]
+    """
+    from uqmbd.dynamics import kinematic_model
+    from uqmbd.dynamics.assembly.assembly import positions
+    from uqmbd.dynamics.build import constraining
+    from uqmbd.dynamics.equations.parameters import ParameterMap
+
+    if not mechanism.bodies:
+        raise StudyError(f"mechanism {mechanism.name!r} has no bodies to draw; add one with mechanism.body(...).")
+    point = np.array([list(input_point(f"mechanism {mechanism.name!r}", mechanism, values).values())])
+    note = ""
+    try:
+        model = mechanism.remembered(("kinematics", time), lambda: kinematic_model(mechanism, time))
+        parameters = model.parameters(point)
+        q, messages = positions(model, parameters[:, model.drawn], time, parameters, model.layout.kept)
+        note, owners = messages[0], model.owners
+    except AssemblyError as error:
+        drawn = [x for body in mechanism.bodies.values() for x in body.pose.q]
+        q, note = ParameterMap.of(drawn, mechanism.inputs.variables)(point), str(error)
+        owners = constraining(mechanism)
+    return _dataset(mechanism, q[:, None, :], point, [time], owners, {"method": "", "note": note})
+
+
+def motion(study: Study, samples: int = 20, frames: int = 60, seed: int = 1, method: str | None = None) -> xr.Dataset:
+    """Compute how the bodies of a study move: at the means of the inputs, and for some realisations beside it.
+
+    Parameters
+    ----------
+    study : Study
+        With at least one output.
+    samples : int
+        Realisations besides the one at the means; none for mechanisms without random inputs.
+    frames : int
+        Times, evenly over those of the study.
+    seed : int
+        Of the realisations.
+    method : str, optional
+        Label of a propagator of the study, whose own realisations are taken: the first ones of those that it samples,
+        or samples of its polynomial chaos of all coordinates.  By default realisations are integrated.
+
+    Returns
+    -------
+    xarray.Dataset
+        See the module.  Realisations that fail are left out, and counted in the attribute ``failures``.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If a number cannot be used, or the study has no such method, or that keeps neither samples nor chaos.
+    uqmbd.AssemblyError, uqmbd.IntegrationError
+        If no realisation moves at all.
+    """
+    for name, value, least in (("samples", samples, 0), ("frames", frames, 2)):
+        if not isinstance(value, int) or isinstance(value, bool) or value < least:
+            raise StudyError(f"motion of {study.name!r}: {name} is {value!r}; expected a whole number from {least} on.")
+    if len(study.times) < 2:
+        raise StudyError(f"motion of {study.name!r}: the study has no output times, so that nothing moves in it.")
+    times = np.linspace(study.times[0], study.times[-1], frames)
+    means = study.mechanism.inputs.means[None, :]
+    known = {"method": method or "", "seed": seed, "rtol": study.rtol, "integrator": study.integrator}
+    with warnings.catch_warnings():
+        # whoever runs or checks the study is told
+        warnings.simplefilter("ignore", RedundantConstraintWarning)
+        warnings.simplefilter("ignore", StudyWarning)
+        if method is None or not len(study.mechanism.inputs):
+            uniform = np.random.default_rng(seed).random((samples if means.size else 0, means.shape[1]))
+            values = np.concatenate([means, study.mechanism.inputs.from_uniform(uniform)])
+            q, message = _integrated(study, times, values)
+        else:
+            at_means, message = _integrated(study, times, means)
+            values, q = _of_method(study, times, samples, seed, method)
+            values, q = np.concatenate([means, values]), np.concatenate([at_means, q])
+    good: NDArray[np.bool_] = np.asarray(np.isfinite(q).all(axis=(1, 2)))
+    failures = int(np.count_nonzero(~good))
+    good[0] = True  # drawn as far as it comes
+    if not np.isfinite(q[good]).any():
+        raise AssemblyError(f"mechanism {study.mechanism.name!r}: {message}")
+    from uqmbd.dynamics import kinematic_model
+
+    mechanism, start = study.mechanism, float(study.times[0])
+    model = mechanism.remembered(("kinematics", start), lambda: kinematic_model(mechanism, start))
+    return _dataset(mechanism, q[good], values[good], times, model.owners, {**known, "failures": failures})
+
+
+def _integrated(study: Study, times: Array, values: Array) -> tuple[Array, str]:
+    """Coordinates (realisation, time, coordinate) by integration, NaN where it failed, and why."""
+    from threadpoolctl import threadpool_limits
+
+    from uqmbd.dynamics import Ensemble
+    from uqmbd.propagation.execution.chunks import integrator_of
+
+    model = stepped(observed_model(study.mechanism, float(study.times[0]), study.start), study.max_step, study.breaks)
+    with threadpool_limits(limits=1):
+        found = integrator_of(study.integrator)(Ensemble(model, values), times, study.rtol)
+    return found.states[..., : model.layout.coordinates], next((m for m in found.messages if m), "")
+
+
+def _of_method(study: Study, times: Array, samples: int, seed: int, method: str) -> tuple[Array, Array]:
+    """Return inputs (realisation, input) and coordinates (realisation, time, coordinate), as a method has them."""
+    from uqmbd.propagation.study import Study
+    from uqmbd.results import surrogate
+
+    propagators = {p.node_name: p for p in study.propagators}
+    if method not in propagators:
+        raise StudyError(f"study {study.name!r} has no method {method!r}; its methods are: {', '.join(propagators)}.")
+    # every coordinate is an output of a mechanism that is the same otherwise
+    observed = copy.copy(study.mechanism)
+    names = []
+    for body in study.mechanism.bodies.values():
+        for name, symbol in zip(study.mechanism.space.coordinates, body.q, strict=True):
+            names.append(f"{name} of {body.name}, for pictures")
+            observed.output(names[-1], symbol)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # they are those of the run
+        longest = study.max_step if np.isfinite(study.max_step) else None
+        again = Study(
+            study.name, observed, times, [], study.rtol, study.integrator, study.start, (), None, longest, study.breaks
+        )
+        node = again.propagate(propagators[method])
+    if "samples" in node.children:
+        data = node["samples"].to_dataset()
+        data = data.isel(sample=np.flatnonzero(data["status"].values == Status.OK)[:samples])
+        drawn = data["inputs"].sel(input=list(observed.inputs.names)).transpose("sample", "input")
+        return drawn.values, data["response"].sel(output=names).transpose("sample", "time", "output").values
+    if {"chaos", "aligned"} & set(node.children):
+        chaos = surrogate(node)
+        inputs, response = chaos.sample(samples, seed)
+        known = [output.name for output in chaos.labels.outputs]
+        order = [i.name for i in chaos.labels.inputs]
+        columns = [order.index(name) for name in observed.inputs.names]
+        return inputs[:, columns], response[:, [known.index(name) for name in names], :].transpose(0, 2, 1)
+    raise StudyError(f"study {study.name!r}: {method!r} keeps neither samples nor a chaos; animate without --method.")
+
+
+def _dataset(
+    mechanism: Mechanism,
+    q: Array,
+    values: Array,
+    times: ArrayLike,
+    owners: Collection[str],
+    attrs: Mapping[str, Any],
+) -> xr.Dataset:
+    """Put poses (realisation, time, coordinate) and what is known of the bodies into one dataset."""
+    import xarray as xr
+
+    from uqmbd.dynamics.equations.parameters import ParameterMap
+    from uqmbd.mechanism.skeleton import skeleton
+    from uqmbd.results.schema.axes import fixed_width
+
+    space, inputs = mechanism.space, mechanism.inputs
+    d = space.dimension
+    pose = q.reshape(*q.shape[:2], len(mechanism.bodies), space.size).copy()
+    if space.turns:
+        pose[..., d:] /= np.linalg.norm(pose[..., d:], axis=-1, keepdims=True)
+    marks = skeleton(mechanism, float(np.asarray(times)[0]))
+    local = ParameterMap.of([x for mark in marks for x in mark.local], inputs.variables)(values)
+    components = list(mechanism.components.values())
+    roles = {
+        "point_kind": [m.kind for m in marks],
+        "point_body": [m.body for m in marks],
+        "point_component": [m.component for m in marks],
+        "point_role": [m.role for m in marks],
+    }
+    kinds = {
+        "component_type": [type(c).__name__ for c in components],
+        "component_symbol": [symbol_of(c, space, constrains=c.name in owners) for c in components],
+        "component_bodies": ["/".join(getattr(c.attached[b], "name", "ground") for b in c.bodies) for c in components],
+    }  # names never contain a slash
+    data: dict[str, Any] = {
+        "pose": (
+            ("realisation", "time", "body", "coordinate"),
+            pose.astype(np.float32),
+            {"comment": "position of the body frame's origin, m, and unit quaternion, body to world, scalar first"},
+        ),
+        "local": (("realisation", "point", "axis"), local.reshape(len(values), len(marks), d), {"units": "m"}),
+    }
+    if any(mark.radius != 0 for mark in marks):
+        radii = ParameterMap.of([mark.radius for mark in marks], inputs.variables)(values)
+        data["point_radius"] = (("realisation", "point"), radii, {"units": "m"})
+    data |= {name: ("point", fixed_width(texts)) for name, texts in roles.items()}
+    if components:
+        data |= {name: ("component", fixed_width(texts)) for name, texts in kinds.items()}
+    coords: dict[str, Any] = {
+        "time": ("time", np.asarray(times, dtype=float), {"units": "s"}),
+        "body": list(mechanism.bodies),
+        "coordinate": list(space.coordinates),
+        "axis": list("xyz"[:d]),
+    }
+    if components:
+        coords["component"] = list(mechanism.components)
+    if len(inputs):
+        data["inputs"] = (("realisation", "input"), values)
+        coords |= {"input": list(inputs.names), "input_units": ("input", fixed_width(inputs.units))}
+    return xr.Dataset(data, coords, {"mechanism": mechanism.name, "space": space.name, **attrs})
+
+
+def symbol_of(component: Component, space: Space, *, constrains: bool) -> str:
+    """Tell how a component is drawn: by what it says itself, else by its parameters and what it attaches to."""
+    from uqmbd.mechanism.expressions.time import t
+
+    found = component.symbol
+    if found == "rod" and any(t in getattr(x, "free_symbols", ()) for x in component.values.values()):
+        found = "driver"
+    if found == "spring" and component.values.get("stiffness") == 0 and component.values.get("damping"):
+        found = "damper"
+    if found:
+        # what does not turn has no use for what holds turns
+        found = found if space.turns else {"weld": "hinge", "slide": "line"}.get(found, found)
+        return "hinge" if found == "ball" and space.dimension == 2 else found
+    if constrains:
+        return ""
+    kinds = [parameter.kind for key, parameter in component.parameters().items() if key in component.values]
+    if kinds.count("point") >= 2:
+        return "spring"
+    if len(component.bodies) == 1:
+        return "torque" if "moment" in kinds else "force" if "vector" in kinds else ""
+    return "coil" if "turning_axis" in kinds else ""

@@ -1,0 +1,68 @@
+"""What the report says first of several methods: which one to use, and whether they agree."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from uqmbd.results import overall
+from uqmbd.results.comparison.statements import NO_SPREAD
+from uqmbd.results.comparison.verdicts import COARSE
+from uqmbd.wording import format_duration, format_integer
+
+__all__ = ["agreement"]
+
+_SIGNS = {
+    "reference": "•",
+    "agrees": "✓",
+    "differs": "✗",
+    "under-resolved": "!",
+    "too few samples": "?",
+    NO_SPREAD: "–",
+}
+
+
+def agreement(tree: xr.DataTree) -> dict[str, Any] | None:
+    """Return the recommendation and the verdict of each method and output; None for one method, or older results.
+
+    Parameters
+    ----------
+    tree : xarray.DataTree
+        The result of a study.
+    """
+    data = tree.children["comparison"].to_dataset() if "comparison" in tree.children else xr.Dataset()
+    if data.sizes.get("method", 0) < 2 or not data.sizes.get("output", 0) or "verdict" not in data:
+        return None
+    lead, *others = str(data.attrs.get("recommendation", "")).split("\n")
+    rows, each = [], []
+    reference, usable = str(data.attrs["reference"]), False
+    for m, method in enumerate(str(v) for v in data["method"].values):
+        kind, text, which = overall(data, method)
+        stated = data["stated_error_max"].values[m] if "stated_error_max" in data else np.zeros(0)
+        large = bool(np.any(np.isfinite(stated) & (stated > COARSE)))
+        sign = "!" if kind == "agrees" and large else _SIGNS[kind]
+        rows.append(
+            {
+                "method": method,
+                "kind": kind,
+                "text": f"{sign} {text}" + (f" ({which})" if which else ""),
+                "wall_time": format_duration(float(data["wall_time"][m])),
+                "realisations": format_integer(int(data["realisations"][m])),
+            }
+        )
+        if method != reference:
+            usable |= kind in ("agrees", NO_SPREAD)
+            names = [str(v) for v in data["output"].values]
+            said = [str(v) for v in data["verdict"].values[m]]
+            each += [{"output": o, "method": method, "text": t} for o, t in zip(names, said, strict=True)]
+    return {
+        "lead": lead,
+        "good": usable,
+        "others": others,
+        "rows": rows,
+        "each": each,
+        "reference": reference,
+        "level": f"{100 * float(data.attrs.get('level', 0.05)):g} %",
+    }

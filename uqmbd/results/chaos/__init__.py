@@ -1,0 +1,1 @@
+"""Polynomial chaos as data: evaluation, statistics, sampling, stated errors, storage."""

@@ -1,0 +1,168 @@
+"""Decay of the coefficients of a chaos with their order, and verdicts in words on how far it can be trusted."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uqmbd.results.chaos.moments import constant_columns, standard_deviation
+from uqmbd.results.chaos.stated_error import first_above, reference_spread
+
+__all__ = [
+    "decay_rate",
+    "energy_of_germs",
+    "energy_of_orders",
+    "error_words",
+    "percent",
+    "stated_words",
+    "top_order",
+    "verdict_of_decay",
+    "verdict_of_error",
+]
+
+Array = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+# Amplitudes below this part of the standard deviation are rounding, and no longer decay.
+_ROUNDING = 1e-14
+
+
+def energy_of_orders(coefficients: Array, multi_index: IntArray) -> Array:
+    """Return the sum of squared coefficients (N + 1, ...) of each total degree 0..N."""
+    totals = multi_index.sum(axis=1)
+    return _sums(coefficients, totals, int(totals.max()))
+
+
+def energy_of_germs(coefficients: Array, multi_index: IntArray) -> Array:
+    """Return the sum of squared coefficients (d, N + 1, ...) of each germ's degrees 0..N."""
+    top = int(multi_index.max(initial=0))
+    return np.stack([_sums(coefficients, degrees, top) for degrees in multi_index.T])
+
+
+def decay_rate(energy: Array) -> Array:
+    """Fit how fast the energy (N + 1, ...) falls: decades of standard deviation that each order gains.
+
+    The standard deviation that remains in order n and above, which falls whether a response is odd, even or neither,
+    is fitted by least squares in its logarithm over n = 1 .. N. NaN where fewer than two orders carry anything.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> float(decay_rate(np.array([7.0, 1.0, 1e-2, 1e-4, 1e-6])).round(2))
+    1.0
+    """
+    tail = np.sqrt(np.cumsum(energy[:0:-1], axis=0)[::-1])
+    orders = np.arange(1.0, len(tail) + 1).reshape(-1, *[1] * (tail.ndim - 1))
+    used = (tail > _ROUNDING * tail.max(axis=0, initial=0.0)) & (tail > np.finfo(float).tiny)
+    count = used.sum(axis=0)
+    logs = np.log10(np.where(used, tail, 1.0))
+    mean = np.where(used, orders, 0.0).sum(axis=0) / np.maximum(count, 1)
+    away = np.where(used, orders - mean, 0.0)
+    spread = (away**2).sum(axis=0)
+    slope = (away * logs).sum(axis=0) / np.where(spread > 0, spread, 1.0)
+    return np.where(count >= 2, -slope + 0.0, np.nan)
+
+
+def top_order(multi_index: IntArray) -> tuple[int, NDArray[np.bool_]]:
+    """Return the order of an index set, and which of its terms (P,) are on its edge.
+
+    The order is the largest degree of any input. On the edge are the terms of the largest total degree, and those in
+    which an input has its own largest degree: order N for a total-degree set, the outer faces of a tensor set.
+    """
+    tops = multi_index.max(axis=0, initial=0)
+    totals = multi_index.sum(axis=1)
+    edge = np.any((multi_index == tops) & (multi_index > 0), axis=1) | ((totals == totals.max()) & (totals > 0))
+    return int(tops.max(initial=0)), edge
+
+
+def verdict_of_error(
+    name: str, error: Array, times: Array | None, limit: float, remedy: str = "raise the order"
+) -> str:
+    """Say how far a surrogate can be trusted by its stated error (T,), or (1,) without times."""
+    return f"{name}: {stated_words('surrogate', error, times, limit, remedy)}"
+
+
+def stated_words(whose: str, error: Array, times: Array | None, limit: float, remedy: str = "raise the order") -> str:
+    """Say how large a stated error (T,), or (1,) without times, is, and what to do where it passes a limit.
+
+    Every place that tells a stated error tells it in these words.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> stated_words("surrogate", np.array([0.002, 0.07]), np.array([0.0, 1.0]), 0.01)
+    'stated error of the surrogate below 1 % of the standard deviation until 1 s, 7 % at 1 s; raise the order'
+    """
+    advice = f"; {remedy}" if error.max() > limit else ""
+    return f"stated error of the {whose} {error_words(error, times, limit)}{advice}"
+
+
+def error_words(error: Array, times: Array | None, limit: float) -> str:
+    """Say how large an error (T,), or (1,) without times, is, and from when on it is above a limit."""
+    if times is None:
+        return f"{percent(float(error[0]))} of the standard deviation"
+    first, worst = first_above(error, limit), int(error.argmax())
+    if first is None:
+        return f"at most {percent(float(error[worst]))} of the standard deviation (at {times[worst]:g} s)"
+    since = f"below {percent(limit)} of the standard deviation until {times[first]:g} s"
+    if first == 0:
+        since = f"above {percent(limit)} of the standard deviation from {times[0]:g} s on"
+        if not np.all(error > limit):
+            since = f"above {percent(limit)} of the standard deviation already at {times[0]:g} s"
+    tell = worst if error[-1] <= limit else len(error) - 1
+    return f"{since}, {percent(float(error[tell]))} at {times[tell]:g} s"
+
+
+def verdict_of_decay(
+    name: str,
+    coefficients: Array,
+    multi_index: IntArray,
+    germs: Sequence[str],
+    times: Array | None,
+    tolerance: float,
+) -> str:
+    """Say whether the coefficients (P, T), or (P,) without times, have decayed."""
+    order, edge = top_order(multi_index)
+    if order == 0:
+        return f"{name}: order 0 is the mean alone and says nothing about the spread; raise the order"
+    columns = np.ascontiguousarray(coefficients.reshape(len(coefficients), -1))
+    std = standard_deviation(columns)
+    std[constant_columns(columns, std)] = 0.0
+    spread = reference_spread(std)
+    share = np.where(std > 0, np.sqrt(np.sum(columns[edge] ** 2, axis=0)) / np.where(spread > 0, spread, 1.0), 0.0)
+    worst = int(share.argmax())
+    amount = f"{percent(float(share[worst]))} of the standard deviation"
+    at = "" if times is None else f" at {times[worst]:g} s"
+    if share[worst] <= tolerance:
+        return (
+            f"{name}: order {order} carries at most {amount}{at}: an indication that it is enough, no proof without "
+            "verification realisations"
+        )
+    blame = [float(np.sum(columns[edge & (degrees > 0), worst] ** 2)) for degrees in multi_index.T]
+    where = f"{amount} in the top order{at}, most of it in {germs[int(np.argmax(blame))]}"
+    if times is None:
+        return f"order {order} is not enough for {name}: {where}; raise the order"
+    fine = np.flatnonzero(share <= tolerance)
+    since = int(fine[-1]) + 1 if fine.size else 0
+    if since == len(share):
+        first = first_above(share, tolerance)
+        when = f"at some times from {times[first or 0]:g} s on"
+    else:
+        when = f"after {times[since]:g} s" if since else "at any time"
+    return f"order {order} is not enough for {name} {when}: {where}; raise the order"
+
+
+def percent(value: float) -> str:
+    """Write a share in per cent, with two digits; what is smaller counts as a millionth."""
+    if 0 < value < 1e-6:
+        return "0.0001 %"
+    return f"{100.0 * value:.2g} %" if value < 0.995 else f"{100.0 * value:.0f} %"
+
+
+def _sums(coefficients: Array, groups: IntArray, top: int) -> Array:
+    """Sum squared coefficients (P, ...) by group number 0..top."""
+    squares = coefficients.reshape(len(coefficients), -1) ** 2
+    found = np.stack([squares[groups == n].sum(axis=0) for n in range(top + 1)])
+    return found.reshape(top + 1, *coefficients.shape[1:])

@@ -1,0 +1,147 @@
+"""Signs of a discontinuity in the germ space: a large stated error, and coefficients that hardly fall."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uqmbd.results.chaos.decay import decay_rate, energy_of_orders, percent
+from uqmbd.results.chaos.stated_error import reference_spread
+
+if TYPE_CHECKING:
+    from uqmbd.results.chaos.trust import ChaosTrust
+
+__all__ = ["Discontinuity", "find_discontinuities"]
+
+Array = NDArray[np.float64]
+
+LARGE = 0.05
+"""Stated error from which an output is suspected."""
+
+SLOW = 0.35
+"""Decades per order below which the decay is slow: a kink leaves n^-1.5 of the standard deviation, a jump n^-0.5."""
+
+CLEAR = 0.18
+"""The same from which it is no doubt: smooth responses of large spread were seen to fall by 0.2."""
+
+FEWEST = 3
+"""Order from which a decay is told from so many coefficients that there is no doubt."""
+
+STEEP = 0.3
+"""Part of what is missing that two orders leave, below which the response is smooth and only the order too low."""
+
+SPREADS = 0.1
+"""Times at which the standard deviation is below this part of its maximum are left out."""
+
+
+@dataclass(frozen=True)
+class Discontinuity:
+    """A suspicion: an output that is no smooth function of an input.
+
+    Attributes
+    ----------
+    output, germ : str
+        Names; `germ` has most of the energy of the top order.
+    since, worst : float or None
+        First time (s) at which it shows, and that of the largest error; None: outputs without times.
+    error : float
+        Largest stated error, over the standard deviation.
+    rate : float
+        Decades that the remaining standard deviation falls with each order there.
+    order : int
+        Of the chaos.
+    """
+
+    output: str
+    germ: str
+    since: float | None
+    worst: float | None
+    error: float
+    rate: float
+    order: int
+
+    @property
+    def clear(self) -> bool:
+        """Whether the decay is so slow that a method warns of it, and not only says it among its verdicts."""
+        return self.rate < CLEAR and self.order >= FEWEST
+
+    def words(self, *, events: bool = False) -> str:
+        """Say it in a sentence; with `events` (the mechanism has some) alignment is proposed too.
+
+        Examples
+        --------
+        >>> Discontinuity("height", "drop", 0.45, 0.5, 0.3, 0.1, 4).words()  # doctest: +ELLIPSIS
+        "height looks discontinuous, or has a kink, in drop from t = 0.45 s on: the error is 30 % ... or a higher order"
+        """
+        when = "" if self.since is None else f" from t = {self.since:.4g} s on"
+        at = "" if self.worst is None else f" at {self.worst:.4g} s"
+        how = "elements='adaptive', " + ("alignment='events', " if events else "")
+        return (
+            f"{self.output} looks discontinuous, or has a kink, in {self.germ}{when}: the error is "
+            f"{percent(self.error)} of the standard deviation{at}, and each order divides what is missing only by "
+            f"{10 ** max(self.rate, 0.0):.2g}. Try {how}or a higher order"
+        )
+
+
+def find_discontinuities(chaos: ChaosTrust, error: Array) -> tuple[Discontinuity | None, ...]:
+    """Suspect outputs whose error is large and whose coefficients fall slowly.
+
+    What the verification realisations miss counts as what the next orders would add: a chaos that is far from the
+    response but whose own coefficients have fallen does not pass as resolved.  Where a smooth motion outgrows the
+    order, its spectrum still ends steeply at the first time of a large error; beside a jump or a kink it does not.  A
+    smooth response of which the order is much too low at once looks like a discontinuity.
+
+    Parameters
+    ----------
+    chaos : uqmbd.results.PolynomialChaos
+        With verification realisations, of order 2 or more.
+    error : array, shape (O, T)
+        Its stated error.
+
+    Returns
+    -------
+    tuple of Discontinuity or None, length O
+    """
+    outputs, order = chaos.labels.outputs, int(chaos.multi_index.max(initial=0))
+    if order < 2:
+        return (None,) * len(outputs)
+    shape = (len(outputs), -1)
+    energy = energy_of_orders(chaos.coefficients, chaos.multi_index)
+    energy = energy.reshape(len(energy), *error.shape)
+    std = chaos.std.reshape(shape)
+    missed = (error * reference_spread(std)) ** 2
+    whole = np.concatenate([energy, missed[None]])
+    rate = decay_rate(whole)
+    # over two orders, since odd and even responses lack every other one
+    before = whole[-3:].sum(axis=0)
+    left = np.sqrt(np.divide(missed, before, out=np.zeros_like(missed), where=before > 0))
+    large = std > SPREADS * std.max(axis=-1, keepdims=True, initial=0.0)
+    # rounding of a mean, or noise of an integration, is no spread
+    loud = std.max(axis=-1, keepdims=True) > 1e-6 * np.abs(chaos.mean.reshape(shape)).max(axis=-1, keepdims=True)
+    above = large & loud & (error > LARGE)
+    seen = above & (rate < SLOW) & (left > STEEP)
+    blame = chaos.top_energy_germ
+    blame = blame.reshape(len(blame), *error.shape)
+    found: list[Discontinuity | None] = []
+    for k, output in enumerate(outputs):
+        places = np.flatnonzero(seen[k])
+        if not places.size or places[0] != np.flatnonzero(above[k])[0]:
+            found.append(None)
+            continue
+        worst = int(places[error[k, places].argmax()])
+        times = chaos.labels.times
+        found.append(
+            Discontinuity(
+                output.name,
+                chaos.germ_names[int(blame[:, k, worst].argmax())],
+                None if times is None else float(times[places[0]]),
+                None if times is None else float(times[worst]),
+                float(error[k, worst]),
+                float(rate[k, worst]),
+                order,
+            )
+        )
+    return tuple(found)

@@ -1,0 +1,181 @@
+"""Moments of a polynomial chaos, straight from its coefficients."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uqmbd.errors import StudyError
+from uqmbd.results.chaos.fit import one_thread
+from uqmbd.results.chaos.products import ProductTable, product_count, product_table
+
+if TYPE_CHECKING:
+    from uqmbd.randomness.germs import Germ
+
+__all__ = ["column_blocks", "constant_columns", "shape_route", "skewness_kurtosis", "standard_deviation"]
+
+Array = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+BLOCK_NUMBERS = 1_000_000
+"""Numbers (8 bytes each) of the largest array of a block; three such arrays exist at once: 24 MB."""
+
+MAX_NODES = 4_000_000
+"""Nodes of a tensor grid beyond which it is not used: one column of values would exceed 32 MB."""
+
+MAX_PRODUCTS = 5_000_000
+"""Non-zero linearisation coefficients beyond which they are not tabulated: 140 bytes each while the table is made."""
+
+# Relative costs, measured with one thread: a flop of a small matrix product, a node's powers and sums, a non-zero of
+# a sparse product, a pair of terms, and the making of a non-zero for each input.
+_FLOP, _NODE, _NONZERO, _PAIR, _MAKING = 0.1, 6.0, 1.2, 6.0, 60.0
+
+
+def standard_deviation(coefficients: Array) -> Array:
+    """Return the standard deviation (C,) of coefficients (P, C), whose row 0 is the mean: the norm of the others."""
+    rest = coefficients[1:]
+    found = np.zeros(coefficients.shape[1])
+    for part in column_blocks(coefficients.shape[1], len(coefficients)):
+        block = rest[:, part]
+        # scaled, so that a spread of 1e-200 does not vanish in its square
+        scale = np.abs(block).max(axis=0, initial=0.0)
+        unit = block / np.where(scale > 0, scale, 1.0)
+        found[part] = scale * np.sqrt(np.einsum("pc,pc->c", unit, unit))
+    return found
+
+
+def constant_columns(coefficients: Array, std: Array) -> NDArray[np.bool_]:
+    """Tell which columns (C,) do not vary: those whose deviation is zero or rounding of the mean."""
+    rounding = 32.0 * np.finfo(float).eps * np.sqrt(len(coefficients)) * np.abs(coefficients[0])
+    return np.asarray(std <= rounding)
+
+
+def column_blocks(columns: int, rows: int) -> Iterator[slice]:
+    """Cut columns into blocks of a bounded number of numbers."""
+    size = max(1, BLOCK_NUMBERS // max(rows, 1))
+    return (slice(start, min(start + size, columns)) for start in range(0, columns, size))
+
+
+def skewness_kurtosis(
+    coefficients: Array, multi_index: IntArray, germs: Sequence[Germ], route: str = "auto"
+) -> tuple[Array, Array]:
+    r"""Compute the third and fourth standardised moments, exactly but for rounding.
+
+    Two routes give the same numbers. "grid": values on a tensor Gauss grid that integrates the fourth power exactly
+    (2 q + 1 nodes for an input of degree q), by sum factorisation; for few inputs. "products": with the coefficients
+    g of the square of the chaos, :math:`E f^3 = \sum f_k g_k` and :math:`E f^4 = \sum g_k^2`, through the table of the
+    non-zero :math:`E[\psi_i \psi_j \psi_k]`; for many inputs.
+
+    Parameters
+    ----------
+    coefficients : array, shape (P, C)
+    multi_index : array of int, shape (P, d)
+    germs : sequence of Germ, length d
+    route : {"auto", "grid", "products"}
+        "auto" takes the cheaper one, by the number of operations.
+
+    Returns
+    -------
+    skewness, kurtosis : array, shape (C,)
+        0 and 3 where the column does not vary.
+
+    Raises
+    ------
+    StudyError
+        If both routes are too large.
+    """
+    std = standard_deviation(coefficients)
+    varies = np.flatnonzero(~constant_columns(coefficients, std))
+    skewness, kurtosis = np.zeros(len(std)), np.full(len(std), 3.0)
+    used = np.flatnonzero(multi_index.max(axis=0, initial=0) > 0)
+    if not varies.size or not used.size:
+        return skewness, kurtosis
+    index, involved = multi_index[:, used], [germs[k] for k in used.tolist()]
+    chosen = _cheaper(index, involved, varies.size) if route == "auto" else route
+    if chosen == "samples":
+        raise StudyError(
+            f"Skewness and kurtosis of {len(index)} terms in {len(involved)} inputs need too many nodes, or too many "
+            "products of three polynomials. Take them from samples: uqmbd.results.sample_statistics of the responses "
+            "that 'sample' returns."
+        )
+    table = product_table(index, involved) if chosen == "products" else None
+    rows = int(np.prod(_node_counts(index, involved))) if table is None else max(len(table.pairs), table.terms)
+    whole = varies.size == len(std)
+    with one_thread():
+        for part in column_blocks(varies.size, rows):
+            columns: slice | IntArray = part if whole else varies[part]
+            unit = coefficients[:, columns] / std[columns]
+            unit[0] = 0.0
+            third, fourth = _by_grid(unit, index, involved) if table is None else _by_products(unit, table)
+            skewness[columns], kurtosis[columns] = third, fourth
+    return skewness, kurtosis
+
+
+def shape_route(coefficients: Array, multi_index: IntArray, germs: Sequence[Germ]) -> str:
+    """Return how skewness and kurtosis are found: by "grid", by "products", or by "samples" where these are too large.
+
+    Parameters
+    ----------
+    coefficients : array, shape (P, C)
+    multi_index : array of int, shape (P, d)
+    germs : sequence of Germ, length d
+    """
+    varies = int(np.count_nonzero(~constant_columns(coefficients, standard_deviation(coefficients))))
+    used = np.flatnonzero(multi_index.max(axis=0, initial=0) > 0).tolist()
+    return _cheaper(multi_index[:, used], [germs[k] for k in used], varies) if varies and used else "grid"
+
+
+def _cheaper(index: IntArray, germs: Sequence[Germ], columns: int) -> str:
+    degrees = index.max(axis=0)
+    sizes, counts = degrees + 1.0, np.array(_node_counts(index, germs), dtype=float)
+    nodes = float(np.prod(counts))
+    flops = sum(2.0 * np.prod(counts[: m + 1]) * np.prod(sizes[m:]) for m in range(len(sizes)))
+    grid = columns * (_FLOP * flops + _NODE * nodes) if nodes <= MAX_NODES else np.inf
+    if grid <= columns * _NODE * len(index):
+        return "grid"
+    # every pair has a product that is not zero
+    most = len(index) * (len(index) - 1) // 2
+    products = np.inf
+    if most <= MAX_PRODUCTS:
+        pairs, nonzeros = product_count(index, germs)
+        if nonzeros <= MAX_PRODUCTS:
+            products = columns * (_NONZERO * nonzeros + _PAIR * pairs) + _MAKING * len(sizes) * nonzeros
+    if np.isinf(grid) and np.isinf(products):
+        return "samples"
+    return "grid" if grid <= products else "products"
+
+
+def _node_counts(index: IntArray, germs: Sequence[Germ]) -> list[int]:
+    """Nodes of the rules that are exact for the fourth power; a discrete germ needs no more than it has values."""
+    tops = zip(index.max(axis=0).tolist(), germs, strict=True)
+    return [min(2 * q + 1, len(g.alpha)) if g.family == "discrete" else 2 * q + 1 for q, g in tops]
+
+
+def _by_grid(unit: Array, index: IntArray, germs: Sequence[Germ]) -> tuple[Array, Array]:
+    """E f^3 and E f^4 (C,) of coefficients (P, C), one input after another."""
+    degrees = index.max(axis=0)
+    values = np.zeros((int(np.prod(degrees + 1)), unit.shape[1]))
+    values[np.ravel_multi_index(tuple(index.T), tuple(degrees + 1))] = unit
+    weights, done = np.ones(1), 1
+    for degree, germ, count in zip(degrees.tolist(), germs, _node_counts(index, germs), strict=True):
+        nodes, rule = germ.gauss(count)
+        table = germ.polynomials(nodes, degree)
+        values = table @ values.reshape(done, degree + 1, -1)
+        weights, done = np.multiply.outer(weights, rule).ravel(), done * len(nodes)
+    values = values.reshape(done, -1)
+    square = values * values
+    values *= square
+    third = weights @ values
+    np.multiply(square, square, out=square)
+    return third, weights @ square
+
+
+def _by_products(unit: Array, table: ProductTable) -> tuple[Array, Array]:
+    """E f^3 and E f^4 (C,) of coefficients (P, C), through the coefficients of f^2."""
+    pairs = table.pairs
+    square = table.matrix @ (unit[pairs[:, 0]] * unit[pairs[:, 1]])
+    third = np.einsum("pc,pc->c", unit, square[table.position])
+    return third, np.einsum("kc,kc->c", square, square)

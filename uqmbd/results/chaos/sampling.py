@@ -1,0 +1,220 @@
+"""Samples of a polynomial chaos, and what is known of it by samples only: quantiles and densities."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from uqmbd.errors import StudyError
+from uqmbd.results.chaos.fit import one_thread
+
+if TYPE_CHECKING:
+    from uqmbd.randomness.space import GermSpace
+
+__all__ = [
+    "affordable",
+    "basis_values",
+    "kernel_density",
+    "quantiles_of_rows",
+    "random_germs",
+    "sample_quantiles",
+    "sampled_shape",
+    "spread_germs",
+]
+
+Array = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+ROWS = 4096
+"""Germ points at which the basis is evaluated at once."""
+
+BASIS_NUMBERS = 50_000_000
+"""Values of the basis (8 bytes each) that statistics hold at once."""
+
+WORK = 1e12
+"""Multiplications that statistics spend on samples: a minute or two."""
+
+LEAST = 512
+"""Samples that are taken however many terms there are."""
+
+BLOCK_NUMBERS = 4_000_000
+"""Responses (8 bytes each) that are sampled and sorted at once."""
+
+
+def random_germs(space: GermSpace, count: int, seed: int) -> Array:
+    """Draw independent germ points (K, d)."""
+    _check_count(count, 1)
+    uniform = np.random.default_rng(seed).random((count, len(space.inputs)))
+    return space.from_uniform(_inside(uniform))
+
+
+def spread_germs(space: GermSpace, count: int, seed: int) -> Array:
+    """Return at least `count` germ points (K, d) of a scrambled Sobol' sequence: the next power of two."""
+    from scipy.stats import qmc
+
+    _check_count(count, 2)
+    sequence = qmc.Sobol(len(space.inputs), scramble=True, seed=np.random.default_rng(seed))
+    return space.from_uniform(_inside(sequence.random_base2(int(np.ceil(np.log2(count))))))
+
+
+def affordable(wanted: int, terms: int, columns: int) -> int:
+    """Return how many samples of a surrogate fit into memory and time: those that are wanted, or a power of two.
+
+    Examples
+    --------
+    >>> affordable(8192, terms=1771, columns=1000), affordable(8192, terms=53130, columns=1000)
+    (8192, 512)
+    """
+    most = min(BASIS_NUMBERS / max(terms, 1), WORK / max(terms * columns, 1))
+    return wanted if wanted <= most else min(wanted, max(LEAST, 2 ** int(np.log2(max(most, 1.0)))))
+
+
+def sampled_shape(
+    space: GermSpace, coefficients: Array, multi_index: IntArray, std: Array, samples: int
+) -> tuple[Array, Array]:
+    """Estimate skewness and kurtosis from evenly spread samples of the surrogate.
+
+    Parameters
+    ----------
+    space : GermSpace
+    coefficients : array, shape (P, C)
+    multi_index : array of int, shape (P, d)
+    std : array, shape (C,)
+        Standard deviation; 0 where a column does not vary.
+    samples : int
+
+    Returns
+    -------
+    skewness, kurtosis : array, shape (C,)
+        Of the samples, by their own mean and deviation; 0 and 3 where the column does not vary.
+    """
+    basis = basis_values(space, spread_germs(space, samples, 0), multi_index)
+    skewness, kurtosis = np.zeros(len(std)), np.full(len(std), 3.0)
+    varies = np.flatnonzero(std > 0)
+    size = max(1, BLOCK_NUMBERS // len(basis))
+    with one_thread():
+        for start in range(0, len(varies), size):
+            part = varies[start : start + size]
+            unit = coefficients[:, part] / std[part]
+            unit[0] = 0.0
+            values = basis @ unit
+            values -= values.mean(axis=0)
+            square = values * values
+            variance = square.mean(axis=0)
+            skewness[part] = np.einsum("kc,kc->c", values, square) / len(values) / variance**1.5
+            kurtosis[part] = np.einsum("kc,kc->c", square, square) / len(values) / variance**2
+    return skewness, kurtosis
+
+
+def basis_values(space: GermSpace, germs: Array, multi_index: IntArray) -> Array:
+    """Evaluate the basis (K, P), some thousand points at a time."""
+    found = np.empty((len(germs), len(multi_index)))
+    for start in range(0, len(germs), ROWS):
+        part = slice(start, start + ROWS)
+        found[part] = space.evaluate(germs[part], multi_index)
+    return found
+
+
+def sample_quantiles(basis: Array, coefficients: Array, probabilities: ArrayLike) -> Array:
+    """Return quantiles (N, C) of samples ``basis @ coefficients``, by linear interpolation, block by block.
+
+    Parameters
+    ----------
+    basis : array, shape (K, P)
+        At random or evenly spread germ points.
+    coefficients : array, shape (P, C)
+    probabilities : array_like, shape (N,)
+
+    Raises
+    ------
+    StudyError
+        If the probabilities do not increase between 0 and 1.
+    """
+
+    def rows(part: slice) -> Array:
+        # one row for each column, contiguous for the search
+        return np.asarray(np.ascontiguousarray(coefficients[:, part].T) @ basis.T)
+
+    return quantiles_of_rows(rows, len(basis), coefficients.shape[1], probabilities)
+
+
+def quantiles_of_rows(rows: Callable[[slice], Array], count: int, columns: int, probabilities: ArrayLike) -> Array:
+    """Return quantiles (N, C) of samples that are made block by block.
+
+    Parameters
+    ----------
+    rows : callable
+        From a slice of the C columns to their samples, shape (c, K), in any order, to be overwritten.
+    count, columns : int
+        K samples, C columns.
+    probabilities : array_like, shape (N,)
+
+    Raises
+    ------
+    StudyError
+        If the probabilities do not increase between 0 and 1.
+    """
+    levels = np.array(probabilities, dtype=float)
+    if levels.ndim != 1 or not levels.size or np.any((levels < 0) | (levels > 1)) or np.any(np.diff(levels) <= 0):
+        raise StudyError(f"Probabilities must increase between 0 and 1; {levels.tolist()} was given.")
+    position = levels * (count - 1)
+    below = np.minimum(position.astype(int), max(count - 2, 0))
+    above = np.minimum(below + 1, count - 1)
+    needed = np.unique(np.concatenate([below, above]))
+    found = np.empty((len(levels), columns))
+    size = max(1, BLOCK_NUMBERS // count)
+    with one_thread():
+        for start in range(0, columns, size):
+            part = slice(start, min(start + size, columns))
+            values = rows(part)
+            values.partition(needed, axis=1)
+            low, high = values[:, below], values[:, above]
+            found[:, part] = (low + (position - below) * (high - low)).T
+    # interpolation may order neighbours wrongly by their last bits
+    return np.maximum.accumulate(found, axis=0)
+
+
+def kernel_density(samples: Array, values: ArrayLike) -> Array:
+    """Estimate a density by Gaussian kernels with Silverman's bandwidth.
+
+    Parameters
+    ----------
+    samples : array, shape (K,)
+    values : array_like, shape (N,)
+        Where to estimate.
+
+    Returns
+    -------
+    array, shape (N,)
+        In one over the units of the samples.
+
+    References
+    ----------
+    B. W. Silverman, Density Estimation for Statistics and Data Analysis, Chapman and Hall, 1986, section 3.4.2.
+    """
+    points = np.asarray(values, dtype=float)
+    low, high = np.quantile(samples, [0.25, 0.75])
+    spread = min(float(samples.std(ddof=1)), float(high - low) / 1.34) or float(samples.std(ddof=1))
+    width = 0.9 * spread * len(samples) ** -0.2
+    ordered = np.sort(samples)
+    found = np.empty(points.size)
+    for k, point in enumerate(points.ravel()):
+        # kernels further away than nine widths are below rounding
+        first, last = np.searchsorted(ordered, [point - 9.0 * width, point + 9.0 * width])
+        found[k] = np.exp(-0.5 * ((ordered[first:last] - point) / width) ** 2).sum()
+    return np.asarray(found.reshape(points.shape) / (len(samples) * width * np.sqrt(2.0 * np.pi)))
+
+
+def _inside(uniform: Array) -> Array:
+    """Move numbers of [0, 1) off the ends, where germs may be infinite."""
+    tiny = 2.0**-53
+    result: Array = np.clip(uniform, tiny, 1.0 - tiny)
+    return result
+
+
+def _check_count(count: int, least: int) -> None:
+    if isinstance(count, bool) or not isinstance(count, (int, np.integer)) or count < least:
+        raise StudyError(f"The number of samples must be a whole number of at least {least}; {count!r} was given.")

@@ -1,0 +1,1 @@
+"""Comparison of methods: alignment, distances, errors, verdicts, recommendation."""

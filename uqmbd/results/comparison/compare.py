@@ -1,0 +1,295 @@
+"""How far each method lies from a reference method, whether they agree within their errors, and which one to use."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any, cast
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from uqmbd.errors import StudyError
+from uqmbd.results.comparison.details import counters, distributions, quantiles
+from uqmbd.results.comparison.own_error import over_time, own_error, root_mean_square
+from uqmbd.results.comparison.recommendation import loose, recommend
+from uqmbd.results.comparison.statements import own_statements
+from uqmbd.results.comparison.verdicts import COARSE, NO_SPREAD, REFERENCE, ROUGH, Verdict, verdicts
+from uqmbd.results.statistics.spread import rtol_of
+
+__all__ = ["choose_reference", "compare"]
+
+Array = NDArray[np.float64]
+
+LEVEL = 0.05
+"""How often, at most, methods that agree may be said to differ, in all outputs and times of all methods together."""
+
+TOLERANCE = 1e-3
+"""Differences below this part of the largest standard deviation count for nothing."""
+
+ROUNDING = 1e-9
+"""The same relative to the largest mean, and in tolerances of the integration."""
+
+
+def choose_reference(nodes: Mapping[str, xr.DataTree], *, rtol: float = 0.0) -> str:
+    """Choose the method to compare the others with: the most converged one that can say so.
+
+    Methods whose results end before the last time come last. First come samples that tell the standard deviation to
+    within 15 %, for their standard errors hold whatever the mechanism; then surrogates whose stated error is below
+    10 %; then others that state an error; then those that state none. Among equals the one of the least own error, the
+    one with the most successful realisations, and the one that was given first.
+
+    Parameters
+    ----------
+    nodes : mapping of str to xarray.DataTree
+        The propagator nodes by label; not empty.
+    rtol : float
+        Tolerance of the integration, 0 where it is not known.
+
+    Returns
+    -------
+    str
+        A label.  Outputs that do not vary count for nothing.
+
+    Raises
+    ------
+    StudyError
+        If there is no node.
+
+    Examples
+    --------
+    >>> choose_reference({})
+    Traceback (most recent call last):
+        ...
+    uqmbd.errors.StudyError: A comparison needs the result of at least one propagator; there is none.
+    """
+    if not nodes:
+        raise StudyError("A comparison needs the result of at least one propagator; there is none.")
+
+    def trust(label: str) -> tuple[bool, int, float, int]:
+        node = nodes[label]
+        whole = "ends_at" not in node.attrs
+        found, times = own_error(node, max(rtol, rtol_of(node))), _times(node.children["statistics"].to_dataset())
+        fine = np.asarray(np.isfinite(found.std).all(axis=0))
+        error = float(found.isel(fine).relative(times[fine]).max(initial=0.0)) if fine.any() else np.inf
+        states = np.isfinite(error)
+        good = states and error <= ROUGH if found.samples else bool((found.stated <= COARSE).all())
+        rank = (3 if found.samples else 2) if good else int(states)
+        count = int(node.attrs.get("realisations", 0)) - int(node.attrs.get("failures", 0))
+        return whole, rank, -error, count
+
+    return max(nodes, key=trust)
+
+
+def compare(
+    nodes: Mapping[str, xr.DataTree] | Iterable[xr.DataTree],
+    reference: str | None = None,
+    *,
+    level: float = LEVEL,
+    tolerance: float = TOLERANCE,
+    rtol: float = 0.0,
+) -> xr.Dataset:
+    """Compare every method with a reference.
+
+    Parameters
+    ----------
+    nodes : mapping of str to xarray.DataTree, or iterable of nodes
+        Propagator nodes by label, with the same outputs and times.
+    reference : str, optional
+        Label of the reference; default :func:`choose_reference`.
+    level : float
+        How often, at most, methods that agree may be said to differ, in any output at any time of any method.
+    tolerance : float
+        Differences below this part of the largest standard deviation of an output count for nothing.
+    rtol : float
+        Of the integration: differences of ten times as much, relative to the largest mean, count for nothing.
+
+    Returns
+    -------
+    xarray.Dataset
+        With the dimensions ``method`` and ``output``, in the units of the outputs: ``mean_difference_max`` and
+        ``std_difference_max``, the largest absolute difference over time, and ``mean_difference_l2`` and
+        ``std_difference_l2``, its root mean square over time (trapezoidal); ``mean_relative_l2`` and
+        ``std_relative_l2``, the latter over that of the reference itself; ``quantile_difference_max``, over times and
+        probabilities. ``reference_std_max (output)`` is a scale for them.
+
+        ``verdict`` is the one statement on an output, what is worst first: what differs from the reference beyond the
+        errors that both state, that the method is under-resolved or has too few samples, or the error that it states
+        itself and that it agrees.  ``verdict_kind`` says it in a word: ``reference``, ``agrees``, ``differs``,
+        ``under-resolved``, ``too few samples`` or ``no spread``, which counts for nothing: the output does not vary
+        beyond the integration error. ``detectable`` is how large a difference of standard deviations would go
+        unnoticed, ``own_error`` a bound of the error that a method states of its standard deviation, averaged over
+        time, and ``stated_error_max`` its largest stated error over time, at ``stated_error_time`` (s), all relative to
+        the standard deviation (infinite: none is stated). The attribute ``recommendation`` says which method to use.
+
+        ``wasserstein`` (in units) and ``ks`` ``(method, output, comparison_time)``: distances of the distributions,
+        from samples, or from 4096 samples of a chaos; NaN where there are none; ``ks_by_chance (method)``: which of the
+        latter equal distributions exceed at the level.
+
+        ``wall_time`` (s), ``realisations`` and ``failures`` by method, ``solver_counters (method, counter)``. Where
+        the results of a method, or of the reference, end before the last time, differences are over the times that
+        both have; ``compared_until`` (s, by method) is the last of them, NaN if there is none, and so are then the
+        differences. The attribute ``reference`` names the reference, whose differences are 0. A single method has no
+        distances, counters, or recommendation. (Select with ``.sel({"method": label})``: ``method=`` means another
+        thing to xarray's ``sel``.)
+
+    Raises
+    ------
+    StudyError
+        If there is no node, the reference is unknown, or outputs or times differ.
+
+    Examples
+    --------
+    >>> from uqmbd.results import labels, propagator_node, statistics_dataset
+    >>> axes = labels(["x"], [], [0.0, 1.0])
+    >>> def node(label, mean):
+    ...     statistics = statistics_dataset(axes, mean=[mean], std=[[0.0, 0.1]])
+    ...     return propagator_node(label, statistics, propagator="p", realisations=9, wall_time=1.0)
+    >>> found = compare({"a": node("a", [0.0, 1.0]), "b": node("b", [0.0, 1.5])})
+    >>> found.attrs["reference"], found["mean_difference_max"].sel({"method": "b"}).values.tolist()
+    ('a', [0.5])
+    >>> found["verdict"].sel({"method": "b"}).item()
+    'differs: mean shifted by 0.5 (500 % of the largest standard deviation) at t = 1 s'
+    >>> found["verdict"].sel({"method": "a"}).item()
+    'states no error; the reference'
+    """
+    nodes = _by_label(nodes)
+    chosen = choose_reference(nodes, rtol=rtol) if reference is None else reference
+    if chosen not in nodes:
+        raise StudyError(f"The reference {chosen!r} is not among the methods {', '.join(map(repr, nodes))}.")
+    base = nodes[chosen].children["statistics"].to_dataset()
+    times = _times(base)
+    units = [str(u) for u in base["output_units"].values]
+    errors = {label: own_error(node, max(rtol, rtol_of(node))) for label, node in nodes.items()}
+    own = {label: own_statements(node, errors[label]) for label, node in nodes.items()}
+    columns: dict[str, list[Any]] = {}
+    until: list[float] = []
+    said: list[list[Verdict]] = []
+    for label, node in nodes.items():
+        statistics = node.children["statistics"].to_dataset()
+        _check_same_axes(label, statistics, chosen, base)
+        both = [(name, over_time(statistics[name].values), over_time(base[name].values)) for name in ("mean", "std")]
+        differences = {name: np.abs(a - b) for name, a, b in both}
+        common = np.all([np.isfinite(d).all(axis=0) for d in differences.values()], axis=0)
+        until.append(float(times[common].max(initial=-np.inf)) if common.any() else np.nan)
+        for name, _, expected in both:
+            known = differences[name][:, common]
+            l2, scale = (root_mean_square(v, times[common]) for v in (known, expected[:, common]))
+            columns.setdefault(f"{name}_difference_max", []).append(_largest(known))
+            columns.setdefault(f"{name}_difference_l2", []).append(l2)
+            columns.setdefault(f"{name}_relative_l2", []).append(_over(l2, scale))
+        columns.setdefault("quantile_difference_max", []).append(quantiles(statistics, base))
+        mine, other = (errors[name].isel(common) for name in (label, chosen))
+        columns.setdefault("own_error", []).append(mine.relative(times[common]))
+        largest, at = errors[label].largest(times if "time" in base["mean"].dims else None)
+        columns.setdefault("stated_error_max", []).append(largest)
+        columns.setdefault("stated_error_time", []).append(at)
+        floor = np.maximum(
+            tolerance * np.nan_to_num(_largest(other.std)),
+            (10 * rtol + ROUNDING) * np.nan_to_num(_largest(np.abs(other.mean))),
+        )
+        share = level / max(len(nodes) - 1, 1)
+        said.append(
+            _of_reference(errors[label].varies, own[label], alone=len(nodes) < 2)
+            if label == chosen
+            else verdicts(
+                mine,
+                other,
+                times[common],
+                units,
+                level=share,
+                floor=floor,
+                names=(label, chosen),
+                own=own[label],
+            )
+        )
+    columns["detectable"] = [np.array([v.within for v in row]) for row in said]
+    columns["verdict_kind"] = [np.array([v.kind for v in row], dtype=np.str_) for row in said]
+    columns["verdict"] = [np.array([v.text for v in row], dtype=np.str_) for row in said]
+    variables = {
+        name: (("method", "output"), np.stack(rows), {"comment": _COMMENTS[name.split("_", 1)[1]]})
+        if name.split("_", 1)[-1] in _COMMENTS
+        else (("method", "output"), np.stack(rows))
+        for name, rows in columns.items()
+    }
+    attributes = [node.attrs for node in nodes.values()]
+    found = xr.Dataset(
+        {
+            **variables,
+            "reference_std_max": ("output", _largest(_finite(base["std"].values))),
+            **_until(until, "time" in base["mean"].dims),
+            "wall_time": ("method", np.array([float(a.get("wall_time", np.nan)) for a in attributes]), {"units": "s"}),
+            "realisations": ("method", np.array([int(a.get("realisations", 0)) for a in attributes], dtype=np.int64)),
+            "failures": ("method", np.array([int(a.get("failures", 0)) for a in attributes], dtype=np.int64)),
+        },
+        coords={
+            "method": ("method", np.array(list(nodes), dtype=np.str_)),
+            "output": ("output", base["output"].values),
+            "output_units": ("output", base["output_units"].values),
+        },
+        attrs={"reference": chosen, "level": level, "tolerance": tolerance},
+    )
+    if len(nodes) < 2:
+        return found
+    found = found.assign(counters(attributes)).assign(distributions(nodes, chosen, times, errors[chosen], level))
+    return found.assign_attrs(recommendation="\n".join((*loose(nodes), *recommend(found))))
+
+
+_COMMENTS = {
+    "difference_max": "largest absolute difference over time",
+    "difference_l2": "root mean square of the difference over time",
+    "relative_l2": "root mean square of the difference over time, over that of the reference",
+}
+
+
+def _of_reference(varies: NDArray[np.bool_], own: list[str], *, alone: bool) -> list[Verdict]:
+    """Say of the reference, or of the only method, what it states itself."""
+    found = []
+    for moves, text in zip(varies, own, strict=True):
+        role = "" if alone or not moves else "; the reference"
+        found.append(Verdict(REFERENCE if moves else NO_SPREAD, f"{text}{role}", 0.0))
+    return found
+
+
+def _by_label(nodes: Mapping[str, xr.DataTree] | Iterable[xr.DataTree]) -> dict[str, xr.DataTree]:
+    if isinstance(nodes, Mapping):
+        return dict(cast(Mapping[str, xr.DataTree], nodes))
+    return {str(node.attrs.get("label", node.name)): node for node in nodes}
+
+
+def _times(statistics: xr.Dataset) -> Array:
+    timed = "time" in statistics["mean"].dims
+    return np.asarray(statistics["time"].values, dtype=float) if timed else np.zeros(1)
+
+
+def _over(values: Array, scale: Array) -> Array:
+    return np.where(scale > 0, values / np.where(scale > 0, scale, 1.0), np.where(values > 0, np.inf, values))
+
+
+def _until(until: list[float], timed: bool) -> dict[str, tuple[str, NDArray[np.float64], dict[str, str]]]:
+    about = {"units": "s", "long_name": "last time of the comparison"}
+    return {"compared_until": ("method", np.array(until, dtype=float), about)} if timed else {}
+
+
+def _finite(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Values (O, ...) at the times at which all outputs have one."""
+    flat = values.reshape(len(values), -1 if values.size else 1)
+    return np.asarray(flat[:, np.isfinite(flat).all(axis=0)])
+
+
+def _largest(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Maximum of each row; NaN of an empty one."""
+    return np.asarray(values.max(axis=1) if values.shape[1] else np.full(len(values), np.nan), dtype=float)
+
+
+def _check_same_axes(label: str, found: xr.Dataset, reference: str, expected: xr.Dataset) -> None:
+    if found["output"].values.tolist() != expected["output"].values.tolist():
+        raise StudyError(
+            f"Only results with the same outputs can be compared: {label!r} has {found['output'].values.tolist()}, "
+            f"{reference!r} has {expected['output'].values.tolist()}."
+        )
+    same_dims = found["mean"].dims == expected["mean"].dims
+    if not same_dims or ("time" in found.dims and not np.array_equal(found["time"], expected["time"])):
+        raise StudyError(
+            f"Only results at the same times can be compared: those of {label!r} and {reference!r} differ."
+        )

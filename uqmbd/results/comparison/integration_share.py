@@ -1,0 +1,104 @@
+"""How large the stated error of the time integration is: over the spread of an output, or over its size."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+
+from uqmbd.results.statistics.spread import varying
+
+__all__ = ["IntegrationShare", "integration_shares", "worst_integration_share"]
+
+
+@dataclass(frozen=True)
+class IntegrationShare:
+    """The largest error of the time integration of an output.
+
+    Attributes
+    ----------
+    output, units : str
+        Whose.
+    error : float
+        Largest over time, in the units of the output; NaN: not known.
+    varies : bool
+        Whether the output varies beyond it, see :func:`uqmbd.results.varying`: one that varies by less cannot be told
+        from a constant.
+    share : float
+        The error over the largest standard deviation of an output that varies, else over its largest mean; 0 of 0 is 0.
+    reason : str
+        Why it is not known, or empty.
+    """
+
+    output: str
+    units: str
+    error: float
+    varies: bool
+    share: float
+    reason: str = ""
+
+    @property
+    def of_what(self) -> str:
+        """What the share is one of."""
+        return "of the spread" if self.varies else "of the size"
+
+    def words(self) -> str:
+        """Say it shortly.
+
+        Examples
+        --------
+        >>> IntegrationShare("x", "m", 2e-8, True, 2.1e-6).words()
+        '2e-6 of the spread'
+        >>> IntegrationShare("x", "m", float("nan"), True, float("nan")).words()
+        'not known'
+        """
+        if not np.isfinite(self.share):
+            return "not known"
+        digits, _, power = f"{self.share:.0e}".partition("e")
+        return f"{digits}e{int(power)} {self.of_what}" if self.share else "none"
+
+
+def integration_shares(statistics: xr.Dataset) -> list[IntegrationShare]:
+    """Return the errors of the time integration of all outputs; none where the statistics do not state them.
+
+    Parameters
+    ----------
+    statistics : xarray.Dataset
+        Of a method.
+
+    Examples
+    --------
+    >>> from uqmbd.results import labels, statistics_dataset
+    >>> found = statistics_dataset(labels(["x"], [], [0.0, 1.0]), mean=[[3.0, 3.0]], std=[[0.0, 0.5]])
+    >>> [one.words() for one in integration_shares(found.assign(integration_error=0.001 * found["std"]))]
+    ['1e-3 of the spread']
+    """
+    if "integration_error" not in statistics:
+        return []
+    stated = statistics["integration_error"]
+    reason = str(stated.attrs.get("reason", ""))
+    units = [""] * statistics.sizes["output"]
+    if "output_units" in statistics.coords:
+        units = [str(unit) for unit in statistics["output_units"].values]
+    found = []
+    moves = varying(statistics)
+    for k, name in enumerate(str(value) for value in statistics["output"].values):
+        error, std, mean = (_largest(statistics[key].values[k]) for key in ("integration_error", "std", "mean"))
+        varies = bool(moves[k])
+        scale = std if varies else mean
+        share = error / scale if scale > 0 else (0.0 if error == 0 else np.nan)
+        found.append(IntegrationShare(name, units[k], error, varies, share, reason))
+    return found
+
+
+def worst_integration_share(statistics: xr.Dataset) -> IntegrationShare | None:
+    """Return the largest of the errors of the time integration, each over its own scale; None: not stated."""
+    found = integration_shares(statistics)
+    known = [one for one in found if np.isfinite(one.share)]
+    return max(known, key=lambda one: one.share) if known else (found[0] if found else None)
+
+
+def _largest(values: np.ndarray) -> float:
+    finite = np.abs(values[np.isfinite(values)])
+    return float(finite.max()) if finite.size else np.nan

@@ -1,0 +1,275 @@
+"""What a method says of its own error: standard errors of samples, the stated error of a surrogate."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from uqmbd.results.chaos.stated_error import reference_spread
+from uqmbd.results.statistics.spread import integration_error, varying
+from uqmbd.status import Status
+
+__all__ = ["OwnError", "own_error", "over_time", "root_mean_square"]
+
+Array = NDArray[np.float64]
+
+MOST_SAMPLES = 500
+"""Samples from which the dependence of neighbouring times is found."""
+
+CONFIDENCE = 0.01
+"""How often the error of a surrogate may be larger than its bound, if its errors are normal."""
+
+
+@dataclass(frozen=True, eq=False)
+class OwnError:
+    """What a method says of the errors of its mean and standard deviation, for O outputs and T times.
+
+    Attributes
+    ----------
+    mean, std, kurtosis : array, shape (O, T)
+        The statistics themselves.
+    noise_mean, noise_std : array, shape (O, T)
+        Standard errors, 0 where the method states none.
+    bias : array, shape (O, T)
+        Bound of what a surrogate misses of either: its stated error times its standard deviation, and a margin for the
+        few realisations from which it is known.  0 where none is stated.
+    stated : array, shape (O,)
+        Stated error, a root mean square over time relative to that of the standard deviation; NaN where none is.
+    samples : int
+        Successful samples; 0 where the method has no standard errors.
+    freedom : float
+        Degrees of freedom of the standard errors.
+    response : array, shape (S, O, T), or None
+        Some independent samples, which tell how neighbouring times depend on one another.
+    order : int or None
+        Of a chaos.
+    top_order : array, shape (O,)
+        Part of the standard deviation in the terms of the highest order of a chaos; NaN without one.
+    told : array, shape (O, T)
+        What the method tells of its error at each time, relative to the standard deviation: 1.96 standard errors, and
+        the stated error of a surrogate.  NaN where it tells nothing.
+    integration : array, shape (O, T)
+        Error of the integration, or of rounding.
+    varies : array of bool, shape (O,)
+        Whether an output varies, by more than the error of the integration.  Where it does not, there is no spread to
+        be wrong about: `stated`, `top_order` and `told` are 0 where they are known.
+    """
+
+    mean: Array
+    std: Array
+    kurtosis: Array
+    noise_mean: Array
+    noise_std: Array
+    bias: Array
+    stated: Array
+    samples: int
+    freedom: float
+    response: Array | None
+    order: int | None
+    top_order: Array
+    told: Array
+    integration: Array
+    varies: NDArray[np.bool_]
+
+    def isel(self, used: NDArray[np.bool_]) -> OwnError:
+        """Return the same at some of the times (T,)."""
+        names = ("mean", "std", "kurtosis", "noise_mean", "noise_std", "bias", "told", "integration")
+        parts = {name: getattr(self, name)[:, used] for name in names}
+        return replace(self, **parts, response=None if self.response is None else self.response[:, :, used])
+
+    def informed(self, other: OwnError) -> OwnError:
+        """Return the same with the standard errors of the standard deviation that follow from the other's kurtosis.
+
+        Where something rare happens (a few realisations that hit what the others miss), samples that hold none of it
+        do not know how wrong they are; a surrogate does, or other samples do.
+        """
+        if not self.samples:
+            return self
+        known = np.isfinite(other.kurtosis) & (self.kurtosis > 1)
+        excess = np.where(known, (other.kurtosis - 1) / np.where(known, self.kurtosis - 1, 1.0), 1.0)
+        return replace(self, noise_std=self.noise_std * np.sqrt(np.maximum(excess, 1.0)))
+
+    def relative(self, times: Array) -> Array:
+        """Return the own error of the standard deviation (O,), relative to it; infinite where none is known.
+
+        The root mean square over time of 1.96 standard errors and of the bound of the bias.  0 of what does not vary.
+        """
+        if not self.samples and np.isnan(self.stated).any():
+            return np.full(len(self.std), np.inf)
+        error = root_mean_square(1.96 * self.noise_std + self.bias, times)
+        scale = root_mean_square(self.std, times)
+        counts = self.varies & (scale > 0)
+        return np.where(counts, error / np.where(counts, scale, 1.0), 0.0)
+
+    def largest(self, times: Array | None) -> tuple[Array, Array]:
+        """Return the largest error (O,) that the method tells of its standard deviation, and when (O,), in s.
+
+        Relative to the standard deviation, infinite where nothing is told; at times (T,) of the statistics.
+        """
+        told = np.where(np.isfinite(self.std).all(axis=0), self.told, -np.inf)
+        if not told.shape[1]:
+            return np.full(len(told), np.inf), np.full(len(told), np.nan)
+        where = np.nan_to_num(told, nan=-np.inf).argmax(axis=1)
+        error = np.where(np.isnan(told).all(axis=1), np.inf, told[np.arange(len(told)), where])
+        at = np.full(len(told), np.nan) if times is None else np.asarray(times, dtype=float)[where]
+        return np.where(np.isfinite(error), error, np.inf), at
+
+
+def over_time(values: Any) -> Array:
+    """Return values (O, T) of a statistic (output, time), or (O, 1) of one without time."""
+    array = np.asarray(values, dtype=float)
+    return array if array.ndim == 2 else array.reshape(len(array), 1)
+
+
+def root_mean_square(values: Array, times: Array) -> Array:
+    """Return the root mean square over time (O,) of values (O, T), by the trapezoidal rule; NaN of none.
+
+    Examples
+    --------
+    >>> root_mean_square(np.array([[3.0, 3.0, 3.0], [0.0, 0.0, 0.0]]), np.array([0.0, 0.5, 1.0])).tolist()
+    [3.0, 0.0]
+    """
+    if not values.shape[1]:
+        return np.full(len(values), np.nan)
+    if len(times) < 2:
+        return np.asarray(np.abs(values).max(axis=1), dtype=float)
+    # Scaled, so that differences of 1e-200 do not vanish in their square.
+    largest = np.abs(values).max(axis=1)
+    scale = np.where((largest > 0) & np.isfinite(largest), largest, 1.0)
+    mean_square = np.trapezoid((values / scale[:, None]) ** 2, times, axis=1) / (times[-1] - times[0])
+    return np.asarray(scale * np.sqrt(mean_square), dtype=float)
+
+
+def own_error(node: xr.DataTree, rtol: float = 0.0, *, dependence: bool = True) -> OwnError:
+    """Gather what a method says of its own error.
+
+    Parameters
+    ----------
+    node : xarray.DataTree
+        A propagator's node; its statistics may be over time or not.
+    rtol : float
+        Tolerance of the integration, 0 where it is not known.
+    dependence : bool
+        Whether samples are wanted, which tell how neighbouring times depend on one another.
+
+    Examples
+    --------
+    >>> from uqmbd.results import labels, propagator_node, statistics_dataset
+    >>> axes = labels(["x"], [], [0.0, 1.0])
+    >>> statistics = statistics_dataset(axes, mean=[[0.0, 0.0]], std=[[1.0, 1.0]], std_error_mean=[[0.1, 0.1]],
+    ...                                 std_error_std=[[0.05, 0.1]])
+    >>> node = propagator_node("a", statistics, propagator="p", realisations=100, wall_time=0.0)
+    >>> found = own_error(node)
+    >>> found.samples, found.noise_std.tolist(), found.relative(np.array([0.0, 1.0])).round(3).tolist()
+    (100, [[0.05, 0.1]], [0.155])
+    """
+    statistics = node.children["statistics"].to_dataset()
+    mean, std = over_time(statistics["mean"].values), over_time(statistics["std"].values)
+    noisy = {"std_error_mean", "std_error_std"} <= set(statistics.data_vars)
+    count, replicates, widening = _design(node)
+    noise = [
+        np.nan_to_num(over_time(statistics[name].values), nan=np.inf) / widening if noisy else np.zeros_like(mean)
+        for name in ("std_error_mean", "std_error_std")
+    ]
+    bias, stated, told = _surrogate(node, statistics, std)
+    order, top = _orders(node, len(mean))
+    vary = varying(statistics, rtol)
+    if noisy:
+        told = np.nan_to_num(told, nan=0.0) + 1.96 * noise[1] / _positive(reference_spread(np.nan_to_num(std)))
+    plain = noisy and not replicates and "variance_reduction" not in statistics
+    return OwnError(
+        mean=mean,
+        std=std,
+        kurtosis=over_time(statistics["kurtosis"].values) if "kurtosis" in statistics else np.full_like(std, 3.0),
+        noise_mean=noise[0],
+        noise_std=noise[1],
+        bias=bias,
+        stated=np.where(vary | np.isnan(stated), stated, 0.0),
+        samples=count if noisy else 0,
+        freedom=float(max(replicates - 1 if replicates else count - 1, 1)) if noisy else np.inf,
+        response=_response(node, mean.shape) if plain and dependence else None,
+        order=order,
+        top_order=np.where(vary | np.isnan(top), top, 0.0),
+        told=np.where(vary[:, None] | np.isnan(told), told, 0.0),
+        integration=integration_error(statistics, rtol),
+        varies=vary,
+    )
+
+
+def _positive(values: Array) -> Array:
+    return np.where(values > 0, values, 1.0)
+
+
+def _design(node: xr.DataTree) -> tuple[int, int, float]:
+    """Return the successful samples, the replicates of a design (0: independent), and how its errors were widened."""
+    from scipy.special import ndtri, stdtrit
+
+    count = int(node.attrs.get("realisations", 0)) - int(node.attrs.get("failures", 0))
+    if "samples" in node.children:
+        status = np.asarray(node.children["samples"].to_dataset()["status"].values)
+        kept = int(np.count_nonzero(status == Status.OK))
+        # realisations for other purposes, as for Sobol' indices, are not samples
+        count = kept if len(status) == _option(node, "samples", len(status)) else max(kept, count)
+    if str(_option(node, "sampling", "random")) == "random":
+        return count, 0, 1.0
+    replicates = max(int(_option(node, "replicates", 2)), 2)
+    return count, replicates, float(stdtrit(replicates - 1, 0.975) / ndtri(0.975))
+
+
+def _option(node: xr.DataTree, name: str, default: Any) -> Any:
+    try:
+        return dict(json.loads(node.attrs.get("options", "{}"))).get(name, default)
+    except (TypeError, ValueError):
+        return default
+
+
+def _surrogate(node: xr.DataTree, statistics: xr.Dataset, std: Array) -> tuple[Array, Array, Array]:
+    """Return the bound (O, T) of what a surrogate misses, its stated error (O,), and the same over time (O, T)."""
+    from scipy.special import chdtri
+
+    chaos = node.children["chaos"].to_dataset() if "chaos" in node.children else xr.Dataset()
+    source = next((d for d in (statistics, chaos) if "verification_error" in d), None)
+    if source is None:
+        return np.zeros_like(std), np.full(len(std), np.nan), np.full_like(std, np.nan)
+    error = source["verification_error"]
+    others = [d for d in error.dims if d not in ("output", "time")]
+    told = np.abs(over_time((error.max(others) if others else error).values))
+    # where results end early there is no spread
+    found = np.where(np.isfinite(std), told * reference_spread(np.nan_to_num(std)), np.nan)
+    verified = max(int(chaos.sizes.get("verification", 8)), 1)
+    # the mean square of so few errors may be too small
+    margin = float(np.sqrt(verified / chdtri(verified, 1.0 - CONFIDENCE)))
+    known = np.isfinite(found).all(axis=0) & np.isfinite(std).all(axis=0)
+    times = statistics["time"].values[known] if "time" in statistics.dims else np.zeros(1)
+    scale = root_mean_square(std[:, known], times)
+    stated = root_mean_square(found[:, known], times) / np.where(scale > 0, scale, 1.0)
+    return margin * found, np.asarray(stated, dtype=float), told
+
+
+def _orders(node: xr.DataTree, outputs: int) -> tuple[int | None, Array]:
+    """Return the order of a chaos, and the part of the standard deviation in its highest terms (O,)."""
+    unknown = np.full(outputs, np.nan)
+    chaos = node.children["chaos"].to_dataset() if "chaos" in node.children else xr.Dataset()
+    if not {"multi_index", "coefficients"} <= set(chaos.data_vars):
+        return None, unknown
+    if chaos["multi_index"].dims != ("term", "input") or chaos["coefficients"].dims[:2] != ("term", "output"):
+        return None, unknown
+    degree = chaos["multi_index"].values.sum(axis=1)
+    square = chaos["coefficients"].values.reshape(len(degree), outputs, -1) ** 2
+    whole = square[degree > 0].sum(axis=(0, 2))
+    top = square[degree == max(int(degree.max()), 1)].sum(axis=(0, 2))
+    return int(degree.max()), np.sqrt(np.where(whole > 0, top / np.where(whole > 0, whole, 1.0), 0.0))
+
+
+def _response(node: xr.DataTree, shape: tuple[int, ...]) -> Array | None:
+    if "samples" not in node.children:
+        return None
+    data = node.children["samples"].to_dataset()
+    fine = np.flatnonzero(data["status"].values == Status.OK)[:MOST_SAMPLES]
+    response = data["response"].isel(sample=fine).values.reshape(len(fine), *shape)
+    return response if len(fine) > 1 else None

@@ -1,0 +1,121 @@
+"""How good each output of a method is, in one statement: what is worst first, and everywhere in the same words."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from uqmbd.results.chaos.decay import stated_words, verdict_of_decay
+from uqmbd.results.comparison.own_error import OwnError, own_error
+from uqmbd.results.statistics.spread import rtol_of
+
+__all__ = ["LIMIT", "NO_SPREAD", "STILL", "own_statements", "statements"]
+
+Array = NDArray[np.float64]
+
+LIMIT = 0.01
+"""Error, relative to the standard deviation, up to which a surrogate is trusted."""
+
+NO_SPREAD = "no spread"
+"""Kind of a verdict on an output that does not vary."""
+
+STILL = "does not vary beyond the integration error"
+"""What is said of it."""
+
+_REMEDIES = {"chaos": "raise the order", "elements": "allow more elements, or raise the order"}
+
+
+def own_statements(node: xr.DataTree, own: OwnError | None = None) -> list[str]:
+    """Say of each output of a method how large an error the method itself states.
+
+    Parameters
+    ----------
+    node : xarray.DataTree
+        A propagator's node, or its child ``scalars``.
+    own : OwnError, optional
+        What is known of its errors, at all its times.
+
+    Returns
+    -------
+    list of str, length O
+        ``does not vary beyond the integration error``; the stated error, of a surrogate with the time from which on it
+        is above 1 %; of a chaos that states none how its coefficients have fallen; or ``states no error``.
+    """
+    found = own_error(node, rtol_of(node), dependence=False) if own is None else own
+    statistics = node.children["statistics"].to_dataset()
+    times = np.asarray(statistics["time"].values, dtype=float) if "time" in statistics["mean"].dims else None
+    known = np.isfinite(found.std).all(axis=0)
+    said = []
+    for o, name in enumerate(str(value) for value in statistics["output"].values):
+        told = found.told[o, known]
+        if not found.varies[o]:
+            said.append(STILL)
+        elif not told.size or np.isnan(told).any():
+            said.append(_decay(node, name, o) or "states no error")
+        elif found.samples:
+            at = None if times is None else times[known]
+            said.append(stated_words("samples", told, at, np.inf))
+        else:
+            at = None if times is None else times[known]
+            split = "chaos" in node.children and "element" in node.children["chaos"].sizes
+            said.append(stated_words("surrogate", told, at, LIMIT, _REMEDIES["elements" if split else "chaos"]))
+    return said
+
+
+def statements(tree: xr.DataTree, nodes: Mapping[str, xr.DataTree]) -> dict[tuple[str, str], str]:
+    """Return the one statement on each output of each method of a result.
+
+    Parameters
+    ----------
+    tree : xarray.DataTree
+        The result of a study.
+    nodes : mapping of str to xarray.DataTree
+        Its methods.
+
+    Returns
+    -------
+    dict of (str, str) to str
+        By label and output, those without a time included: the verdict of the comparison, which for a single method,
+        and in results of earlier versions, is what the method states itself.
+    """
+    found: dict[tuple[str, str], str] = {}
+    data = tree.children["comparison"].to_dataset() if "comparison" in tree.children else xr.Dataset()
+    for label, node in nodes.items():
+        for part, dimension, verdict in ((node, "output", "verdict"), (_still(node), "scalar", "scalar_verdict")):
+            if part is None:
+                continue
+            names = [str(value) for value in part.children["statistics"].to_dataset()["output"].values]
+            if verdict in data and label in data["method"].values:
+                row = data[verdict].sel({"method": label})
+                compared = dict(zip(map(str, row[dimension].values), map(str, row.values), strict=True))
+            else:
+                compared = {}
+            own = own_statements(part) if any(not compared.get(name) for name in names) else [""] * len(names)
+            found |= {(label, name): compared.get(name) or text for name, text in zip(names, own, strict=True)}
+    return found
+
+
+def _still(node: xr.DataTree) -> xr.DataTree | None:
+    return node.children["scalars"] if "scalars" in node.children else None
+
+
+def _decay(node: xr.DataTree, name: str, output: int) -> str:
+    """Say how the coefficients of a plain chaos have fallen; empty where there is none."""
+    data = node.children["chaos"].to_dataset() if "chaos" in node.children else xr.Dataset()
+    if not {"multi_index", "coefficients"} <= set(data.data_vars):
+        return ""
+    dims = data["coefficients"].dims
+    if data["multi_index"].dims != ("term", "input") or dims[:2] != ("term", "output") or len(dims) > 3:
+        return ""
+    coefficients, index = data["coefficients"].values[:, output], data["multi_index"].values
+    germs = [str(value) for value in data["germ" if "germ" in data.coords else "input"].values]
+    times = np.asarray(data["time"].values, dtype=float) if "time" in dims else None
+    if times is not None:
+        known = np.isfinite(coefficients).all(axis=0)
+        coefficients, times = coefficients[:, known], times[known]
+        if not len(times):
+            return ""
+    return verdict_of_decay(name, coefficients, index, germs, times, LIMIT).removeprefix(f"{name}: ")

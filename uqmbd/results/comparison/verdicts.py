@@ -1,0 +1,353 @@
+"""Whether two methods agree within the errors that they state, and what differs if they do not."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uqmbd.results.chaos.decay import error_words
+from uqmbd.results.comparison.own_error import OwnError, root_mean_square
+from uqmbd.results.comparison.simultaneous import curve_length, pointwise_level, student
+from uqmbd.results.comparison.statements import LIMIT, NO_SPREAD, STILL
+
+__all__ = ["AGREES", "DIFFERS", "FEW", "NO_SPREAD", "REFERENCE", "UNDER_RESOLVED", "Verdict", "percent", "verdicts"]
+
+Array = NDArray[np.float64]
+
+REFERENCE, AGREES, DIFFERS = "reference", "agrees", "differs"
+UNDER_RESOLVED, FEW = "under-resolved", "too few samples"
+
+LEAST_SAMPLES = 20
+"""With fewer samples nothing is said: their standard errors themselves are hardly known."""
+
+ENOUGH_SAMPLES = 40
+"""With fewer samples nothing is said to agree."""
+
+ROUGH = 0.15
+"""With 95 % confidence the standard deviation must be known to within this part of it."""
+
+COARSE = 0.1
+"""Surrogates whose stated error is larger, as a part of the standard deviation, are under-resolved."""
+
+EXACT = 0.01
+"""Surrogates whose stated error is smaller are taken to miss nothing."""
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What is said of one output of a method.
+
+    Attributes
+    ----------
+    kind : str
+        ``reference``, ``agrees``, ``differs``, ``under-resolved``, ``too few samples``, or ``no spread``.
+    text : str
+        The one statement on the output, what is worst first: the kind in words, with numbers; of a method that agrees,
+        before, the error that it states itself.
+    within : float
+        By how much the standard deviations could differ unnoticed, relative to that of the reference (root mean
+        squares over time).
+    """
+
+    kind: str
+    text: str
+    within: float
+
+
+@dataclass(frozen=True, eq=False)
+class _Deviation:
+    """Difference of a statistic beyond what it may be by chance, at the worst time of an output."""
+
+    significant: bool
+    worst: int
+
+
+def percent(share: float) -> str:
+    """Write a share for reading, with two digits.
+
+    Examples
+    --------
+    >>> percent(0.2345), percent(0.0012), percent(1.234), percent(3e-9)
+    ('23 %', '0.12 %', '123 %', 'less than 0.001 %')
+    """
+    if not np.isfinite(share):
+        return "an unknown part"
+    if abs(share) < 1e-5:
+        return "less than 0.001 %"
+    return f"{100 * share:.0f} %" if share >= 0.0995 else f"{100 * share:.2g} %"
+
+
+def verdicts(
+    found: OwnError,
+    base: OwnError,
+    times: Array,
+    units: list[str],
+    *,
+    level: float,
+    floor: Array,
+    names: tuple[str, str] = ("the method", "the reference"),
+    own: Sequence[str] | None = None,
+) -> list[Verdict]:
+    """Compare a method with a reference, output by output.
+
+    Parameters
+    ----------
+    found, base : OwnError
+        Of the method and of the reference, at the same times, at which both are known.
+    times : array, shape (T,)
+        In s.
+    units : list of str
+        Of the outputs.
+    level : float
+        How often, at most, a method that agrees may be said to differ in any output at any time.  Half of it goes to
+        the means, half to the standard deviations, in equal parts to the outputs; over time the largest deviation is
+        tested, as :mod:`uqmbd.results.comparison.simultaneous` says.
+    floor : array, shape (O,)
+        Differences that count for nothing, in the units of the outputs.
+    names : tuple of str
+        Labels of the method and the reference.
+    own : sequence of str, length O, optional
+        What the method states of its own error.
+
+    Returns
+    -------
+    list of Verdict, length O
+    """
+    own = [""] * len(units) if own is None else own
+    found, base = found.informed(base), base.informed(found)
+    share = level / (2 * max(len(units), 1))
+    return [_verdict(found, base, o, times, units[o], share, float(floor[o]), names, own[o]) for o in range(len(units))]
+
+
+def _verdict(
+    found: OwnError,
+    base: OwnError,
+    o: int,
+    times: Array,
+    units: str,
+    level: float,
+    floor: float,
+    names: tuple[str, str],
+    own: str,
+) -> Verdict:
+    if not len(times):
+        return Verdict(UNDER_RESOLVED, "nothing to compare: there is no common time", np.inf)
+    scale = float(root_mean_square(base.std[o : o + 1], times)[0]) or float(np.abs(base.std[o]).max())
+    bound_mean = _bound(found, base, o, level, "mean")
+    bound_std = _bound(found, base, o, level, "std")
+    within = _ratio(float(root_mean_square(_widths(found, base, o, bound_std, floor)[None], times)[0]), scale)
+    unseen_times, rare = _rare(found, base, o, level, names)
+    tests = {}
+    for claimed in (True, False):
+        slack = floor + base.integration[o] + found.integration[o] + base.bias[o] + (found.bias[o] if claimed else 0.0)
+        tests[claimed] = (
+            _mean_deviation(found, base, o, bound_mean, slack, unseen_times),
+            _std_deviation(found, base, o, bound_std, slack, unseen_times),
+        )
+    beyond = any(d.significant for d in tests[True])
+    unexplained = any(d.significant for d in tests[False])
+    few = rare or _few(found, base, o, times, names)
+    stated = float(found.stated[o])
+    of_base = float(base.stated[o])
+    # terms of the highest order that are large say that more are missing, unless the surrogate is shown to be exact
+    truncated = float(found.top_order[o]) > COARSE and not stated <= EXACT
+    coarse = stated > COARSE or (truncated and (beyond or (unexplained and np.isnan(stated))))
+    if not base.varies[o] and not (found.varies[o] and tests[True][1].significant):
+        moved = "; ".join(_differences(found, base, o, times, units, tests[True][:1]))
+        if rare and not moved:
+            return Verdict(FEW, f"too few samples to tell: {rare}", within)
+        return Verdict(DIFFERS, f"differs: {moved}", within) if moved else Verdict(NO_SPREAD, STILL, 0.0)
+    what = "; ".join(_differences(found, base, o, times, units, tests[beyond] if unexplained else ()))
+    if beyond and not coarse and not (found.samples and found.samples < LEAST_SAMPLES) and not of_base > COARSE:
+        if base.samples and base.samples < LEAST_SAMPLES:
+            return Verdict(FEW, f"too few samples to tell: {few}", within)
+        return Verdict(DIFFERS, f"differs: {what}", within)
+    if coarse:
+        order = f"order {found.order} is too low" if found.order is not None else "its surrogate is too coarse"
+        why = f"its stated error is {_told(found, o, times)}" if np.isfinite(stated) else (
+            f"{percent(float(found.top_order[o]))} of the standard deviation is in the terms of its highest order"
+        )  # fmt: skip
+        return Verdict(UNDER_RESOLVED, f"under-resolved: {order}, {why}" + (f"; {what}" if what else ""), within)
+    if few:
+        return Verdict(FEW, f"too few samples to tell: {few}", within)
+    if of_base > COARSE:
+        text = f"the stated error of {names[1]}, the reference, is {percent(of_base)}: too large to tell"
+        return Verdict(UNDER_RESOLVED, f"under-resolved: {text}", within)
+    unseen = f" (a difference of the standard deviation below {percent(within)} would not be seen)" if within else ""
+    large = found.told[o].max(initial=0.0) > (ROUGH if found.samples else LIMIT)
+    inside = " within that" if large else ""
+    return Verdict(AGREES, f"{own}{'; ' if own else ''}agrees with {names[1]}{inside}{unseen}", within)
+
+
+def _told(found: OwnError, o: int, times: Array) -> str:
+    """Say how large the stated error of an under-resolved surrogate is."""
+    return error_words(found.told[o], times if len(times) > 1 else None, LIMIT)
+
+
+def _ratio(value: float, scale: float) -> float:
+    return value / scale if scale > 0 else 0.0
+
+
+def _bound(found: OwnError, base: OwnError, o: int, level: float, name: str) -> Array:
+    """Return how many standard errors the largest deviation over time may have (T,)."""
+    noisy = [m for m in (found, base) if m.samples]
+    count = found.mean.shape[1]
+    if not noisy:
+        return np.zeros(count)
+    squares = np.array([_noise(m, o, name) ** 2 for m in noisy])
+    parts = [_parts(m, o, name) for m in noisy if m.response is not None]
+    length = curve_length(parts) if len(parts) == len(noisy) else np.inf
+    freedoms = np.array([_freedom(m, o, name) for m in noisy])
+    total = squares.sum(axis=0)
+    split = (squares**2 / freedoms).sum(axis=0)
+    # Welch and Satterthwaite's degrees of freedom
+    usable = (split > 0) & np.isfinite(split) & np.isfinite(total)
+    freedom = np.where(usable, total**2 / np.where(usable, split, 1.0), freedoms.min(axis=0))
+    bound: Array = student(pointwise_level(level, length, count), np.asarray(freedom, dtype=float))
+    return bound
+
+
+def _noise(method: OwnError, o: int, name: str) -> Array:
+    """Return standard errors (T,) of the mean, or of the logarithm of the standard deviation."""
+    if name == "mean":
+        return np.asarray(method.noise_mean[o])
+    std = method.std[o]
+    return np.asarray(np.where(std > 0, method.noise_std[o] / np.where(std > 0, std, 1.0), 0.0))
+
+
+def _freedom(method: OwnError, o: int, name: str) -> Array:
+    """Return the degrees of freedom of a standard error (T,): 2 n / (k - 1) for n terms of the kurtosis k.
+
+    Standard errors of few samples with long tails are often far too small.  Squares of normal deviations have the
+    kurtosis 15, which is the least that is assumed of a standard deviation.
+    """
+    least = 3.0 if name == "mean" else 15.0
+    if method.freedom < method.samples - 1:  # replicates, whose estimates are averages of many samples
+        return np.full(method.mean.shape[1], method.freedom)
+    if method.response is None:
+        return np.full(method.mean.shape[1], method.freedom if name == "mean" else max(method.freedom / 7.0, 1.0))
+    off = _offsets(method.response[:, o], name)
+    squares = off * off
+    square = squares.mean(axis=0)
+    kurtosis = np.where(square > 0, (squares * squares).mean(axis=0) / np.where(square > 0, square, 1.0) ** 2, least)
+    return np.maximum(2.0 * method.samples / (np.maximum(kurtosis, least) - 1.0), 1.0)
+
+
+def _offsets(response: Array, name: str) -> Array:
+    """Return what each sample adds to the mean or the variance (S, T), less its average."""
+    spread = np.ptp(response, axis=0)
+    off = (response - response.mean(axis=0)) / np.where(spread > 0, spread, 1.0)
+    return np.asarray(off if name == "mean" else off**2 - (off**2).mean(axis=0))
+
+
+def _parts(method: OwnError, o: int, name: str) -> Array:
+    """Return what each sample adds to the deviation (S, T), scaled so that the columns have the standard errors."""
+    assert method.response is not None
+    off = _offsets(method.response[:, o], name)
+    size = np.sqrt(np.square(off).sum(axis=0))
+    return np.asarray(off / np.where(size > 0, size, 1.0) * _noise(method, o, name))
+
+
+def _rare(
+    found: OwnError, base: OwnError, o: int, level: float, names: tuple[str, str]
+) -> tuple[NDArray[np.bool_], str]:
+    """Find the times (T,) at which samples do not vary, and may well have missed what does; say whose.
+
+    Something that happens with probability p makes a kurtosis of at least about 1 / p, and n samples hold none of it
+    with probability (1 - p)^n.
+    """
+    times, said = np.zeros(found.std.shape[1], dtype=bool), ""
+    for method, other, name in ((found, base, names[0]), (base, found, names[1])):
+        if not method.samples:
+            continue
+        chance = 1.0 / np.maximum(other.kurtosis[o], 1.0 + 1e-9)
+        missed = (method.std[o] == 0) & (other.std[o] > 0) & (method.samples * np.log1p(-chance) > np.log(level))
+        if missed.any():
+            times |= missed
+            said = f"{name} has {method.samples}, which may well hold none of the rare events that make the spread"
+    return times, said
+
+
+def _mean_deviation(
+    found: OwnError, base: OwnError, o: int, bound: Array, slack: Array, unseen: NDArray[np.bool_]
+) -> _Deviation:
+    difference = np.abs(found.mean[o] - base.mean[o])
+    noise = np.hypot(found.noise_mean[o], base.noise_mean[o])
+    excess = np.where(unseen, 0.0, np.maximum(difference - slack, 0.0))
+    return _deviation(excess, bound * noise, difference)
+
+
+def _std_deviation(
+    found: OwnError, base: OwnError, o: int, bound: Array, slack: Array, unseen: NDArray[np.bool_]
+) -> _Deviation:
+    """Test the ratio of standard deviations: its logarithm is closer to normal than the difference."""
+    one, other = found.std[o], base.std[o]
+    difference = np.abs(one - other)
+    nearer = np.where(one > other, np.maximum(one - slack, other), np.minimum(one + slack, other))
+    usable = (nearer > 0) & (other > 0)
+    ratio = np.abs(np.log(np.where(usable, nearer, 1.0) / np.where(usable, other, 1.0)))
+    ratio = np.where(unseen, 0.0, np.where(usable | (nearer == other), ratio, np.inf))
+    noise = np.hypot(_noise(found, o, "std"), _noise(base, o, "std"))
+    return _deviation(ratio, bound * noise, difference)
+
+
+def _deviation(excess: Array, allowed: Array, difference: Array) -> _Deviation:
+    beyond = excess > allowed
+    if not beyond.any():
+        return _Deviation(False, int(difference.argmax()))
+    return _Deviation(True, int(np.where(beyond, difference, -1.0).argmax()))
+
+
+def _widths(found: OwnError, base: OwnError, o: int, bound: Array, floor: float) -> Array:
+    """Return which differences of the standard deviation would not be noticed (T,)."""
+    noise = np.hypot(found.noise_std[o], base.noise_std[o])
+    return np.asarray(bound * noise + found.bias[o] + base.bias[o] + floor)
+
+
+def _few(found: OwnError, base: OwnError, o: int, times: Array, names: tuple[str, str]) -> str:
+    """Say which of two methods has too few samples; empty if none."""
+    for method, name in ((found, names[0]), (base, names[1])):
+        if not method.samples:
+            continue
+        if method.samples < ENOUGH_SAMPLES:
+            return f"{name} has {method.samples}"
+        scale = float(root_mean_square(method.std[o : o + 1], times)[0])
+        error = _ratio(1.96 * float(root_mean_square(method.noise_std[o : o + 1], times)[0]), scale)
+        if error > ROUGH:
+            return f"{name} has {method.samples}, which give the standard deviation to within {percent(error)}"
+    return ""
+
+
+def _differences(
+    found: OwnError, base: OwnError, o: int, times: Array, units: str, tests: tuple[_Deviation, ...]
+) -> list[str]:
+    """Say what differs, and by how much."""
+    said = []
+    for name, test in zip(("mean", "std"), tests, strict=False):
+        if not test.significant:
+            continue
+        k = test.worst
+        when = f" at t = {times[k]:.4g} s" if len(times) > 1 else ""
+        if name == "mean":
+            shift = float(found.mean[o, k] - base.mean[o, k])
+            part = _ratio(abs(shift), float(base.std[o].max()) if base.varies[o] else 0.0)
+            of_std = f" ({percent(part)} of the largest standard deviation)" if part else ""
+            said.append(f"mean shifted by {shift:.3g}{' ' + units if units else ''}{of_std}{when}".replace("-", "−"))
+            continue
+        whole = [float(root_mean_square(m.std[o : o + 1], times)[0]) for m in (found, base)]
+        spread = bool(base.varies[o])
+        overall = whole[0] / whole[1] - 1.0 if spread and whole[1] > 0 else np.inf
+        local = float(found.std[o, k] / base.std[o, k] - 1.0) if spread and base.std[o, k] > 0 else np.inf
+        if overall * local > 0 and abs(overall) > 0.3 * abs(local):
+            said.append(f"standard deviation too {_size(overall)}")
+        else:
+            said.append(f"standard deviation too {_size(local)}{when}")
+    return said
+
+
+def _size(relative: float) -> str:
+    word = "small" if relative < 0 else "large"
+    return f"{word} by {percent(abs(relative))}" if np.isfinite(relative) else "large: that of the reference is zero"

@@ -1,0 +1,294 @@
+"""The data schema of a study, and builders that fill it from plain arrays.
+
+A result is an :class:`xarray.DataTree` with one node per propagator, named by its label, and a node ``comparison``::
+
+    /                          attrs: schema_version, study, mechanism, rtol, integrator, created, uqmbd_version, ...
+    |-- monte-carlo            attrs: propagator, label, options, seed, wall_time, realisations, failures, ...
+    |   |-- statistics         mean, std, variance, skewness, kurtosis (output, time),
+    |   |                      quantile (probability, output, time); where an output is an angle
+    |   |                      circular_mean, circular_std (output, time);
+    |   |                      integration_error (output, time), NaN where it is not known
+    |   `-- samples            response (sample, output, time), inputs (sample, input), status, message (sample)
+    `-- comparison             mean_difference_max, std_difference_max (method, output), ...
+
+A propagator states once what its axes mean (:func:`uqmbd.results.labels`), and hands arrays to
+:func:`sample_dataset`, :func:`statistics_dataset` and :func:`uqmbd.results.propagator_node`. Children that the schema
+does not know are allowed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import ArrayLike, NDArray
+
+from uqmbd.errors import StudyError
+from uqmbd.results.schema.axes import Labels, fixed_width
+from uqmbd.status import Status
+
+__all__ = [
+    "DEFAULT_PROBABILITIES",
+    "SCHEMA_VERSION",
+    "STATUS_MEANINGS",
+    "check_version",
+    "sample_dataset",
+    "statistics_dataset",
+]
+
+SCHEMA_VERSION = 1
+"""Of the schema, as results state it (root attribute ``schema_version``; before there was one it was 0).
+
+It is raised where something is renamed, removed or changes its meaning; what is only added leaves it.  Results of
+earlier versions are read.
+"""
+
+STATUS_MEANINGS: Mapping[int, str] = {int(status): status.meaning for status in Status}
+"""What the integers of ``status`` mean; a propagator may pass its own."""
+
+DEFAULT_PROBABILITIES = (0.025, 0.05, 0.25, 0.5, 0.75, 0.95, 0.975)
+"""Probabilities of the stored quantiles: the 50 %, 90 % and 95 % intervals and the median."""
+
+_LONG_NAMES = {
+    "mean": "mean",
+    "std": "standard deviation",
+    "variance": "variance",
+    "skewness": "skewness",
+    "kurtosis": "kurtosis",
+    "quantile": "quantile",
+    "std_error_mean": "standard error of the mean",
+    "std_error_std": "standard error of the standard deviation",
+    "circular_mean": "circular mean",
+    "circular_std": "circular standard deviation",
+    "sobol_first": "first-order Sobol' index",
+    "sobol_total": "total Sobol' index",
+}
+_COMMENTS = {
+    "std": "unbiased variance (ddof = 1) where it comes from samples",
+    "variance": "unbiased (ddof = 1) where it comes from samples",
+    "skewness": "third standardised moment; 0 where the output does not vary",
+    "kurtosis": "fourth standardised moment, not the excess: 3 for a normal; 3 where the output does not vary",
+    "quantile": "NaN where the method cannot tell",
+    "circular_mean": "mean direction, within half a turn of 0; NaN where directions cancel and for what is no angle",
+    "circular_std": "sqrt(-2 ln R), R the length of the mean direction; of n samples at most some sqrt(ln n) radians",
+}
+
+
+def check_version(attrs: Mapping[Any, Any], where: str) -> None:
+    """Refuse results of a later schema than this one.
+
+    Parameters
+    ----------
+    attrs : mapping
+        Attributes of the root.
+    where : str
+        File, for the message.
+
+    Raises
+    ------
+    StudyError
+        If the version is later, or no version at all.
+
+    Examples
+    --------
+    >>> check_version({}, "old.nc")  # written before there were versions
+    >>> check_version({"schema_version": 999}, "new.nc")
+    Traceback (most recent call last):
+        ...
+    uqmbd.errors.StudyError: 'new.nc' has the schema version 999; this uqmbd reads those up to 1. Read it with ...
+    """
+    version = attrs.get("schema_version", 0)
+    if isinstance(version, (bool, np.bool_)) or not isinstance(version, (int, np.integer)) or version < 0:
+        raise StudyError(f"{where!r} has the schema version {version!r}; expected a whole number, 0 or more.")
+    if version > SCHEMA_VERSION:
+        raise StudyError(
+            f"{where!r} has the schema version {version}; this uqmbd reads those up to {SCHEMA_VERSION}. Read it with "
+            f"the uqmbd that wrote it ({attrs.get('uqmbd_version', 'not stated')}) or a later one."
+        )
+
+
+def sample_dataset(
+    response: ArrayLike,
+    inputs: ArrayLike,
+    labels: Labels,
+    *,
+    status: ArrayLike | None = None,
+    messages: Sequence[str] | None = None,
+    meanings: Mapping[int, str] = STATUS_MEANINGS,
+) -> xr.Dataset:
+    """Build the dataset ``samples``: responses and inputs, with a status and a reason for each sample.
+
+    A sample whose status is not 0 is stored as NaN. A sample that claims to be fine but holds a NaN or an infinity
+    becomes a failure (status 3, ``not_finite``) whose message says where: a mean is never poisoned.
+
+    Parameters
+    ----------
+    response : array_like, shape (S, O, T), or (S, O) if the labels have no times
+        In the units of the outputs.
+    inputs : array_like, shape (S, I)
+        The values of the random inputs, in their units.
+    labels : Labels
+        Meaning of the axes, with O outputs, I inputs and T times.
+    status : array_like of int, shape (S,), optional
+        0 where the sample is fine, else a key of ``meanings``. Default: all 0.
+    messages : sequence of str, length S, optional
+        Why a sample failed, empty if it did not.
+    meanings : mapping of int to str
+        Meaning of each status, stored in the attributes ``flag_values`` and ``flag_meanings`` (CF conventions).
+
+    Returns
+    -------
+    xarray.Dataset
+        Variables ``response (sample, output, time)``, ``inputs (sample, input)``, ``status (sample)`` and
+        ``message (sample)``.
+
+    Raises
+    ------
+    StudyError
+        If a shape does not fit the labels, or a status has no meaning.
+
+    Examples
+    --------
+    >>> from uqmbd.results import labels
+    >>> axes = labels(["x"], ["k"], [0.0, 1.0])
+    >>> samples = sample_dataset([[[1.0, 2.0]], [[1.0, float("nan")]]], [[3.0], [4.0]], axes)
+    >>> samples["status"].values.tolist()
+    [0, 3]
+    >>> str(samples["message"][1].item())
+    "output 'x' is not finite (nan) at t = 1 s"
+    """
+    values = np.array(response, dtype=float)
+    count = values.shape[0] if values.ndim else 0
+    _check_shape("response", values, (count, *labels.shape), ("sample", *labels.dims))
+    drawn = np.array(inputs, dtype=float)
+    _check_shape("inputs", drawn, (count, len(labels.inputs)), ("sample", "input"))
+    flags = np.zeros(count, dtype=np.int32) if status is None else np.array(status, dtype=np.int32)
+    _check_shape("status", flags, (count,), ("sample",))
+    reasons = [""] * count if messages is None else [str(m) for m in messages]
+    if len(reasons) != count:
+        raise StudyError(f"'messages' must hold one text for each of the {count} samples; found {len(reasons)}.")
+    unknown = sorted(set(np.unique(flags).tolist()) - set(meanings))
+    if unknown:
+        raise StudyError(f"Status {unknown[0]} has no meaning; known are {dict(meanings)}.")
+
+    finite = np.isfinite(values.reshape(count, -1)).all(axis=1)
+    for k in np.flatnonzero(~finite & (flags == Status.OK)):
+        where = np.unravel_index(int(np.argmin(np.isfinite(values[k]))), labels.shape)
+        when = "" if labels.times is None else f" at t = {labels.times[where[1]]:g} s"
+        flags[k] = Status.NOT_FINITE
+        reasons[k] = f"output {labels.outputs[where[0]].name!r} is not finite ({values[k][where]:g}){when}"
+    values[flags != Status.OK] = np.nan
+
+    known = {**meanings, int(Status.NOT_FINITE): meanings.get(Status.NOT_FINITE, Status.NOT_FINITE.meaning)}
+    flag_attrs = {
+        "flag_values": np.array(sorted(known), dtype=np.int32),
+        "flag_meanings": " ".join(known[k].replace(" ", "_") for k in sorted(known)),
+    }
+    return xr.Dataset(
+        {
+            "response": (("sample", *labels.dims), values, {"comment": "NaN where status is not 0"}),
+            "inputs": (("sample", "input"), drawn),
+            "status": ("sample", flags, flag_attrs),
+            "message": ("sample", fixed_width(reasons)),
+        },
+        coords={**labels.output_coords(), **labels.input_coords()},
+    )
+
+
+def statistics_dataset(
+    labels: Labels,
+    *,
+    mean: ArrayLike,
+    std: ArrayLike,
+    skewness: ArrayLike | None = None,
+    kurtosis: ArrayLike | None = None,
+    quantile: ArrayLike | None = None,
+    probability: ArrayLike | None = None,
+    variance: ArrayLike | None = None,
+    std_error_mean: ArrayLike | None = None,
+    std_error_std: ArrayLike | None = None,
+    sobol_first: ArrayLike | None = None,
+    sobol_total: ArrayLike | None = None,
+    circular_mean: ArrayLike | None = None,
+    circular_std: ArrayLike | None = None,
+) -> xr.Dataset:
+    """Build the dataset ``statistics`` of a propagator.
+
+    Parameters
+    ----------
+    labels : Labels
+        Meaning of the axes, with O outputs, I inputs and T times.
+    mean, std : array_like, shape (O, T)
+        In the units of the outputs.
+    skewness, kurtosis : array_like, shape (O, T), optional
+        Standardised moments; the kurtosis is not the excess (3 for a normal distribution). Default: NaN, unknown.
+    quantile : array_like, shape (P, O, T), optional
+        Default: NaN at the default probabilities.
+    probability : array_like, shape (P,), optional
+        Of the quantiles, increasing, between 0 and 1.
+    variance : array_like, shape (O, T), optional
+        Default: ``std**2``.
+    std_error_mean, std_error_std : array_like, shape (O, T), optional
+        Standard errors of mean and standard deviation, where the method can tell.
+    sobol_first, sobol_total : array_like, shape (I, O, T), optional
+        Sobol' indices of each input.
+    circular_mean, circular_std : array_like, shape (O, T), optional
+        Of outputs that are angles, in their units; NaN for others. All else is of the unwrapped angle.
+
+    Returns
+    -------
+    xarray.Dataset
+
+    Raises
+    ------
+    StudyError
+        If a shape does not fit the labels.
+
+    Examples
+    --------
+    >>> from uqmbd.results import labels
+    >>> axes = labels([("x", "m")], [], [0.0, 1.0])
+    >>> statistics = statistics_dataset(axes, mean=[[0.0, 1.0]], std=[[0.0, 0.5]])
+    >>> float(statistics["variance"].sel(output="x", time=1.0))
+    0.25
+    """
+    unknown = np.full(labels.shape, np.nan)
+    levels = np.array(DEFAULT_PROBABILITIES if probability is None else probability, dtype=float)
+    plain: dict[str, ArrayLike | None] = {
+        "mean": mean,
+        "std": std,
+        "variance": np.square(np.asarray(std, dtype=float)) if variance is None else variance,
+        "skewness": unknown if skewness is None else skewness,
+        "kurtosis": unknown if kurtosis is None else kurtosis,
+        "std_error_mean": std_error_mean,
+        "std_error_std": std_error_std,
+        "circular_mean": circular_mean,
+        "circular_std": circular_std,
+    }
+    by_input: dict[str, ArrayLike | None] = {"sobol_first": sobol_first, "sobol_total": sobol_total}
+    given = [(name, value, (), ()) for name, value in plain.items()]
+    quantiles = np.full((len(levels), *labels.shape), np.nan) if quantile is None else quantile
+    table: list[tuple[str, ArrayLike | None, tuple[str, ...], tuple[int, ...]]] = [
+        *given,
+        ("quantile", quantiles, ("probability",), (len(levels),)),
+        *((name, value, ("input",), (len(labels.inputs),)) for name, value in by_input.items()),
+    ]
+    variables = {}
+    for name, value, dims, sizes in table:
+        if value is None:
+            continue
+        array = np.array(value, dtype=float)
+        _check_shape(name, array, (*sizes, *labels.shape), (*dims, *labels.dims))
+        attrs = {"long_name": _LONG_NAMES[name]} | ({"comment": _COMMENTS[name]} if name in _COMMENTS else {})
+        variables[name] = ((*dims, *labels.dims), array, attrs)
+    coords = {**labels.output_coords(), "probability": ("probability", levels)}
+    if any(value is not None for value in by_input.values()):
+        coords |= labels.input_coords()
+    return xr.Dataset(variables, coords=coords)
+
+
+def _check_shape(name: str, array: NDArray[Any], expected: tuple[int, ...], dims: tuple[str, ...]) -> None:
+    if array.shape != expected:
+        raise StudyError(f"'{name}' must have the shape ({', '.join(dims)}) = {expected}; {array.shape} was given.")

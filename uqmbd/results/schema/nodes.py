@@ -1,0 +1,204 @@
+"""The nodes of a result: one per propagator, with its provenance, and the tree that joins and compares them."""
+
+from __future__ import annotations
+
+import json
+import platform
+from collections.abc import Iterable, Mapping
+from datetime import UTC, datetime
+from importlib.metadata import PackageNotFoundError, version
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from uqmbd.errors import StudyError
+from uqmbd.names import check_label
+from uqmbd.results.schema.datasets import SCHEMA_VERSION
+from uqmbd.results.tree import compare_both
+from uqmbd.status import Status
+
+__all__ = ["failed_methods", "join_nodes", "propagator_node", "study_tree"]
+
+_RECORDED_PACKAGES = ("numpy", "scipy", "xarray", "sympy", "symengine", "scikit-sundae", "chaospy")
+
+
+def propagator_node(
+    label: str,
+    statistics: xr.Dataset,
+    samples: xr.Dataset | None = None,
+    *,
+    propagator: str,
+    realisations: int,
+    wall_time: float,
+    failures: int | None = None,
+    seed: int | None = None,
+    options: Mapping[str, Any] | None = None,
+    solver_counters: Mapping[str, Any] | None = None,
+    children: Mapping[str, xr.Dataset] | None = None,
+    attrs: Mapping[str, Any] | None = None,
+) -> xr.DataTree:
+    """Build the node of one propagator, with its provenance.
+
+    Parameters
+    ----------
+    label : str
+        Name of the node; free of ``/`` and not a name that the schema uses itself.
+    statistics : xarray.Dataset
+        From :func:`uqmbd.results.statistics_dataset`.
+    samples : xarray.Dataset, optional
+        From :func:`uqmbd.results.sample_dataset`.
+    propagator : str
+        Registered name of the method, as in ``monte-carlo``.
+    realisations : int
+        How many realisations were computed, failed ones included.
+    wall_time : float
+        In seconds.
+    failures : int, optional
+        Default: counted in ``samples``, 0 without samples.
+    seed : int, optional
+        Of the random numbers; left out if the method draws none.
+    options, solver_counters : mapping, optional
+        Anything that JSON can hold; other values are stored as their text.
+    children : mapping of str to xarray.Dataset, optional
+        Further children, as ``chaos`` or ``scalars/statistics``.
+    attrs : mapping, optional
+        Further attributes.
+
+    Returns
+    -------
+    xarray.DataTree
+
+    Raises
+    ------
+    StudyError
+        If the label cannot be used.
+
+    Examples
+    --------
+    >>> from uqmbd.results import labels, statistics_dataset
+    >>> axes = labels(["x"], [], [0.0])
+    >>> node = propagator_node("mine", statistics_dataset(axes, mean=[[1.0]], std=[[0.0]]),
+    ...                        propagator="perturbation", realisations=1, wall_time=0.1, options={"order": 1})
+    >>> node.name, node.attrs["options"]
+    ('mine', '{"order": 1}')
+    """
+    check_label(label)
+    if failures is None:
+        failures = 0 if samples is None else int((samples["status"] != Status.OK).sum())
+    provenance: dict[str, Any] = {
+        "propagator": propagator,
+        "label": label,
+        "uqmbd_version": _version("uqmbd"),
+        "versions": json.dumps({"python": platform.python_version()} | {p: _version(p) for p in _RECORDED_PACKAGES}),
+        "options": json.dumps(dict(options or {}), default=_plain),
+        "wall_time": float(wall_time),
+        "realisations": int(realisations),
+        "failures": int(failures),
+        "solver_counters": json.dumps(dict(solver_counters or {}), default=_plain),
+        "created": datetime.now(UTC).isoformat(timespec="seconds"),
+    }
+    if seed is not None:
+        provenance["seed"] = int(seed)
+    datasets = {"/": xr.Dataset(attrs=provenance | dict(attrs or {})), "statistics": statistics}
+    if samples is not None:
+        datasets["samples"] = samples
+    return xr.DataTree.from_dict(datasets | dict(children or {}), name=label)
+
+
+def study_tree(
+    nodes: Iterable[xr.DataTree],
+    *,
+    study: str,
+    mechanism: str,
+    reference: str | None = None,
+    attrs: Mapping[str, Any] | None = None,
+) -> xr.DataTree:
+    """Join the nodes of several propagators to the result of a study, and compare them.
+
+    Parameters
+    ----------
+    nodes : iterable of xarray.DataTree
+        From :func:`propagator_node`; their labels must differ.
+    study, mechanism : str
+        Names.
+    reference : str, optional
+        Label of the method that the others are compared with; default :func:`uqmbd.results.choose_reference`.
+    attrs : mapping, optional
+        Further attributes of the root, as ``rtol``, ``integrator``, ``command``.
+
+    Returns
+    -------
+    xarray.DataTree
+
+    Raises
+    ------
+    StudyError
+        If there is no node, or two have the same label.
+
+    Examples
+    --------
+    >>> from uqmbd.results import labels, statistics_dataset
+    >>> axes = labels(["x"], [], [0.0])
+    >>> node = propagator_node("mine", statistics_dataset(axes, mean=[[1.0]], std=[[0.0]]),
+    ...                        propagator="perturbation", realisations=1, wall_time=0.1)
+    >>> sorted(study_tree([node], study="s", mechanism="m").children)
+    ['comparison', 'mine']
+    """
+    found = list(nodes)
+    tree = join_nodes(found, study=study, mechanism=mechanism, attrs=attrs)
+    by_label = {str(node.name): node for node in found}
+    tree["comparison"] = xr.DataTree(compare_both(by_label, reference, float((attrs or {}).get("rtol", 0.0))))
+    return tree
+
+
+def join_nodes(
+    nodes: Iterable[xr.DataTree], *, study: str, mechanism: str, attrs: Mapping[str, Any] | None = None
+) -> xr.DataTree:
+    """Join the nodes of several propagators without comparing them; see :func:`study_tree`."""
+    created = datetime.now(UTC).isoformat(timespec="seconds")
+    root: dict[str, Any] = {"schema_version": SCHEMA_VERSION, "study": study, "mechanism": mechanism}
+    root |= {"created": created, "uqmbd_version": _version("uqmbd")}
+    datasets = {"/": xr.Dataset(attrs=root | dict(attrs or {}))}
+    for node in nodes:
+        label = str(node.name)
+        if label in datasets:
+            raise StudyError(f"Two propagators have the label {label!r}; give one of them another with label=.")
+        for part in node.subtree:
+            relative = part.path[len(node.path) :].strip("/")
+            datasets[f"{label}/{relative}".rstrip("/")] = part.to_dataset(inherit=False)
+    return xr.DataTree.from_dict(datasets)
+
+
+def failed_methods(tree: xr.DataTree) -> dict[str, str]:
+    """Return why methods of a study gave no results, by label, from the attribute ``failed``; empty where all did.
+
+    Examples
+    --------
+    >>> failed_methods(xr.DataTree(xr.Dataset(attrs={"failed": '{"galerkin": "too many nodes"}'})))
+    {'galerkin': 'too many nodes'}
+    """
+    try:
+        found = json.loads(str(tree.attrs.get("failed", "{}")))
+    except ValueError:
+        return {}
+    return {str(k): str(v) for k, v in found.items()} if isinstance(found, dict) else {}
+
+
+def _plain(value: object) -> object:
+    if isinstance(value, np.generic):
+        return value.item()
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    if isinstance(value, Mapping):
+        return dict(value)
+    if isinstance(value, (set, frozenset)):
+        return sorted(str(v) for v in value)
+    return str(value)
+
+
+def _version(package: str) -> str:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return "unknown"

@@ -1,0 +1,322 @@
+"""Check a result against the schema, so that a propagator of anybody's is told what it got wrong, and where."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+
+import numpy as np
+import xarray as xr
+
+from uqmbd.errors import StudyError
+from uqmbd.results.schema.datasets import check_version
+from uqmbd.results.tree import validate_scalars
+from uqmbd.status import Status
+
+__all__ = ["propagator_nodes", "validate"]
+
+BESIDE = ("comparison", "convergence", "motion")
+"""Children of a study's results that belong to no propagator."""
+
+_PLAIN = ("mean", "std", "variance", "skewness", "kurtosis")
+_OPTIONAL = ("std_error_mean", "std_error_std", "variance_reduction", "variance_reduction_std")
+_CIRCULAR = ("circular_mean", "circular_std")
+_MAYBE_UNKNOWN = ("circular_std", "integration_error")
+_BY_INPUT = ("sobol_first", "sobol_total")
+_INTERVALS = ("sobol_first_interval", "sobol_total_interval")
+_COMPARED = ("mean_difference_max", "std_difference_max", "mean_difference_l2", "std_difference_l2")
+_TEXT_ATTRS = ("propagator", "label", "uqmbd_version", "versions", "options", "solver_counters", "created")
+_JSON_ATTRS = ("versions", "options", "solver_counters")
+
+
+def propagator_nodes(tree: xr.DataTree) -> dict[str, xr.DataTree]:
+    """Return the propagator nodes of a result by label: the children that are no ``comparison`` and the like.
+
+    Parameters
+    ----------
+    tree : xarray.DataTree
+        The result of a study, or the node of one propagator, which is then the only entry.
+
+    Returns
+    -------
+    dict of str to xarray.DataTree
+
+    Examples
+    --------
+    >>> import xarray
+    >>> tree = xarray.DataTree.from_dict({"monte-carlo/statistics": None, "comparison": None})
+    >>> list(propagator_nodes(tree))
+    ['monte-carlo']
+    """
+    if "statistics" in tree.children:
+        return {str(tree.attrs.get("label", tree.name)): tree}
+    return {str(name): node for name, node in tree.children.items() if name not in BESIDE}
+
+
+def validate(tree: xr.DataTree) -> None:
+    """Check that a result, or the node of one propagator, keeps to the schema.
+
+    Children and variables that the schema does not know are allowed.
+
+    Parameters
+    ----------
+    tree : xarray.DataTree
+        The result of a study, or the node of one propagator (recognised by its child ``statistics``).
+
+    Raises
+    ------
+    StudyError
+        At the first breach: its path in the tree, what was found, and what was expected.
+
+    Examples
+    --------
+    >>> import xarray
+    >>> validate(xarray.DataTree.from_dict({"monte-carlo/statistics": xarray.Dataset()}))
+    Traceback (most recent call last):
+        ...
+    uqmbd.errors.StudyError: /: attribute 'study' is missing; expected a text.
+    """
+    if "statistics" in tree.children:
+        _validate_node(tree, tree.attrs.get("label"))
+        return
+    check_version(tree.attrs, tree.path)
+    _text_attrs(tree, ("study", "mechanism"))
+    nodes = propagator_nodes(tree)
+    _require(bool(nodes), tree.path, "no propagator's node", "at least one")
+    for label, node in nodes.items():
+        _require("statistics" in node.children, node.path, "no child 'statistics'", "one")
+        _validate_node(node, label)
+    _require("comparison" in tree.children, tree.path, "no child 'comparison'", "one")
+    if "failed" in tree.attrs:
+        _require(
+            _is_object(tree.attrs["failed"]), "/", f"attribute 'failed' = {tree.attrs['failed']!r}", "a JSON object"
+        )
+    if "problem" not in tree.children["comparison"].attrs:
+        _validate_comparison(tree.children["comparison"], list(nodes))
+
+
+def _require(condition: bool | np.bool, path: str, found: str, expected: str) -> None:
+    if not condition:
+        raise StudyError(f"{path}: found {found}; expected {expected}.")
+
+
+def _text_attrs(node: xr.DataTree, names: tuple[str, ...]) -> None:
+    for name in names:
+        value = node.attrs.get(name)
+        if not isinstance(value, str):
+            found = "is missing" if value is None else f"is {value!r}"
+            raise StudyError(f"{node.path}: attribute {name!r} {found}; expected a text.")
+
+
+def _is_object(text: object) -> bool:
+    try:
+        return isinstance(text, str) and isinstance(json.loads(text), dict)
+    except ValueError:
+        return False
+
+
+def _validate_node(node: xr.DataTree, label: object) -> None:
+    _text_attrs(node, _TEXT_ATTRS)
+    _require(node.attrs["label"] == label, node.path, f"attribute 'label' = {node.attrs['label']!r}", f"{label!r}")
+    for name in _JSON_ATTRS:
+        _require(_is_object(node.attrs[name]), node.path, f"attribute {name!r} = {node.attrs[name]!r}", "a JSON object")
+    for name in ("realisations", "failures"):
+        value = node.attrs.get(name)
+        usable = isinstance(value, (int, np.integer)) and not isinstance(value, bool) and value >= 0
+        _require(usable, node.path, f"attribute {name!r} = {value!r}", "a whole number, not negative")
+    seconds = node.attrs.get("wall_time")
+    usable = isinstance(seconds, (int, float, np.number)) and float(seconds) >= 0
+    _require(usable, node.path, f"attribute 'wall_time' = {seconds!r}", "seconds, not negative")
+
+    statistics = node.children["statistics"]
+    end = _end(node, statistics)
+    _validate_statistics(statistics, end)
+    if "samples" in node.children:
+        _validate_samples(node.children["samples"], statistics, node)
+    if "chaos" in node.children:
+        _validate_chaos(node.children["chaos"], statistics, end)
+    if "scalars" in node.children:
+        validate_scalars(node.children["scalars"])
+
+
+def _end(node: xr.DataTree, statistics: xr.DataTree) -> float:
+    """Return the time (s) up to which there are results: attribute ``ends_at`` of what ended early, else infinity."""
+    end = node.attrs.get("ends_at", np.inf)
+    usable = isinstance(end, (int, float, np.number)) and not isinstance(end, bool) and not np.isnan(end)
+    _require(usable, node.path, f"attribute 'ends_at' = {end!r}", "the last time with results, s")
+    if "ends_at" in node.attrs:
+        known = "time" in statistics.coords and float(end) in statistics.coords["time"].values
+        _require(known, node.path, f"attribute 'ends_at' = {end!r}", "one of the times")
+    return float(end)
+
+
+def _dims(node: xr.DataTree, name: str, dims: tuple[str, ...]) -> None:
+    shown = f"({', '.join(dims)})"
+    _require(name in node.data_vars, node.path, f"no variable {name!r}", f"one with the dimensions {shown}")
+    found = tuple(map(str, node[name].dims))
+    _require(found == dims, f"{node.path}/{name}", f"the dimensions ({', '.join(found)})", shown)
+
+
+def _text_coord(node: xr.DataTree, name: str, dim: str) -> None:
+    _require(name in node.coords, node.path, f"no coordinate {name!r}", f"one of texts along {dim!r}")
+    coord = node.coords[name]
+    _require(coord.dims == (dim,), f"{node.path}/{name}", f"the dimensions {coord.dims}", f"({dim!r},)")
+    is_text = all(isinstance(value, str) for value in coord.values.tolist())
+    _require(is_text, f"{node.path}/{name}", f"the type {coord.dtype}", "texts")
+
+
+def _angles(node: xr.DataTree) -> None:
+    """Check what says which outputs are angles; a result in which none is need not have it."""
+    if "output_angle" not in node.coords:
+        return
+    coord = node.coords["output_angle"]
+    _require(coord.dims == ("output",), f"{node.path}/output_angle", f"the dimensions {coord.dims}", "('output',)")
+    usable = coord.dtype.kind in "fiu" and bool(np.all(np.isfinite(coord.values) & (coord.values >= 0)))
+    _require(usable, f"{node.path}/output_angle", f"{coord.values}", "lengths of a turn, or 0 for what is no angle")
+
+
+def _increasing(node: xr.DataTree, name: str) -> None:
+    _require(name in node.coords, node.path, f"no coordinate {name!r}", "one")
+    values = node.coords[name].values
+    usable = values.dtype.kind in "fiu" and bool(np.all(np.isfinite(values)) and np.all(np.diff(values) > 0))
+    _require(
+        usable, f"{node.path}/{name}", "values that are not all finite and increasing", "finite, increasing numbers"
+    )
+
+
+def _not_finite(values: xr.DataArray) -> xr.DataArray:
+    return values.copy(data=~np.isfinite(values.values))
+
+
+def _first(bad: xr.DataArray) -> str:
+    index = np.argwhere(bad.values)[0]
+    parts = []
+    for dim, k in zip(bad.dims, index, strict=True):
+        value = bad.coords[dim].values[k] if dim in bad.coords else k
+        parts.append(f"{dim} {value!s}")
+    return ", ".join(parts)
+
+
+def _values(node: xr.DataTree, name: str, bad: xr.DataArray, found: str, expected: str) -> None:
+    if bool(bad.any()):
+        raise StudyError(f"{node.path}/{name}: found {found} at {_first(bad)}; expected {expected}.")
+
+
+def _validate_statistics(node: xr.DataTree, end: float) -> None:
+    for name in _PLAIN:
+        _dims(node, name, ("output", "time"))
+    _dims(node, "quantile", ("probability", "output", "time"))
+    for name in (n for n in (*_OPTIONAL, *_CIRCULAR, "integration_error") if n in node.data_vars):
+        _dims(node, name, ("output", "time"))
+    for name in (n for n in _BY_INPUT if n in node.data_vars):
+        _dims(node, name, ("input", "output", "time"))
+        _text_coord(node, "input", "input")
+    for name in (n for n in _INTERVALS if n in node.data_vars):
+        _validate_interval(node, name)
+    _text_coord(node, "output", "output")
+    _text_coord(node, "output_units", "output")
+    _angles(node)
+    _increasing(node, "time")
+    _increasing(node, "probability")
+    levels = node.coords["probability"].values
+    _require(
+        bool(np.all((levels >= 0) & (levels <= 1))), f"{node.path}/probability", f"{levels}", "numbers from 0 to 1"
+    )
+
+    whole = node.to_dataset()
+    later = whole.sel(time=whole["time"] > end)
+    for name in (*_PLAIN, *(n for n in (*_OPTIONAL, "integration_error") if n in later)):
+        _values(node, name, later[name].notnull(), "a number after the end of the results", "NaN after 'ends_at'")
+    data: Mapping[str, xr.DataArray] = {str(k): v for k, v in whole.sel(time=whole["time"] <= end).data_vars.items()}
+    for name in ("mean", "std", "variance", *(n for n in _OPTIONAL if n in data)):
+        _values(node, name, _not_finite(data[name]), "a value that is not finite", "a number: failures must not enter")
+        if name != "mean":
+            _values(node, name, data[name] < 0, "a negative value", "none")
+    for name in (n for n in _MAYBE_UNKNOWN if n in data):
+        _values(node, name, data[name] < 0, "a negative value", "none")
+    off = abs(data["variance"] - data["std"] ** 2) > 1e-6 * data["variance"] + np.finfo(float).tiny
+    _values(node, "variance", off, "a value that differs from std**2", "the square of 'std'")
+    falls = data["quantile"].diff("probability") < -1e-9 * abs(data["quantile"]).max("probability")
+    _values(node, "quantile", falls, "a quantile that falls with the probability", "none")
+    if bool((data["kurtosis"] < 1 - 1e-9).any()):
+        bad = data["kurtosis"] < 1 - 1e-9
+        _values(
+            node, "kurtosis", bad, "a value below 1", "the fourth standardised moment (3 for a normal), not the excess"
+        )
+
+
+def _validate_interval(node: xr.DataTree, name: str) -> None:
+    _dims(node, name, ("bound", "input", "output", "time"))
+    ends = node.coords["bound"].values.tolist() if "bound" in node.coords else []
+    _require(ends == ["lower", "upper"], f"{node.path}/bound", f"{ends}", "['lower', 'upper']")
+    lower, upper = node.to_dataset()[name]
+    _values(node, name, ~(lower <= upper), "a lower end that is not below the upper one", "numbers in order")
+
+
+def _validate_samples(node: xr.DataTree, statistics: xr.DataTree, parent: xr.DataTree) -> None:
+    _dims(node, "response", ("sample", "output", "time"))
+    _dims(node, "inputs", ("sample", "input"))
+    _dims(node, "status", ("sample",))
+    _dims(node, "message", ("sample",))
+    for name, dim in {"output": "output", "output_units": "output", "input": "input", "input_units": "input"}.items():
+        _text_coord(node, name, dim)
+    _angles(node)
+    for name in ("output", "time"):
+        same = np.array_equal(node.coords[name].values, statistics.coords[name].values)
+        _require(same, f"{node.path}/{name}", "a coordinate other than that of 'statistics'", "the same")
+    status = node.to_dataset()["status"]
+    _require(status.dtype.kind in "iu", f"{node.path}/status", f"the type {status.dtype}", "whole numbers")
+    known = np.atleast_1d(status.attrs.get("flag_values", [0]))
+    _values(
+        node, "status", ~status.isin(known), "a number that 'flag_values' does not list", f"one of {known.tolist()}"
+    )
+    is_text = all(isinstance(value, str) for value in node.to_dataset()["message"].values.tolist())
+    _require(is_text, f"{node.path}/message", f"the type {node['message'].dtype}", "texts")
+    response, failed = node.to_dataset()["response"], status != Status.OK
+    fine = _not_finite(response) & ~failed
+    _values(
+        node, "response", fine.transpose(*response.dims), "a value that is not finite in a sample of status 0", "none"
+    )
+    filled = response.notnull() & failed
+    _values(node, "response", filled.transpose(*response.dims), "a number in a failed sample", "NaN")
+    count = int(failed.sum())
+    _require(
+        count == parent.attrs["failures"] or "samples_kept" in parent.attrs,
+        parent.path,
+        f"attribute 'failures' = {parent.attrs['failures']}",
+        f"{count}, the number of samples whose status is not 0",
+    )
+
+
+def _validate_chaos(node: xr.DataTree, statistics: xr.DataTree, end: float) -> None:
+    # a chaos of elements has a dimension of these first
+    elements = ("element",) if "coefficients" in node.data_vars and "element" in node["coefficients"].dims else ()
+    _dims(node, "coefficients", (*elements, "term", "output", "time"))
+    _dims(node, "multi_index", ("term", "input"))
+    for name, dim in {"output": "output", "input": "input"}.items():
+        if name in node.coords:
+            _text_coord(node, name, dim)
+    times = statistics.coords["time"].values
+    for name, expected in {"output": statistics.coords["output"].values, "time": times[times <= end]}.items():
+        same = name not in node.coords or np.array_equal(node.coords[name].values, expected)
+        wanted = "the same" if name == "output" or np.isinf(end) else "the same up to 'ends_at'"
+        _require(same, f"{node.path}/{name}", "a coordinate other than that of 'statistics'", wanted)
+    data = node.to_dataset()
+    _values(node, "coefficients", _not_finite(data["coefficients"]), "a value that is not finite", "a number")
+    degrees = data["multi_index"]
+    _require(degrees.dtype.kind in "iu", f"{node.path}/multi_index", f"the type {degrees.dtype}", "whole numbers")
+    _values(node, "multi_index", degrees < 0, "a negative degree", "none")
+    if "verification_error" in data:
+        _dims(node, "verification_error", (*elements, "output", "time"))
+        _values(node, "verification_error", ~(data["verification_error"] >= 0), "no error", "a number, not negative")
+
+
+def _validate_comparison(node: xr.DataTree, methods: list[str]) -> None:
+    for name in _COMPARED:
+        _dims(node, name, ("method", "output"))
+    for name in ("wall_time", "realisations", "failures"):
+        _dims(node, name, ("method",))
+    found = node.coords["method"].values.tolist() if "method" in node.coords else []
+    _require(sorted(found) == sorted(methods), f"{node.path}/method", f"{found}", f"the labels {methods}")
+    reference = node.attrs.get("reference")
+    _require(reference in methods, node.path, f"attribute 'reference' = {reference!r}", f"one of {methods}")

@@ -1,0 +1,1 @@
+"""Statistics of samples: moments, angles, rotations, replicates, and what varies."""

@@ -1,0 +1,280 @@
+"""Statistics of samples, with standard errors, computed without loss of digits and without passing over failures."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import accumulate
+
+import numpy as np
+import xarray as xr
+from numpy.typing import ArrayLike, NDArray
+
+from uqmbd.errors import StudyError
+from uqmbd.results.schema.axes import InputInfo, Labels, output_infos
+from uqmbd.results.schema.datasets import DEFAULT_PROBABILITIES, statistics_dataset
+from uqmbd.results.statistics.angles import circular_of_samples
+from uqmbd.results.statistics.moments import Moments
+from uqmbd.results.statistics.replicates import replicate_errors
+from uqmbd.status import Status
+
+__all__ = ["replicate_statistics", "running_statistics", "sample_statistics", "statistics_of_samples"]
+
+# Below this spread, relative to the size of the values, differences are rounding and their shape means nothing.
+_ROUNDING = 32.0 * np.finfo(float).eps
+
+
+def sample_statistics(
+    response: ArrayLike,
+    probabilities: Sequence[float] = DEFAULT_PROBABILITIES,
+    *,
+    status: ArrayLike | None = None,
+) -> dict[str, NDArray[np.float64]]:
+    r"""Compute the statistics of independent samples.
+
+    With :math:`n` samples, the unbiased variance :math:`s^2` and the fourth central moment :math:`m_4`, the standard
+    errors are :math:`s / \sqrt{n}` for the mean and, for the standard deviation,
+    :math:`\sqrt{\left(m_4 - \frac{n-3}{n-1} s^4\right) / n} \, / \, (2 s)`: the exact variance of :math:`s^2` for any
+    distribution ([1]_, section 2.3), carried to :math:`s` by the delta method. They hold for independent samples only.
+
+    Parameters
+    ----------
+    response : array_like, shape (S, ...)
+        Samples along the first axis; commonly (S, O, T).
+    probabilities : sequence of float
+        Increasing, between 0 and 1; P of them.
+    status : array_like of int, shape (S,), optional
+        Samples whose status is not 0 are left out. Default: all count.
+
+    Returns
+    -------
+    dict of str to numpy.ndarray
+        ``mean``, ``std``, ``variance`` (unbiased), ``skewness`` and ``kurtosis`` (of the sample; not the excess: 3 for
+        a normal distribution), ``std_error_mean``, ``std_error_std``, each of shape (...), ``quantile`` of shape
+        (P, ...) by linear interpolation, and ``probability`` (P,). Made for ``statistics_dataset(labels, **it)``.
+        Where all samples agree (to rounding) the skewness is 0 and the kurtosis 3.
+
+    Raises
+    ------
+    StudyError
+        If fewer than two samples are left, one of these is not finite, or the probabilities are not usable.
+
+    References
+    ----------
+    .. [1] E. L. Lehmann and G. Casella, Theory of Point Estimation, 2nd edition, Springer, 1998.
+
+    Examples
+    --------
+    >>> found = sample_statistics([[1.0], [2.0], [3.0], [4.0]], probabilities=[0.5])
+    >>> found["mean"].tolist(), round(float(found["std"][0]), 6), found["quantile"].tolist()
+    ([2.5], 1.290994, [[2.5]])
+    """
+    samples = np.asarray(response, dtype=float)
+    if samples.ndim == 0:
+        raise StudyError("Statistics need samples along the first axis; a single number was given.")
+    if status is not None:
+        ok = np.asarray(status) == Status.OK
+        if ok.shape != samples.shape[:1]:
+            raise StudyError(f"'status' must hold one number for each of the {len(samples)} samples; found {ok.shape}.")
+        # Copies only if something failed: a large response is held once.
+        samples = samples if ok.all() else samples[ok]
+    levels = np.array(probabilities, dtype=float)
+    if levels.ndim != 1 or np.any(levels < 0) or np.any(levels > 1) or np.any(np.diff(levels) <= 0) or not levels.size:
+        raise StudyError(f"Probabilities must increase between 0 and 1; {list(probabilities)} was given.")
+    n = len(samples)
+    if n < 2:
+        raise StudyError(
+            f"Statistics need at least two samples that succeeded; {n} of {len(np.asarray(response))} did. "
+            "Look at the messages of the failed samples, or draw more."
+        )
+    shape = samples.shape[1:]
+    # Three axes, so that the work goes block by block of the second and a large response needs little extra memory.
+    blocks = samples.reshape(n, shape[0] if len(shape) > 1 else 1, -1)
+    parts = [_block_statistics(blocks[:, k], levels) for k in range(blocks.shape[1])]
+    if not parts:
+        raise StudyError(f"Statistics need at least one output; the response has the shape {samples.shape}.")
+    found = {name: np.stack([part[name] for part in parts]).reshape(shape) for name in parts[0] if name != "quantile"}
+    found["quantile"] = np.stack([part["quantile"] for part in parts], axis=1).reshape(len(levels), *shape)
+    found["probability"] = levels
+    return found
+
+
+def _block_statistics(block: NDArray[np.float64], levels: NDArray[np.float64]) -> dict[str, NDArray[np.float64]]:
+    """Statistics of samples (S, C) for each of the C columns."""
+    n = len(block)
+    # One row per column: contiguous sorting gives quantiles, extremes and the median (an exact shift) at once.
+    x = np.sort(np.ascontiguousarray(block.T), axis=1)
+    if not (np.all(np.isfinite(x[:, 0])) and np.all(np.isfinite(x[:, -1]))):
+        raise StudyError(
+            "A sample that counts as successful holds a NaN or an infinity; give it a status other than 0."
+        )
+    position = levels * (n - 1)
+    below = np.minimum(position.astype(int), n - 2)
+    part, step = position - below, x[:, below + 1] - x[:, below]
+    # From the nearer end, so that the extremes are met exactly.
+    quantile = np.where(part < 0.5, x[:, below] + part * step, x[:, below + 1] - (1 - part) * step)
+
+    reach = np.maximum(np.abs(x[:, 0]), np.abs(x[:, -1]))
+    spread = x[:, -1] - x[:, 0]
+    centre = x[:, n // 2].copy()
+    # Shifted by a sample and scaled by the spread: no cancellation for 1e5 + 1e-3 noise, no underflow for 1e-100.
+    unit = np.where(spread > 0, spread, 1.0)
+    x -= centre[:, None]
+    x /= unit[:, None]
+    shift = x.mean(axis=1)
+    x -= shift[:, None]
+    square = x * x
+    m2 = square.mean(axis=1)
+    m3 = np.einsum("cs,cs->c", square, x) / n
+    m4 = np.einsum("cs,cs->c", square, square) / n
+    variance = m2 * n / (n - 1)
+    std = np.sqrt(variance)
+
+    shapeless = (spread <= _ROUNDING * reach) | (m2 == 0)
+    safe = np.where(shapeless, 1.0, m2)
+    error_of_variance = np.sqrt(np.maximum(m4 - (n - 3) / (n - 1) * variance**2, 0.0) / n)
+    return {
+        "mean": centre + unit * shift,
+        "std": unit * std,
+        "variance": (unit * std) ** 2,
+        "skewness": np.where(shapeless, 0.0, m3 / safe**1.5),
+        "kurtosis": np.where(shapeless, 3.0, m4 / safe**2),
+        "std_error_mean": unit * std / np.sqrt(n),
+        "std_error_std": np.where(m2 == 0, 0.0, unit * error_of_variance / (2 * np.where(m2 == 0, 1.0, std))),
+        "quantile": quantile.T,
+    }
+
+
+def running_statistics(values: ArrayLike, counts: ArrayLike) -> dict[str, NDArray[np.float64]]:
+    """Compute mean and standard deviation, with their standard errors, of the first samples, for several numbers.
+
+    Parameters
+    ----------
+    values : array_like, shape (S,)
+        Independent samples, in the order in which they were drawn.
+    counts : array_like of int, shape (N,)
+        Numbers of samples, each from 2 to S.
+
+    Returns
+    -------
+    dict of str to numpy.ndarray
+        ``mean``, ``std``, ``std_error_mean`` and ``std_error_std``, each of shape (N,), as
+        :func:`sample_statistics` gives them for ``values[:n]``.
+
+    Raises
+    ------
+    StudyError
+        If a number is below 2 or above S.
+
+    Examples
+    --------
+    >>> found = running_statistics([1.0, 2.0, 3.0, 4.0], [2, 4])
+    >>> found["mean"].tolist(), found["std"].round(6).tolist()
+    ([1.5, 2.5], [0.707107, 1.290994])
+    """
+    x = np.asarray(values, dtype=float)
+    n = np.asarray(counts, dtype=int)
+    if x.ndim != 1 or np.any(n < 2) or np.any(n > len(x)):
+        raise StudyError(f"Running statistics need numbers from 2 to the {x.size} samples; {n.tolist()} was given.")
+    # Shifted by the median and scaled by the spread, as in `sample_statistics`.
+    centre, spread = float(np.median(x)), float(np.ptp(x))
+    scaled = (x - centre) / (spread or 1.0)
+    m1, r2, r3, r4 = (np.cumsum(scaled**k)[n - 1] / n for k in (1, 2, 3, 4))
+    m2 = np.maximum(r2 - m1**2, 0.0)
+    m4 = np.maximum(r4 - 4 * m1 * r3 + 6 * m1**2 * r2 - 3 * m1**4, 0.0)
+    variance = m2 * n / (n - 1)
+    std = np.sqrt(variance)
+    of_variance = np.sqrt(np.maximum(m4 - (n - 3) / (n - 1) * variance**2, 0.0) / n)
+    return {
+        "mean": centre + spread * m1,
+        "std": spread * std,
+        "std_error_mean": spread * std / np.sqrt(n),
+        "std_error_std": np.where(std > 0, spread * of_variance / (2 * np.where(std > 0, std, 1.0)), 0.0),
+    }
+
+
+def replicate_statistics(parts: Sequence[ArrayLike]) -> dict[str, NDArray[np.float64]]:
+    r"""Compute mean and standard deviation, with their standard errors, from independent replicates of a design.
+
+    The points of a Latin hypercube or of a Sobol' set depend on one another, so standard errors come from leaving out
+    one of the R replicates at a time (the jackknife [1]_), widened by Student's t of R - 1 degrees of freedom, so that
+    1.96 of them hold 95 % as they would with many replicates.
+
+    Parameters
+    ----------
+    parts : sequence of array_like, each of shape (S_r,)
+        The samples of each replicate; empty ones are passed over.
+
+    Returns
+    -------
+    dict of str to numpy.ndarray
+        ``mean``, ``std``, ``std_error_mean`` and ``std_error_std``, each of shape (R,): of the first 1, 2, ... R
+        replicates. The errors of one replicate alone are NaN: unknown.
+
+    Raises
+    ------
+    StudyError
+        If the first replicate that is not empty holds fewer than two samples.
+
+    References
+    ----------
+    .. [1] B. Efron and C. Stein, Annals of Statistics 9 (1981) 586-596.
+
+    Examples
+    --------
+    >>> found = replicate_statistics([[0.0, 1.0], [2.0, 3.0]])
+    >>> found["mean"].tolist(), found["std_error_mean"].round(3).tolist()
+    ([0.5, 1.5], [nan, 6.483])
+    """
+    given = [Moments.of(np.ravel(part)) for part in parts if np.size(part)]
+    if not given or given[0].count < 2:
+        raise StudyError("Statistics of replicates need at least two samples in the first of them.")
+    so_far = list(accumulate(given, Moments.merge))
+    errors = [replicate_errors(given[: last + 1]) for last in range(len(given))]
+    return {
+        "mean": np.array([float(m.mean) for m in so_far]),
+        "std": np.array([np.sqrt(float(m.second) / (m.count - 1)) for m in so_far]),
+        "std_error_mean": np.array([float(e[0]) for e in errors]),
+        "std_error_std": np.array([float(e[1]) for e in errors]),
+    }
+
+
+def statistics_of_samples(samples: xr.Dataset, probabilities: Sequence[float] = DEFAULT_PROBABILITIES) -> xr.Dataset:
+    """Build the dataset ``statistics`` from a dataset ``samples``, leaving failed samples out.
+
+    Parameters
+    ----------
+    samples : xarray.Dataset
+        From :func:`uqmbd.results.sample_dataset`.
+    probabilities : sequence of float
+        Of the quantiles.
+
+    Returns
+    -------
+    xarray.Dataset
+        Like that of :func:`uqmbd.results.statistics_dataset`; with ``circular_mean`` and ``circular_std`` where an
+        output is an angle.
+
+    Raises
+    ------
+    StudyError
+        If fewer than two samples succeeded.
+
+    Examples
+    --------
+    >>> from uqmbd.results import labels, sample_dataset
+    >>> axes = labels([("x", "m")], ["k"], [0.0])
+    >>> samples = sample_dataset([[[1.0]], [[3.0]], [[float("inf")]]], [[0.0], [1.0], [2.0]], axes)
+    >>> statistics_of_samples(samples)["mean"].item()
+    2.0
+    """
+    axes = Labels(
+        outputs=output_infos(samples),
+        inputs=tuple(InputInfo(str(n)) for n in samples["input"].values),
+        times=samples["time"].values if "time" in samples.dims else None,
+    )
+    response, status = samples["response"].values, samples["status"].values
+    found = sample_statistics(response, probabilities, status=status)
+    if np.any(axes.turns):
+        fine = status == Status.OK
+        found |= circular_of_samples(response if fine.all() else response[fine], axes.turns)
+    return statistics_dataset(axes, **found)

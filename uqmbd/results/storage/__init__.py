@@ -1,0 +1,1 @@
+"""Results in files: netCDF and Zarr, written whole or not at all."""

@@ -1,0 +1,244 @@
+"""Results on disk: netCDF (``.nc``) and Zarr (``.zarr``), written at once or not at all, read back as they were."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable, Mapping
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from xarray.backends import H5NetCDFStore
+
+from uqmbd.errors import StudyError
+from uqmbd.files import replacing
+from uqmbd.results.schema.datasets import SCHEMA_VERSION, check_version
+from uqmbd.results.storage.hdf5 import netcdf_file
+from uqmbd.results.storage.unfinished import how_to_go_on, saved, unsaved
+from uqmbd.results.storage.zarr_check import check_codecs
+
+__all__ = ["load", "save"]
+
+_JSON_ATTRIBUTES = "uqmbd_json_attributes"
+_CHILDREN = "uqmbd_children"
+_VERSION = "schema_version"
+_VERSION_ADDED = "uqmbd_schema_version_added"
+_INT64 = np.iinfo(np.int64)
+_COMPRESS_FROM = 10_000  # numbers; below, compression costs more than it saves
+
+
+def save(tree: xr.DataTree, path: str | os.PathLike[str]) -> Path:
+    """Write a result to a netCDF file or a Zarr folder, with the version of its schema.
+
+    It is written beside the target and then takes its place, so that a reader never meets half a result and an
+    interrupted run leaves the old one as it was.  What `Study.run` keeps beside the target, to go on with, is removed
+    when its results are there.
+
+    Parameters
+    ----------
+    tree : xarray.DataTree
+        A result; any tree of numbers and text will do.
+    path : path-like
+        Ends in ``.nc`` or ``.zarr``; folders on the way are made.
+
+    Returns
+    -------
+    pathlib.Path
+        The path.
+
+    Raises
+    ------
+    StudyError
+        If the ending is another one, an attribute cannot be stored, the folder cannot be written, or Zarr is missing.
+
+    Examples
+    --------
+    >>> import tempfile, xarray
+    >>> tree = xarray.DataTree(xarray.Dataset({"x": ("sample", [1.0, 2.0])}, attrs={"study": "crank"}))
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     load(save(tree, folder + "/results.nc")).identical(tree)
+    True
+    """
+    target = Path(path)
+    writer = _writer(target)
+    encoded = _encode_tree(tree)
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        with replacing(target) as written:
+            writer(encoded, written)
+    except OSError as error:
+        unsaved(target.parent, tree.attrs)
+        remedy = how_to_go_on(target.parent)
+        raise StudyError(
+            f"The result cannot be written to {str(target)!r}: {error.strerror or error}.{remedy}"
+        ) from error
+    saved(target.parent, tree.attrs)
+    return target
+
+
+def load(path: str | os.PathLike[str]) -> xr.DataTree:
+    """Read a result into memory and close its file.
+
+    Nothing that is read is executed: a Zarr folder with codecs that :func:`save` does not write is refused, and netCDF
+    holds no code.
+
+    Parameters
+    ----------
+    path : path-like
+        A netCDF file (``.nc``) or a Zarr folder (``.zarr``) written by :func:`save`.
+
+    Returns
+    -------
+    xarray.DataTree
+        As it was saved.
+
+    Raises
+    ------
+    StudyError
+        If it does not exist, has another ending, is damaged, has codecs of its own or a later schema,
+        or Zarr is missing.
+
+    Examples
+    --------
+    >>> load("nowhere.nc")
+    Traceback (most recent call last):
+        ...
+    uqmbd.errors.StudyError: There is no result at 'nowhere.nc'.
+    """
+    source = Path(path)
+    _writer(source)
+    if not source.exists():
+        raise StudyError(f"There is no result at {str(source)!r}.")
+    engine = "h5netcdf" if source.suffix == ".nc" else "zarr"
+    try:
+        if engine == "zarr":
+            check_codecs(source)
+        with xr.open_datatree(source, engine=engine, decode_timedelta=False) as opened:
+            tree = opened.load()
+    except StudyError:
+        raise
+    except (OSError, LookupError, TypeError, ValueError, RuntimeError) as error:
+        raise StudyError(f"{str(source)!r} cannot be read as a result; it is damaged or no result: {error}") from error
+    check_version(tree.attrs, str(source))
+    if tree.attrs.pop(_VERSION_ADDED, None):
+        del tree.attrs[_VERSION]
+    return _decode_tree(tree)
+
+
+def _writer(path: Path) -> Callable[[xr.DataTree, Path], None]:
+    if path.suffix == ".nc":
+        return _write_netcdf
+    if path.suffix != ".zarr":
+        raise StudyError(f"A result is stored as .nc (netCDF) or .zarr (Zarr); {str(path)!r} ends in neither.")
+    if find_spec("zarr") is None:
+        raise StudyError(
+            f"{str(path)!r} needs the package zarr, which is not installed: "
+            'pip install "uqmbd[distributed]" brings it (so does "uqmbd[test]"), or use .nc instead.'
+        )
+    from uqmbd.results.storage.zarr_writer import write_zarr
+
+    return write_zarr
+
+
+def _write_netcdf(tree: xr.DataTree, path: Path) -> None:
+    light = {"zlib": True, "complevel": 1, "shuffle": True}
+    with netcdf_file(path) as made:
+        for node in tree.subtree:
+            dataset = node.to_dataset(inherit=False)
+            large = [n for n, v in dataset.data_vars.items() if v.dtype.kind == "f" and v.size >= _COMPRESS_FROM]
+            group = made.file if node is tree else made.file.create_group(node.relative_to(tree))
+            dataset.dump_to_store(H5NetCDFStore(group), encoding={n: light for n in large})
+            made.check()
+
+
+def _encode_tree(tree: xr.DataTree) -> xr.DataTree:
+    datasets = {}
+    for node in tree.subtree:
+        dataset = _encode(node.to_dataset(inherit=False))
+        # Zarr lists its groups by the alphabet; methods are shown in the order of the study.
+        order = {_CHILDREN: json.dumps(list(node.children))} if len(node.children) > 1 else {}
+        datasets[node.relative_to(tree)] = dataset.assign_attrs(order)
+    root = datasets["."]
+    if _VERSION not in root.attrs:
+        datasets["."] = root.assign_attrs({_VERSION: SCHEMA_VERSION, _VERSION_ADDED: 1})
+    return xr.DataTree.from_dict(datasets, name=tree.name)
+
+
+def _decode_tree(tree: xr.DataTree) -> xr.DataTree:
+    dataset = tree.to_dataset(inherit=False)
+    order = json.loads(dataset.attrs.pop(_CHILDREN, "[]"))
+    names = sorted(tree.children, key=lambda name: order.index(name) if name in order else len(order))
+    return xr.DataTree(_decode(dataset), children={name: _decode_tree(tree.children[name]) for name in names})
+
+
+def _encode(dataset: xr.Dataset) -> xr.Dataset:
+    """Turn text to fixed width, and attributes that netCDF does not know to JSON."""
+    variables = {}
+    for name, variable in dataset.variables.items():
+        data = variable
+        if variable.dtype.kind in "OT":
+            values = variable.values
+            if not all(isinstance(v, str) for v in values.ravel()):
+                raise StudyError(f"Variable {name!r} holds Python objects; only numbers and text can be stored.")
+            data = variable.copy(data=values.astype(np.str_))
+        variables[name] = xr.Variable(data.dims, data.data, _encode_attributes(variable.attrs, str(name)))
+    coords = {name: variables.pop(name) for name in dataset.coords}
+    return xr.Dataset(variables, coords=coords, attrs=_encode_attributes(dataset.attrs, "the dataset"))
+
+
+def _encode_attributes(attrs: Mapping[Any, Any], owner: str) -> dict[str, Any]:
+    encoded: dict[str, Any] = {}
+    packed = []
+    for name, value in attrs.items():
+        plain = value.item() if isinstance(value, np.generic) else value
+        if _is_native(plain):
+            encoded[str(name)] = plain
+            continue
+        try:
+            encoded[str(name)] = json.dumps(plain.tolist() if isinstance(plain, np.ndarray) else plain)
+        except TypeError as error:
+            kind = type(value).__name__
+            raise StudyError(f"Attribute {name!r} of {owner} is a {kind}; only numbers, text and JSON fit.") from error
+        packed.append(str(name))
+    if packed:
+        encoded[_JSON_ATTRIBUTES] = json.dumps(packed)
+    return encoded
+
+
+def _is_native(value: object) -> bool:
+    if isinstance(value, bool):
+        return False
+    if isinstance(value, int):
+        return bool(_INT64.min <= value <= _INT64.max)
+    if isinstance(value, np.ndarray):
+        # Zarr writes arrays as lists, and a list of one comes back from netCDF as a number: JSON keeps both.
+        return value.ndim == 1 and value.size > 1 and value.dtype.kind in "if"
+    return isinstance(value, (str, float))
+
+
+def _decode(dataset: xr.Dataset) -> xr.Dataset:
+    variables = {}
+    for name, variable in dataset.variables.items():
+        # An empty or optimised text type of the reader becomes the fixed width that was written.
+        values = variable.values.astype(np.str_) if variable.dtype.kind in "OT" else variable.data
+        variables[name] = xr.Variable(variable.dims, values, _decode_attributes(variable.attrs))
+    coords = {name: variables.pop(name) for name in dataset.coords}
+    return xr.Dataset(variables, coords=coords, attrs=_decode_attributes(dataset.attrs))
+
+
+def _decode_attributes(attrs: Mapping[Any, Any]) -> dict[str, Any]:
+    packed = json.loads(attrs.get(_JSON_ATTRIBUTES, "[]"))
+    decoded: dict[str, Any] = {}
+    for name, value in attrs.items():
+        if name == _JSON_ATTRIBUTES:
+            continue
+        if name in packed:
+            decoded[name] = json.loads(value)
+        elif isinstance(value, np.generic):
+            decoded[name] = value.item()
+        else:
+            decoded[name] = np.array(value) if isinstance(value, list) else value
+    return decoded

@@ -1,0 +1,165 @@
+"""Outputs without a time in results: the child ``scalars`` of a propagator's node, and its comparison.
+
+It has the form of the node itself, without the dimension ``time``: ``scalars/statistics``, ``scalars/samples`` or
+``scalars/chaos``, and attributes that say how these numbers came about.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from uqmbd.errors import StudyError
+from uqmbd.results.comparison.compare import compare
+from uqmbd.results.schema.axes import Labels
+from uqmbd.results.schema.datasets import statistics_dataset
+
+__all__ = ["compare_both", "scalar_nodes", "validate_scalars", "with_scalars"]
+
+
+def scalar_nodes(nodes: Mapping[str, xr.DataTree]) -> dict[str, xr.DataTree]:
+    """Return the nodes of outputs without a time, by the label of the method; methods without are left out.
+
+    Examples
+    --------
+    >>> scalar_nodes({})
+    {}
+    """
+    return {label: node.children["scalars"] for label, node in nodes.items() if "scalars" in node.children}
+
+
+def with_scalars(node: xr.DataTree | None, found: xr.DataTree, label: str, labels: Labels) -> xr.DataTree:
+    """Make the node of a propagator whose study has outputs without a time.
+
+    Parameters
+    ----------
+    node : xarray.DataTree, optional
+        What the propagator gave for the outputs over time; None: there are none.
+    found : xarray.DataTree
+        What it gave for the outputs without a time, as if at one time.
+    label : str
+        Of the propagator.
+    labels : Labels
+        Times and inputs of the study; its outputs are not looked at.
+
+    Returns
+    -------
+    xarray.DataTree
+        With the child ``scalars``.  Without outputs over time its ``statistics`` are empty: they have times, but no
+        outputs.
+    """
+    datasets: dict[str, xr.Dataset] = {}
+    if node is None:
+        datasets["/"] = xr.Dataset(attrs={**found.attrs, "label": label})
+        datasets["statistics"] = _empty(labels, found.children["statistics"].to_dataset())
+    else:
+        datasets |= _parts(node)
+    inner = _parts(found)
+    inner["/"] = inner["/"].assign_attrs(label=label)
+    for path, data in inner.items():
+        still = data.isel(time=0, drop=True) if "time" in data.dims else data
+        datasets["scalars" if path == "/" else f"scalars/{path}"] = still
+    return xr.DataTree.from_dict(datasets, name=label)
+
+
+def compare_both(nodes: Mapping[str, xr.DataTree], reference: str | None = None, rtol: float = 0.0) -> xr.Dataset:
+    """Compare every method with a reference, in the outputs over time and in those without.
+
+    Parameters
+    ----------
+    nodes : mapping of str to xarray.DataTree
+        Propagator nodes by label.
+    reference : str, optional
+        Label of the reference; where it has no outputs without a time, another is chosen for them.
+    rtol : float
+        Of the integration.
+
+    Returns
+    -------
+    xarray.Dataset
+        Of :func:`uqmbd.results.compare`, for the outputs over time.  With outputs that have none also
+        ``scalar_mean_difference`` and ``scalar_std_difference (method, scalar)``, absolute, in the units of the
+        outputs, NaN for methods without; ``scalar_reference_std (scalar)``, a scale for them; and ``scalar_verdict``
+        with ``scalar_verdict_kind (method, scalar)``.  Where there are no others, the recommendation is for these.
+    """
+    inner = scalar_nodes(nodes)
+    over_time = any(node.children["statistics"].sizes["output"] for node in nodes.values())
+    compared = compare(nodes, reference=reference, rtol=rtol) if over_time or not inner else None
+    if not inner:
+        return compared if compared is not None else xr.Dataset()
+    wanted = reference if compared is None else str(compared.attrs["reference"])
+    whole = compare(inner, reference=wanted if wanted in inner else None, rtol=rtol)
+    names = {
+        "mean_difference_max": "scalar_mean_difference",
+        "std_difference_max": "scalar_std_difference",
+        "reference_std_max": "scalar_reference_std",
+        "verdict": "scalar_verdict",
+        "verdict_kind": "scalar_verdict_kind",
+    }
+    found = whole[list(names)].rename(names).rename(output="scalar", output_units="scalar_units")
+    for name in names.values():
+        found[name].attrs = {"comment": "of outputs without a time"}
+    if compared is None:
+        # no outputs, but all that is said of the methods
+        compared = whole.isel(output=slice(0, 0))
+    blank = {name: "" if found[name].dtype.kind == "U" else np.nan for name in found.data_vars}
+    every = np.array([str(label) for label in compared["method"].values], dtype=np.str_)
+    if every.tolist() != found["method"].values.tolist():
+        found = found.reindex({"method": every}, fill_value=blank)
+    differs = whole.attrs["reference"] != compared.attrs["reference"]
+    return compared.assign(found).assign_attrs({"scalar_reference": whole.attrs["reference"]} if differs else {})
+
+
+def validate_scalars(node: xr.DataTree) -> None:
+    """Check the child ``scalars`` of a propagator's node.
+
+    Raises
+    ------
+    StudyError
+        Its path, what was found, and what was expected.
+    """
+    if "statistics" not in node.children:
+        raise StudyError(f"{node.path}: found no child 'statistics'; expected one.")
+    expected: dict[str, dict[str, tuple[str, ...]]] = {
+        "statistics": {
+            **{name: ("output",) for name in ("mean", "std", "variance", "skewness", "kurtosis")},
+            "quantile": ("probability", "output"),
+            "integration_error": ("output",),
+        },
+        "samples": {"response": ("sample", "output"), "inputs": ("sample", "input"), "status": ("sample",)},
+        "chaos": {"multi_index": ("term", "input")},
+    }
+    for child, variables in expected.items():
+        if child not in node.children:
+            continue
+        data = node.children[child].to_dataset()
+        for name, dims in variables.items():
+            if name in data and data[name].dims != dims:
+                given = f"the dimensions {data[name].dims}"
+                raise StudyError(f"{node.path}/{child}/{name}: found {given}; expected {dims}.")
+        if "time" in data.dims:
+            raise StudyError(f"{node.path}/{child}: found a dimension 'time'; expected none.")
+    statistics = node.children["statistics"].to_dataset()
+    for name in ("mean", "std"):
+        if name in statistics and not np.isfinite(statistics[name].values).all():
+            raise StudyError(f"{node.path}/statistics/{name}: found a value that is not finite; expected a number.")
+
+
+def _parts(node: xr.DataTree) -> dict[str, xr.Dataset]:
+    """Datasets of a node by their path within it."""
+    base = node.path.rstrip("/")
+    return {part.path[len(base) :].strip("/") or "/": part.to_dataset(inherit=False) for part in node.subtree}
+
+
+def _empty(labels: Labels, like: xr.Dataset) -> xr.Dataset:
+    """Statistics at all times, of no outputs."""
+    none = Labels((), labels.inputs, labels.times)
+    blank: Any = np.zeros(none.shape)
+    errors = {name: blank for name in ("std_error_mean", "std_error_std") if name in like}
+    levels = like["probability"].values
+    quantile = np.zeros((len(levels), *none.shape))
+    found = statistics_dataset(none, mean=blank, std=blank, quantile=quantile, probability=levels, **errors)
+    return found.assign_coords(labels.input_coords())
