@@ -6,18 +6,16 @@ from dataclasses import dataclass, field
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
 import uqmbd
 from uqmbd.results import project
+from uqmbd.typing import Array, Index
 from uqmbd_collocation.fitting import Fit, refitted
 from uqmbd_collocation.refinement import Limits, Refinement, Step, missed_share, scale_of, warn_unmet
 from uqmbd_collocation.runs import Runs
 
 __all__ = ["DEEPEST", "refine_dimensions"]
 
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 Level = tuple[int, ...]
 
 DEEPEST = 12

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
 import uqmbd
 from uqmbd.results import AlignedChaos, AlignedElement, Status
+from uqmbd.typing import Array, Index
 from uqmbd_collocation.plans import verification_points
 from uqmbd_collocation.runs import Runs
 
@@ -21,8 +21,6 @@ if TYPE_CHECKING:
 
 __all__ = ["align_with_events"]
 
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 POINTS = 65
 """Chebyshev points of a segment."""

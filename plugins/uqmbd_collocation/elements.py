@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
 import uqmbd
 from uqmbd.results import PolynomialChaos, Status
@@ -25,7 +24,6 @@ if TYPE_CHECKING:
 
 __all__ = ["collocate_elements"]
 
-Array = NDArray[np.float64]
 
 FEWEST = 3
 """Verification realisations that every element gets, however improbable."""

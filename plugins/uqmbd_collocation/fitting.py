@@ -6,17 +6,15 @@ import warnings
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 import uqmbd
 from uqmbd.results import least_squares, project, regress_on_nodes
+from uqmbd.typing import Array, Index
 from uqmbd_collocation.runs import Runs
 from uqmbd_collocation.sparse import sparse_regression
 
 __all__ = ["Fit", "Projection", "Regression", "refitted"]
 
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 ALIASED = 0.2
 """Error of a rule for products of the basis beyond which projection is meaningless."""

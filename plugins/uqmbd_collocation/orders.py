@@ -6,16 +6,15 @@ import math
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
 import uqmbd
+from uqmbd.typing import Array
 from uqmbd_collocation.fitting import Fit, Projection, Regression
 from uqmbd_collocation.refinement import Limits, Refinement, Step, missed_share, scale_of, warn_unmet
 from uqmbd_collocation.runs import Runs
 
 __all__ = ["HIGHEST", "raise_order"]
 
-Array = NDArray[np.float64]
 
 HIGHEST = 32
 """Order at which a refinement ends: what has not converged by then never will."""

@@ -8,9 +8,9 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 import uqmbd
+from uqmbd.typing import Array, Index
 from uqmbd_collocation.fitting import Projection, Regression
 
 if TYPE_CHECKING:
@@ -18,8 +18,6 @@ if TYPE_CHECKING:
 
 __all__ = ["basis", "estimate", "plan", "verification_points"]
 
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 VERIFICATION = 0x7E51F1
 """Enters the seed of the verification points, which must be no points of a design."""

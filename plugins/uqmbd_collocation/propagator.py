@@ -8,10 +8,10 @@ from typing import ClassVar, Literal
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
 import uqmbd
 from uqmbd.results import PolynomialChaos, Status
+from uqmbd.typing import Array
 from uqmbd_collocation.adaptive import refine_dimensions
 from uqmbd_collocation.alignment import align_with_events
 from uqmbd_collocation.elements import collocate_elements
@@ -24,8 +24,6 @@ from uqmbd_collocation.refinement import Limits, Refinement, history
 from uqmbd_collocation.runs import Runs, announced_once
 
 __all__ = ["Collocation"]
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)

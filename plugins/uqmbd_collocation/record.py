@@ -7,16 +7,15 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
 import uqmbd
 from uqmbd.results import Status
+from uqmbd.typing import Index
 from uqmbd_collocation.fitting import Fit
 from uqmbd_collocation.runs import Runs
 
 __all__ = ["nodes_dataset", "warn_of_idle_inputs"]
 
-Index = NDArray[np.int64]
 
 IDLE = 1e-13
 """Share of the largest coefficient of an output below which terms are rounding."""

@@ -7,15 +7,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
+from uqmbd.typing import Array, Index
 from uqmbd_collocation.fitting import Fit
 from uqmbd_collocation.runs import Runs
 
 __all__ = ["Limits", "Refinement", "Step", "history", "missed_share", "scale_of", "warn_unmet"]
-
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 
 @dataclass(frozen=True)

@@ -10,11 +10,10 @@ from numpy.typing import NDArray
 
 import uqmbd
 from uqmbd.results import Status
+from uqmbd.typing import Array, Index
 
 __all__ = ["Runs", "announced_once"]
 
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 DIGITS = 11
 """Decimals to which germ points are compared: rules of different sizes meet in nodes that differ by rounding."""

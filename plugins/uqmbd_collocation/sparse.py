@@ -8,9 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from uqmbd.typing import Array
+
 __all__ = ["SOLVERS", "sparse_regression"]
 
-Array = NDArray[np.float64]
 
 SOLVERS = ("omp", "lars")
 

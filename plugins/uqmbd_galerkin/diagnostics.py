@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
 import uqmbd
+from uqmbd.typing import Array
 
 __all__ = ["diagnostics"]
 
-Array = NDArray[np.float64]
 
 SINGULAR_VALUES = 9
 """Times at which singular values are computed."""

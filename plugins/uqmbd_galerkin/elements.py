@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 import uqmbd
 from uqmbd.results import PolynomialChaos, Status
+from uqmbd.typing import Array, Index
 from uqmbd_galerkin.ending import DOUBTFUL, finished, padded
 from uqmbd_galerkin.rules import basis, quadrature
 from uqmbd_galerkin.scalars import expand
@@ -26,8 +27,6 @@ if TYPE_CHECKING:
 
 __all__ = ["galerkin_elements", "solve_element"]
 
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 FEWEST = 3
 """Verification realisations that every element gets, however improbable."""

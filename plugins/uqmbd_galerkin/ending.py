@@ -6,15 +6,14 @@ import warnings
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
 import uqmbd
 from uqmbd.results import PolynomialChaos
+from uqmbd.typing import Array
 from uqmbd_galerkin.verification import horizons
 
 __all__ = ["finished", "padded", "warn"]
 
-Array = NDArray[np.float64]
 
 DOUBTFUL = 0.1
 """Stated error, over the standard deviation, from which a result is not given without a warning."""

@@ -12,9 +12,10 @@ import numpy as np
 import sympy
 from numpy.typing import NDArray
 
+from uqmbd.typing import Array
+
 __all__ = ["FAMILIES", "Compiled", "Sum", "gradient", "moment"]
 
-Array = NDArray[np.float64]
 Sum = dict[tuple[int, ...], Any]
 """A polynomial: sorted numbers of the variables in each product -> its rational factor."""
 

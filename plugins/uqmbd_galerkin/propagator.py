@@ -8,10 +8,10 @@ from typing import Any, ClassVar, Literal, get_args
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
 import uqmbd
 from uqmbd.results import PolynomialChaos
+from uqmbd.typing import Array, Index
 from uqmbd_galerkin.diagnostics import diagnostics
 from uqmbd_galerkin.elements import galerkin_elements
 from uqmbd_galerkin.ending import finished, padded, warn
@@ -22,8 +22,6 @@ from uqmbd_galerkin.verification import Verification, horizons
 
 __all__ = ["Galerkin"]
 
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 Terms = Literal["total", "tensor", "hyperbolic"]
 Rule = Literal["gauss", "smolyak", "sobol", "halton", "random"]

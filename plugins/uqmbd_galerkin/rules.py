@@ -7,16 +7,15 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 import uqmbd
+from uqmbd.typing import Index
 
 if TYPE_CHECKING:
     from uqmbd_galerkin.propagator import Galerkin
 
 __all__ = ["MOST_NODES", "basis", "estimate", "node_count", "quadrature"]
 
-Index = NDArray[np.int64]
 
 MOST_NODES = 20_000
 """Nodes beyond which the coupled problem is not set up."""

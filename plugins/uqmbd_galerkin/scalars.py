@@ -7,16 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
 import uqmbd
 from uqmbd.results import Status, project, regress_on_nodes
+from uqmbd.typing import Array, Index
 from uqmbd_galerkin.verification import Verification
 
 __all__ = ["Expansion", "expand", "projected_scalars"]
 
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 MOST_FAILURES = 0.5
 """Share of nodes without a value beyond which there is nothing to fit: their region is no exception."""

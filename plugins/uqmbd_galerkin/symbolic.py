@@ -25,11 +25,11 @@ import sympy
 from numpy.typing import NDArray
 
 import uqmbd
+from uqmbd.typing import Array
 from uqmbd_galerkin.exact import FAMILIES, Compiled, Sum, gradient, moment
 
 __all__ = ["VariationalWork"]
 
-Array = NDArray[np.float64]
 LETTERS = ("q", "v", "a", "d", "l")
 """Coefficients of coordinates, velocities, accelerations, virtual displacements and multipliers."""
 

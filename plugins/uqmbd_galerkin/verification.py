@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 
 import uqmbd
 from uqmbd.results import PiecewiseChaos, PolynomialChaos, Status
+from uqmbd.typing import Array
 
 __all__ = ["Verification", "horizons", "verification_points"]
 
-Array = NDArray[np.float64]
 
 STREAM = 0x6A1E12
 """Enters the seed of the verification points."""

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from uqmbd.typing import Array
 from uqmbd_montecarlo.jointmoments import JointMoments
 
 __all__ = ["FOLDS", "LEAST_SAMPLES", "Controlled", "controlled_statistics", "fold_of", "variables"]
 
-Array = NDArray[np.float64]
 
 FOLDS = 10
 """Parts of the samples; the factors of each part come from the others, so that they do not depend on it."""

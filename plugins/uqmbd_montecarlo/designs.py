@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import qmc
 
 import uqmbd
+from uqmbd.typing import Array
 
 __all__ = ["DESIGNS", "replicate_sizes", "uniform_samples"]
 
-Array = NDArray[np.float64]
 
 DESIGNS = ("random", "latin-hypercube", "sobol")
 

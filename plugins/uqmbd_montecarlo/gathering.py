@@ -12,10 +12,9 @@ from numpy.typing import NDArray
 
 import uqmbd
 from uqmbd.results import Moments, Status, sample_file
+from uqmbd.typing import Array
 
 __all__ = ["Gathered", "gather"]
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

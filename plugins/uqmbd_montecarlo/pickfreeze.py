@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
+from uqmbd.typing import Array
+
 __all__ = ["RESAMPLES", "SobolIndices", "mixed_inputs", "obstacle_of", "pick_freeze"]
 
-Array = NDArray[np.float64]
 
 RESAMPLES = 1000
 """Bootstrap samples of the rows."""

@@ -14,8 +14,6 @@ from uqmbd_montecarlo.pickfreeze import mixed_inputs, pick_freeze
 
 __all__ = ["SobolRun", "run_sobol"]
 
-Array = NDArray[np.float64]
-
 
 @dataclass(frozen=True)
 class SobolRun:

@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 
 import uqmbd
 from uqmbd.results import PolynomialChaos
+from uqmbd.typing import Array
 from uqmbd_montecarlo.control import FOLDS, controlled_statistics, fold_of, variables
 from uqmbd_montecarlo.jointmoments import JointMoments
 
 __all__ = ["ControlledSums", "Surrogate", "surrogate_of"]
 
-Array = NDArray[np.float64]
 
 _ROUNDING = 32.0 * np.finfo(float).eps
 

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 import sympy
-from numpy.typing import NDArray
 
 from uqmbd.dynamics.assembly.assembly import independent_rows, positions
 from uqmbd.dynamics.assembly.uniqueness import not_unique, reaction_symbols
@@ -37,11 +36,10 @@ from uqmbd.dynamics.notices import deep_contacts, moved_bodies, size_of
 from uqmbd.dynamics.statics.timeless_outputs import scalar_map
 from uqmbd.errors import AssemblyError, RedundantConstraintWarning, StudyError
 from uqmbd.mechanism import Mechanism, Output
+from uqmbd.typing import Array, Index
 
 __all__ = ["build", "kinematic_model"]
 
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 FUSED_LENGTH = 6000
 """Operations of named quantities in a Jacobian up to which it is one kernel: beyond, compilation takes seconds."""

@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from uqmbd.dynamics.assembly.rank import named
 from uqmbd.dynamics.ensemble import Ensemble
@@ -15,11 +14,10 @@ from uqmbd.dynamics.integration.prescribed import gradient_lengths, instant, pos
 from uqmbd.dynamics.integration.restarts import Drift
 from uqmbd.dynamics.integration.trajectories import Trajectories
 from uqmbd.dynamics.projection.ensemble import ProjectedEnsemble
+from uqmbd.typing import Array, Index
 
 __all__ = ["checked", "off_constraints", "projected_off"]
 
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 Method = Callable[[Ensemble, Array, float], Trajectories]
 
 OFF = 100.0

@@ -7,19 +7,17 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from uqmbd.dynamics.assembly.assembly import Start, assemble
 from uqmbd.dynamics.equations.model import Layout, Model
 from uqmbd.dynamics.linear.accelerations import accelerations, dense, state_arguments
+from uqmbd.typing import Array, Index
 
 if TYPE_CHECKING:
     from uqmbd.dynamics.integration.pace import Leg
 
 __all__ = ["Ensemble", "referenced", "split"]
 
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 OUTPUT_BLOCK = 2048
 """States that are observed at once: many more of them fall out of the processor's cache."""

@@ -5,7 +5,6 @@ from __future__ import annotations
 import warnings
 
 import numpy as np
-from numpy.typing import NDArray
 
 from uqmbd.dynamics.assembly.rank import violated
 from uqmbd.dynamics.capabilities import INTEGRATORS, Integrator, require_for
@@ -17,10 +16,10 @@ from uqmbd.dynamics.integration.ida import integrate_by_ida
 from uqmbd.dynamics.integration.prescribed import gradient_lengths
 from uqmbd.dynamics.integration.trajectories import Counters, Trajectories
 from uqmbd.errors import RedundantConstraintWarning, StudyError
+from uqmbd.typing import Array
 
 __all__ = ["INTEGRATORS", "STACK", "Integrator", "integrate"]
 
-Array = NDArray[np.float64]
 
 STACK = 64
 """Realisations of a stack."""

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import sympy
-from numpy.typing import NDArray
 
 from uqmbd.dynamics.equations.block import Instance
 from uqmbd.dynamics.equations.expressions import TIME
@@ -15,10 +14,10 @@ from uqmbd.errors import StudyError
 from uqmbd.mechanism import Mechanism, nominal
 from uqmbd.mechanism.geometry.frame import Frame
 from uqmbd.mechanism.skeleton import skeleton
+from uqmbd.typing import Array
 
 __all__ = ["Move", "deep_contacts", "moved_bodies", "moves", "size_of"]
 
-Array = NDArray[np.float64]
 
 FAR = 1.0
 """A body that assembly moves by more than this, in sizes of the drawn mechanism, is told of."""

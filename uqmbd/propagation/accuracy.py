@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
 from uqmbd.dynamics import INTEGRATORS
 from uqmbd.errors import RedundantConstraintWarning
@@ -23,6 +22,7 @@ from uqmbd.isolation import reason_of
 from uqmbd.propagation.execution.chunks import integrated_by
 from uqmbd.propagation.execution.progress import Silent
 from uqmbd.status import Status
+from uqmbd.typing import Array
 
 if TYPE_CHECKING:
     from uqmbd.propagation.execution.realisations import Realisations
@@ -30,7 +30,6 @@ if TYPE_CHECKING:
 
 __all__ = ["AGAIN", "LONG_NAME", "Observed", "deviation", "tighter", "with_integration_error"]
 
-Array = NDArray[np.float64]
 
 AGAIN = 3
 """Realisations that are integrated again."""

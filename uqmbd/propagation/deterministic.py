@@ -9,7 +9,7 @@ from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from uqmbd.errors import (
     AssemblyError,
@@ -29,6 +29,7 @@ from uqmbd.propagation.options import (
     check_start,
     check_times,
 )
+from uqmbd.typing import Array
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -37,9 +38,6 @@ if TYPE_CHECKING:
     from uqmbd.mechanism import Mechanism
 
 __all__ = ["input_point", "observed_model", "refuse_jumps", "simulate", "step_attributes", "stepped", "variables_of"]
-
-
-Array = NDArray[np.float64]
 
 
 @checked

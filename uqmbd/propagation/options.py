@@ -7,10 +7,11 @@ from numbers import Real
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from uqmbd.dynamics import INTEGRATORS
 from uqmbd.errors import StudyError
+from uqmbd.typing import Array
 
 if TYPE_CHECKING:
     from uqmbd.mechanism import Mechanism
@@ -27,7 +28,6 @@ __all__ = [
     "check_times",
 ]
 
-Array = NDArray[np.float64]
 
 STARTS = ("drawn", "equilibrium")
 """Where realisations may start."""

@@ -16,7 +16,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from uqmbd import __version__
 from uqmbd.dynamics import Capability, Ensemble, Model, ScalarValues, require
@@ -33,6 +32,7 @@ from uqmbd.propagation.execution.tasks import Arrays, failed, run_tasks
 from uqmbd.propagation.existence import Existence
 from uqmbd.randomness import JointInput
 from uqmbd.results import InputInfo, Labels, OutputInfo, labels, propagator_node
+from uqmbd.typing import Array
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -41,7 +41,6 @@ if TYPE_CHECKING:
 
 __all__ = ["Problem", "Realisations"]
 
-Array = NDArray[np.float64]
 
 AHEAD = 64
 """Chunks that are computed or held ahead of the one that is wanted next."""

@@ -6,14 +6,13 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from uqmbd.randomness.distributions import Law, Tail, heaviest_tail, is_dependent, tail_of
 from uqmbd.randomness.joint import JointInput, in_blocks
+from uqmbd.typing import Array
 
 __all__ = ["exists", "moment_orders"]
 
-Array = NDArray[np.float64]
 
 MARGIN = 1.02
 """The order of a tail is measured: a moment exists if the order is above its own by this factor."""

@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from uqmbd.errors import StudyError
+from uqmbd.typing import Index
 
 __all__ = ["KINDS", "index_set", "sort_indices", "whole_number"]
 
-IntArray = NDArray[np.int64]
 
 KINDS = ("total", "tensor", "hyperbolic")
 """Kinds of index sets."""
@@ -25,7 +24,7 @@ ROUNDING = 1e-9
 
 def index_set(
     dimension: int, order: int, kind: str = "total", weights: Sequence[float] | None = None, q: float = 0.5
-) -> IntArray:
+) -> Index:
     """Return the degrees of all terms of a polynomial chaos.
 
     A row ``a`` belongs to the set if ``w * a`` has, with the weights ``w``,
@@ -83,7 +82,7 @@ def index_set(
     power = q if kind == "hyperbolic" else 1.0
     budget = float(degree) ** power
 
-    rows: IntArray = np.zeros((1, 0), dtype=np.int64)
+    rows: Index = np.zeros((1, 0), dtype=np.int64)
     spent = np.zeros(1)
     for weight in scale:
         highest = int(np.floor(degree / weight + ROUNDING))
@@ -106,7 +105,7 @@ def index_set(
     return sort_indices(rows)
 
 
-def sort_indices(rows: IntArray) -> IntArray:
+def sort_indices(rows: Index) -> Index:
     """Sort rows by their total degree, then so that earlier columns come first.
 
     Examples

@@ -7,15 +7,15 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from uqmbd.errors import StudyError
 from uqmbd.randomness.distributions import Law, is_dependent
 from uqmbd.randomness.variable import RandomVariable
+from uqmbd.typing import Array
 
 __all__ = ["JointInput", "in_blocks"]
 
-Array = NDArray[np.float64]
 
 BLOCK = 1024
 """Rows of dependent inputs that are mapped at once."""

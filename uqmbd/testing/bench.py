@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from uqmbd.dynamics.equations.block import Instance, instances_of
 from uqmbd.dynamics.equations.derivation import derive
@@ -16,10 +15,10 @@ from uqmbd.dynamics.equations.parameters import ParameterMap
 from uqmbd.mechanism import Space
 from uqmbd.testing.cases import Case
 from uqmbd.testing.motion import random_unit
+from uqmbd.typing import Array
 
 __all__ = ["REALISATIONS", "Bench", "random_coordinates"]
 
-Array = NDArray[np.float64]
 
 REALISATIONS = 3
 

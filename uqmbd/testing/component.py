@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from uqmbd.dynamics.equations.block import Instance
 from uqmbd.dynamics.equations.derivation import derive
@@ -21,10 +20,10 @@ from uqmbd.testing.energy import check_energy
 from uqmbd.testing.events import check_events
 from uqmbd.testing.methods import check_studies
 from uqmbd.testing.motion import displaced, random_turn, virtual_motions
+from uqmbd.typing import Array
 
 __all__ = ["check_component"]
 
-Array = NDArray[np.float64]
 
 STATES = 10
 """Random states in which a parameter may have its effect."""

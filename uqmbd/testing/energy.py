@@ -5,16 +5,15 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from uqmbd.dynamics.equations.block import Instance
 from uqmbd.dynamics.equations.derivation import Derived, derive
 from uqmbd.dynamics.equations.kernels import Kernel, cached, compile_kernel
 from uqmbd.testing.bench import Bench
+from uqmbd.typing import Array
 
 __all__ = ["check_energy", "is_timeless"]
 
-Array = NDArray[np.float64]
 
 STEP = 1e-5
 """Of central differences along the motion, s."""

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from uqmbd.testing.bench import Bench
 from uqmbd.testing.motion import displaced, random_turn, virtual_motions
+from uqmbd.typing import Array
 
 __all__ = ["check_events"]
 
-Array = NDArray[np.float64]
 
 STEP = 1e-5
 """Of central differences along the motion, s."""

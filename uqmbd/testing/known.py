@@ -9,15 +9,14 @@ from typing import Any
 
 import numpy as np
 import sympy
-from numpy.typing import NDArray
 
 from uqmbd.mechanism import Component, Constraint, Local, Mechanism, Parameter, Planar, Potential, Translational
 from uqmbd.propagation import Study
 from uqmbd.randomness import uniform_variable
+from uqmbd.typing import Array
 
 __all__ = ["CASES", "Known", "certain", "fragile"]
 
-Array = NDArray[np.float64]
 
 RTOL = 1e-8
 """Of the integration: its error must not count beside that of a method."""

@@ -8,16 +8,15 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
 from uqmbd.errors import StudyError
 from uqmbd.propagation import Propagator, Study
 from uqmbd.results import validate
 from uqmbd.testing.known import Known
+from uqmbd.typing import Array
 
 __all__ = ["check_moments", "check_schema", "difference", "stated_errors"]
 
-Array = NDArray[np.float64]
 
 ERRORS = 5.0
 """Standard errors by which an estimate may be off: exceeded by one of a million normal estimates."""

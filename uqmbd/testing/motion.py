@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from uqmbd.mechanism import Space
+from uqmbd.typing import Array
 
 __all__ = ["displaced", "random_turn", "random_unit", "virtual_motions"]
-
-Array = NDArray[np.float64]
 
 
 def random_unit(rng: np.random.Generator, shape: tuple[int, ...]) -> Array:

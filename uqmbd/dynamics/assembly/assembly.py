@@ -17,11 +17,10 @@ from uqmbd.dynamics.equations.limits import impossible
 from uqmbd.dynamics.equations.model import Model
 from uqmbd.dynamics.linear.accelerations import RANK_TOLERANCE, accelerations, dense, state_arguments
 from uqmbd.mechanism.expressions.user_values import LARGEST
+from uqmbd.typing import Array, Index
 
 __all__ = ["Start", "assemble", "independent_rows", "positions", "velocities"]
 
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 POSITION_TOLERANCE = 1e-12
 ITERATIONS = 200

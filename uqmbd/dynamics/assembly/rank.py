@@ -9,15 +9,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from uqmbd.dynamics.equations.model import Model
 from uqmbd.dynamics.linear.accelerations import dense, state_arguments
+from uqmbd.typing import Array, Index
 
 __all__ = ["Rank", "dead_end", "gradient", "joints", "named", "null_equations", "rank_along", "violated"]
 
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 WATCHED = 6
 """Most singular values whose zeros are looked for."""

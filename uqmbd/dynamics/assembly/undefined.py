@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from uqmbd.dynamics.equations.model import Model
 from uqmbd.dynamics.linear.accelerations import dense, state_arguments
+from uqmbd.typing import Array
 
 __all__ = ["REMEDY", "ahead", "undefined"]
 
-Array = NDArray[np.float64]
 
 REMEDY = "Look for divisions by zero, and for roots, logarithms and powers outside of their range."
 

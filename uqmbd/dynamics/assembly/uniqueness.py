@@ -8,17 +8,16 @@ from __future__ import annotations
 
 import numpy as np
 import sympy
-from numpy.typing import NDArray
 
 from uqmbd.dynamics.assembly.rank import null_equations
 from uqmbd.dynamics.equations.model import Model
 from uqmbd.dynamics.equations.outputs import OutputMap
 from uqmbd.mechanism import Mechanism
 from uqmbd.mechanism.expressions.user_values import flatten
+from uqmbd.typing import Array
 
 __all__ = ["not_unique", "reaction_symbols"]
 
-Array = NDArray[np.float64]
 
 CHANGE = 1e-8
 """Relative change of an output, for multipliers of the size of those that are added, that counts as none."""

@@ -16,11 +16,11 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from uqmbd.dynamics.contact.coulomb import EXACT, Collision, Touch, scaled_solution, solutions
 from uqmbd.dynamics.equations.evaluator import Evaluator
 from uqmbd.dynamics.equations.model import Model
+from uqmbd.typing import Array, Index
 
 __all__ = [
     "CLOSED",
@@ -36,8 +36,6 @@ __all__ = [
     "spread_solution",
 ]
 
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 Mode = Literal["stick", "slip"]
 
 CLOSED = 1e-9

@@ -24,13 +24,12 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from uqmbd.dynamics.linear.pivoting import lemke
+from uqmbd.typing import Array
 
 __all__ = ["EXACT", "Collision", "Touch", "scaled_solution", "solutions"]
 
-Array = NDArray[np.float64]
 
 EXACT = 1e-10
 """Largest violation of the laws, over the size of impulses."""

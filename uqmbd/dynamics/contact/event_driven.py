@@ -11,7 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from uqmbd.dynamics.contact.contacts import CLOSED, Contacts, Lens, Mode, at_rest, heading_of, pressed, project
 from uqmbd.dynamics.contact.event_location import SAMPLES, Guard, fall
@@ -24,11 +24,10 @@ from uqmbd.dynamics.integration.prescribed import instant
 from uqmbd.dynamics.integration.restarts import speed_jumps
 from uqmbd.dynamics.integration.step_control import Curve, Stepper
 from uqmbd.dynamics.linear.accelerations import accelerations, excess
+from uqmbd.typing import Array
 
 __all__ = ["Happening", "Hybrid", "Piece"]
 
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 SLOWEST = 1e-6
 """Speed of an impact, over that of the fastest one before, from which bodies stay together."""

@@ -8,11 +8,11 @@ from typing import Literal
 
 import numpy as np
 import scipy.optimize
-from numpy.typing import NDArray
+
+from uqmbd.typing import Array
 
 __all__ = ["SAMPLES", "Guard", "fall"]
 
-Array = NDArray[np.float64]
 
 SAMPLES = 8
 """Parts of a step at whose ends guards are looked at."""

@@ -11,14 +11,13 @@ References
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from uqmbd.dynamics.contact.contacts import Contacts
 from uqmbd.dynamics.contact.coulomb import Collision, Touch, solutions
+from uqmbd.typing import Array
 
 __all__ = ["impact"]
 
-Array = NDArray[np.float64]
 
 BLOWS = 200
 """Most collisions in a row in one instant; after that, the impact is without restitution."""

@@ -5,18 +5,15 @@ from __future__ import annotations
 import time as clock
 
 import numpy as np
-from numpy.typing import NDArray
 
 from uqmbd.dynamics.contact.contacts import Lens
 from uqmbd.dynamics.contact.event_driven import Hybrid
 from uqmbd.dynamics.ensemble import Ensemble
 from uqmbd.dynamics.integration.trajectories import Counters, Solved
 from uqmbd.mechanism.expressions.timeless import event_name
+from uqmbd.typing import Array, Index
 
 __all__ = ["event_times", "integrate_with_events"]
-
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 
 def integrate_with_events(ensemble: Ensemble, members: Index, times: Array, rtol: float) -> tuple[Solved, list[Hybrid]]:

@@ -12,16 +12,14 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from uqmbd.dynamics.equations.block import BlockType
 from uqmbd.dynamics.equations.derivation import Kind, derive
 from uqmbd.dynamics.equations.kernels import Kernel, cached, compile_kernel, replaced
+from uqmbd.typing import Array, Index
 
 __all__ = ["Evaluator", "Placement", "fused", "typed"]
 
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 OPTIMISED_WIDTH = 120
 """State arguments up to which LLVM optimises: beyond, the time it takes grows faster than what it saves."""

@@ -14,13 +14,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from uqmbd.dynamics.equations.store import Store
+from uqmbd.typing import Array
 
 __all__ = ["Kernel", "cache_folder", "cached", "compilations", "compile_kernel", "replaced", "source_digest"]
 
-Array = NDArray[np.float64]
 
 compilations = [0]
 """Number of kernels compiled by this process, for tests and provenance."""

@@ -15,11 +15,9 @@ from uqmbd.mechanism.components.parameter import range_text
 from uqmbd.mechanism.expressions.user_values import flatten
 from uqmbd.mechanism.inertia import is_tensor_of_body
 from uqmbd.randomness import RandomVariable
+from uqmbd.typing import Array, Index
 
 __all__ = ["Limit", "Tensor", "impossible", "limits_of"]
-
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 
 @dataclass(frozen=True)

@@ -9,18 +9,16 @@ from typing import Any
 
 import numpy as np
 import sympy
-from numpy.typing import NDArray
 
 from uqmbd.dynamics.equations.block import Instance
 from uqmbd.dynamics.equations.derivation import Kind
 from uqmbd.dynamics.equations.evaluator import Evaluator, Placement, fused, typed
 from uqmbd.dynamics.equations.limits import Limit, Tensor
 from uqmbd.dynamics.equations.parameters import ParameterMap
+from uqmbd.typing import Index
 
 __all__ = ["FUSED_LIMIT", "Layout", "Model", "Statement"]
 
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 FUSED_LIMIT = 130
 """Unknowns up to which residual and Jacobian are one kernel: beyond, compilation costs more than it saves."""

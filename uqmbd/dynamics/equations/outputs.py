@@ -21,11 +21,9 @@ from uqmbd.mechanism.body import Body, StateSymbol
 from uqmbd.mechanism.components.component import Auxiliary, Component, Local, Parameter, ReactionSymbol
 from uqmbd.mechanism.expressions.time import t
 from uqmbd.randomness import RandomVariable
+from uqmbd.typing import Array, Index
 
 __all__ = ["AngleCounter", "OutputMap", "angle_counters", "output_map"]
-
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 
 class AngleCounter(Component):

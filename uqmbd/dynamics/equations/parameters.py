@@ -12,10 +12,9 @@ from numpy.typing import NDArray
 
 from uqmbd.dynamics.equations.expressions import plain
 from uqmbd.dynamics.equations.kernels import Kernel, cached, compile_kernel
+from uqmbd.typing import Array
 
 __all__ = ["ParameterMap"]
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,6 @@ import time as clock
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from uqmbd.dynamics.ensemble import Ensemble
 from uqmbd.dynamics.equations.model import Model
@@ -24,11 +23,10 @@ from uqmbd.dynamics.integration.restarts import speed_jumps
 from uqmbd.dynamics.integration.singular_poses import Guard
 from uqmbd.dynamics.integration.trajectories import Counters, Solved
 from uqmbd.dynamics.linear.accelerations import System, excess
+from uqmbd.typing import Array, Index
 
 __all__ = ["integrate_by_dop853"]
 
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 BLOCK = 2048
 """States that are projected at once."""

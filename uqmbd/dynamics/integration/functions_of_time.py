@@ -23,11 +23,10 @@ from uqmbd.dynamics.equations.expressions import TIME
 from uqmbd.dynamics.equations.parameters import ParameterMap
 from uqmbd.mechanism.expressions.time import t
 from uqmbd.randomness import RandomVariable
+from uqmbd.typing import Array, Index
 
 __all__ = ["Seen", "Timed", "look", "timed"]
 
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 CELL = 16
 """Intervals of a cell."""

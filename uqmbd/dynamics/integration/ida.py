@@ -18,7 +18,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from uqmbd.dynamics.assembly.rank import dead_end, rank_along
 from uqmbd.dynamics.assembly.undefined import ahead
@@ -30,11 +29,10 @@ from uqmbd.dynamics.integration.restarts import speed_jumps
 from uqmbd.dynamics.integration.sundials import Solution, solve
 from uqmbd.dynamics.integration.trajectories import Counters, Solved
 from uqmbd.dynamics.linear.accelerations import accelerations
+from uqmbd.typing import Array, Index
 
 __all__ = ["RELAXED", "STEPS", "diagnosis", "integrate_by_ida", "step_limits", "step_tolerance"]
 
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 Callbacks = tuple[Callable[..., None], Callable[..., None]]
 
 RELAXED = 1e8

@@ -19,14 +19,12 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from uqmbd.dynamics.integration.pace import Leg
+from uqmbd.typing import Array, Index
 
 __all__ = ["Course", "Equations", "LockStep", "Node", "Out", "Watcher", "longest_step"]
 
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 Out = tuple[Array, Array, Array]
 """Rates of coordinates, of velocities, and of the whole state, shape (row, ...): views of one array."""
 

@@ -5,15 +5,14 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from uqmbd.dynamics.ensemble import Ensemble
 from uqmbd.dynamics.integration.functions_of_time import look
 from uqmbd.dynamics.integration.trajectories import stops
+from uqmbd.typing import Array
 
 __all__ = ["Leg", "legs_of", "pace"]
 
-Array = NDArray[np.float64]
 
 BAND = 16.0
 """Factor of the sizes of cells that one leg may hold."""

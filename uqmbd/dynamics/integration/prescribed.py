@@ -19,10 +19,10 @@ from uqmbd.mechanism import Component
 from uqmbd.mechanism.expressions.time import t
 from uqmbd.mechanism.expressions.user_values import flatten
 from uqmbd.randomness import RandomVariable
+from uqmbd.typing import Array
 
 __all__ = ["Prescribed", "gradient_lengths", "instant", "jumped", "position_jumps", "prescribed_by"]
 
-Array = NDArray[np.float64]
 
 INSTANT = 1e-12
 """Time, over the larger of 1 s and the time itself, by which right before and right after are told apart."""

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from uqmbd.dynamics.assembly.rank import named
 from uqmbd.dynamics.equations.evaluator import Evaluator
 from uqmbd.dynamics.equations.model import Model
 from uqmbd.dynamics.integration.prescribed import instant, jumped
 from uqmbd.dynamics.linear.accelerations import impulses
+from uqmbd.typing import Array
 
 __all__ = ["Drift", "speed_jumps"]
 
-Array = NDArray[np.float64]
 
 FELT = 0.1
 """Jump of a speed, over the tolerance, that is an impulse."""

@@ -20,18 +20,16 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from uqmbd.dynamics.assembly.assembly import independent_rows
 from uqmbd.dynamics.assembly.rank import Rank, dead_end, gradient, named, rank_along
 from uqmbd.dynamics.equations.model import Model
 from uqmbd.dynamics.integration.lock_step import Course, Equations, Node
 from uqmbd.dynamics.linear.accelerations import index1_system, state_arguments
+from uqmbd.typing import Array
 
 __all__ = ["Guard", "repivoted"]
 
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 REACH = 4.0
 """A singular pose is near if it is not farther than this many steps of the size that was tried."""

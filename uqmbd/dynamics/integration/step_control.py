@@ -9,13 +9,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from uqmbd.dynamics.integration.lock_step import ORDER, STAGES, Out, _tableau
+from uqmbd.typing import Array
 
 __all__ = ["Curve", "Stepper"]
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

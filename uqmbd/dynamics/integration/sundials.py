@@ -21,11 +21,11 @@ from types import FrameType
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+
+from uqmbd.typing import Array
 
 __all__ = ["LARGEST", "Solution", "solve"]
 
-Array = NDArray[np.float64]
 
 LARGEST = 1e100
 """Rates beyond which no step can be taken: their squares, and steps that suit them, leave the range of numbers."""

@@ -6,11 +6,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 
 import numpy as np
-from numpy.typing import NDArray
+
+from uqmbd.typing import Array
 
 __all__ = ["Counters", "Solved", "Trajectories", "stops"]
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from uqmbd.dynamics.equations.evaluator import Evaluator
 from uqmbd.dynamics.equations.model import Model
 from uqmbd.dynamics.linear.system import System, index1_system
+from uqmbd.typing import Array, Index
 
 __all__ = [
     "DENSE_LIMIT",
@@ -26,8 +27,6 @@ __all__ = [
     "state_arguments",
 ]
 
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 FEW = 24
 """Systems up to which LAPACK is faster than operations on short vectors."""

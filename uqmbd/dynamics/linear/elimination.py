@@ -9,12 +9,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+
+from uqmbd.typing import Array, Index
 
 __all__ = ["Elimination", "plan"]
 
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 THRESHOLD = 0.1
 """A pivot may be smaller than the largest entry of its column by this factor, for the sake of sparsity."""

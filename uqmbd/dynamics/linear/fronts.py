@@ -17,17 +17,15 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from uqmbd.dynamics.equations.kernels import Kernel, cached
 from uqmbd.dynamics.linear.elimination import plan
 from uqmbd.dynamics.linear.ordering import Front
 from uqmbd.dynamics.linear.straight_line import Operation, eliminated, stage_kernel, worth_while
+from uqmbd.typing import Array, Index
 
 __all__ = ["Fronts", "FrontalSolver", "frontal"]
 
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 CACHE = 2_000_000
 """Bytes of values that are held at once: they should stay in the processor's cache."""

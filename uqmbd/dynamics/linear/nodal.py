@@ -5,12 +5,12 @@ from __future__ import annotations
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from uqmbd.dynamics.equations.model import Model
 from uqmbd.dynamics.linear.accelerations import DENSE_LIMIT, System
 from uqmbd.dynamics.linear.sparse import Factors
 from uqmbd.dynamics.linear.straight_line import StraightLine, defect_kernel, straight_line
+from uqmbd.typing import Array, Index
 
 __all__ = [
     "CompiledSystems",
@@ -21,9 +21,6 @@ __all__ = [
     "nodal_systems",
     "right_sides",
 ]
-
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 
 class NodalSystems(Protocol):

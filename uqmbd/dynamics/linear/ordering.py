@@ -16,12 +16,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+
+from uqmbd.typing import Array, Index
 
 __all__ = ["Front", "rounds_of", "units_of"]
 
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 REGULAR = 1e-6
 """Smallest over largest singular value, after scaling, of a block that may be eliminated."""

@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from uqmbd.typing import Array
+
 __all__ = ["lemke"]
 
-Array = NDArray[np.float64]
 
 ZERO = 1e-9
 """Pivot, over the largest entry of its column, and artificial variable, over the offsets, that is none."""

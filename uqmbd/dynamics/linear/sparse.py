@@ -7,12 +7,11 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+
+from uqmbd.typing import Array, Index
 
 __all__ = ["Factors", "SparsePattern"]
 
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 BLOCK = 256
 """Systems that are multiplied at once."""

@@ -12,10 +12,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from uqmbd.dynamics.equations.kernels import Kernel, cached, straight_line_kernel
 from uqmbd.dynamics.linear.elimination import Elimination
+from uqmbd.typing import Array, Index
 
 __all__ = [
     "LIMIT",
@@ -29,8 +29,6 @@ __all__ = [
     "worth_while",
 ]
 
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 STAGE = 2000
 """Operations that are compiled together."""

@@ -8,7 +8,6 @@ from functools import cached_property
 import numpy as np
 import scipy.sparse
 import scipy.sparse.csgraph
-from numpy.typing import NDArray
 
 from uqmbd.dynamics.equations.kernels import Kernel
 from uqmbd.dynamics.equations.model import Layout, Model
@@ -17,11 +16,10 @@ from uqmbd.dynamics.linear.fronts import FrontalSolver, Fronts, frontal
 from uqmbd.dynamics.linear.ordering import rounds_of, units_of
 from uqmbd.dynamics.linear.sparse import SparsePattern
 from uqmbd.dynamics.linear.straight_line import StraightLine, residual_kernel, straight_line
+from uqmbd.typing import Array, Index
 
 __all__ = ["System", "index1_system"]
 
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 ELIMINATION_LIMIT = 100
 """Unknowns up to which the elimination is one piece of compiled code.

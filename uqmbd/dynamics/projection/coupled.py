@@ -14,15 +14,14 @@ References
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from uqmbd.dynamics.equations.model import Model
 from uqmbd.dynamics.linear.accelerations import System
 from uqmbd.dynamics.linear.nodal import nodal_systems, right_sides
+from uqmbd.typing import Array
 
 __all__ = ["Coupled"]
 
-Array = NDArray[np.float64]
 
 SIMPLE = 6
 """Plain iterations before GMRES takes over."""

@@ -5,16 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from uqmbd.dynamics.integration.lock_step import LockStep, Out, longest_step
 from uqmbd.dynamics.integration.pace import pace
 from uqmbd.dynamics.projection.ensemble import ProjectedEnsemble
+from uqmbd.typing import Array, Index
 
 __all__ = ["ProjectedEquations", "lock_step"]
 
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 SOLVED = 1e-2
 """Accuracy of accelerations, over the tolerance of the integration."""

@@ -18,7 +18,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.linalg
-from numpy.typing import NDArray
 
 from uqmbd.dynamics.ensemble import Ensemble
 from uqmbd.dynamics.integration.prescribed import instant
@@ -26,14 +25,13 @@ from uqmbd.dynamics.integration.restarts import speed_jumps
 from uqmbd.dynamics.linear.accelerations import dense, state_arguments
 from uqmbd.dynamics.projection.coupled import Coupled
 from uqmbd.errors import AssemblyError
+from uqmbd.typing import Array
 
 if TYPE_CHECKING:
     from uqmbd.dynamics.projection.integrate import ProjectedTrajectories
 
 __all__ = ["ProjectedEnsemble", "ProjectedStart"]
 
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 ORTHONORMAL = 1e-9
 """Error of products of the basis, under the rule, that counts as rounding."""

@@ -8,18 +8,16 @@ from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from uqmbd.dynamics.integration.ida import RELAXED, diagnosis, step_limits, step_tolerance
 from uqmbd.dynamics.integration.pace import pace
 from uqmbd.dynamics.integration.prescribed import instant
 from uqmbd.dynamics.integration.sundials import solve
 from uqmbd.dynamics.projection.ensemble import ProjectedEnsemble
+from uqmbd.typing import Array
 
 __all__ = ["LINEAR_SOLVERS", "LinearSolver", "Run", "implicit"]
 
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 LinearSolver = Literal["auto", "dense", "sparse", "krylov-nodal", "krylov-mean"]
 LINEAR_SOLVERS: tuple[LinearSolver, ...] = ("auto", "dense", "sparse", "krylov-nodal", "krylov-mean")

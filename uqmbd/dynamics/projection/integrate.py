@@ -8,7 +8,6 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from uqmbd.dynamics.capabilities import INTEGRATORS, require, require_for
 from uqmbd.dynamics.checked import projected_off
@@ -19,10 +18,10 @@ from uqmbd.dynamics.projection.ensemble import ProjectedEnsemble
 from uqmbd.dynamics.projection.ida import LINEAR_SOLVERS, LinearSolver, implicit
 from uqmbd.errors import StudyError
 from uqmbd.plugins import integrator as integrator_of_plugin
+from uqmbd.typing import Array
 
 __all__ = ["ProjectedTrajectories", "Watch", "integrate_projected"]
 
-Array = NDArray[np.float64]
 
 Watch = Callable[[Array], bool]
 """Is given the coefficients (P, T, width) so far, NaN from the present time on; true: stop."""

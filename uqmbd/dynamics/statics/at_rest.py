@@ -17,16 +17,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from uqmbd.dynamics.ensemble import Ensemble
 from uqmbd.dynamics.linear.accelerations import RANK_TOLERANCE, dense, state_arguments
+from uqmbd.typing import Array, Index
 
 __all__ = ["Forces", "Rest", "apply", "tangents"]
-
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
-Mask = NDArray[np.bool_]
 
 
 def apply(matrices: Array, vectors: Array) -> Array:

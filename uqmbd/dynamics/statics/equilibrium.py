@@ -21,18 +21,15 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from uqmbd.dynamics.assembly.assembly import Start, assemble, velocities
 from uqmbd.dynamics.ensemble import Ensemble
 from uqmbd.dynamics.linear.accelerations import accelerations
 from uqmbd.dynamics.statics.at_rest import Forces, Rest, apply, tangents
+from uqmbd.typing import Array, Index, Mask
 
 __all__ = ["Equilibrium", "equilibrium_start", "static_equilibria"]
 
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
-Mask = NDArray[np.bool_]
 
 ITERATIONS = 200
 BLOCK = 256

@@ -23,10 +23,10 @@ from numpy.typing import NDArray
 
 from uqmbd.dynamics.ensemble import Ensemble
 from uqmbd.dynamics.statics.at_rest import Rest, apply, tangents
+from uqmbd.typing import Array
 
 __all__ = ["Modes", "linearise"]
 
-Array = NDArray[np.float64]
 
 ZERO = 1e-11
 """Stiffness, as a part of the largest one, that is no stiffness but rounding."""

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import sympy
-from numpy.typing import NDArray
 
 from uqmbd.dynamics.ensemble import Ensemble
 from uqmbd.dynamics.equations.block import Instance
@@ -23,14 +22,13 @@ from uqmbd.mechanism import AtEquilibrium, EventTime, MotionSymbol, Output, Scal
 from uqmbd.names import did_you_mean
 from uqmbd.randomness import RandomVariable
 from uqmbd.status import Status
+from uqmbd.typing import Array, Index
 
 if TYPE_CHECKING:
     from uqmbd.dynamics.integration.trajectories import Trajectories
 
 __all__ = ["ScalarMap", "ScalarValues", "scalar_map", "scalars_of"]
 
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 LASTING = ("rest", "lift-off", "stick", "slip")
 """Labels of what happens in a contact that lasts."""

@@ -10,15 +10,14 @@ from typing import Any, Literal
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
 from uqmbd.errors import IntegrationError, StudyError
 from uqmbd.randomness import GermBox, GermSpace
 from uqmbd.results import PiecewiseChaos, PolynomialChaos
+from uqmbd.typing import Array
 
 __all__ = ["ElementLimits", "ElementRefinement", "refine_elements"]
 
-Array = NDArray[np.float64]
 Compute = Callable[[Sequence[GermBox]], Sequence[PolynomialChaos]]
 
 TOGETHER = 0.25

@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from uqmbd.errors import StudyError
 from uqmbd.isolation import Isolated, release
@@ -20,6 +19,7 @@ from uqmbd.propagation.execution.progress import Progress
 from uqmbd.propagation.execution.workers import Crew
 from uqmbd.propagation.propagator import Propagator
 from uqmbd.propagation.timeless import propagated
+from uqmbd.typing import Array
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -30,7 +30,6 @@ if TYPE_CHECKING:
 
 __all__ = ["check_convergence", "converge"]
 
-Array = NDArray[np.float64]
 Method = Propagator | type[Propagator]
 
 SHAPES = ("mean_error_l2", "std_error_l2", "mean_error_max", "std_error_max", "stated_error")

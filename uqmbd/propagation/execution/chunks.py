@@ -23,6 +23,7 @@ from uqmbd.dynamics import (
 )
 from uqmbd.errors import StudyError
 from uqmbd.status import Status
+from uqmbd.typing import Array
 
 __all__ = [
     "CHUNK",
@@ -34,7 +35,6 @@ __all__ = [
     "not_finite_output",
 ]
 
-Array = NDArray[np.float64]
 
 CHUNK = 64
 """Realisations of a chunk: fixed by sample index, so that results depend neither on workers nor on their number."""

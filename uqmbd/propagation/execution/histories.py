@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uqmbd.dynamics import Ensemble, Hybrid, Lens, Model, off_constraints, position_jumps
+from uqmbd.typing import Array
 
 if TYPE_CHECKING:
     from uqmbd.propagation.problem import Problem
 
 __all__ = ["History", "event_histories", "segment_points"]
 
-Array = NDArray[np.float64]
 
 MARGIN = 1
 """Further segments that a realisation is followed for: others may have more of them within the output times."""

@@ -9,10 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uqmbd.dynamics import ScalarValues
+from uqmbd.typing import Array
 
 __all__ = ["Realisations"]
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

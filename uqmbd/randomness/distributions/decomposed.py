@@ -13,11 +13,10 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+
+from uqmbd.typing import Array
 
 __all__ = ["Law", "is_dependent"]
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,13 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from uqmbd.randomness.distributions.decomposed import Law, is_dependent
 
 __all__ = ["flaw_of"]
 
-Array = NDArray[np.float64]
 
 LEVELS = np.array([1e-3, 0.05, 0.25, 0.5, 0.75, 0.95, 1 - 1e-3])
 """Probabilities at which quantiles are looked at: within them even the heaviest tails are finite."""

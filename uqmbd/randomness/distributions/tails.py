@@ -6,13 +6,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from uqmbd.randomness.distributions.decomposed import Law
+from uqmbd.typing import Array
 
 __all__ = ["FEWEST", "Tail", "heaviest_tail", "tail_of"]
 
-Array = NDArray[np.float64]
 
 DEPTH = np.array([1e-4, 1e-5, 1e-8, 1e-9])
 """Probabilities between which tails are measured."""

@@ -8,16 +8,16 @@ from typing import Any
 
 import numpy as np
 import scipy.special
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from uqmbd.errors import StudyError
 from uqmbd.randomness.germs.quantile_tables import LARGEST, interpolate, probit
 from uqmbd.randomness.germs.recurrences import CLASSICAL, recurrence
 from uqmbd.randomness.index_sets import whole_number
+from uqmbd.typing import Array
 
 __all__ = ["Germ"]
 
-Array = NDArray[np.float64]
 
 STORED = 64
 """Recurrence coefficients that a classical germ carries; more are computed when asked for."""

@@ -6,9 +6,10 @@ import numpy as np
 import scipy.special
 from numpy.typing import NDArray
 
+from uqmbd.typing import Array
+
 __all__ = ["KNOTS", "interpolate", "invert", "probit"]
 
-Array = NDArray[np.float64]
 
 KNOTS: Array = np.linspace(-8.25, 8.25, 6601)
 """Points of a standard normal at which quantile functions are tabulated; probabilities 8e-17 to 1 - 1.1e-16."""

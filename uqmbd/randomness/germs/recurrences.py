@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
+
+from uqmbd.typing import Array
 
 __all__ = ["CLASSICAL", "recurrence"]
 
-Array = NDArray[np.float64]
 
 CLASSICAL = ("hermite", "legendre", "jacobi", "laguerre")
 """Families with a closed form, for any degree."""

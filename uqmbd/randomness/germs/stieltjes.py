@@ -7,14 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.special
-from numpy.typing import NDArray
 
 from uqmbd.randomness.distributions import Law
 from uqmbd.randomness.germs.quantile_tables import KNOTS
+from uqmbd.typing import Array
 
 __all__ = ["COUNT", "Discretised", "discretise", "discretise_quantiles", "lanczos"]
 
-Array = NDArray[np.float64]
 
 COUNT = 40
 """Recurrence coefficients that are computed: polynomials up to degree 39, Gauss rules of up to 40 nodes."""

@@ -7,17 +7,17 @@ from functools import lru_cache
 
 import numpy as np
 import scipy.special
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from uqmbd.errors import StudyError
 from uqmbd.randomness.germs.germ import STORED, Germ
 from uqmbd.randomness.germs.quantile_tables import KNOTS, interpolate, invert
 from uqmbd.randomness.germs.recurrences import recurrence
 from uqmbd.randomness.germs.stieltjes import COUNT, lanczos
+from uqmbd.typing import Array
 
 __all__ = ["TruncatedGerm", "cumulated", "median", "truncated"]
 
-Array = NDArray[np.float64]
 
 POINTS = 24
 """Nodes of the Gauss rule on each panel of a density."""

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from uqmbd.randomness.germs import Germ
+from uqmbd.typing import Array
 
 __all__ = ["nested_count", "nested_exactness", "nested_rule"]
-
-Array = NDArray[np.float64]
 
 
 def nested_count(germ: Germ, level: int) -> int:

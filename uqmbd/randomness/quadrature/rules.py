@@ -6,12 +6,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from uqmbd.errors import StudyError
 from uqmbd.randomness.index_sets import whole_number
 from uqmbd.randomness.quadrature.nested import nested_count, nested_exactness, nested_rule
 from uqmbd.randomness.space import GermSpace
+from uqmbd.typing import Array
 
 __all__ = [
     "MOST_NODES",
@@ -24,7 +25,6 @@ __all__ = [
     "tensor_rule",
 ]
 
-Array = NDArray[np.float64]
 
 MOST_NODES = 20_000_000
 """Numbers (nodes times germs) that a rule may hold; more is a mistake, and would fill the memory."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import cache
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from uqmbd.errors import StudyError
 from uqmbd.randomness.germs import Germ
@@ -17,11 +17,10 @@ from uqmbd.randomness.quadrature.rules import (
     tensor_rule,
 )
 from uqmbd.randomness.space import GermSpace
+from uqmbd.typing import Array, Index
 
 __all__ = ["combination_coefficients", "smolyak", "sparse_rule"]
 
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 RULES = ("gauss", "clenshaw-curtis")
 GROWTHS = ("slow", "linear")
@@ -140,7 +139,7 @@ def sparse_rule(space: GermSpace, levels: ArrayLike, growth: str = "slow", rule:
     return Quadrature(nodes, total[kept], exactness, f"sparse grid of {len(rows)} levels, {_described(rule, growth)}")
 
 
-def combination_coefficients(levels: ArrayLike) -> IntArray:
+def combination_coefficients(levels: ArrayLike) -> Index:
     """Return the factors of the tensor rules in the combination technique.
 
     Source: Gerstner and Griebel, Computing 71 (2003) 65.
@@ -212,7 +211,7 @@ class _Catalogue:
         return (*germ.gauss(count), 2 * count - 1)
 
 
-def _exactness(rows: IntArray, catalogues: list[_Catalogue]) -> int | None:
+def _exactness(rows: Index, catalogues: list[_Catalogue]) -> int | None:
     """Return the highest total degree whose monomials all belong to a product of spaces in the set."""
     members = {tuple(int(v) for v in row) for row in rows}
 

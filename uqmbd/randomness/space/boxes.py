@@ -15,7 +15,6 @@ from uqmbd.randomness.space.germ_space import GermSpace
 
 __all__ = ["GermBox", "located"]
 
-Array = NDArray[np.float64]
 
 NARROWEST = 2.0**-24
 """Probability of a germ's interval, within the germ, below which it is not divided."""

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import scipy.special
-from numpy.typing import NDArray
 
 from uqmbd.errors import StudyError
 from uqmbd.randomness.distributions import Tail, tail_of
@@ -17,10 +16,10 @@ from uqmbd.randomness.joint import in_blocks
 from uqmbd.randomness.space.families import normal_marginal, refuse_tail
 from uqmbd.randomness.space.marginals import Marginal
 from uqmbd.randomness.space.transforms import Coupled, Group, Rosenblatt, conditional_names
+from uqmbd.typing import Array
 
 __all__ = ["dependent_part", "nataf_correlation"]
 
-Array = NDArray[np.float64]
 
 Copula = tuple[tuple[Marginal, ...], Array]
 """Maps of standard normals to the inputs, and the correlation of those normals."""

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 import scipy.special
-from numpy.typing import NDArray
 
 from uqmbd.errors import StudyError
 from uqmbd.randomness.distributions import FEWEST, Law, Tail, heaviest_tail
@@ -16,7 +15,6 @@ from uqmbd.randomness.space.marginals import Marginal
 
 __all__ = ["independent_part", "normal_marginal", "refuse_tail"]
 
-Array = NDArray[np.float64]
 
 PROBE = np.array([1e-3, 0.05, 0.25, 0.5, 0.75, 0.95, 0.999])
 """Probabilities at which a recognised family is confirmed."""

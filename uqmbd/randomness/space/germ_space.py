@@ -6,13 +6,14 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from uqmbd.errors import StudyError
 from uqmbd.randomness.germs import Germ
 from uqmbd.randomness.space.parts import space_parts
 from uqmbd.randomness.space.storage import from_dataset, to_dataset
 from uqmbd.randomness.space.transforms import Group
+from uqmbd.typing import Array
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -21,8 +22,6 @@ if TYPE_CHECKING:
 
 __all__ = ["TRANSFORMS", "GermSpace"]
 
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 TRANSFORMS = ("rosenblatt", "nataf")
 """Transforms of dependent inputs to independent germs."""

@@ -5,13 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from uqmbd.randomness.germs import interpolate, invert
+from uqmbd.typing import Array
 
 __all__ = ["Marginal"]
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,19 +5,18 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from uqmbd.errors import StudyError
 from uqmbd.randomness.germs import Germ
 from uqmbd.randomness.space.marginals import Marginal
 from uqmbd.randomness.space.transforms import Coupled, Group, Rosenblatt
+from uqmbd.typing import Array
 
 if TYPE_CHECKING:
     import xarray as xr
 
 __all__ = ["from_dataset", "to_dataset"]
 
-Array = NDArray[np.float64]
 
 CONDITIONAL = {True: "conditional, standard normal", False: "conditional, uniform"}
 """Kinds of map that are not stored, by whether the germ is standard normal."""

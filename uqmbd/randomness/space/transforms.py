@@ -7,14 +7,12 @@ from typing import Protocol
 
 import numpy as np
 import scipy.special
-from numpy.typing import NDArray
 
 from uqmbd.errors import StudyError
 from uqmbd.randomness.space.marginals import Marginal
+from uqmbd.typing import Array
 
 __all__ = ["Coupled", "Group", "JointMap", "Rosenblatt", "conditional_names"]
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from uqmbd.errors import StudyError
 from uqmbd.report.figures.scales import log_axis
@@ -14,6 +13,7 @@ from uqmbd.report.figures.selection import Results, automatic_times, label_of, t
 from uqmbd.report.figures.style import arrange, axes_grid, limit_times, style
 from uqmbd.report.figures.surrogates import chaos_of, one_node, stated_error_of, times_of, varies_over_time
 from uqmbd.results import varies
+from uqmbd.typing import Array
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -21,7 +21,6 @@ if TYPE_CHECKING:
 
 __all__ = ["coefficient_decay", "horizon", "verification"]
 
-Array = NDArray[np.float64]
 
 LIMIT = 0.01
 """Error, relative to the standard deviation, up to which a surrogate is trusted."""

@@ -25,6 +25,7 @@ from uqmbd.report.figures.style import (
 )
 from uqmbd.report.figures.surrogates import chaos_nodes, finest, order_of, series, times_of
 from uqmbd.results import choose_reference
+from uqmbd.typing import Array
 from uqmbd.wording import format_integer
 
 if TYPE_CHECKING:
@@ -32,7 +33,6 @@ if TYPE_CHECKING:
 
 __all__ = ["Convergence", "differences", "order_convergence", "orders_of"]
 
-Array = NDArray[np.float64]
 
 _MARKERS = "osD^vP"
 

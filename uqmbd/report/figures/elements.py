@@ -6,19 +6,18 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
 from uqmbd.errors import StudyError
 from uqmbd.report.figures.scales import log_axis
 from uqmbd.report.figures.selection import Results, label_of, nodes_of, of_output
 from uqmbd.report.figures.style import arrange, single_axes, with_units, wrapped
+from uqmbd.typing import Array
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 __all__ = ["elements_in_words", "has_elements", "split_pattern"]
 
-Array = NDArray[np.float64]
 
 _BEYOND = 0.001
 """Probability of what lies beyond the frame at an end that is infinite."""

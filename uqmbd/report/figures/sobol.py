@@ -14,6 +14,7 @@ from uqmbd.report.figures.selection import Results, label_of, nodes_of, of_outpu
 from uqmbd.report.figures.style import arrange, axes_grid, limit_times, style, with_units, wrapped
 from uqmbd.report.figures.surrogates import finest, stated_error_of, surrogate_nodes, times_of, varies_over_time
 from uqmbd.results import varies
+from uqmbd.typing import Array
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -21,7 +22,6 @@ if TYPE_CHECKING:
 
 __all__ = ["Indices", "has_indices", "indices_of", "node_with_indices", "sobol_indices"]
 
-Array = NDArray[np.float64]
 
 NEGLIGIBLE = 0.02
 """Inputs whose total index never exceeds this, where the output spreads, are not shown one by one."""

@@ -23,6 +23,7 @@ from uqmbd.errors import StudyError
 from uqmbd.report.mechanism.sketch import Sketch, world
 from uqmbd.report.mechanism.stage import Shape, Stage, stage
 from uqmbd.report.mechanism.symbols import hull
+from uqmbd.typing import Array
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -31,7 +32,6 @@ if TYPE_CHECKING:
 
 __all__ = ["animate", "check_target", "gif", "motion", "poses", "with_motion"]
 
-Array = NDArray[np.float64]
 
 SECONDS = (3.0, 8.0)
 """Shortest and longest animation, unless one asks for another: shorter motions are slowed, longer ones hastened."""

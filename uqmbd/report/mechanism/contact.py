@@ -6,13 +6,11 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from uqmbd.report.mechanism.symbols import Pen, normals
+from uqmbd.typing import Array
 
 __all__ = ["across", "draw_contact", "extremes", "foot"]
-
-Array = NDArray[np.float64]
 
 
 def foot(origin: Array, normal: Array, point: Array) -> Array:

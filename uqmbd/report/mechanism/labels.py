@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+
+from uqmbd.typing import Array
 
 __all__ = ["Label", "Placed", "place"]
 
-Array = NDArray[np.float64]
 
 DISTANCES = (0.11, 0.17, 0.25, 0.36, 0.5, 0.7, 0.95, 1.25)  # inches
 ANGLES = np.deg2rad(np.arange(0, 360, 22.5))

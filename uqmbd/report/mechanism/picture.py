@@ -6,11 +6,11 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from uqmbd.report.mechanism.labels import Placed, place
 from uqmbd.report.mechanism.sketch import Sketch, world
 from uqmbd.report.mechanism.stage import Shape, Stage, stage
+from uqmbd.typing import Array
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
 
 __all__ = ["mechanism"]
 
-Array = NDArray[np.float64]
 
 MOST_NAMES = 60
 """Names in a picture; of more, bodies come first."""

@@ -23,6 +23,7 @@ from numpy.typing import ArrayLike, NDArray
 from uqmbd.errors import AssemblyError, RedundantConstraintWarning, StudyError, StudyWarning
 from uqmbd.propagation.deterministic import input_point, observed_model, stepped
 from uqmbd.status import Status
+from uqmbd.typing import Array
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -31,8 +32,6 @@ if TYPE_CHECKING:
     from uqmbd.propagation.study import Study
 
 __all__ = ["drawn_pose", "motion"]
-
-Array = NDArray[np.float64]
 
 
 def drawn_pose(mechanism: Mechanism, values: Mapping[str, float] | None = None, time: float = 0.0) -> xr.Dataset:

@@ -15,10 +15,10 @@ from uqmbd.report.mechanism.contact import across, draw_contact, extremes, foot
 from uqmbd.report.mechanism.labels import Label
 from uqmbd.report.mechanism.stage import Stage
 from uqmbd.report.mechanism.symbols import Pen
+from uqmbd.typing import Array
 
 __all__ = ["Sketch", "world"]
 
-Array = NDArray[np.float64]
 
 POINTLIKE = ("hinge", "ball", "universal", "weld", "rod", "spring", "damper", "")
 """Symbols whose point on the ground is shown as held by it."""

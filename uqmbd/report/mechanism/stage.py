@@ -11,7 +11,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
+
+from uqmbd.typing import Array
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -20,7 +21,6 @@ if TYPE_CHECKING:
 
 __all__ = ["Shape", "Stage", "stage"]
 
-Array = NDArray[np.float64]
 
 LEFT, RIGHT, BOTTOM, TOP = 0.72, 0.15, 0.5, 0.34  # inches around the axes
 SIDES = 0.68  # inches around the box of a spatial view, for ticks and labels

@@ -7,14 +7,13 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from uqmbd.report.figures.style import FAILED
 from uqmbd.report.mechanism.stage import Shape, Stage
+from uqmbd.typing import Array
 
 __all__ = ["Pen", "hull", "normals"]
 
-Array = NDArray[np.float64]
 
 RADIUS = 0.06  # inches: of a pin
 DARK = "0.15"

@@ -20,14 +20,13 @@ from uqmbd.results.chaos.surrogate import SAMPLES, ChaosInterface
 from uqmbd.results.schema.axes import Labels
 from uqmbd.results.schema.datasets import DEFAULT_PROBABILITIES
 from uqmbd.results.statistics.angles import circular_of_blocks
+from uqmbd.typing import Array, Index
 
 if TYPE_CHECKING:
     from uqmbd.randomness.space import GermBox, GermSpace
 
 __all__ = ["AlignedChaos", "AlignedElement"]
 
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 MOMENTS = 16_384
 """Samples of the surrogate for mean and standard deviation."""
@@ -104,7 +103,7 @@ class AlignedChaos(ChaosInterface):
     """
 
     elements: tuple[AlignedElement, ...]
-    multi_index: IntArray
+    multi_index: Index
     labels: Labels = field()
     verification_germs: Array | None = None
     verification_response: Array | None = None

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
 from uqmbd.results.chaos.sampling import basis_values, sample_quantiles, spread_germs
 from uqmbd.results.chaos.storage import chaos_arguments, chaos_dataset
@@ -15,10 +14,9 @@ from uqmbd.results.chaos.surrogate import SAMPLES
 from uqmbd.results.chaos.trust import ChaosTrust
 from uqmbd.results.schema.datasets import DEFAULT_PROBABILITIES
 from uqmbd.results.statistics.angles import circular_of_surrogate
+from uqmbd.typing import Array
 
 __all__ = ["PolynomialChaos"]
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from uqmbd.results.chaos.moments import constant_columns, standard_deviation
 from uqmbd.results.chaos.stated_error import first_above, reference_spread
+from uqmbd.typing import Array, Index
 
 __all__ = [
     "decay_rate",
@@ -22,20 +23,18 @@ __all__ = [
     "verdict_of_error",
 ]
 
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 # Amplitudes below this part of the standard deviation are rounding, and no longer decay.
 _ROUNDING = 1e-14
 
 
-def energy_of_orders(coefficients: Array, multi_index: IntArray) -> Array:
+def energy_of_orders(coefficients: Array, multi_index: Index) -> Array:
     """Return the sum of squared coefficients (N + 1, ...) of each total degree 0..N."""
     totals = multi_index.sum(axis=1)
     return _sums(coefficients, totals, int(totals.max()))
 
 
-def energy_of_germs(coefficients: Array, multi_index: IntArray) -> Array:
+def energy_of_germs(coefficients: Array, multi_index: Index) -> Array:
     """Return the sum of squared coefficients (d, N + 1, ...) of each germ's degrees 0..N."""
     top = int(multi_index.max(initial=0))
     return np.stack([_sums(coefficients, degrees, top) for degrees in multi_index.T])
@@ -65,7 +64,7 @@ def decay_rate(energy: Array) -> Array:
     return np.where(count >= 2, -slope + 0.0, np.nan)
 
 
-def top_order(multi_index: IntArray) -> tuple[int, NDArray[np.bool_]]:
+def top_order(multi_index: Index) -> tuple[int, NDArray[np.bool_]]:
     """Return the order of an index set, and which of its terms (P,) are on its edge.
 
     The order is the largest degree of any input. On the edge are the terms of the largest total degree, and those in
@@ -118,7 +117,7 @@ def error_words(error: Array, times: Array | None, limit: float) -> str:
 def verdict_of_decay(
     name: str,
     coefficients: Array,
-    multi_index: IntArray,
+    multi_index: Index,
     germs: Sequence[str],
     times: Array | None,
     tolerance: float,
@@ -161,7 +160,7 @@ def percent(value: float) -> str:
     return f"{100.0 * value:.2g} %" if value < 0.995 else f"{100.0 * value:.0f} %"
 
 
-def _sums(coefficients: Array, groups: IntArray, top: int) -> Array:
+def _sums(coefficients: Array, groups: Index, top: int) -> Array:
     """Sum squared coefficients (P, ...) by group number 0..top."""
     squares = coefficients.reshape(len(coefficients), -1) ** 2
     found = np.stack([squares[groups == n].sum(axis=0) for n in range(top + 1)])

@@ -6,17 +6,16 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from uqmbd.results.chaos.decay import decay_rate, energy_of_orders, percent
 from uqmbd.results.chaos.stated_error import reference_spread
+from uqmbd.typing import Array
 
 if TYPE_CHECKING:
     from uqmbd.results.chaos.trust import ChaosTrust
 
 __all__ = ["Discontinuity", "find_discontinuities"]
 
-Array = NDArray[np.float64]
 
 LARGE = 0.05
 """Stated error from which an output is suspected."""

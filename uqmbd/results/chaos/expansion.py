@@ -22,14 +22,13 @@ from uqmbd.results.chaos.sobol import (
 )
 from uqmbd.results.chaos.surrogate import FEWER, ChaosInterface
 from uqmbd.results.schema.axes import Labels
+from uqmbd.typing import Array, Index
 
 if TYPE_CHECKING:
     from uqmbd.randomness.space import GermSpace
 
 __all__ = ["ChaosStatistics"]
 
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 _Kind = TypeVar("_Kind", bound=np.generic)
 
 
@@ -38,7 +37,7 @@ class ChaosStatistics(ChaosInterface):
     """The data of :class:`uqmbd.results.PolynomialChaos`, and what follows from them without a sample."""
 
     coefficients: Array
-    multi_index: IntArray
+    multi_index: Index
     space: GermSpace
     labels: Labels
     verification_germs: Array | None = None
@@ -202,7 +201,7 @@ def _frozen(array: NDArray[_Kind]) -> NDArray[_Kind]:
     return array
 
 
-def _whole(values: Any) -> IntArray:
+def _whole(values: Any) -> Index:
     given = np.array(values)
     whole = given.astype(np.int64) if given.dtype.kind in "iuf" else np.zeros(0, dtype=np.int64)
     if whole.shape != given.shape or not np.array_equal(whole, given):

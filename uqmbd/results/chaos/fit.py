@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from uqmbd.errors import StudyError
+from uqmbd.typing import Array
 
 __all__ = ["LeastSquares", "NodeRegression", "least_squares", "one_thread", "project", "regress_on_nodes"]
 
-Array = NDArray[np.float64]
 
 _WORST_CONDITION = 1e12
 """Above this condition number of the basis at the samples, coefficients have lost most of their digits."""

@@ -11,14 +11,13 @@ from numpy.typing import NDArray
 from uqmbd.errors import StudyError
 from uqmbd.results.chaos.fit import one_thread
 from uqmbd.results.chaos.products import ProductTable, product_count, product_table
+from uqmbd.typing import Array, Index
 
 if TYPE_CHECKING:
     from uqmbd.randomness.germs import Germ
 
 __all__ = ["column_blocks", "constant_columns", "shape_route", "skewness_kurtosis", "standard_deviation"]
 
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 BLOCK_NUMBERS = 1_000_000
 """Numbers (8 bytes each) of the largest array of a block; three such arrays exist at once: 24 MB."""
@@ -60,7 +59,7 @@ def column_blocks(columns: int, rows: int) -> Iterator[slice]:
 
 
 def skewness_kurtosis(
-    coefficients: Array, multi_index: IntArray, germs: Sequence[Germ], route: str = "auto"
+    coefficients: Array, multi_index: Index, germs: Sequence[Germ], route: str = "auto"
 ) -> tuple[Array, Array]:
     r"""Compute the third and fourth standardised moments, exactly but for rounding.
 
@@ -106,7 +105,7 @@ def skewness_kurtosis(
     whole = varies.size == len(std)
     with one_thread():
         for part in column_blocks(varies.size, rows):
-            columns: slice | IntArray = part if whole else varies[part]
+            columns: slice | Index = part if whole else varies[part]
             unit = coefficients[:, columns] / std[columns]
             unit[0] = 0.0
             third, fourth = _by_grid(unit, index, involved) if table is None else _by_products(unit, table)
@@ -114,7 +113,7 @@ def skewness_kurtosis(
     return skewness, kurtosis
 
 
-def shape_route(coefficients: Array, multi_index: IntArray, germs: Sequence[Germ]) -> str:
+def shape_route(coefficients: Array, multi_index: Index, germs: Sequence[Germ]) -> str:
     """Return how skewness and kurtosis are found: by "grid", by "products", or by "samples" where these are too large.
 
     Parameters
@@ -128,7 +127,7 @@ def shape_route(coefficients: Array, multi_index: IntArray, germs: Sequence[Germ
     return _cheaper(multi_index[:, used], [germs[k] for k in used], varies) if varies and used else "grid"
 
 
-def _cheaper(index: IntArray, germs: Sequence[Germ], columns: int) -> str:
+def _cheaper(index: Index, germs: Sequence[Germ], columns: int) -> str:
     degrees = index.max(axis=0)
     sizes, counts = degrees + 1.0, np.array(_node_counts(index, germs), dtype=float)
     nodes = float(np.prod(counts))
@@ -148,13 +147,13 @@ def _cheaper(index: IntArray, germs: Sequence[Germ], columns: int) -> str:
     return "grid" if grid <= products else "products"
 
 
-def _node_counts(index: IntArray, germs: Sequence[Germ]) -> list[int]:
+def _node_counts(index: Index, germs: Sequence[Germ]) -> list[int]:
     """Nodes of the rules that are exact for the fourth power; a discrete germ needs no more than it has values."""
     tops = zip(index.max(axis=0).tolist(), germs, strict=True)
     return [min(2 * q + 1, len(g.alpha)) if g.family == "discrete" else 2 * q + 1 for q, g in tops]
 
 
-def _by_grid(unit: Array, index: IntArray, germs: Sequence[Germ]) -> tuple[Array, Array]:
+def _by_grid(unit: Array, index: Index, germs: Sequence[Germ]) -> tuple[Array, Array]:
     """E f^3 and E f^4 (C,) of coefficients (P, C), one input after another."""
     degrees = index.max(axis=0)
     values = np.zeros((int(np.prod(degrees + 1)), unit.shape[1]))

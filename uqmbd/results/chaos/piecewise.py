@@ -23,14 +23,13 @@ from uqmbd.results.chaos.surrogate import SAMPLES, ChaosInterface
 from uqmbd.results.schema.axes import Labels, fixed_width
 from uqmbd.results.schema.datasets import DEFAULT_PROBABILITIES
 from uqmbd.results.statistics.angles import circular_of_blocks
+from uqmbd.typing import Array, Index
 
 if TYPE_CHECKING:
     from uqmbd.randomness.space import GermBox, GermSpace
 
 __all__ = ["PiecewiseChaos", "chaos_from_dataset"]
 
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 REMEDY = "allow more elements, or raise the order"
 
@@ -122,7 +121,7 @@ class PiecewiseChaos(ChaosInterface):
         return np.array([box.probability for box in self.boxes])
 
     @cached_property
-    def multi_index(self) -> IntArray:
+    def multi_index(self) -> Index:
         """Degrees of all terms that any element has, shape (P, d), the mean first."""
         terms = {tuple(row) for element in self.elements for row in element.multi_index.tolist()}
         ordered = sorted(terms, key=lambda row: (sum(row), [-k for k in row]))
@@ -375,7 +374,7 @@ class PiecewiseChaos(ChaosInterface):
         found: Array = np.einsum("e,e...->...", self.probabilities, values) / self.probabilities.sum()
         return found
 
-    def _weighted(self, energies: Callable[[Array, IntArray], Array]) -> Array:
+    def _weighted(self, energies: Callable[[Array, Index], Array]) -> Array:
         return self._merged(np.stack([energies(local, self.multi_index) for local in self.coefficients]))
 
     def _closed(self, germs: list[int]) -> Array:

@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
+
+from uqmbd.typing import Array, Index
 
 if TYPE_CHECKING:
     from uqmbd.randomness.germs import Germ
@@ -14,13 +15,11 @@ if TYPE_CHECKING:
 
 __all__ = ["closed_variance"]
 
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 Interval = tuple[float, float]
 
 
 def closed_variance(
-    coefficients: Array, multi_index: IntArray, boxes: Sequence[GermBox], mean: Array, germs: Sequence[int]
+    coefficients: Array, multi_index: Index, boxes: Sequence[GermBox], mean: Array, germs: Sequence[int]
 ) -> Array:
     r"""Compute :math:`\mathrm{Var}(E[f | \xi_S])` of outputs that are a polynomial in each of some boxes.
 

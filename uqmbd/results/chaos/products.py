@@ -7,15 +7,14 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
+
+from uqmbd.typing import Array, Index
 
 if TYPE_CHECKING:
     from uqmbd.randomness.germs import Germ
 
 __all__ = ["ProductTable", "product_count", "product_table"]
 
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 # A linearisation coefficient below this, relative to the largest of its pair, is rounding of a zero.
 _ZERO = 1e-12
@@ -37,13 +36,13 @@ class ProductTable:
         Q.
     """
 
-    pairs: IntArray
+    pairs: Index
     matrix: Any
-    position: IntArray
+    position: Index
     terms: int
 
 
-def product_count(index: IntArray, germs: Sequence[Germ]) -> tuple[int, int]:
+def product_count(index: Index, germs: Sequence[Germ]) -> tuple[int, int]:
     """Return the number of pairs of terms (i <= j, without the mean), and of all their non-zero products."""
     tables = [_nonzeros(germ, int(top))[0] for germ, top in zip(germs, index.max(axis=0), strict=True)]
     terms = len(index) - 1
@@ -56,7 +55,7 @@ def product_count(index: IntArray, germs: Sequence[Germ]) -> tuple[int, int]:
     return terms * (terms + 1) // 2, int(total)
 
 
-def product_table(index: IntArray, germs: Sequence[Germ]) -> ProductTable:
+def product_table(index: Index, germs: Sequence[Germ]) -> ProductTable:
     """Tabulate the products of all pairs of terms.
 
     The mean (term 0) is left out: the chaos is meant to be central.
@@ -96,13 +95,13 @@ def product_table(index: IntArray, germs: Sequence[Germ]) -> ProductTable:
     return ProductTable(pairs, matrix, own, span)
 
 
-def _renumbered(key: IntArray, own: IntArray) -> tuple[IntArray, IntArray, int]:
+def _renumbered(key: Index, own: Index) -> tuple[Index, Index, int]:
     """Replace keys by their ranks among all keys."""
     distinct, ranks = np.unique(np.concatenate([key, own]), return_inverse=True)
     return ranks[: len(key)], ranks[len(key) :], len(distinct)
 
 
-def _nonzeros(germ: Germ, top: int) -> tuple[IntArray, IntArray, IntArray, Array]:
+def _nonzeros(germ: Germ, top: int) -> tuple[Index, Index, Index, Array]:
     """Non-zeros of E[p_i p_j p_k]: their number and start for each pair (i, j), and for each the degree k and value."""
     table = germ.linearisation(top)
     kept = np.abs(table) > _ZERO * np.abs(table).max(axis=2, keepdims=True)

@@ -6,10 +6,11 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from uqmbd.errors import StudyError
 from uqmbd.results.chaos.fit import one_thread
+from uqmbd.typing import Array, Index
 
 if TYPE_CHECKING:
     from uqmbd.randomness.space import GermSpace
@@ -25,8 +26,6 @@ __all__ = [
     "spread_germs",
 ]
 
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 ROWS = 4096
 """Germ points at which the basis is evaluated at once."""
@@ -73,7 +72,7 @@ def affordable(wanted: int, terms: int, columns: int) -> int:
 
 
 def sampled_shape(
-    space: GermSpace, coefficients: Array, multi_index: IntArray, std: Array, samples: int
+    space: GermSpace, coefficients: Array, multi_index: Index, std: Array, samples: int
 ) -> tuple[Array, Array]:
     """Estimate skewness and kurtosis from evenly spread samples of the surrogate.
 
@@ -109,7 +108,7 @@ def sampled_shape(
     return skewness, kurtosis
 
 
-def basis_values(space: GermSpace, germs: Array, multi_index: IntArray) -> Array:
+def basis_values(space: GermSpace, germs: Array, multi_index: Index) -> Array:
     """Evaluate the basis (K, P), some thousand points at a time."""
     found = np.empty((len(germs), len(multi_index)))
     for start in range(0, len(germs), ROWS):

@@ -5,44 +5,40 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from uqmbd.results.chaos.fit import one_thread
 from uqmbd.results.chaos.moments import column_blocks, constant_columns, standard_deviation
+from uqmbd.typing import Array, Index, Mask
 
 __all__ = ["first_order_masks", "interaction_mask", "second_order_masks", "total_order_masks", "variance_shares"]
 
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
 
-
-def first_order_masks(multi_index: IntArray) -> BoolArray:
+def first_order_masks(multi_index: Index) -> Mask:
     """Mark, for each germ, the terms (d, P) that involve it alone."""
     involved = multi_index > 0
     return np.asarray((involved & (involved.sum(axis=1, keepdims=True) == 1)).T)
 
 
-def total_order_masks(multi_index: IntArray) -> BoolArray:
+def total_order_masks(multi_index: Index) -> Mask:
     """Mark, for each germ, the terms (d, P) that involve it."""
     return (multi_index > 0).T
 
 
-def interaction_mask(multi_index: IntArray, columns: Sequence[int]) -> BoolArray:
+def interaction_mask(multi_index: Index, columns: Sequence[int]) -> Mask:
     """Mark the terms (P,) that involve all of the given germs and no other."""
     wanted = np.zeros(multi_index.shape[1], dtype=bool)
     wanted[list(columns)] = True
     return np.asarray(np.all((multi_index > 0) == wanted, axis=1))
 
 
-def second_order_masks(multi_index: IntArray) -> BoolArray:
+def second_order_masks(multi_index: Index) -> Mask:
     """Mark, for each pair of different germs (in the order of ``numpy.triu_indices(d, 1)``), its terms."""
     pairs = np.stack(np.triu_indices(multi_index.shape[1], 1), axis=1).tolist()
     masks = [interaction_mask(multi_index, pair) for pair in pairs]
     return np.array(masks, dtype=bool).reshape(-1, len(multi_index))
 
 
-def variance_shares(coefficients: Array, masks: BoolArray, std: Array | None = None) -> Array:
+def variance_shares(coefficients: Array, masks: Mask, std: Array | None = None) -> Array:
     """Return which share of the variance each group of terms carries.
 
     Parameters

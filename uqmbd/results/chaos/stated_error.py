@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from uqmbd.results.chaos.moments import constant_columns
+from uqmbd.typing import Array
 
 __all__ = ["SPREAD_FLOOR", "first_above", "reference_spread", "stated_error"]
 
-Array = NDArray[np.float64]
 
 SPREAD_FLOOR = 0.01
 """Where the standard deviation is smaller than this part of its maximum over time, that part stands in for it."""

@@ -9,20 +9,20 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import xarray as xr
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from uqmbd.errors import StudyError
 from uqmbd.results.chaos.sampling import affordable, kernel_density, random_germs, spread_germs
 from uqmbd.results.chaos.stated_error import first_above
 from uqmbd.results.schema.axes import Labels, fixed_width
 from uqmbd.results.schema.datasets import DEFAULT_PROBABILITIES, statistics_dataset
+from uqmbd.typing import Array
 
 if TYPE_CHECKING:
     from uqmbd.randomness.space import GermSpace
 
 __all__ = ["FEWER", "SAMPLES", "ChaosInterface"]
 
-Array = NDArray[np.float64]
 
 SAMPLES = 16384
 """Samples of the surrogate for quantiles and densities, unless another number is given."""

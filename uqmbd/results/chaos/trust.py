@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
 from uqmbd.errors import StudyError
 from uqmbd.results.chaos import decay as decaying
@@ -15,10 +14,9 @@ from uqmbd.results.chaos.expansion import ChaosStatistics
 from uqmbd.results.chaos.moments import constant_columns
 from uqmbd.results.chaos.stated_error import stated_error
 from uqmbd.results.schema.axes import fixed_width
+from uqmbd.typing import Array
 
 __all__ = ["ChaosTrust"]
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False, repr=False)

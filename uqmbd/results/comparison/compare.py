@@ -16,10 +16,10 @@ from uqmbd.results.comparison.recommendation import loose, recommend
 from uqmbd.results.comparison.statements import own_statements
 from uqmbd.results.comparison.verdicts import COARSE, NO_SPREAD, REFERENCE, ROUGH, Verdict, verdicts
 from uqmbd.results.statistics.spread import rtol_of
+from uqmbd.typing import Array
 
 __all__ = ["choose_reference", "compare"]
 
-Array = NDArray[np.float64]
 
 LEVEL = 0.05
 """How often, at most, methods that agree may be said to differ, in all outputs and times of all methods together."""

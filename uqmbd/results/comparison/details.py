@@ -12,10 +12,9 @@ from numpy.typing import NDArray
 
 from uqmbd.results.comparison.distances import distances, ks_by_chance, realisations_at
 from uqmbd.results.comparison.own_error import OwnError
+from uqmbd.typing import Array
 
 __all__ = ["counters", "distributions", "quantiles"]
-
-Array = NDArray[np.float64]
 
 
 def quantiles(found: xr.Dataset, base: xr.Dataset) -> Array:

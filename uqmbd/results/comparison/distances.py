@@ -6,15 +6,14 @@ from collections.abc import Sequence
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
 from uqmbd.errors import UqmbdError
 from uqmbd.results.chaos.sampling import spread_germs
 from uqmbd.status import Status
+from uqmbd.typing import Array
 
 __all__ = ["distances", "ks_by_chance", "realisations_at"]
 
-Array = NDArray[np.float64]
 
 SURROGATE_SAMPLES = 4096
 

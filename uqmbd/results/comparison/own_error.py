@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from uqmbd.results.chaos.stated_error import reference_spread
 from uqmbd.results.statistics.spread import integration_error, varying
 from uqmbd.status import Status
+from uqmbd.typing import Array
 
 __all__ = ["OwnError", "own_error", "over_time", "root_mean_square"]
 
-Array = NDArray[np.float64]
 
 MOST_SAMPLES = 500
 """Samples from which the dependence of neighbouring times is found."""

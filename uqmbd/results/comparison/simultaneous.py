@@ -9,11 +9,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
+
+from uqmbd.typing import Array
 
 __all__ = ["chance", "curve_length", "pointwise_level", "student"]
-
-Array = NDArray[np.float64]
 
 
 def curve_length(parts: Sequence[Array]) -> float:

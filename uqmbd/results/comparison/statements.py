@@ -6,7 +6,6 @@ from collections.abc import Mapping
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
 from uqmbd.results.chaos.decay import stated_words, verdict_of_decay
 from uqmbd.results.comparison.own_error import OwnError, own_error
@@ -14,7 +13,6 @@ from uqmbd.results.statistics.spread import rtol_of
 
 __all__ = ["LIMIT", "NO_SPREAD", "STILL", "own_statements", "statements"]
 
-Array = NDArray[np.float64]
 
 LIMIT = 0.01
 """Error, relative to the standard deviation, up to which a surrogate is trusted."""

@@ -12,10 +12,10 @@ from uqmbd.results.chaos.decay import error_words
 from uqmbd.results.comparison.own_error import OwnError, root_mean_square
 from uqmbd.results.comparison.simultaneous import curve_length, pointwise_level, student
 from uqmbd.results.comparison.statements import LIMIT, NO_SPREAD, STILL
+from uqmbd.typing import Array
 
 __all__ = ["AGREES", "DIFFERS", "FEW", "NO_SPREAD", "REFERENCE", "UNDER_RESOLVED", "Verdict", "percent", "verdicts"]
 
-Array = NDArray[np.float64]
 
 REFERENCE, AGREES, DIFFERS = "reference", "agrees", "differs"
 UNDER_RESOLVED, FEW = "under-resolved", "too few samples"

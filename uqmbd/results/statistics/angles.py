@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from uqmbd.results.chaos.fit import one_thread
 from uqmbd.results.statistics.circular import circular_mean, circular_std
+from uqmbd.typing import Array
 
 __all__ = ["circular_of_blocks", "circular_of_samples", "circular_of_surrogate"]
 
-Array = NDArray[np.float64]
 
 BLOCK_NUMBERS = 1_000_000
 """Angles (8 bytes each) that are averaged at once."""

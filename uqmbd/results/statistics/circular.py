@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from uqmbd.errors import StudyError
+from uqmbd.typing import Array
 
 __all__ = [
     "circular_mean",
@@ -17,7 +18,6 @@ __all__ = [
     "weighted_mean",
 ]
 
-Array = NDArray[np.float64]
 
 ROUNDING = 32.0 * np.finfo(float).eps
 """Below this length, relative to single directions, a mean direction is rounding."""

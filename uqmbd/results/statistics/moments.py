@@ -5,13 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from uqmbd.errors import StudyError
+from uqmbd.typing import Array
 
 __all__ = ["Moments"]
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -5,13 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from uqmbd.results.statistics.moments import Moments
+from uqmbd.typing import Array
 
 __all__ = ["replicate_errors"]
-
-Array = NDArray[np.float64]
 
 
 def replicate_errors(replicates: Sequence[Moments]) -> tuple[Array, Array]:

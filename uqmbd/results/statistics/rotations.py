@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from uqmbd.errors import StudyError
 from uqmbd.results.statistics.circular import ROUNDING, unit_vectors, weighted_mean
+from uqmbd.typing import Array
 
 __all__ = ["mean_rotation", "rotation_std"]
-
-Array = NDArray[np.float64]
 
 
 def mean_rotation(quaternions: ArrayLike, axis: int = 0, weights: ArrayLike | None = None) -> Array:

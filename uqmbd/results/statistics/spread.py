@@ -6,9 +6,10 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from uqmbd.typing import Array
+
 __all__ = ["integration_error", "rtol_of", "settled", "varies", "varying"]
 
-Array = NDArray[np.float64]
 
 FACTOR = 3.0
 """Standard deviations up to so many integration errors count as none: the error is measured at few realisations."""

@@ -16,10 +16,9 @@ from uqmbd.results.schema.axes import Labels
 from uqmbd.results.schema.datasets import SCHEMA_VERSION
 from uqmbd.results.storage.hdf5 import NetcdfFile, WriteError, netcdf_file
 from uqmbd.results.storage.unfinished import how_to_go_on
+from uqmbd.typing import Array
 
 __all__ = ["SampleFile", "sample_file"]
-
-Array = NDArray[np.float64]
 
 
 class SampleFile:
