@@ -483,7 +483,7 @@ def test_digits_follow_the_spread(mean, std, text):
 
 def test_example_of_the_readme_runs(tmp_path):
     """The first Python fence of the README is a study script, and the command line does what it says of it."""
-    readme = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
+    readme = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
     (tmp_path / "pendulum.py").write_text(readme.split("```python\n")[1].split("```")[0])
     command = [sys.executable, "-m", "uqmbd.cli", "run", "pendulum.py", "--set", "monte-carlo.samples=8"]
     run = subprocess.run(command, capture_output=True, text=True, check=False, cwd=tmp_path)

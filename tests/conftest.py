@@ -1,4 +1,4 @@
-"""What all verification tests share: vector outputs, the energy along a motion, and comparison at a scale."""
+"""What tests share: vector outputs, the energy along a motion, comparison at a scale, projected mechanisms."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ import pytest
 
 import uqmbd
 from uqmbd.dynamics import Ensemble, build, integrate
+
+from .mechanisms import oscillator, pendulum, slider_crank, spatial_pendulum
 
 
 @pytest.fixture(scope="session")
@@ -105,3 +107,28 @@ def matrix():
         return np.eye(3) + 2 * a * cross + 2 * cross @ cross
 
     return rotation
+
+
+@pytest.fixture(scope="session")
+def mechanisms():
+    """Makers of mechanisms with random inputs, by name."""
+    return {
+        "pendulum": pendulum,
+        "slider_crank": slider_crank,
+        "spatial_pendulum": spatial_pendulum,
+        "oscillator": oscillator,
+    }
+
+
+@pytest.fixture(scope="session")
+def project():
+    """Project a mechanism: the projected ensemble of an order, with Gauss nodes."""
+
+    def make(mechanism, order, nodes=None, index_set="total", **options):
+        space = uqmbd.GermSpace.of(mechanism.inputs)
+        terms = uqmbd.index_set(space.dimension, order, index_set)
+        rule = uqmbd.gauss_tensor(space, nodes or order + 1)
+        ensemble = Ensemble(build(mechanism, **options), space.to_inputs(rule.nodes))
+        return uqmbd.ProjectedEnsemble(ensemble, space.evaluate(rule.nodes, terms), rule.weights)
+
+    return make

@@ -1,14 +1,11 @@
-"""Mechanisms that the tests of the Galerkin propagator share, and how they are projected."""
+"""Makers of small mechanisms with random inputs that several folders of tests share."""
 
 from __future__ import annotations
 
 import chaospy
-import numpy as np
-import pytest
 import sympy
 
 import uqmbd
-from uqmbd.dynamics import Ensemble, build
 from uqmbd_joints import Prismatic, Revolute, Spherical
 from uqmbd_springs import PointForce, SpringDamper, Torque
 
@@ -81,41 +78,3 @@ def oscillator(stiffness, damping=0.0, mass=1.0, velocity=None):
     mechanism.add(SpringDamper("spring", mechanism.ground, body, (0, 0), (0, 0), stiffness, damping))
     mechanism.output("x", body.position[0], units="m")
     return mechanism
-
-
-@pytest.fixture(scope="session")
-def mechanisms():
-    """Makers of mechanisms by name."""
-    return {
-        "pendulum": pendulum,
-        "slider_crank": slider_crank,
-        "spatial_pendulum": spatial_pendulum,
-        "oscillator": oscillator,
-    }
-
-
-@pytest.fixture(scope="session")
-def project():
-    """Project a mechanism: the projected ensemble of an order, with Gauss nodes."""
-
-    def make(mechanism, order, nodes=None, index_set="total", **options):
-        space = uqmbd.GermSpace.of(mechanism.inputs)
-        terms = uqmbd.index_set(space.dimension, order, index_set)
-        rule = uqmbd.gauss_tensor(space, nodes or order + 1)
-        ensemble = Ensemble(build(mechanism, **options), space.to_inputs(rule.nodes))
-        return uqmbd.ProjectedEnsemble(ensemble, space.evaluate(rule.nodes, terms), rule.weights)
-
-    return make
-
-
-@pytest.fixture(scope="session")
-def deviation():
-    """Largest difference of the statistics of two results, over the largest standard deviation, by output."""
-
-    def compare(found, expected, name="std", outputs=None):
-        a, b = (x["statistics"] for x in (found, expected))
-        names = list(b["output"].values) if outputs is None else outputs
-        a, b = a.sel(output=names), b.sel(output=names)
-        return (np.abs(a[name] - b[name]).max("time") / b["std"].max("time")).values
-
-    return compare
