@@ -6,7 +6,7 @@ import numpy as np
 import xarray as xr
 
 import uqmbd
-from uqmbd.typing import Array
+from uqmbd.typing import Array, Index
 
 __all__ = ["diagnostics"]
 
@@ -15,7 +15,7 @@ SINGULAR_VALUES = 9
 """Times at which singular values are computed."""
 
 
-def diagnostics(projected: uqmbd.ProjectedEnsemble, times: Array, coefficients: Array, terms: Array) -> xr.Dataset:
+def diagnostics(projected: uqmbd.ProjectedEnsemble, times: Array, coefficients: Array, terms: Index) -> xr.Dataset:
     """Follow invariants of the projected motion.
 
     Parameters

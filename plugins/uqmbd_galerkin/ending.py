@@ -9,7 +9,7 @@ import xarray as xr
 
 import uqmbd
 from uqmbd.results import PolynomialChaos
-from uqmbd.typing import Array
+from uqmbd.typing import Array, Mask
 from uqmbd_galerkin.verification import horizons
 
 __all__ = ["finished", "padded", "warn"]
@@ -77,7 +77,7 @@ def _listed(horizon: dict[str, float]) -> str:
 
 def finished(coefficients: Array) -> int:
     """How many times are computed."""
-    good = np.isfinite(coefficients).all(axis=(0, 2))
+    good: Mask = np.asarray(np.isfinite(coefficients).all(axis=(0, 2)))
     return int(np.argmin(good)) if not good.all() else len(good)
 
 

@@ -123,10 +123,12 @@ class Galerkin(uqmbd.Propagator):
             if getattr(self, name) not in known:
                 listed = ", ".join(map(repr, known))
                 raise uqmbd.StudyError(f"Galerkin: {name} is {getattr(self, name)!r}; expected one of {listed}.")
-        if isinstance(self.nodes, (int, np.integer)):
-            object.__setattr__(self, "nodes", (int(self.nodes),))
         if self.nodes is not None:
-            given: Any = self.nodes if isinstance(self.nodes, (tuple, list)) else (None,)
+            given: Any = self.nodes  # as anybody may have given it
+            if isinstance(given, (int, np.integer)):
+                given = (int(given),)
+            elif not isinstance(given, (tuple, list)):
+                given = (None,)
             if not given or not all(isinstance(x, (int, np.integer)) and x > 0 for x in given):
                 raise uqmbd.StudyError(
                     f"Galerkin: nodes is {self.nodes!r}; expected a number of Gauss nodes above 0, or one per input."
@@ -155,8 +157,8 @@ class Galerkin(uqmbd.Propagator):
                 "Galerkin: samples is given, but rule='gauss' is a grid; give nodes, or a rule of samples, as 'sobol'."
             )
         if self.weights is not None:
-            listed = self.weights if isinstance(self.weights, (tuple, list)) else (None,)
-            if not listed or not all(isinstance(x, (int, float, np.number)) and x > 0 for x in listed):
+            each: Any = self.weights if isinstance(self.weights, (tuple, list)) else (None,)
+            if not each or not all(isinstance(x, (int, float, np.number)) and x > 0 for x in each):
                 raise uqmbd.StudyError(
                     f"Galerkin: weights is {self.weights!r}; expected one positive number for each input."
                 )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -116,8 +116,8 @@ def _remedy(options: Galerkin, space: uqmbd.GermSpace) -> str:
     work = MOST_WORK
     for order in range(options.order, 0, -1):
         for kind in sets:
-            given = {"rule": "sobol", "samples": 1, "level": None, "nodes": None, "elements": None, "label": None}
-            tried = replace(options, order=order, index_set=kind, **given)
+            given: dict[str, Any] = {"order": order, "index_set": kind, "rule": "sobol", "samples": 1}
+            tried = replace(options, **given, level=None, nodes=None, elements=None, label=None)
             try:
                 terms = basis(tried, space)
             except uqmbd.StudyError:

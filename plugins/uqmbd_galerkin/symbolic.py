@@ -15,6 +15,7 @@ No quadrature and no equation of motion of a realisation enters.
 from __future__ import annotations
 
 from collections import defaultdict
+from collections.abc import Callable
 from functools import cache, cached_property
 from itertools import product
 from math import factorial, prod
@@ -104,7 +105,7 @@ class VariationalWork:
             variable: sympy.Rational(float(a)) + sympy.Rational(float(b)) * germ
             for variable, a, b, germ in zip(mechanism.inputs.variables, base, slope, self.germs, strict=True)
         }
-        norms = {"hermite": factorial, "legendre": lambda k: 1 / (2 * k + 1)}
+        norms: dict[str, Callable[[int], Any]] = {"hermite": factorial, "legendre": lambda k: 1 / (2 * k + 1)}
         squares = [prod(norms[f](k) for f, k in zip(self.families, row, strict=True)) for row in self.degrees]
         self.norms = np.sqrt(np.array(squares, dtype=float))
 

@@ -29,7 +29,7 @@ class Cylindrical(Parallel2):
         frame_i, frame_j = uqmbd.joint_frames(self.axis_i, self.axis_j)
         return {**super().prepare(), "frame_i": frame_i, "frame_j": frame_j}
 
-    def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.Constraint]:
+    def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.Constraint | uqmbd.Auxiliary]:
         """Yield the geometry."""
         yield from super().terms(p)
         relative = uqmbd.relative_quaternion(p.body_i.attitude(p.frame_i), p.body_j.attitude(p.frame_j))

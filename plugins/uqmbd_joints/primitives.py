@@ -73,7 +73,7 @@ class Parallel2(uqmbd.Component):
             return {"normals": [*uqmbd.perpendiculars(self.axis_i)[0], *uqmbd.perpendiculars(self.axis_i)[1]]}
         return {"normals": [-self.axis_i[1], self.axis_i[0]]}
 
-    def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.Constraint]:
+    def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.Constraint | uqmbd.Auxiliary]:
         """Yield the geometry."""
         d = p.space.dimension
         offset = p.body_j.point(p.point_j) - p.body_i.point(p.point_i)

@@ -67,7 +67,7 @@ class Gravity(uqmbd.Component):
 
     def prepare(self) -> dict[str, Any]:
         """Take mass and centre of mass from the body."""
-        body = self.attached["body"]
+        body: Any = self.attached["body"]
         return {"mass": body.mass, "com": tuple(body.com)}
 
     def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.Potential]:
