@@ -118,9 +118,9 @@ def test_results_are_stored_before_report_and_motion_can_fail(cli, tmp_path, mon
 
 
 def test_comparison_that_fails_costs_nothing_but_itself(cli, tmp_path, monkeypatch):
-    import uqmbd.results.schema.nodes
+    import uqmbd.results.tree
 
-    monkeypatch.setattr(uqmbd.results.schema.nodes, "compare_both", failing)
+    monkeypatch.setattr(uqmbd.results.tree, "compare_both", failing)
     methods = "MonteCarlo(samples=8, seed=1), Collocation(order=1, verify=0)"
     status, out, err = cli("run", "fall.py", "--out", "r", methods=methods)
     assert (status, "no ink" in out) == (0, True), err

@@ -20,7 +20,7 @@ from uqmbd.errors import MethodFailedWarning, StudyError, UqmbdError
 from uqmbd.isolation import Isolated
 from uqmbd.propagation.execution.run_folder import claimed, set_aside
 from uqmbd.propagation.script import load_study
-from uqmbd.results.storage.unfinished import FOLDER
+from uqmbd.results.storage import FOLDER
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -150,7 +150,7 @@ def units_of(statistics: xr.Dataset) -> list[str]:
 
 def _final(node: xr.DataTree, output: int) -> str:
     from uqmbd.results import varying
-    from uqmbd.results.statistics.spread import rtol_of
+    from uqmbd.results.statistics import rtol_of
 
     whole = node["statistics"].to_dataset()
     statistics = whole.isel(output=output)

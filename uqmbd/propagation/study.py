@@ -285,7 +285,7 @@ class Study:
             If the mechanism cannot be used, or no method succeeded: then that of the first one, or whatever it raised.
         """
         from uqmbd.propagation.execution.run_folder import claimed
-        from uqmbd.results.storage.unfinished import clear, computed, reopen
+        from uqmbd.results.storage import clear, computed, reopen
 
         if not self.propagators:
             raise StudyError(

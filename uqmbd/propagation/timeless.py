@@ -12,7 +12,7 @@ from uqmbd.errors import StudyError, UnusedInputWarning
 from uqmbd.propagation.accuracy import with_integration_error
 from uqmbd.propagation.execution.chunks import integrated_by
 from uqmbd.results import InputInfo, Labels, with_scalars
-from uqmbd.results.statistics.spread import settled
+from uqmbd.results.statistics import settled
 
 if TYPE_CHECKING:
     from uqmbd.propagation.problem import Problem

@@ -28,7 +28,7 @@ from uqmbd.report.sections.motion import moving_picture
 from uqmbd.report.sections.outputs import outputs
 from uqmbd.report.sections.trust import influence, trust
 from uqmbd.results import propagator_nodes, scalar_nodes
-from uqmbd.results.statistics.spread import rtol_of
+from uqmbd.results.statistics import rtol_of
 
 __all__ = ["Section", "write_report"]
 

@@ -2,36 +2,64 @@
 
 from __future__ import annotations
 
-from uqmbd.results.chaos.aligned import AlignedChaos, AlignedElement
-from uqmbd.results.chaos.chaos import PolynomialChaos
-from uqmbd.results.chaos.fit import LeastSquares, NodeRegression, least_squares, project, regress_on_nodes
-from uqmbd.results.chaos.of_dataset import surrogate
-from uqmbd.results.chaos.piecewise import PiecewiseChaos, chaos_from_dataset
-from uqmbd.results.comparison.alignment import align
-from uqmbd.results.comparison.compare import choose_reference, compare
-from uqmbd.results.comparison.integration_share import IntegrationShare, integration_shares, worst_integration_share
-from uqmbd.results.comparison.recommendation import overall, recommend
-from uqmbd.results.comparison.relative_errors import relative_errors
-from uqmbd.results.comparison.statements import own_statements, statements
-from uqmbd.results.schema.axes import InputInfo, Labels, OutputInfo, labels
-from uqmbd.results.schema.datasets import DEFAULT_PROBABILITIES, STATUS_MEANINGS, sample_dataset, statistics_dataset
-from uqmbd.results.schema.nodes import failed_methods, join_nodes, propagator_node, study_tree
-from uqmbd.results.schema.validation import propagator_nodes, validate
-from uqmbd.results.statistics.circular import (
+from uqmbd.results.chaos import (
+    AlignedChaos,
+    AlignedElement,
+    LeastSquares,
+    NodeRegression,
+    PiecewiseChaos,
+    PolynomialChaos,
+    chaos_from_dataset,
+    least_squares,
+    project,
+    regress_on_nodes,
+    surrogate,
+)
+from uqmbd.results.comparison import (
+    IntegrationShare,
+    align,
+    choose_reference,
+    compare,
+    integration_shares,
+    overall,
+    own_statements,
+    recommend,
+    relative_errors,
+    statements,
+    worst_integration_share,
+)
+from uqmbd.results.schema import (
+    DEFAULT_PROBABILITIES,
+    STATUS_MEANINGS,
+    InputInfo,
+    Labels,
+    OutputInfo,
+    failed_methods,
+    join_nodes,
+    labels,
+    propagator_node,
+    propagator_nodes,
+    sample_dataset,
+    statistics_dataset,
+    validate,
+)
+from uqmbd.results.statistics import (
+    Moments,
     circular_mean,
     circular_of_components,
     circular_std,
     mean_direction,
+    mean_rotation,
+    replicate_errors,
+    rotation_std,
+    sample_statistics,
+    statistics_of_samples,
     unwrap_samples,
+    varies,
+    varying,
 )
-from uqmbd.results.statistics.moments import Moments
-from uqmbd.results.statistics.replicates import replicate_errors
-from uqmbd.results.statistics.rotations import mean_rotation, rotation_std
-from uqmbd.results.statistics.samples import sample_statistics, statistics_of_samples
-from uqmbd.results.statistics.spread import varies, varying
-from uqmbd.results.storage.sample_file import SampleFile, sample_file
-from uqmbd.results.storage.storage import load, save
-from uqmbd.results.tree import scalar_nodes, with_scalars
+from uqmbd.results.storage import SampleFile, load, sample_file, save
+from uqmbd.results.tree import scalar_nodes, study_tree, with_scalars
 from uqmbd.status import Status
 
 __all__ = [

@@ -1,23 +1,68 @@
-"""Outputs without a time in results: the child ``scalars`` of a propagator's node, and its comparison.
+"""The result of a study: the nodes of its methods, their outputs without a time, and the comparison of both.
 
-It has the form of the node itself, without the dimension ``time``: ``scalars/statistics``, ``scalars/samples`` or
-``scalars/chaos``, and attributes that say how these numbers came about.
+Outputs without a time are the child ``scalars`` of a propagator's node.  It has the form of the node itself, without
+the dimension ``time``: ``scalars/statistics``, ``scalars/samples`` or ``scalars/chaos``, and attributes that say how
+these numbers came about.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
 import xarray as xr
 
-from uqmbd.errors import StudyError
-from uqmbd.results.comparison.compare import compare
-from uqmbd.results.schema.axes import Labels
-from uqmbd.results.schema.datasets import statistics_dataset
+from uqmbd.results.comparison import compare
+from uqmbd.results.schema import Labels, join_nodes, statistics_dataset
 
-__all__ = ["compare_both", "scalar_nodes", "validate_scalars", "with_scalars"]
+__all__ = ["compare_both", "scalar_nodes", "study_tree", "with_scalars"]
+
+
+def study_tree(
+    nodes: Iterable[xr.DataTree],
+    *,
+    study: str,
+    mechanism: str,
+    reference: str | None = None,
+    attrs: Mapping[str, Any] | None = None,
+) -> xr.DataTree:
+    """Join the nodes of several propagators to the result of a study, and compare them.
+
+    Parameters
+    ----------
+    nodes : iterable of xarray.DataTree
+        From :func:`uqmbd.results.propagator_node`; their labels must differ.
+    study, mechanism : str
+        Names.
+    reference : str, optional
+        Label of the method that the others are compared with; default :func:`uqmbd.results.choose_reference`.
+    attrs : mapping, optional
+        Further attributes of the root, as ``rtol``, ``integrator``, ``command``.
+
+    Returns
+    -------
+    xarray.DataTree
+
+    Raises
+    ------
+    StudyError
+        If there is no node, or two have the same label.
+
+    Examples
+    --------
+    >>> from uqmbd.results import labels, propagator_node, statistics_dataset
+    >>> axes = labels(["x"], [], [0.0])
+    >>> node = propagator_node("mine", statistics_dataset(axes, mean=[[1.0]], std=[[0.0]]),
+    ...                        propagator="perturbation", realisations=1, wall_time=0.1)
+    >>> sorted(study_tree([node], study="s", mechanism="m").children)
+    ['comparison', 'mine']
+    """
+    found = list(nodes)
+    tree = join_nodes(found, study=study, mechanism=mechanism, attrs=attrs)
+    by_label = {str(node.name): node for node in found}
+    tree["comparison"] = xr.DataTree(compare_both(by_label, reference, float((attrs or {}).get("rtol", 0.0))))
+    return tree
 
 
 def scalar_nodes(nodes: Mapping[str, xr.DataTree]) -> dict[str, xr.DataTree]:
@@ -111,41 +156,6 @@ def compare_both(nodes: Mapping[str, xr.DataTree], reference: str | None = None,
         found = found.reindex({"method": every}, fill_value=blank)
     differs = whole.attrs["reference"] != compared.attrs["reference"]
     return compared.assign(found).assign_attrs({"scalar_reference": whole.attrs["reference"]} if differs else {})
-
-
-def validate_scalars(node: xr.DataTree) -> None:
-    """Check the child ``scalars`` of a propagator's node.
-
-    Raises
-    ------
-    StudyError
-        Its path, what was found, and what was expected.
-    """
-    if "statistics" not in node.children:
-        raise StudyError(f"{node.path}: found no child 'statistics'; expected one.")
-    expected: dict[str, dict[str, tuple[str, ...]]] = {
-        "statistics": {
-            **{name: ("output",) for name in ("mean", "std", "variance", "skewness", "kurtosis")},
-            "quantile": ("probability", "output"),
-            "integration_error": ("output",),
-        },
-        "samples": {"response": ("sample", "output"), "inputs": ("sample", "input"), "status": ("sample",)},
-        "chaos": {"multi_index": ("term", "input")},
-    }
-    for child, variables in expected.items():
-        if child not in node.children:
-            continue
-        data = node.children[child].to_dataset()
-        for name, dims in variables.items():
-            if name in data and data[name].dims != dims:
-                given = f"the dimensions {data[name].dims}"
-                raise StudyError(f"{node.path}/{child}/{name}: found {given}; expected {dims}.")
-        if "time" in data.dims:
-            raise StudyError(f"{node.path}/{child}: found a dimension 'time'; expected none.")
-    statistics = node.children["statistics"].to_dataset()
-    for name in ("mean", "std"):
-        if name in statistics and not np.isfinite(statistics[name].values).all():
-            raise StudyError(f"{node.path}/statistics/{name}: found a value that is not finite; expected a number.")
 
 
 def _parts(node: xr.DataTree) -> dict[str, xr.Dataset]:

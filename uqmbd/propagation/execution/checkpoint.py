@@ -18,7 +18,7 @@ from uqmbd.dynamics import ScalarValues
 from uqmbd.errors import StudyError
 from uqmbd.files import replacing
 from uqmbd.propagation.execution.chunks import Chunk
-from uqmbd.results.storage.unfinished import FOLDER, how_to_go_on
+from uqmbd.results.storage import FOLDER, how_to_go_on
 
 __all__ = ["FOLDER", "Checkpoint"]
 

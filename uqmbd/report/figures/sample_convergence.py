@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from uqmbd.errors import StudyError
 from uqmbd.report.figures.selection import Samples, label_of, of_output, samples_of
 from uqmbd.report.figures.style import COLOURS, arrange, axes_grid, constant, widen_if_constant, with_units, wrapped
-from uqmbd.results.statistics.samples import replicate_statistics, running_statistics
+from uqmbd.results.statistics import replicate_statistics, running_statistics
 from uqmbd.status import Status
 from uqmbd.wording import format_integer
 

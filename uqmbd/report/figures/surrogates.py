@@ -126,7 +126,7 @@ def varies_over_time(std: NDArray[np.float64], mean: NDArray[np.float64]) -> NDA
     >>> varies_over_time(np.array([0.0, 1e-4, 0.5]), np.ones(3)).tolist()
     [False, False, True]
     """
-    from uqmbd.results.chaos.stated_error import SPREAD_FLOOR
+    from uqmbd.results.chaos import SPREAD_FLOOR
 
     rounding = 1e-13 * float(np.abs(mean).max(initial=0.0))
     return np.asarray(std > max(SPREAD_FLOOR * float(std.max(initial=0.0)), rounding))

@@ -211,7 +211,7 @@ def _dataset(
 
     from uqmbd.dynamics.equations.parameters import ParameterMap
     from uqmbd.mechanism.skeleton import skeleton
-    from uqmbd.results.schema.axes import fixed_width
+    from uqmbd.results.schema import fixed_width
 
     space, inputs = mechanism.space, mechanism.inputs
     d = space.dimension

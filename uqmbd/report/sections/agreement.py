@@ -8,8 +8,7 @@ import numpy as np
 import xarray as xr
 
 from uqmbd.results import overall
-from uqmbd.results.comparison.statements import NO_SPREAD
-from uqmbd.results.comparison.verdicts import COARSE
+from uqmbd.results.comparison import COARSE, NO_SPREAD
 from uqmbd.wording import format_duration, format_integer
 
 __all__ = ["agreement"]

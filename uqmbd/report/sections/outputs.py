@@ -14,7 +14,7 @@ from uqmbd.report.figures.surrogates import shown_methods, surrogate_nodes
 from uqmbd.report.images import image
 from uqmbd.report.sections import summary as content
 from uqmbd.results import choose_reference, varies
-from uqmbd.results.comparison.statements import STILL
+from uqmbd.results.comparison import STILL
 from uqmbd.wording import format_count
 
 __all__ = ["FULL", "most_uncertain", "outputs"]

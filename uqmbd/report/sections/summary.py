@@ -15,10 +15,9 @@ from uqmbd.report.figures.sample_convergence import design_of
 from uqmbd.report.figures.selection import automatic_times, runs_of
 from uqmbd.report.figures.timeless import scalar_differences, scalar_names
 from uqmbd.results import integration_shares, own_statements, varies
-from uqmbd.results.chaos.decay import percent
-from uqmbd.results.comparison.own_error import own_error
-from uqmbd.results.comparison.statements import NO_SPREAD
-from uqmbd.results.statistics.spread import rtol_of
+from uqmbd.results.chaos import percent
+from uqmbd.results.comparison import NO_SPREAD, own_error
+from uqmbd.results.statistics import rtol_of
 from uqmbd.status import Status
 from uqmbd.wording import format_count, format_duration, format_integer, format_number, minus
 

@@ -29,8 +29,8 @@ from uqmbd.report.figures.surrogates import (
 from uqmbd.report.images import image
 from uqmbd.report.sections.outputs import most_uncertain
 from uqmbd.results import statements, varies
-from uqmbd.results.chaos.discontinuity import Discontinuity
-from uqmbd.results.comparison.statements import STILL
+from uqmbd.results.chaos import Discontinuity
+from uqmbd.results.comparison import STILL
 from uqmbd.wording import format_count, format_integer
 
 __all__ = ["influence", "trust"]

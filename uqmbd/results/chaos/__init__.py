@@ -1,1 +1,36 @@
 """Polynomial chaos as data: evaluation, statistics, sampling, stated errors, storage."""
+
+from __future__ import annotations
+
+from uqmbd.results.chaos.aligned import AlignedChaos, AlignedElement
+from uqmbd.results.chaos.chaos import PolynomialChaos
+from uqmbd.results.chaos.decay import error_words, percent, stated_words, verdict_of_decay
+from uqmbd.results.chaos.discontinuity import Discontinuity
+from uqmbd.results.chaos.fit import LeastSquares, NodeRegression, least_squares, project, regress_on_nodes
+from uqmbd.results.chaos.of_dataset import surrogate
+from uqmbd.results.chaos.piecewise import PiecewiseChaos, chaos_from_dataset
+from uqmbd.results.chaos.sampling import random_germs, spread_germs
+from uqmbd.results.chaos.stated_error import SPREAD_FLOOR, reference_spread
+
+__all__ = [
+    "AlignedChaos",
+    "AlignedElement",
+    "Discontinuity",
+    "LeastSquares",
+    "NodeRegression",
+    "PiecewiseChaos",
+    "PolynomialChaos",
+    "SPREAD_FLOOR",
+    "chaos_from_dataset",
+    "error_words",
+    "least_squares",
+    "percent",
+    "project",
+    "random_germs",
+    "reference_spread",
+    "regress_on_nodes",
+    "spread_germs",
+    "stated_words",
+    "surrogate",
+    "verdict_of_decay",
+]

@@ -17,9 +17,8 @@ from uqmbd.results.chaos.moments import constant_columns
 from uqmbd.results.chaos.sampling import basis_values, quantiles_of_rows, spread_germs
 from uqmbd.results.chaos.stated_error import stated_error
 from uqmbd.results.chaos.surrogate import SAMPLES, ChaosInterface
-from uqmbd.results.schema.axes import Labels
-from uqmbd.results.schema.datasets import DEFAULT_PROBABILITIES
-from uqmbd.results.statistics.angles import circular_of_blocks
+from uqmbd.results.schema import DEFAULT_PROBABILITIES, Labels
+from uqmbd.results.statistics import circular_of_blocks
 from uqmbd.typing import Array, Index
 
 if TYPE_CHECKING:

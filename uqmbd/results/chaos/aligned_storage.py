@@ -9,7 +9,7 @@ import xarray as xr
 
 from uqmbd.errors import StudyError
 from uqmbd.results.chaos.storage import stored_labels
-from uqmbd.results.schema.axes import fixed_width
+from uqmbd.results.schema import fixed_width
 
 if TYPE_CHECKING:
     from uqmbd.results.chaos.aligned import AlignedChaos

@@ -12,8 +12,8 @@ from uqmbd.results.chaos.sampling import basis_values, sample_quantiles, spread_
 from uqmbd.results.chaos.storage import chaos_arguments, chaos_dataset
 from uqmbd.results.chaos.surrogate import SAMPLES
 from uqmbd.results.chaos.trust import ChaosTrust
-from uqmbd.results.schema.datasets import DEFAULT_PROBABILITIES
-from uqmbd.results.statistics.angles import circular_of_surrogate
+from uqmbd.results.schema import DEFAULT_PROBABILITIES
+from uqmbd.results.statistics import circular_of_surrogate
 from uqmbd.typing import Array
 
 __all__ = ["PolynomialChaos"]

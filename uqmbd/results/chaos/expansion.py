@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from uqmbd.errors import StudyError
-from uqmbd.results.chaos.fit import one_thread
 from uqmbd.results.chaos.moments import constant_columns, shape_route, skewness_kurtosis, standard_deviation
 from uqmbd.results.chaos.sampling import affordable, basis_values, sampled_shape
 from uqmbd.results.chaos.sobol import (
@@ -21,7 +20,8 @@ from uqmbd.results.chaos.sobol import (
     variance_shares,
 )
 from uqmbd.results.chaos.surrogate import FEWER, ChaosInterface
-from uqmbd.results.schema.axes import Labels
+from uqmbd.results.schema import Labels
+from uqmbd.threads import one_thread
 from uqmbd.typing import Array, Index
 
 if TYPE_CHECKING:

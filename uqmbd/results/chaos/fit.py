@@ -2,32 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from uqmbd.errors import StudyError
+from uqmbd.threads import one_thread
 from uqmbd.typing import Array
 
-__all__ = ["LeastSquares", "NodeRegression", "least_squares", "one_thread", "project", "regress_on_nodes"]
+__all__ = ["LeastSquares", "NodeRegression", "least_squares", "project", "regress_on_nodes"]
 
 
 _WORST_CONDITION = 1e12
 """Above this condition number of the basis at the samples, coefficients have lost most of their digits."""
 _WORST_OF_NODES = 1e4
 """Condition number of the basis at the nodes that are left of a quadrature beyond which they do not determine it."""
-
-
-@contextmanager
-def one_thread() -> Iterator[None]:
-    """Keep linear algebra to one thread, so that its bits do not depend on the number of processors."""
-    from threadpoolctl import threadpool_limits
-
-    with threadpool_limits(limits=1):
-        yield
 
 
 def project(response: ArrayLike, psi: ArrayLike, weights: ArrayLike) -> Array:

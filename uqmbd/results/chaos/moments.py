@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uqmbd.errors import StudyError
-from uqmbd.results.chaos.fit import one_thread
 from uqmbd.results.chaos.products import ProductTable, product_count, product_table
+from uqmbd.threads import one_thread
 from uqmbd.typing import Array, Index
 
 if TYPE_CHECKING:

@@ -14,15 +14,14 @@ from numpy.typing import ArrayLike, NDArray
 from uqmbd.errors import StudyError
 from uqmbd.results.chaos import decay as decaying
 from uqmbd.results.chaos.chaos import PolynomialChaos
-from uqmbd.results.chaos.fit import one_thread
 from uqmbd.results.chaos.moments import constant_columns
 from uqmbd.results.chaos.piecewise_sobol import closed_variance
 from uqmbd.results.chaos.sampling import basis_values, quantiles_of_rows, spread_germs
 from uqmbd.results.chaos.stated_error import reference_spread, stated_error
 from uqmbd.results.chaos.surrogate import SAMPLES, ChaosInterface
-from uqmbd.results.schema.axes import Labels, fixed_width
-from uqmbd.results.schema.datasets import DEFAULT_PROBABILITIES
-from uqmbd.results.statistics.angles import circular_of_blocks
+from uqmbd.results.schema import DEFAULT_PROBABILITIES, Labels, fixed_width
+from uqmbd.results.statistics import circular_of_blocks
+from uqmbd.threads import one_thread
 from uqmbd.typing import Array, Index
 
 if TYPE_CHECKING:

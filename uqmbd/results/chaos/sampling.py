@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from uqmbd.errors import StudyError
-from uqmbd.results.chaos.fit import one_thread
+from uqmbd.threads import one_thread
 from uqmbd.typing import Array, Index
 
 if TYPE_CHECKING:

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from uqmbd.results.chaos.fit import one_thread
 from uqmbd.results.chaos.moments import column_blocks, constant_columns, standard_deviation
+from uqmbd.threads import one_thread
 from uqmbd.typing import Array, Index, Mask
 
 __all__ = ["first_order_masks", "interaction_mask", "second_order_masks", "total_order_masks", "variance_shares"]

@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 
 from uqmbd.errors import StudyError
-from uqmbd.results.schema.axes import InputInfo, Labels, output_infos
+from uqmbd.results.schema import InputInfo, Labels, output_infos
 
 if TYPE_CHECKING:
     from uqmbd.results.chaos.chaos import PolynomialChaos

@@ -14,8 +14,7 @@ from numpy.typing import ArrayLike
 from uqmbd.errors import StudyError
 from uqmbd.results.chaos.sampling import affordable, kernel_density, random_germs, spread_germs
 from uqmbd.results.chaos.stated_error import first_above
-from uqmbd.results.schema.axes import Labels, fixed_width
-from uqmbd.results.schema.datasets import DEFAULT_PROBABILITIES, statistics_dataset
+from uqmbd.results.schema import DEFAULT_PROBABILITIES, Labels, fixed_width, statistics_dataset
 from uqmbd.typing import Array
 
 if TYPE_CHECKING:

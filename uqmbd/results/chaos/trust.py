@@ -13,7 +13,7 @@ from uqmbd.results.chaos.discontinuity import Discontinuity, find_discontinuitie
 from uqmbd.results.chaos.expansion import ChaosStatistics
 from uqmbd.results.chaos.moments import constant_columns
 from uqmbd.results.chaos.stated_error import stated_error
-from uqmbd.results.schema.axes import fixed_width
+from uqmbd.results.schema import fixed_width
 from uqmbd.typing import Array
 
 __all__ = ["ChaosTrust"]

@@ -1,1 +1,30 @@
 """Comparison of methods: alignment, distances, errors, verdicts, recommendation."""
+
+from __future__ import annotations
+
+from uqmbd.results.comparison.alignment import align
+from uqmbd.results.comparison.compare import choose_reference, compare
+from uqmbd.results.comparison.integration_share import IntegrationShare, integration_shares, worst_integration_share
+from uqmbd.results.comparison.own_error import own_error
+from uqmbd.results.comparison.recommendation import overall, recommend
+from uqmbd.results.comparison.relative_errors import relative_errors
+from uqmbd.results.comparison.statements import NO_SPREAD, STILL, own_statements, statements
+from uqmbd.results.comparison.verdicts import COARSE
+
+__all__ = [
+    "COARSE",
+    "IntegrationShare",
+    "NO_SPREAD",
+    "STILL",
+    "align",
+    "choose_reference",
+    "compare",
+    "integration_shares",
+    "overall",
+    "own_error",
+    "own_statements",
+    "recommend",
+    "relative_errors",
+    "statements",
+    "worst_integration_share",
+]

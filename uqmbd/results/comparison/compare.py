@@ -15,7 +15,7 @@ from uqmbd.results.comparison.own_error import over_time, own_error, root_mean_s
 from uqmbd.results.comparison.recommendation import loose, recommend
 from uqmbd.results.comparison.statements import own_statements
 from uqmbd.results.comparison.verdicts import COARSE, NO_SPREAD, REFERENCE, ROUGH, Verdict, verdicts
-from uqmbd.results.statistics.spread import rtol_of
+from uqmbd.results.statistics import rtol_of
 from uqmbd.typing import Array
 
 __all__ = ["choose_reference", "compare"]

@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 
 from uqmbd.errors import UqmbdError
-from uqmbd.results.chaos.sampling import spread_germs
+from uqmbd.results.chaos import spread_germs
 from uqmbd.status import Status
 from uqmbd.typing import Array
 
@@ -81,8 +81,7 @@ def realisations_at(node: xr.DataTree, where: Sequence[int]) -> tuple[Array, flo
         The realisations, and how many of them count as independent: infinite for those of a chaos. None where a method
         kept neither.
     """
-    from uqmbd.results.chaos.aligned import AlignedChaos
-    from uqmbd.results.chaos.piecewise import chaos_from_dataset
+    from uqmbd.results.chaos import AlignedChaos, chaos_from_dataset
 
     for name in ("samples", "chaos", "aligned"):
         if name not in node.children:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import xarray as xr
 
-from uqmbd.results.statistics.spread import varying
+from uqmbd.results.statistics import varying
 
 __all__ = ["IntegrationShare", "integration_shares", "worst_integration_share"]
 

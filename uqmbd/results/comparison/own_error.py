@@ -10,8 +10,8 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from uqmbd.results.chaos.stated_error import reference_spread
-from uqmbd.results.statistics.spread import integration_error, varying
+from uqmbd.results.chaos import reference_spread
+from uqmbd.results.statistics import integration_error, varying
 from uqmbd.status import Status
 from uqmbd.typing import Array
 

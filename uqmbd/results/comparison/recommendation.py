@@ -8,7 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 import xarray as xr
 
-from uqmbd.results.chaos.decay import percent
+from uqmbd.results.chaos import percent
 from uqmbd.results.comparison.integration_share import integration_shares
 from uqmbd.results.comparison.verdicts import AGREES, DIFFERS, FEW, NO_SPREAD, REFERENCE, UNDER_RESOLVED
 

@@ -7,9 +7,9 @@ from collections.abc import Mapping
 import numpy as np
 import xarray as xr
 
-from uqmbd.results.chaos.decay import stated_words, verdict_of_decay
+from uqmbd.results.chaos import stated_words, verdict_of_decay
 from uqmbd.results.comparison.own_error import OwnError, own_error
-from uqmbd.results.statistics.spread import rtol_of
+from uqmbd.results.statistics import rtol_of
 
 __all__ = ["LIMIT", "NO_SPREAD", "STILL", "own_statements", "statements"]
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from uqmbd.results.chaos.decay import error_words
+from uqmbd.results.chaos import error_words
 from uqmbd.results.comparison.own_error import OwnError, root_mean_square
 from uqmbd.results.comparison.simultaneous import curve_length, pointwise_level, student
 from uqmbd.results.comparison.statements import LIMIT, NO_SPREAD, STILL

@@ -1,1 +1,35 @@
 """The layout of results: axes, datasets, nodes of the tree, and their validation."""
+
+from __future__ import annotations
+
+from uqmbd.results.schema.axes import InputInfo, Labels, OutputInfo, fixed_width, labels, output_infos
+from uqmbd.results.schema.datasets import (
+    DEFAULT_PROBABILITIES,
+    SCHEMA_VERSION,
+    STATUS_MEANINGS,
+    check_version,
+    sample_dataset,
+    statistics_dataset,
+)
+from uqmbd.results.schema.nodes import failed_methods, join_nodes, propagator_node
+from uqmbd.results.schema.validation import propagator_nodes, validate
+
+__all__ = [
+    "DEFAULT_PROBABILITIES",
+    "InputInfo",
+    "Labels",
+    "OutputInfo",
+    "SCHEMA_VERSION",
+    "STATUS_MEANINGS",
+    "check_version",
+    "failed_methods",
+    "fixed_width",
+    "join_nodes",
+    "labels",
+    "output_infos",
+    "propagator_node",
+    "propagator_nodes",
+    "sample_dataset",
+    "statistics_dataset",
+    "validate",
+]

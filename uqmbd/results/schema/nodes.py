@@ -1,4 +1,4 @@
-"""The nodes of a result: one per propagator, with its provenance, and the tree that joins and compares them."""
+"""The nodes of a result: one per propagator, with its provenance, and the tree that joins them."""
 
 from __future__ import annotations
 
@@ -15,10 +15,9 @@ import xarray as xr
 from uqmbd.errors import StudyError
 from uqmbd.names import check_label
 from uqmbd.results.schema.datasets import SCHEMA_VERSION
-from uqmbd.results.tree import compare_both
 from uqmbd.status import Status
 
-__all__ = ["failed_methods", "join_nodes", "propagator_node", "study_tree"]
+__all__ = ["failed_methods", "join_nodes", "propagator_node"]
 
 _RECORDED_PACKAGES = ("numpy", "scipy", "xarray", "sympy", "symengine", "scikit-sundae", "chaospy")
 
@@ -106,56 +105,10 @@ def propagator_node(
     return xr.DataTree.from_dict(datasets | dict(children or {}), name=label)
 
 
-def study_tree(
-    nodes: Iterable[xr.DataTree],
-    *,
-    study: str,
-    mechanism: str,
-    reference: str | None = None,
-    attrs: Mapping[str, Any] | None = None,
-) -> xr.DataTree:
-    """Join the nodes of several propagators to the result of a study, and compare them.
-
-    Parameters
-    ----------
-    nodes : iterable of xarray.DataTree
-        From :func:`propagator_node`; their labels must differ.
-    study, mechanism : str
-        Names.
-    reference : str, optional
-        Label of the method that the others are compared with; default :func:`uqmbd.results.choose_reference`.
-    attrs : mapping, optional
-        Further attributes of the root, as ``rtol``, ``integrator``, ``command``.
-
-    Returns
-    -------
-    xarray.DataTree
-
-    Raises
-    ------
-    StudyError
-        If there is no node, or two have the same label.
-
-    Examples
-    --------
-    >>> from uqmbd.results import labels, statistics_dataset
-    >>> axes = labels(["x"], [], [0.0])
-    >>> node = propagator_node("mine", statistics_dataset(axes, mean=[[1.0]], std=[[0.0]]),
-    ...                        propagator="perturbation", realisations=1, wall_time=0.1)
-    >>> sorted(study_tree([node], study="s", mechanism="m").children)
-    ['comparison', 'mine']
-    """
-    found = list(nodes)
-    tree = join_nodes(found, study=study, mechanism=mechanism, attrs=attrs)
-    by_label = {str(node.name): node for node in found}
-    tree["comparison"] = xr.DataTree(compare_both(by_label, reference, float((attrs or {}).get("rtol", 0.0))))
-    return tree
-
-
 def join_nodes(
     nodes: Iterable[xr.DataTree], *, study: str, mechanism: str, attrs: Mapping[str, Any] | None = None
 ) -> xr.DataTree:
-    """Join the nodes of several propagators without comparing them; see :func:`study_tree`."""
+    """Join the nodes of several propagators without comparing them; see :func:`uqmbd.results.study_tree`."""
     created = datetime.now(UTC).isoformat(timespec="seconds")
     root: dict[str, Any] = {"schema_version": SCHEMA_VERSION, "study": study, "mechanism": mechanism}
     root |= {"created": created, "uqmbd_version": _version("uqmbd")}

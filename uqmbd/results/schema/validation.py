@@ -10,7 +10,6 @@ import xarray as xr
 
 from uqmbd.errors import StudyError
 from uqmbd.results.schema.datasets import check_version
-from uqmbd.results.tree import validate_scalars
 from uqmbd.status import Status
 
 __all__ = ["propagator_nodes", "validate"]
@@ -25,6 +24,12 @@ _MAYBE_UNKNOWN = ("circular_std", "integration_error")
 _BY_INPUT = ("sobol_first", "sobol_total")
 _INTERVALS = ("sobol_first_interval", "sobol_total_interval")
 _COMPARED = ("mean_difference_max", "std_difference_max", "mean_difference_l2", "std_difference_l2")
+_TIMELESS: Mapping[str, Mapping[str, tuple[str, ...]]] = {
+    "statistics": {name: ("output",) for name in (*_PLAIN, "integration_error")}
+    | {"quantile": ("probability", "output")},
+    "samples": {"response": ("sample", "output"), "inputs": ("sample", "input"), "status": ("sample",)},
+    "chaos": {"multi_index": ("term", "input")},
+}
 _TEXT_ATTRS = ("propagator", "label", "uqmbd_version", "versions", "options", "solver_counters", "created")
 _JSON_ATTRS = ("versions", "options", "solver_counters")
 
@@ -136,7 +141,7 @@ def _validate_node(node: xr.DataTree, label: object) -> None:
     if "chaos" in node.children:
         _validate_chaos(node.children["chaos"], statistics, end)
     if "scalars" in node.children:
-        validate_scalars(node.children["scalars"])
+        _validate_timeless(node.children["scalars"])
 
 
 def _end(node: xr.DataTree, statistics: xr.DataTree) -> float:
@@ -309,6 +314,22 @@ def _validate_chaos(node: xr.DataTree, statistics: xr.DataTree, end: float) -> N
     if "verification_error" in data:
         _dims(node, "verification_error", (*elements, "output", "time"))
         _values(node, "verification_error", ~(data["verification_error"] >= 0), "no error", "a number, not negative")
+
+
+def _validate_timeless(node: xr.DataTree) -> None:
+    _require("statistics" in node.children, node.path, "no child 'statistics'", "one")
+    for child, variables in _TIMELESS.items():
+        if child not in node.children:
+            continue
+        data = node.children[child].to_dataset()
+        for name in (n for n in variables if n in data):
+            same = data[name].dims == variables[name]
+            _require(same, f"{node.path}/{child}/{name}", f"the dimensions {data[name].dims}", f"{variables[name]}")
+        _require("time" not in data.dims, f"{node.path}/{child}", "a dimension 'time'", "none")
+    statistics = node.children["statistics"].to_dataset()
+    for name in (n for n in ("mean", "std") if n in statistics):
+        finite = np.isfinite(statistics[name].values).all()
+        _require(finite, f"{node.path}/statistics/{name}", "a value that is not finite", "a number")
 
 
 def _validate_comparison(node: xr.DataTree, methods: list[str]) -> None:

@@ -1,1 +1,45 @@
 """Statistics of samples: moments, angles, rotations, replicates, and what varies."""
+
+from __future__ import annotations
+
+from uqmbd.results.statistics.angles import circular_of_blocks, circular_of_surrogate
+from uqmbd.results.statistics.circular import (
+    circular_mean,
+    circular_of_components,
+    circular_std,
+    mean_direction,
+    unwrap_samples,
+)
+from uqmbd.results.statistics.moments import Moments
+from uqmbd.results.statistics.replicates import replicate_errors
+from uqmbd.results.statistics.rotations import mean_rotation, rotation_std
+from uqmbd.results.statistics.samples import (
+    replicate_statistics,
+    running_statistics,
+    sample_statistics,
+    statistics_of_samples,
+)
+from uqmbd.results.statistics.spread import integration_error, rtol_of, settled, varies, varying
+
+__all__ = [
+    "Moments",
+    "circular_mean",
+    "circular_of_blocks",
+    "circular_of_components",
+    "circular_of_surrogate",
+    "circular_std",
+    "integration_error",
+    "mean_direction",
+    "mean_rotation",
+    "replicate_errors",
+    "replicate_statistics",
+    "rotation_std",
+    "rtol_of",
+    "running_statistics",
+    "sample_statistics",
+    "settled",
+    "statistics_of_samples",
+    "unwrap_samples",
+    "varies",
+    "varying",
+]

@@ -6,8 +6,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from uqmbd.results.chaos.fit import one_thread
 from uqmbd.results.statistics.circular import circular_mean, circular_std
+from uqmbd.threads import one_thread
 from uqmbd.typing import Array
 
 __all__ = ["circular_of_blocks", "circular_of_samples", "circular_of_surrogate"]

@@ -10,8 +10,7 @@ import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from uqmbd.errors import StudyError
-from uqmbd.results.schema.axes import InputInfo, Labels, output_infos
-from uqmbd.results.schema.datasets import DEFAULT_PROBABILITIES, statistics_dataset
+from uqmbd.results.schema import DEFAULT_PROBABILITIES, InputInfo, Labels, output_infos, statistics_dataset
 from uqmbd.results.statistics.angles import circular_of_samples
 from uqmbd.results.statistics.moments import Moments
 from uqmbd.results.statistics.replicates import replicate_errors

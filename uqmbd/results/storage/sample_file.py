@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from uqmbd.errors import StudyError
 from uqmbd.files import replacing
-from uqmbd.results.schema.axes import Labels
-from uqmbd.results.schema.datasets import SCHEMA_VERSION
+from uqmbd.results.schema import SCHEMA_VERSION, Labels
 from uqmbd.results.storage.hdf5 import NetcdfFile, WriteError, netcdf_file
 from uqmbd.results.storage.unfinished import how_to_go_on
 from uqmbd.typing import Array

@@ -15,7 +15,7 @@ from xarray.backends import H5NetCDFStore
 
 from uqmbd.errors import StudyError
 from uqmbd.files import replacing
-from uqmbd.results.schema.datasets import SCHEMA_VERSION, check_version
+from uqmbd.results.schema import SCHEMA_VERSION, check_version
 from uqmbd.results.storage.hdf5 import netcdf_file
 from uqmbd.results.storage.unfinished import how_to_go_on, saved, unsaved
 from uqmbd.results.storage.zarr_check import check_codecs
