@@ -4,23 +4,17 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from uqmbd.dynamics.assembly.assembly import Start, assemble
-from uqmbd.dynamics.equations.model import Layout, Model
-from uqmbd.dynamics.linear.accelerations import accelerations, dense, state_arguments
+from uqmbd.dynamics.equations.model import Model
+from uqmbd.dynamics.integration.pace import Leg, pace
+from uqmbd.dynamics.observation import energies, observe, observe_along
+from uqmbd.dynamics.statics.equilibrium import equilibrium_start
 from uqmbd.typing import Array, Index
 
-if TYPE_CHECKING:
-    from uqmbd.dynamics.integration.pace import Leg
-
-__all__ = ["Ensemble", "referenced", "split"]
-
-
-OUTPUT_BLOCK = 2048
-"""States that are observed at once: many more of them fall out of the processor's cache."""
+__all__ = ["Ensemble", "referenced"]
 
 
 class Ensemble:
@@ -53,9 +47,9 @@ class Ensemble:
         if self._given_start is not None:
             return self._given_start
         if self.model.start_at == "equilibrium":
-            from uqmbd.dynamics.statics.equilibrium import equilibrium_start  # it needs ensembles itself
-
-            return equilibrium_start(self)
+            # stated velocities belong to the equilibrium, not to the drawn pose
+            drawn = assemble(replace(self.model, statements=()), self.parameters, self.model.time)
+            return equilibrium_start(Ensemble(self.model, self.values, start=drawn))
         return assemble(self.model, self.parameters, self.model.time)
 
     @property
@@ -79,8 +73,6 @@ class Ensemble:
         tuple of (end, longest)
             Legs of the integration, one after the other: until when nothing jumps, s, and the longest step, s.
         """
-        from uqmbd.dynamics.integration.pace import pace  # it needs ensembles itself
-
         return pace(self, np.asarray(times, dtype=float), rtol)
 
     def select(self, members: Index) -> Ensemble:
@@ -178,53 +170,11 @@ class Ensemble:
         -------
         array, shape (K, output, T)
         """
-        members, count = states.shape[0], states.shape[1]
-        flat, time = states.reshape(members * count, -1), np.tile(times, members)
-        owner = np.repeat(np.arange(members), count)
-        result = np.empty((members * count, len(self.model.outputs.names)))
-        for first in range(0, len(flat), OUTPUT_BLOCK):
-            part = slice(first, first + OUTPUT_BLOCK)
-            result[part] = self._observe(flat[part], time[part], owner[part])
-        unwrapped: Array = self.model.outputs.unwrap(result.reshape(members, count, -1).transpose(0, 2, 1))
-        return unwrapped
-
-    def _observe(self, states: Array, time: Array, owner: Index) -> Array:
-        """Observe `states` (S, ...) of the realisations `owner` (S,) at times (S,)."""
-        model, layout = self.model, self.model.layout
-        q, s, v = split(layout, states)
-        quaternions = model.quaternions()
-        if quaternions.size:
-            q = q.copy()
-            e = q[:, quaternions]
-            q[:, quaternions] = e / np.linalg.norm(e, axis=2, keepdims=True)
-        parameters = self.block[owner]
-        a, multipliers = np.zeros_like(q), np.zeros((len(q), layout.constraints))
-        forces = None
-        if model.outputs.accelerates:
-            a, multipliers[:, layout.kept], _ = accelerations(model, q, s, v, time, parameters)
-            if model.events:
-                forces = self._add_contacts(states, time, parameters, a, multipliers)
-        state = np.concatenate([q, s, v, a, multipliers, time[:, None]], axis=1)
-        return np.asarray(model.outputs(state, self.values[owner], parameters, forces))
-
-    def _add_contacts(self, states: Array, time: Array, parameters: Array, a: Array, multipliers: Array) -> Array:
-        """Put right what contacts that last change of accelerations and multipliers; their forces (S, direction)."""
-        from uqmbd.dynamics.contact.contacts import Lens, lasting
-
-        lens = Lens(self.model)
-        forces = np.zeros((len(states), lens.directions))
-        n, kept = self.model.layout.coordinates, self.model.layout.kept
-        for k, resting in lasting(lens, time, states, parameters):
-            a[k], multipliers[k, kept], forces[k] = resting.motion[0, :n], resting.motion[0, n:], resting.force[0]
-        return forces
+        return observe_along(self, self.model.outputs, times, states)
 
     def energies(self, times: Array, states: Array) -> Array:
         """Kinetic and potential energy along trajectories, J, shape (K, 2, T)."""
-        q, s, v = split(self.model.layout, states.reshape(-1, states.shape[2]))
-        arguments = state_arguments(q, s, v, np.tile(times, len(states)))
-        parameters = np.repeat(self.block, states.shape[1], axis=0)
-        found = dense(self.model, "energy", arguments, parameters)["energy"]
-        return found.reshape(len(states), states.shape[1], 2).transpose(0, 2, 1)
+        return energies(self, times, states)
 
 
 def referenced(model: Model, means: Array) -> Model:
@@ -252,14 +202,9 @@ def referenced(model: Model, means: Array) -> Model:
     reference = np.zeros(len(turns))
     if ensemble.start.ok[0]:
         states = np.concatenate([ensemble.start.q, ensemble.start.s, ensemble.start.v], axis=1)
-        found = ensemble._observe(states, np.array([model.time]), np.zeros(1, dtype=np.int64))[0]
+        owner = np.zeros(1, dtype=np.int64)
+        found = observe(ensemble, model.outputs, states, np.array([model.time]), owner)[0]
         reference = np.where((turns > 0) & np.isfinite(found), found, 0.0)
     # rounding must not choose between the two ends of the range of atan2
     cut = (turns > 0) & ~counted & (np.abs(reference + turns / 2) <= 1e-9 * turns)
     return replace(model, outputs=replace(model.outputs, reference=np.where(cut, reference + turns, reference)))
-
-
-def split(layout: Layout, states: Array) -> tuple[Array, Array, Array]:
-    """Coordinates, auxiliary states and velocities of `states` (..., 2 coordinate + state)."""
-    n, k = layout.coordinates, layout.states
-    return states[..., :n], states[..., n : n + k], states[..., n + k :]

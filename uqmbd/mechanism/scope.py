@@ -3,35 +3,42 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal, Protocol
 
 import sympy
 
 from uqmbd.errors import StudyError
 from uqmbd.mechanism.body import Body, StateSymbol
+from uqmbd.mechanism.components.component import Component
 from uqmbd.mechanism.components.reaction import Loaded, ReactionSymbol
 from uqmbd.mechanism.expressions.time import t
 from uqmbd.mechanism.expressions.timeless import ScalarSymbol, is_scalar
 from uqmbd.mechanism.expressions.user_values import flatten
 from uqmbd.randomness import RandomVariable
 
-if TYPE_CHECKING:
-    from uqmbd.mechanism.mechanism import Mechanism
-
 __all__ = ["Scope", "require_known"]
 
 Scope = Literal["number", "law", "output"]
 """A number knows random variables; a law time, positions and velocities as well; an output everything."""
 
+
+class Described(Protocol):
+    """A mechanism, as far as it matters here."""
+
+    name: str
+    bodies: dict[str, Body]
+    components: dict[str, Component]
+
+
 LAW_QUANTITIES = ("q", "v", "angular_velocity")
 
 
-def require_known(mechanism: Mechanism, where: str, value: Any, scope: Scope) -> None:
+def require_known(mechanism: Described, where: str, value: Any, scope: Scope) -> None:
     """Raise unless every symbol in a value means something in its place.
 
     Parameters
     ----------
-    mechanism : Mechanism
+    mechanism : Described
         Whose bodies and components may occur.
     where : str
         What the value belongs to, for the message.
@@ -83,7 +90,7 @@ def _require_scope(where: str, symbol: sympy.Symbol, scope: Scope) -> None:
         )
 
 
-def _require_member(members: Mapping[str, Any], owner: Body | Loaded, mechanism: Mechanism, what: str) -> None:
+def _require_member(members: Mapping[str, Any], owner: Body | Loaded, mechanism: Described, what: str) -> None:
     if members.get(owner.name) is owner:
         return
     if not isinstance(owner, Body):

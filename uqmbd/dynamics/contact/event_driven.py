@@ -13,10 +13,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
+from uqmbd.dynamics.batch import Batch
 from uqmbd.dynamics.contact.contacts import CLOSED, Contacts, Lens, Mode, at_rest, heading_of, pressed, project
 from uqmbd.dynamics.contact.event_location import SAMPLES, Guard, fall
 from uqmbd.dynamics.contact.impacts import impact
-from uqmbd.dynamics.ensemble import Ensemble
 from uqmbd.dynamics.integration.dop853 import _Equations as Flight
 from uqmbd.dynamics.integration.lock_step import ORDER, Out
 from uqmbd.dynamics.integration.pace import Leg, pace
@@ -96,7 +96,7 @@ class Hybrid:
 
     Parameters
     ----------
-    ensemble : Ensemble
+    ensemble : Batch
         Of one realisation.
     times : array, shape (T,)
         Output times, s.
@@ -114,7 +114,7 @@ class Hybrid:
         Why it ended early, or empty.
     """
 
-    ensemble: Ensemble
+    ensemble: Batch
     times: Array
     rtol: float
     lens: Lens

@@ -6,9 +6,9 @@ import time as clock
 
 import numpy as np
 
+from uqmbd.dynamics.batch import Batch
 from uqmbd.dynamics.contact.contacts import Lens
 from uqmbd.dynamics.contact.event_driven import Hybrid
-from uqmbd.dynamics.ensemble import Ensemble
 from uqmbd.dynamics.integration.trajectories import Counters, Solved
 from uqmbd.mechanism.expressions.timeless import event_name
 from uqmbd.typing import Array, Index
@@ -16,12 +16,12 @@ from uqmbd.typing import Array, Index
 __all__ = ["event_times", "integrate_with_events"]
 
 
-def integrate_with_events(ensemble: Ensemble, members: Index, times: Array, rtol: float) -> tuple[Solved, list[Hybrid]]:
+def integrate_with_events(ensemble: Batch, members: Index, times: Array, rtol: float) -> tuple[Solved, list[Hybrid]]:
     """Integrate assembled realisations of a model with events, one by one.
 
     Parameters
     ----------
-    ensemble : Ensemble
+    ensemble : Batch
         All realisations.
     members : array of int, shape (M,)
         Those to be integrated.
@@ -57,7 +57,7 @@ def integrate_with_events(ensemble: Ensemble, members: Index, times: Array, rtol
     return Solved(states, tuple(r.message for r in runs), counters), runs
 
 
-def event_times(ensemble: Ensemble, members: Index, runs: list[Hybrid]) -> dict[str, Array]:
+def event_times(ensemble: Batch, members: Index, runs: list[Hybrid]) -> dict[str, Array]:
     """Find the times of all events by name, shape (K,); NaN where a realisation has no such event."""
     found: dict[str, Array] = {}
     for member, run in zip(members, runs, strict=True):

@@ -15,7 +15,7 @@ from uqmbd.dynamics.equations.derivation import Kind
 from uqmbd.dynamics.equations.evaluator import Evaluator, Placement, fused, typed
 from uqmbd.dynamics.equations.limits import Limit, Tensor
 from uqmbd.dynamics.equations.parameters import ParameterMap
-from uqmbd.typing import Index
+from uqmbd.typing import Array, Index
 
 __all__ = ["FUSED_LIMIT", "Layout", "Model", "Statement"]
 
@@ -84,6 +84,11 @@ class Layout:
         n, k, m = self.coordinates - len(self.frozen), self.states, self.multipliers
         ends = np.cumsum([0, n, k, n, m, m])
         return {x: slice(int(a), int(b)) for x, a, b in zip("qsvlm", ends[:-1], ends[1:], strict=True)}
+
+    def split(self, states: Array) -> tuple[Array, Array, Array]:
+        """Coordinates, auxiliary states and velocities of states (..., width)."""
+        n, k = self.coordinates, self.states
+        return states[..., :n], states[..., n : n + k], states[..., n + k :]
 
     def columns(self, kind: Kind) -> dict[tuple[str, int], int]:
         """Column of each variable among the arguments of a kind."""

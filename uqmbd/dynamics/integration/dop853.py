@@ -15,7 +15,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from uqmbd.dynamics.ensemble import Ensemble
+from uqmbd.dynamics.batch import Batch
 from uqmbd.dynamics.equations.model import Model
 from uqmbd.dynamics.integration.lock_step import LockStep, Out, longest_step
 from uqmbd.dynamics.integration.pace import legs_of, pace
@@ -38,12 +38,12 @@ POOR = 50
 """Most states that are integrated to."""
 
 
-def integrate_by_dop853(ensemble: Ensemble, members: Index, times: Array, rtol: float) -> Solved:
+def integrate_by_dop853(ensemble: Batch, members: Index, times: Array, rtol: float) -> Solved:
     """Integrate a stack of assembled realisations.
 
     Parameters
     ----------
-    ensemble : Ensemble
+    ensemble : Batch
         All realisations; the model's index-1 system must be compiled.
     members : array of int, shape (M,)
         Those of the stack.
@@ -177,7 +177,7 @@ class _Equations:
 
 
 def _projected(
-    ensemble: Ensemble, models: Sequence[tuple[float, Model]], times: Array, states: Array, rtol: float
+    ensemble: Batch, models: Sequence[tuple[float, Model]], times: Array, states: Array, rtol: float
 ) -> Array:
     """Put interpolated states (M, T, width) on the constraints, but the first, which are there.
 

@@ -21,7 +21,7 @@ import numpy as np
 
 from uqmbd.dynamics.assembly.rank import dead_end, rank_along
 from uqmbd.dynamics.assembly.undefined import ahead
-from uqmbd.dynamics.ensemble import Ensemble
+from uqmbd.dynamics.batch import Batch
 from uqmbd.dynamics.equations.model import Model
 from uqmbd.dynamics.integration.pace import pace
 from uqmbd.dynamics.integration.prescribed import instant
@@ -65,12 +65,12 @@ class _Run:
     singular: bool = False
 
 
-def integrate_by_ida(ensemble: Ensemble, members: Index, times: Array, rtol: float) -> Solved:
+def integrate_by_ida(ensemble: Batch, members: Index, times: Array, rtol: float) -> Solved:
     """Integrate a stack of assembled realisations.
 
     Parameters
     ----------
-    ensemble : Ensemble
+    ensemble : Batch
         All realisations.
     members : array of int, shape (M,)
         Those of the stack.
@@ -126,7 +126,7 @@ def step_tolerance(rtol: float, unknowns: int) -> float:
     return min(rtol, max(STEP_SHARE * rtol / float(np.sqrt(unknowns)), LEAST_TOLERANCE))
 
 
-def _integrate_stack(ensemble: Ensemble, times: Array, rtol: float) -> _Run:
+def _integrate_stack(ensemble: Batch, times: Array, rtol: float) -> _Run:
     """Integrate a stack through all its break times."""
     start = ensemble.start
     width = ensemble.model.layout.width
@@ -168,7 +168,7 @@ def _integrate_stack(ensemble: Ensemble, times: Array, rtol: float) -> _Run:
     return _Run(result, "", counters)
 
 
-def _dead_end(ensemble: Ensemble, found: Array, time: float) -> str:
+def _dead_end(ensemble: Batch, found: Array, time: float) -> str:
     """Name the equations that become dependent where one realisation stopped, if there are any."""
     if len(ensemble) > 1 or not len(found):
         return ""
@@ -178,7 +178,7 @@ def _dead_end(ensemble: Ensemble, found: Array, time: float) -> str:
     return dead_end(model, time, rank_along(model, q[0], s[0], v[0], time, ensemble.parameters[0]), sure=False)
 
 
-def _no_number(ensemble: Ensemble, found: Array, time: float, stop: float) -> str:
+def _no_number(ensemble: Batch, found: Array, time: float, stop: float) -> str:
     """Name what is not a number from there on where one realisation stopped."""
     if len(ensemble) > 1 or not len(found) or not np.isfinite(found[-1]).all():
         return ""
@@ -186,7 +186,7 @@ def _no_number(ensemble: Ensemble, found: Array, time: float, stop: float) -> st
     return ahead(ensemble.model, (q[0], s[0], v[0]), (time, stop), ensemble.parameters[0])
 
 
-def _consistent(ensemble: Ensemble, time: float, y: Array, rtol: float) -> tuple[Array, Array, dict[int, str]]:
+def _consistent(ensemble: Batch, time: float, y: Array, rtol: float) -> tuple[Array, Array, dict[int, str]]:
     """Unknowns and rates at the start of a segment: those an instant later, as forces and speeds may jump there."""
     q, s, v = ensemble.expand(y)
     change, refused = speed_jumps(ensemble.model, np.concatenate([q, s, v], axis=1), time, ensemble.block, rtol)
@@ -196,7 +196,7 @@ def _consistent(ensemble: Ensemble, time: float, y: Array, rtol: float) -> tuple
     return y, yp, refused
 
 
-def _roughness(ensemble: Ensemble, states: Array) -> Array:
+def _roughness(ensemble: Batch, states: Array) -> Array:
     """Relative size of the local errors of the realisations of a stack.
 
     They share steps and order, so that their local errors are as their high derivatives: fourth differences of the
@@ -209,7 +209,7 @@ def _roughness(ensemble: Ensemble, states: Array) -> Array:
 
 
 def _solved(
-    ensemble: Ensemble, callbacks: Callbacks, times: Array, y: Array, yp: Array, rtol: float, longest: float
+    ensemble: Batch, callbacks: Callbacks, times: Array, y: Array, yp: Array, rtol: float, longest: float
 ) -> Solution:
     """Integrate a stack from one time to the last without a break."""
     model = ensemble.model
@@ -232,7 +232,7 @@ def step_limits(times: Array, longest: float) -> dict[str, Any]:
     return {"max_num_steps": STEPS + int(float(np.diff(times).max()) / longest), "max_step": longest}
 
 
-def _callbacks(ensemble: Ensemble) -> Callbacks:
+def _callbacks(ensemble: Batch) -> Callbacks:
     """Residual and Jacobian as IDA wants them."""
     count, n = len(ensemble), ensemble.model.layout.unknowns
     rows, pointers = ensemble.model.pattern
@@ -265,7 +265,7 @@ def _callbacks(ensemble: Ensemble) -> Callbacks:
     return residual, jacobian
 
 
-def _single(ensemble: Ensemble) -> tuple[Callable[..., None], Callable[..., Array]] | None:
+def _single(ensemble: Batch) -> tuple[Callable[..., None], Callable[..., Array]] | None:
     """One realisation with fused kernels: called with as little Python as possible."""
     model = ensemble.model
     kernels = [k for kind in ("residual", "jacobian") if (k := model.evaluators[kind].fused_kernel) is not None]

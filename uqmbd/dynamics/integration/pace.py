@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from uqmbd.dynamics.ensemble import Ensemble
+from uqmbd.dynamics.batch import Batch
 from uqmbd.dynamics.integration.functions_of_time import look
 from uqmbd.dynamics.integration.trajectories import stops
 from uqmbd.typing import Array
@@ -40,12 +40,12 @@ class Leg(NamedTuple):
     jumps: bool = True
 
 
-def pace(ensemble: Ensemble, times: Array, rtol: float) -> tuple[Leg, ...]:
+def pace(ensemble: Batch, times: Array, rtol: float) -> tuple[Leg, ...]:
     """Lay out the integration of an ensemble whose realisations share the steps.
 
     Parameters
     ----------
-    ensemble : Ensemble
+    ensemble : Batch
         K realisations.
     times : array, shape (T,)
         Output times, s.

@@ -11,7 +11,7 @@ import sympy
 from numpy.typing import NDArray
 
 from uqmbd.dynamics.assembly.rank import named
-from uqmbd.dynamics.ensemble import Ensemble
+from uqmbd.dynamics.batch import Batch
 from uqmbd.dynamics.equations.expressions import plain
 from uqmbd.dynamics.equations.parameters import ParameterMap
 from uqmbd.dynamics.integration.functions_of_time import look
@@ -101,7 +101,7 @@ def jumped(sooner: Array, before: Array, after: Array, later: Array) -> Array:
     )
 
 
-def position_jumps(ensemble: Ensemble, times: Array, rtol: float) -> dict[int, str]:
+def position_jumps(ensemble: Batch, times: Array, rtol: float) -> dict[int, str]:
     """Find realisations of which a constraint, and so a position, jumps within the output times.
 
     An equation jumps where it is another one right after a break time than right before; one that has only changed its
@@ -109,7 +109,7 @@ def position_jumps(ensemble: Ensemble, times: Array, rtol: float) -> dict[int, s
 
     Parameters
     ----------
-    ensemble : Ensemble
+    ensemble : Batch
         K realisations.
     times : array, shape (T,)
         Output times, s.
@@ -154,7 +154,7 @@ def position_jumps(ensemble: Ensemble, times: Array, rtol: float) -> dict[int, s
     return found
 
 
-def _equation_jumps(ensemble: Ensemble, members: NDArray[np.int64], sides: Array) -> Array:
+def _equation_jumps(ensemble: Batch, members: NDArray[np.int64], sides: Array) -> Array:
     """By how much equations jump between times, `sides` (4, K): two before and two after; shape (K, equation)."""
     model, start = ensemble.model, ensemble.start
     drift = model.evaluators["drift"]
@@ -173,7 +173,7 @@ def _equation_jumps(ensemble: Ensemble, members: NDArray[np.int64], sides: Array
     return found
 
 
-def gradient_lengths(ensemble: Ensemble) -> Array:
+def gradient_lengths(ensemble: Batch) -> Array:
     """Lengths of the gradients of the equations at the start, shape (K, equation)."""
     model, start = ensemble.model, ensemble.start
     evaluator = model.evaluators["velocity"]
@@ -191,7 +191,7 @@ def gradient_lengths(ensemble: Ensemble) -> Array:
     return np.where(lengths > 1e-9, lengths, 1.0)
 
 
-def _jump(ensemble: Ensemble, member: int, sides: Array, time: float, equations: NDArray[np.int64]) -> str:
+def _jump(ensemble: Batch, member: int, sides: Array, time: float, equations: NDArray[np.int64]) -> str:
     """Say what jumps."""
     model = ensemble.model
     owners = dict.fromkeys(model.owners[k] for k in equations)

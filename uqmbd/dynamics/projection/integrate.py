@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from uqmbd.dynamics.capabilities import INTEGRATORS, require, require_for
-from uqmbd.dynamics.checked import projected_off
 from uqmbd.dynamics.integrate import integrate
 from uqmbd.dynamics.integration.prescribed import position_jumps
+from uqmbd.dynamics.projection.constraint_check import projected_off
 from uqmbd.dynamics.projection.dop853 import lock_step
 from uqmbd.dynamics.projection.ensemble import ProjectedEnsemble
 from uqmbd.dynamics.projection.ida import LINEAR_SOLVERS, LinearSolver, implicit

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from uqmbd.dynamics.ensemble import Ensemble
+from uqmbd.dynamics.batch import Batch
 from uqmbd.dynamics.linear.accelerations import RANK_TOLERANCE, dense, state_arguments
 from uqmbd.typing import Array, Index
 
@@ -114,11 +114,11 @@ class Rest:
 
     Parameters
     ----------
-    ensemble : Ensemble
+    ensemble : Batch
         With an assembled start, which gives the frozen coordinates.
     """
 
-    def __init__(self, ensemble: Ensemble) -> None:
+    def __init__(self, ensemble: Batch) -> None:
         self.model, self.parameters = ensemble.model, ensemble.block
         layout = self.model.layout
         self.frozen, self.time = ensemble.frozen, self.model.time

@@ -18,12 +18,12 @@ its way alone is right to about 1e-7 of its change.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
-from uqmbd.dynamics.assembly.assembly import Start, assemble, velocities
-from uqmbd.dynamics.ensemble import Ensemble
+from uqmbd.dynamics.assembly.assembly import Start, velocities
+from uqmbd.dynamics.batch import Batch
 from uqmbd.dynamics.linear.accelerations import accelerations
 from uqmbd.dynamics.statics.at_rest import Forces, Rest, apply, tangents
 from uqmbd.typing import Array, Index, Mask
@@ -74,7 +74,7 @@ class Equilibrium:
     iterations: Index
 
 
-def equilibrium_start(ensemble: Ensemble) -> Start:
+def equilibrium_start(drawn: Batch) -> Start:
     """Make initial states in static equilibrium.
 
     Velocities are those that the script states; the others are solved for with the smallest norm, which is rest unless
@@ -82,16 +82,14 @@ def equilibrium_start(ensemble: Ensemble) -> Start:
 
     Parameters
     ----------
-    ensemble : Ensemble
-        K realisations; its own start is not asked for.
+    drawn : Batch
+        K realisations, assembled from the drawn pose.
     """
-    model, parameters, time = ensemble.model, ensemble.parameters, ensemble.model.time
-    # stated velocities belong to the equilibrium, not to the drawn pose
-    drawn = assemble(replace(model, statements=()), parameters, time)
-    found = static_equilibria(Ensemble(model, ensemble.values, start=drawn))
+    model, parameters, time = drawn.model, drawn.parameters, drawn.model.time
+    found = static_equilibria(drawn)
     good = np.flatnonzero([not m for m in found.messages])
     v, a, rates = np.zeros_like(found.q), np.zeros_like(found.q), np.zeros_like(found.s)
-    multipliers = np.zeros((len(ensemble), model.layout.rank))
+    multipliers = np.zeros((len(drawn), model.layout.rank))
     messages = list(found.messages)
     if len(good):
         q, s, some = found.q[good], found.s[good], parameters[good]
@@ -103,14 +101,14 @@ def equilibrium_start(ensemble: Ensemble) -> Start:
     return Start(found.q, found.s, v, a, rates, multipliers, tuple(messages))
 
 
-def static_equilibria(ensemble: Ensemble) -> Equilibrium:
+def static_equilibria(ensemble: Batch) -> Equilibrium:
     """Find the static equilibrium of every realisation.
 
     Bodies that are held while the mechanism is assembled (``hold=True``) move like the others.
 
     Parameters
     ----------
-    ensemble : Ensemble
+    ensemble : Batch
         Its start gives the poses from which to go.
 
     Returns
@@ -137,7 +135,7 @@ def static_equilibria(ensemble: Ensemble) -> Equilibrium:
 class _Search:
     """The iteration for some realisations, and how far each of them is."""
 
-    def __init__(self, ensemble: Ensemble) -> None:
+    def __init__(self, ensemble: Batch) -> None:
         self.model, self.rest = ensemble.model, Rest(ensemble)
         self.q, self.s = self.rest.coordinates(ensemble.start.q).copy(), ensemble.start.s.copy()
         count = len(self.q)

@@ -21,7 +21,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from uqmbd.dynamics.ensemble import Ensemble
+from uqmbd.dynamics.batch import Batch
 from uqmbd.dynamics.statics.at_rest import Rest, apply, tangents
 from uqmbd.typing import Array
 
@@ -60,12 +60,12 @@ class Modes:
         return np.asarray(0.0 - self.eigenvalues.real / np.where(size == 0, 1.0, size))
 
 
-def linearise(ensemble: Ensemble, q: Array, s: Array) -> Modes:
+def linearise(ensemble: Batch, q: Array, s: Array) -> Modes:
     """Linearise each realisation of an ensemble about a pose at rest.
 
     Parameters
     ----------
-    ensemble : Ensemble
+    ensemble : Batch
         K realisations.
     q, s : array, shape (K, ...)
         All coordinates and the auxiliary states, consistent with the constraints.

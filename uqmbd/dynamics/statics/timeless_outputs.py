@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import sympy
 
-from uqmbd.dynamics.ensemble import Ensemble
+from uqmbd.dynamics.batch import Batch
 from uqmbd.dynamics.equations.block import Instance
 from uqmbd.dynamics.equations.evaluator import Placement
 from uqmbd.dynamics.equations.expressions import plain
 from uqmbd.dynamics.equations.kernels import Kernel, cached, compile_kernel
 from uqmbd.dynamics.equations.outputs import OutputMap, output_map
+from uqmbd.dynamics.integration.trajectories import Trajectories
+from uqmbd.dynamics.observation import observe_along
 from uqmbd.dynamics.statics.equilibrium import static_equilibria
 from uqmbd.dynamics.statics.modes import Modes, linearise
 from uqmbd.errors import StudyError
@@ -23,9 +25,6 @@ from uqmbd.names import did_you_mean
 from uqmbd.randomness import RandomVariable
 from uqmbd.status import Status
 from uqmbd.typing import Array, Index
-
-if TYPE_CHECKING:
-    from uqmbd.dynamics.integration.trajectories import Trajectories
 
 __all__ = ["ScalarMap", "ScalarValues", "scalar_map", "scalars_of"]
 
@@ -181,7 +180,7 @@ def _require_event(symbol: EventTime, outputs: Sequence[Output], instances: Sequ
     )
 
 
-def scalars_of(ensemble: Ensemble, trajectories: Trajectories | None = None) -> ScalarValues:
+def scalars_of(ensemble: Batch, trajectories: Trajectories | None = None) -> ScalarValues:
     """Evaluate the outputs without a time of every realisation.
 
     Poses are those of the realisations' own start, and the static equilibria that are found from there; time is held
@@ -189,7 +188,7 @@ def scalars_of(ensemble: Ensemble, trajectories: Trajectories | None = None) -> 
 
     Parameters
     ----------
-    ensemble : Ensemble
+    ensemble : Batch
         K realisations.
     trajectories : Trajectories, optional
         Their motion, where the outputs need it (``model.scalars.needs_motion``).
@@ -272,9 +271,7 @@ def _of_mode(modes: Modes, quantity: str, number: int) -> tuple[Array, list[str]
     return np.asarray(values), reasons
 
 
-def _at_rest(ensemble: Ensemble, resting: OutputMap, q: Array, s: Array) -> Array:
+def _at_rest(ensemble: Batch, resting: OutputMap, q: Array, s: Array) -> Array:
     """Evaluate expressions in poses at rest, shape (K, expression)."""
-    model = replace(ensemble.model, outputs=resting)
-    still = Ensemble(model, ensemble.values, start=ensemble.start)
     states = np.concatenate([q, s, np.zeros_like(q)], axis=1)
-    return still.outputs(np.array([model.time]), states[:, None, :])[:, :, 0]
+    return observe_along(ensemble, resting, np.array([ensemble.model.time]), states[:, None, :])[:, :, 0]

@@ -1,0 +1,50 @@
+"""A batch of realisations: what integration, contacts, statics and observation need of an ensemble."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from uqmbd.dynamics.assembly.assembly import Start
+from uqmbd.dynamics.equations.model import Model
+from uqmbd.typing import Array, Index
+
+__all__ = ["Batch"]
+
+
+class Batch(Protocol):
+    """K realisations of one model; `uqmbd.Ensemble` is the one class of this kind, and says what is what."""
+
+    model: Model
+    values: Array
+    parameters: Array
+    block: Array
+
+    def __len__(self) -> int:
+        """Return K."""
+
+    @property
+    def start(self) -> Start:
+        """Consistent initial states."""
+
+    @property
+    def frozen(self) -> Array:
+        """Values of the frozen coordinates, shape (K, frozen)."""
+
+    @property
+    def breaks(self) -> Array:
+        """Break times, shape (K, break)."""
+
+    def select(self, members: Index) -> Batch:
+        """Make the batch of some realisations."""
+
+    def pack(self, q: Array, s: Array, v: Array, multipliers: Array) -> Array:
+        """Unknowns ``y`` of states."""
+
+    def expand(self, y: Array) -> tuple[Array, Array, Array]:
+        """Find all coordinates, auxiliary states and velocities of unknowns ``y``."""
+
+    def residual(self, time: float, y: Array, yp: Array) -> Array:
+        """Stabilised index-2 residual."""
+
+    def jacobian(self, time: float, y: Array, yp: Array, c: float) -> Array:
+        """Values of ``dr/dy + c dr/dy'``."""

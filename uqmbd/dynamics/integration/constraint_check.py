@@ -1,0 +1,115 @@
+"""Whether the states that an integration yields are on the constraints, in position and in velocity."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+
+from uqmbd.dynamics.assembly.rank import named
+from uqmbd.dynamics.batch import Batch
+from uqmbd.dynamics.equations.model import Model
+from uqmbd.dynamics.integration.prescribed import gradient_lengths, instant
+from uqmbd.dynamics.integration.restarts import Drift
+from uqmbd.typing import Array, Index
+
+__all__ = ["BLOCK", "allowed_residual", "described", "off_constraints", "off_states", "over_allowed", "residuals"]
+
+
+OFF = 100.0
+"""Tolerances by which a result may be off the constraints: coordinates over the size of the mechanism, velocities over
+the largest one."""
+LEAST, MOST = 1e-6, 1e-2
+"""The same at least and at most."""
+BLOCK = 2048
+"""States whose residuals are evaluated at once."""
+
+
+def off_constraints(ensemble: Batch, times: Array, states: Array, rtol: float) -> dict[int, tuple[int, str]]:
+    """Find results that are off the constraints, in position or in velocity, by more than the tolerance.
+
+    At a break time the constraints of either side count.
+
+    Parameters
+    ----------
+    ensemble : Batch
+        K realisations.
+    times : array, shape (T,)
+        Output times, s.
+    states : array, shape (K, T, width)
+        NaN where there are none.
+    rtol : float
+        Relative tolerance.
+
+    Returns
+    -------
+    dict of int to (int, str)
+        By realisation: the number of the first time at which that is so, and what to say.
+    """
+    layout = ensemble.model.layout
+    good = np.flatnonzero(np.isfinite(states[:, 0]).all(axis=1))
+    if not layout.rank or not len(good):
+        return {}
+    velocities = layout.coordinates + layout.states
+    size = np.clip(np.abs(states[:, 0, : layout.coordinates]).max(axis=1), 1e-3, 1.0)
+    speed = np.nanmax(np.abs(states[..., velocities:]), axis=(1, 2), initial=0.0)
+    allowed = allowed_residual(rtol)
+    scale = allowed * gradient_lengths(ensemble)
+    breaks, texts = ensemble.breaks, dict[int, tuple[int, str]]()
+    per = max(1, BLOCK // len(times))
+    for first in range(0, len(good), per):
+        some = good[first : first + per]
+
+        def ratios(at: Array, which: Index | slice, some: Index = some) -> Array:
+            phi, psi = residuals(ensemble, some, at, states[some][:, which])
+            return over_allowed(ensemble.model, phi, psi, scale[some], size[some], np.maximum(speed, 1e-3 * size)[some])
+
+        for row, wrong, found in off_states(ratios, times, breaks[some]):
+            text = described(ensemble.model, found, float(times[wrong]), allowed, rtol)
+            texts.setdefault(int(some[row]), (wrong, text))
+    return texts
+
+
+def allowed_residual(rtol: float) -> float:
+    """By how much a result may be off, over the size or the speed of the mechanism."""
+    return min(MOST, max(LEAST, OFF * rtol))
+
+
+def described(model: Model, ratios: Array, time: float, allowed: float, rtol: float) -> str:
+    """Say that a state is off the constraints, from its ratios (equation,) to what is allowed."""
+    return (
+        f"the state at t = {time:.6g} s is off the constraints {named(model, np.flatnonzero(ratios > 1.0))}, by "
+        f"{allowed * float(ratios.max()):.2g} of the size or the speed of the mechanism (allowed: {allowed:.2g}). "
+        f"Try another integrator, or a smaller rtol (now {rtol:g})"
+    )
+
+
+def off_states(
+    ratios: Callable[[Array, Index | slice], Array], times: Array, breaks: Array
+) -> Iterator[tuple[int, int, Array]]:
+    """Yield row, time and ratios (equation,) of states that are off the constraints of either side of a break time."""
+    found = ratios(times, slice(None))
+    for row, k in np.argwhere((found > 1.0).any(axis=2)).tolist():
+        delta = instant(float(times[k]))
+        if np.any(np.abs(breaks[row] - times[k]) <= 2 * delta):
+            one = np.array([k])
+            if min(float(ratios(times[one] + side, one)[row].max()) for side in (-delta, delta)) <= 1.0:
+                continue
+        yield row, k, found[row, k]
+
+
+def residuals(ensemble: Batch, members: Index, times: Array, states: Array) -> tuple[Array, Array]:
+    """Residuals in position and velocity of states (M, T, width), each of shape (M, T, equation)."""
+    count, number, width = states.shape
+    block = np.repeat(ensemble.block[members], number, axis=0)
+    phi, psi = Drift(ensemble.model)(states.reshape(-1, width), np.tile(times, count), block)
+    return phi.reshape(count, number, -1), psi.reshape(count, number, -1)
+
+
+def over_allowed(model: Model, phi: Array, psi: Array, scale: Array, size: Array, speed: Array) -> Array:
+    """Residuals over what is allowed, shape (M, T, equation); zero where equations are left out or states unknown."""
+    ratios = np.maximum(np.abs(phi) / size[:, None, None], np.abs(psi) / speed[:, None, None]) / scale[:, None]
+    kept = np.zeros(ratios.shape[2], dtype=bool)
+    kept[model.layout.kept] = True
+    found: Array = np.where(kept & np.isfinite(ratios), ratios, 0.0)
+    return found

@@ -1,0 +1,63 @@
+"""Whether coefficients are on the projected constraints."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from uqmbd.dynamics.integration.constraint_check import (
+    BLOCK,
+    allowed_residual,
+    described,
+    off_states,
+    over_allowed,
+    residuals,
+)
+from uqmbd.dynamics.integration.prescribed import gradient_lengths
+from uqmbd.dynamics.projection.ensemble import ProjectedEnsemble
+from uqmbd.typing import Array, Index
+
+__all__ = ["projected_off"]
+
+
+def projected_off(projected: ProjectedEnsemble, times: Array, coefficients: Array, rtol: float) -> tuple[int, str]:
+    """Find where coefficients are off the projected constraints by more than the tolerance.
+
+    Parameters
+    ----------
+    projected : ProjectedEnsemble
+        What was integrated.
+    times : array, shape (T,)
+        s.
+    coefficients : array, shape (P, T, width)
+        NaN where there are none.
+    rtol : float
+        Relative tolerance of the integration.
+
+    Returns
+    -------
+    int, str
+        The number of the first such time, and what to say; 0 and nothing if there is none.
+    """
+    ensemble, layout = projected.ensemble, projected.model.layout
+    if not layout.rank:
+        return 0, ""
+    nodes, velocities = np.arange(len(ensemble)), layout.coordinates + layout.states
+    # of the means: the first polynomial is one
+    size = np.clip(np.abs(ensemble.start.q).max(keepdims=True).ravel(), 1e-3, 1.0)
+    speed = np.nanmax(np.abs(coefficients[..., velocities:]), initial=0.0)
+    allowed = allowed_residual(rtol)
+    scale = allowed * gradient_lengths(ensemble).mean(axis=0, keepdims=True)
+    breaks = ensemble.breaks.reshape(1, -1)
+    per = max(1, BLOCK // len(ensemble))
+    for first in range(0, len(times), per):
+        part = slice(first, first + per)
+
+        def ratios(at: Array, which: Index | slice, part: slice = part) -> Array:
+            nodal = projected.nodal(coefficients[:, part][:, which])
+            # an equation of the coefficients: its largest one
+            phi, psi = (np.abs(projected.project(x)).max(axis=0)[None] for x in residuals(ensemble, nodes, at, nodal))
+            return over_allowed(projected.model, phi, psi, scale, size, np.maximum(speed, 1e-3 * size))
+
+        for _, wrong, found in off_states(ratios, times[part], breaks):
+            return first + wrong, described(projected.model, found, float(times[first + wrong]), allowed, rtol)
+    return 0, ""
