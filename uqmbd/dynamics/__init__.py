@@ -9,19 +9,13 @@ from uqmbd.dynamics.build import build, kinematic_model
 from uqmbd.dynamics.capabilities import INTEGRATORS, Capability, Integrator, capabilities, require, require_for
 from uqmbd.dynamics.check import Check, check
 from uqmbd.dynamics.checked import checked, off_constraints
-from uqmbd.dynamics.contact.contacts import Lens
-from uqmbd.dynamics.contact.event_driven import Hybrid
+from uqmbd.dynamics.contact import Hybrid, Lens
 from uqmbd.dynamics.ensemble import Ensemble
-from uqmbd.dynamics.equations.model import Layout, Model
-from uqmbd.dynamics.equations.terms import MechanismTerms, mechanism_terms
+from uqmbd.dynamics.equations import Layout, MechanismTerms, Model, mechanism_terms
 from uqmbd.dynamics.integrate import integrate
-from uqmbd.dynamics.integration.prescribed import position_jumps
-from uqmbd.dynamics.integration.trajectories import Counters, Trajectories
-from uqmbd.dynamics.projection.ensemble import ProjectedEnsemble
-from uqmbd.dynamics.projection.integrate import ProjectedTrajectories
-from uqmbd.dynamics.statics.equilibrium import Equilibrium, static_equilibria
-from uqmbd.dynamics.statics.modes import Modes, linearise
-from uqmbd.dynamics.statics.timeless_outputs import ScalarValues, scalars_of
+from uqmbd.dynamics.integration import Counters, Trajectories, position_jumps
+from uqmbd.dynamics.projection import ProjectedEnsemble, ProjectedTrajectories
+from uqmbd.dynamics.statics import Equilibrium, Modes, ScalarValues, linearise, scalars_of, static_equilibria
 
 __all__ = [
     "Capability",

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Protocol
 
-from uqmbd.dynamics.assembly.assembly import Start
-from uqmbd.dynamics.equations.model import Model
+from uqmbd.dynamics.assembly import Start
+from uqmbd.dynamics.equations import Model
 from uqmbd.typing import Array, Index
 
 __all__ = ["Batch"]

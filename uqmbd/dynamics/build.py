@@ -10,30 +10,30 @@ from typing import Any
 import numpy as np
 import sympy
 
-from uqmbd.dynamics.assembly.assembly import independent_rows, positions
-from uqmbd.dynamics.assembly.uniqueness import not_unique, reaction_symbols
-from uqmbd.dynamics.equations.block import Instance, instances_of
-from uqmbd.dynamics.equations.derivation import derive
-from uqmbd.dynamics.equations.expressions import TIME
-from uqmbd.dynamics.equations.limits import limits_of
-from uqmbd.dynamics.equations.model import (
+from uqmbd.dynamics.assembly import independent_rows, not_unique, positions, reaction_symbols
+from uqmbd.dynamics.equations import (
     FUSED_LIMIT,
+    TIME,
+    Instance,
     Layout,
     Model,
+    ParameterMap,
     Statement,
+    angle_counters,
     break_times,
     csc_pattern,
+    derive,
     evaluator,
+    instances_of,
+    limits_of,
+    output_map,
     place,
 )
-from uqmbd.dynamics.equations.outputs import angle_counters, output_map
-from uqmbd.dynamics.equations.parameters import ParameterMap
 from uqmbd.dynamics.finite import not_finite
-from uqmbd.dynamics.integration.functions_of_time import timed
-from uqmbd.dynamics.integration.prescribed import Prescribed, prescribed_by
-from uqmbd.dynamics.linear.accelerations import index1_system, massless_direction, state_arguments
+from uqmbd.dynamics.integration import Prescribed, prescribed_by, timed
+from uqmbd.dynamics.linear import index1_system, massless_direction, state_arguments
 from uqmbd.dynamics.notices import deep_contacts, moved_bodies, size_of
-from uqmbd.dynamics.statics.timeless_outputs import scalar_map
+from uqmbd.dynamics.statics import scalar_map
 from uqmbd.errors import AssemblyError, RedundantConstraintWarning, StudyError
 from uqmbd.mechanism import Mechanism, Output
 from uqmbd.typing import Array, Index

@@ -23,7 +23,7 @@ from uqmbd.errors import StudyError
 from uqmbd.plugins import integrator, integrators
 
 if TYPE_CHECKING:
-    from uqmbd.dynamics.equations.model import Model
+    from uqmbd.dynamics.equations import Model
 
 __all__ = ["INTEGRATORS", "Capability", "Integrator", "capabilities", "require", "require_for"]
 

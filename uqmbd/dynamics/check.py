@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from uqmbd.dynamics.assembly.assembly import positions
+from uqmbd.dynamics.assembly import positions
 from uqmbd.dynamics.build import kinematic_model, reactions_not_unique
-from uqmbd.dynamics.equations.model import Model
+from uqmbd.dynamics.equations import Model
 from uqmbd.dynamics.notices import Move, moves, size_of
 from uqmbd.mechanism import Mechanism
 from uqmbd.names import checked

@@ -8,9 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from uqmbd.dynamics.ensemble import Ensemble
-from uqmbd.dynamics.integration.constraint_check import off_constraints
-from uqmbd.dynamics.integration.prescribed import position_jumps
-from uqmbd.dynamics.integration.trajectories import Trajectories
+from uqmbd.dynamics.integration import Trajectories, off_constraints, position_jumps
 from uqmbd.typing import Array
 
 __all__ = ["checked", "off_constraints"]

@@ -7,11 +7,11 @@ from functools import cached_property
 
 import numpy as np
 
-from uqmbd.dynamics.assembly.assembly import Start, assemble
-from uqmbd.dynamics.equations.model import Model
-from uqmbd.dynamics.integration.pace import Leg, pace
+from uqmbd.dynamics.assembly import Start, assemble
+from uqmbd.dynamics.equations import Model
+from uqmbd.dynamics.integration import Leg, pace
 from uqmbd.dynamics.observation import energies, observe, observe_along
-from uqmbd.dynamics.statics.equilibrium import equilibrium_start
+from uqmbd.dynamics.statics import equilibrium_start
 from uqmbd.typing import Array, Index
 
 __all__ = ["Ensemble", "referenced"]

@@ -8,10 +8,9 @@ import numpy as np
 import sympy
 from numpy.typing import NDArray
 
-from uqmbd.dynamics.equations.block import Instance
-from uqmbd.dynamics.equations.model import Model
+from uqmbd.dynamics.equations import Instance, Model
 from uqmbd.mechanism import Mechanism
-from uqmbd.mechanism.expressions.user_values import flatten
+from uqmbd.mechanism.expressions import flatten
 
 __all__ = ["not_finite"]
 

@@ -6,15 +6,12 @@ import warnings
 
 import numpy as np
 
-from uqmbd.dynamics.assembly.rank import violated
+from uqmbd.dynamics.assembly import violated
 from uqmbd.dynamics.capabilities import INTEGRATORS, Integrator, require_for
 from uqmbd.dynamics.checked import checked
-from uqmbd.dynamics.contact.integrate import event_times, integrate_with_events
+from uqmbd.dynamics.contact import event_times, integrate_with_events
 from uqmbd.dynamics.ensemble import Ensemble
-from uqmbd.dynamics.integration.dop853 import integrate_by_dop853
-from uqmbd.dynamics.integration.ida import integrate_by_ida
-from uqmbd.dynamics.integration.prescribed import gradient_lengths
-from uqmbd.dynamics.integration.trajectories import Counters, Trajectories
+from uqmbd.dynamics.integration import Counters, Trajectories, gradient_lengths, integrate_by_dop853, integrate_by_ida
 from uqmbd.errors import RedundantConstraintWarning, StudyError
 from uqmbd.typing import Array
 

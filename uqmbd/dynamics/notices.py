@@ -7,12 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 import sympy
 
-from uqmbd.dynamics.equations.block import Instance
-from uqmbd.dynamics.equations.expressions import TIME
-from uqmbd.dynamics.equations.model import Model
+from uqmbd.dynamics.equations import TIME, Instance, Model
 from uqmbd.errors import StudyError
 from uqmbd.mechanism import Mechanism, nominal
-from uqmbd.mechanism.geometry.frame import Frame
+from uqmbd.mechanism.geometry import Frame
 from uqmbd.mechanism.skeleton import skeleton
 from uqmbd.typing import Array
 

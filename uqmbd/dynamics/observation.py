@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from uqmbd.dynamics.batch import Batch
-from uqmbd.dynamics.contact.contacts import Lens, lasting
-from uqmbd.dynamics.equations.model import Model
-from uqmbd.dynamics.equations.outputs import OutputMap
-from uqmbd.dynamics.linear.accelerations import accelerations, dense, state_arguments
+from uqmbd.dynamics.contact import Lens, lasting
+from uqmbd.dynamics.equations import Model, OutputMap
+from uqmbd.dynamics.linear import accelerations, dense, state_arguments
 from uqmbd.typing import Array, Index
 
 __all__ = ["energies", "observe", "observe_along"]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from uqmbd.mechanism.body import Body, Ground
-from uqmbd.mechanism.components.component import (
+from uqmbd.mechanism.components import (
     Auxiliary,
     Component,
     Constraint,
@@ -16,10 +16,10 @@ from uqmbd.mechanism.components.component import (
     Separation,
     Upright,
     VirtualWork,
+    counted_angle,
+    half_angle,
 )
-from uqmbd.mechanism.components.turn_counting import counted_angle, half_angle
-from uqmbd.mechanism.expressions.time import step, t
-from uqmbd.mechanism.expressions.timeless import (
+from uqmbd.mechanism.expressions import (
     AtEquilibrium,
     EventTime,
     MotionSymbol,
@@ -27,9 +27,15 @@ from uqmbd.mechanism.expressions.timeless import (
     at_equilibrium,
     damping_ratio,
     eigenfrequency,
+    step,
+    t,
 )
-from uqmbd.mechanism.geometry.frame import Frame
-from uqmbd.mechanism.geometry.quaternions import (
+from uqmbd.mechanism.geometry import (
+    Frame,
+    Planar,
+    Space,
+    Spatial,
+    Translational,
     aligned,
     joint_frames,
     nominal,
@@ -38,7 +44,6 @@ from uqmbd.mechanism.geometry.quaternions import (
     relative_quaternion,
     smallest_rotation,
 )
-from uqmbd.mechanism.geometry.space import Planar, Space, Spatial, Translational
 from uqmbd.mechanism.mechanism import Mechanism, Output
 
 __all__ = [

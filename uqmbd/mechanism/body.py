@@ -8,9 +8,8 @@ from typing import Any
 
 import sympy
 
-from uqmbd.mechanism.components.component import Component, Constraint, Kinetic, Local, Parameter, Potential, Term
-from uqmbd.mechanism.geometry.frame import Frame, NamedFrame
-from uqmbd.mechanism.geometry.space import Space
+from uqmbd.mechanism.components import Component, Constraint, Kinetic, Local, Parameter, Potential, Term
+from uqmbd.mechanism.geometry import Frame, NamedFrame, Space
 from uqmbd.randomness.symbolic import Symbolic
 
 __all__ = ["Body", "Ground", "StateSymbol"]

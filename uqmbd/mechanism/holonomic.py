@@ -6,11 +6,9 @@ import sympy
 
 from uqmbd.errors import StudyError
 from uqmbd.mechanism.body import Body, StateSymbol
-from uqmbd.mechanism.components.component import Component, Constraint, Potential, flatten
-from uqmbd.mechanism.components.local import Local
-from uqmbd.mechanism.expressions.time import t
-from uqmbd.mechanism.geometry.frame import Frame
-from uqmbd.mechanism.geometry.space import Space
+from uqmbd.mechanism.components import Component, Constraint, Local, Potential, flatten
+from uqmbd.mechanism.expressions import t
+from uqmbd.mechanism.geometry import Frame, Space
 
 __all__ = ["require_holonomic"]
 

@@ -11,9 +11,8 @@ import sympy
 from numpy.typing import NDArray
 
 from uqmbd.errors import StudyError
-from uqmbd.mechanism.expressions.user_values import flatten, numbers, shown
-from uqmbd.mechanism.geometry.quaternions import nominal, quaternion_of_matrix, unit
-from uqmbd.mechanism.geometry.space import Space
+from uqmbd.mechanism.expressions import flatten, numbers, shown
+from uqmbd.mechanism.geometry import Space, nominal, quaternion_of_matrix, unit
 
 __all__ = ["inertia_entries", "is_tensor_of_body", "mass_number", "orientation"]
 

@@ -12,12 +12,9 @@ import sympy
 
 from uqmbd.errors import StudyError
 from uqmbd.mechanism.body import Body, BodyTerms, Ground, Pose
-from uqmbd.mechanism.components.component import Component
-from uqmbd.mechanism.components.values import settle
-from uqmbd.mechanism.expressions.timeless import check_scalar, is_scalar
-from uqmbd.mechanism.expressions.user_values import flatten, numbers, random_variables, shown
-from uqmbd.mechanism.geometry.frame import Frame
-from uqmbd.mechanism.geometry.space import Space
+from uqmbd.mechanism.components import Component, settle
+from uqmbd.mechanism.expressions import check_scalar, flatten, is_scalar, numbers, random_variables, shown
+from uqmbd.mechanism.geometry import Frame, Space
 from uqmbd.mechanism.holonomic import require_holonomic
 from uqmbd.mechanism.inertia import inertia_entries, mass_number, orientation
 from uqmbd.mechanism.scope import require_known

@@ -9,11 +9,8 @@ import sympy
 
 from uqmbd.errors import StudyError
 from uqmbd.mechanism.body import Body, StateSymbol
-from uqmbd.mechanism.components.component import Component
-from uqmbd.mechanism.components.reaction import Loaded, ReactionSymbol
-from uqmbd.mechanism.expressions.time import t
-from uqmbd.mechanism.expressions.timeless import ScalarSymbol, is_scalar
-from uqmbd.mechanism.expressions.user_values import flatten
+from uqmbd.mechanism.components import Component, Loaded, ReactionSymbol
+from uqmbd.mechanism.expressions import ScalarSymbol, flatten, is_scalar, t
 from uqmbd.randomness import RandomVariable
 
 __all__ = ["Scope", "require_known"]

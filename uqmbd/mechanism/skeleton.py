@@ -9,8 +9,8 @@ from typing import Any
 import sympy
 
 from uqmbd.mechanism.body import Body, StateSymbol
-from uqmbd.mechanism.components.component import Component
-from uqmbd.mechanism.expressions.time import t
+from uqmbd.mechanism.components import Component
+from uqmbd.mechanism.expressions import t
 from uqmbd.mechanism.mechanism import Mechanism
 from uqmbd.randomness import RandomVariable
 

@@ -10,8 +10,7 @@ import numpy as np
 import sympy
 
 from uqmbd.mechanism.body import StateSymbol
-from uqmbd.mechanism.expressions.time import t
-from uqmbd.mechanism.expressions.user_values import random_variables
+from uqmbd.mechanism.expressions import random_variables, t
 from uqmbd.randomness import RandomVariable
 from uqmbd.randomness.existence import exists, moment_orders
 

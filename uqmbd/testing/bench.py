@@ -8,10 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from uqmbd.dynamics.equations.block import Instance, instances_of
-from uqmbd.dynamics.equations.derivation import derive
-from uqmbd.dynamics.equations.kernels import Kernel, cached, compile_kernel
-from uqmbd.dynamics.equations.parameters import ParameterMap
+from uqmbd.dynamics.equations import Instance, Kernel, ParameterMap, cached, compile_kernel, derive, instances_of
 from uqmbd.mechanism import Space
 from uqmbd.testing.cases import Case
 from uqmbd.testing.motion import random_unit

@@ -9,9 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from uqmbd.dynamics.equations.block import Instance
-from uqmbd.dynamics.equations.derivation import derive
-from uqmbd.dynamics.equations.kernels import Kernel, cached, compile_kernel
+from uqmbd.dynamics.equations import Instance, Kernel, cached, compile_kernel, derive
 from uqmbd.mechanism import Component, Space
 from uqmbd.propagation import Propagator
 from uqmbd.testing.bench import REALISATIONS, Bench, random_coordinates

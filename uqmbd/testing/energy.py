@@ -6,9 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from uqmbd.dynamics.equations.block import Instance
-from uqmbd.dynamics.equations.derivation import Derived, derive
-from uqmbd.dynamics.equations.kernels import Kernel, cached, compile_kernel
+from uqmbd.dynamics.equations import Derived, Instance, Kernel, cached, compile_kernel, derive
 from uqmbd.testing.bench import Bench
 from uqmbd.typing import Array
 

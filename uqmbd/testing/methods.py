@@ -10,8 +10,7 @@ import numpy as np
 
 from uqmbd import plugins
 from uqmbd.dynamics import Ensemble
-from uqmbd.dynamics.equations.block import instances_of
-from uqmbd.dynamics.equations.derivation import derive
+from uqmbd.dynamics.equations import derive, instances_of
 from uqmbd.errors import AssemblyError
 from uqmbd.mechanism import Component, Space
 from uqmbd.propagation import Propagator, Study

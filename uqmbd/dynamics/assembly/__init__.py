@@ -1,1 +1,25 @@
 """Consistent initial states, and which equations are independent."""
+
+from __future__ import annotations
+
+from uqmbd.dynamics.assembly.assembly import Start, assemble, independent_rows, positions, velocities
+from uqmbd.dynamics.assembly.rank import Rank, dead_end, gradient, named, rank_along, violated
+from uqmbd.dynamics.assembly.undefined import ahead
+from uqmbd.dynamics.assembly.uniqueness import not_unique, reaction_symbols
+
+__all__ = [
+    "Rank",
+    "Start",
+    "ahead",
+    "assemble",
+    "dead_end",
+    "gradient",
+    "independent_rows",
+    "named",
+    "not_unique",
+    "positions",
+    "rank_along",
+    "reaction_symbols",
+    "velocities",
+    "violated",
+]

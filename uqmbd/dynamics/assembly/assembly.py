@@ -13,10 +13,9 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from uqmbd.dynamics.assembly.undefined import REMEDY, undefined
-from uqmbd.dynamics.equations.limits import impossible
-from uqmbd.dynamics.equations.model import Model
-from uqmbd.dynamics.linear.accelerations import RANK_TOLERANCE, accelerations, dense, state_arguments
-from uqmbd.mechanism.expressions.user_values import LARGEST
+from uqmbd.dynamics.equations import Model, impossible
+from uqmbd.dynamics.linear import RANK_TOLERANCE, accelerations, dense, state_arguments
+from uqmbd.mechanism.expressions import LARGEST
 from uqmbd.typing import Array, Index
 
 __all__ = ["Start", "assemble", "independent_rows", "positions", "velocities"]

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from uqmbd.dynamics.equations.model import Model
-from uqmbd.dynamics.linear.accelerations import dense, state_arguments
+from uqmbd.dynamics.equations import Model
+from uqmbd.dynamics.linear import dense, state_arguments
 from uqmbd.typing import Array, Index
 
 __all__ = ["Rank", "dead_end", "gradient", "joints", "named", "null_equations", "rank_along", "violated"]

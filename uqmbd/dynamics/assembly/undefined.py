@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from uqmbd.dynamics.equations.model import Model
-from uqmbd.dynamics.linear.accelerations import dense, state_arguments
+from uqmbd.dynamics.equations import Model
+from uqmbd.dynamics.linear import dense, state_arguments
 from uqmbd.typing import Array
 
 __all__ = ["REMEDY", "ahead", "undefined"]

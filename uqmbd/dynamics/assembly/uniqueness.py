@@ -10,10 +10,9 @@ import numpy as np
 import sympy
 
 from uqmbd.dynamics.assembly.rank import null_equations
-from uqmbd.dynamics.equations.model import Model
-from uqmbd.dynamics.equations.outputs import OutputMap
+from uqmbd.dynamics.equations import Model, OutputMap
 from uqmbd.mechanism import Mechanism
-from uqmbd.mechanism.expressions.user_values import flatten
+from uqmbd.mechanism.expressions import flatten
 from uqmbd.typing import Array
 
 __all__ = ["not_unique", "reaction_symbols"]

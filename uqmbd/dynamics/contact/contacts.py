@@ -18,8 +18,7 @@ from typing import Literal
 import numpy as np
 
 from uqmbd.dynamics.contact.coulomb import EXACT, Collision, Touch, scaled_solution, solutions
-from uqmbd.dynamics.equations.evaluator import Evaluator
-from uqmbd.dynamics.equations.model import Model
+from uqmbd.dynamics.equations import Evaluator, Model
 from uqmbd.typing import Array, Index
 
 __all__ = [

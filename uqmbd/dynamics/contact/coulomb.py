@@ -25,7 +25,7 @@ from functools import cached_property
 
 import numpy as np
 
-from uqmbd.dynamics.linear.pivoting import lemke
+from uqmbd.dynamics.linear import lemke
 from uqmbd.typing import Array
 
 __all__ = ["EXACT", "Collision", "Touch", "scaled_solution", "solutions"]

@@ -17,13 +17,8 @@ from uqmbd.dynamics.batch import Batch
 from uqmbd.dynamics.contact.contacts import CLOSED, Contacts, Lens, Mode, at_rest, heading_of, pressed, project
 from uqmbd.dynamics.contact.event_location import SAMPLES, Guard, fall
 from uqmbd.dynamics.contact.impacts import impact
-from uqmbd.dynamics.integration.dop853 import _Equations as Flight
-from uqmbd.dynamics.integration.lock_step import ORDER, Out
-from uqmbd.dynamics.integration.pace import Leg, pace
-from uqmbd.dynamics.integration.prescribed import instant
-from uqmbd.dynamics.integration.restarts import speed_jumps
-from uqmbd.dynamics.integration.step_control import Curve, Stepper
-from uqmbd.dynamics.linear.accelerations import accelerations, excess
+from uqmbd.dynamics.integration import ORDER, BatchEquations, Curve, Leg, Out, Stepper, instant, pace, speed_jumps
+from uqmbd.dynamics.linear import accelerations, excess
 from uqmbd.typing import Array
 
 __all__ = ["Happening", "Hybrid", "Piece"]
@@ -129,7 +124,7 @@ class Hybrid:
         layout = model.layout
         self.n, self.velocities = layout.coordinates, layout.coordinates + layout.states
         compiled = model.system is not None and model.system.project is not None
-        self.flight = Flight(model, self.ensemble.block) if compiled else None
+        self.flight = BatchEquations(model, self.ensemble.block) if compiled else None
         self.blocks = np.repeat(self.ensemble.block, SAMPLES + 1, axis=0)
         self.stepper = Stepper(self._rate, self.n, self.velocities, layout.width, max(self.rtol, 1e-13))
         self.bodies = [k for k, (*_, directions) in enumerate(model.events) if directions]

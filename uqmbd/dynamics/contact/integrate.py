@@ -9,8 +9,8 @@ import numpy as np
 from uqmbd.dynamics.batch import Batch
 from uqmbd.dynamics.contact.contacts import Lens
 from uqmbd.dynamics.contact.event_driven import Hybrid
-from uqmbd.dynamics.integration.trajectories import Counters, Solved
-from uqmbd.mechanism.expressions.timeless import event_name
+from uqmbd.dynamics.integration import Counters, Solved
+from uqmbd.mechanism.expressions import event_name
 from uqmbd.typing import Array, Index
 
 __all__ = ["event_times", "integrate_with_events"]

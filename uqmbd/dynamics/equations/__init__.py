@@ -1,1 +1,54 @@
 """From a mechanism's terms to compiled equations: derivation, kernels, and the model that holds them."""
+
+from __future__ import annotations
+
+from uqmbd.dynamics.equations.block import Instance, instances_of
+from uqmbd.dynamics.equations.derivation import Derived, derive
+from uqmbd.dynamics.equations.evaluator import Evaluator, Placement
+from uqmbd.dynamics.equations.expressions import TIME, plain
+from uqmbd.dynamics.equations.kernels import Kernel, cached, compile_kernel, straight_line_kernel
+from uqmbd.dynamics.equations.limits import impossible, limits_of
+from uqmbd.dynamics.equations.model import (
+    FUSED_LIMIT,
+    Layout,
+    Model,
+    Statement,
+    break_times,
+    csc_pattern,
+    evaluator,
+    place,
+)
+from uqmbd.dynamics.equations.outputs import OutputMap, angle_counters, output_map
+from uqmbd.dynamics.equations.parameters import ParameterMap
+from uqmbd.dynamics.equations.terms import MechanismTerms, mechanism_terms
+
+__all__ = [
+    "Derived",
+    "Evaluator",
+    "FUSED_LIMIT",
+    "Instance",
+    "Kernel",
+    "Layout",
+    "MechanismTerms",
+    "Model",
+    "OutputMap",
+    "ParameterMap",
+    "Placement",
+    "Statement",
+    "TIME",
+    "angle_counters",
+    "break_times",
+    "cached",
+    "compile_kernel",
+    "csc_pattern",
+    "derive",
+    "evaluator",
+    "impossible",
+    "instances_of",
+    "limits_of",
+    "mechanism_terms",
+    "output_map",
+    "place",
+    "plain",
+    "straight_line_kernel",
+]

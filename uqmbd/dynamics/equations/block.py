@@ -17,7 +17,7 @@ import sympy
 from uqmbd.dynamics.equations.expressions import TIME, plain, require_derivatives, settled_expression
 from uqmbd.errors import StudyError
 from uqmbd.mechanism.body import Body, BodyTerms, StateSymbol
-from uqmbd.mechanism.components.component import (
+from uqmbd.mechanism.components import (
     Auxiliary,
     Component,
     Constraint,
@@ -30,9 +30,8 @@ from uqmbd.mechanism.components.component import (
     VirtualWork,
     flatten,
 )
-from uqmbd.mechanism.expressions.time import t
-from uqmbd.mechanism.geometry.frame import Frame
-from uqmbd.mechanism.geometry.space import Space
+from uqmbd.mechanism.expressions import t
+from uqmbd.mechanism.geometry import Frame, Space
 from uqmbd.randomness import RandomVariable
 
 __all__ = ["BlockType", "Instance", "instances_of"]

@@ -9,10 +9,8 @@ import sympy
 
 from uqmbd.errors import StudyError
 from uqmbd.mechanism.body import StateSymbol
-from uqmbd.mechanism.components.component import Component
-from uqmbd.mechanism.expressions.computable import WITHOUT_DERIVATIVE, foreign_part, told
-from uqmbd.mechanism.expressions.time import step, t
-from uqmbd.mechanism.expressions.user_values import random_variables, shown
+from uqmbd.mechanism.components import Component
+from uqmbd.mechanism.expressions import WITHOUT_DERIVATIVE, foreign_part, random_variables, shown, step, t, told
 from uqmbd.randomness import RandomVariable
 
 __all__ = ["TIME", "plain", "require_derivatives", "settled_expression"]

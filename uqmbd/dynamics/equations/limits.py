@@ -11,8 +11,8 @@ import sympy
 from numpy.typing import NDArray
 
 from uqmbd.mechanism import Mechanism
-from uqmbd.mechanism.components.parameter import range_text
-from uqmbd.mechanism.expressions.user_values import flatten
+from uqmbd.mechanism.components import range_text
+from uqmbd.mechanism.expressions import flatten
 from uqmbd.mechanism.inertia import is_tensor_of_body
 from uqmbd.randomness import RandomVariable
 from uqmbd.typing import Array, Index

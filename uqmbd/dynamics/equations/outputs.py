@@ -18,8 +18,8 @@ from uqmbd.dynamics.equations.kernels import Kernel, cached, compile_kernel
 from uqmbd.errors import StudyError
 from uqmbd.mechanism import Mechanism, Output
 from uqmbd.mechanism.body import Body, StateSymbol
-from uqmbd.mechanism.components.component import Auxiliary, Component, Local, Parameter, ReactionSymbol
-from uqmbd.mechanism.expressions.time import t
+from uqmbd.mechanism.components import Auxiliary, Component, Local, Parameter, ReactionSymbol
+from uqmbd.mechanism.expressions import t
 from uqmbd.randomness import RandomVariable
 from uqmbd.typing import Array, Index
 

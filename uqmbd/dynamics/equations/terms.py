@@ -9,7 +9,7 @@ import sympy
 from uqmbd.dynamics.equations.block import Instance, instances_of
 from uqmbd.dynamics.equations.expressions import TIME
 from uqmbd.mechanism import Mechanism
-from uqmbd.mechanism.expressions.time import t
+from uqmbd.mechanism.expressions import t
 
 __all__ = ["MechanismTerms", "mechanism_terms"]
 

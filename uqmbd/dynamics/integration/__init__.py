@@ -1,1 +1,57 @@
 """Integration without events: explicit in lock-step, and implicit by IDA."""
+
+from __future__ import annotations
+
+from uqmbd.dynamics.integration.constraint_check import (
+    allowed_residual,
+    described,
+    off_constraints,
+    off_states,
+    over_allowed,
+    residuals,
+)
+from uqmbd.dynamics.integration.dop853 import BatchEquations, integrate_by_dop853
+from uqmbd.dynamics.integration.functions_of_time import timed
+from uqmbd.dynamics.integration.ida import RELAXED, diagnosis, integrate_by_ida, step_limits, step_tolerance
+from uqmbd.dynamics.integration.lock_step import ORDER, LockStep, Out, longest_step
+from uqmbd.dynamics.integration.pace import Leg, pace
+from uqmbd.dynamics.integration.prescribed import Prescribed, gradient_lengths, instant, position_jumps, prescribed_by
+from uqmbd.dynamics.integration.restarts import speed_jumps
+from uqmbd.dynamics.integration.step_control import Curve, Stepper
+from uqmbd.dynamics.integration.sundials import solve
+from uqmbd.dynamics.integration.trajectories import Counters, Solved, Trajectories
+
+__all__ = [
+    "Counters",
+    "Curve",
+    "Leg",
+    "LockStep",
+    "ORDER",
+    "Out",
+    "Prescribed",
+    "RELAXED",
+    "Solved",
+    "Stepper",
+    "Trajectories",
+    "BatchEquations",
+    "allowed_residual",
+    "described",
+    "diagnosis",
+    "gradient_lengths",
+    "instant",
+    "integrate_by_dop853",
+    "integrate_by_ida",
+    "longest_step",
+    "off_constraints",
+    "off_states",
+    "over_allowed",
+    "pace",
+    "position_jumps",
+    "prescribed_by",
+    "residuals",
+    "solve",
+    "speed_jumps",
+    "step_limits",
+    "step_tolerance",
+    "timed",
+]

@@ -6,9 +6,9 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from uqmbd.dynamics.assembly.rank import named
+from uqmbd.dynamics.assembly import named
 from uqmbd.dynamics.batch import Batch
-from uqmbd.dynamics.equations.model import Model
+from uqmbd.dynamics.equations import Model
 from uqmbd.dynamics.integration.prescribed import gradient_lengths, instant
 from uqmbd.dynamics.integration.restarts import Drift
 from uqmbd.typing import Array, Index

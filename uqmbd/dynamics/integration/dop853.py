@@ -16,16 +16,16 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from uqmbd.dynamics.batch import Batch
-from uqmbd.dynamics.equations.model import Model
+from uqmbd.dynamics.equations import Model
 from uqmbd.dynamics.integration.lock_step import LockStep, Out, longest_step
 from uqmbd.dynamics.integration.pace import legs_of, pace
 from uqmbd.dynamics.integration.restarts import speed_jumps
 from uqmbd.dynamics.integration.singular_poses import Guard
 from uqmbd.dynamics.integration.trajectories import Counters, Solved
-from uqmbd.dynamics.linear.accelerations import System, excess
+from uqmbd.dynamics.linear import System, excess
 from uqmbd.typing import Array, Index
 
-__all__ = ["integrate_by_dop853"]
+__all__ = ["BatchEquations", "integrate_by_dop853"]
 
 
 BLOCK = 2048
@@ -65,8 +65,8 @@ def integrate_by_dop853(ensemble: Batch, members: Index, times: Array, rtol: flo
     while todo:
         part = todo.pop(0)
         some = ensemble.select(members[part])
-        start, equations = some.start, _Equations(some.model, some.block)
-        guard = Guard(some.model, _Equations, rtol)
+        start, equations = some.start, BatchEquations(some.model, some.block)
+        guard = Guard(some.model, BatchEquations, rtol)
         longest = longest_step(some.model.rough, times)
         length = np.minimum(1.0, np.maximum(1e-3, np.abs(start.q).max(axis=1, initial=0.0)))
         initial = np.concatenate([start.q, start.s, start.v], axis=1)
@@ -93,7 +93,7 @@ def integrate_by_dop853(ensemble: Batch, members: Index, times: Array, rtol: flo
     return Solved(states, tuple(messages), counters, tuple(final), tuple(notes))
 
 
-class _Equations:
+class BatchEquations:
     """Rates and projection of M realisations, with buffers of their own."""
 
     def __init__(self, model: Model, block: Array) -> None:
@@ -207,7 +207,7 @@ def _projected(
         if where and np.isfinite(before).all():
             model = models[int(since[member * number + where])][1]
             block = ensemble.block[member : member + 1]
-            equations, grid = _Equations(model, block), times[where - 1 : where + 1]
+            equations, grid = BatchEquations(model, block), times[where - 1 : where + 1]
             legs = legs_of(ensemble.breaks[member], grid, model.max_step)
             run = LockStep(equations, before, grid, legs, rtol, np.full((1, 1), rtol))
             run.steps_at_most = 100

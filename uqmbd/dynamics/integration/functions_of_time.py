@@ -18,10 +18,8 @@ import numpy as np
 import sympy
 from numpy.typing import NDArray
 
-from uqmbd.dynamics.equations.block import Instance
-from uqmbd.dynamics.equations.expressions import TIME
-from uqmbd.dynamics.equations.parameters import ParameterMap
-from uqmbd.mechanism.expressions.time import t
+from uqmbd.dynamics.equations import TIME, Instance, ParameterMap
+from uqmbd.mechanism.expressions import t
 from uqmbd.randomness import RandomVariable
 from uqmbd.typing import Array, Index
 

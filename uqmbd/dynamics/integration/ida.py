@@ -19,16 +19,15 @@ from typing import Any
 
 import numpy as np
 
-from uqmbd.dynamics.assembly.rank import dead_end, rank_along
-from uqmbd.dynamics.assembly.undefined import ahead
+from uqmbd.dynamics.assembly import ahead, dead_end, rank_along
 from uqmbd.dynamics.batch import Batch
-from uqmbd.dynamics.equations.model import Model
+from uqmbd.dynamics.equations import Model
 from uqmbd.dynamics.integration.pace import pace
 from uqmbd.dynamics.integration.prescribed import instant
 from uqmbd.dynamics.integration.restarts import speed_jumps
 from uqmbd.dynamics.integration.sundials import Solution, solve
 from uqmbd.dynamics.integration.trajectories import Counters, Solved
-from uqmbd.dynamics.linear.accelerations import accelerations
+from uqmbd.dynamics.linear import accelerations
 from uqmbd.typing import Array, Index
 
 __all__ = ["RELAXED", "STEPS", "diagnosis", "integrate_by_ida", "step_limits", "step_tolerance"]

@@ -10,14 +10,12 @@ import numpy as np
 import sympy
 from numpy.typing import NDArray
 
-from uqmbd.dynamics.assembly.rank import named
+from uqmbd.dynamics.assembly import named
 from uqmbd.dynamics.batch import Batch
-from uqmbd.dynamics.equations.expressions import plain
-from uqmbd.dynamics.equations.parameters import ParameterMap
+from uqmbd.dynamics.equations import ParameterMap, plain
 from uqmbd.dynamics.integration.functions_of_time import look
 from uqmbd.mechanism import Component
-from uqmbd.mechanism.expressions.time import t
-from uqmbd.mechanism.expressions.user_values import flatten
+from uqmbd.mechanism.expressions import flatten, t
 from uqmbd.randomness import RandomVariable
 from uqmbd.typing import Array
 

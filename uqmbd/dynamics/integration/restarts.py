@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from uqmbd.dynamics.assembly.rank import named
-from uqmbd.dynamics.equations.evaluator import Evaluator
-from uqmbd.dynamics.equations.model import Model
+from uqmbd.dynamics.assembly import named
+from uqmbd.dynamics.equations import Evaluator, Model
 from uqmbd.dynamics.integration.prescribed import instant, jumped
-from uqmbd.dynamics.linear.accelerations import impulses
+from uqmbd.dynamics.linear import impulses
 from uqmbd.typing import Array
 
 __all__ = ["Drift", "speed_jumps"]

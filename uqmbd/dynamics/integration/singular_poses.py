@@ -21,11 +21,10 @@ from typing import Any
 
 import numpy as np
 
-from uqmbd.dynamics.assembly.assembly import independent_rows
-from uqmbd.dynamics.assembly.rank import Rank, dead_end, gradient, named, rank_along
-from uqmbd.dynamics.equations.model import Model
+from uqmbd.dynamics.assembly import Rank, dead_end, gradient, independent_rows, named, rank_along
+from uqmbd.dynamics.equations import Model
 from uqmbd.dynamics.integration.lock_step import Course, Equations, Node
-from uqmbd.dynamics.linear.accelerations import index1_system, state_arguments
+from uqmbd.dynamics.linear import index1_system, state_arguments
 from uqmbd.typing import Array
 
 __all__ = ["Guard", "repivoted"]

@@ -9,8 +9,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from uqmbd.dynamics.equations.evaluator import Evaluator
-from uqmbd.dynamics.equations.model import Model
+from uqmbd.dynamics.equations import Evaluator, Model
 from uqmbd.dynamics.linear.system import System, index1_system
 from uqmbd.typing import Array, Index
 

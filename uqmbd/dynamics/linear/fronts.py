@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from uqmbd.dynamics.equations.kernels import Kernel, cached
+from uqmbd.dynamics.equations import Kernel, cached
 from uqmbd.dynamics.linear.elimination import plan
 from uqmbd.dynamics.linear.ordering import Front
 from uqmbd.dynamics.linear.straight_line import Operation, eliminated, stage_kernel, worth_while

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from uqmbd.dynamics.equations.kernels import Kernel, cached, straight_line_kernel
+from uqmbd.dynamics.equations import Kernel, cached, straight_line_kernel
 from uqmbd.dynamics.linear.elimination import Elimination
 from uqmbd.typing import Array, Index
 

@@ -9,8 +9,7 @@ import numpy as np
 import scipy.sparse
 import scipy.sparse.csgraph
 
-from uqmbd.dynamics.equations.kernels import Kernel
-from uqmbd.dynamics.equations.model import Layout, Model
+from uqmbd.dynamics.equations import Kernel, Layout, Model
 from uqmbd.dynamics.linear.elimination import Elimination, plan
 from uqmbd.dynamics.linear.fronts import FrontalSolver, Fronts, frontal
 from uqmbd.dynamics.linear.ordering import rounds_of, units_of

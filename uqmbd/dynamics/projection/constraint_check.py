@@ -4,19 +4,22 @@ from __future__ import annotations
 
 import numpy as np
 
-from uqmbd.dynamics.integration.constraint_check import (
-    BLOCK,
+from uqmbd.dynamics.integration import (
     allowed_residual,
     described,
+    gradient_lengths,
     off_states,
     over_allowed,
     residuals,
 )
-from uqmbd.dynamics.integration.prescribed import gradient_lengths
 from uqmbd.dynamics.projection.ensemble import ProjectedEnsemble
 from uqmbd.typing import Array, Index
 
 __all__ = ["projected_off"]
+
+
+BLOCK = 2048
+"""States at nodes whose residuals are evaluated at once."""
 
 
 def projected_off(projected: ProjectedEnsemble, times: Array, coefficients: Array, rtol: float) -> tuple[int, str]:

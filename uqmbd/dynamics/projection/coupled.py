@@ -15,9 +15,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from uqmbd.dynamics.equations.model import Model
-from uqmbd.dynamics.linear.accelerations import System
-from uqmbd.dynamics.linear.nodal import nodal_systems, right_sides
+from uqmbd.dynamics.equations import Model
+from uqmbd.dynamics.linear import System, nodal_systems, right_sides
 from uqmbd.typing import Array
 
 __all__ = ["Coupled"]

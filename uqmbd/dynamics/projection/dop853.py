@@ -6,8 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from uqmbd.dynamics.integration.lock_step import LockStep, Out, longest_step
-from uqmbd.dynamics.integration.pace import pace
+from uqmbd.dynamics.integration import LockStep, Out, longest_step, pace
 from uqmbd.dynamics.projection.ensemble import ProjectedEnsemble
 from uqmbd.typing import Array, Index
 

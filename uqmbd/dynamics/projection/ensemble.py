@@ -20,9 +20,8 @@ import numpy as np
 import scipy.linalg
 
 from uqmbd.dynamics.ensemble import Ensemble
-from uqmbd.dynamics.integration.prescribed import instant
-from uqmbd.dynamics.integration.restarts import speed_jumps
-from uqmbd.dynamics.linear.accelerations import dense, state_arguments
+from uqmbd.dynamics.integration import instant, speed_jumps
+from uqmbd.dynamics.linear import dense, state_arguments
 from uqmbd.dynamics.projection.coupled import Coupled
 from uqmbd.errors import AssemblyError
 from uqmbd.typing import Array

@@ -9,10 +9,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from uqmbd.dynamics.integration.ida import RELAXED, diagnosis, step_limits, step_tolerance
-from uqmbd.dynamics.integration.pace import pace
-from uqmbd.dynamics.integration.prescribed import instant
-from uqmbd.dynamics.integration.sundials import solve
+from uqmbd.dynamics.integration import RELAXED, diagnosis, instant, pace, solve, step_limits, step_tolerance
 from uqmbd.dynamics.projection.ensemble import ProjectedEnsemble
 from uqmbd.typing import Array
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from uqmbd.dynamics.capabilities import INTEGRATORS, require, require_for
 from uqmbd.dynamics.integrate import integrate
-from uqmbd.dynamics.integration.prescribed import position_jumps
+from uqmbd.dynamics.integration import position_jumps
 from uqmbd.dynamics.projection.constraint_check import projected_off
 from uqmbd.dynamics.projection.dop853 import lock_step
 from uqmbd.dynamics.projection.ensemble import ProjectedEnsemble

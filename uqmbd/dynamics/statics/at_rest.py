@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from uqmbd.dynamics.batch import Batch
-from uqmbd.dynamics.linear.accelerations import RANK_TOLERANCE, dense, state_arguments
+from uqmbd.dynamics.linear import RANK_TOLERANCE, dense, state_arguments
 from uqmbd.typing import Array, Index
 
 __all__ = ["Forces", "Rest", "apply", "tangents"]

@@ -22,9 +22,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from uqmbd.dynamics.assembly.assembly import Start, velocities
+from uqmbd.dynamics.assembly import Start, velocities
 from uqmbd.dynamics.batch import Batch
-from uqmbd.dynamics.linear.accelerations import accelerations
+from uqmbd.dynamics.linear import accelerations
 from uqmbd.dynamics.statics.at_rest import Forces, Rest, apply, tangents
 from uqmbd.typing import Array, Index, Mask
 

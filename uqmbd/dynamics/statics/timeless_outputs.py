@@ -10,12 +10,8 @@ import numpy as np
 import sympy
 
 from uqmbd.dynamics.batch import Batch
-from uqmbd.dynamics.equations.block import Instance
-from uqmbd.dynamics.equations.evaluator import Placement
-from uqmbd.dynamics.equations.expressions import plain
-from uqmbd.dynamics.equations.kernels import Kernel, cached, compile_kernel
-from uqmbd.dynamics.equations.outputs import OutputMap, output_map
-from uqmbd.dynamics.integration.trajectories import Trajectories
+from uqmbd.dynamics.equations import Instance, Kernel, OutputMap, Placement, cached, compile_kernel, output_map, plain
+from uqmbd.dynamics.integration import Trajectories
 from uqmbd.dynamics.observation import observe_along
 from uqmbd.dynamics.statics.equilibrium import static_equilibria
 from uqmbd.dynamics.statics.modes import Modes, linearise

@@ -1,1 +1,48 @@
 """What a component is: its parameters, its terms, and the values and bodies it works with."""
+
+from __future__ import annotations
+
+from uqmbd.mechanism.components.component import (
+    Auxiliary,
+    Component,
+    Constraint,
+    Event,
+    Impact,
+    Kinetic,
+    Local,
+    Parameter,
+    Potential,
+    ReactionSymbol,
+    Separation,
+    Term,
+    Upright,
+    VirtualWork,
+    flatten,
+)
+from uqmbd.mechanism.components.parameter import range_text
+from uqmbd.mechanism.components.reaction import Loaded
+from uqmbd.mechanism.components.turn_counting import counted_angle, half_angle
+from uqmbd.mechanism.components.values import settle
+
+__all__ = [
+    "Auxiliary",
+    "Component",
+    "Constraint",
+    "Event",
+    "Impact",
+    "Kinetic",
+    "Loaded",
+    "Local",
+    "Parameter",
+    "Potential",
+    "ReactionSymbol",
+    "Separation",
+    "Term",
+    "Upright",
+    "VirtualWork",
+    "counted_angle",
+    "flatten",
+    "half_angle",
+    "range_text",
+    "settle",
+]

@@ -27,11 +27,8 @@ from uqmbd.mechanism.components.terms import (
     VirtualWork,
 )
 from uqmbd.mechanism.components.world_pose import KEYWORDS, replaced
-from uqmbd.mechanism.expressions.timeless import EventTime
-from uqmbd.mechanism.expressions.user_values import flatten
-from uqmbd.mechanism.geometry.frame import Frame, NamedFrame
-from uqmbd.mechanism.geometry.quaternions import relative_quaternion
-from uqmbd.mechanism.geometry.space import Planar, Space, Spatial, Translational
+from uqmbd.mechanism.expressions import EventTime, flatten
+from uqmbd.mechanism.geometry import Frame, NamedFrame, Planar, Space, Spatial, Translational, relative_quaternion
 from uqmbd.names import check_name, checked, did_you_mean
 
 __all__ = [

@@ -8,9 +8,8 @@ from typing import Any
 import sympy
 
 from uqmbd.errors import StudyError
-from uqmbd.mechanism.expressions.user_values import flatten
-from uqmbd.mechanism.geometry.frame import Frame
-from uqmbd.mechanism.geometry.space import Space
+from uqmbd.mechanism.expressions import flatten
+from uqmbd.mechanism.geometry import Frame, Space
 
 __all__ = ["RESERVED", "Local", "Quantity"]
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any, Literal, Protocol
 
 from uqmbd.errors import StudyError
-from uqmbd.mechanism.geometry.space import Space
+from uqmbd.mechanism.geometry import Space
 
 __all__ = ["Parameter", "range_text"]
 

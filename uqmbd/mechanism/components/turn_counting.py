@@ -8,8 +8,7 @@ from typing import Any
 import sympy
 
 from uqmbd.mechanism.components.component import Auxiliary, Local
-from uqmbd.mechanism.geometry.frame import Frame
-from uqmbd.mechanism.geometry.quaternions import relative_quaternion
+from uqmbd.mechanism.geometry import Frame, relative_quaternion
 
 __all__ = ["counted_angle", "half_angle"]
 

@@ -9,9 +9,8 @@ import sympy
 from uqmbd.errors import StudyError
 from uqmbd.mechanism.components.component import Component, Parameter
 from uqmbd.mechanism.components.world_pose import KEYWORDS, localised, replaced
-from uqmbd.mechanism.expressions.user_values import flatten, numbers, shown
-from uqmbd.mechanism.geometry.quaternions import nominal, quaternion_of_matrix, unit
-from uqmbd.mechanism.geometry.space import Space
+from uqmbd.mechanism.expressions import flatten, numbers, shown
+from uqmbd.mechanism.geometry import Space, nominal, quaternion_of_matrix, unit
 from uqmbd.randomness import RandomVariable
 
 __all__ = ["settle"]

@@ -9,9 +9,8 @@ import sympy
 
 from uqmbd.errors import StudyError
 from uqmbd.mechanism.components.parameter import Parameter
-from uqmbd.mechanism.expressions.user_values import numbers, shown
-from uqmbd.mechanism.geometry.frame import Frame
-from uqmbd.mechanism.geometry.space import Space
+from uqmbd.mechanism.expressions import numbers, shown
+from uqmbd.mechanism.geometry import Frame, Space
 
 __all__ = ["KEYWORDS", "localised", "replaced"]
 

@@ -1,1 +1,42 @@
 """Expressions of time, inputs and quantities without a time, and what users may give as values."""
+
+from __future__ import annotations
+
+from uqmbd.mechanism.expressions.computable import WITHOUT_DERIVATIVE, foreign_part, told
+from uqmbd.mechanism.expressions.time import step, t
+from uqmbd.mechanism.expressions.timeless import (
+    AtEquilibrium,
+    EventTime,
+    MotionSymbol,
+    ScalarSymbol,
+    at_equilibrium,
+    check_scalar,
+    damping_ratio,
+    eigenfrequency,
+    event_name,
+    is_scalar,
+)
+from uqmbd.mechanism.expressions.user_values import LARGEST, flatten, numbers, random_variables, shown
+
+__all__ = [
+    "AtEquilibrium",
+    "EventTime",
+    "LARGEST",
+    "MotionSymbol",
+    "ScalarSymbol",
+    "WITHOUT_DERIVATIVE",
+    "at_equilibrium",
+    "check_scalar",
+    "damping_ratio",
+    "eigenfrequency",
+    "event_name",
+    "flatten",
+    "foreign_part",
+    "is_scalar",
+    "numbers",
+    "random_variables",
+    "shown",
+    "step",
+    "t",
+    "told",
+]

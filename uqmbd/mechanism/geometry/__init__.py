@@ -1,1 +1,35 @@
 """Spaces, frames and rotations."""
+
+from __future__ import annotations
+
+from uqmbd.mechanism.geometry.frame import Frame, NamedFrame
+from uqmbd.mechanism.geometry.quaternions import (
+    aligned,
+    joint_frames,
+    nominal,
+    perpendiculars,
+    quaternion_of_matrix,
+    quaternion_product,
+    relative_quaternion,
+    smallest_rotation,
+    unit,
+)
+from uqmbd.mechanism.geometry.space import Planar, Space, Spatial, Translational
+
+__all__ = [
+    "Frame",
+    "NamedFrame",
+    "Planar",
+    "Space",
+    "Spatial",
+    "Translational",
+    "aligned",
+    "joint_frames",
+    "nominal",
+    "perpendiculars",
+    "quaternion_of_matrix",
+    "quaternion_product",
+    "relative_quaternion",
+    "smallest_rotation",
+    "unit",
+]

@@ -8,7 +8,7 @@ from typing import Any
 import sympy
 
 from uqmbd.errors import StudyError
-from uqmbd.mechanism.expressions.user_values import flatten, numbers, shown
+from uqmbd.mechanism.expressions import flatten, numbers, shown
 from uqmbd.mechanism.geometry.quaternions import quaternion_product
 from uqmbd.mechanism.geometry.space import Space
 from uqmbd.names import checked

@@ -10,7 +10,7 @@ import numpy as np
 import sympy
 
 from uqmbd.errors import StudyError
-from uqmbd.mechanism.expressions.time import t
+from uqmbd.mechanism.expressions import t
 from uqmbd.randomness import RandomVariable
 
 __all__ = [

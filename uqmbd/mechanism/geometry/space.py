@@ -13,7 +13,7 @@ from typing import Any, ClassVar, Self
 
 import sympy
 
-from uqmbd.mechanism.expressions.user_values import numbers
+from uqmbd.mechanism.expressions import numbers
 from uqmbd.names import check_arguments
 
 __all__ = ["Planar", "Space", "Spatial", "Translational"]

@@ -67,9 +67,9 @@ def drawn_pose(mechanism: Mechanism, values: Mapping[str, float] | None = None, 
     [0.5, 0.0, 1.0, 0.0]
     """
     from uqmbd.dynamics import kinematic_model
-    from uqmbd.dynamics.assembly.assembly import positions
+    from uqmbd.dynamics.assembly import positions
     from uqmbd.dynamics.build import constraining
-    from uqmbd.dynamics.equations.parameters import ParameterMap
+    from uqmbd.dynamics.equations import ParameterMap
 
     if not mechanism.bodies:
         raise StudyError(f"mechanism {mechanism.name!r} has no bodies to draw; add one with mechanism.body(...).")
@@ -209,7 +209,7 @@ def _dataset(
     """Put poses (realisation, time, coordinate) and what is known of the bodies into one dataset."""
     import xarray as xr
 
-    from uqmbd.dynamics.equations.parameters import ParameterMap
+    from uqmbd.dynamics.equations import ParameterMap
     from uqmbd.mechanism.skeleton import skeleton
     from uqmbd.results.schema import fixed_width
 
@@ -262,7 +262,7 @@ def _dataset(
 
 def symbol_of(component: Component, space: Space, *, constrains: bool) -> str:
     """Tell how a component is drawn: by what it says itself, else by its parameters and what it attaches to."""
-    from uqmbd.mechanism.expressions.time import t
+    from uqmbd.mechanism.expressions import t
 
     found = component.symbol
     if found == "rod" and any(t in getattr(x, "free_symbols", ()) for x in component.values.values()):
