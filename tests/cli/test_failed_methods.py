@@ -130,13 +130,13 @@ def test_comparison_that_fails_costs_nothing_but_itself(cli, tmp_path, monkeypat
 
 def test_results_are_stored_before_curves_of_error_against_cost(cli, tmp_path, monkeypatch):
     """An interruption there is none of a method: it finds them stored."""
-    import uqmbd.propagation.convergence.in_study
+    import uqmbd.propagation.convergence.node
 
     def interrupted(*arguments, **options):
         assert list(results.propagator_nodes(results.load(tmp_path / "r" / "results.nc"))) == ["monte-carlo"]
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(uqmbd.propagation.convergence.in_study, "converge", interrupted)
+    monkeypatch.setattr(uqmbd.propagation.convergence.node, "converge", interrupted)
     methods = (
         'MonteCarlo(samples=8, seed=1)], convergence={"propagators": [Collocation], "order": [1, 2]}, report_times=['
     )

@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 
 import uqmbd
 from uqmbd.cli.app import app
-from uqmbd.propagation.estimate import obstacle_of
+from uqmbd.propagation.obstacle import obstacle_of
 from uqmbd_collocation import Collocation
 from uqmbd_galerkin import Galerkin
 from uqmbd_montecarlo import MonteCarlo

@@ -15,7 +15,7 @@ from uqmbd.cli.tables import console, plain_table
 from uqmbd.errors import StudyError
 from uqmbd.isolation import Isolated
 from uqmbd.propagation import Estimate, Propagator
-from uqmbd.propagation.estimate import obstacle_of
+from uqmbd.propagation.obstacle import obstacle_of
 from uqmbd.propagation.script import load_study
 
 if TYPE_CHECKING:

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from uqmbd.propagation.chaos.elements import ElementLimits, ElementRefinement, refine_elements
+from uqmbd.propagation.chaos import ElementLimits, ElementRefinement, refine_elements
 from uqmbd.propagation.deterministic import simulate
 from uqmbd.propagation.equilibrium import eigenfrequencies, static_equilibrium
 from uqmbd.propagation.estimate import Estimate
-from uqmbd.propagation.execution.histories import History
-from uqmbd.propagation.execution.progress import Progress
-from uqmbd.propagation.execution.realisations import Realisations
+from uqmbd.propagation.execution import History, Progress, Realisations
 from uqmbd.propagation.problem import Problem
 from uqmbd.propagation.propagator import Propagator
 from uqmbd.propagation.study import Study

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import json
 import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,11 +15,18 @@ from uqmbd.errors import (
     IntegrationError,
     RedundantConstraintWarning,
     StudyError,
-    StudyWarning,
     UqmbdError,
 )
 from uqmbd.names import checked
-from uqmbd.propagation.accuracy import LONG_NAME, deviation, tighter
+from uqmbd.propagation.integration_error import LONG_NAME, deviation, tighter
+from uqmbd.propagation.observed_model import (
+    not_unique_attribute,
+    notices_attribute,
+    observed_model,
+    refuse_jumps,
+    step_attributes,
+    stepped,
+)
 from uqmbd.propagation.options import (
     check_breaks,
     check_integrator,
@@ -37,7 +43,7 @@ if TYPE_CHECKING:
     from uqmbd.dynamics import Ensemble, Model, Trajectories
     from uqmbd.mechanism import Mechanism
 
-__all__ = ["input_point", "observed_model", "refuse_jumps", "simulate", "step_attributes", "stepped", "variables_of"]
+__all__ = ["input_point", "simulate", "variables_of"]
 
 
 @checked
@@ -104,7 +110,7 @@ def simulate(
 
     from uqmbd.dynamics import Ensemble, require_for
     from uqmbd.mechanism import Mechanism
-    from uqmbd.propagation.execution.chunks import integrated_by, integrator_of, not_finite_output
+    from uqmbd.propagation.execution import integrated_by, integrator_of, not_finite_output
 
     if not isinstance(mechanism, Mechanism):
         raise StudyError(f"simulate: the mechanism is {mechanism!r}; expected a uqmbd.Mechanism.")
@@ -224,12 +230,6 @@ def _scalars(mechanism: Mechanism, ensemble: Ensemble, trajectories: Trajectorie
     return {name: ((), value, {"units": units}) for name, units, value in about}
 
 
-def not_unique_attribute(model: Model) -> dict[str, str]:
-    """Return the attribute that names outputs that redundant constraints leave undetermined, if there are any."""
-    names = model.outputs.not_unique
-    return {"not_unique": ", ".join(names)} if names else {}
-
-
 def variables_of(model: Model, response: Array, *dimensions: str) -> dict[str, tuple[Any, ...]]:
     """Variables of a dataset from the response (output, ...) of one realisation."""
     seen = model.outputs
@@ -256,51 +256,3 @@ def input_point(where: str, mechanism: Mechanism, values: Mapping[str, float] | 
         if not np.isfinite(point[name]):
             raise StudyError(f"{where}: the value of {name!r} is {value!r}; expected a finite number.")
     return point
-
-
-def stepped(model: Model, max_step: float, breaks: tuple[float, ...]) -> Model:
-    """Return a model that every integrator follows with bounded steps, and with breaks of the user's."""
-    plain = max_step == float("inf") and not breaks
-    return model if plain else replace(model, max_step=max_step, added_breaks=breaks)
-
-
-def step_attributes(max_step: float, breaks: tuple[float, ...]) -> dict[str, Any]:
-    """Return the attributes that say how steps were bounded, if they were."""
-    found: dict[str, Any] = {} if max_step == float("inf") else {"max_step": max_step}
-    return found | ({"breaks": list(breaks)} if breaks else {})
-
-
-def refuse_jumps(ensemble: Ensemble, times: Array, rtol: float, where: str) -> None:
-    """Raise a `StudyError` if the position that is prescribed to a single realisation jumps within the times."""
-    from uqmbd.dynamics import position_jumps
-
-    if len(times) > 1 and (found := position_jumps(ensemble, times, rtol)):
-        raise StudyError(f"{where}: {found[0]}.")
-
-
-def observed_model(mechanism: Mechanism, time: float, start: str = "drawn") -> Model:
-    """Build a mechanism that has something to observe; `start` as for `Study`."""
-    from uqmbd.dynamics import build
-    from uqmbd.dynamics.ensemble import referenced
-    from uqmbd.mechanism.forgotten import forgotten
-
-    if not (mechanism.outputs or mechanism.scalars):
-        raise StudyError(
-            f"mechanism {mechanism.name!r} has no outputs; say what to observe, "
-            "e.g. mechanism.output('x', body.position[0], units='m')."
-        )
-    means = mechanism.inputs.means
-    model = mechanism.remembered(("model", time), lambda: referenced(build(mechanism, time), means))
-    if start != "drawn":
-        built = model
-        model = mechanism.remembered(("model", time, start), lambda: referenced(replace(built, start_at=start), means))
-    if missing := forgotten(mechanism):
-        model = replace(model, notices=(*missing, *model.notices))
-    for notice in model.notices:
-        warnings.warn(f"{notice}.", StudyWarning, stacklevel=3)
-    return model
-
-
-def notices_attribute(model: Model) -> dict[str, str]:
-    """Return the attribute that holds what was warned of, as JSON, if there is anything."""
-    return {"warnings": json.dumps(model.notices)} if model.notices else {}

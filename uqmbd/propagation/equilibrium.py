@@ -9,7 +9,8 @@ import numpy as np
 
 from uqmbd.errors import AssemblyError, StudyError
 from uqmbd.names import checked
-from uqmbd.propagation.deterministic import input_point, observed_model, variables_of
+from uqmbd.propagation.deterministic import input_point, variables_of
+from uqmbd.propagation.observed_model import observed_model
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -3,13 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    from uqmbd.propagation.propagator import Propagator
-    from uqmbd.propagation.study import Study
-
-__all__ = ["Estimate", "obstacle_of", "readable"]
+__all__ = ["Estimate", "readable"]
 
 
 @dataclass(frozen=True)
@@ -59,40 +54,3 @@ def readable(size: int) -> str:
         if size >= 10**power:
             return f"{size / 10**power:.2g} {unit}" if size < 10 ** (power + 2) else f"{size / 10**power:.0f} {unit}"
     return f"{max(1, round(size / 1000))} kB"
-
-
-def obstacle_of(propagator: Propagator, study: Study) -> str | None:
-    """Return why a method cannot do a study: what it would take is looked at before it is asked.
-
-    Parameters
-    ----------
-    propagator : Propagator
-    study : Study
-
-    Returns
-    -------
-    str or None
-        One sentence; None: nothing is in the way.
-    """
-    from uqmbd.errors import StudyError
-
-    if not len(study.mechanism.inputs):
-        return propagator.obstacle(study)
-    try:
-        found = propagator.estimate(study)
-    except StudyError as error:
-        return str(error).removeprefix(f"{propagator.node_name}: ")
-    if found is not None and not found.at_most and (there := _memory()) < found.memory:
-        about = f" for {found.detail}" if found.detail else ""
-        return (
-            f"it would take about {readable(found.memory)} of memory{about}, and this machine has {readable(there)}; "
-            "take fewer samples or nodes, a lower order, fewer outputs or fewer output times"
-        )
-    return propagator.obstacle(study)
-
-
-def _memory() -> int:
-    """Physical memory of this machine, bytes."""
-    import psutil
-
-    return int(psutil.virtual_memory().total)

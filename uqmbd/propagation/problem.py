@@ -13,33 +13,47 @@ from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 
 import numpy as np
 
-from uqmbd import __version__
 from uqmbd.dynamics import Capability, Ensemble, Model, ScalarValues, require
 from uqmbd.errors import StudyError, StudyWarning
-from uqmbd.propagation.accuracy import Observed
-from uqmbd.propagation.deterministic import not_unique_attribute, step_attributes
-from uqmbd.propagation.execution.checkpoint import Checkpoint
-from uqmbd.propagation.execution.chunks import CHUNK, Chunk, compute_chunk
-from uqmbd.propagation.execution.cost import Clock, Laps
-from uqmbd.propagation.execution.histories import History, event_histories
-from uqmbd.propagation.execution.progress import Progress, Silent
-from uqmbd.propagation.execution.realisations import Realisations
-from uqmbd.propagation.execution.tasks import Arrays, failed, run_tasks
+from uqmbd.propagation.execution import (
+    CHUNK,
+    Arrays,
+    Checkpoint,
+    Chunk,
+    Clock,
+    History,
+    Laps,
+    Observed,
+    Progress,
+    Realisations,
+    Silent,
+    compute_chunk,
+    event_histories,
+    failed,
+    run_tasks,
+)
 from uqmbd.propagation.existence import Existence
+from uqmbd.propagation.observed_model import not_unique_attribute, step_attributes
 from uqmbd.randomness import JointInput
 from uqmbd.results import InputInfo, Labels, OutputInfo, labels, propagator_node
 from uqmbd.typing import Array
+from uqmbd.version import __version__
 
 if TYPE_CHECKING:
     import xarray as xr
 
-    from uqmbd.propagation.propagator import Propagator
-
 __all__ = ["Problem", "Realisations"]
+
+
+class Method(Protocol):
+    """What a node tells of a method: its registered name; its options are its fields."""
+
+    __dataclass_fields__: ClassVar[dict[str, Any]]
+    name: ClassVar[str]
 
 
 AHEAD = 64
@@ -246,7 +260,8 @@ class Problem:
             If the integrator of the study cannot do so.
         """
         self.require("segments")
-        return event_histories(self, self._checked(values), points, least)
+        begin, end = float(self.times[0]), float(self.times[-1])
+        return event_histories(self.run, self._checked(values), (begin, end), self.rtol, points, least)
 
     def _chunks(self, parts: list[Array]) -> Iterator[tuple[int, Chunk]]:
         """Finished chunks in order; each is stored as soon as it is finished."""
@@ -343,7 +358,7 @@ class Problem:
 
     def node(
         self,
-        propagator: Propagator,
+        propagator: Method,
         statistics: xr.Dataset,
         samples: xr.Dataset | None = None,
         *,

@@ -16,7 +16,6 @@ if TYPE_CHECKING:
 
     from uqmbd.propagation.estimate import Estimate
     from uqmbd.propagation.problem import Problem
-    from uqmbd.propagation.study import Study
 
 __all__ = ["Propagator"]
 
@@ -69,18 +68,26 @@ class Propagator(ABC):
         """The label, or the registered name."""
         return check_label(self.name if self.label is None else self.label)
 
-    def obstacle(self, study: Study) -> str | None:
+    def obstacle(self, study: Any) -> str | None:
         """Return why this method cannot do a study, in one sentence, or None: `uqmbd check` shows it.
 
         A method may override it; it must not compute anything.
+
+        Parameters
+        ----------
+        study : Study
         """
         return None
 
-    def estimate(self, study: Study) -> Estimate | None:
+    def estimate(self, study: Any) -> Estimate | None:
         """Return what this method would take, or None if it cannot tell: `uqmbd check` shows it.
 
         A study that would take more memory than there is is refused before anything is computed.  A method may
         override it; it must neither compute nor allocate anything of that size.
+
+        Parameters
+        ----------
+        study : Study
 
         Raises
         ------

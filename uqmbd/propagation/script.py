@@ -12,12 +12,9 @@ import sys
 import traceback
 from pathlib import Path
 from types import ModuleType
-from typing import TYPE_CHECKING
 
 from uqmbd.errors import StudyError
-
-if TYPE_CHECKING:
-    from uqmbd.propagation import Study
+from uqmbd.propagation.study import Study
 
 __all__ = ["load_study"]
 
@@ -110,9 +107,8 @@ def _same_file(one: str | None, other: Path) -> bool:
 
 def _take_study(module: ModuleType, shown: str) -> Study:
     """Return the module's `study` after a look at what it is."""
-    study_type = importlib.import_module("uqmbd").Study
     if not hasattr(module, "study"):
-        others = [name for name, value in vars(module).items() if isinstance(value, study_type)]
+        others = [name for name, value in vars(module).items() if isinstance(value, Study)]
         hint = f" It holds a study named {others[0]!r}: rename it." if others else ""
         raise StudyError(
             f"{shown} has no module-level `study`.{hint} Expected a line such as\n"
@@ -120,7 +116,7 @@ def _take_study(module: ModuleType, shown: str) -> Study:
             "outside of every function and of `if __name__ == ...`."
         )
     study = module.study
-    if not isinstance(study, study_type):
+    if not isinstance(study, Study):
         raise StudyError(f"In {shown}, `study` is {_described(study)}; a uqmbd.Study is expected.")
     result: Study = study
     return result

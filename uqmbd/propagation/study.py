@@ -17,18 +17,16 @@ from numpy.typing import ArrayLike
 
 from uqmbd.errors import StudyError
 from uqmbd.names import check_name, checked
-from uqmbd.propagation.attempts import attempt, joined
-from uqmbd.propagation.convergence.in_study import check_convergence_of, with_convergence
-from uqmbd.propagation.deterministic import (
+from uqmbd.propagation.convergence import check_convergence_of, with_convergence
+from uqmbd.propagation.execution import Crew, Progress, pool, told
+from uqmbd.propagation.existence import existence_of
+from uqmbd.propagation.observed_model import (
     notices_attribute,
     observed_model,
     refuse_jumps,
     step_attributes,
     stepped,
 )
-from uqmbd.propagation.execution.progress import Progress, told
-from uqmbd.propagation.execution.workers import Crew, pool
-from uqmbd.propagation.existence import existence_of
 from uqmbd.propagation.options import (
     check_breaks,
     check_integrator,
@@ -40,7 +38,8 @@ from uqmbd.propagation.options import (
     check_times,
 )
 from uqmbd.propagation.propagator import Propagator
-from uqmbd.propagation.timeless import propagated
+from uqmbd.propagation.run_method import run_method
+from uqmbd.propagation.run_methods import joined, run_methods
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -201,7 +200,7 @@ class Study:
         folder: Path | None = None,
     ) -> Problem:
         """Make the problem that a propagator is given."""
-        from uqmbd.propagation.execution.checkpoint import Checkpoint
+        from uqmbd.propagation.execution import Checkpoint
         from uqmbd.propagation.problem import Problem
 
         return Problem(
@@ -232,7 +231,7 @@ class Study:
         """
         self._checked([propagator])
         with pool(workers) as executor:
-            return propagated(propagator, self.problem(propagator, executor, progress))
+            return run_method(propagator, self.problem(propagator, executor, progress))
 
     @checked
     def run(
@@ -284,7 +283,7 @@ class Study:
         uqmbd.UqmbdError
             If the mechanism cannot be used, or no method succeeded: then that of the first one, or whatever it raised.
         """
-        from uqmbd.propagation.execution.run_folder import claimed
+        from uqmbd.propagation.execution import claimed
         from uqmbd.results.storage import clear, computed, reopen
 
         if not self.propagators:
@@ -299,9 +298,9 @@ class Study:
                 reopen(folder) if resume else clear(folder)
             # what is wrong with the mechanism is no matter of a method
             self.model  # noqa: B018 - built once
-            attempts = attempt(self, chosen, crew, progress, folder)
-            attempts.told(self.name, stacklevel=2)
-            tree = joined(self, attempts, self._attributes())
+            outcome = run_methods(self, chosen, crew, progress, folder)
+            outcome.told(self.name, stacklevel=2)
+            tree = joined(self, outcome, self._attributes())
             if finished is not None:
                 finished(tree)
             if only is None:
@@ -331,7 +330,7 @@ class Study:
 
         As ``study.converge(Collocation, order=[1, 2, 3, 4])``; see `uqmbd.propagation.convergence`.
         """
-        from uqmbd.propagation.convergence.converge import converge
+        from uqmbd.propagation.convergence import converge
 
         return converge(self, propagators, reference=reference, workers=workers, progress=progress, **levels)
 

@@ -14,7 +14,7 @@ from uqmbd.dynamics.equations import derive, instances_of
 from uqmbd.errors import AssemblyError
 from uqmbd.mechanism import Component, Space
 from uqmbd.propagation import Propagator, Study
-from uqmbd.propagation.execution.chunks import integrator_of
+from uqmbd.propagation.execution import integrator_of
 from uqmbd.testing.cases import Case, moving_case, name_of
 from uqmbd.testing.energy import is_timeless
 from uqmbd.testing.moments import check_schema, stated_errors

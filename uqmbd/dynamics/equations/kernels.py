@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
-import importlib
 import os
 import pickle
 import platform
@@ -17,6 +16,7 @@ import numpy as np
 
 from uqmbd.dynamics.equations.store import Store
 from uqmbd.typing import Array
+from uqmbd.version import __version__
 
 __all__ = ["Kernel", "cache_folder", "cached", "compilations", "compile_kernel", "replaced", "source_digest"]
 
@@ -180,8 +180,7 @@ def _surroundings() -> bytes:
                 break
     # LLVM is a part of it, and does not tell its version
     library = Path(symengine_wrapper.__file__).stat()
-    ours = importlib.import_module("uqmbd").__version__
-    versions = (ours, symengine.__version__, sympy.__version__, np.__version__, platform.python_version())
+    versions = (__version__, symengine.__version__, sympy.__version__, np.__version__, platform.python_version())
     about = (versions, library.st_size, library.st_mtime_ns, platform.machine(), features)
     return repr(about).encode() + _SOURCES
 

@@ -15,18 +15,16 @@ import numpy as np
 from uqmbd.errors import StudyError
 from uqmbd.isolation import Isolated, release
 from uqmbd.propagation.convergence.reference import reference_node
-from uqmbd.propagation.execution.progress import Progress
-from uqmbd.propagation.execution.workers import Crew
+from uqmbd.propagation.execution import Crew, Progress
 from uqmbd.propagation.propagator import Propagator
-from uqmbd.propagation.timeless import propagated
+from uqmbd.propagation.run_method import run_method
+from uqmbd.propagation.studied import Studied
 from uqmbd.typing import Array
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     import xarray as xr
-
-    from uqmbd.propagation.study import Study
 
 __all__ = ["check_convergence", "converge"]
 
@@ -45,7 +43,7 @@ class _Series:
 
 
 def converge(
-    study: Study,
+    study: Studied,
     propagators: Method | Sequence[Method],
     *,
     reference: xr.DataTree | xr.Dataset | Propagator | None = None,
@@ -58,7 +56,7 @@ def converge(
 
     Parameters
     ----------
-    study : Study
+    study : Studied
     propagators : Propagator, class of one, or sequence of these
         Each takes the first of `levels` that is an option of it; a class its default options otherwise. Several of one
         class with different options need labels of their own.
@@ -122,7 +120,7 @@ def converge(
                     label = f"{one.propagator.node_name}-{value}"
                     made = replace(one.propagator, label=label, **{one.option: value})
                     with _coarse_on_purpose(), crew.at_work() as executor:
-                        nodes[m, k] = propagated(made, study.problem(made, executor, progress, folder), check=False)
+                        nodes[m, k] = run_method(made, study.problem(made, executor, progress, folder), check=False)
                 if work.error is not None:
                     release(work.error)
                     problems[m, k] = work.reason
@@ -155,12 +153,12 @@ def _most_converged(nodes: dict[tuple[int, int], xr.DataTree]) -> tuple[int, int
     return min(nodes, key=lambda key: (worst[key], key[0], -key[1]))
 
 
-def check_convergence(study: Study, given: Method | Sequence[Method], levels: Mapping[str, Any]) -> None:
+def check_convergence(study: Studied, given: Method | Sequence[Method], levels: Mapping[str, Any]) -> None:
     """Raise a StudyError where methods and levels of `converge` do not fit together."""
     _series(study, given, levels)
 
 
-def _series(study: Study, given: Method | Sequence[Method], levels: Mapping[str, Any]) -> list[_Series]:
+def _series(study: Studied, given: Method | Sequence[Method], levels: Mapping[str, Any]) -> list[_Series]:
     if not levels:
         raise StudyError("converge: give the levels, as in study.converge(Collocation, order=[1, 2, 3, 4]).")
     for name, values in levels.items():

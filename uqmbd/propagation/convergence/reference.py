@@ -9,27 +9,26 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from uqmbd.errors import StudyError
-from uqmbd.propagation.execution.progress import Progress
+from uqmbd.propagation.execution import Progress
 from uqmbd.propagation.propagator import Propagator
-from uqmbd.propagation.timeless import propagated
+from uqmbd.propagation.run_method import run_method
+from uqmbd.propagation.studied import Studied
 
 if TYPE_CHECKING:
     import xarray as xr
-
-    from uqmbd.propagation.study import Study
 
 __all__ = ["reference_node"]
 
 
 def reference_node(
-    study: Study, reference: object, executor: Executor | None, progress: Progress | bool | None, folder: Path | None
+    study: Studied, reference: object, executor: Executor | None, progress: Progress | bool | None, folder: Path | None
 ) -> xr.DataTree | None:
     """Return the node of the reference, computed if need be; None where one of the levels is to be it."""
     import xarray as xr
 
     if isinstance(reference, Propagator):
         study.with_propagators([reference])
-        return propagated(reference, study.problem(reference, executor, progress, folder), check=False)
+        return run_method(reference, study.problem(reference, executor, progress, folder), check=False)
     if isinstance(reference, xr.Dataset):
         return _known(study, reference)
     if reference is None or (isinstance(reference, xr.DataTree) and "statistics" in reference.children):
@@ -41,7 +40,7 @@ def reference_node(
     )
 
 
-def _known(study: Study, exact: xr.Dataset) -> xr.DataTree:
+def _known(study: Studied, exact: xr.Dataset) -> xr.DataTree:
     """Make a node of exact means and standard deviations (output, time)."""
     from uqmbd.results import labels, propagator_node, statistics_dataset
 

@@ -1,1 +1,51 @@
 """How realisations are computed: chunks, tasks, workers, checkpoints, progress."""
+
+from __future__ import annotations
+
+from uqmbd.propagation.execution.checkpoint import FOLDER, Checkpoint
+from uqmbd.propagation.execution.chunks import (
+    CHUNK,
+    Chunk,
+    compute_chunk,
+    integrated_by,
+    integrator_of,
+    not_finite_output,
+)
+from uqmbd.propagation.execution.cost import Clock, Laps
+from uqmbd.propagation.execution.histories import History, event_histories
+from uqmbd.propagation.execution.observed import AGAIN, Observed
+from uqmbd.propagation.execution.progress import Lines, Progress, Silent, seconds, told
+from uqmbd.propagation.execution.realisations import Realisations
+from uqmbd.propagation.execution.run_folder import claimed, set_aside
+from uqmbd.propagation.execution.tasks import Arrays, failed, run_tasks
+from uqmbd.propagation.execution.workers import Crew, pool
+
+__all__ = [
+    "AGAIN",
+    "Arrays",
+    "CHUNK",
+    "Checkpoint",
+    "Chunk",
+    "Clock",
+    "Crew",
+    "FOLDER",
+    "History",
+    "Laps",
+    "Lines",
+    "Observed",
+    "Progress",
+    "Realisations",
+    "Silent",
+    "claimed",
+    "compute_chunk",
+    "event_histories",
+    "failed",
+    "integrated_by",
+    "integrator_of",
+    "not_finite_output",
+    "pool",
+    "run_tasks",
+    "seconds",
+    "set_aside",
+    "told",
+]

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from uqmbd.dynamics import Ensemble, Hybrid, Lens, Model, off_constraints, position_jumps
+from uqmbd.propagation.execution.tasks import Arrays
 from uqmbd.typing import Array
-
-if TYPE_CHECKING:
-    from uqmbd.propagation.problem import Problem
 
 __all__ = ["History", "event_histories", "segment_points"]
 
@@ -59,25 +57,35 @@ def segment_points(count: int) -> Array:
     return found
 
 
-def event_histories(problem: Problem, values: Array, points: int, least: int = 1) -> list[History]:
+def event_histories(
+    run: Callable[[Callable[..., Arrays], Sequence[tuple[Any, ...]]], Iterator[Arrays]],
+    values: Array,
+    times: tuple[float, float],
+    rtol: float,
+    points: int,
+    least: int = 1,
+) -> list[History]:
     """Follow each row of inputs from event to event, on all workers.
 
     Parameters
     ----------
-    problem : Problem
-        Of a mechanism with events.
+    run : callable
+        Does the work, as `uqmbd.Problem.run`, on a mechanism with events.
     values : array, shape (K, input)
         Inputs.
+    times : tuple of float
+        First and last, s.
+    rtol : float
+        Relative tolerance.
     points : int
         Points of a segment.
     least : int
         Segments that each is to have, for which it is followed beyond the last output time (eight times as long at
         most).
     """
-    times = (float(problem.times[0]), float(problem.times[-1]))
-    tasks = [(row, times, problem.rtol, points, least) for row in np.ascontiguousarray(values, dtype=float)]
+    tasks = [(row, times, rtol, points, least) for row in np.ascontiguousarray(values, dtype=float)]
     found = []
-    for arrays in problem.run(followed, tasks):
+    for arrays in run(followed, tasks):
         labels = tuple(arrays["labels"].tolist())
         message = str(arrays["message"][0])
         inside, final = int(arrays["inside"][0]), bool(arrays["final"][0])

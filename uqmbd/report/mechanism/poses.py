@@ -21,7 +21,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from uqmbd.errors import AssemblyError, RedundantConstraintWarning, StudyError, StudyWarning
-from uqmbd.propagation.deterministic import input_point, observed_model, stepped
+from uqmbd.propagation.deterministic import input_point
+from uqmbd.propagation.observed_model import observed_model, stepped
 from uqmbd.status import Status
 from uqmbd.typing import Array
 
@@ -153,7 +154,7 @@ def _integrated(study: Study, times: Array, values: Array) -> tuple[Array, str]:
     from threadpoolctl import threadpool_limits
 
     from uqmbd.dynamics import Ensemble
-    from uqmbd.propagation.execution.chunks import integrator_of
+    from uqmbd.propagation.execution import integrator_of
 
     model = stepped(observed_model(study.mechanism, float(study.times[0]), study.start), study.max_step, study.breaks)
     with threadpool_limits(limits=1):

@@ -11,25 +11,23 @@ from typing import TYPE_CHECKING, Any
 
 from uqmbd.errors import MethodFailedWarning, StudyError, UqmbdError
 from uqmbd.isolation import Isolated, reason_of, release
-from uqmbd.propagation.estimate import obstacle_of
-from uqmbd.propagation.execution.progress import Progress
-from uqmbd.propagation.execution.workers import Crew
+from uqmbd.propagation.execution import Crew, Progress
+from uqmbd.propagation.obstacle import obstacle_of
 from uqmbd.propagation.propagator import Propagator
-from uqmbd.propagation.timeless import propagated
+from uqmbd.propagation.run_method import run_method
+from uqmbd.propagation.studied import Studied
 
 if TYPE_CHECKING:
     import xarray as xr
 
-    from uqmbd.propagation.study import Study
-
-__all__ = ["Attempts", "attempt", "joined"]
+__all__ = ["Outcome", "run_methods", "joined"]
 
 METHOD = (Exception, SystemExit)
 """What a method may raise without ending the run: all but an interruption."""
 
 
 @dataclass(frozen=True)
-class Attempts:
+class Outcome:
     """What became of the methods of a study.
 
     Attributes
@@ -69,18 +67,18 @@ class Attempts:
         raise error
 
 
-def attempt(
-    study: Study,
+def run_methods(
+    study: Studied,
     propagators: Sequence[Propagator],
     crew: Crew,
     progress: Progress | bool | None = None,
     folder: Path | None = None,
-) -> Attempts:
+) -> Outcome:
     """Run methods; all are asked for what is in their way before the first realisation is computed.
 
     Parameters
     ----------
-    study : Study
+    study : Studied
         Whose model can be made.
     propagators : sequence of Propagator
     crew : Crew
@@ -97,15 +95,15 @@ def attempt(
         if propagator.node_name in errors:
             continue
         with Isolated(*METHOD) as work, crew.at_work() as executor:
-            nodes.append(propagated(propagator, study.problem(propagator, executor, progress, folder)))
+            nodes.append(run_method(propagator, study.problem(propagator, executor, progress, folder)))
         if work.error is not None:
             release(work.error)
             errors[propagator.node_name] = work.error
     order = [p.node_name for p in propagators if p.node_name in errors]
-    return Attempts(tuple(nodes), {label: errors[label] for label in order})
+    return Outcome(tuple(nodes), {label: errors[label] for label in order})
 
 
-def _obstacle(propagator: Propagator, study: Study) -> BaseException | None:
+def _obstacle(propagator: Propagator, study: Studied) -> BaseException | None:
     """Return why a method cannot do a study, as an error."""
     found: Any = None
     with Isolated(*METHOD) as asked:
@@ -124,13 +122,13 @@ def _obstacle(propagator: Propagator, study: Study) -> BaseException | None:
     return StudyError(f"{label}: it cannot do this study: {found}")
 
 
-def joined(study: Study, attempts: Attempts, attrs: Mapping[str, Any]) -> xr.DataTree:
+def joined(study: Studied, outcome: Outcome, attrs: Mapping[str, Any]) -> xr.DataTree:
     """Join the results of methods; where they cannot be compared, the comparison says so, and they stand.
 
     Parameters
     ----------
-    study : Study
-    attempts : Attempts
+    study : Studied
+    outcome : Outcome
         Of its methods.
     attrs : mapping
         Further attributes of the root.
@@ -142,11 +140,11 @@ def joined(study: Study, attempts: Attempts, attrs: Mapping[str, Any]) -> xr.Dat
     about: dict[str, Any] = {
         "study": study.name,
         "mechanism": study.mechanism.name,
-        "attrs": {**attrs, **attempts.attribute},
+        "attrs": {**attrs, **outcome.attribute},
     }
     with Isolated(*METHOD) as work:
-        return study_tree(attempts.nodes, **about)
+        return study_tree(outcome.nodes, **about)
     warnings.warn(f"study {study.name!r}: its methods cannot be compared: {work.reason}", UserWarning, stacklevel=3)
-    tree = join_nodes(attempts.nodes, **about)
+    tree = join_nodes(outcome.nodes, **about)
     tree["comparison"] = xr.DataTree(xr.Dataset(attrs={"problem": work.reason}))
     return tree

@@ -11,19 +11,16 @@ from typing import TYPE_CHECKING, Any
 from uqmbd.errors import StudyError
 from uqmbd.isolation import Isolated
 from uqmbd.propagation.convergence.converge import check_convergence, converge
-from uqmbd.propagation.execution.checkpoint import FOLDER
-from uqmbd.propagation.execution.progress import Progress
-from uqmbd.propagation.execution.workers import Crew
+from uqmbd.propagation.execution import FOLDER, Crew, Progress
+from uqmbd.propagation.studied import Studied
 
 if TYPE_CHECKING:
     import xarray as xr
 
-    from uqmbd.propagation.study import Study
-
 __all__ = ["check_convergence_of", "with_convergence"]
 
 
-def check_convergence_of(study: Study, given: object) -> Mapping[str, Any] | None:
+def check_convergence_of(study: Studied, given: object) -> Mapping[str, Any] | None:
     """Return the arguments of `Study.converge` that a study was given, or say what is wrong with them.
 
     Raises
@@ -55,7 +52,7 @@ def check_convergence_of(study: Study, given: object) -> Mapping[str, Any] | Non
 
 
 def with_convergence(
-    study: Study,
+    study: Studied,
     tree: xr.DataTree,
     crew: Crew,
     progress: Progress | bool | None = None,
@@ -67,7 +64,7 @@ def with_convergence(
 
     Parameters
     ----------
-    study : Study
+    study : Studied
     tree : xarray.DataTree
         Its results.
     crew : Crew

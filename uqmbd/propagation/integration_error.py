@@ -9,9 +9,7 @@ tolerance: of realisations that IDA, or the integrator of a plugin, has integrat
 from __future__ import annotations
 
 import warnings
-from collections import Counter
-from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from dataclasses import replace
 
 import numpy as np
 import xarray as xr
@@ -19,20 +17,13 @@ import xarray as xr
 from uqmbd.dynamics import INTEGRATORS
 from uqmbd.errors import RedundantConstraintWarning
 from uqmbd.isolation import reason_of
-from uqmbd.propagation.execution.chunks import integrated_by
-from uqmbd.propagation.execution.progress import Silent
+from uqmbd.propagation.execution import AGAIN, Observed, Silent, integrated_by
+from uqmbd.propagation.problem import Problem
 from uqmbd.status import Status
 from uqmbd.typing import Array
 
-if TYPE_CHECKING:
-    from uqmbd.propagation.execution.realisations import Realisations
-    from uqmbd.propagation.problem import Problem
+__all__ = ["LONG_NAME", "deviation", "tighter", "with_integration_error"]
 
-__all__ = ["AGAIN", "LONG_NAME", "Observed", "deviation", "tighter", "with_integration_error"]
-
-
-AGAIN = 3
-"""Realisations that are integrated again."""
 
 FACTOR = 0.01
 """Tolerance of the second integration, over that of the first."""
@@ -43,33 +34,6 @@ LEAST = 1e-13
 GOLDEN = 0.6180339887498949
 
 LONG_NAME = "error of the time integration"
-
-
-@dataclass
-class Observed:
-    """A few of the successful realisations that a method has computed, and who has integrated all of them.
-
-    Attributes
-    ----------
-    values, responses : list of array
-        Inputs (input,), and responses (output, time).
-    counters : Counter
-        Of the solvers, summed.
-    """
-
-    values: list[Array] = field(default_factory=list)
-    responses: list[Array] = field(default_factory=list)
-    counters: Counter[str] = field(default_factory=Counter)
-
-    def add(self, part: Realisations) -> None:
-        """Take some of a chunk, evenly spread, until there are enough."""
-        self.counters.update(part.counters)
-        good = np.flatnonzero(part.status == Status.OK)
-        wanted = min(AGAIN - len(self.values), len(good))
-        if wanted > 0:
-            for k in good[np.linspace(0, len(good) - 1, wanted).round().astype(int)].tolist():
-                self.values.append(part.values[k].copy())
-                self.responses.append(part.response[k].copy())
 
 
 def tighter(rtol: float) -> float | None:

@@ -3,25 +3,23 @@
 from __future__ import annotations
 
 import warnings
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import xarray as xr
 
 from uqmbd.errors import StudyError, UnusedInputWarning
-from uqmbd.propagation.accuracy import with_integration_error
-from uqmbd.propagation.execution.chunks import integrated_by
+from uqmbd.propagation.execution import integrated_by
+from uqmbd.propagation.integration_error import with_integration_error
+from uqmbd.propagation.problem import Problem
+from uqmbd.propagation.propagator import Propagator
 from uqmbd.results import InputInfo, Labels, with_scalars
 from uqmbd.results.statistics import settled
 
-if TYPE_CHECKING:
-    from uqmbd.propagation.problem import Problem
-    from uqmbd.propagation.propagator import Propagator
-
-__all__ = ["propagated"]
+__all__ = ["run_method"]
 
 
-def propagated(propagator: Propagator, problem: Problem, *, check: bool = True) -> xr.DataTree:
+def run_method(propagator: Propagator, problem: Problem, *, check: bool = True) -> xr.DataTree:
     """Run a method on the outputs over time and on those without a time.
 
     The same method, with the same options, is run on both.  Realisations that both need are computed once; where all

@@ -1,0 +1,43 @@
+"""What the work on a study needs of it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from concurrent.futures import Executor
+from pathlib import Path
+from typing import Any, Protocol, Self
+
+from uqmbd.dynamics import Model
+from uqmbd.mechanism import Mechanism
+from uqmbd.propagation.execution import Progress
+from uqmbd.propagation.problem import Problem
+from uqmbd.propagation.propagator import Propagator
+from uqmbd.typing import Array
+
+__all__ = ["Studied"]
+
+
+class Studied(Protocol):
+    """A study as those see it whom it asks to run methods: what it is, and the problems that it makes of itself."""
+
+    name: str
+    mechanism: Mechanism
+    times: Array
+    propagators: tuple[Propagator, ...]
+    convergence: Mapping[str, Any] | None
+
+    @property
+    def model(self) -> Model:
+        """The compiled model."""
+
+    def problem(
+        self,
+        propagator: Propagator,
+        executor: Executor | None = None,
+        progress: Progress | bool | None = None,
+        folder: Path | None = None,
+    ) -> Problem:
+        """Make the problem that a propagator is given."""
+
+    def with_propagators(self, propagators: Iterable[Propagator]) -> Self:
+        """Make a copy with other propagators."""
