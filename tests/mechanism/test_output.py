@@ -114,3 +114,10 @@ def test_two_random_variables_of_one_name(plane):
     with pytest.raises(uqmbd.StudyError) as caught:
         _ = plane.inputs
     assert "'length' exists twice" in str(caught.value) and "Normal(mu=1, sigma=0.1)" in str(caught.value)
+
+
+@pytest.mark.parametrize("method", ["point", "direction", "point_velocity", "point_acceleration"])
+def test_a_point_of_a_body_is_not_given_in_symbols_that_stand_for_nothing(plane, method):
+    """It is refused there, also where nobody uses what is returned."""
+    with pytest.raises(uqmbd.StudyError, match=r"its argument local contains the symbol k, which is neither"):
+        getattr(plane.bodies["rod"], method)((sympy.Symbol("k"), 0))

@@ -10,7 +10,7 @@ import sympy
 from uqmbd.errors import StudyError
 from uqmbd.mechanism.body import Body, StateSymbol
 from uqmbd.mechanism.components import Component, Loaded, ReactionSymbol
-from uqmbd.mechanism.expressions import ScalarSymbol, flatten, is_scalar, t
+from uqmbd.mechanism.expressions import ScalarSymbol, flatten, is_scalar, t, unknown_symbol
 from uqmbd.randomness import RandomVariable
 
 __all__ = ["Scope", "require_known"]
@@ -63,11 +63,7 @@ def require_known(mechanism: Described, where: str, value: Any, scope: Scope) ->
         elif isinstance(symbol, ReactionSymbol):
             _require_member(mechanism.components, symbol.component, mechanism, f"{where}: it contains {symbol}")
         elif symbol != t:
-            hint = " That is another symbol of the name t: time is uqmbd.t." if str(symbol) == "t" else ""
-            raise StudyError(
-                f"{where}: it contains the symbol {symbol}, which is neither a random variable (uqmbd.RandomVariable), "
-                f"nor time (uqmbd.t), nor a quantity of a body or component.{hint}"
-            )
+            raise StudyError(f"{where}: it contains {unknown_symbol(symbol)}")
         _require_scope(where, symbol, scope)
 
 

@@ -16,7 +16,7 @@ from uqmbd.mechanism.expressions.timeless import (
     event_name,
     is_scalar,
 )
-from uqmbd.mechanism.expressions.user_values import LARGEST, flatten, numbers, random_variables, shown
+from uqmbd.mechanism.expressions.user_values import LARGEST, flatten, numbers, random_variables, shown, unknown_symbol
 
 __all__ = [
     "AtEquilibrium",
@@ -39,4 +39,5 @@ __all__ = [
     "step",
     "t",
     "told",
+    "unknown_symbol",
 ]

@@ -12,7 +12,7 @@ from uqmbd.errors import StudyError
 from uqmbd.mechanism.expressions.computable import UNEVALUATED, foreign_part, told
 from uqmbd.randomness import RandomVariable
 
-__all__ = ["LARGEST", "flatten", "numbers", "random_variables", "shown"]
+__all__ = ["LARGEST", "flatten", "numbers", "random_variables", "shown", "unknown_symbol"]
 
 
 LARGEST = 1e100
@@ -93,6 +93,21 @@ def shown(value: object) -> str:
         return f"the class {value.__name__}"
     text = repr(value)
     return text if len(text) <= 80 else text[:77] + "..."
+
+
+def unknown_symbol(symbol: sympy.Symbol) -> str:
+    """Say, as the end of a sentence, that a symbol stands for nothing.
+
+    Examples
+    --------
+    >>> unknown_symbol(sympy.Symbol("k"))
+    'the symbol k, which is neither a random variable (uqmbd.RandomVariable), nor time (uqmbd.t), nor a ...'
+    """
+    hint = " That is another symbol of the name t: time is uqmbd.t." if str(symbol) == "t" else ""
+    return (
+        f"the symbol {symbol}, which is neither a random variable (uqmbd.RandomVariable), nor time (uqmbd.t), nor a "
+        f"quantity of a body or component.{hint}"
+    )
 
 
 def _number(where: str, entry: Any, value: Any, wanted: str) -> sympy.Expr:

@@ -8,10 +8,11 @@ from typing import Any
 import sympy
 
 from uqmbd.errors import StudyError
-from uqmbd.mechanism.expressions import flatten, numbers, shown
+from uqmbd.mechanism.expressions import flatten, numbers, shown, unknown_symbol
 from uqmbd.mechanism.geometry.quaternions import quaternion_product
 from uqmbd.mechanism.geometry.space import Space
 from uqmbd.names import checked
+from uqmbd.randomness.symbolic import Symbolic
 
 __all__ = ["Frame", "NamedFrame"]
 
@@ -147,3 +148,10 @@ class NamedFrame(Frame):
     """Frame of a body of a mechanism, or of its ground."""
 
     name: str
+
+    def _column(self, local: Any, method: str, kind: str) -> sympy.Matrix:
+        column = super()._column(local, method, kind)
+        for symbol in sorted(column.free_symbols, key=str):
+            if not isinstance(symbol, Symbolic):
+                raise StudyError(f"{method}(): its argument local contains {unknown_symbol(symbol)}")
+        return column
