@@ -39,7 +39,7 @@ def animate_study(
     seconds : float, optional
         How long the animation takes; by default as long as the motion, but between 3 and 8 s.
     """
-    from uqmbd.report.mechanism.animation import SECONDS, animate, check_target, motion
+    from uqmbd.report.mechanism import SECONDS, animate, check_target, motion
 
     target = Path(f"{script.stem}.gif") if out is None else out
     # before the work, not after it

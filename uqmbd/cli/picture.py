@@ -33,7 +33,7 @@ def require_format(path: Path) -> None:
 def draw_figure(study: Study, path: Path) -> None:
     """Draw the mechanism of a study at its start, and say where it is."""
     from uqmbd.errors import RedundantConstraintWarning
-    from uqmbd.report.figures import mechanism
+    from uqmbd.report import mechanism
 
     with warnings.catch_warnings():
         # the check says so itself

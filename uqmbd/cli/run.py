@@ -60,7 +60,7 @@ def run_study(
         Continue an unfinished run in the folder.
     """
     # before the work, not after it: whatever is wrong with the report should cost no hours
-    import uqmbd.report.html  # noqa: F401
+    import uqmbd.report  # noqa: F401
 
     begin = time.monotonic()
     study = load_study(script)
@@ -134,7 +134,7 @@ def _delivered(tree: xr.DataTree, study: Study, out: Path, script: Path) -> bool
 
 def _report(tree: xr.DataTree, study: Study, out: Path, files: dict[str, Path]) -> str:
     """Write poses and report of saved results; return why the report could not be written, or nothing."""
-    from uqmbd.report.mechanism.animation import with_motion
+    from uqmbd.report.mechanism import with_motion
 
     with Isolated(Exception, SystemExit) as work:
         tree, missing = with_motion(tree, study)

@@ -12,9 +12,7 @@ from uqmbd.report.figures import (
     failure_inputs,
     histograms,
     inputs,
-    mechanism,
     order_convergence,
-    poses,
     scalar_densities,
     sobol_indices,
     split_pattern,
@@ -23,7 +21,7 @@ from uqmbd.report.figures import (
     verification,
 )
 from uqmbd.report.html import Section, write_report
-from uqmbd.report.mechanism.animation import animate, motion, with_motion
+from uqmbd.report.mechanism import animate, mechanism, motion, poses, with_motion
 
 __all__ = [
     "Section",

@@ -16,17 +16,27 @@ import xarray as xr
 from uqmbd.errors import PluginWarning, StudyError
 from uqmbd.isolation import Isolated
 from uqmbd.report import figures
-from uqmbd.report.figures.failures import ENOUGH
-from uqmbd.report.figures.timeless import scalars
-from uqmbd.report.images import image, write_images
-from uqmbd.report.sections import provenance as record
-from uqmbd.report.sections import summary as content
-from uqmbd.report.sections.agreement import agreement
-from uqmbd.report.sections.error_cost import error_against_cost
-from uqmbd.report.sections.events import events
-from uqmbd.report.sections.motion import moving_picture
-from uqmbd.report.sections.outputs import outputs
-from uqmbd.report.sections.trust import influence, trust
+from uqmbd.report.drawing import image, write_images
+from uqmbd.report.figures import ENOUGH, scalars
+from uqmbd.report.sections import (
+    agreement,
+    comparison,
+    cost,
+    error_against_cost,
+    events,
+    failures,
+    heading,
+    influence,
+    input_rows,
+    moving_picture,
+    outputs,
+    problems,
+    provenance,
+    statistics,
+    study_attributes,
+    summary,
+    trust,
+)
 from uqmbd.results import propagator_nodes, scalar_nodes
 from uqmbd.results.statistics import rtol_of
 
@@ -98,18 +108,18 @@ def write_report(
         raise StudyError("A report needs the result of at least one propagator; there is none.")
     nodes = _until_known(nodes)
     environment = Environment(
-        loader=PackageLoader("uqmbd.report"),
+        loader=PackageLoader(__package__),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
     )
     shown: dict[str, Any] = dict(
-        heading=content.heading(tree),
-        problems=record.problems(tree),
-        summary=content.summary(tree, nodes),
-        statistics=content.statistics(tree, nodes),
-        inputs=content.input_rows(nodes),
+        heading=heading(tree),
+        problems=problems(tree),
+        summary=summary(tree, nodes),
+        statistics=statistics(tree, nodes),
+        inputs=input_rows(nodes),
         motion=moving_picture(tree),
         inputs_figure=_inputs_figure(nodes) or _inputs_figure(scalar_nodes(nodes)),
         scalars=scalars(nodes),
@@ -119,12 +129,12 @@ def write_report(
         trust=trust(nodes, tree),
         sections=[_section(section, tree) for section in sections],
         failures=[_failures(label, node) for label, node in nodes.items()],
-        costs=[record.cost(label, node) for label, node in nodes.items()],
-        comparison=content.comparison(tree),
+        costs=[cost(label, node) for label, node in nodes.items()],
+        comparison=comparison(tree),
         agreement=agreement(tree),
         growth=error_against_cost(tree, nodes),
-        provenance=[record.provenance(label, node) for label, node in nodes.items()],
-        study_attributes=record.study_attributes(tree),
+        provenance=[provenance(label, node) for label, node in nodes.items()],
+        study_attributes=study_attributes(tree),
         command=tree.attrs.get("command"),
         several=len(nodes) > 1,
     )
@@ -156,7 +166,7 @@ def _until_known(nodes: Mapping[str, xr.DataTree]) -> dict[str, xr.DataTree]:
 
 
 def _failures(label: str, node: xr.DataTree) -> dict[str, Any]:
-    found = content.failures(label, node)
+    found = failures(label, node)
     for number, row in enumerate(found["reasons"], 1):
         group = row.pop("group")
         row["figure"] = (

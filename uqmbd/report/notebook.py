@@ -123,8 +123,8 @@ def _picture(mechanism: Mechanism) -> str:
     """Picture as an image with an alternative text; a note where it cannot be drawn."""
     if not mechanism.bodies:
         return ""
-    from uqmbd.report.figures import mechanism as draw
-    from uqmbd.report.images import image
+    from uqmbd.report.drawing import image
+    from uqmbd.report.mechanism import mechanism as draw
 
     made = image(lambda: draw(mechanism), f"The mechanism {mechanism.name} in its assembled pose.", "")
     if made["problem"]:

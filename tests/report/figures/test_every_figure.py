@@ -16,7 +16,6 @@ from matplotlib.figure import Figure
 
 import uqmbd
 from uqmbd import report
-from uqmbd.report import figures
 from uqmbd_collocation import Collocation
 from uqmbd_contact import PlaneImpact
 from uqmbd_montecarlo import MonteCarlo
@@ -65,32 +64,33 @@ def failing(tree: xr.DataTree) -> xr.DataTree:
 
 
 CALLS: dict[str, Callable[[xr.DataTree, uqmbd.Study], Figure]] = {
-    "bands": lambda tree, study: figures.bands(tree, "height"),
-    "coefficient_decay": lambda tree, study: figures.coefficient_decay(tree["plain-2"], "height"),
-    "convergence": lambda tree, study: figures.convergence(tree["monte-carlo"], "height"),
-    "differences": lambda tree, study: figures.differences(tree, "height"),
-    "error_cost": lambda tree, study: figures.error_cost(tree["convergence"].to_dataset(), "height"),
-    "event_times": lambda tree, study: figures.event_times(tree),
-    "failure_inputs": lambda tree, study: figures.failure_inputs(failing(tree)),
-    "histograms": lambda tree, study: figures.histograms(tree, "height", [0.3, 1.0]),
-    "inputs": lambda tree, study: figures.inputs(tree["monte-carlo"]),
-    "mechanism": lambda tree, study: figures.mechanism(study.mechanism),
-    "order_convergence": lambda tree, study: figures.order_convergence(
+    "bands": lambda tree, study: report.bands(tree, "height"),
+    "coefficient_decay": lambda tree, study: report.coefficient_decay(tree["plain-2"], "height"),
+    "convergence": lambda tree, study: report.convergence(tree["monte-carlo"], "height"),
+    "differences": lambda tree, study: report.differences(tree, "height"),
+    "error_cost": lambda tree, study: report.error_cost(tree["convergence"].to_dataset(), "height"),
+    "event_times": lambda tree, study: report.event_times(tree),
+    "failure_inputs": lambda tree, study: report.failure_inputs(failing(tree)),
+    "histograms": lambda tree, study: report.histograms(tree, "height", [0.3, 1.0]),
+    "inputs": lambda tree, study: report.inputs(tree["monte-carlo"]),
+    "mechanism": lambda tree, study: report.mechanism(study.mechanism),
+    "order_convergence": lambda tree, study: report.order_convergence(
         {label: tree[label] for label in ("plain-1", "plain-2")}, "height"
     ),
-    "poses": lambda tree, study: figures.poses(tree["motion"].to_dataset()),
-    "scalar_densities": lambda tree, study: figures.scalar_densities(tree),
-    "sobol_indices": lambda tree, study: figures.sobol_indices(tree, "height"),
-    "split_pattern": lambda tree, study: figures.split_pattern(tree),
-    "std_over_time": lambda tree, study: figures.std_over_time(tree, "height"),
-    "time_history_histogram": lambda tree, study: figures.time_history_histogram(tree["monte-carlo"], "height"),
-    "verification": lambda tree, study: figures.verification(tree),
+    "poses": lambda tree, study: report.poses(tree["motion"].to_dataset()),
+    "scalar_densities": lambda tree, study: report.scalar_densities(tree),
+    "sobol_indices": lambda tree, study: report.sobol_indices(tree, "height"),
+    "split_pattern": lambda tree, study: report.split_pattern(tree),
+    "std_over_time": lambda tree, study: report.std_over_time(tree, "height"),
+    "time_history_histogram": lambda tree, study: report.time_history_histogram(tree["monte-carlo"], "height"),
+    "verification": lambda tree, study: report.verification(tree),
 }
 
 
 def test_none_is_forgotten() -> None:
     """All that is public is drawn here, and is public in uqmbd.report, too."""
-    assert set(figures.__all__) - {"Results", "Samples"} == set(CALLS)
+    drawn = set(report.__all__) - {"Section", "animate", "motion", "with_motion", "write_report"}
+    assert drawn == set(CALLS)
     assert set(CALLS) <= set(report.__all__)
 
 
@@ -127,7 +127,7 @@ def test_event_times_are_those_of_the_closed_form(tree: xr.DataTree) -> None:
 
 def test_an_aligned_surrogate_is_used_as_any_other(tree: xr.DataTree, study: uqmbd.Study) -> None:
     """Densities from samples of it, the reader of any surrogate, and an animation by its method."""
-    figure = figures.histograms(tree["event-aligned"], "height", [0.3])
+    figure = report.histograms(tree["event-aligned"], "height", [0.3])
     drawn = figure.axes[0].lines[0].get_xdata()
     assert drawn.min() < 0.9 - G * 0.3**2 / 2 + 0.01 and drawn.max() > 1.1 - G * 0.3**2 / 2 - 0.01
     surrogate = uqmbd.results.surrogate(tree["event-aligned"], "height")

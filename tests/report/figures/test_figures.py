@@ -15,9 +15,9 @@ from matplotlib.figure import Figure
 
 from uqmbd import report, results
 from uqmbd.errors import StudyError
+from uqmbd.report.drawing.ticks import freeze_ticks
 from uqmbd.report.figures.distributions import density
 from uqmbd.report.figures.over_time import occurrences
-from uqmbd.report.ticks import freeze_ticks
 
 
 def _drawn(figure: Figure) -> Figure:

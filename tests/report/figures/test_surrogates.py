@@ -12,9 +12,9 @@ from matplotlib.figure import Figure
 
 from uqmbd import report, results
 from uqmbd.errors import StudyError
+from uqmbd.report.drawing.ticks import freeze_ticks
 from uqmbd.report.figures.sobol import indices_of
 from uqmbd.report.figures.surrogates import finest, series, shown_methods
-from uqmbd.report.ticks import freeze_ticks
 
 Maker = Callable[..., xr.DataTree]
 OUTPUT = "slider_x"

@@ -10,10 +10,10 @@ import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 import uqmbd
+from uqmbd import report
 from uqmbd.mechanism.skeleton import skeleton
-from uqmbd.report import figures
-from uqmbd.report.figures.style import FAILED
-from uqmbd.report.mechanism.poses import drawn_pose
+from uqmbd.report.drawing.style import FAILED
+from uqmbd.report.mechanism.body_poses import drawn_pose
 from uqmbd.report.mechanism.sketch import Sketch, world
 from uqmbd.report.mechanism.stage import stage
 from uqmbd_contact import PlaneContact, PlaneImpact, SphereContact
@@ -81,11 +81,11 @@ def boxes(figure):
 def test_names_are_there_and_cover_neither_each_other_nor_the_edge(make):
     """By the extents that Matplotlib measures, not those that the placing estimates."""
     made = make()
-    found = boxes(figures.mechanism(made))
+    found = boxes(report.mechanism(made))
     assert {made.name, *made.bodies, *made.components} == set(found)
     for (one, a), (other, b) in itertools.combinations(found.items(), 2):
         assert not a.overlaps(b), (one, other)
-    width, height = figures.mechanism(made).get_size_inches() * 100
+    width, height = report.mechanism(made).get_size_inches() * 100
     assert all(b.x0 >= -1 and b.y0 >= -1 and b.x1 <= width + 1 and b.y1 <= height + 1 for b in found.values())
 
 
@@ -110,7 +110,7 @@ def test_points_are_where_geometry_says():
 
 def test_scale_is_equal_and_in_metres():
     """A metre is as long upwards as across; in space unit vectors project with squares that add up to two."""
-    figure = figures.mechanism(crank())
+    figure = report.mechanism(crank())
     figure.canvas.draw()
     (axes,) = figure.axes
     box = axes.get_window_extent()
@@ -155,7 +155,7 @@ def test_symbols_follow_from_what_components_say():
     driven = uqmbd.Mechanism("driven", uqmbd.Translational())
     driven.add(PositionDriver("push", driven.ground, driven.body("mass", mass=1), (0, 0), (0, 0), (1, 0), uqmbd.t))
     assert drawn_pose(driven)["component_symbol"].values.tolist() == ["driver"]
-    assert len(figures.mechanism(driven).axes) == 1
+    assert len(report.mechanism(driven).axes) == 1
 
 
 def test_observed_points_are_read_back_from_outputs():
@@ -180,7 +180,7 @@ def test_a_mechanism_that_cannot_be_assembled_is_shown_as_drawn():
     made.add(Revolute("right", made.ground, bar, (3, 0), (0.5, 0)))
     with pytest.raises(uqmbd.AssemblyError):
         uqmbd.check(made)
-    title = next(t.get_text() for t in figures.mechanism(made).texts if t.get_text().startswith("gap"))
+    title = next(t.get_text() for t in report.mechanism(made).texts if t.get_text().startswith("gap"))
     assert "cannot be assembled" in title
     data = drawn_pose(made)
     np.testing.assert_allclose(data["pose"].squeeze()[:2], (0.5, 0))
@@ -189,16 +189,16 @@ def test_a_mechanism_that_cannot_be_assembled_is_shown_as_drawn():
 
 def test_mistakes():
     with pytest.raises(uqmbd.StudyError, match="no bodies to draw"):
-        figures.mechanism(uqmbd.Mechanism("empty", uqmbd.Planar()))
+        report.mechanism(uqmbd.Mechanism("empty", uqmbd.Planar()))
     with pytest.raises(uqmbd.StudyError, match="no random variable 'lenght'"):
-        figures.mechanism(crank(), {"lenght": 1})
+        report.mechanism(crank(), {"lenght": 1})
 
 
 def test_a_single_body_without_anything_is_drawn():
     for space, more in ((uqmbd.Translational(), {}), (uqmbd.Spatial(), {"inertia": (0, 0, 0)})):
         made = uqmbd.Mechanism("one", space)
         made.body("dust", mass=0, **more)
-        figure = figures.mechanism(made)
+        figure = report.mechanism(made)
         figure.canvas.draw()
         assert "dust" in [text.get_text() for text in figure.texts]
 
@@ -250,7 +250,7 @@ def test_planes_in_space_are_patches():
     sketch, points = Sketch(data), world(data)[0, 0]
     reaches = sketch.reaches(points[None])
     assert sorted(high - low for low, high in reaches.values()) == pytest.approx([0.2, 0.3])
-    assert len(figures.mechanism(made).axes) == 1
+    assert len(report.mechanism(made).axes) == 1
 
 
 def test_a_wheel_is_a_circle_of_its_body():

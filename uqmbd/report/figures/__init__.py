@@ -5,40 +5,77 @@ Nothing here touches pyplot or its global state, so figures can be made anywhere
 
 from __future__ import annotations
 
-from uqmbd.report.figures.decay import coefficient_decay, verification
-from uqmbd.report.figures.differences import differences, order_convergence
+from uqmbd.report.figures.decay import coefficient_decay, horizon, verification
+from uqmbd.report.figures.differences import differences, order_convergence, orders_of
 from uqmbd.report.figures.distributions import histograms, inputs
-from uqmbd.report.figures.elements import split_pattern
+from uqmbd.report.figures.elements import elements_in_words, has_elements, split_pattern
 from uqmbd.report.figures.error_cost import error_cost
-from uqmbd.report.figures.event_times import event_times
-from uqmbd.report.figures.failures import failure_inputs
+from uqmbd.report.figures.event_times import event_times, events_in_words, has_events
+from uqmbd.report.figures.failures import ENOUGH, failure_inputs, failure_reasons, failure_words
 from uqmbd.report.figures.over_time import bands, std_over_time, time_history_histogram
-from uqmbd.report.figures.sample_convergence import convergence
-from uqmbd.report.figures.selection import Results, Samples
-from uqmbd.report.figures.sobol import sobol_indices
-from uqmbd.report.figures.timeless import scalar_densities
-from uqmbd.report.mechanism.animation import poses
-from uqmbd.report.mechanism.picture import mechanism
+from uqmbd.report.figures.sample_convergence import convergence, design_of
+from uqmbd.report.figures.selection import Results, Samples, automatic_times, label_of, runs_of
+from uqmbd.report.figures.sobol import OF_GERMS, Indices, has_indices, indices_of, node_with_indices, sobol_indices
+from uqmbd.report.figures.surrogates import (
+    chaos_nodes,
+    chaos_of,
+    finest,
+    order_of,
+    series,
+    shown_methods,
+    stated_error_of,
+    surrogate_nodes,
+    surrogate_of,
+)
+from uqmbd.report.figures.timeless import scalar_densities, scalar_differences, scalar_names, scalars
 
 __all__ = [
+    "ENOUGH",
+    "Indices",
+    "OF_GERMS",
     "Results",
     "Samples",
+    "automatic_times",
     "bands",
+    "chaos_nodes",
+    "chaos_of",
     "coefficient_decay",
     "convergence",
+    "design_of",
     "differences",
+    "elements_in_words",
     "error_cost",
     "event_times",
+    "events_in_words",
     "failure_inputs",
+    "failure_reasons",
+    "failure_words",
+    "finest",
+    "has_elements",
+    "has_events",
+    "has_indices",
     "histograms",
+    "horizon",
+    "indices_of",
     "inputs",
-    "mechanism",
+    "label_of",
+    "node_with_indices",
     "order_convergence",
-    "poses",
+    "order_of",
+    "orders_of",
+    "runs_of",
     "scalar_densities",
+    "scalar_differences",
+    "scalar_names",
+    "scalars",
+    "series",
+    "shown_methods",
     "sobol_indices",
     "split_pattern",
+    "stated_error_of",
     "std_over_time",
+    "surrogate_nodes",
+    "surrogate_of",
     "time_history_histogram",
     "verification",
 ]

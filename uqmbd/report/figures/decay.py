@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from uqmbd.errors import StudyError
-from uqmbd.report.figures.scales import log_axis
+from uqmbd.report.drawing import arrange, axes_grid, limit_times, log_axis, style
 from uqmbd.report.figures.selection import Results, automatic_times, label_of, thinned
-from uqmbd.report.figures.style import arrange, axes_grid, limit_times, style
 from uqmbd.report.figures.surrogates import chaos_of, one_node, stated_error_of, times_of, varies_over_time
 from uqmbd.results import varies
 from uqmbd.typing import Array

@@ -11,18 +11,18 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from uqmbd.errors import StudyError
-from uqmbd.report.figures.scales import log_axis
-from uqmbd.report.figures.selection import Results, nodes_of, of_output, thinned
-from uqmbd.report.figures.style import (
+from uqmbd.report.drawing import (
     arrange,
     axes_grid,
     limit_times,
     line_width,
+    log_axis,
     shortened,
     style,
     with_units,
     wrapped,
 )
+from uqmbd.report.figures.selection import Results, nodes_of, of_output, thinned
 from uqmbd.report.figures.surrogates import chaos_nodes, finest, order_of, series, times_of
 from uqmbd.results import choose_reference
 from uqmbd.typing import Array

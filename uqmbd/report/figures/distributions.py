@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uqmbd.errors import StudyError
-from uqmbd.report.figures.selection import Results, Samples, automatic_times, label_of, nodes_of, samples_of, succeeded
-from uqmbd.report.figures.style import (
+from uqmbd.report.drawing import (
     COLOURS,
     FAILED,
     arrange,
@@ -23,6 +22,7 @@ from uqmbd.report.figures.style import (
     with_units,
     wrapped,
 )
+from uqmbd.report.figures.selection import Results, Samples, automatic_times, label_of, nodes_of, samples_of, succeeded
 from uqmbd.report.figures.surrogates import surrogate_nodes, surrogate_of
 from uqmbd.status import Status
 

@@ -8,9 +8,8 @@ import numpy as np
 import xarray as xr
 
 from uqmbd.errors import StudyError
-from uqmbd.report.figures.scales import log_axis
+from uqmbd.report.drawing import arrange, log_axis, single_axes, with_units, wrapped
 from uqmbd.report.figures.selection import Results, label_of, nodes_of, of_output
-from uqmbd.report.figures.style import arrange, single_axes, with_units, wrapped
 from uqmbd.typing import Array
 
 if TYPE_CHECKING:

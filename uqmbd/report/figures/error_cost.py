@@ -8,8 +8,7 @@ import numpy as np
 import xarray as xr
 
 from uqmbd.errors import StudyError
-from uqmbd.report.figures.scales import log_axis
-from uqmbd.report.figures.style import arrange, axes_grid, shortened, style
+from uqmbd.report.drawing import arrange, axes_grid, log_axis, shortened, style
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

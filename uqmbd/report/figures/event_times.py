@@ -11,9 +11,9 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from uqmbd.errors import StudyError
+from uqmbd.report.drawing import COLOURS, arrange, axes_grid, constant, draw_histogram, few_ticks, wrapped
 from uqmbd.report.figures.distributions import SURROGATE_SAMPLES, density
 from uqmbd.report.figures.selection import Results, nodes_of
-from uqmbd.report.figures.style import COLOURS, arrange, axes_grid, constant, draw_histogram, few_ticks, wrapped
 from uqmbd.results import AlignedChaos
 from uqmbd.wording import format_number
 

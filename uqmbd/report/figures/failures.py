@@ -11,8 +11,8 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from uqmbd.errors import StudyError
+from uqmbd.report.drawing import FAILED, arrange, few_ticks, single_axes, widen_if_constant, with_units, wrapped
 from uqmbd.report.figures.selection import Samples, label_of, runs_of, samples_of
-from uqmbd.report.figures.style import FAILED, arrange, few_ticks, single_axes, widen_if_constant, with_units, wrapped
 from uqmbd.results import STATUS_MEANINGS
 from uqmbd.status import Status
 from uqmbd.wording import format_count, format_number

@@ -8,8 +8,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from uqmbd.report.figures.selection import Results, Samples, nodes_of, of_output, samples_of, succeeded, thinned
-from uqmbd.report.figures.style import (
+from uqmbd.report.drawing import (
     WIDTH,
     arrange,
     axes_grid,
@@ -23,6 +22,7 @@ from uqmbd.report.figures.style import (
     with_units,
     wrapped,
 )
+from uqmbd.report.figures.selection import Results, Samples, nodes_of, of_output, samples_of, succeeded, thinned
 from uqmbd.status import Status
 
 if TYPE_CHECKING:

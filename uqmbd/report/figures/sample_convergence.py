@@ -12,8 +12,8 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from uqmbd.errors import StudyError
+from uqmbd.report.drawing import COLOURS, arrange, axes_grid, constant, widen_if_constant, with_units, wrapped
 from uqmbd.report.figures.selection import Samples, label_of, of_output, samples_of
-from uqmbd.report.figures.style import COLOURS, arrange, axes_grid, constant, widen_if_constant, with_units, wrapped
 from uqmbd.results.statistics import replicate_statistics, running_statistics
 from uqmbd.status import Status
 from uqmbd.wording import format_integer

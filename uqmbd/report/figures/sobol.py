@@ -10,8 +10,8 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from uqmbd.errors import StudyError
+from uqmbd.report.drawing import arrange, axes_grid, limit_times, style, with_units, wrapped
 from uqmbd.report.figures.selection import Results, label_of, nodes_of, of_output, thinned
-from uqmbd.report.figures.style import arrange, axes_grid, limit_times, style, with_units, wrapped
 from uqmbd.report.figures.surrogates import finest, stated_error_of, surrogate_nodes, times_of, varies_over_time
 from uqmbd.results import varies
 from uqmbd.typing import Array

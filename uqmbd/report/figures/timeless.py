@@ -12,19 +12,19 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from uqmbd.errors import StudyError
-from uqmbd.report.figures.distributions import SURROGATE_SAMPLES, density
-from uqmbd.report.figures.selection import Results, nodes_of
-from uqmbd.report.figures.style import (
+from uqmbd.report.drawing import (
     COLOURS,
     arrange,
     axes_grid,
     draw_histogram,
     few_ticks,
+    image,
     style,
     with_units,
     wrapped,
 )
-from uqmbd.report.images import image
+from uqmbd.report.figures.distributions import SURROGATE_SAMPLES, density
+from uqmbd.report.figures.selection import Results, nodes_of
 from uqmbd.results import scalar_nodes, surrogate, worst_integration_share
 from uqmbd.status import Status
 from uqmbd.wording import format_count, format_number

@@ -48,7 +48,7 @@ STORED = 4_000_000
 
 
 def motion(study: Study, samples: int = 20, frames: int = 60, seed: int = 1, method: str | None = None) -> xr.Dataset:
-    """Compute how the bodies of a study move; see `uqmbd.report.mechanism.poses.motion`.
+    """Compute how the bodies of a study move; see `uqmbd.report.mechanism.body_poses.motion`.
 
     Parameters
     ----------
@@ -76,7 +76,7 @@ def motion(study: Study, samples: int = 20, frames: int = 60, seed: int = 1, met
     uqmbd.AssemblyError, uqmbd.IntegrationError
         If no realisation moves at all.
     """
-    from uqmbd.report.mechanism.poses import motion as compute
+    from uqmbd.report.mechanism.body_poses import motion as compute
 
     return compute(study, samples, frames, seed, method)
 

@@ -60,7 +60,7 @@ def mechanism(mechanism: Mechanism, values: Mapping[str, float] | None = None, t
     >>> sorted(text.get_text() for text in mechanism(pendulum).texts)
     ['pendulum', 'pivot', 'rod']
     """
-    from uqmbd.report.mechanism.poses import drawn_pose
+    from uqmbd.report.mechanism.body_poses import drawn_pose
 
     data = drawn_pose(mechanism, values, time)
     sketch, points = Sketch(data), world(data)[0, 0]

@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from uqmbd.report.figures.style import COLOURS
+from uqmbd.report.drawing import COLOURS
 from uqmbd.report.mechanism.contact import across, draw_contact, extremes, foot
 from uqmbd.report.mechanism.labels import Label
 from uqmbd.report.mechanism.stage import Stage

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from uqmbd.report.figures.style import FAILED
+from uqmbd.report.drawing import FAILED
 from uqmbd.report.mechanism.stage import Shape, Stage
 from uqmbd.typing import Array
 

@@ -11,7 +11,7 @@ import numpy as np
 import xarray as xr
 
 from uqmbd.report import figures
-from uqmbd.report.images import image
+from uqmbd.report.drawing import image
 from uqmbd.report.sections.outputs import most_uncertain
 from uqmbd.wording import format_duration, format_integer, format_percent
 

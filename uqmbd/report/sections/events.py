@@ -9,8 +9,8 @@ from typing import Any
 import xarray as xr
 
 from uqmbd.report import figures
-from uqmbd.report.figures.event_times import events_in_words, has_events
-from uqmbd.report.images import image
+from uqmbd.report.drawing import image
+from uqmbd.report.figures import events_in_words, has_events
 
 __all__ = ["events"]
 

@@ -6,7 +6,7 @@ import base64
 
 import xarray as xr
 
-from uqmbd.report.images import svg
+from uqmbd.report.drawing import svg
 from uqmbd.wording import format_count, format_number
 
 __all__ = ["moving_picture"]
@@ -30,7 +30,7 @@ def moving_picture(tree: xr.DataTree) -> dict[str, str] | None:
     """
     if "motion" not in tree.children:
         return None
-    from uqmbd.report.mechanism.animation import gif, poses
+    from uqmbd.report.mechanism import gif, poses
 
     try:
         data = tree.children["motion"].to_dataset()

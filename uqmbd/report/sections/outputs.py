@@ -9,9 +9,8 @@ import numpy as np
 import xarray as xr
 
 from uqmbd.report import figures
-from uqmbd.report.figures.sample_convergence import design_of
-from uqmbd.report.figures.surrogates import shown_methods, surrogate_nodes
-from uqmbd.report.images import image
+from uqmbd.report.drawing import image
+from uqmbd.report.figures import design_of, shown_methods, surrogate_nodes
 from uqmbd.report.sections import summary as content
 from uqmbd.results import choose_reference, varies
 from uqmbd.results.comparison import STILL

@@ -10,10 +10,15 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from uqmbd.report.figures.failures import failure_reasons, failure_words
-from uqmbd.report.figures.sample_convergence import design_of
-from uqmbd.report.figures.selection import automatic_times, runs_of
-from uqmbd.report.figures.timeless import scalar_differences, scalar_names
+from uqmbd.report.figures import (
+    automatic_times,
+    design_of,
+    failure_reasons,
+    failure_words,
+    runs_of,
+    scalar_differences,
+    scalar_names,
+)
 from uqmbd.results import integration_shares, own_statements, varies
 from uqmbd.results.chaos import percent
 from uqmbd.results.comparison import NO_SPREAD, own_error

@@ -11,22 +11,27 @@ import numpy as np
 import xarray as xr
 
 from uqmbd.report import figures
-from uqmbd.report.figures.decay import horizon
-from uqmbd.report.figures.differences import orders_of
-from uqmbd.report.figures.elements import elements_in_words, has_elements
-from uqmbd.report.figures.selection import label_of
-from uqmbd.report.figures.sobol import OF_GERMS, Indices, has_indices, indices_of, node_with_indices
-from uqmbd.report.figures.surrogates import (
+from uqmbd.report.drawing import image
+from uqmbd.report.figures import (
+    OF_GERMS,
+    Indices,
     chaos_nodes,
     chaos_of,
+    elements_in_words,
     finest,
+    has_elements,
+    has_indices,
+    horizon,
+    indices_of,
+    label_of,
+    node_with_indices,
     order_of,
+    orders_of,
     series,
     stated_error_of,
     surrogate_nodes,
     surrogate_of,
 )
-from uqmbd.report.images import image
 from uqmbd.report.sections.outputs import most_uncertain
 from uqmbd.results import statements, varies
 from uqmbd.results.chaos import Discontinuity

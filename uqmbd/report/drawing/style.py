@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from uqmbd.report.figures.scales import plain_formatter
+from uqmbd.report.drawing.scales import plain_formatter
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from uqmbd.report.ticks import freeze_ticks
+from uqmbd.report.drawing.ticks import freeze_ticks
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

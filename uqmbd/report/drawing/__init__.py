@@ -1,0 +1,49 @@
+"""How figures look, and how they become images."""
+
+from __future__ import annotations
+
+from uqmbd.report.drawing.images import image, svg, write_images
+from uqmbd.report.drawing.scales import log_axis
+from uqmbd.report.drawing.style import (
+    COLOURS,
+    FAILED,
+    WIDTH,
+    arrange,
+    axes_grid,
+    constant,
+    draw_histogram,
+    few_ticks,
+    limit_times,
+    line_width,
+    shortened,
+    single_axes,
+    style,
+    surroundings,
+    widen_if_constant,
+    with_units,
+    wrapped,
+)
+
+__all__ = [
+    "COLOURS",
+    "FAILED",
+    "WIDTH",
+    "arrange",
+    "axes_grid",
+    "constant",
+    "draw_histogram",
+    "few_ticks",
+    "image",
+    "limit_times",
+    "line_width",
+    "log_axis",
+    "shortened",
+    "single_axes",
+    "style",
+    "surroundings",
+    "svg",
+    "widen_if_constant",
+    "with_units",
+    "wrapped",
+    "write_images",
+]
