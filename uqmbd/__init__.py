@@ -38,6 +38,8 @@ _WHERE = {
     "counted_angle": "uqmbd.mechanism",
     "half_angle": "uqmbd.mechanism",
     "joint_frames": "uqmbd.mechanism",
+    "law_at": "uqmbd.mechanism",
+    "law_values": "uqmbd.mechanism",
     "nominal": "uqmbd.mechanism",
     "quaternion_product": "uqmbd.mechanism",
     "relative_quaternion": "uqmbd.mechanism",
@@ -139,6 +141,8 @@ if TYPE_CHECKING:
     from uqmbd.mechanism import eigenfrequency as eigenfrequency
     from uqmbd.mechanism import half_angle as half_angle
     from uqmbd.mechanism import joint_frames as joint_frames
+    from uqmbd.mechanism import law_at as law_at
+    from uqmbd.mechanism import law_values as law_values
     from uqmbd.mechanism import nominal as nominal
     from uqmbd.mechanism import perpendiculars as perpendiculars
     from uqmbd.mechanism import quaternion_product as quaternion_product

@@ -1,21 +1,30 @@
-"""Contacts: compliant ones with four laws of the normal force, and impacts of rigid bodies; Coulomb friction."""
+"""Contacts: compliant ones with a law of the normal force, and impacts of rigid bodies; Coulomb friction."""
 
 from __future__ import annotations
 
 import uqmbd
 from uqmbd_contact.contacts import ClearanceJoint, PlaneContact, RoadContact, SphereContact
+from uqmbd_contact.geometry import distance
 from uqmbd_contact.impacts import PlaneImpact, RoadImpact, SphereImpact
-from uqmbd_contact.profile import distance
+from uqmbd_contact.laws import ContactLaw, damping, depth, depth_rate, exponent, friction, speed, stiffness
 
 __all__ = [
     "ClearanceJoint",
+    "ContactLaw",
     "PlaneContact",
     "PlaneImpact",
     "RoadContact",
     "RoadImpact",
     "SphereContact",
     "SphereImpact",
+    "damping",
+    "depth",
+    "depth_rate",
     "distance",
+    "exponent",
+    "friction",
+    "speed",
+    "stiffness",
 ]
 
 

@@ -1,15 +1,15 @@
-"""Contacts with compliance: normal force by one of four laws, and regularised Coulomb friction."""
+"""Contacts with compliance: normal force by a law, and regularised Coulomb friction."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import sympy
 
 import uqmbd
 from uqmbd_contact.geometry import InBearing, Meeting, OnPlane, OnRoad, OnSphere
-from uqmbd_contact.laws import LAWS, friction_force, normal_force
+from uqmbd_contact.laws import LAWS, NUMBERS, SYMBOLS, ContactLaw, depth, depth_rate, law_named, speed
 
 __all__ = ["ClearanceJoint", "PlaneContact", "RoadContact", "SphereContact"]
 
@@ -18,7 +18,7 @@ class _Contact(uqmbd.Component):
     """What all contacts share: law, friction, and the virtual work of both."""
 
     law = uqmbd.Parameter(
-        "", "law of the normal force", kind="option", default="hertz", choices=LAWS, example="hunt-crossley"
+        "N", "law of the normal force", "option", "hertz", choices=(*LAWS, ContactLaw), example="hunt-crossley"
     )
     # bodies that are tried in random poses may overlap deeply: softly
     stiffness = uqmbd.Parameter("N/m^n", "stiffness of the law", default=1e6, example=20.0, minimum=0)
@@ -31,18 +31,28 @@ class _Contact(uqmbd.Component):
 
     meeting: ClassVar[Callable[..., Meeting]]
 
+    def prepare(self) -> dict[str, Any]:
+        """Give what the law contains to each realisation."""
+        law = law_named(self.law)
+        found = uqmbd.law_values(law.normal, *SYMBOLS, what="force")
+        return {**super().prepare(), **found, **uqmbd.law_values(law.friction, *SYMBOLS, what="coefficient")}
+
     def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.VirtualWork | uqmbd.Separation]:
         """Yield the gap at the start, and the virtual work of the normal force and of friction."""
+        law = law_named(p.law)
         meeting = self.meeting(p)
         yield uqmbd.Separation(meeting.gap, meeting.reach)
         opening = p.rate_of(meeting.gap)
-        force = normal_force(p.law, -meeting.gap, -opening, p.stiffness, p.exponent, p.damping)
-        force = p.let("normal force", force)
+        state = {x: getattr(p, x.name) for x in NUMBERS} | {depth: -meeting.gap, depth_rate: -opening, speed: speed}
+        force = p.let("normal force", uqmbd.law_at(p, law.normal, state, what="force"))
         yield uqmbd.VirtualWork(force, opening)
-        if p.friction != 0:
+        coefficient = uqmbd.law_at(p, law.friction, state, what="coefficient")
+        if coefficient != 0:
             sliding = meeting.relative - meeting.normal.dot(meeting.relative) * meeting.normal
             sliding = p.let("sliding", sliding)
-            yield uqmbd.VirtualWork(friction_force(force, p.friction, sliding, p.slow), meeting.relative)
+            # Below the speed `slow` it is viscous: what sticks creeps, at slow F / sqrt((mu N)^2 - F^2) under a force F
+            size = sympy.sqrt(sliding.dot(sliding) + p.slow**2)
+            yield uqmbd.VirtualWork(-coefficient.xreplace({speed: size}) * force / size * sliding, meeting.relative)
 
 
 class PlaneContact(_Contact, OnPlane):

@@ -1,67 +1,98 @@
-"""Laws of the normal force of a compliant contact."""
+"""Laws of compliant contact: normal force and coefficient of friction as expressions of depth, rate and speed."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import sympy
 
-__all__ = ["LAWS", "friction_force", "normal_force"]
+import uqmbd
 
-LAWS = ("linear", "hertz", "hunt-crossley", "kelvin-voigt")
-"""Names of the laws."""
+__all__ = [
+    "LAWS",
+    "NUMBERS",
+    "SYMBOLS",
+    "ContactLaw",
+    "damping",
+    "depth",
+    "depth_rate",
+    "exponent",
+    "friction",
+    "law_named",
+    "speed",
+    "stiffness",
+]
+
+depth, depth_rate, speed = sympy.symbols("depth depth_rate speed", real=True)
+NUMBERS = stiffness, exponent, damping, friction = sympy.symbols("stiffness exponent damping friction", real=True)
+SYMBOLS = (depth, depth_rate, speed, *NUMBERS)
 
 
-def normal_force(law: str, depth: Any, rate: Any, stiffness: Any, exponent: Any, damping: Any) -> sympy.Expr:
-    """Force that pushes two bodies apart; it never pulls.
+@dataclass(frozen=True)
+class ContactLaw:
+    """A law of compliant contact, for the argument ``law`` of `PlaneContact` and its kin.
 
-    ``linear``: ``k d``; ``hertz``: ``k d^1.5``; ``hunt-crossley``: ``k d^n (1 + D d')`` [1]_; ``kelvin-voigt``:
-    ``k d + c d'``, which ends when the *force* vanishes, before the bodies have left each other: there is no adhesion.
-    (The other convention, an end at zero depth, pulls at last; for a damping ratio of 0.1 its restitution is 0.729,
-    that of this one 0.744.)
+    It is written in ``uqmbd_contact.depth`` (m, positive in contact), ``depth_rate`` (m/s, positive while the bodies
+    approach each other) and ``speed`` (m/s, of the sliding; never less than the contact's ``slow``); in the numbers of
+    the contact, ``stiffness``, ``exponent``, ``damping`` and ``friction``; and in `uqmbd.t` and random variables.
 
     Parameters
     ----------
-    law : str
-        One of `LAWS`.
-    depth, rate : expression
-        Penetration, m, positive in contact, and its rate, m/s.
-    stiffness : expression
-        N/m^n.
-    exponent, damping : expression
-        n and D (s/m) of ``hunt-crossley``; c (N s/m) of ``kelvin-voigt``; the other laws have none.
-
-    References
-    ----------
-    .. [1] K. H. Hunt and F. R. E. Crossley, Journal of Applied Mechanics 42 (1975) 440-445.
+    force : expression
+        Normal force, N; positive pushes the bodies apart.
+    acts : condition, optional
+        Where it acts while the bodies touch; default where it is positive: it never pulls.
+    friction : expression
+        Coefficient of friction; default that of the contact.
 
     Examples
     --------
-    >>> d, v = sympy.symbols("d v", real=True)
-    >>> force = normal_force("linear", d, v, 100, 1, 0)
-    >>> force.subs(d, 2), force.subs(d, -1)
-    (200, 0)
+    The law of Lankarani and Nikravesh (Journal of Mechanical Design 112 (1990) 369-376) at a restitution of 0.8 and an
+    impact of 2 m/s, with a friction that falls with the speed:
+
+    >>> from uqmbd_contact import depth, depth_rate, friction, speed, stiffness
+    >>> loss = 3 * (1 - 0.8**2) / 4 * depth_rate / 2
+    >>> law = ContactLaw(stiffness * depth**1.5 * (1 + loss), friction=friction * (1 + sympy.exp(-speed / 0.1)))
+    >>> law.normal.subs({stiffness: 1e5, depth: 0.01, depth_rate: 0}), law.normal.subs(depth, -0.01)
+    (100.000000000000, 0)
     """
-    depth, rate = sympy.sympify(depth), sympy.sympify(rate)
-    if law == "linear":
-        force, touching = stiffness * depth, depth > 0
-    elif law == "hertz":
-        force, touching = stiffness * depth * sympy.sqrt(depth), depth > 0
-    elif law == "hunt-crossley":
-        force, touching = (
-            stiffness * depth**exponent * (1 + damping * rate),
-            sympy.And(depth > 0, 1 + damping * rate > 0),
-        )
-    else:
-        force = stiffness * depth + damping * rate
-        touching = sympy.And(depth > 0, force > 0)
-    # the condition is around everything, so that derivatives outside are zero, not those of a root of nothing
-    return sympy.Piecewise((force, touching), (0, True))
+
+    force: Any
+    acts: Any = None
+    friction: Any = friction
+
+    def __post_init__(self) -> None:
+        for name in ("force", "friction"):
+            uqmbd.law_values(getattr(self, name), *SYMBOLS, what=name, package="uqmbd_contact")
+
+    @property
+    def normal(self) -> sympy.Expr:
+        """The force where the bodies touch and it acts, else zero."""
+        force = sympy.sympify(self.force)
+        condition = sympy.And(depth > 0, force > 0 if self.acts is None else self.acts)
+        # the condition is around everything, so that derivatives outside are zero, not those of a root of nothing
+        return sympy.Piecewise((force, condition), (0, True))
 
 
-def friction_force(normal: Any, coefficient: Any, sliding: sympy.Matrix, slow: Any) -> sympy.Matrix:
-    """Coulomb friction, regularised: ``-mu N v / sqrt(v^2 + v0^2)``.
+LAWS = {
+    "linear": ContactLaw(stiffness * depth, acts=True),
+    # a root is quicker than a power
+    "hertz": ContactLaw(sympy.Mul(stiffness, depth, sympy.sqrt(depth), evaluate=False), acts=True),
+    "hunt-crossley": ContactLaw(
+        stiffness * depth**exponent * (1 + damping * depth_rate), acts=1 + damping * depth_rate > 0
+    ),
+    "kelvin-voigt": ContactLaw(stiffness * depth + damping * depth_rate),
+}
+"""Laws by name.
 
-    Below the speed ``v0`` it is viscous: what sticks creeps, at ``v0 F / sqrt((mu N)^2 - F^2)`` under a force F.
-    """
-    return -coefficient * normal / sympy.sqrt(sliding.dot(sliding) + slow**2) * sliding
+``linear``: ``k d``; ``hertz``: ``k d^1.5``; ``hunt-crossley``: ``k d^n (1 + D d')`` (K. H. Hunt and F. R. E. Crossley,
+Journal of Applied Mechanics 42 (1975) 440-445), D in s/m; ``kelvin-voigt``: ``k d + c d'``, c in N s/m, which ends when
+the *force* vanishes, before the bodies have left each other: there is no adhesion.  (The other convention, an end at
+zero depth, pulls at last; for a damping ratio of 0.1 its restitution is 0.729, that of this one 0.744.)
+"""
+
+
+def law_named(law: str | ContactLaw) -> ContactLaw:
+    """Return the law of a name; a law as it is."""
+    return LAWS[law] if isinstance(law, str) else law

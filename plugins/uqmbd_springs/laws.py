@@ -9,7 +9,6 @@ import sympy
 
 import uqmbd
 from uqmbd_springs.turning import turning
-from uqmbd_springs.userlaw import coefficients, inserted
 
 __all__ = ["NonlinearSpringDamper", "NonlinearTorsionSpringDamper", "length", "rate"]
 
@@ -42,14 +41,14 @@ class NonlinearSpringDamper(uqmbd.Component):
 
     def prepare(self) -> dict[str, Any]:
         """Give the coefficients of the law to each realisation."""
-        return coefficients(self.law, length, rate)
+        return uqmbd.law_values(self.law, length, rate, package="uqmbd_springs")
 
     def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.VirtualWork]:
         """Yield its virtual work."""
         d = p.body_j.point(p.point_j) - p.body_i.point(p.point_i)
         size = sympy.sqrt(d.dot(d) + sympy.Float(1e-18))
         speed = d.dot(p.body_j.point_velocity(p.point_j) - p.body_i.point_velocity(p.point_i)) / size
-        yield uqmbd.VirtualWork(-inserted(p.law, {length: size, rate: speed}, p), speed)
+        yield uqmbd.VirtualWork(-uqmbd.law_at(p, p.law, {length: size, rate: speed}), speed)
 
 
 class NonlinearTorsionSpringDamper(uqmbd.Component):
@@ -71,7 +70,7 @@ class NonlinearTorsionSpringDamper(uqmbd.Component):
 
     def prepare(self) -> dict[str, Any]:
         """Give the coefficients of the law to each realisation; lay a frame on each axis."""
-        found = coefficients(self.law, length, rate)
+        found = uqmbd.law_values(self.law, length, rate, package="uqmbd_springs")
         if not self.axis_i:
             return {**found, "drawn": self.drawn_angle()}
         frame_i, frame_j = uqmbd.joint_frames(self.axis_i, self.axis_j)
@@ -82,4 +81,4 @@ class NonlinearTorsionSpringDamper(uqmbd.Component):
         speed, start = turning(p)
         angle = p.state("angle")
         yield uqmbd.Auxiliary(angle, speed, start)
-        yield uqmbd.VirtualWork(-inserted(p.law, {length: angle, rate: speed}, p), speed)
+        yield uqmbd.VirtualWork(-uqmbd.law_at(p, p.law, {length: angle, rate: speed}), speed)

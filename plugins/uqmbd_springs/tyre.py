@@ -9,7 +9,6 @@ import sympy
 
 import uqmbd
 from uqmbd_springs.roads import distance, haversine_bump
-from uqmbd_springs.userlaw import coefficients, inserted
 
 __all__ = ["RadialTyre", "RoadFollower"]
 
@@ -34,12 +33,13 @@ class RoadFollower(uqmbd.Component):
 
     def prepare(self) -> dict[str, Any]:
         """Give what the profile contains to each realisation."""
-        return coefficients(self.road, distance, what="road")
+        return uqmbd.law_values(self.road, distance, what="road", package="uqmbd_springs")
 
     def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.Constraint]:
         """Yield the geometry."""
         place = p.let("place", p.body_i.rotation.T * (p.body_j.point(p.point) - p.body_i.position))
-        yield uqmbd.Constraint(place[-1] - p.height - inserted(p.road, {distance: place[0]}, p), "road")
+        road = uqmbd.law_at(p, p.road, {distance: place[0]}, what="road")
+        yield uqmbd.Constraint(place[-1] - p.height - road, "road")
 
     def reaction_point(self, p: uqmbd.Local) -> sympy.Matrix:
         """World position of the point."""
@@ -76,7 +76,8 @@ class RadialTyre(uqmbd.Component):
     def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.VirtualWork]:
         """Yield its virtual work."""
         place = p.let("place", p.body_i.rotation.T * (p.body_j.point(p.point) - p.body_i.position))
-        compression = p.let("compression", inserted(p.road, {distance: place[0]}, p) + p.radius - place[-1])
+        road = uqmbd.law_at(p, p.road, {distance: place[0]}, what="road")
+        compression = p.let("compression", road + p.radius - place[-1])
         rate = p.rate_of(compression)
         contact = (1 + compression / sympy.sqrt(compression**2 + p.transition**2)) / 2
         load = p.let("load", p.stiffness * compression + p.damping * contact * rate)

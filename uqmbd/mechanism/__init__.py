@@ -18,6 +18,8 @@ from uqmbd.mechanism.components import (
     VirtualWork,
     counted_angle,
     half_angle,
+    law_at,
+    law_values,
 )
 from uqmbd.mechanism.expressions import (
     AtEquilibrium,
@@ -79,6 +81,8 @@ __all__ = [
     "eigenfrequency",
     "half_angle",
     "joint_frames",
+    "law_at",
+    "law_values",
     "nominal",
     "perpendiculars",
     "quaternion_product",

@@ -65,7 +65,7 @@ def cases(
         required = {k for k, p in declared.items() if p.required}
         yield _case("with the defaults", component, space, given, required, rng)
     for key, parameter in declared.items():
-        for choice in parameter.choices if key not in chosen else ():
+        for choice in parameter.words if key not in chosen else ():
             title = f"with {key}={choice!r}"
             yield _case(title, component, space, {**given, key: choice}, everything, rng)
 
@@ -158,12 +158,12 @@ def _value(
     u: Any = uniform_variable(parameter.name, -spread, spread, parameter.units) if spread else sympy.Integer(0)
     size = parameter.size(space)
     if parameter.kind == "option":
-        if parameter.required and not parameter.choices:
+        if parameter.required and not parameter.words:
             raise AssertionError(
                 f"parameter {parameter.name!r} is an option without choices: nobody knows what to try; "
                 "declare it with example=..., or give its value to check_component."
             )
-        return parameter.choices[0] if parameter.required else None
+        return parameter.words[0] if parameter.required else None
     if parameter.kind == "scalar":
         value = sympy.Float(rng.uniform(0.5, 1.5)) * (1 + u)
         return _ranged(parameter, value + sympy.sin(t) / 5 if moving else value)

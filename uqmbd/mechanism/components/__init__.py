@@ -22,6 +22,7 @@ from uqmbd.mechanism.components.component import (
 from uqmbd.mechanism.components.parameter import range_text
 from uqmbd.mechanism.components.reaction import Loaded
 from uqmbd.mechanism.components.turn_counting import counted_angle, half_angle
+from uqmbd.mechanism.components.user_law import law_at, law_values
 from uqmbd.mechanism.components.values import settle
 
 __all__ = [
@@ -43,6 +44,8 @@ __all__ = [
     "counted_angle",
     "flatten",
     "half_angle",
+    "law_at",
+    "law_values",
     "range_text",
     "settle",
 ]

@@ -40,7 +40,7 @@ class Parameter:
     default : object
         Value when left out; required without it.
     choices : tuple
-        Allowed values of an option.
+        Allowed values of an option; a type stands for all its objects.
     example : object
         A value to try the component with, where any numbers will not do; `uqmbd.testing.check_component` uses it.
     minimum, maximum : float
@@ -121,6 +121,17 @@ class Parameter:
     def range_text(self) -> str:
         """The range in words, for messages."""
         return range_text(self.minimum, self.maximum, exclusive=self.exclusive)
+
+    @property
+    def words(self) -> tuple[Any, ...]:
+        """The choices of an option that are values, no types."""
+        return tuple(x for x in self.choices if not isinstance(x, type))
+
+    def offers(self, value: Any) -> bool:
+        """Whether an option can have a value."""
+        types = tuple(x for x in self.choices if isinstance(x, type))
+        same = any(isinstance(value, type(x)) and value == x for x in self.words)
+        return not self.choices or same or isinstance(value, types)
 
     def allows(self, value: float) -> bool:
         """Whether a number lies in the range."""

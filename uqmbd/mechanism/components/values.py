@@ -68,8 +68,8 @@ def _value(where: str, key: str, parameter: Parameter, value: Any, space: Space,
     size = parameter.size(space)
     hint = ", ".join(filter(None, (parameter.description, parameter.units)))
     if parameter.kind == "option":
-        if parameter.choices and not any(isinstance(value, type(x)) and value == x for x in parameter.choices):
-            listed = ", ".join(map(repr, parameter.choices))
+        if not parameter.offers(value):
+            listed = ", ".join(x.__name__ if isinstance(x, type) else repr(x) for x in parameter.choices)
             raise StudyError(f"{where}: {key} is {shown(value)}; expected one of {listed}.")
         _require_usable(where, key, value)
         return value

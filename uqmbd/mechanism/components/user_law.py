@@ -1,0 +1,95 @@
+"""Laws that a user states: expressions in the symbols that a component declares for them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import sympy
+
+from uqmbd.errors import StudyError
+from uqmbd.mechanism.components.local import Local
+from uqmbd.mechanism.expressions import t
+
+__all__ = ["law_at", "law_values"]
+
+
+def law_values(law: Any, *symbols: sympy.Symbol, what: str = "law", package: str = "") -> dict[str, sympy.Symbol]:
+    """Return what a law of a user contains beside its symbols, for `uqmbd.Component.prepare`.
+
+    Random variables and the time in a law become numbers of each realisation like the parameters of the component.
+
+    Parameters
+    ----------
+    law : expression
+        As the user gave it, in `symbols`, `uqmbd.t` and random variables.
+    *symbols : sympy.Symbol
+        What it is a function of, such as the length of a spring.
+    what : str
+        Name of the parameter, for messages; laws of one component have different names.
+    package : str
+        The package that offers the symbols, for messages.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If the law is no finite expression, or contains a symbol that nobody knows.
+
+    Examples
+    --------
+    >>> import sympy
+    >>> import uqmbd
+    >>> gap = sympy.Symbol("gap", real=True)
+    >>> class Magnet(uqmbd.Component):
+    ...     law = uqmbd.Parameter("N", "attraction over `gap`, m", kind="option", example=1 / (1 + gap))
+    ...     def prepare(self):
+    ...         return uqmbd.law_values(self.law, gap, package="my_package")
+    ...     def terms(self, p):
+    ...         offset = p.body_j.position - p.body_i.position
+    ...         distance = sympy.sqrt(offset.dot(offset))
+    ...         yield uqmbd.VirtualWork(-uqmbd.law_at(p, p.law, {gap: distance}), p.rate_of(distance))
+    >>> uqmbd.law_values(sympy.exp(-gap) * uqmbd.t, gap)
+    {'law_0': t}
+    """
+    names = [f"{package}.{x}" if package else str(x) for x in symbols]
+    listed = " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
+    expected = f"expected an expression in {listed}, uqmbd.t and random variables"
+    try:
+        # SymPy would read a text as a formula and make symbols of its words
+        value = None if isinstance(law, (str, bytes, bool)) else sympy.sympify(law, strict=True)
+    except (sympy.SympifyError, TypeError, ValueError):
+        value = None
+    if not isinstance(value, sympy.Expr) or value.is_Matrix or value.has(sympy.nan, sympy.oo, -sympy.oo, sympy.zoo):
+        raise StudyError(f"{what} is {law!r}; {expected}.")
+    others = sorted(value.free_symbols - set(symbols), key=str)
+    if strangers := [x for x in others if type(x) is sympy.Symbol and x != t]:
+        raise StudyError(f"{what} is {law!r}, with the unknown symbol {str(strangers[0])!r} in it; {expected}.")
+    return {f"{what}_{k}": symbol for k, symbol in enumerate(others)}
+
+
+def law_at(
+    p: Local,
+    law: Any,
+    values: Mapping[sympy.Symbol, Any],
+    *,
+    what: str = "law",
+    by: sympy.Symbol | None = None,
+) -> sympy.Expr:
+    """Return a law of a user with values for its symbols, for `uqmbd.Component.terms`.
+
+    Parameters
+    ----------
+    p : uqmbd.Local
+        What `terms` works with; it holds what `law_values` returned to `prepare`.
+    law : expression
+        As the user gave it.
+    values : mapping
+        An expression for each of its symbols.
+    what : str
+        As for `law_values`.
+    by : sympy.Symbol, optional
+        The derivative by this symbol instead of the law itself.
+    """
+    known = {symbol: getattr(p, name) for name, symbol in law_values(law, *values, what=what).items()}
+    expression = sympy.sympify(law)
+    return (expression if by is None else expression.diff(by)).xreplace(known | dict(values))
