@@ -67,9 +67,12 @@ _WHERE = {
     "check": "uqmbd.dynamics",
     "Counters": "uqmbd.dynamics",
     "Ensemble": "uqmbd.dynamics",
+    "Integrator": "uqmbd.dynamics",
     "MechanismTerms": "uqmbd.dynamics",
     "ProjectedEnsemble": "uqmbd.dynamics",
     "ProjectedTrajectories": "uqmbd.dynamics",
+    "Segment": "uqmbd.dynamics",
+    "SegmentedMotion": "uqmbd.dynamics",
     "Trajectories": "uqmbd.dynamics",
     "mechanism_terms": "uqmbd.dynamics",
     "ElementLimits": "uqmbd.propagation",
@@ -102,9 +105,12 @@ if TYPE_CHECKING:
     from uqmbd import testing as testing
     from uqmbd.dynamics import Counters as Counters
     from uqmbd.dynamics import Ensemble as Ensemble
+    from uqmbd.dynamics import Integrator as Integrator
     from uqmbd.dynamics import MechanismTerms as MechanismTerms
     from uqmbd.dynamics import ProjectedEnsemble as ProjectedEnsemble
     from uqmbd.dynamics import ProjectedTrajectories as ProjectedTrajectories
+    from uqmbd.dynamics import Segment as Segment
+    from uqmbd.dynamics import SegmentedMotion as SegmentedMotion
     from uqmbd.dynamics import Trajectories as Trajectories
     from uqmbd.dynamics import check as check
     from uqmbd.dynamics import mechanism_terms as mechanism_terms

@@ -49,7 +49,6 @@ __all__ = [
 ]
 
 GROUP = "uqmbd"
-RESERVED_INTEGRATORS = ("auto", "dop853", "ida")
 DISABLE = "UQMBD_DISABLE_PLUGINS"
 
 hookimpl = pluggy.HookimplMarker("uqmbd")
@@ -69,12 +68,11 @@ class _Hooks:
 
     @_hookspec
     def uqmbd_integrators(self) -> Sequence[type]:  # type: ignore[empty-body]
-        """Offer time integrators, known by their class attribute ``name``.
+        """Offer time integrators, classes as `uqmbd.Integrator` says, known by their class attribute ``name``.
 
         The class has a method ``integrate(ensemble, times, rtol)``, which returns `uqmbd.Trajectories`.  What more it
-        can it declares by class attributes, which are False where they are left out: ``events = True``, it follows the
-        impacts and other events of ``ensemble.model``; ``projected = True``, it has a method
-        ``integrate_projected(projected, times, rtol)``, which returns `uqmbd.ProjectedTrajectories`, for Galerkin.
+        can it declares by class attributes, which are False where they are left out: ``events``, ``projected``,
+        ``segments``, ``paced``, ``watched``, ``delegates``.  The core registers its own by this hook.
         """
 
     @_hookspec
@@ -90,14 +88,23 @@ class _Kind(NamedTuple):
     base: str | None
     by_attribute: bool
     method: str = ""
+    reserved: tuple[str, ...] = ()
+    """Names of what the core itself offers."""
 
 
 _KINDS = {
     "components": _Kind("uqmbd_components", "component", "Component", False),
     "propagators": _Kind("uqmbd_propagators", "propagator", "Propagator", True),
-    "integrators": _Kind("uqmbd_integrators", "integrator", None, True),
+    "integrators": _Kind("uqmbd_integrators", "integrator", None, True, reserved=("auto", "ida", "dop853")),
     "report_sections": _Kind("uqmbd_report_sections", "report section", None, False, "render"),
 }
+
+
+INTEGRATOR_METHODS = {
+    "projected": "integrate_projected(projected, times, rtol)",
+    "segments": "integrate_segments(ensemble, times, rtol)",
+}
+"""What an integrator has that declares a capability."""
 
 
 @dataclass(frozen=True)
@@ -197,6 +204,22 @@ def installed() -> tuple[PluginInfo, ...]:
     return _registry().plugins
 
 
+def offered_by_core(implementation: object, kind: str) -> dict[str, type]:
+    """Return what the core offers by a hook, looked at as what a plugin offers.
+
+    Parameters
+    ----------
+    implementation : object
+        Implements the hook.
+    kind : {"components", "propagators", "integrators", "report_sections"}
+    """
+    manager = _manager()
+    manager.register(implementation)
+    offered, problems = _call(manager, implementation, _KINDS[kind]._replace(reserved=()))
+    assert not problems, problems
+    return dict(offered)
+
+
 def _find(kind: str, name: str) -> type:
     found = _registry().classes[kind]
     if name in found:
@@ -230,8 +253,7 @@ def load(entry_points: Iterable[importlib.metadata.EntryPoint], disabled: Sequen
     disabled : sequence of str
         Names of entry points or distributions that are not loaded.
     """
-    manager = pluggy.PluginManager("uqmbd")
-    manager.add_hookspecs(_Hooks)
+    manager = _manager()
     classes: dict[str, dict[str, type]] = {kind: {} for kind in _KINDS}
     owners: dict[tuple[str, str], str] = {}
     skip = {_normalised(name) for name in disabled}
@@ -244,6 +266,12 @@ def load(entry_points: Iterable[importlib.metadata.EntryPoint], disabled: Sequen
         else:
             plugins.append(_load_one(manager, info, entry_point, classes, owners))
     return Registry(tuple(plugins), classes)
+
+
+def _manager() -> pluggy.PluginManager:
+    manager = pluggy.PluginManager("uqmbd")
+    manager.add_hookspecs(_Hooks)
+    return manager
 
 
 def _load_one(
@@ -345,20 +373,21 @@ def _registered_name(cls: Any, kind: _Kind) -> tuple[str, str]:
     # of the type itself: a text of another kind may do anything when it is compared
     if type(name) is not str or not name or "/" in name:
         return "", "whose class attribute `name` is not a string without '/', such as \"monte-carlo\""
-    return name, _integrator_problem(cls, name) if kind.hook == "uqmbd_integrators" else ""
+    if name in kind.reserved:
+        return name, f"whose name {name!r} is that of an {kind.noun} of uqmbd"
+    return name, _integrator_problem(cls) if kind.hook == "uqmbd_integrators" else ""
 
 
-def _integrator_problem(cls: type, name: str) -> str:
+def _integrator_problem(cls: type) -> str:
     """Return what keeps a class from being an integrator, or nothing."""
-    if name in RESERVED_INTEGRATORS:
-        return f"whose name {name!r} is that of an integrator of uqmbd"
     if not callable(getattr(cls, "integrate", None)):
         return "which has no method integrate(ensemble, times, rtol)"
     for flag in ("events", "projected"):
         if not isinstance(getattr(cls, flag, False), bool):
             return f"whose class attribute `{flag}` is {_short(getattr(cls, flag))}; True or False is expected"
-    if getattr(cls, "projected", False) and not callable(getattr(cls, "integrate_projected", None)):
-        return "which declares projected = True, but has no method integrate_projected(projected, times, rtol)"
+    for flag, method in INTEGRATOR_METHODS.items():
+        if getattr(cls, flag, False) is True and not callable(getattr(cls, method.partition("(")[0], None)):
+            return f"which declares {flag} = True, but has no method {method}"
     return ""
 
 

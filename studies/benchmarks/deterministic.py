@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 from rich.table import Table
 
 import uqmbd
-from uqmbd.dynamics import Ensemble, Integrator, Model, build, integrate
+from uqmbd.dynamics import Ensemble, Model, build, integrate
 
 Array = NDArray[np.float64]
 
@@ -97,7 +97,7 @@ def compare(
     ready = ensemble()
     assert ready.start.ok.all()
 
-    def ours(rtol: float, method: Integrator = "auto") -> tuple[float, str]:
+    def ours(rtol: float, method: str = "auto") -> tuple[float, str]:
         found = integrate(ready, times, rtol, method=method)
         calls = found.counters.residuals + found.counters.accelerations
         return relative_error(ready.outputs(times, found.states)[0, :count], reference), str(calls)
@@ -124,10 +124,10 @@ def compare(
         calls = c.residuals + c.accelerations
         notes = (f"{rtol:.0e}", f"{error:.1e}", str(calls), str(c.jacobians), str(c.integrations))
 
-        def part(rtol: float = rtol, method: Integrator = method) -> None:
+        def part(rtol: float = rtol, method: str = method) -> None:
             integrate(ready, times, rtol, method=method)
 
-        def whole(rtol: float = rtol, method: Integrator = method) -> None:
+        def whole(rtol: float = rtol, method: str = method) -> None:
             fresh = ensemble()
             fresh.outputs(times, integrate(fresh, times, rtol, method=method).states)
 
@@ -193,7 +193,7 @@ def exudyn_contenders(values: list[float], times: Array, reference: Array, wante
     return result
 
 
-def parts(model: Model, values: list[float], times: Array, rtol: float, repeat: int, method: Integrator) -> None:
+def parts(model: Model, values: list[float], times: Array, rtol: float, repeat: int, method: str) -> None:
     """Print where the time of one realisation goes."""
     timers, total = Timers(), 0.0
     with timed_callbacks(timers):

@@ -24,7 +24,7 @@ import slider_crank
 from measure import Contender, Timers, console, interleave, show, show_parts, timed_callbacks
 from numpy.typing import NDArray
 
-from uqmbd.dynamics import Counters, Ensemble, Integrator, integrate
+from uqmbd.dynamics import Counters, Ensemble, integrate, integrator_class
 from uqmbd_montecarlo import MonteCarlo
 
 Array = NDArray[np.float64]
@@ -46,12 +46,12 @@ def drawn(samples: int) -> Array:
     return values
 
 
-def stacked(values: Array, times: Array, chunk: int = CHUNK, method: Integrator = "auto") -> tuple[Array, Counters]:
+def stacked(values: Array, times: Array, chunk: int = CHUNK, method: str = "auto") -> tuple[Array, Counters]:
     """Integrate and observe samples in stacks: responses (K, output, T) and what it cost."""
     model, parts, counters = slider_crank.study.model, [], Counters()
     for k in range(0, len(values), chunk):
         ensemble = Ensemble(model, values[k : k + chunk])
-        found = integrate(ensemble, times, RTOL, stack=chunk, method=method)
+        found = integrator_class(method)(stack=chunk).integrate(ensemble, times, RTOL)
         parts.append(ensemble.outputs(times, found.states))
         counters = counters + found.counters
     return np.concatenate(parts), counters
@@ -167,7 +167,7 @@ def two_processes(samples: int, times: Array, repeat: int) -> list[Contender]:
     return contenders
 
 
-def parts_of_a_stack(values: Array, times: Array, repeat: int, method: Integrator) -> None:
+def parts_of_a_stack(values: Array, times: Array, repeat: int, method: str) -> None:
     """Print where the time of a stack goes."""
     timers, total = Timers(), 0.0
     chunk, model = values[:CHUNK], slider_crank.study.model

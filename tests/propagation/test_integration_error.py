@@ -170,7 +170,7 @@ def test_nothing_is_stated_where_nothing_is_integrated():
 
 def test_where_the_tighter_integration_fails_the_results_stay(springs, monkeypatch):
     """The reason is told with a NaN."""
-    from uqmbd.dynamics import integrate as integration
+    from uqmbd.dynamics.integrators import built_in as integration
 
     real = integration.integrate_by_dop853
 
@@ -207,7 +207,7 @@ def test_a_simulation_states_it_beside_its_outputs(springs):
 
 
 def test_a_simulation_without_check_integrates_once(springs, monkeypatch):
-    from uqmbd.dynamics import integrate as integration
+    from uqmbd.dynamics.integrators import built_in as integration
 
     tolerances = []
     real = integration.integrate_by_dop853

@@ -6,15 +6,30 @@ The only place that imports scikit-sundae and compiles with SymEngine.
 from __future__ import annotations
 
 from uqmbd.dynamics.build import build, kinematic_model
-from uqmbd.dynamics.capabilities import INTEGRATORS, Capability, Integrator, capabilities, require, require_for
 from uqmbd.dynamics.check import Check, check
-from uqmbd.dynamics.checked import checked, off_constraints
-from uqmbd.dynamics.contact import Hybrid, Lens
 from uqmbd.dynamics.ensemble import Ensemble
 from uqmbd.dynamics.equations import Layout, MechanismTerms, Model, mechanism_terms
-from uqmbd.dynamics.integrate import integrate
-from uqmbd.dynamics.integration import Counters, Trajectories, position_jumps
-from uqmbd.dynamics.projection import ProjectedEnsemble, ProjectedTrajectories
+from uqmbd.dynamics.integration import (
+    Counters,
+    Segment,
+    SegmentedMotion,
+    Trajectories,
+    off_constraints,
+    position_jumps,
+)
+from uqmbd.dynamics.integrators import (
+    Capability,
+    Integrator,
+    ProjectedEnsemble,
+    built_in,
+    declares,
+    integrate,
+    integrator_class,
+    integrators,
+    require,
+    require_for,
+)
+from uqmbd.dynamics.projection import ProjectedTrajectories
 from uqmbd.dynamics.statics import Equilibrium, Modes, ScalarValues, linearise, scalars_of, static_equilibria
 
 __all__ = [
@@ -23,23 +38,24 @@ __all__ = [
     "Counters",
     "Ensemble",
     "Equilibrium",
-    "Hybrid",
-    "INTEGRATORS",
     "Integrator",
     "Layout",
-    "Lens",
     "MechanismTerms",
     "Model",
     "Modes",
     "ProjectedEnsemble",
     "ProjectedTrajectories",
     "ScalarValues",
+    "Segment",
+    "SegmentedMotion",
     "Trajectories",
     "build",
-    "capabilities",
+    "built_in",
     "check",
-    "checked",
+    "declares",
     "integrate",
+    "integrator_class",
+    "integrators",
     "kinematic_model",
     "linearise",
     "mechanism_terms",

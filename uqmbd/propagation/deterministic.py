@@ -108,9 +108,9 @@ def simulate(
     """
     import xarray as xr
 
-    from uqmbd.dynamics import Ensemble, require_for
+    from uqmbd.dynamics import Ensemble, integrate, require_for
     from uqmbd.mechanism import Mechanism
-    from uqmbd.propagation.execution import integrated_by, integrator_of, not_finite_output
+    from uqmbd.propagation.execution import integrated_by, not_finite_output
 
     if not isinstance(mechanism, Mechanism):
         raise StudyError(f"simulate: the mechanism is {mechanism!r}; expected a uqmbd.Mechanism.")
@@ -127,7 +127,7 @@ def simulate(
         still = {"mechanism": mechanism.name, "start": start}
         return xr.Dataset(_scalars(mechanism, ensemble, None), attrs=still)
     refuse_jumps(ensemble, grid, rtol, where)
-    trajectories = integrator_of(integrator)(ensemble, grid, rtol)
+    trajectories = integrate(ensemble, grid, rtol, integrator)
     if trajectories.messages[0]:
         message = f"mechanism {mechanism.name!r}: {trajectories.messages[0]}"
         raise (IntegrationError if np.isfinite(trajectories.states[0, 0]).all() else AssemblyError)(message)

@@ -261,7 +261,7 @@ class Problem:
         """
         self.require("segments")
         begin, end = float(self.times[0]), float(self.times[-1])
-        return event_histories(self.run, self._checked(values), (begin, end), self.rtol, points, least)
+        return event_histories(self.run, self._checked(values), (begin, end), self.rtol, points, least, self.integrator)
 
     def _chunks(self, parts: list[Array]) -> Iterator[tuple[int, Chunk]]:
         """Finished chunks in order; each is stored as soon as it is finished."""

@@ -9,12 +9,11 @@ from typing import Any
 import numpy as np
 
 from uqmbd import plugins
-from uqmbd.dynamics import Ensemble
+from uqmbd.dynamics import Ensemble, integrate
 from uqmbd.dynamics.equations import derive, instances_of
 from uqmbd.errors import AssemblyError
 from uqmbd.mechanism import Component, Space
 from uqmbd.propagation import Propagator, Study
-from uqmbd.propagation.execution import integrator_of
 from uqmbd.testing.cases import Case, moving_case, name_of
 from uqmbd.testing.energy import is_timeless
 from uqmbd.testing.moments import check_schema, stated_errors
@@ -117,7 +116,7 @@ def _possible(make: Callable[[], Case], title: str, *, conservative: bool) -> St
         except AssemblyError as error:
             reason = str(error)
             continue
-        trajectories = integrator_of("auto")(ensemble, study.times, RTOL)
+        trajectories = integrate(ensemble, study.times, RTOL)
         reason = next((m for m in trajectories.messages if m), "")
         if not reason:
             if conservative and _is_conservative(case):

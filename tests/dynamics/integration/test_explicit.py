@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import uqmbd
-from uqmbd.dynamics import Ensemble, build, integrate
+from uqmbd.dynamics import Ensemble, build, integrate, integrator_class
 from uqmbd.dynamics.integration import lock_step as lockstep
 from uqmbd.dynamics.linear import straight_line as straightline
 from uqmbd.dynamics.linear.elimination import plan
@@ -74,7 +74,7 @@ def oscillator(stiffness, damping=0.0):
 def run(mechanism, values, method="auto", rtol=1e-7, times=TIMES, stack=64):
     model = build(mechanism)
     ensemble = Ensemble(model, np.asarray(values, dtype=float).reshape(-1, len(model.inputs)))
-    found = integrate(ensemble, times, rtol, method=method, stack=stack)
+    found = integrator_class(method)(stack=stack).integrate(ensemble, np.asarray(times), rtol)
     return ensemble.outputs(times, found.states)[:, 0], found
 
 

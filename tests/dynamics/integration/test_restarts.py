@@ -14,7 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import uqmbd
-from uqmbd.dynamics import Ensemble, build, position_jumps
+from uqmbd.dynamics import Ensemble, build, integrate, position_jumps
 from uqmbd_contact import PlaneImpact
 from uqmbd_drivers import DistanceDriver, LinearSpeedDriver, PositionDriver, RotationDriver
 from uqmbd_galerkin import Galerkin
@@ -276,17 +276,13 @@ def test_a_result_off_the_constraints_is_a_failed_realisation_whoever_integrates
         name = "drifting"
 
         def integrate(self, ensemble, times, rtol):
-            found = uqmbd.integrate(ensemble, times, rtol) if hasattr(uqmbd, "integrate") else None
-            if found is None:
-                from uqmbd.dynamics import integrate
-
-                found = integrate(ensemble, times, rtol)
+            found = integrate(ensemble, times, rtol)
             states = found.states.copy()
             states[1::2, 6:, 0 if quantity == "position" else 4] += 2e-3
             return dataclasses.replace(found, states=states)
 
-    monkeypatch.setattr(uqmbd.plugins, "integrators", lambda: {"drifting": Drifting})
-    monkeypatch.setattr(uqmbd.plugins, "integrator", lambda name: Drifting)
+    registry = uqmbd.plugins.Registry((), {"integrators": {"drifting": Drifting}})
+    monkeypatch.setattr(uqmbd.plugins, "_registry", lambda: registry)
     angle = uqmbd.RandomVariable("angle", chaospy.Uniform(0.2, 0.4), units="rad")
     mechanism = uqmbd.Mechanism("pendulum", uqmbd.Planar(gravity=(0, -9.81)))
     rod = mechanism.body(

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from uqmbd.dynamics.contact.contacts import Lens, lasting
-from uqmbd.dynamics.contact.event_driven import Hybrid
-from uqmbd.dynamics.contact.integrate import event_times, integrate_with_events
+from uqmbd.dynamics.contact.integrate import integrate_with_events, motion_in_segments
 
 __all__ = [
-    "Hybrid",
     "Lens",
-    "event_times",
     "integrate_with_events",
     "lasting",
+    "motion_in_segments",
 ]

@@ -1,66 +1,74 @@
-"""Integration of an ensemble with events: one realisation after the other, and the times of what happens."""
+"""Event-driven integration of an ensemble: one realisation after the other, and the times of what happens."""
 
 from __future__ import annotations
 
 import time as clock
+from functools import partial
 
 import numpy as np
 
 from uqmbd.dynamics.batch import Batch
 from uqmbd.dynamics.contact.contacts import Lens
-from uqmbd.dynamics.contact.event_driven import Hybrid
-from uqmbd.dynamics.integration import Counters, Solved
+from uqmbd.dynamics.contact.event_driven import Hybrid, Piece
+from uqmbd.dynamics.integration import Counters, Segment, SegmentedMotion, Trajectories
 from uqmbd.mechanism.expressions import event_name
-from uqmbd.typing import Array, Index
+from uqmbd.typing import Array
 
-__all__ = ["event_times", "integrate_with_events"]
+__all__ = ["integrate_with_events", "motion_in_segments"]
 
 
-def integrate_with_events(ensemble: Batch, members: Index, times: Array, rtol: float) -> tuple[Solved, list[Hybrid]]:
-    """Integrate assembled realisations of a model with events, one by one.
+def integrate_with_events(ensemble: Batch, times: Array, rtol: float) -> Trajectories:
+    """Integrate all realisations of a model with events, one by one, by the explicit method.
 
     Parameters
     ----------
     ensemble : Batch
-        All realisations.
-    members : array of int, shape (M,)
-        Those to be integrated.
+        K realisations.
     times : array, shape (T,)
         Output times, s.
     rtol : float
         Relative tolerance.
-
-    Returns
-    -------
-    Solved
-        Like that of other integrators.
-    list of Hybrid
-        What happened to each, and its pieces.
     """
     begin = clock.perf_counter()
-    states = np.full((len(members), len(times), ensemble.model.layout.width), np.nan)
-    runs: list[Hybrid] = []
+    states = np.full((len(ensemble), len(times), ensemble.model.layout.width), np.nan)
+    messages, runs = list(ensemble.start.messages), dict[int, Hybrid]()
     lens = Lens(ensemble.model)
     with np.errstate(all="ignore"):
-        for row, member in enumerate(members):
-            run = Hybrid(ensemble.select(np.array([member])), times, rtol, lens)
+        for member in np.flatnonzero(ensemble.start.ok).tolist():
+            run = runs[member] = Hybrid(ensemble.select(np.array([member])), times, rtol, lens)
             run.run()
-            states[row] = run.states()
-            runs.append(run)
+            states[member], messages[member] = run.states(), run.message
     counters = Counters(
-        integrations=sum(len(r.pieces) for r in runs),
-        accelerations=sum(r.evaluations for r in runs),
-        steps=sum(r.steps for r in runs),
-        events=sum(len(r.happenings) for r in runs),
+        integrations=sum(len(r.pieces) for r in runs.values()),
+        accelerations=sum(r.evaluations for r in runs.values()),
+        steps=sum(r.steps for r in runs.values()),
+        events=sum(len(r.happenings) for r in runs.values()),
+        by_dop853=len(runs),
         seconds=clock.perf_counter() - begin,
     )
-    return Solved(states, tuple(r.message for r in runs), counters), runs
+    return Trajectories(times, states, tuple(messages), counters, _event_times(ensemble, runs))
 
 
-def event_times(ensemble: Batch, members: Index, runs: list[Hybrid]) -> dict[str, Array]:
+def motion_in_segments(ensemble: Batch, times: Array, rtol: float) -> SegmentedMotion:
+    """Follow one realisation from event to event; see `SegmentedMotion`."""
+    run = Hybrid(ensemble, times, rtol, Lens(ensemble.model))
+    with np.errstate(all="ignore"):
+        run.run()
+    return SegmentedMotion(
+        tuple(Segment(p.begin, p.end, _label(run, p), partial(run.observed, piece=p)) for p in run.pieces), run.message
+    )
+
+
+def _label(run: Hybrid, piece: Piece) -> str:
+    """Say what ended a piece of the motion."""
+    names = [f"{run.ensemble.model.events[h.event][0]}: {h.label}" for h in run.happenings if h.time == piece.end]
+    return ", ".join(dict.fromkeys(names)) or ("" if piece is run.pieces[-1] else "break")
+
+
+def _event_times(ensemble: Batch, runs: dict[int, Hybrid]) -> dict[str, Array]:
     """Find the times of all events by name, shape (K,); NaN where a realisation has no such event."""
     found: dict[str, Array] = {}
-    for member, run in zip(members, runs, strict=True):
+    for member, run in runs.items():
         counts: dict[tuple[str, str], int] = {}
         for happening in run.happenings:
             component = ensemble.model.events[happening.event][0]

@@ -19,7 +19,7 @@ from uqmbd.dynamics.integration.prescribed import Prescribed, gradient_lengths, 
 from uqmbd.dynamics.integration.restarts import speed_jumps
 from uqmbd.dynamics.integration.step_control import Curve, Stepper
 from uqmbd.dynamics.integration.sundials import solve
-from uqmbd.dynamics.integration.trajectories import Counters, Solved, Trajectories
+from uqmbd.dynamics.integration.trajectories import Counters, Segment, SegmentedMotion, Solved, Trajectories
 
 __all__ = [
     "Counters",
@@ -30,6 +30,8 @@ __all__ = [
     "Out",
     "Prescribed",
     "RELAXED",
+    "Segment",
+    "SegmentedMotion",
     "Solved",
     "Stepper",
     "Trajectories",

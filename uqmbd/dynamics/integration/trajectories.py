@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields
 
 import numpy as np
 
 from uqmbd.typing import Array
 
-__all__ = ["Counters", "Solved", "Trajectories", "stops"]
+__all__ = ["Counters", "Segment", "SegmentedMotion", "Solved", "Trajectories", "stops"]
 
 
 @dataclass(frozen=True)
@@ -112,6 +112,43 @@ class Solved:
     counters: Counters
     final: tuple[bool, ...] = ()
     notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Segment:
+    """A motion from one event to the next.
+
+    Attributes
+    ----------
+    begin, end : float
+        s.
+    label : str
+        What ends it ("floor: impact"; a force that switches: "break"); empty where the output times do.
+    states : callable
+        From times (T,) within it to states (T, 2 coordinate + state): at its ends right after and right before the
+        events.
+    """
+
+    begin: float
+    end: float
+    label: str
+    states: Callable[[Array], Array]
+
+
+@dataclass(frozen=True)
+class SegmentedMotion:
+    """The motion of one realisation from event to event.
+
+    Attributes
+    ----------
+    segments : tuple of Segment
+        One after the other.
+    message : str
+        Why it ended early, or empty.
+    """
+
+    segments: tuple[Segment, ...]
+    message: str = ""
 
 
 def stops(breaks: Array, times: Array) -> Array:

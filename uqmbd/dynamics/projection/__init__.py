@@ -2,10 +2,19 @@
 
 from __future__ import annotations
 
-from uqmbd.dynamics.projection.ensemble import ProjectedEnsemble
-from uqmbd.dynamics.projection.integrate import ProjectedTrajectories
+from uqmbd.dynamics.projection.constraint_check import projected_off
+from uqmbd.dynamics.projection.dop853 import lock_step
+from uqmbd.dynamics.projection.ensemble import Projection
+from uqmbd.dynamics.projection.ida import LINEAR_SOLVERS, LinearSolver, implicit
+from uqmbd.dynamics.projection.trajectories import ProjectedTrajectories, Watch
 
 __all__ = [
-    "ProjectedEnsemble",
+    "LINEAR_SOLVERS",
+    "LinearSolver",
     "ProjectedTrajectories",
+    "Projection",
+    "Watch",
+    "implicit",
+    "lock_step",
+    "projected_off",
 ]

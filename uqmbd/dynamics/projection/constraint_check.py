@@ -12,7 +12,7 @@ from uqmbd.dynamics.integration import (
     over_allowed,
     residuals,
 )
-from uqmbd.dynamics.projection.ensemble import ProjectedEnsemble
+from uqmbd.dynamics.projection.ensemble import Projection
 from uqmbd.typing import Array, Index
 
 __all__ = ["projected_off"]
@@ -22,12 +22,12 @@ BLOCK = 2048
 """States at nodes whose residuals are evaluated at once."""
 
 
-def projected_off(projected: ProjectedEnsemble, times: Array, coefficients: Array, rtol: float) -> tuple[int, str]:
+def projected_off(projected: Projection, times: Array, coefficients: Array, rtol: float) -> tuple[int, str]:
     """Find where coefficients are off the projected constraints by more than the tolerance.
 
     Parameters
     ----------
-    projected : ProjectedEnsemble
+    projected : Projection
         What was integrated.
     times : array, shape (T,)
         s.

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 
 from uqmbd.dynamics.integration import LockStep, Out, longest_step, pace
-from uqmbd.dynamics.projection.ensemble import ProjectedEnsemble
+from uqmbd.dynamics.projection.ensemble import Projection
+from uqmbd.dynamics.projection.trajectories import Watch
 from uqmbd.typing import Array, Index
 
 __all__ = ["ProjectedEquations", "lock_step"]
@@ -20,7 +19,7 @@ SOLVED = 1e-2
 class ProjectedEquations:
     """Rates and projection of coefficients (P, width)."""
 
-    def __init__(self, projected: ProjectedEnsemble, rtol: float) -> None:
+    def __init__(self, projected: Projection, rtol: float) -> None:
         model, layout = projected.model, projected.model.layout
         self.projected, self.tolerance = projected, SOLVED * rtol
         self.n, self.velocities, self.width = layout.coordinates, layout.coordinates + layout.states, layout.width
@@ -69,7 +68,7 @@ class ProjectedEquations:
 
 
 def lock_step(
-    projected: ProjectedEnsemble, times: Array, rtol: float, watch: Callable[[Array], bool] | None = None
+    projected: Projection, times: Array, rtol: float, watch: Watch | None = None
 ) -> tuple[LockStep, ProjectedEquations]:
     """Integrate; the lock-step holds coefficients (P, T, width), and the reason if it could not go on."""
     equations, start = ProjectedEquations(projected, rtol), projected.start

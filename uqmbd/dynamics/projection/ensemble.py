@@ -11,10 +11,8 @@ They are the Euler-Lagrange equations of the averaged Lagrangian with averaged v
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.linalg
@@ -26,10 +24,7 @@ from uqmbd.dynamics.projection.coupled import Coupled
 from uqmbd.errors import AssemblyError
 from uqmbd.typing import Array
 
-if TYPE_CHECKING:
-    from uqmbd.dynamics.projection.integrate import ProjectedTrajectories
-
-__all__ = ["ProjectedEnsemble", "ProjectedStart"]
+__all__ = ["ProjectedStart", "Projection"]
 
 
 ORTHONORMAL = 1e-9
@@ -64,23 +59,8 @@ class ProjectedStart:
     corrections: int
 
 
-class ProjectedEnsemble:
-    """Realisations at quadrature nodes, seen through a basis.
-
-    Parameters
-    ----------
-    ensemble : Ensemble
-        K realisations, at the nodes.
-    psi : array, shape (K, P)
-        Values of the basis at the nodes.
-    weights : array, shape (K,)
-        Of the nodes, all positive; they sum to 1.
-
-    Raises
-    ------
-    uqmbd.AssemblyError
-        If a node cannot be assembled: the expansion would be one of something that does not exist.
-    """
+class Projection:
+    """Equations of a `ProjectedEnsemble`, which is integrated by any integrator."""
 
     def __init__(self, ensemble: Ensemble, psi: Array, weights: Array) -> None:
         self.ensemble, self.model = ensemble, ensemble.model
@@ -262,19 +242,6 @@ class ProjectedEnsemble:
         least = scipy.linalg.eigh(whole @ whole.T, eigvals_only=True, subset_by_index=[0, 0])[0]
         nodal = np.linalg.svd(d, compute_uv=False)[:, -1]
         return float(np.sqrt(max(least, 0.0))), float(nodal.min())
-
-    def integrate(
-        self,
-        times: Array,
-        rtol: float = 1e-6,
-        integrator: str = "auto",
-        linear_solver: str = "auto",
-        watch: Callable[[Array], bool] | None = None,
-    ) -> ProjectedTrajectories:
-        """Integrate the coefficients; see `uqmbd.dynamics.projection.integrate.integrate_projected`."""
-        from uqmbd.dynamics.projection.integrate import integrate_projected
-
-        return integrate_projected(self, np.asarray(times, dtype=float), rtol, integrator, linear_solver, watch)
 
     def nodal(self, coefficients: Array) -> Array:
         """Values at the nodes of coefficients (P, ...), shape (K, ...)."""

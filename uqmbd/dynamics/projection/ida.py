@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import time as clock
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import numpy as np
 
 from uqmbd.dynamics.integration import RELAXED, diagnosis, instant, pace, solve, step_limits, step_tolerance
-from uqmbd.dynamics.projection.ensemble import ProjectedEnsemble
+from uqmbd.dynamics.projection.ensemble import Projection
+from uqmbd.dynamics.projection.trajectories import Watch
 from uqmbd.typing import Array
 
 __all__ = ["LINEAR_SOLVERS", "LinearSolver", "Run", "implicit"]
@@ -47,7 +47,7 @@ class Run:
 class _Linear:
     """Jacobian of the coefficients in whatever form IDA wants."""
 
-    def __init__(self, projected: ProjectedEnsemble, kind: LinearSolver, counters: dict[str, float]) -> None:
+    def __init__(self, projected: Projection, kind: LinearSolver, counters: dict[str, float]) -> None:
         self.projected, self.counters = projected, counters
         layout = projected.model.layout
         self.n, self.terms = layout.unknowns, projected.terms
@@ -148,17 +148,17 @@ class _Linear:
 
 
 def implicit(
-    projected: ProjectedEnsemble,
+    projected: Projection,
     times: Array,
     rtol: float,
     linear_solver: LinearSolver = "auto",
-    watch: Callable[[Array], bool] | None = None,
+    watch: Watch | None = None,
 ) -> Run:
     """Integrate the coefficients by IDA.
 
     Parameters
     ----------
-    projected : ProjectedEnsemble
+    projected : Projection
         What to integrate.
     times : array, shape (T,)
         Output times, s.
@@ -242,7 +242,7 @@ def _sum(a: dict[str, float], b: dict[str, float]) -> dict[str, float]:
     return {name: a.get(name, 0) + b.get(name, 0) for name in a | b if name != "unknowns"} | {"unknowns": b["unknowns"]}
 
 
-def _expanded(projected: ProjectedEnsemble, y: Array, frozen: Array) -> Array:
+def _expanded(projected: Projection, y: Array, frozen: Array) -> Array:
     """Whole states (P, T, width) of unknowns (P, T, n); frozen coordinates have coefficients (P, frozen)."""
     layout = projected.model.layout
     where = layout.slices

@@ -8,7 +8,6 @@ from uqmbd.propagation.execution.chunks import (
     Chunk,
     compute_chunk,
     integrated_by,
-    integrator_of,
     not_finite_output,
 )
 from uqmbd.propagation.execution.cost import Clock, Laps
@@ -41,7 +40,6 @@ __all__ = [
     "event_histories",
     "failed",
     "integrated_by",
-    "integrator_of",
     "not_finite_output",
     "pool",
     "run_tasks",

@@ -3,25 +3,23 @@
 from __future__ import annotations
 
 import pickle
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from functools import lru_cache, partial
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from uqmbd.dynamics import (
-    INTEGRATORS,
     Ensemble,
     Model,
     ScalarValues,
-    Trajectories,
-    checked,
+    built_in,
+    declares,
     integrate,
-    require_for,
+    integrator_class,
     scalars_of,
 )
-from uqmbd.errors import StudyError
 from uqmbd.status import Status
 from uqmbd.typing import Array
 
@@ -30,7 +28,6 @@ __all__ = [
     "Chunk",
     "compute_chunk",
     "integrated_by",
-    "integrator_of",
     "model_of",
     "not_finite_output",
 ]
@@ -75,13 +72,6 @@ class Chunk:
         return Chunk(found.values[:, :, None], found.status, found.messages, {})
 
 
-def integrator_of(name: str) -> Callable[[Ensemble, Array, float], Trajectories]:
-    """Return the function that integrates an ensemble: the built-in one, or the method of a plugin's class."""
-    if name in INTEGRATORS:
-        return partial(integrate, method=name)
-    return partial(_integrate_by_plugin, name)
-
-
 def integrated_by(counters: Mapping[str, float], asked: str) -> dict[str, str]:
     """Return the attribute that names who has integrated, most realisations first; nothing where nobody has.
 
@@ -97,35 +87,11 @@ def integrated_by(counters: Mapping[str, float], asked: str) -> dict[str, str]:
     >>> integrated_by({"steps": 100, "by_dop853": 60, "by_ida": 4}, "auto")
     {'integrated_by': 'dop853, ida'}
     """
-    if asked not in INTEGRATORS:
+    if not declares(integrator_class(asked), "delegates"):
         return {"integrated_by": asked}
-    counts = {name: counters.get(f"by_{name}", 0) for name in INTEGRATORS}
+    counts = {name: counters.get(f"by_{name}", 0) for name in built_in()}
     names = sorted((name for name in counts if counts[name]), key=lambda name: -counts[name])
     return {"integrated_by": ", ".join(names)} if names else {}
-
-
-def _integrate_by_plugin(name: str, ensemble: Ensemble, times: Array, rtol: float) -> Trajectories:
-    """Let the integrator of a plugin integrate, after a look at whether it can, and at what it returns."""
-    require_for(ensemble.model, name, f"mechanism {ensemble.model.name!r}")
-    # what the integrator of a plugin gives is held against the same as what those of the core give
-    return checked(partial(_of_plugin, name), ensemble, times, rtol)
-
-
-def _of_plugin(name: str, ensemble: Ensemble, times: Array, rtol: float) -> Trajectories:
-    """Return what the integrator of a plugin gives, if it is of the right kind."""
-    from uqmbd import plugins
-
-    found = plugins.integrator(name)().integrate(ensemble, times, rtol)
-    shape = (len(ensemble), len(times), ensemble.model.layout.width)
-    if not isinstance(found, Trajectories) or np.shape(found.states) != shape or len(found.messages) != shape[0]:
-        what = f"a {type(found).__name__}"
-        if isinstance(found, Trajectories):
-            what = f"states of shape {np.shape(found.states)} and {len(found.messages)} messages"
-        raise StudyError(
-            f"the integrator {name!r}: its method integrate returned {what}; expected uqmbd.Trajectories with states "
-            f"of shape {shape} and {shape[0]} messages."
-        )
-    return found
 
 
 def not_finite_output(names: Sequence[str], times: Array, response: Array) -> str:
@@ -191,7 +157,7 @@ def compute_chunk(
         if timeless and not model.scalars.needs_motion:
             found = scalars_of(ensemble)
             return Chunk(found.values[:, :, None], found.status, found.messages, {})
-        trajectories = integrator_of(integrator)(ensemble, times, rtol)
+        trajectories = integrate(ensemble, times, rtol, integrator)
         status = np.zeros(len(values), dtype=np.int64)
         for k, message in enumerate(trajectories.messages):
             if message:
@@ -205,7 +171,7 @@ def compute_chunk(
             status[k], messages[k] = Status.NOT_FINITE, not_finite_output(model.outputs.names, times, response[k])
         scalars = None if model.scalars is None else scalars_of(ensemble, trajectories)
     counters = asdict(trajectories.counters)
-    if integrator not in INTEGRATORS:
+    if not declares(integrator_class(integrator), "delegates"):
         counters[f"by_{integrator}"] = int(np.count_nonzero(status != Status.ASSEMBLY_FAILED))
     chunk = Chunk(response, status, tuple(messages), counters, scalars)
     return replace(chunk.timeless(), counters=chunk.counters) if timeless else chunk

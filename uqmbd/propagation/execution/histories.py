@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from uqmbd.dynamics import Ensemble, Hybrid, Lens, Model, off_constraints, position_jumps
+from uqmbd.dynamics import Ensemble, Model, integrator_class, off_constraints, position_jumps
 from uqmbd.propagation.execution.tasks import Arrays
 from uqmbd.typing import Array
 
@@ -64,6 +64,7 @@ def event_histories(
     rtol: float,
     points: int,
     least: int = 1,
+    integrator: str = "auto",
 ) -> list[History]:
     """Follow each row of inputs from event to event, on all workers.
 
@@ -82,8 +83,10 @@ def event_histories(
     least : int
         Segments that each is to have, for which it is followed beyond the last output time (eight times as long at
         most).
+    integrator : str
+        Who declares ``segments``.
     """
-    tasks = [(row, times, rtol, points, least) for row in np.ascontiguousarray(values, dtype=float)]
+    tasks = [(row, times, rtol, points, least, integrator) for row in np.ascontiguousarray(values, dtype=float)]
     found = []
     for arrays in run(followed, tasks):
         labels = tuple(arrays["labels"].tolist())
@@ -94,9 +97,10 @@ def event_histories(
 
 
 def followed(
-    model: Model, values: Array, times: tuple[float, float], rtol: float, points: int, least: int
+    model: Model, values: Array, times: tuple[float, float], rtol: float, points: int, least: int, integrator: str
 ) -> dict[str, NDArray[Any]]:
     """Follow one realisation; the arrays are those of a `History`."""
+    cls: Any = integrator_class(integrator)
     ensemble = Ensemble(model, values[None, :])
     begin, end = times
     none = {
@@ -110,42 +114,32 @@ def followed(
         return {**none, "response": empty, "message": np.array([ensemble.start.messages[0]])}
     if jumps := position_jumps(ensemble, np.array(times), rtol):
         return {**none, "response": empty, "message": np.array([jumps[0]])}
-    span, lens = 1.0, Lens(model)
+    span = 1.0
     while True:
-        run = Hybrid(ensemble, np.array([begin, begin + span * (end - begin)]), rtol, lens)
-        with np.errstate(all="ignore"):
-            run.run()
-        inside = sum(piece.begin < end for piece in run.pieces)
-        complete = len(run.pieces) - 1  # the last one was ended by no event
+        run = cls().integrate_segments(ensemble, np.array([begin, begin + span * (end - begin)]), rtol)
+        inside = sum(segment.begin < end for segment in run.segments)
+        complete = len(run.segments) - 1  # the last one was ended by no event
         if run.message or complete >= max(least, inside + MARGIN) or span >= LONGEST:
             break
         span = min(2 * span, LONGEST)
     if run.message:
         return {**none, "response": empty, "message": np.array([run.message])}
     final = complete < max(least, inside + MARGIN)
-    pieces = run.pieces if final else run.pieces[:-1]
+    pieces = run.segments if final else run.segments[:-1]
     # where nothing ends a motion, the output times do
     ends = [max(p.begin, min(p.end, end)) if final and p is pieces[-1] else p.end for p in pieces]
     where = segment_points(points)
     moments = [p.begin + where * (last - p.begin) for p, last in zip(pieces, ends, strict=True)]
-    states = [run.observed(at, p) for p, at in zip(pieces, moments, strict=True)]
+    states = [p.states(at) for p, at in zip(pieces, moments, strict=True)]
     at, every = np.concatenate(moments), np.concatenate(states)[None]
     if off := off_constraints(ensemble, at, every, rtol):
         return {**none, "response": empty, "message": np.array([off[0][1]])}
     response = ensemble.outputs(at, every)[0]
     return {
-        "labels": np.array([_label(run, piece.end, last=piece is run.pieces[-1]) for piece in pieces]),
+        "labels": np.array([p.label for p in pieces]),
         "edges": np.array([pieces[0].begin, *ends]),
         "response": np.stack(np.split(response, len(pieces), axis=1)),
         "message": np.array([""]),
         "inside": np.array([inside]),
         "final": np.array([final]),
     }
-
-
-def _label(run: Hybrid, end: float, *, last: bool) -> str:
-    """Say what ended a segment."""
-    names: Sequence[str] = [
-        f"{run.ensemble.model.events[h.event][0]}: {h.label}" for h in run.happenings if h.time == end
-    ]
-    return ", ".join(dict.fromkeys(names)) or ("" if last else "break")

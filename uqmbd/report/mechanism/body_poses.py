@@ -153,12 +153,11 @@ def _integrated(study: Study, times: Array, values: Array) -> tuple[Array, str]:
     """Coordinates (realisation, time, coordinate) by integration, NaN where it failed, and why."""
     from threadpoolctl import threadpool_limits
 
-    from uqmbd.dynamics import Ensemble
-    from uqmbd.propagation.execution import integrator_of
+    from uqmbd.dynamics import Ensemble, integrate
 
     model = stepped(observed_model(study.mechanism, float(study.times[0]), study.start), study.max_step, study.breaks)
     with threadpool_limits(limits=1):
-        found = integrator_of(study.integrator)(Ensemble(model, values), times, study.rtol)
+        found = integrate(Ensemble(model, values), times, study.rtol, study.integrator)
     return found.states[..., : model.layout.coordinates], next((m for m in found.messages if m), "")
 
 

@@ -7,11 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from uqmbd.dynamics.assembly import violated
 from uqmbd.dynamics.ensemble import Ensemble
-from uqmbd.dynamics.integration import Trajectories, off_constraints, position_jumps
+from uqmbd.dynamics.integration import Trajectories, gradient_lengths, off_constraints, position_jumps
 from uqmbd.typing import Array
 
-__all__ = ["checked", "off_constraints"]
+__all__ = ["checked"]
 
 Method = Callable[[Ensemble, Array, float], Trajectories]
 
@@ -37,15 +38,28 @@ def checked(method: Method, ensemble: Ensemble, times: Array, rtol: float) -> Tr
     """
     jumps = position_jumps(ensemble, times, rtol)
     found = method(ensemble, times, rtol) if not jumps else _others(method, ensemble, times, rtol, jumps)
-    off = off_constraints(ensemble, times, found.states, rtol)
+    found = _stopped(found, _violations(ensemble, times, found.states, rtol), 0)
+    # the start is a state that could be assembled: the integration has failed, not the assembly
+    return _stopped(found, off_constraints(ensemble, times, found.states, rtol), 1)
+
+
+def _stopped(found: Trajectories, off: dict[int, tuple[int, str]], least: int) -> Trajectories:
+    """Let realisations fail from a time on, not before that of number `least`."""
     texts = {k: text for k, text in off.items() if not found.messages[k]}
     if not texts:
         return found
     states, messages = found.states.copy(), list(found.messages)
     for k, (first, text) in texts.items():
-        # the start is a state that could be assembled: the integration has failed, not the assembly
-        states[k, max(1, first) :], messages[k] = np.nan, text
+        states[k, max(least, first) :], messages[k] = np.nan, text
     return replace(found, states=states, messages=tuple(messages))
+
+
+def _violations(ensemble: Ensemble, times: Array, states: Array, rtol: float) -> dict[int, tuple[int, str]]:
+    """Find violations of equations that were left out as redundant."""
+    model = ensemble.model
+    if model.layout.rank == model.layout.constraints:
+        return {}
+    return violated(model, times, states, ensemble.block, gradient_lengths(ensemble), rtol)
 
 
 def _others(method: Method, ensemble: Ensemble, times: Array, rtol: float, jumps: dict[int, str]) -> Trajectories:

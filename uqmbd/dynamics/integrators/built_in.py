@@ -1,0 +1,252 @@
+"""The integrators of the core: an explicit one, an implicit one, and a choice among the two."""
+
+from __future__ import annotations
+
+import time as clock
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from uqmbd.dynamics.contact import integrate_with_events, motion_in_segments
+from uqmbd.dynamics.ensemble import Ensemble
+from uqmbd.dynamics.equations import Model
+from uqmbd.dynamics.integration import SegmentedMotion, Solved, Trajectories, integrate_by_dop853, integrate_by_ida
+from uqmbd.dynamics.integrators.checked import checked
+from uqmbd.dynamics.integrators.stacks import STACK, Solution, in_stacks
+from uqmbd.dynamics.projection import (
+    LINEAR_SOLVERS,
+    LinearSolver,
+    ProjectedTrajectories,
+    Projection,
+    Watch,
+    implicit,
+    lock_step,
+)
+from uqmbd.errors import StudyError
+from uqmbd.plugins import hookimpl
+from uqmbd.typing import Array, Index
+
+__all__ = ["Auto", "BuiltIn", "Dop853", "Ida"]
+
+
+@dataclass(frozen=True)
+class Dop853:
+    """The index-1 form by an explicit method of order 8 with projection; from event to event where there are some.
+
+    Parameters
+    ----------
+    stack : int
+        Most realisations that are integrated together.
+    """
+
+    name = "dop853"
+    events = projected = segments = paced = watched = delegates = True
+
+    stack: int = STACK
+
+    def integrate(self, ensemble: Ensemble, times: Array, rtol: float) -> Trajectories:
+        """Integrate every realisation; a mechanism too large for compiled linear algebra is a `uqmbd.StudyError`."""
+        if ensemble.model.events:
+            return integrate_with_events(ensemble, times, rtol)
+        _require_compiled(ensemble.model, _compiled(ensemble.model))
+        return in_stacks(self._solve, ensemble, times, rtol, self.stack)
+
+    def _solve(self, ensemble: Ensemble, members: Index, times: Array, rtol: float) -> Solution:
+        return Solution.of(integrate_by_dop853(ensemble, members, times, rtol), self.name)
+
+    def integrate_segments(self, ensemble: Ensemble, times: Array, rtol: float) -> SegmentedMotion:
+        """Follow the only realisation from event to event."""
+        return motion_in_segments(ensemble, times, rtol)
+
+    def integrate_projected(
+        self, projected: Projection, times: Array, rtol: float, watch: Watch | None = None
+    ) -> ProjectedTrajectories:
+        """Integrate the projected index-1 form."""
+        _require_compiled(projected.model, not projected.model.layout.unknowns or projected.coupled.compiled)
+        if _impacts(projected.model):
+            return _from_event_to_event(projected, times, rtol)
+        if not projected.model.layout.unknowns:
+            return _still(projected, times)
+        begin = clock.perf_counter()
+        run, equations = lock_step(projected, times, rtol, watch)
+        counters = {
+            "accelerations": equations.evaluations,
+            "steps": run.steps,
+            "systems": projected.coupled.systems,
+            "iterations": projected.coupled.iterations,
+            "direct": projected.coupled.direct,
+            "krylov": projected.coupled.krylov,
+            "seconds": clock.perf_counter() - begin,
+        }
+        return ProjectedTrajectories(times, run.result, run.failed.get(0, ""), self.name, counters)
+
+
+@dataclass(frozen=True)
+class Ida:
+    """The stabilised index-2 form by IDA, implicit, for stiff mechanisms too.
+
+    Realisations that it cannot lead over a singular pose are integrated by `Dop853`.
+
+    Parameters
+    ----------
+    stack : int
+        Most realisations that are integrated together.
+    """
+
+    name = "ida"
+    projected = paced = watched = delegates = True
+    linear_solvers = LINEAR_SOLVERS
+
+    stack: int = STACK
+
+    def integrate(self, ensemble: Ensemble, times: Array, rtol: float) -> Trajectories:
+        """Integrate every realisation."""
+        return in_stacks(self._solve, ensemble, times, rtol, self.stack)
+
+    def _solve(self, ensemble: Ensemble, members: Index, times: Array, rtol: float) -> Solution:
+        solved = integrate_by_ida(ensemble, members, times, rtol)
+        found, final = Solution.of(solved, self.name), np.flatnonzero(solved.final)
+        if not len(final) or not _compiled(ensemble.model):
+            return found
+        # in a singular pose it stops; the explicit method passes over it, or knows that no motion leads on
+        other = integrate_by_dop853(ensemble, members[final], times, rtol)
+        taken = [k for k, message in enumerate(other.messages) if other.final[k] or not message]
+        return found.replaced(final, other, Dop853.name, np.array(taken, dtype=np.int64))
+
+    def integrate_projected(
+        self,
+        projected: Projection,
+        times: Array,
+        rtol: float,
+        linear_solver: LinearSolver = "auto",
+        watch: Watch | None = None,
+    ) -> ProjectedTrajectories:
+        """Integrate the projected stabilised index-2 form."""
+        if not projected.model.layout.unknowns:
+            return _still(projected, times)
+        found = implicit(projected, times, rtol, linear_solver, watch)
+        return ProjectedTrajectories(times, found.coefficients, found.message, self.name, found.counters)
+
+
+@dataclass(frozen=True)
+class Auto:
+    """`Dop853` where the mechanism is small enough for it; what turns out to be stiff, or fails, is left to `Ida`.
+
+    Parameters
+    ----------
+    stack : int
+        Most realisations that are integrated together.
+    """
+
+    name = "auto"
+    events = projected = segments = paced = watched = delegates = True
+    linear_solvers = LINEAR_SOLVERS
+
+    stack: int = STACK
+
+    def integrate(self, ensemble: Ensemble, times: Array, rtol: float) -> Trajectories:
+        """Integrate every realisation."""
+        if ensemble.model.events:
+            return integrate_with_events(ensemble, times, rtol)
+        return in_stacks(self._solve, ensemble, times, rtol, self.stack)
+
+    def _solve(self, ensemble: Ensemble, members: Index, times: Array, rtol: float) -> Solution:
+        if not _compiled(ensemble.model):
+            return Solution.of(integrate_by_ida(ensemble, members, times, rtol), Ida.name)
+        solved = integrate_by_dop853(ensemble, members, times, rtol)
+        found, left = Solution.of(solved, Dop853.name), _left(solved)
+        if not len(left):
+            return found
+        other = integrate_by_ida(ensemble, members[left], times, rtol)
+        return found.replaced(left, other, Ida.name, np.arange(len(left)))
+
+    def integrate_segments(self, ensemble: Ensemble, times: Array, rtol: float) -> SegmentedMotion:
+        """Follow the only realisation from event to event."""
+        return motion_in_segments(ensemble, times, rtol)
+
+    def integrate_projected(
+        self,
+        projected: Projection,
+        times: Array,
+        rtol: float,
+        linear_solver: LinearSolver = "auto",
+        watch: Watch | None = None,
+    ) -> ProjectedTrajectories:
+        """Integrate the coefficients by the explicit method, and by IDA where that is stiff or fails."""
+        if _impacts(projected.model):
+            return _from_event_to_event(projected, times, rtol)
+        if not projected.model.layout.unknowns:
+            return _still(projected, times)
+        if not projected.coupled.compiled:
+            return Ida().integrate_projected(projected, times, rtol, linear_solver, watch)
+        first = Dop853().integrate_projected(projected, times, rtol, watch)
+        if not first.message:
+            return first
+        second = Ida().integrate_projected(projected, times, rtol, linear_solver, watch)
+        spent = first.counters["seconds"] + second.counters["seconds"]
+        further = second.message and _reached(first) > _reached(second)
+        both = first.counters | {"stiff": 1} | second.counters | {"seconds": spent}
+        return replace(first if further else second, counters=both)
+
+
+class BuiltIn:
+    """What the core offers as a plugin would."""
+
+    @hookimpl
+    def uqmbd_integrators(self) -> list[type]:
+        """Return the integrators of the core."""
+        return [Auto, Ida, Dop853]
+
+
+def _compiled(model: Model) -> bool:
+    """Tell whether the linear algebra of the explicit method is compiled."""
+    return model.system is not None and model.system.project is not None
+
+
+def _require_compiled(model: Model, compiled: bool) -> None:
+    if not compiled:
+        raise StudyError(
+            f"mechanism {model.name!r} has too many equations for the integrator 'dop853', whose linear algebra is "
+            "compiled; use 'auto' or 'ida'."
+        )
+
+
+def _left(solved: Solved) -> Index:
+    """Find those that failed, and that another integrator might integrate."""
+    left = [k for k, message in enumerate(solved.messages) if message and not solved.final[k]]
+    return np.array(left, dtype=np.int64)
+
+
+def _impacts(model: Model) -> bool:
+    """Tell whether events change the motion; others only note when they happen."""
+    return any(directions for *_, directions in model.events)
+
+
+def _from_event_to_event(projected: Projection, times: Array, rtol: float) -> ProjectedTrajectories:
+    """Integrate node by node, where as many terms as nodes make the projected equations those of the nodes.
+
+    ``Psi^T W r = 0`` with a square and invertible ``Psi^T W`` is ``r = 0`` at every node, and so are the projected laws
+    of impact; coefficients are those of the nodal states.
+    """
+    if not projected.collocates:
+        raise StudyError(
+            f"mechanism {projected.model.name!r} has impacts, which happen at another time at each node; a projection "
+            f"follows them only with as many terms as nodes, and has {projected.terms} terms on "
+            f"{len(projected.weights)} nodes."
+        )
+    found = checked(integrate_with_events, projected.ensemble, times, rtol)
+    message = next((m for m in found.messages if m), "")
+    counters: dict[str, Any] = asdict(found.counters)
+    return ProjectedTrajectories(times, projected.project(found.states), message, Dop853.name, counters)
+
+
+def _still(projected: Projection, times: Array) -> ProjectedTrajectories:
+    """Return the motion of what cannot move."""
+    coefficients = np.repeat(projected.start.state[:, None], len(times), axis=1)
+    return ProjectedTrajectories(times, coefficients, "", "none", {})
+
+
+def _reached(found: ProjectedTrajectories) -> int:
+    """Count the times that were computed."""
+    return int(np.isfinite(found.coefficients).all(axis=(0, 2)).sum())

@@ -1,0 +1,67 @@
+"""Integration of an ensemble by any integrator, held against the constraints."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from uqmbd.dynamics.ensemble import Ensemble
+from uqmbd.dynamics.integration import Trajectories
+from uqmbd.dynamics.integrators.capabilities import require_for
+from uqmbd.dynamics.integrators.checked import checked
+from uqmbd.dynamics.integrators.registry import integrator_class
+from uqmbd.errors import StudyError
+from uqmbd.typing import Array
+
+__all__ = ["integrate"]
+
+
+def integrate(ensemble: Ensemble, times: Array, rtol: float = 1e-6, method: str = "auto") -> Trajectories:
+    """Assemble and integrate every realisation of an ensemble.
+
+    Parameters
+    ----------
+    ensemble : Ensemble
+        K realisations.
+    times : array, shape (T,)
+        Output times, strictly increasing; the first is the start.
+    rtol : float
+        Relative tolerance.
+    method : str
+        Name of an integrator, of the core or of a plugin.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If the integrator cannot do what the mechanism takes, as follow events, or returns what is none.
+
+    Warns
+    -----
+    uqmbd.RedundantConstraintWarning
+        If the independent equations became dependent on the way, and others were chosen.
+
+    Returns
+    -------
+    Trajectories
+        A realisation that fails does not disturb the others.
+    """
+    require_for(ensemble.model, method, f"mechanism {ensemble.model.name!r}")
+    integrator = integrator_class(method)()
+
+    def solve(ensemble: Ensemble, times: Array, rtol: float) -> Trajectories:
+        return _valid(integrator.integrate(ensemble, times, rtol), method, ensemble, times)
+
+    return checked(solve, ensemble, times, rtol)
+
+
+def _valid(found: object, name: str, ensemble: Ensemble, times: Array) -> Trajectories:
+    """Return what an integrator gives, if it is of the right kind."""
+    shape = (len(ensemble), len(times), ensemble.model.layout.width)
+    if not isinstance(found, Trajectories) or np.shape(found.states) != shape or len(found.messages) != shape[0]:
+        what = f"a {type(found).__name__}"
+        if isinstance(found, Trajectories):
+            what = f"states of shape {np.shape(found.states)} and {len(found.messages)} messages"
+        raise StudyError(
+            f"the integrator {name!r}: its method integrate returned {what}; expected uqmbd.Trajectories with states "
+            f"of shape {shape} and {shape[0]} messages."
+        )
+    return found

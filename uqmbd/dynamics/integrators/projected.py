@@ -1,0 +1,111 @@
+"""The projected ensemble, integrated by any integrator that can, and held against the projected constraints."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from uqmbd.dynamics.integration import position_jumps
+from uqmbd.dynamics.integrators.capabilities import require, require_for
+from uqmbd.dynamics.integrators.protocol import declares
+from uqmbd.dynamics.integrators.registry import integrator_class
+from uqmbd.dynamics.projection import LINEAR_SOLVERS, ProjectedTrajectories, Projection, Watch, projected_off
+from uqmbd.errors import StudyError
+from uqmbd.typing import Array
+
+__all__ = ["ProjectedEnsemble"]
+
+
+class ProjectedEnsemble(Projection):
+    """Realisations at quadrature nodes, seen through a basis.
+
+    Parameters
+    ----------
+    ensemble : Ensemble
+        K realisations, at the nodes.
+    psi : array, shape (K, P)
+        Values of the basis at the nodes.
+    weights : array, shape (K,)
+        Of the nodes, all positive; they sum to 1.
+
+    Raises
+    ------
+    uqmbd.AssemblyError
+        If a node cannot be assembled: the expansion would be one of something that does not exist.
+    """
+
+    def integrate(
+        self,
+        times: Array,
+        rtol: float = 1e-6,
+        integrator: str = "auto",
+        linear_solver: str = "auto",
+        watch: Watch | None = None,
+    ) -> ProjectedTrajectories:
+        """Integrate the coefficients.
+
+        Parameters
+        ----------
+        times : array, shape (T,)
+            Output times, strictly increasing; the first is the start.
+        rtol : float
+            Relative tolerance.
+        integrator : str
+            As for one realisation: ``dop853``, explicit on the projected index-1 form, or ``ida`` on the projected
+            stabilised index-2 form; ``auto``: the first, and the second where that is stiff or fails; or one of a
+            plugin that declares ``projected = True``.
+        linear_solver : {"auto", "dense", "sparse", "krylov-nodal", "krylov-mean"}
+            Of IDA; ``auto`` chooses by the number of unknowns, and leaves the mean preconditioner where it breaks down.
+        watch : callable, optional
+            Asked now and then with the coefficients so far; a true answer ends the run.
+
+        Raises
+        ------
+        uqmbd.StudyError
+            If a name is unknown, the integrator cannot do what it takes, or the mechanism is too large.
+        """
+        times, where = np.asarray(times, dtype=float), f"mechanism {self.model.name!r}"
+        if linear_solver not in LINEAR_SOLVERS:
+            raise StudyError(
+                f"there is no solver {linear_solver!r} for a projection; there are: {', '.join(LINEAR_SOLVERS)}."
+            )
+        require(integrator, "projected", where)
+        # other events only note when they happen
+        if any(directions for *_, directions in self.model.events):
+            require_for(self.model, integrator, where)
+        if jumps := position_jumps(self.ensemble, times, rtol):
+            node, text = next(iter(jumps.items()))
+            state = np.full((self.terms, len(times), self.model.layout.width), np.nan)
+            state[:, 0] = self.start.state
+            return ProjectedTrajectories(times, state, f"at node {node} {text}", "none", {})
+        found = self._solved(times, rtol, integrator, linear_solver, watch)
+        first, text = projected_off(self, times, found.coefficients, rtol)
+        if found.message or not text:
+            return found
+        coefficients = found.coefficients.copy()
+        coefficients[:, max(1, first) :] = np.nan
+        return replace(found, coefficients=coefficients, message=text)
+
+    def _solved(
+        self, times: Array, rtol: float, name: str, linear_solver: str, watch: Watch | None
+    ) -> ProjectedTrajectories:
+        """Let an integrator integrate, with those options that it declares."""
+        cls: Any = integrator_class(name)
+        options: dict[str, Any] = {}
+        if getattr(cls, "linear_solvers", ()):
+            options["linear_solver"] = linear_solver
+        if declares(cls, "watched"):
+            options["watch"] = watch
+        found = cls().integrate_projected(self, times, rtol, **options)
+        shape = (self.terms, len(times), self.model.layout.width)
+        if not isinstance(found, ProjectedTrajectories) or np.shape(found.coefficients) != shape:
+            what = f"a {type(found).__name__}"
+            if isinstance(found, ProjectedTrajectories):
+                what = f"coefficients of shape {np.shape(found.coefficients)}"
+            raise StudyError(
+                f"the integrator {name!r}: its method integrate_projected returned {what}; expected "
+                f"uqmbd.ProjectedTrajectories with coefficients of shape {shape}."
+            )
+        return found if declares(cls, "delegates") else replace(found, integrator=name)

@@ -1,0 +1,69 @@
+"""What an integrator is, and what it returns; those of the core and those of plugins alike."""
+
+from __future__ import annotations
+
+from typing import ClassVar, Literal, Protocol
+
+from uqmbd.dynamics.ensemble import Ensemble
+from uqmbd.dynamics.integration import Trajectories
+from uqmbd.typing import Array
+
+__all__ = ["Capability", "Integrator", "declares"]
+
+Capability = Literal["events", "projected", "segments", "paced", "watched", "delegates"]
+
+
+class Integrator(Protocol):
+    """Class of an integrator, which is made without arguments.
+
+    What more it can it declares by class attributes; what is not declared it cannot:
+
+    ``events = True``
+        It follows impacts and other events of a mechanism.
+    ``projected = True``
+        It integrates projected equations, as those of Galerkin, by a method
+        ``integrate_projected(projected, times, rtol)``, which returns `uqmbd.ProjectedTrajectories`.
+    ``segments = True``
+        It follows a motion from event to event by a method ``integrate_segments(ensemble, times, rtol)``, which returns
+        the `uqmbd.SegmentedMotion` of the only realisation of `ensemble`.
+    ``paced = True``
+        Its steps keep to what ``ensemble.pace(times, rtol)`` says: a longest step, and times at which it starts anew.
+    ``watched = True``
+        ``integrate_projected`` takes ``watch=``: a function that is given the coefficients (P, T, width) so far, NaN
+        from the present time on, and returns true where it is to stop, or None.
+    ``delegates = True``
+        It may leave realisations to ``dop853`` or ``ida``, and names those in its counters.
+
+    ``linear_solvers``, a tuple of names, says that ``integrate_projected`` takes ``linear_solver=``.
+
+    Attributes
+    ----------
+    name : str
+        By which studies choose it.
+    """
+
+    name: ClassVar[str]
+
+    def integrate(self, ensemble: Ensemble, times: Array, rtol: float) -> Trajectories:
+        """Integrate every realisation of an ensemble.
+
+        Parameters
+        ----------
+        ensemble : Ensemble
+            K realisations.
+        times : array, shape (T,)
+            Output times, s; the first is the start.
+        rtol : float
+            Relative tolerance of the motion.
+
+        Returns
+        -------
+        Trajectories
+            A realisation that fails has a message, and does not disturb the others.
+        """
+        ...
+
+
+def declares(cls: type, capability: Capability) -> bool:
+    """Tell whether the class of an integrator declares a capability."""
+    return getattr(cls, capability, False) is True

@@ -1,0 +1,94 @@
+"""Integration of an ensemble in stacks of realisations, and who integrated each of them."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from uqmbd.dynamics.ensemble import Ensemble
+from uqmbd.dynamics.integration import Counters, Solved, Trajectories, integrate_by_ida
+from uqmbd.errors import RedundantConstraintWarning
+from uqmbd.typing import Array, Index
+
+__all__ = ["STACK", "Solution", "in_stacks"]
+
+
+STACK = 64
+"""Realisations of a stack."""
+
+
+@dataclass(frozen=True)
+class Solution:
+    """Integrated realisations, and the name of who integrated each; empty where nothing moves."""
+
+    solved: Solved
+    by: tuple[str, ...]
+
+    @classmethod
+    def of(cls, solved: Solved, name: str) -> Solution:
+        """Name the same integrator for all realisations."""
+        return cls(solved, (name,) * len(solved.messages))
+
+    def replaced(self, rows: Index, other: Solved, name: str, taken: Index) -> Solution:
+        """Return what holds after another integrator has tried some rows: of these, those that are taken replace."""
+        mine = rows[taken]
+        states, messages, by = self.solved.states.copy(), list(self.solved.messages), list(self.by)
+        states[mine] = other.states[taken]
+        for row, k in zip(mine.tolist(), taken.tolist(), strict=True):
+            messages[row], by[row] = other.messages[k], name
+        notes = self.solved.notes + tuple(note for note in other.notes if note not in self.solved.notes)
+        counters = self.solved.counters + other.counters
+        return Solution(
+            replace(self.solved, states=states, messages=tuple(messages), counters=counters, notes=notes), tuple(by)
+        )
+
+
+Solve = Callable[[Ensemble, Index, Array, float], Solution]
+
+
+def in_stacks(solve: Solve, ensemble: Ensemble, times: Array, rtol: float, stack: int) -> Trajectories:
+    """Integrate all realisations that could be assembled.
+
+    Parameters
+    ----------
+    solve : callable
+        Integrates the members (M,) of an ensemble that make up a stack.
+    ensemble : Ensemble
+        K realisations.
+    times : array, shape (T,)
+        Output times, s.
+    rtol : float
+        Relative tolerance.
+    stack : int
+        Most realisations of a stack.
+    """
+    start, layout = ensemble.start, ensemble.model.layout
+    states = np.full((len(ensemble), len(times), layout.width), np.nan)
+    messages, by = list(start.messages), list[str]()
+    counters, notes = Counters(), list[str]()
+    assembled = np.flatnonzero(start.ok)
+    for k in range(0, len(assembled), stack):
+        members = assembled[k : k + stack]
+        if layout.unknowns:
+            found = solve(ensemble, members, times, rtol)
+        else:
+            found = Solution.of(integrate_by_ida(ensemble, members, times, rtol), "")
+        states[members] = found.solved.states
+        for member, message in zip(members, found.solved.messages, strict=True):
+            messages[member] = message
+        by += found.by
+        counters = counters + found.solved.counters
+        notes += [note for note in found.solved.notes if note not in notes]
+    if notes:
+        more = f" (and {len(notes) - 1} more such changes)" if len(notes) > 1 else ""
+        warnings.warn(
+            f"mechanism {ensemble.model.name!r}: {notes[0]}{more}. The motion is not affected; "
+            "the reactions of these joints are not unique.",
+            RedundantConstraintWarning,
+            stacklevel=6,
+        )
+    counters = counters + Counters(by_dop853=by.count("dop853"), by_ida=by.count("ida"))
+    return Trajectories(times, states, tuple(messages), counters, notes=tuple(notes))

@@ -1,0 +1,40 @@
+"""What the integration of a projected ensemble yields, and who watches it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from uqmbd.typing import Array
+
+__all__ = ["ProjectedTrajectories", "Watch"]
+
+
+Watch = Callable[[Array], bool]
+"""Is given the coefficients (P, T, width) so far, NaN from the present time on; true: stop."""
+
+
+@dataclass(frozen=True)
+class ProjectedTrajectories:
+    """Coefficients of states at the output times.
+
+    Attributes
+    ----------
+    times : array, shape (T,)
+        s.
+    coefficients : array, shape (P, T, 2 coordinate + state)
+        Of coordinates, auxiliary states and velocities; NaN from the time on at which it stopped.
+    message : str
+        Why it stopped, or empty.
+    integrator : str
+        ``dop853``, ``ida``, or ``none`` where nothing moves.
+    counters : dict
+        What it cost.
+    """
+
+    times: Array
+    coefficients: Array
+    message: str
+    integrator: str
+    counters: dict[str, Any]
