@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 import xarray as xr
 
-from uqmbd.dynamics import built_in
+from uqmbd.dynamics import built_in_names
 from uqmbd.errors import RedundantConstraintWarning
 from uqmbd.isolation import reason_of
 from uqmbd.propagation.execution import AGAIN, Observed, Silent, integrated_by
@@ -142,7 +142,7 @@ def _integrated_once(problem: Problem, by: str) -> tuple[Array, Array]:
     """
     seen = problem.observed
     known = integrated_by(seen.counters, problem.integrator).get("integrated_by", "").split(", ")
-    others = [name for name in by.split(", ") if name in built_in() and name not in known]
+    others = [name for name in by.split(", ") if name in built_in_names() and name not in known]
     if seen.values and not others:
         return np.array(seen.values), np.array(seen.responses)
     own = _silent(problem, "once", integrator=others[0] if others else problem.integrator)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from uqmbd.dynamics import built_in, integrators
+from uqmbd.dynamics import built_in_names, integrators
 from uqmbd.errors import StudyError
 from uqmbd.typing import Array
 
@@ -106,7 +106,7 @@ def check_rtol(rtol: Any, where: str) -> float:
 def check_integrator(integrator: str, where: str) -> str:
     """Return the name of an integrator that is there, or name those that are."""
     # plugins are not loaded for those of the core
-    if isinstance(integrator, str) and (integrator in built_in() or integrator in integrators()):
+    if isinstance(integrator, str) and (integrator in built_in_names() or integrator in integrators()):
         return integrator
     raise StudyError(f"{where}: there is no integrator {integrator!r}; there are: {', '.join(integrators())}.")
 

@@ -5,7 +5,7 @@ from uqmbd.dynamics.integrators.capabilities import require, require_for
 from uqmbd.dynamics.integrators.integrate import integrate
 from uqmbd.dynamics.integrators.projected import ProjectedEnsemble
 from uqmbd.dynamics.integrators.protocol import Capability, Integrator, declares
-from uqmbd.dynamics.integrators.registry import built_in, integrator_class, integrators
+from uqmbd.dynamics.integrators.registry import built_in_names, integrator_class, integrators
 
 __all__ = [
     "Auto",
@@ -14,7 +14,7 @@ __all__ = [
     "Ida",
     "Integrator",
     "ProjectedEnsemble",
-    "built_in",
+    "built_in_names",
     "declares",
     "integrate",
     "integrator_class",

@@ -8,7 +8,7 @@ import numpy as np
 
 from uqmbd.dynamics.equations import Model
 from uqmbd.dynamics.integrators.protocol import Capability, declares
-from uqmbd.dynamics.integrators.registry import built_in, integrator_class, integrators
+from uqmbd.dynamics.integrators.registry import built_in_names, integrator_class, integrators
 from uqmbd.errors import StudyError
 
 __all__ = ["require", "require_for"]
@@ -54,7 +54,7 @@ def require(name: str, needed: Capability, where: str, why: str = "", remedy: st
     if declares(integrator_class(name), needed):
         return
     able = [repr(other) for other, cls in integrators().items() if declares(cls, needed)]
-    undeclared = "" if name in built_in() else f": its class does not declare {needed} = True"
+    undeclared = "" if name in built_in_names() else f": its class does not declare {needed} = True"
     about = f" ({why})" if why else ""
     more = f", or {', '.join(able[1:])}" if len(able) > 1 else ""
     raise StudyError(

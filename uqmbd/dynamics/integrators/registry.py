@@ -11,7 +11,7 @@ from uqmbd.plugins import integrator as integrator_of_plugin
 from uqmbd.plugins import integrators as integrators_of_plugins
 from uqmbd.plugins import offered_by_core
 
-__all__ = ["built_in", "integrator_class", "integrators"]
+__all__ = ["built_in_names", "integrator_class", "integrators"]
 
 
 @cache
@@ -19,12 +19,12 @@ def _offered() -> dict[str, type]:
     return offered_by_core(BuiltIn(), "integrators")
 
 
-def built_in() -> tuple[str, ...]:
+def built_in_names() -> tuple[str, ...]:
     """Return the names of those of the core.
 
     Examples
     --------
-    >>> built_in()
+    >>> built_in_names()
     ('auto', 'ida', 'dop853')
     """
     return tuple(_offered())

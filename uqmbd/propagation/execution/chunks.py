@@ -14,7 +14,7 @@ from uqmbd.dynamics import (
     Ensemble,
     Model,
     ScalarValues,
-    built_in,
+    built_in_names,
     declares,
     integrate,
     integrator_class,
@@ -89,7 +89,7 @@ def integrated_by(counters: Mapping[str, float], asked: str) -> dict[str, str]:
     """
     if not declares(integrator_class(asked), "delegates"):
         return {"integrated_by": asked}
-    counts = {name: counters.get(f"by_{name}", 0) for name in built_in()}
+    counts = {name: counters.get(f"by_{name}", 0) for name in built_in_names()}
     names = sorted((name for name in counts if counts[name]), key=lambda name: -counts[name])
     return {"integrated_by": ", ".join(names)} if names else {}
 
