@@ -6,7 +6,7 @@ from pathlib import Path
 
 from uqmbd.cli.progress import seconds as spoken
 from uqmbd.errors import StudyError
-from uqmbd.propagation.script import load_study
+from uqmbd.propagation import load_study
 
 __all__ = ["animate_study"]
 

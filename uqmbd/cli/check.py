@@ -14,9 +14,7 @@ from uqmbd.cli.picture import draw_figure, require_format
 from uqmbd.cli.tables import console, plain_table
 from uqmbd.errors import StudyError
 from uqmbd.isolation import Isolated
-from uqmbd.propagation import Estimate, Propagator
-from uqmbd.propagation.obstacle import obstacle_of
-from uqmbd.propagation.script import load_study
+from uqmbd.propagation import Estimate, Propagator, load_study, obstacle_of
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, TextIO
 
-from uqmbd.propagation.execution import Lines, Progress, seconds
+from uqmbd.propagation import Lines, Progress, seconds
 
 if TYPE_CHECKING:
     from rich.progress import Progress as RichBars

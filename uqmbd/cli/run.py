@@ -18,8 +18,7 @@ from uqmbd.cli.settings import apply_settings, check_labels
 from uqmbd.cli.tables import show_summary
 from uqmbd.errors import MethodFailedWarning, StudyError, UqmbdError
 from uqmbd.isolation import Isolated
-from uqmbd.propagation.execution import claimed, set_aside
-from uqmbd.propagation.script import load_study
+from uqmbd.propagation import claimed, load_study, set_aside
 from uqmbd.results.storage import FOLDER
 
 if TYPE_CHECKING:

@@ -5,18 +5,25 @@ The only place that imports scikit-sundae and compiles with SymEngine.
 
 from __future__ import annotations
 
-from uqmbd.dynamics.build import build, kinematic_model
+from uqmbd.dynamics.assembly import positions
+from uqmbd.dynamics.build import build, constraining, kinematic_model
 from uqmbd.dynamics.check import Check, check
-from uqmbd.dynamics.ensemble import Ensemble
-from uqmbd.dynamics.equations import Layout, MechanismTerms, Model, mechanism_terms
-from uqmbd.dynamics.integration import (
-    Counters,
-    Segment,
-    SegmentedMotion,
-    Trajectories,
-    off_constraints,
-    position_jumps,
+from uqmbd.dynamics.ensemble import Ensemble, referenced
+from uqmbd.dynamics.equations import (
+    Derived,
+    Instance,
+    Kernel,
+    Layout,
+    MechanismTerms,
+    Model,
+    ParameterMap,
+    cached,
+    compile_kernel,
+    derive,
+    instances_of,
+    mechanism_terms,
 )
+from uqmbd.dynamics.integration import Counters, Segment, SegmentedMotion, Trajectories, off_constraints, position_jumps
 from uqmbd.dynamics.integrators import (
     Capability,
     Integrator,
@@ -36,13 +43,17 @@ __all__ = [
     "Capability",
     "Check",
     "Counters",
+    "Derived",
     "Ensemble",
     "Equilibrium",
+    "Instance",
     "Integrator",
+    "Kernel",
     "Layout",
     "MechanismTerms",
     "Model",
     "Modes",
+    "ParameterMap",
     "ProjectedEnsemble",
     "ProjectedTrajectories",
     "ScalarValues",
@@ -51,8 +62,13 @@ __all__ = [
     "Trajectories",
     "build",
     "built_in_names",
+    "cached",
     "check",
+    "compile_kernel",
+    "constraining",
     "declares",
+    "derive",
+    "instances_of",
     "integrate",
     "integrator_class",
     "integrators",
@@ -61,6 +77,8 @@ __all__ = [
     "mechanism_terms",
     "off_constraints",
     "position_jumps",
+    "positions",
+    "referenced",
     "require",
     "require_for",
     "scalars_of",

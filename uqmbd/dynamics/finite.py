@@ -9,8 +9,7 @@ import sympy
 from numpy.typing import NDArray
 
 from uqmbd.dynamics.equations import Instance, Model
-from uqmbd.mechanism import Mechanism
-from uqmbd.mechanism.expressions import flatten
+from uqmbd.mechanism import Mechanism, flatten
 
 __all__ = ["not_finite"]
 

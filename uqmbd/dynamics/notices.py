@@ -9,9 +9,7 @@ import sympy
 
 from uqmbd.dynamics.equations import TIME, Instance, Model
 from uqmbd.errors import StudyError
-from uqmbd.mechanism import Mechanism, nominal
-from uqmbd.mechanism.geometry import Frame
-from uqmbd.mechanism.skeleton import skeleton
+from uqmbd.mechanism import Frame, Mechanism, nominal, skeleton
 from uqmbd.typing import Array
 
 __all__ = ["Move", "deep_contacts", "moved_bodies", "moves", "size_of"]

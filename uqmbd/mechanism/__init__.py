@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from uqmbd.mechanism.body import Body, Ground
+from uqmbd.mechanism.body import Body, BodyTerms, Ground, StateSymbol
 from uqmbd.mechanism.components import (
     Auxiliary,
     Component,
@@ -13,6 +13,7 @@ from uqmbd.mechanism.components import (
     Local,
     Parameter,
     Potential,
+    ReactionSymbol,
     Separation,
     Upright,
     VirtualWork,
@@ -20,8 +21,11 @@ from uqmbd.mechanism.components import (
     half_angle,
     law_at,
     law_values,
+    range_text,
 )
 from uqmbd.mechanism.expressions import (
+    LARGEST,
+    WITHOUT_DERIVATIVE,
     AtEquilibrium,
     EventTime,
     MotionSymbol,
@@ -29,9 +33,16 @@ from uqmbd.mechanism.expressions import (
     at_equilibrium,
     damping_ratio,
     eigenfrequency,
+    event_name,
+    flatten,
+    foreign_part,
+    random_variables,
+    shown,
     step,
     t,
+    told,
 )
+from uqmbd.mechanism.forgotten import forgotten
 from uqmbd.mechanism.geometry import (
     Frame,
     Planar,
@@ -46,48 +57,65 @@ from uqmbd.mechanism.geometry import (
     relative_quaternion,
     smallest_rotation,
 )
+from uqmbd.mechanism.inertia import is_tensor_of_body
 from uqmbd.mechanism.mechanism import Mechanism, Output
+from uqmbd.mechanism.skeleton import skeleton
 
 __all__ = [
     "AtEquilibrium",
     "Auxiliary",
     "Body",
+    "BodyTerms",
     "Component",
     "Constraint",
+    "Event",
+    "EventTime",
     "Frame",
     "Ground",
-    "Event",
     "Impact",
     "Kinetic",
+    "LARGEST",
     "Local",
     "Mechanism",
-    "EventTime",
     "MotionSymbol",
     "Output",
     "Parameter",
     "Planar",
     "Potential",
+    "ReactionSymbol",
     "ScalarSymbol",
     "Separation",
     "Space",
     "Spatial",
+    "StateSymbol",
     "Translational",
     "Upright",
     "VirtualWork",
+    "WITHOUT_DERIVATIVE",
     "aligned",
     "at_equilibrium",
     "counted_angle",
     "damping_ratio",
     "eigenfrequency",
+    "event_name",
+    "flatten",
+    "foreign_part",
+    "forgotten",
     "half_angle",
+    "is_tensor_of_body",
     "joint_frames",
     "law_at",
     "law_values",
     "nominal",
     "perpendiculars",
     "quaternion_product",
+    "random_variables",
+    "range_text",
     "relative_quaternion",
+    "shown",
+    "skeleton",
     "smallest_rotation",
     "step",
     "t",
+    "told",
 ]

@@ -10,7 +10,7 @@ import sympy
 
 from uqmbd.mechanism.components import Component, Constraint, Kinetic, Local, Parameter, Potential, Term
 from uqmbd.mechanism.geometry import Frame, NamedFrame, Space
-from uqmbd.randomness.symbolic import Symbolic
+from uqmbd.randomness import Symbolic
 
 __all__ = ["Body", "Ground", "StateSymbol"]
 

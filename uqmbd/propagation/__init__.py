@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from uqmbd.propagation.chaos import ElementLimits, ElementRefinement, refine_elements
-from uqmbd.propagation.deterministic import simulate
+from uqmbd.propagation.deterministic import input_point, simulate
 from uqmbd.propagation.equilibrium import eigenfrequencies, static_equilibrium
 from uqmbd.propagation.estimate import Estimate
-from uqmbd.propagation.execution import History, Progress, Realisations
+from uqmbd.propagation.execution import History, Lines, Progress, Realisations, claimed, seconds, set_aside
+from uqmbd.propagation.observed_model import observed_model, stepped
+from uqmbd.propagation.obstacle import obstacle_of
 from uqmbd.propagation.problem import Problem
 from uqmbd.propagation.propagator import Propagator
+from uqmbd.propagation.script import load_study
 from uqmbd.propagation.study import Study
 
 __all__ = [
@@ -16,13 +19,22 @@ __all__ = [
     "ElementRefinement",
     "Estimate",
     "History",
+    "Lines",
     "Problem",
     "Progress",
     "Propagator",
     "Realisations",
     "Study",
+    "claimed",
     "eigenfrequencies",
+    "input_point",
+    "load_study",
+    "observed_model",
+    "obstacle_of",
     "refine_elements",
+    "seconds",
+    "set_aside",
     "simulate",
     "static_equilibrium",
+    "stepped",
 ]

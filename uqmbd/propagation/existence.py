@@ -9,10 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import sympy
 
-from uqmbd.mechanism.body import StateSymbol
-from uqmbd.mechanism.expressions import random_variables, t
-from uqmbd.randomness import RandomVariable
-from uqmbd.randomness.existence import exists, moment_orders
+from uqmbd.mechanism import StateSymbol, random_variables, t
+from uqmbd.randomness import RandomVariable, exists, moment_orders
 
 if TYPE_CHECKING:
     import xarray as xr

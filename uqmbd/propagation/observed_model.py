@@ -26,9 +26,8 @@ __all__ = [
 
 def observed_model(mechanism: Mechanism, time: float, start: str = "drawn") -> Model:
     """Build a mechanism that has something to observe; `start` as for `Study`."""
-    from uqmbd.dynamics import build
-    from uqmbd.dynamics.ensemble import referenced
-    from uqmbd.mechanism.forgotten import forgotten
+    from uqmbd.dynamics import build, referenced
+    from uqmbd.mechanism import forgotten
 
     if not (mechanism.outputs or mechanism.scalars):
         raise StudyError(

@@ -5,7 +5,8 @@ The only place that imports chaospy.
 
 from __future__ import annotations
 
-from uqmbd.randomness.germs import Germ, truncated
+from uqmbd.randomness.existence import exists, moment_orders
+from uqmbd.randomness.germs import Germ, cumulated, truncated
 from uqmbd.randomness.index_sets import index_set
 from uqmbd.randomness.joint import JointInput
 from uqmbd.randomness.quadrature import (
@@ -19,6 +20,7 @@ from uqmbd.randomness.quadrature import (
     sparse_rule,
 )
 from uqmbd.randomness.space import GermBox, GermSpace, located
+from uqmbd.randomness.symbolic import Symbolic
 from uqmbd.randomness.variable import RandomVariable, random_vector, uniform_variable
 
 __all__ = [
@@ -28,12 +30,16 @@ __all__ = [
     "JointInput",
     "Quadrature",
     "RandomVariable",
+    "Symbolic",
     "clenshaw_curtis",
     "combination_coefficients",
+    "cumulated",
+    "exists",
     "gauss_tensor",
     "gram_error",
     "index_set",
     "located",
+    "moment_orders",
     "monte_carlo_rule",
     "random_vector",
     "smolyak",

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from uqmbd.dynamics.equations import Instance, Kernel, ParameterMap, cached, compile_kernel, derive, instances_of
+from uqmbd.dynamics import Instance, Kernel, ParameterMap, cached, compile_kernel, derive, instances_of
 from uqmbd.mechanism import Space
 from uqmbd.testing.cases import Case
 from uqmbd.testing.motion import random_unit

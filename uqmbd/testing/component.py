@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from uqmbd.dynamics.equations import Instance, Kernel, cached, compile_kernel, derive
+from uqmbd.dynamics import Instance, Kernel, cached, compile_kernel, derive
 from uqmbd.mechanism import Component, Space
 from uqmbd.propagation import Propagator
 from uqmbd.testing.bench import REALISATIONS, Bench, random_coordinates

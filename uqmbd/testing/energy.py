@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from uqmbd.dynamics.equations import Derived, Instance, Kernel, cached, compile_kernel, derive
+from uqmbd.dynamics import Derived, Instance, Kernel, cached, compile_kernel, derive
 from uqmbd.testing.bench import Bench
 from uqmbd.typing import Array
 

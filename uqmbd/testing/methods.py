@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 
 from uqmbd import plugins
-from uqmbd.dynamics import Ensemble, integrate
-from uqmbd.dynamics.equations import derive, instances_of
+from uqmbd.dynamics import Ensemble, derive, instances_of, integrate
 from uqmbd.errors import AssemblyError
 from uqmbd.mechanism import Component, Space
 from uqmbd.propagation import Propagator, Study

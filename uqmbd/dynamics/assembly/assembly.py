@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from uqmbd.dynamics.assembly.undefined import REMEDY, undefined
 from uqmbd.dynamics.equations import Model, impossible
 from uqmbd.dynamics.linear import RANK_TOLERANCE, accelerations, dense, state_arguments
-from uqmbd.mechanism.expressions import LARGEST
+from uqmbd.mechanism import LARGEST
 from uqmbd.typing import Array, Index
 
 __all__ = ["Start", "assemble", "independent_rows", "positions", "velocities"]

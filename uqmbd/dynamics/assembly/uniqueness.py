@@ -11,8 +11,7 @@ import sympy
 
 from uqmbd.dynamics.assembly.rank import null_equations
 from uqmbd.dynamics.equations import Model, OutputMap
-from uqmbd.mechanism import Mechanism
-from uqmbd.mechanism.expressions import flatten
+from uqmbd.mechanism import Mechanism, flatten
 from uqmbd.typing import Array
 
 __all__ = ["not_unique", "reaction_symbols"]

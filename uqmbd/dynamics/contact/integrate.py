@@ -11,7 +11,7 @@ from uqmbd.dynamics.batch import Batch
 from uqmbd.dynamics.contact.contacts import Lens
 from uqmbd.dynamics.contact.event_driven import Hybrid, Piece
 from uqmbd.dynamics.integration import Counters, Segment, SegmentedMotion, Trajectories
-from uqmbd.mechanism.expressions import event_name
+from uqmbd.mechanism import event_name
 from uqmbd.typing import Array
 
 __all__ = ["integrate_with_events", "motion_in_segments"]

@@ -16,22 +16,25 @@ import sympy
 
 from uqmbd.dynamics.equations.expressions import TIME, plain, require_derivatives, settled_expression
 from uqmbd.errors import StudyError
-from uqmbd.mechanism.body import Body, BodyTerms, StateSymbol
-from uqmbd.mechanism.components import (
+from uqmbd.mechanism import (
     Auxiliary,
+    Body,
+    BodyTerms,
     Component,
     Constraint,
     Event,
+    Frame,
     Kinetic,
     Local,
     Potential,
     Separation,
+    Space,
+    StateSymbol,
     Upright,
     VirtualWork,
     flatten,
+    t,
 )
-from uqmbd.mechanism.expressions import t
-from uqmbd.mechanism.geometry import Frame, Space
 from uqmbd.randomness import RandomVariable
 
 __all__ = ["BlockType", "Instance", "instances_of"]

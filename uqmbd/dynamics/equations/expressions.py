@@ -8,9 +8,17 @@ from typing import Any
 import sympy
 
 from uqmbd.errors import StudyError
-from uqmbd.mechanism.body import StateSymbol
-from uqmbd.mechanism.components import Component
-from uqmbd.mechanism.expressions import WITHOUT_DERIVATIVE, foreign_part, random_variables, shown, step, t, told
+from uqmbd.mechanism import (
+    WITHOUT_DERIVATIVE,
+    Component,
+    StateSymbol,
+    foreign_part,
+    random_variables,
+    shown,
+    step,
+    t,
+    told,
+)
 from uqmbd.randomness import RandomVariable
 
 __all__ = ["TIME", "plain", "require_derivatives", "settled_expression"]

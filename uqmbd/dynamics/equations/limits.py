@@ -10,10 +10,7 @@ import numpy as np
 import sympy
 from numpy.typing import NDArray
 
-from uqmbd.mechanism import Mechanism
-from uqmbd.mechanism.components import range_text
-from uqmbd.mechanism.expressions import flatten
-from uqmbd.mechanism.inertia import is_tensor_of_body
+from uqmbd.mechanism import Mechanism, flatten, is_tensor_of_body, range_text
 from uqmbd.randomness import RandomVariable
 from uqmbd.typing import Array, Index
 

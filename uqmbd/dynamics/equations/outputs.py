@@ -16,10 +16,18 @@ from uqmbd.dynamics.equations.evaluator import Placement
 from uqmbd.dynamics.equations.expressions import plain
 from uqmbd.dynamics.equations.kernels import Kernel, cached, compile_kernel
 from uqmbd.errors import StudyError
-from uqmbd.mechanism import Mechanism, Output
-from uqmbd.mechanism.body import Body, StateSymbol
-from uqmbd.mechanism.components import Auxiliary, Component, Local, Parameter, ReactionSymbol
-from uqmbd.mechanism.expressions import t
+from uqmbd.mechanism import (
+    Auxiliary,
+    Body,
+    Component,
+    Local,
+    Mechanism,
+    Output,
+    Parameter,
+    ReactionSymbol,
+    StateSymbol,
+    t,
+)
 from uqmbd.randomness import RandomVariable
 from uqmbd.typing import Array, Index
 

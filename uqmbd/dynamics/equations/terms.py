@@ -8,8 +8,7 @@ import sympy
 
 from uqmbd.dynamics.equations.block import Instance, instances_of
 from uqmbd.dynamics.equations.expressions import TIME
-from uqmbd.mechanism import Mechanism
-from uqmbd.mechanism.expressions import t
+from uqmbd.mechanism import Mechanism, t
 
 __all__ = ["MechanismTerms", "mechanism_terms"]
 

@@ -19,7 +19,7 @@ import sympy
 from numpy.typing import NDArray
 
 from uqmbd.dynamics.equations import TIME, Instance, ParameterMap
-from uqmbd.mechanism.expressions import t
+from uqmbd.mechanism import t
 from uqmbd.randomness import RandomVariable
 from uqmbd.typing import Array, Index
 

@@ -14,8 +14,7 @@ from uqmbd.dynamics.assembly import named
 from uqmbd.dynamics.batch import Batch
 from uqmbd.dynamics.equations import ParameterMap, plain
 from uqmbd.dynamics.integration.functions_of_time import look
-from uqmbd.mechanism import Component
-from uqmbd.mechanism.expressions import flatten, t
+from uqmbd.mechanism import Component, flatten, t
 from uqmbd.randomness import RandomVariable
 from uqmbd.typing import Array
 

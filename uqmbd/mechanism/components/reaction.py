@@ -6,7 +6,7 @@ from typing import Any, Protocol
 
 import sympy
 
-from uqmbd.randomness.symbolic import Symbolic
+from uqmbd.randomness import Symbolic
 
 __all__ = ["Loaded", "PlaneReaction", "ReactionSymbol"]
 

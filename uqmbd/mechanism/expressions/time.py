@@ -9,7 +9,7 @@ import sympy
 from uqmbd.errors import StudyError
 from uqmbd.mechanism.expressions.computable import OwnFunction
 from uqmbd.mechanism.expressions.user_values import numbers
-from uqmbd.randomness.symbolic import Symbolic
+from uqmbd.randomness import Symbolic
 
 __all__ = ["step", "t"]
 

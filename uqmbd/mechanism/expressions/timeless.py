@@ -12,8 +12,7 @@ from uqmbd.mechanism.expressions.computable import Placeholder
 from uqmbd.mechanism.expressions.time import t
 from uqmbd.mechanism.expressions.user_values import flatten, shown
 from uqmbd.names import checked
-from uqmbd.randomness import RandomVariable
-from uqmbd.randomness.symbolic import Symbolic
+from uqmbd.randomness import RandomVariable, Symbolic
 
 __all__ = [
     "AtEquilibrium",

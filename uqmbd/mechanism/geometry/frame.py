@@ -12,7 +12,7 @@ from uqmbd.mechanism.expressions import flatten, numbers, shown, unknown_symbol
 from uqmbd.mechanism.geometry.quaternions import quaternion_product
 from uqmbd.mechanism.geometry.space import Space
 from uqmbd.names import checked
-from uqmbd.randomness.symbolic import Symbolic
+from uqmbd.randomness import Symbolic
 
 __all__ = ["Frame", "NamedFrame"]
 

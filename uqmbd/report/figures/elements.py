@@ -128,7 +128,7 @@ def _colour(data: xr.Dataset, output: str | None) -> tuple[Array, str]:
 
 def _frame(data: xr.Dataset, germ: int, lower: Array, upper: Array) -> tuple[Array, Array]:
     """Return the ends of the elements in the units of the input, infinite ones as far as something can be seen."""
-    from uqmbd.randomness.space import GermSpace
+    from uqmbd.randomness import GermSpace
 
     space = GermSpace.from_dataset(data)
     whole = space.germs[germ]

@@ -57,7 +57,7 @@ def has_events(node: xr.DataTree) -> bool:
 
 def events_of(node: xr.DataTree) -> list[EventTime]:
     """Return the events that some realisation reaches before the end of the study, the earliest first."""
-    from uqmbd.randomness.space import located
+    from uqmbd.randomness import located
     from uqmbd.results.chaos import random_germs
 
     chaos = AlignedChaos.from_dataset(node.children["aligned"])

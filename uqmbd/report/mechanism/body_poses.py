@@ -21,8 +21,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from uqmbd.errors import AssemblyError, RedundantConstraintWarning, StudyError, StudyWarning
-from uqmbd.propagation.deterministic import input_point
-from uqmbd.propagation.observed_model import observed_model, stepped
+from uqmbd.propagation import input_point, observed_model, stepped
 from uqmbd.status import Status
 from uqmbd.typing import Array
 
@@ -30,7 +29,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from uqmbd.mechanism import Component, Mechanism, Space
-    from uqmbd.propagation.study import Study
+    from uqmbd.propagation import Study
 
 __all__ = ["drawn_pose", "motion"]
 
@@ -67,10 +66,7 @@ def drawn_pose(mechanism: Mechanism, values: Mapping[str, float] | None = None, 
     >>> [round(float(x), 6) for x in drawn_pose(mechanism)["pose"].sel(body="rod").squeeze()]
     [0.5, 0.0, 1.0, 0.0]
     """
-    from uqmbd.dynamics import kinematic_model
-    from uqmbd.dynamics.assembly import positions
-    from uqmbd.dynamics.build import constraining
-    from uqmbd.dynamics.equations import ParameterMap
+    from uqmbd.dynamics import ParameterMap, constraining, kinematic_model, positions
 
     if not mechanism.bodies:
         raise StudyError(f"mechanism {mechanism.name!r} has no bodies to draw; add one with mechanism.body(...).")
@@ -163,7 +159,7 @@ def _integrated(study: Study, times: Array, values: Array) -> tuple[Array, str]:
 
 def _of_method(study: Study, times: Array, samples: int, seed: int, method: str) -> tuple[Array, Array]:
     """Return inputs (realisation, input) and coordinates (realisation, time, coordinate), as a method has them."""
-    from uqmbd.propagation.study import Study
+    from uqmbd.propagation import Study
     from uqmbd.results import surrogate
 
     propagators = {p.node_name: p for p in study.propagators}
@@ -209,8 +205,8 @@ def _dataset(
     """Put poses (realisation, time, coordinate) and what is known of the bodies into one dataset."""
     import xarray as xr
 
-    from uqmbd.dynamics.equations import ParameterMap
-    from uqmbd.mechanism.skeleton import skeleton
+    from uqmbd.dynamics import ParameterMap
+    from uqmbd.mechanism import skeleton
     from uqmbd.results.schema import fixed_width
 
     space, inputs = mechanism.space, mechanism.inputs
@@ -262,7 +258,7 @@ def _dataset(
 
 def symbol_of(component: Component, space: Space, *, constrains: bool) -> str:
     """Tell how a component is drawn: by what it says itself, else by its parameters and what it attaches to."""
-    from uqmbd.mechanism.expressions import t
+    from uqmbd.mechanism import t
 
     found = component.symbol
     if found == "rod" and any(t in getattr(x, "free_symbols", ()) for x in component.values.values()):

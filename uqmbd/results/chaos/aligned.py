@@ -22,7 +22,7 @@ from uqmbd.results.statistics import circular_of_blocks
 from uqmbd.typing import Array, Index
 
 if TYPE_CHECKING:
-    from uqmbd.randomness.space import GermBox, GermSpace
+    from uqmbd.randomness import GermBox, GermSpace
 
 __all__ = ["AlignedChaos", "AlignedElement"]
 
@@ -163,7 +163,7 @@ class AlignedChaos(ChaosInterface):
         return found
 
     def _sampled(self, germs: Array) -> list[_Sampled]:
-        from uqmbd.randomness.space import located
+        from uqmbd.randomness import located
 
         where = located([e.box for e in self.elements], germs)
         if np.any(where < 0):

@@ -60,7 +60,7 @@ def aligned_dataset(chaos: AlignedChaos) -> xr.Dataset:
 
 def aligned_arguments(dataset: xr.Dataset | xr.DataTree) -> dict[str, Any]:
     """Return the arguments of `AlignedChaos` that a dataset was made from."""
-    from uqmbd.randomness.space import GermBox, GermSpace
+    from uqmbd.randomness import GermBox, GermSpace
     from uqmbd.results.chaos.aligned import AlignedElement
 
     data = dataset.to_dataset() if isinstance(dataset, xr.DataTree) else dataset

@@ -25,7 +25,7 @@ from uqmbd.threads import one_thread
 from uqmbd.typing import Array, Index
 
 if TYPE_CHECKING:
-    from uqmbd.randomness.space import GermSpace
+    from uqmbd.randomness import GermSpace
 
 __all__ = ["ChaosStatistics"]
 

@@ -14,7 +14,7 @@ from uqmbd.threads import one_thread
 from uqmbd.typing import Array, Index
 
 if TYPE_CHECKING:
-    from uqmbd.randomness.germs import Germ
+    from uqmbd.randomness import Germ
 
 __all__ = ["column_blocks", "constant_columns", "shape_route", "skewness_kurtosis", "standard_deviation"]
 

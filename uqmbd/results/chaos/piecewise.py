@@ -25,7 +25,7 @@ from uqmbd.threads import one_thread
 from uqmbd.typing import Array, Index
 
 if TYPE_CHECKING:
-    from uqmbd.randomness.space import GermBox, GermSpace
+    from uqmbd.randomness import GermBox, GermSpace
 
 __all__ = ["PiecewiseChaos", "chaos_from_dataset"]
 
@@ -390,7 +390,7 @@ class PiecewiseChaos(ChaosInterface):
 
     def _rows(self, points: Array) -> list[NDArray[np.intp]]:
         """Numbers of the points in each element."""
-        from uqmbd.randomness.space import located
+        from uqmbd.randomness import located
 
         where = located(self.boxes, points)
         if np.any(where < 0):

@@ -10,8 +10,7 @@ import numpy as np
 from uqmbd.typing import Array, Index
 
 if TYPE_CHECKING:
-    from uqmbd.randomness.germs import Germ
-    from uqmbd.randomness.space import GermBox
+    from uqmbd.randomness import Germ, GermBox
 
 __all__ = ["closed_variance"]
 
@@ -84,7 +83,7 @@ def closed_variance(
 
 def _products(germ: Germ, one: Interval, other: Interval, degree: int) -> Array:
     """Integrate products of the polynomials of two intervals of a germ over their overlap, shape (degree + 1, same)."""
-    from uqmbd.randomness.germs import cumulated, truncated
+    from uqmbd.randomness import cumulated, truncated
 
     found = np.zeros((degree + 1, degree + 1))
     low, high = max(one[0], other[0]), min(one[1], other[1])

@@ -64,7 +64,7 @@ def piecewise_dataset(chaos: PiecewiseChaos) -> xr.Dataset:
 
 def piecewise_arguments(dataset: xr.Dataset | xr.DataTree) -> dict[str, Any]:
     """Return the arguments of `PiecewiseChaos` that a dataset was made from."""
-    from uqmbd.randomness.space import GermBox, GermSpace, located
+    from uqmbd.randomness import GermBox, GermSpace, located
 
     data = dataset.to_dataset() if isinstance(dataset, xr.DataTree) else dataset
     for name in ("coefficients", "multi_index", *BOUNDS):

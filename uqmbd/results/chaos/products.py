@@ -11,7 +11,7 @@ import numpy as np
 from uqmbd.typing import Array, Index
 
 if TYPE_CHECKING:
-    from uqmbd.randomness.germs import Germ
+    from uqmbd.randomness import Germ
 
 __all__ = ["ProductTable", "product_count", "product_table"]
 

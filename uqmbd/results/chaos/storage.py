@@ -53,7 +53,7 @@ def chaos_dataset(chaos: PolynomialChaos) -> xr.Dataset:
 
 def chaos_arguments(dataset: xr.Dataset | xr.DataTree) -> dict[str, Any]:
     """Return the arguments of `PolynomialChaos` that a dataset was made from."""
-    from uqmbd.randomness.space import GermSpace
+    from uqmbd.randomness import GermSpace
 
     data = dataset.to_dataset() if isinstance(dataset, xr.DataTree) else dataset
     for name in ("coefficients", "multi_index"):

@@ -18,7 +18,7 @@ from uqmbd.results.schema import DEFAULT_PROBABILITIES, Labels, fixed_width, sta
 from uqmbd.typing import Array
 
 if TYPE_CHECKING:
-    from uqmbd.randomness.space import GermSpace
+    from uqmbd.randomness import GermSpace
 
 __all__ = ["FEWER", "SAMPLES", "ChaosInterface"]
 
