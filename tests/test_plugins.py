@@ -15,18 +15,19 @@ import uqmbd
 from uqmbd import plugins
 
 
-class FakeComponent:
+class FakeComponent(uqmbd.Component):
     """Base of the components in these tests: the manager looks at nothing but the type."""
 
 
-class FakePropagator:
+class FakePropagator(uqmbd.Propagator):
     """Base of the propagators in these tests."""
+
+    def propagate(self, problem):
+        raise NotImplementedError
 
 
 @pytest.fixture
 def bases(monkeypatch):
-    monkeypatch.setattr(uqmbd, "Component", FakeComponent, raising=False)
-    monkeypatch.setattr(uqmbd, "Propagator", FakePropagator, raising=False)
     # Where a plugin's code finds them.
     monkeypatch.setitem(sys.modules, "fake_bases", sys.modules[__name__])
 

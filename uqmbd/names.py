@@ -11,7 +11,16 @@ from typing import Any, ParamSpec, TypeVar
 
 from uqmbd.errors import StudyError
 
-__all__ = ["check_arguments", "check_label", "check_name", "check_units", "checked", "did_you_mean", "unwritable"]
+__all__ = [
+    "check_arguments",
+    "check_label",
+    "check_name",
+    "check_units",
+    "checked",
+    "did_you_mean",
+    "lineage",
+    "unwritable",
+]
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -241,3 +250,14 @@ def check_arguments(
     missing = [p.name for p in parameters if p.default is p.empty and p.name in known[len(given) :]]
     missing = [name for name in missing if name not in keywords]
     raise StudyError(f"{where}: the argument {missing[0]!r} is missing.{usage}")
+
+
+def lineage(kind: type) -> list[str]:
+    """Name a type and its bases, the nearest first, each after its package.
+
+    Examples
+    --------
+    >>> lineage(StudyError)[:2]
+    ['uqmbd.StudyError', 'uqmbd.UqmbdError']
+    """
+    return [f"{one.__module__.partition('.')[0]}.{one.__qualname__}" for one in kind.__mro__]

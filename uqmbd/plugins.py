@@ -19,7 +19,6 @@ environment variable ``UQMBD_DISABLE_PLUGINS`` lists entry points or distributio
 from __future__ import annotations
 
 import functools
-import importlib
 import importlib.metadata
 import inspect
 import os
@@ -33,6 +32,7 @@ import pluggy
 
 from uqmbd.errors import PluginWarning, StudyError
 from uqmbd.isolation import Isolated, last_line
+from uqmbd.names import lineage
 
 __all__ = [
     "PluginInfo",
@@ -93,8 +93,8 @@ class _Kind(NamedTuple):
 
 
 _KINDS = {
-    "components": _Kind("uqmbd_components", "component", "Component", False),
-    "propagators": _Kind("uqmbd_propagators", "propagator", "Propagator", True),
+    "components": _Kind("uqmbd_components", "component", "uqmbd.Component", False),
+    "propagators": _Kind("uqmbd_propagators", "propagator", "uqmbd.Propagator", True),
     "integrators": _Kind("uqmbd_integrators", "integrator", None, True, reserved=("auto", "ida", "dop853")),
     "report_sections": _Kind("uqmbd_report_sections", "report section", None, False, "render"),
 }
@@ -358,10 +358,8 @@ def _registered_name(cls: Any, kind: _Kind) -> tuple[str, str]:
     if not inspect.isclass(cls):
         return "", "which is not a class"
     if kind.base is not None:
-        # Looked up only here: whoever offers such a class has imported the base already, so this costs nothing.
-        base = getattr(importlib.import_module("uqmbd"), kind.base)
-        if not issubclass(cls, base):
-            return "", f"which is not a subclass of uqmbd.{kind.base}"
+        if kind.base not in lineage(cls):
+            return "", f"which is not a subclass of {kind.base}"
         if inspect.isabstract(cls):
             missing = ", ".join(sorted(getattr(cls, "__abstractmethods__", ())))
             return "", f"which is abstract: it does not define {missing}"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import math
 from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass
@@ -10,6 +9,7 @@ from typing import Any, TypeVar
 
 import sympy
 
+from uqmbd.display import html_of
 from uqmbd.errors import StudyError
 from uqmbd.mechanism.body import Body, BodyTerms, Ground, Pose
 from uqmbd.mechanism.components import Component, settle
@@ -371,11 +371,9 @@ class Mechanism:
                 f"at least one must be a body. {known}"
             )
 
-    def _repr_html_(self) -> str:
+    def _repr_html_(self) -> str | None:
         """Tables and a picture, for notebooks."""
-        # by its name: what is described does not depend on how it is shown
-        html: str = importlib.import_module("uqmbd.report.notebook").mechanism_html(self)
-        return html
+        return html_of(self)
 
     def __copy__(self) -> Mechanism:
         """Copy what it consists of, so that the copy may have other outputs; bodies and components are shared."""

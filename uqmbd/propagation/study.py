@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-import importlib
 import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Executor
@@ -15,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from numpy.typing import ArrayLike
 
+from uqmbd.display import html_of
 from uqmbd.errors import StudyError
 from uqmbd.names import check_name, checked
 from uqmbd.propagation.convergence import check_convergence_of, with_convergence
@@ -359,11 +359,9 @@ class Study:
             )
         return tuple(p for label, p in known.items() if label in wanted)
 
-    def _repr_html_(self) -> str:
+    def _repr_html_(self) -> str | None:
         """Tables and a picture, for notebooks."""
-        # by its name: what is computed does not depend on how it is shown
-        html: str = importlib.import_module("uqmbd.report.notebook").study_html(self)
-        return html
+        return html_of(self)
 
     def __repr__(self) -> str:
         names = ", ".join(p.node_name for p in self.propagators) or "no propagators"

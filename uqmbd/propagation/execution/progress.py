@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import sys
 import time
 from collections.abc import Callable
@@ -166,8 +165,9 @@ class Notebook:
         if label in self.handles:
             self._show(label)
         else:
-            display = importlib.import_module("IPython.display")
-            self.handles[label] = display.display(display.HTML(self._html(label)), display_id=True)
+            from IPython.display import HTML, display
+
+            self.handles[label] = display(HTML(self._html(label)), display_id=True)
 
     def advance(self, label: str, count: int = 1) -> None:
         """Move the bar."""
@@ -186,9 +186,10 @@ class Notebook:
             self._show(label)
 
     def _show(self, label: str) -> None:
-        html = importlib.import_module("IPython.display").HTML
+        from IPython.display import HTML
+
         if self.handles.get(label) is not None:
-            self.handles[label].update(html(self._html(label)))
+            self.handles[label].update(HTML(self._html(label)))
 
     def _html(self, label: str) -> str:
         work = self.works[label]

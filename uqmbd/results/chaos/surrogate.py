@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 from collections.abc import Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -11,6 +10,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike
 
+from uqmbd.display import html_of
 from uqmbd.errors import StudyError
 from uqmbd.results.chaos.sampling import affordable, kernel_density, random_germs, spread_germs
 from uqmbd.results.chaos.stated_error import first_above
@@ -247,11 +247,9 @@ class ChaosInterface:
         times = self.labels.times
         return {n: None if k is None else float(times[k]) for n, k in zip(names, first, strict=True)}
 
-    def _repr_html_(self) -> str:
+    def _repr_html_(self) -> str | None:
         """Tables, for notebooks."""
-        # by its name: what results are does not depend on how they are shown
-        html: str = importlib.import_module("uqmbd.report.notebook").chaos_html(self)
-        return html
+        return html_of(self)
 
     @property
     def _terms(self) -> int:
