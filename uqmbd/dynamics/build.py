@@ -28,10 +28,11 @@ from uqmbd.dynamics.equations import (
     limits_of,
     output_map,
     place,
+    state_arguments,
 )
 from uqmbd.dynamics.finite import not_finite
 from uqmbd.dynamics.integration import Prescribed, prescribed_by, timed
-from uqmbd.dynamics.linear import index1_system, massless_direction, state_arguments
+from uqmbd.dynamics.linear import index1_system, massless_direction
 from uqmbd.dynamics.notices import deep_contacts, moved_bodies, size_of
 from uqmbd.dynamics.statics import scalar_map
 from uqmbd.errors import AssemblyError, RedundantConstraintWarning, StudyError
@@ -178,12 +179,7 @@ def _kinematics(mechanism: Mechanism, time: float) -> tuple[Model, list[Instance
     if messages[0]:
         raise AssemblyError(f"mechanism {mechanism.name!r} cannot be assembled: {messages[0]}")
     still = np.zeros((1, layout.states))
-    position = model.evaluators["position"]
-    values = position(state_arguments(q, still, np.zeros_like(q), time), parameters)
-    gradient = np.zeros((layout.constraints, n))
-    if "phi_q" in position.index:
-        columns, entries = position.index["phi_q"]
-        gradient[entries] = values[0, columns]
+    gradient = model.evaluate("position", state_arguments(time, q, still, np.zeros_like(q)), parameters)["phi_q"][0]
     kept, _ = independent_rows(gradient, model.norms)
     frozen, holding = _frozen(model, instances, kept, gradient)
     active = np.setdiff1d(kept, holding)
@@ -374,5 +370,5 @@ def _typical(model: Model, q: Array, time: float, parameters: Array) -> Array:
     """Results of the ``acceleration`` evaluator at the pose, and near it, where no entry vanishes by chance."""
     shift = np.random.default_rng(0).uniform(0.1, 0.3, (2, *q.shape))
     near = np.concatenate([q, q + shift[0]])
-    states = state_arguments(near, np.zeros((2, model.layout.states)), np.tile(shift[1], (2, 1)), time)
+    states = state_arguments(time, near, np.zeros((2, model.layout.states)), np.tile(shift[1], (2, 1)))
     return model.evaluators["acceleration"](states, np.repeat(parameters, 2, axis=0))

@@ -132,26 +132,13 @@ class Ensemble:
         -------
         array, shape (K, n)
         """
-        arguments = self._arguments(time, y, yp, ())
+        arguments = self.model.layout.index2_arguments(time, y, yp, self.frozen)
         return self.model.evaluators["residual"](arguments, self.block)
 
     def jacobian(self, time: float, y: Array, yp: Array, c: float) -> Array:
         """Values of ``dr/dy + c dr/dy'`` on the structural pattern ``model.pattern``, shape (K, nnz)."""
-        arguments = self._arguments(time, y, yp, (c,))
+        arguments = self.model.layout.index2_arguments(time, y, yp, self.frozen, c)
         return self.model.evaluators["jacobian"](arguments, self.block)
-
-    def _arguments(self, time: float, y: Array, yp: Array, extra: tuple[float, ...]) -> Array:
-        layout = self.model.layout
-        n, d = layout.unknowns, layout.differential
-        width = n + d + 2 + len(extra)
-        arguments = np.zeros((len(y), width + len(layout.frozen)))
-        arguments[:, :n] = y
-        arguments[:, n : n + d] = yp[:, :d]
-        arguments[:, n + d] = time
-        for k, x in enumerate(extra):
-            arguments[:, n + d + 1 + k] = x
-        arguments[:, width:] = self.frozen
-        return arguments
 
     def outputs(self, times: Array, states: Array) -> Array:
         """Evaluate the outputs along trajectories, consistent with the equations of motion at each time.
@@ -201,9 +188,8 @@ def referenced(model: Model, means: Array) -> Model:
     ensemble = Ensemble(model, means[None, :])
     reference = np.zeros(len(turns))
     if ensemble.start.ok[0]:
-        states = np.concatenate([ensemble.start.q, ensemble.start.s, ensemble.start.v], axis=1)
         owner = np.zeros(1, dtype=np.int64)
-        found = observe(ensemble, model.outputs, states, np.array([model.time]), owner)[0]
+        found = observe(ensemble, model.outputs, ensemble.start.state, np.array([model.time]), owner)[0]
         reference = np.where((turns > 0) & np.isfinite(found), found, 0.0)
     # rounding must not choose between the two ends of the range of atan2
     cut = (turns > 0) & ~counted & (np.abs(reference + turns / 2) <= 1e-9 * turns)

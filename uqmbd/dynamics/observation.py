@@ -6,8 +6,8 @@ import numpy as np
 
 from uqmbd.dynamics.batch import Batch
 from uqmbd.dynamics.contact import Lens, lasting
-from uqmbd.dynamics.equations import Model, OutputMap
-from uqmbd.dynamics.linear import accelerations, dense, state_arguments
+from uqmbd.dynamics.equations import Model, OutputMap, state_arguments
+from uqmbd.dynamics.linear import accelerations
 from uqmbd.typing import Array, Index
 
 __all__ = ["energies", "observe", "observe_along"]
@@ -61,8 +61,7 @@ def _add_contacts(model: Model, states: Array, time: Array, parameters: Array, a
 
 def energies(batch: Batch, times: Array, states: Array) -> Array:
     """Kinetic and potential energy along trajectories (K, T, width), J: shape (K, 2, T)."""
-    q, s, v = batch.model.layout.split(states.reshape(-1, states.shape[2]))
-    arguments = state_arguments(q, s, v, np.tile(times, len(states)))
+    arguments = state_arguments(np.tile(times, len(states)), states.reshape(-1, states.shape[2]))
     parameters = np.repeat(batch.block, states.shape[1], axis=0)
-    found = dense(batch.model, "energy", arguments, parameters)["energy"]
+    found = batch.model.evaluate("energy", arguments, parameters)["energy"]
     return found.reshape(len(states), states.shape[1], 2).transpose(0, 2, 1)

@@ -11,6 +11,7 @@ from scipy.integrate import solve_ivp
 
 import uqmbd
 from uqmbd.dynamics import Ensemble, build, integrate
+from uqmbd.dynamics.equations import state_arguments
 from uqmbd.dynamics.linear import accelerations as index1
 from uqmbd.dynamics.linear.fronts import frontal
 from uqmbd.dynamics.linear.nodal import FrontalSystems, LapackSystems, SparseSystems
@@ -59,13 +60,13 @@ def values_of(model, count=5, seed=0):
     generator = np.random.default_rng(seed)
     q = ensemble.start.q + generator.uniform(-0.1, 0.1, ensemble.start.q.shape)
     v = generator.normal(size=q.shape)
-    state = index1.state_arguments(q, np.zeros((count, model.layout.states)), v, 0.0)
+    state = state_arguments(0.0, q, np.zeros((count, model.layout.states)), v)
     return np.ascontiguousarray(model.evaluators["acceleration"](state, ensemble.block))
 
 
 def lapack(model, values):
     system = model.system
-    return index1._lapack(system, *index1._system(model, system, values)).T
+    return index1._lapack(system.matrix(values), system.right(values))
 
 
 @pytest.fixture(scope="module")
@@ -92,7 +93,9 @@ def test_all_routes_to_the_accelerations_agree(models):
     expected = lapack(model, values)
     size = np.abs(expected).max()
     np.testing.assert_allclose(model.system.solve(values), expected, rtol=0, atol=1e-11 * size)
-    np.testing.assert_allclose(index1._direct(model, model.system, values), expected, rtol=0, atol=1e-11 * size)
+    np.testing.assert_allclose(
+        index1._direct(model.system, values, model.system.right(values)), expected, rtol=0, atol=1e-11 * size
+    )
     np.testing.assert_allclose(model.system.solve(values[:1]), expected[:1], rtol=0, atol=1e-11 * size)
     a, multipliers = index1._solve(model, values)
     np.testing.assert_allclose(np.hstack([a, multipliers]), expected, rtol=0, atol=1e-11 * size)

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from scipy import sparse
 
 import uqmbd
+from uqmbd.dynamics.equations import state_arguments
 from uqmbd.dynamics.linear import straight_line as straightline
-from uqmbd.dynamics.linear.accelerations import dense, state_arguments
 from uqmbd.dynamics.linear.nodal import CompiledSystems, LapackSystems
 from uqmbd.dynamics.projection import ida as projected_ida
 from uqmbd.dynamics.projection.coupled import Coupled
@@ -138,7 +138,7 @@ def assembled(projected, values):
     """The projected index-1 system as one dense matrix and right-hand side."""
     model, n = projected.model, projected.model.layout.coordinates
     q, s, v = projected.split(projected.psi @ projected.start.state)
-    found = dense(model, "acceleration", state_arguments(q, s, v, model.time), projected.ensemble.block)
+    found = model.evaluate("acceleration", state_arguments(model.time, q, s, v), projected.ensemble.block)
     d = found["d"][:, model.layout.kept]
     size = n + d.shape[1]
     nodal = np.zeros((len(d), size, size))

@@ -13,8 +13,8 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from uqmbd.dynamics.assembly.undefined import REMEDY, undefined
-from uqmbd.dynamics.equations import Model, impossible
-from uqmbd.dynamics.linear import RANK_TOLERANCE, accelerations, dense, state_arguments
+from uqmbd.dynamics.equations import Model, impossible, state_arguments
+from uqmbd.dynamics.linear import RANK_TOLERANCE, accelerations
 from uqmbd.mechanism import LARGEST
 from uqmbd.typing import Array, Index
 
@@ -59,6 +59,11 @@ class Start:
         )
 
     @property
+    def state(self) -> Array:
+        """Coordinates, auxiliary states and velocities, shape (K, 2 coordinate + state)."""
+        return np.concatenate([self.q, self.s, self.v], axis=1)
+
+    @property
     def ok(self) -> NDArray[np.bool_]:
         """Which realisations could be assembled, shape (K,)."""
         return np.array([not m for m in self.messages], dtype=bool)
@@ -66,7 +71,7 @@ class Start:
 
 def _constraints(model: Model, q: Array, time: float, parameters: Array) -> dict[str, Array]:
     still = np.zeros((len(q), model.layout.states))
-    return dense(model, "position", state_arguments(q, still, np.zeros_like(q), time), parameters)
+    return model.evaluate("position", state_arguments(time, q, still, np.zeros_like(q)), parameters)
 
 
 def _scales(gradient: Array) -> Array:
@@ -265,7 +270,7 @@ def velocities(
     messages : list of str
         Contradictions, by name; empty where there are none.
     """
-    found = dense(model, "velocity", state_arguments(q, s, np.zeros_like(q), time), parameters)
+    found = model.evaluate("velocity", state_arguments(time, q, s, np.zeros_like(q)), parameters)
     count, n = q.shape
     a, b = found["d"], -found["phi_t"]
     if not model.statements:
@@ -348,7 +353,9 @@ def assemble(model: Model, all_parameters: Array, time: float) -> Start:
     bad: NDArray[np.bool_] = np.asarray(~(np.abs(all_parameters) <= LARGEST).all(axis=1))
     safe = np.where(bad[:, None], np.nan_to_num(all_parameters, nan=1.0, posinf=1.0, neginf=1.0), all_parameters)
     q, messages = positions(model, np.where(bad[:, None], np.nan_to_num(drawn), drawn), time, safe, layout.kept)
-    s = dense(model, "initial", state_arguments(q, np.zeros((count, layout.states)), np.zeros_like(q), time), safe)["s"]
+    s = model.evaluate("initial", state_arguments(time, q, np.zeros((count, layout.states)), np.zeros_like(q)), safe)[
+        "s"
+    ]
     v, contradictions = velocities(model, q, s, time, safe, safe)
     forbidden = impossible(model.limits, model.tensors, safe)
     messages = [

@@ -10,8 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from uqmbd.dynamics.equations import Model
-from uqmbd.dynamics.linear import dense, state_arguments
+from uqmbd.dynamics.equations import Model, state_arguments
 from uqmbd.typing import Array, Index
 
 __all__ = ["Rank", "dead_end", "gradient", "joints", "named", "null_equations", "rank_along", "violated"]
@@ -81,8 +80,8 @@ def gradient(model: Model, q: Array, s: Array, time: float, parameters: Array) -
     -------
     array, shape (equation, coordinate)
     """
-    state = state_arguments(q[None], s[None], np.zeros_like(q)[None], time)
-    d = dense(model, "velocity", state, parameters[None])["d"][0]
+    state = state_arguments(time, q[None], s[None], np.zeros_like(q)[None])
+    d = model.evaluate("velocity", state, parameters[None])["d"][0]
     norm = np.linalg.norm(d, axis=1)
     scaled: Array = d / np.where(norm > 1e-9, norm, 1.0)[:, None]
     return scaled
@@ -160,8 +159,8 @@ def null_equations(model: Model, q: Array, s: Array, time: float, parameters: Ar
     array, shape (equation, redundancy)
         Orthonormal before each row is divided by the length of its equation's gradient.
     """
-    state = state_arguments(q[None], s[None], np.zeros_like(q)[None], time)
-    d = dense(model, "velocity", state, parameters[None])["d"][0]
+    state = state_arguments(time, q[None], s[None], np.zeros_like(q)[None])
+    d = model.evaluate("velocity", state, parameters[None])["d"][0]
     norm = np.linalg.norm(d, axis=1)
     norm = np.where(norm > 1e-9, norm, 1.0)
     left = np.linalg.svd(d / norm[:, None])[0]
@@ -198,17 +197,12 @@ def violated(
     if layout.rank == layout.constraints:
         return {}
     count, number, width = states.shape
-    evaluator = model.evaluators["drift"]
-    if "phi" not in evaluator.index:
-        return {}
-    columns, (rows,) = evaluator.index["phi"]
-    dropped = np.isin(rows, np.setdiff1d(np.arange(layout.constraints), layout.kept))
     flat, values = states.reshape(-1, width), np.zeros((count * number, layout.constraints))
     for first in range(0, len(flat), BLOCK):
         part = np.arange(first, min(first + BLOCK, len(flat)))
-        arguments = np.concatenate([flat[part], times[part % number][:, None], np.zeros((len(part), 1))], axis=1)
-        found = evaluator(arguments, parameters[part // number])
-        values[part[:, None], rows[dropped]] = found[:, columns[dropped]]
+        arguments = state_arguments(times[part % number], flat[part])
+        values[part] = model.evaluate("drift", arguments, parameters[part // number])["phi"]
+    values[:, layout.kept] = 0.0
     allowed = min(COARSE, max(FINE, VIOLATION * rtol)) * min(1.0, model.length)
     off = np.abs(values).reshape(count, number, -1) > allowed * lengths[:, None]
     texts: dict[int, tuple[int, str]] = {}

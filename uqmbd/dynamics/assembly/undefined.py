@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from uqmbd.dynamics.equations import Model
-from uqmbd.dynamics.linear import dense, state_arguments
+from uqmbd.dynamics.equations import Model, state_arguments
 from uqmbd.typing import Array
 
 __all__ = ["REMEDY", "ahead", "undefined"]
@@ -36,10 +35,10 @@ def undefined(model: Model, q: Array, s: Array, v: Array, time: float, parameter
     str
         Empty if all of them are.
     """
-    states, own = state_arguments(q[None], s[None], v[None], time), parameters[None]
+    states, own = state_arguments(time, q[None], s[None], v[None]), parameters[None]
     at = f"at t = {time:.6g} s"
     with np.errstate(all="ignore"):
-        found = {kind: dense(model, kind, states, own) for kind in ("position", "velocity", "acceleration")}
+        found = {kind: model.evaluate(kind, states, own) for kind in ("position", "velocity", "acceleration")}
     for kind, name, what in (
         ("position", "phi", "the equation"),
         ("velocity", "phi_t", "the rate in time of the equation"),

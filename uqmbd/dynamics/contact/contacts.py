@@ -18,8 +18,9 @@ from typing import Literal
 import numpy as np
 
 from uqmbd.dynamics.contact.coulomb import EXACT, Collision, Touch, scaled_solution, solutions
-from uqmbd.dynamics.equations import Evaluator, Model
-from uqmbd.typing import Array, Index
+from uqmbd.dynamics.equations import Model, state_arguments
+from uqmbd.dynamics.linear import System, index1_system
+from uqmbd.typing import Array
 
 __all__ = [
     "CLOSED",
@@ -112,100 +113,27 @@ class Lens:
 
     def __init__(self, model: Model) -> None:
         self.model = model
-        layout = model.layout
-        n, events = layout.coordinates, len(model.events)
-        counts = [count for *_, count in model.events]
-        self.first = tuple(np.cumsum([0, *counts]).tolist())
-        self.directions = w = self.first[-1]
-        self.n, self.size = n, n + len(layout.kept)
-        self.contact, self.motion = model.evaluators["contact"], model.evaluators["acceleration"]
-        shapes: dict[str, tuple[int, ...]] = {
-            "guard": (events,), "law": (events, 2), "speed": (w,), "bias": (w,), "slope": (w, n)
-        }  # fmt: skip
-        self.shapes, self.slices = shapes, dict[str, slice]()
-        source: list[Index] = []
-        target: list[Index] = []
-        offset = 0
-        for name, shape in shapes.items():
-            length = int(np.prod(shape))
-            self.slices[name] = slice(offset, offset + length)
-            if name in self.contact.index:
-                columns, where = self.contact.index[name]
-                source.append(columns)
-                target.append(offset + np.ravel_multi_index(tuple(where), shape))
-            offset += length
-        self.length, self.source, self.target = offset, np.concatenate(source), np.concatenate(target)
-        self._lay_out_matrix(layout.kept, layout.constraints)
-
-    def _lay_out_matrix(self, kept: Index, constraints: int) -> None:
-        """Where results of the ``acceleration`` evaluator stand in the matrix, and in the right-hand side."""
-        n, index = self.n, self.motion.index
-        number = np.full(constraints, -1, dtype=np.int64)
-        number[kept] = np.arange(len(kept))
-        source, target = [], []
-        if "mass" in index:
-            columns, (i, k) = index["mass"]
-            source.append(columns)
-            target.append(i * self.size + k)
-        if "d" in index:
-            columns, (i, k) = index["d"]
-            used = number[i] >= 0
-            row, k = n + number[i[used]], k[used]
-            source += [columns[used], columns[used]]
-            target += [row * self.size + k, k * self.size + row]
-        self.matrix = np.concatenate(source), np.concatenate(target)
-        source, target = [], []
-        if "force" in index:
-            columns, (i,) = index["force"]
-            source.append(columns)
-            target.append(i)
-        if "gamma" in index:
-            columns, (i,) = index["gamma"]
-            used = number[i] >= 0
-            source.append(columns[used])
-            target.append(n + number[i[used]])
-        none = np.zeros(0, dtype=np.int64)
-        self.right = np.concatenate([none, *source]), np.concatenate([none, *target])
-
-    def arguments(self, times: Array, states: Array) -> Array:
-        """Arguments of evaluators at states (T, width)."""
-        found = np.zeros((len(states), states.shape[1] + 2))
-        found[:, :-2] = states
-        found[:, -2] = times
-        return found
+        self.first = tuple(np.cumsum([0, *(count for *_, count in model.events)]).tolist())
+        self.directions, self.n = self.first[-1], model.layout.coordinates
+        self.system: System = model.system or index1_system(model, None)
 
     def guards(self, times: Array, states: Array, blocks: Array) -> Array:
         """Guards of all events at states (T, width) with parameters (T, parameter), shape (T, event)."""
-        values = _evaluated(self.contact, self.arguments(times, states), blocks)
-        found = np.zeros((len(states), self.length))
-        found[:, self.target] = values[:, self.source]
-        return found[:, self.slices["guard"]]
+        values = self.model.evaluators["contact"](state_arguments(times, states), blocks)
+        return self.model.result("contact", "guard", values)
 
     def __call__(self, times: Array, states: Array, blocks: Array) -> Contacts:
         """Look at states (T, width) at times (T,) with parameters (T, parameter)."""
-        count, n, w = len(states), self.n, self.directions
-        arguments = self.arguments(times, states)
-        flat = np.zeros((count, self.length))
-        flat[:, self.target] = _evaluated(self.contact, arguments, blocks)[:, self.source]
-        part = {x: flat[:, self.slices[x]].reshape(count, *shape) for x, shape in self.shapes.items()}
-        values = _evaluated(self.motion, arguments, blocks)
-        matrix = np.zeros((count, self.size * self.size))
-        matrix[:, self.matrix[1]] = values[:, self.matrix[0]]
-        right = np.zeros((count, self.size, 1 + w))
-        right[:, self.right[1], 0] = values[:, self.right[0]]
-        right[:, :n, 1:] = part["slope"].transpose(0, 2, 1)
-        solved = _solved(matrix.reshape(count, self.size, self.size), right)
+        model, n, arguments = self.model, self.n, state_arguments(times, states)
+        found = model.evaluate("contact", arguments, blocks)
+        values = model.evaluators["acceleration"](arguments, blocks)
+        right = np.zeros((len(states), self.system.size, 1 + self.directions))
+        right[:, :, 0] = self.system.right(values)
+        right[:, :n, 1:] = found["slope"].transpose(0, 2, 1)
+        solved = _solved(self.system.matrix(values), right)
         answer = solved[:, :, 1:]
-        return Contacts(
-            part["guard"], self.first, part["law"], part["speed"], part["bias"], part["slope"], solved[:, :, 0], answer,
-            part["slope"] @ answer[:, :n],
-        )  # fmt: skip
-
-
-def _evaluated(evaluator: Evaluator, arguments: Array, blocks: Array) -> Array:
-    if (kernel := evaluator.fused_kernel) is not None:
-        return kernel.fast(np.concatenate([arguments, blocks], axis=1))
-    return evaluator(arguments, blocks)
+        delassus = found["slope"] @ answer[:, :n]
+        return Contacts(first=self.first, free=solved[:, :, 0], answer=answer, delassus=delassus, **found)
 
 
 def _solved(matrix: Array, right: Array) -> Array:

@@ -122,7 +122,7 @@ class Hybrid:
     def __post_init__(self) -> None:
         model = self.model = self.ensemble.model
         layout = model.layout
-        self.n, self.velocities = layout.coordinates, layout.coordinates + layout.states
+        self.n, self.velocities = layout.coordinates, layout.velocities
         compiled = model.system is not None and model.system.project is not None
         self.flight = BatchEquations(model, self.ensemble.block) if compiled else None
         self.blocks = np.repeat(self.ensemble.block, SAMPLES + 1, axis=0)
@@ -148,7 +148,7 @@ class Hybrid:
         begins = [float(self.times[0]), *(leg.end for leg in self.legs)]
         # whoever wants short steps gets as many as that takes
         self.most += int(sum((leg.end - t) / leg.longest for leg, t in zip(self.legs, begins, strict=False)))
-        z = np.concatenate([start.q[0], start.s[0], start.v[0]])
+        z = start.state[0]
         now, end = float(self.times[0]), float(self.times[-1])
         contacts = self._look(now, z)
         deep = [k for k in self.bodies if contacts.guard[0, k] < -DEEP * self.length]

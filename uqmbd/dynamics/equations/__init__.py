@@ -7,10 +7,10 @@ from uqmbd.dynamics.equations.derivation import Derived, derive
 from uqmbd.dynamics.equations.evaluator import Evaluator, Placement
 from uqmbd.dynamics.equations.expressions import TIME, plain
 from uqmbd.dynamics.equations.kernels import Kernel, cached, compile_kernel, straight_line_kernel
+from uqmbd.dynamics.equations.layout import Layout, state_arguments
 from uqmbd.dynamics.equations.limits import impossible, limits_of
 from uqmbd.dynamics.equations.model import (
     FUSED_LIMIT,
-    Layout,
     Model,
     Statement,
     break_times,
@@ -50,5 +50,6 @@ __all__ = [
     "output_map",
     "place",
     "plain",
+    "state_arguments",
     "straight_line_kernel",
 ]

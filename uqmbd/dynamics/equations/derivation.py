@@ -23,11 +23,9 @@ from typing import Any
 import symengine as se
 
 from uqmbd.dynamics.equations.block import BlockType
+from uqmbd.dynamics.equations.layout import Kind, argument_names
 
-__all__ = ["KINDS", "Derived", "Equations", "Kind", "derive"]
-
-Kind = str
-KINDS = ("residual", "jacobian", "position", "velocity", "initial", "acceleration", "drift", "energy", "contact")
+__all__ = ["Derived", "Equations", "derive"]
 
 
 @dataclass(frozen=True)
@@ -257,22 +255,12 @@ class Derived:
 
     def arguments(self, kind: Kind) -> list[tuple[str, int, Any]]:
         """State arguments of a kind, without parameters: (letter, index, symbol)."""
-        if kind in ("residual", "jacobian"):
-            groups = [
-                ("q", self.q),
-                ("s", self.s),
-                ("v", self.v),
-                ("l", self.l),
-                ("m", self.m),
-                ("dq", self.qd),
-                ("ds", self.sd),
-                ("dv", self.a),
-            ]
-            extra = [("t", [self.t])] + ([("c", [self.c])] if kind == "jacobian" else [])
-        else:
-            groups = [("q", self.q), ("s", self.s), ("v", self.v)]
-            extra = [("t", [self.t])]
-        return [(letter, k, x) for letter, symbols in groups + extra for k, x in enumerate(symbols)]
+        symbols = {
+            "q": self.q, "s": self.s, "v": self.v, "l": self.l, "m": self.m, "dq": self.qd, "ds": self.sd, "dv": self.a,
+            "t": [self.t], "c": [self.c],
+        }  # fmt: skip
+        names = argument_names(kind, len(self.q), len(self.s), len(self.l))
+        return [(letter, k, symbols[letter][k]) for letter, k in names]
 
 
 @lru_cache(maxsize=256)

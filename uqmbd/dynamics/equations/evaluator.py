@@ -14,8 +14,9 @@ from typing import Any
 import numpy as np
 
 from uqmbd.dynamics.equations.block import BlockType
-from uqmbd.dynamics.equations.derivation import Kind, derive
+from uqmbd.dynamics.equations.derivation import derive
 from uqmbd.dynamics.equations.kernels import Kernel, cached, compile_kernel, replaced
+from uqmbd.dynamics.equations.layout import RESULTS, Kind, argument_names
 from uqmbd.typing import Array, Index
 
 __all__ = ["Evaluator", "Placement", "fused", "typed"]
@@ -143,25 +144,8 @@ def _globalise(target: tuple[Any, ...], place: Placement, kind: Kind) -> tuple[A
         dropped = min(row, column) < 0 or max(row, column) >= place.limit
         return None if dropped else ("J", int(column), int(row))
     name = target[0]
-    letters = {
-        "phi": ("row",),
-        "psi": ("row",),
-        "phi_q": ("row", "q"),
-        "cos": ("cos",),
-        "phi_t": ("row",),
-        "d": ("row", "q"),
-        "mass": ("q", "q"),
-        "force": ("q",),
-        "gamma": ("row",),
-        "s": ("state",),
-        "energy": (None,),
-        "guard": ("event",),
-        "law": ("event", None),
-        "speed": ("direction",),
-        "bias": ("direction",),
-        "slope": ("direction", "q"),
-    }[name]
-    return (name, *(int(i if x is None else where[x][i]) for x, i in zip(letters, target[1:], strict=True)))
+    indices = zip(RESULTS[kind][name], target[1:], strict=True)
+    return (name, *(int(i if x == "pair" else where[x][i]) for x, i in indices))
 
 
 def _arrange(targets: list[tuple[Any, ...] | None]) -> tuple[tuple[Any, ...], Index | None, Index | None]:
@@ -190,15 +174,6 @@ def _type_kernel(block: BlockType, kind: Kind) -> tuple[Kernel, list[tuple[Any, 
     return result
 
 
-def _local_arguments(block: BlockType, kind: Kind) -> list[tuple[str, int]]:
-    n, k, m = block.coordinates, len(block.states), len(block.constraints)
-    state = [("q", n), ("s", k), ("v", n)]
-    if kind in ("residual", "jacobian"):
-        state += [("l", m), ("m", m), ("dq", n), ("ds", k), ("dv", n)]
-    extra = [("t", 1), ("c", 1)] if kind == "jacobian" else [("t", 1)]
-    return [(letter, i) for letter, count in state + extra for i in range(count)]
-
-
 def typed(
     kind: Kind, blocks: Sequence[BlockType], places: Sequence[Placement], columns: dict[tuple[str, int], int]
 ) -> Evaluator:
@@ -224,7 +199,7 @@ def typed(
         kernel, local = _type_kernel(block, kind)
         if not local:
             continue
-        arguments = _local_arguments(block, kind)
+        arguments = argument_names(kind, block.coordinates, len(block.states), len(block.constraints))
         gather = [
             [zero if (g := places[i].letters[x][k]) < 0 else columns[x, int(g)] for x, k in arguments] for i in indices
         ]

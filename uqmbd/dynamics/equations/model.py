@@ -11,97 +11,17 @@ import numpy as np
 import sympy
 
 from uqmbd.dynamics.equations.block import Instance
-from uqmbd.dynamics.equations.derivation import Kind
 from uqmbd.dynamics.equations.evaluator import Evaluator, Placement, fused, typed
+from uqmbd.dynamics.equations.layout import RESULTS, Kind, Layout
 from uqmbd.dynamics.equations.limits import Limit, Tensor
 from uqmbd.dynamics.equations.parameters import ParameterMap
 from uqmbd.typing import Array, Index
 
-__all__ = ["FUSED_LIMIT", "Layout", "Model", "Statement"]
+__all__ = ["FUSED_LIMIT", "Model", "Statement"]
 
 
 FUSED_LIMIT = 130
 """Unknowns up to which residual and Jacobian are one kernel: beyond, compilation costs more than it saves."""
-
-
-@dataclass(frozen=True)
-class Layout:
-    """Sizes, and where everything is in the unknowns ``y = (q, s, v, lambda, mu)``.
-
-    Attributes
-    ----------
-    coordinates, states, constraints : int
-        Of the whole mechanism.
-    kept : array of int
-        Independent constraint equations.
-    frozen : array of int
-        Coordinates that a constraint holds at one value for good (a slider that cannot turn, say).  They are no
-        unknowns of the integration.
-    active : array of int
-        Kept equations without those that freeze a coordinate: the ones with multipliers in ``y``.
-    """
-
-    coordinates: int
-    states: int
-    constraints: int
-    kept: Index
-    frozen: Index
-    active: Index
-
-    @property
-    def width(self) -> int:
-        """Length of a state: all coordinates, auxiliary states and velocities."""
-        return 2 * self.coordinates + self.states
-
-    @cached_property
-    def rank(self) -> int:
-        """Number of independent constraint equations."""
-        return len(self.kept)
-
-    @cached_property
-    def free(self) -> Index:
-        """Coordinates that are unknowns."""
-        return np.setdiff1d(np.arange(self.coordinates), self.frozen)
-
-    @cached_property
-    def multipliers(self) -> int:
-        """Number of constraint equations in the integration."""
-        return len(self.active)
-
-    @cached_property
-    def differential(self) -> int:
-        """Number of unknowns whose derivative occurs: the first of ``y``."""
-        return 2 * (self.coordinates - len(self.frozen)) + self.states
-
-    @cached_property
-    def unknowns(self) -> int:
-        """Length of ``y``."""
-        return self.differential + 2 * self.multipliers
-
-    @cached_property
-    def slices(self) -> dict[str, slice]:
-        """Parts of ``y`` by letter: q, s, v, l, m."""
-        n, k, m = self.coordinates - len(self.frozen), self.states, self.multipliers
-        ends = np.cumsum([0, n, k, n, m, m])
-        return {x: slice(int(a), int(b)) for x, a, b in zip("qsvlm", ends[:-1], ends[1:], strict=True)}
-
-    def split(self, states: Array) -> tuple[Array, Array, Array]:
-        """Coordinates, auxiliary states and velocities of states (..., width)."""
-        n, k = self.coordinates, self.states
-        return states[..., :n], states[..., n : n + k], states[..., n + k :]
-
-    def columns(self, kind: Kind) -> dict[tuple[str, int], int]:
-        """Column of each variable among the arguments of a kind."""
-        k = self.states
-        if kind in ("residual", "jacobian"):
-            n, m = self.coordinates - len(self.frozen), self.multipliers
-            parts = [("q", n), ("s", k), ("v", n), ("l", m), ("m", m), ("dq", n), ("ds", k), ("dv", n)]
-        else:
-            n = self.coordinates
-            parts = [("q", n), ("s", k), ("v", n)]
-        parts += [("t", 1), ("c", 1)] if kind == "jacobian" else [("t", 1)]
-        names = [(letter, i) for letter, count in parts for i in range(count)]
-        return {name: column for column, name in enumerate(names)}
 
 
 @dataclass(frozen=True)
@@ -193,6 +113,28 @@ class Model:
     def block_parameters(self) -> int:
         """How many parameters belong to the blocks (the first ones)."""
         return int(self.drawn[0]) if len(self.drawn) else len(self.parameters.constants)
+
+    @cached_property
+    def counts(self) -> dict[str, int]:
+        """How many there are of what the indices of results count."""
+        return {
+            "q": self.layout.coordinates, "state": self.layout.states, "row": self.layout.constraints,
+            "cos": len(self.cosines), "event": len(self.events), "direction": sum(n for *_, n in self.events),
+            "pair": 2,
+        }  # fmt: skip
+
+    def result(self, kind: Kind, name: str, values: Array) -> Array:
+        """Vector or matrix of a name among the results of an evaluator (K, result), shape (K, ...)."""
+        found = np.zeros((len(values), *(self.counts[x] for x in RESULTS[kind][name])))
+        if entry := self.evaluators[kind].index.get(name):
+            where: tuple[Any, ...] = (slice(None), *entry[1])
+            found[where] = values[:, entry[0]]
+        return found
+
+    def evaluate(self, kind: Kind, arguments: Array, parameters: Array) -> dict[str, Array]:
+        """Evaluate all vectors and matrices of a kind, by name."""
+        values = self.evaluators[kind](arguments, parameters)
+        return {name: self.result(kind, name, values) for name in RESULTS[kind]}
 
     def of_components(self, equations: Index) -> list[int]:
         """Those of some constraint equations that components state."""

@@ -8,9 +8,8 @@ import numpy as np
 
 from uqmbd.dynamics.assembly import named
 from uqmbd.dynamics.batch import Batch
-from uqmbd.dynamics.equations import Model
+from uqmbd.dynamics.equations import Model, state_arguments
 from uqmbd.dynamics.integration.prescribed import gradient_lengths, instant
-from uqmbd.dynamics.integration.restarts import Drift
 from uqmbd.typing import Array, Index
 
 __all__ = ["BLOCK", "allowed_residual", "described", "off_constraints", "off_states", "over_allowed", "residuals"]
@@ -50,7 +49,7 @@ def off_constraints(ensemble: Batch, times: Array, states: Array, rtol: float) -
     good = np.flatnonzero(np.isfinite(states[:, 0]).all(axis=1))
     if not layout.rank or not len(good):
         return {}
-    velocities = layout.coordinates + layout.states
+    velocities = layout.velocities
     size = np.clip(np.abs(states[:, 0, : layout.coordinates]).max(axis=1), 1e-3, 1.0)
     speed = np.nanmax(np.abs(states[..., velocities:]), axis=(1, 2), initial=0.0)
     allowed = allowed_residual(rtol)
@@ -102,8 +101,8 @@ def residuals(ensemble: Batch, members: Index, times: Array, states: Array) -> t
     """Residuals in position and velocity of states (M, T, width), each of shape (M, T, equation)."""
     count, number, width = states.shape
     block = np.repeat(ensemble.block[members], number, axis=0)
-    phi, psi = Drift(ensemble.model)(states.reshape(-1, width), np.tile(times, count), block)
-    return phi.reshape(count, number, -1), psi.reshape(count, number, -1)
+    found = ensemble.model.evaluate("drift", state_arguments(np.tile(times, count), states.reshape(-1, width)), block)
+    return found["phi"].reshape(count, number, -1), found["psi"].reshape(count, number, -1)
 
 
 def over_allowed(model: Model, phi: Array, psi: Array, scale: Array, size: Array, speed: Array) -> Array:

@@ -69,9 +69,8 @@ def integrate_by_dop853(ensemble: Batch, members: Index, times: Array, rtol: flo
         guard = Guard(some.model, BatchEquations, rtol)
         longest = longest_step(some.model.rough, times)
         length = np.minimum(1.0, np.maximum(1e-3, np.abs(start.q).max(axis=1, initial=0.0)))
-        initial = np.concatenate([start.q, start.s, start.v], axis=1)
         stack = LockStep(
-            equations, initial, times, pace(some, times, rtol), rtol, rtol * length[:, None], None, longest, guard
+            equations, start.state, times, pace(some, times, rtol), rtol, rtol * length[:, None], None, longest, guard
         )
         stack.run()
         states[part] = _projected(some, guard.models, times, stack.result, rtol)
@@ -98,7 +97,7 @@ class BatchEquations:
 
     def __init__(self, model: Model, block: Array) -> None:
         layout, self.model = model.layout, model
-        self.n, self.velocities, self.width = layout.coordinates, layout.coordinates + layout.states, layout.width
+        self.n, self.velocities, self.width = layout.coordinates, layout.velocities, layout.width
         system: System = model.system
         assert system.accelerate is not None and system.project is not None
         self.accelerate, self.project = system.accelerate, system.project
@@ -185,7 +184,7 @@ def _projected(
     singular pose interpolation may be poor: states that are far off the constraints are integrated to instead.
     """
     layout, (count, number, width) = ensemble.model.layout, states.shape
-    n, velocities = layout.coordinates, layout.coordinates + layout.states
+    n, velocities = layout.coordinates, layout.velocities
     time, owner = np.tile(times, count), np.repeat(np.arange(count), number)
     poor: list[tuple[int, int]] = []
     off = min(FAR * rtol, FARTHEST)

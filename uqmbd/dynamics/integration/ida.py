@@ -130,7 +130,7 @@ def _integrate_stack(ensemble: Batch, times: Array, rtol: float) -> _Run:
     start = ensemble.start
     width = ensemble.model.layout.width
     result = np.full((len(ensemble), len(times), width), np.nan)
-    result[:, 0] = np.concatenate([start.q, start.s, start.v], axis=1)
+    result[:, 0] = start.state
     if not ensemble.model.layout.unknowns:  # nothing can move
         result[:] = result[:, :1]
         return _Run(result, "", Counters())
@@ -271,10 +271,11 @@ def _single(ensemble: Batch) -> tuple[Callable[..., None], Callable[..., Array]]
     if len(kernels) < 2:
         return None
     n, d = model.layout.unknowns, model.layout.differential
-    width = n + d + 2
-    constants = np.concatenate([ensemble.frozen[0], ensemble.block[0]])
-    arguments = np.concatenate([np.zeros(width), constants])
-    arguments_j = np.concatenate([np.zeros(width + 1), constants])
+    none = np.zeros((1, n))
+    arguments, arguments_j = (
+        np.concatenate([model.layout.index2_arguments(0.0, none, none, ensemble.frozen, *c)[0], ensemble.block[0]])
+        for c in ((), (0.0,))
+    )
     entries = np.empty(len(model.pattern[0]))
     call, call_j = (k.function.unsafe_real for k in kernels)
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from uqmbd.dynamics.assembly import named
 from uqmbd.dynamics.batch import Batch
-from uqmbd.dynamics.equations import ParameterMap, plain
+from uqmbd.dynamics.equations import ParameterMap, plain, state_arguments
 from uqmbd.dynamics.integration.functions_of_time import look
 from uqmbd.mechanism import Component, flatten, t
 from uqmbd.randomness import RandomVariable
@@ -154,19 +154,15 @@ def position_jumps(ensemble: Batch, times: Array, rtol: float) -> dict[int, str]
 def _equation_jumps(ensemble: Batch, members: NDArray[np.int64], sides: Array) -> Array:
     """By how much equations jump between times, `sides` (4, K): two before and two after; shape (K, equation)."""
     model, start = ensemble.model, ensemble.start
-    drift = model.evaluators["drift"]
     found = np.zeros((len(members), model.layout.constraints))
-    if "phi" not in drift.index:
-        return found
-    columns, (rows,) = drift.index["phi"]
     states = np.concatenate([start.q, start.s, np.zeros_like(start.v)], axis=1)[members]
     shifts = np.random.default_rng(0).uniform(-0.3, 0.3, (POSES, states.shape[1]))
     for shift in shifts:
         values = [
-            drift(np.column_stack([states + shift, time, np.zeros(len(members))]), ensemble.block[members])[:, columns]
+            model.evaluate("drift", state_arguments(time, states + shift), ensemble.block[members])["phi"]
             for time in sides
         ]
-        found[:, rows] = np.maximum(found[:, rows], jumped(*values))
+        found = np.maximum(found, jumped(*values))
     return found
 
 
@@ -179,9 +175,7 @@ def gradient_lengths(ensemble: Batch) -> Array:
     for first in range(0, len(ensemble), ROWS):
         part = slice(first, first + ROWS)
         q, s = start.q[part], start.s[part]
-        time = np.full((len(q), 1), model.time)
-        arguments = np.concatenate([q, s, np.zeros_like(q), time, np.zeros_like(time)], axis=1)
-        values = evaluator(arguments, ensemble.block[part])[:, columns]
+        values = evaluator(state_arguments(model.time, q, s, np.zeros_like(q)), ensemble.block[part])[:, columns]
         for k, row in enumerate(rows):
             squares[part, row] += values[:, k] ** 2
     lengths = np.sqrt(squares)

@@ -1,48 +1,22 @@
-"""Restarts: what becomes of velocities where a prescribed speed jumps, and whether results are on the constraints."""
+"""Restarts: what becomes of velocities where a prescribed speed jumps."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from uqmbd.dynamics.assembly import named
-from uqmbd.dynamics.equations import Evaluator, Model
+from uqmbd.dynamics.equations import Model, state_arguments
 from uqmbd.dynamics.integration.prescribed import instant, jumped
 from uqmbd.dynamics.linear import impulses
 from uqmbd.typing import Array
 
-__all__ = ["Drift", "speed_jumps"]
+__all__ = ["speed_jumps"]
 
 
 FELT = 0.1
 """Jump of a speed, over the tolerance, that is an impulse."""
 CONTRADICTION = 1e-6
 """Speed, over the largest, that is left after an impulse where equations contradict each other."""
-
-
-class Drift:
-    """Residuals of the constraints and of their rates.
-
-    Parameters
-    ----------
-    model : Model
-        With its ``drift`` evaluator.
-    """
-
-    def __init__(self, model: Model) -> None:
-        self.model = model
-        self.evaluator: Evaluator = model.evaluators["drift"]
-
-    def __call__(self, states: Array, times: Array, parameters: Array) -> tuple[Array, Array]:
-        """Residuals in position and in velocity, each of shape (S, equation), of states (S, width) at times (S,)."""
-        values = self.evaluator(np.column_stack([states, times, np.zeros(len(states))]), parameters)
-        both = []
-        for letter in ("phi", "psi"):
-            found = np.zeros((len(states), self.model.layout.constraints))
-            if letter in self.evaluator.index:
-                columns, (rows,) = self.evaluator.index[letter]
-                found[:, rows] = values[:, columns]
-            both.append(found)
-        return both[0], both[1]
 
 
 def speed_jumps(
@@ -74,17 +48,20 @@ def speed_jumps(
     change = np.zeros((len(states), layout.coordinates))
     if not layout.rank or "phi_t" not in model.evaluators["velocity"].index:
         return change, {}
-    drift = Drift(model)
-    sides = [drift(states, np.full(len(states), time + k * delta), parameters)[1] for k in (-2, -1, 1, 2)]
-    speed = np.maximum(np.abs(states[:, layout.coordinates + layout.states :]).max(axis=1, initial=0.0), 1e-3)
+
+    def speeds(states: Array, at: float, block: Array) -> Array:
+        return model.evaluate("drift", state_arguments(at, states), block)["psi"]
+
+    sides = [speeds(states, time + k * delta, parameters) for k in (-2, -1, 1, 2)]
+    speed = np.maximum(np.abs(states[:, layout.velocities :]).max(axis=1, initial=0.0), 1e-3)
     jump = jumped(*sides).max(axis=1)
     some = np.flatnonzero(jump > FELT * rtol * speed)
     if not len(some):
         return change, {}
     change[some] = impulses(model, states[some], time + delta, parameters[some])
     moved = states[some].copy()
-    moved[:, layout.coordinates + layout.states :] += change[some]
-    left = np.abs(drift(moved, np.full(len(some), time + delta), parameters[some])[1])
+    moved[:, layout.velocities :] += change[some]
+    left = np.abs(speeds(moved, time + delta, parameters[some]))
     size = np.maximum(speed[some], np.abs(sides[2][some]).max(axis=1))
     wrong = ~(left <= max(CONTRADICTION, rtol) * size[:, None])
     reasons = {

@@ -22,9 +22,9 @@ from typing import Any
 import numpy as np
 
 from uqmbd.dynamics.assembly import Rank, dead_end, gradient, independent_rows, named, rank_along
-from uqmbd.dynamics.equations import Model
+from uqmbd.dynamics.equations import Model, state_arguments
 from uqmbd.dynamics.integration.lock_step import Course, Equations, Node
-from uqmbd.dynamics.linear import index1_system, state_arguments
+from uqmbd.dynamics.linear import index1_system
 from uqmbd.typing import Array
 
 __all__ = ["Guard", "repivoted"]
@@ -84,7 +84,7 @@ def repivoted(model: Model, q: Array, s: Array, time: float, parameters: Array) 
     key = (model.digest, kept.tobytes())
     if key not in _systems:
         shift = np.random.default_rng(0).uniform(0.1, 0.3, (2, len(q)))
-        near = state_arguments(np.stack([q, q + shift[0]]), np.stack([s, s]), np.stack([shift[1], shift[1]]), time)
+        near = state_arguments(time, np.stack([q, q + shift[0]]), np.stack([s, s]), np.stack([shift[1], shift[1]]))
         typical = model.evaluators["acceleration"](near, np.stack([parameters, parameters]))
         while len(_systems) >= SYSTEMS:
             del _systems[next(iter(_systems))]
@@ -187,7 +187,7 @@ class Guard:
         return rank_along(self.model, z[:n], z[n : n + k], z[n + k :], time, parameters)
 
     def _speed(self, z: Array) -> float:
-        return float(np.abs(z[self.model.layout.coordinates + self.model.layout.states :]).max(initial=0.0))
+        return float(np.abs(z[self.model.layout.velocities :]).max(initial=0.0))
 
     def _calm(self) -> Course | None:
         """Go on as if nothing had been."""

@@ -6,27 +6,22 @@ from uqmbd.dynamics.linear.accelerations import (
     RANK_TOLERANCE,
     System,
     accelerations,
-    dense,
     excess,
     impulses,
     index1_system,
     massless_direction,
-    state_arguments,
 )
-from uqmbd.dynamics.linear.nodal import nodal_systems, right_sides
+from uqmbd.dynamics.linear.nodal import nodal_systems
 from uqmbd.dynamics.linear.pivoting import lemke
 
 __all__ = [
     "RANK_TOLERANCE",
     "System",
     "accelerations",
-    "dense",
     "excess",
     "impulses",
     "index1_system",
     "lemke",
     "massless_direction",
     "nodal_systems",
-    "right_sides",
-    "state_arguments",
 ]

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import contextlib
-from typing import Any
 
 import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from uqmbd.dynamics.equations import Evaluator, Model
+from uqmbd.dynamics.equations import Model, state_arguments
 from uqmbd.dynamics.linear.system import System, index1_system
 from uqmbd.typing import Array, Index
 
@@ -18,12 +17,10 @@ __all__ = [
     "RANK_TOLERANCE",
     "System",
     "accelerations",
-    "dense",
     "excess",
     "impulses",
     "index1_system",
     "massless_direction",
-    "state_arguments",
 ]
 
 
@@ -41,53 +38,6 @@ RESIDUAL = 1e-10
 
 RANK_TOLERANCE = 1e-8
 """Relative size below which a singular value of the constraint Jacobian counts as zero."""
-
-
-def dense(model: Model, kind: str, arguments: Array, parameters: Array) -> dict[str, Array]:
-    """Results of an evaluator as dense arrays by name."""
-    e = model.evaluators[kind]
-    values = e(arguments, parameters)
-    n, m, k = model.layout.coordinates, model.layout.constraints, model.layout.states
-    directions = sum(count for *_, count in model.events)
-    shapes = {
-        "phi": (m,),
-        "phi_q": (m, n),
-        "cos": (len(model.cosines),),
-        "phi_t": (m,),
-        "d": (m, n),
-        "mass": (n, n),
-        "force": (n,),
-        "gamma": (m,),
-        "s": (k,),
-        "energy": (2,),
-        "guard": (len(model.events),),
-        "law": (len(model.events), 2),
-        "speed": (directions,),
-        "bias": (directions,),
-        "slope": (directions, n),
-    }
-    wanted = {
-        "position": ("phi", "phi_q", "cos"),
-        "velocity": ("phi_t", "d"),
-        "initial": ("s",),
-        "acceleration": ("mass", "force", "d", "gamma", "s"),
-        "energy": ("energy",),
-        "contact": ("guard", "law", "speed", "bias", "slope"),
-    }[kind]
-    result: dict[str, Array] = {}
-    for name in wanted:
-        array: Any = np.zeros((len(values), *shapes[name]))
-        if name in e.index:
-            columns, where = e.index[name]
-            array[(slice(None), *where)] = values[:, columns]
-        result[name] = array
-    return result
-
-
-def state_arguments(q: Array, s: Array, v: Array, time: Array | float) -> Array:
-    """Arguments of the state kinds: ``(q, s, v, t, 0)``, shape (K, ...)."""
-    t = np.broadcast_to(np.asarray(time, dtype=float), (len(q),))[:, None]
-    return np.concatenate([q, s, v, t, np.zeros_like(t)], axis=1)
 
 
 def accelerations(
@@ -113,12 +63,11 @@ def accelerations(
         singular.
     """
     evaluator = model.evaluators["acceleration"]
-    arguments = state_arguments(q, s, v, time)
+    arguments = state_arguments(time, q, s, v)
     results = []
     for part in _blocks(model, len(q)):
         values = evaluator(arguments[part], parameters[part])
-        rates = _columns(evaluator, values, "s", model.layout.states)
-        results.append((*_solve(model, values), rates))
+        results.append((*_solve(model, values), model.result("acceleration", "s", values)))
     if len(results) == 1:
         return results[0]
     a, multipliers, rates = (np.concatenate(x) for x in zip(*results, strict=True))
@@ -151,7 +100,7 @@ def excess(model: Model, states: Array, time: Array, parameters: Array) -> tuple
     q, v : array, shape (S, coordinate)
         To be subtracted; the norm is that of the masses, and the error quadratic in the excess.
     """
-    arguments = np.concatenate([states, time[:, None], np.zeros((len(states), 1))], axis=1)
+    arguments = state_arguments(time, states)
     both = np.empty((len(states), 2 * model.layout.coordinates))
     for part in _blocks(model, len(states)):
         values = [model.evaluators[kind](arguments[part], parameters[part]) for kind in ("acceleration", "drift")]
@@ -180,25 +129,10 @@ def impulses(model: Model, states: Array, time: float, parameters: Array) -> Arr
         NaN where the system is singular.
     """
     layout, system = model.layout, model.system or index1_system(model, None)
-    arguments = np.concatenate([states, np.full((len(states), 1), time), np.zeros((len(states), 1))], axis=1)
+    arguments = state_arguments(time, states)
     values = model.evaluators["acceleration"](arguments, parameters)
-    drift = model.evaluators["drift"]
-    psi = _columns(drift, drift(arguments, parameters), "psi", layout.constraints)
-    right = np.zeros((system.size, len(values)))
-    right[layout.coordinates :] = -psi[:, layout.kept].T
-    if system.size > DENSE_LIMIT:
-        found: Array = system.pattern.factorise(values).solve(right.T)
-    else:
-        found = _lapack(system, np.ascontiguousarray(values.T[system.source]), right).T
-    return found[:, : layout.coordinates]
-
-
-def _columns(evaluator: Evaluator, values: Array, letter: str, count: int) -> Array:
-    result = np.zeros((len(values), count))
-    if letter in evaluator.index:
-        columns, (where,) = evaluator.index[letter]
-        result[:, where] = values[:, columns]
-    return result
+    right = 0.0 - system.drift_sides(model.evaluators["drift"](arguments, parameters))[1]
+    return _direct(system, values, right)[:, : layout.coordinates]
 
 
 def _solve(model: Model, values: Array) -> tuple[Array, Array]:
@@ -211,46 +145,34 @@ def _solve(model: Model, values: Array) -> tuple[Array, Array]:
         found = system.solve(values)
         poor = _poor(system, values, found)
         if len(poor):
-            found[poor] = _direct(model, system, values[poor])
+            found[poor] = _direct(system, values[poor], system.right(values[poor]))
         return found[:, :n], found[:, n:]
     if system.elimination is None or len(values) < FEW:
-        found = _direct(model, system, values)
+        found = _direct(system, values, system.right(values))
         return found[:, :n], found[:, n:]
-    entries, right = _system(model, system, values)
+    entries, right = np.ascontiguousarray(values.T[system.source]), system.right(values).T
     where = system.elimination.slots[system.rows, system.columns]
     solution = system.elimination.solve(entries, where, right.copy())
     poor = np.flatnonzero(~_accurate(system, entries, right, solution))
     if len(poor):
-        solution[:, poor] = _lapack(system, entries[:, poor], right[:, poor])
+        solution[:, poor] = _lapack(system.matrix(values[poor]), right[:, poor].T).T
     return solution[:n].T, solution[n:].T
 
 
 def _poor(system: System, values: Array, found: Array) -> Index:
     """Find the systems whose solutions (K, size) by fixed pivots are poor."""
     if system.residual is None:
-        right = np.where(system.motion < 0, 0.0, values[:, system.motion])
-        return system.pattern.poor(values, right, found, RESIDUAL)
+        return system.pattern.poor(values, system.right(values), found, RESIDUAL)
     with np.errstate(all="ignore"):
         residual = system.residual.fast(np.concatenate([values, found], axis=1))[:, 0]
     return np.flatnonzero(~(residual <= RESIDUAL**2))
 
 
-def _direct(model: Model, system: System, values: Array) -> Array:
-    """Solve each system with pivots of its own, shape (K, size); NaN where it is singular."""
-    entries, right = _system(model, system, values)
+def _direct(system: System, values: Array, right: Array) -> Array:
+    """Solve each system with pivots of its own, for right-hand sides (K, size); NaN where it is singular."""
     if system.size > DENSE_LIMIT:
-        return system.pattern.factorise(values).solve(right.T)
-    return _lapack(system, entries, right).T
-
-
-def _system(model: Model, system: System, values: Array) -> tuple[Array, Array]:
-    """Entries and right-hand sides of the systems, shape (nnz, K) and (size, K)."""
-    evaluator, layout = model.evaluators["acceleration"], model.layout
-    n = layout.coordinates
-    right = np.zeros((system.size, len(values)))
-    right[:n] = _columns(evaluator, values, "force", n).T
-    right[n:] = _columns(evaluator, values, "gamma", layout.constraints)[:, layout.kept].T
-    return np.ascontiguousarray(values.T[system.source]), right
+        return system.pattern.factorise(values).solve(right)
+    return _lapack(system.matrix(values), right)
 
 
 def _accurate(system: System, entries: Array, right: Array, solution: Array) -> NDArray[np.bool_]:
@@ -263,29 +185,27 @@ def _accurate(system: System, entries: Array, right: Array, solution: Array) -> 
     return good
 
 
-def _lapack(system: System, entries: Array, right: Array) -> Array:
-    """Solve each system by LAPACK; NaN where it is singular."""
-    matrix = np.zeros((entries.shape[1], system.size, system.size))
-    matrix[:, system.rows, system.columns] = entries.T
+def _lapack(matrix: Array, right: Array) -> Array:
+    """Solve systems (K, size, size) for right-hand sides (K, size); NaN where one is singular."""
     # rows of light bodies are scaled up: the pivots of the factorisation see comparable numbers
     scale = np.abs(matrix).max(axis=2)
     scale = np.where(scale > 0, scale, 1.0)
-    matrix, vector = matrix / scale[:, :, None], (right.T / scale)[:, :, None]
-    solution = np.full(right.T.shape, np.nan)
+    matrix, vector = matrix / scale[:, :, None], (right / scale)[:, :, None]
+    solution = np.full(right.shape, np.nan)
     try:
         solution[:] = np.linalg.solve(matrix, vector)[:, :, 0]
     except np.linalg.LinAlgError:  # one of them is singular: the others must not suffer
         for k in range(len(matrix)):
             with contextlib.suppress(np.linalg.LinAlgError):
                 solution[k] = np.linalg.solve(matrix[k], vector[k])[:, 0]
-    return solution.T
+    return solution
 
 
 def massless_direction(model: Model, q: Array, s: Array, time: float, parameters: Array) -> str:
     """Name a body that could be accelerated without any force, or nothing: one realisation."""
     if model.system is not None and model.system.fronts is not None:
         return ""  # a body without mass in a free direction leaves no regular blocks
-    found = dense(model, "acceleration", state_arguments(q, s, np.zeros_like(q), time), parameters)
+    found = model.evaluate("acceleration", state_arguments(time, q, s, np.zeros_like(q)), parameters)
     null = scipy.linalg.null_space(found["d"][0], rcond=RANK_TOLERANCE)
     if not null.shape[1]:
         return ""

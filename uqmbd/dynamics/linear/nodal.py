@@ -10,7 +10,7 @@ from uqmbd.dynamics.equations import Model
 from uqmbd.dynamics.linear.accelerations import DENSE_LIMIT, System
 from uqmbd.dynamics.linear.sparse import Factors
 from uqmbd.dynamics.linear.straight_line import StraightLine, defect_kernel, straight_line
-from uqmbd.typing import Array, Index
+from uqmbd.typing import Array
 
 __all__ = [
     "CompiledSystems",
@@ -19,7 +19,6 @@ __all__ = [
     "NodalSystems",
     "SparseSystems",
     "nodal_systems",
-    "right_sides",
 ]
 
 
@@ -65,23 +64,6 @@ def nodal_systems(model: Model, count: int) -> NodalSystems:
         if code is not None:
             return CompiledSystems(system, code, count)
     return SparseSystems(model) if system.size > DENSE_LIMIT else LapackSystems(model)
-
-
-def right_sides(model: Model, drift: Array) -> tuple[Array, Array]:
-    """Right-hand sides (K, size) of the projections of coordinates and velocities, from the ``drift`` evaluator."""
-    n, kept = model.layout.coordinates, model.layout.kept
-    number = np.full(model.layout.constraints, -1)
-    number[kept] = np.arange(len(kept))
-    results = []
-    for letter in ("phi", "psi"):
-        right = np.zeros((len(drift), n + len(kept)))
-        found = model.evaluators["drift"].index.get(letter)
-        if found is not None:
-            columns, (rows,) = found
-            used = number[rows] >= 0
-            right[:, n + number[rows[used]]] = drift[:, columns[used]]
-        results.append(right)
-    return results[0], results[1]
 
 
 class CompiledSystems:
@@ -139,7 +121,6 @@ class SparseSystems:
         self.model, self.system = model, model.system
         self.values = np.zeros((0, 0))
         self.factors = Factors((), np.zeros((0, 0)))
-        self.sides = _motion(model)
 
     def place(self, values: Array) -> None:
         """See `NodalSystems`."""
@@ -148,7 +129,7 @@ class SparseSystems:
 
     def motion(self) -> Array:
         """See `NodalSystems`."""
-        return self.solve(self._right())
+        return self.solve(self.system.right(self.values))
 
     def solve(self, right: Array) -> Array:
         """See `NodalSystems`."""
@@ -160,15 +141,13 @@ class SparseSystems:
 
     def defect(self, x: Array) -> Array:
         """See `NodalSystems`."""
-        return self._right() + self.apply(x)
+        found: Array = self.system.right(self.values) + self.apply(x)
+        return found
 
     def excess(self, drift: Array) -> Array:
         """See `NodalSystems`."""
         n = self.model.layout.coordinates
-        return np.concatenate([self.solve(side)[:, :n] for side in right_sides(self.model, drift)], axis=1)
-
-    def _right(self) -> Array:
-        return np.where(self.sides < 0, 0.0, self.values[:, self.sides])
+        return np.concatenate([self.solve(side)[:, :n] for side in self.system.drift_sides(drift)], axis=1)
 
 
 class FrontalSystems(SparseSystems):
@@ -186,21 +165,6 @@ class FrontalSystems(SparseSystems):
         return found
 
 
-def _motion(model: Model) -> Index:
-    """Which result of the ``acceleration`` evaluator each entry of the right-hand side is; -1: zero."""
-    layout = model.layout
-    sides = np.full(layout.coordinates + len(layout.kept), -1, dtype=np.int64)
-    number = np.full(layout.constraints, -1, dtype=np.int64)
-    number[layout.kept] = layout.coordinates + np.arange(len(layout.kept))
-    index = model.evaluators["acceleration"].index
-    for letter, place in (("force", np.arange(layout.coordinates)), ("gamma", number)):
-        if letter in index:
-            columns, (rows,) = index[letter]
-            used = place[rows] >= 0
-            sides[place[rows[used]]] = columns[used]
-    return sides
-
-
 class LapackSystems:
     """Dense inverses: for mechanisms whose elimination is too long to compile, at the starts of an integration."""
 
@@ -213,9 +177,7 @@ class LapackSystems:
 
     def place(self, values: Array) -> None:
         """See `NodalSystems`."""
-        system = self.system
-        self.matrix = np.zeros((len(values), system.size, system.size))
-        self.matrix[:, system.rows, system.columns] = values[:, system.source]
+        self.matrix, self.right = self.system.matrix(values), self.system.right(values)
         # rows of light bodies are scaled up: the pivots see comparable numbers
         scale = np.abs(self.matrix).max(axis=2)
         scale = np.where(scale > 0, scale, 1.0)
@@ -223,8 +185,6 @@ class LapackSystems:
             self.inverse = np.linalg.inv(self.matrix / scale[:, :, None]) / scale[:, None, :]
         except np.linalg.LinAlgError:
             self.inverse = np.full_like(self.matrix, np.nan)
-        sides = _motion(self.model)
-        self.right = np.where(sides < 0, 0.0, values[:, sides])
 
     def motion(self) -> Array:
         """See `NodalSystems`."""
@@ -248,4 +208,4 @@ class LapackSystems:
     def excess(self, drift: Array) -> Array:
         """See `NodalSystems`."""
         n = self.model.layout.coordinates
-        return np.concatenate([self.solve(side)[:, :n] for side in right_sides(self.model, drift)], axis=1)
+        return np.concatenate([self.solve(side)[:, :n] for side in self.system.drift_sides(drift)], axis=1)

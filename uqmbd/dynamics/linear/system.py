@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 import scipy.sparse
 import scipy.sparse.csgraph
 
-from uqmbd.dynamics.equations import Kernel, Layout, Model
+from uqmbd.dynamics.equations import Kernel, Model
 from uqmbd.dynamics.linear.elimination import Elimination, plan
 from uqmbd.dynamics.linear.fronts import FrontalSolver, Fronts, frontal
 from uqmbd.dynamics.linear.ordering import rounds_of, units_of
@@ -38,6 +38,11 @@ class System:
         Place of each entry, sorted by rows, and the result that it is.
     starts : array of int
         First entry of each row.
+    motion : array of int, shape (size,)
+        Which result of the ``acceleration`` evaluator each entry of the right-hand side is; -1: zero.
+    drift : array of int, shape (2, size)
+        Which result of the ``drift`` evaluator each entry of the right-hand sides of the projections of coordinates and
+        of velocities is; -1: zero.
     """
 
     rows: Index
@@ -45,9 +50,9 @@ class System:
     source: Index
     starts: Index
     size: int
-    elimination: Elimination | None
-    motion: Index = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
-    """Which result of the ``acceleration`` evaluator each entry of the right-hand side is; -1: zero."""
+    motion: Index
+    drift: Index
+    elimination: Elimination | None = None
     fronts: Fronts | None = None
     """Compiled elimination by blocks, of a large system."""
     solve: StraightLine | FrontalSolver | None = None
@@ -60,10 +65,31 @@ class System:
     """Compiled: these results, then those of the ``drift`` evaluator -> what is too much of coordinates and velocities,
     by the least norm in the metric of the masses."""
 
+    def matrix(self, values: Array) -> Array:
+        """Dense matrices of results of the ``acceleration`` evaluator (K, result), shape (K, size, size)."""
+        found = np.zeros((len(values), self.size, self.size))
+        found[:, self.rows, self.columns] = values[:, self.source]
+        return found
+
+    def right(self, values: Array) -> Array:
+        """Right-hand sides of results of the ``acceleration`` evaluator (K, result), shape (K, size)."""
+        return _taken(values, self.motion)
+
+    def drift_sides(self, values: Array) -> list[Array]:
+        """Right-hand sides (K, size) of the two projections, of results of the ``drift`` evaluator (K, result)."""
+        return [_taken(values, side) for side in self.drift]
+
     @cached_property
     def pattern(self) -> SparsePattern:
         """The same places, for sparse products and factorisations."""
         return SparsePattern(self.rows, self.columns, self.source, self.size)
+
+
+def _taken(values: Array, which: Index) -> Array:
+    """Take columns of values (K, value); -1: zero."""
+    found, used = np.zeros((len(values), len(which))), which >= 0
+    found[:, used] = values[:, which[used]]
+    return found
 
 
 def index1_system(model: Model, typical: Array | None) -> System:
@@ -77,32 +103,42 @@ def index1_system(model: Model, typical: Array | None) -> System:
         Results of the ``acceleration`` evaluator for which the order of elimination is chosen; None: systems are solved
         by LAPACK.
     """
-    index = model.evaluators["acceleration"].index
-    n, kept = model.layout.coordinates, model.layout.kept
-    number = np.full(model.layout.constraints, -1, dtype=np.int64)
-    number[kept] = np.arange(len(kept))
-    rows, columns, source = [], [], []
+    evaluators, layout = model.evaluators, model.layout
+    index, n = evaluators["acceleration"].index, layout.coordinates
+    size = n + layout.rank
+    rows, columns, source = ([np.zeros(0, dtype=np.int64)] for _ in range(3))
     if "mass" in index:
         results, (i, k) = index["mass"]
         rows, columns, source = [i], [k], [results]
     if "d" in index:
         results, (i, k) = index["d"]
-        used = number[i] >= 0
-        row = n + number[i][used]
+        used = layout.number[i] >= 0
+        row = n + layout.number[i][used]
         rows += [row, k[used]]
         columns += [k[used], row]
         source += [results[used], results[used]]
-    none = np.zeros(0, dtype=np.int64)
-    all_rows, all_columns = np.concatenate([none, *rows]), np.concatenate([none, *columns])
+    all_rows, all_columns = np.concatenate(rows), np.concatenate(columns)
     order = np.lexsort((all_columns, all_rows))
-    size = n + len(kept)
+    motion, drift = np.full(size, -1, dtype=np.int64), np.full((2, size), -1, dtype=np.int64)
+    equations = np.where(layout.number < 0, -1, n + layout.number)
+    for side, kind, letter, place in (
+        (motion, "acceleration", "force", np.arange(n)),
+        (motion, "acceleration", "gamma", equations),
+        (drift[0], "drift", "phi", equations),
+        (drift[1], "drift", "psi", equations),
+    ):
+        if kind in evaluators and letter in evaluators[kind].index:
+            results, (i,) = evaluators[kind].index[letter]
+            used = place[i] >= 0
+            side[place[i[used]]] = results[used]
     system = System(
         all_rows[order],
         all_columns[order],
-        np.concatenate([none, *source])[order],
+        np.concatenate(source)[order],
         np.searchsorted(all_rows[order], np.arange(size)),
         size,
-        None,
+        motion,
+        drift,
     )
     # a pattern that is singular for all values cannot be eliminated; what it lacks is told by its builder
     pattern = scipy.sparse.csr_array((np.ones(len(order)), (system.rows, system.columns)), shape=(size, size))
@@ -110,16 +146,14 @@ def index1_system(model: Model, typical: Array | None) -> System:
         return system
     if size > ELIMINATION_LIMIT:
         return _by_blocks(model, system, typical)
-    matrix = np.zeros((len(typical), size, size))
-    matrix[:, system.rows, system.columns] = typical[:, system.source]
-    return _compiled(model, replace(system, elimination=plan(system.rows, system.columns, matrix)), typical)
+    elimination = plan(system.rows, system.columns, system.matrix(typical))
+    return _compiled(model, replace(system, elimination=elimination), typical)
 
 
 def _compiled(model: Model, system: System, typical: Array) -> System:
     """Compile the solution of the system for the right-hand sides that occur: in one piece, if it is not too long."""
-    assert system.elimination is not None
     given, n = len(model.evaluators["acceleration"].targets), model.layout.coordinates
-    motion, excess = _rights(model, system.size)
+    motion, excess = _rights(system, given)
 
     def code(rights: Index, values: int, wanted: int) -> StraightLine | None:
         order = system.elimination
@@ -130,10 +164,9 @@ def _compiled(model: Model, system: System, typical: Array) -> System:
     if solve is None:
         return _by_blocks(model, system, typical)
     total = given + len(model.evaluators["drift"].targets)
-    residual = residual_kernel(system.rows, system.columns, system.source, motion[0], given)
+    residual = residual_kernel(system.rows, system.columns, system.source, system.motion, given)
     return replace(
         system,
-        motion=motion[0],
         solve=solve,
         residual=residual,
         accelerate=code(motion, given, n),
@@ -153,10 +186,9 @@ def _by_blocks(model: Model, system: System, typical: Array) -> System:
     fronts = frontal(rounds, system.rows, system.columns, system.source, given, system.size)
     if fronts is None:
         return system
-    motion, excess = _rights(model, system.size)
+    motion, excess = _rights(system, given)
     return replace(
         system,
-        motion=motion[0],
         fronts=fronts,
         solve=FrontalSolver(fronts, motion, system.size),
         accelerate=FrontalSolver(fronts, motion, n),
@@ -164,26 +196,6 @@ def _by_blocks(model: Model, system: System, typical: Array) -> System:
     )
 
 
-def _rights(model: Model, size: int) -> tuple[Index, Index]:
-    """Which results are the right-hand sides of the motion, and of the projections of coordinates and velocities."""
-    evaluators, layout = model.evaluators, model.layout
-    given, drift = len(evaluators["acceleration"].targets), evaluators["drift"].index
-    motion = np.full((1, size), -1, dtype=np.int64)
-    for letter, first in (("force", 0), ("gamma", layout.coordinates)):
-        _place(motion[0], evaluators["acceleration"].index.get(letter), first, layout, 0)
-    excess = np.full((2, size), -1, dtype=np.int64)
-    for side, letter in zip(excess, ("phi", "psi"), strict=True):
-        _place(side, drift.get(letter), layout.coordinates, layout, given)
-    return motion, excess
-
-
-def _place(side: Index, found: tuple[Index, tuple[Index, ...]] | None, first: int, layout: Layout, offset: int) -> None:
-    """Enter the results of an evaluator into a right-hand side; rows of dropped equations are left out."""
-    if found is None:
-        return
-    results, (rows,) = found
-    if first:  # a constraint
-        number = np.full(layout.constraints, -1, dtype=np.int64)
-        number[layout.kept] = np.arange(len(layout.kept))
-        rows = number[rows]
-    side[first + rows[rows >= 0]] = offset + results[rows >= 0]
+def _rights(system: System, given: int) -> tuple[Index, Index]:
+    """Right-hand sides of the motion, and of the projections, whose results come behind the `given` ones."""
+    return system.motion[None], np.where(system.drift < 0, -1, given + system.drift)

@@ -44,7 +44,7 @@ def projected_off(projected: Projection, times: Array, coefficients: Array, rtol
     ensemble, layout = projected.ensemble, projected.model.layout
     if not layout.rank:
         return 0, ""
-    nodes, velocities = np.arange(len(ensemble)), layout.coordinates + layout.states
+    nodes, velocities = np.arange(len(ensemble)), layout.velocities
     # of the means: the first polynomial is one
     size = np.clip(np.abs(ensemble.start.q).max(keepdims=True).ravel(), 1e-3, 1.0)
     speed = np.nanmax(np.abs(coefficients[..., velocities:]), initial=0.0)

@@ -16,7 +16,7 @@ from __future__ import annotations
 import numpy as np
 
 from uqmbd.dynamics.equations import Model
-from uqmbd.dynamics.linear import System, nodal_systems, right_sides
+from uqmbd.dynamics.linear import System, nodal_systems
 from uqmbd.typing import Array
 
 __all__ = ["Coupled"]
@@ -200,7 +200,7 @@ class Coupled:
             found = self.adjoint @ self.nodes.excess(drift)
             return found[:, :n], found[:, n:]
         results = []
-        for right in right_sides(self.model, drift):
+        for right in self.model.system.drift_sides(drift):
             projected = self.adjoint @ right
             some = bool(np.abs(projected).max(initial=0.0) > 0)
             results.append(self._iterate(projected, tolerance)[:, :n] if some else np.zeros((len(projected), n)))

@@ -22,7 +22,7 @@ class ProjectedEquations:
     def __init__(self, projected: Projection, rtol: float) -> None:
         model, layout = projected.model, projected.model.layout
         self.projected, self.tolerance = projected, SOLVED * rtol
-        self.n, self.velocities, self.width = layout.coordinates, layout.coordinates + layout.states, layout.width
+        self.n, self.velocities, self.width = layout.coordinates, layout.velocities, layout.width
         self.coupled, self.evaluations = True, 0
         self.moving = layout.width - 2 * len(layout.frozen)
         self.motion, self.drift = model.evaluators["acceleration"], model.evaluators["drift"]

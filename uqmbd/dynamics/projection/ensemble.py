@@ -18,8 +18,8 @@ import numpy as np
 import scipy.linalg
 
 from uqmbd.dynamics.ensemble import Ensemble
+from uqmbd.dynamics.equations import state_arguments
 from uqmbd.dynamics.integration import instant, speed_jumps
-from uqmbd.dynamics.linear import dense, state_arguments
 from uqmbd.dynamics.projection.coupled import Coupled
 from uqmbd.errors import AssemblyError
 from uqmbd.typing import Array
@@ -131,8 +131,7 @@ class Projection:
 
     def split(self, state: Array) -> tuple[Array, Array, Array]:
         """Coordinates, auxiliary states and velocities of states (..., width)."""
-        n, k = self.model.layout.coordinates, self.model.layout.states
-        return state[..., :n], state[..., n : n + k], state[..., n + k :]
+        return self.model.layout.split(state)
 
     @cached_property
     def coupled(self) -> Coupled:
@@ -143,8 +142,8 @@ class Projection:
     def start(self) -> ProjectedStart:
         """Consistent initial coefficients: nodes assembled, projected, and put on the projected constraints."""
         nodal, time = self.ensemble.start, self.model.time
-        state = self.adjoint @ np.concatenate([nodal.q, nodal.s, nodal.v], axis=1)
-        n, velocities = self.model.layout.coordinates, self.model.layout.coordinates + self.model.layout.states
+        state = self.adjoint @ nodal.state
+        n, velocities = self.model.layout.coordinates, self.model.layout.velocities
         size = max(1e-3, float(np.abs(nodal.q).max(initial=0.0)))
         corrections, left = 0, np.inf
         # coordinates until they are right, then velocities, whose equations are linear
@@ -199,19 +198,16 @@ class Projection:
         return -self._excess(state, time + instant(time))[1]
 
     def _values(self, state: Array, time: float) -> Array:
-        q, s, v = self.split(self.psi @ state)
-        return self.model.evaluators["acceleration"](state_arguments(q, s, v, time), self.ensemble.block)
+        return self.model.evaluators["acceleration"](state_arguments(time, self.psi @ state), self.ensemble.block)
 
     def _excess(self, state: Array, time: float) -> tuple[Array, Array]:
-        q, s, v = self.split(self.psi @ state)
-        drift = self.model.evaluators["drift"](state_arguments(q, s, v, time), self.ensemble.block)
+        drift = self.model.evaluators["drift"](state_arguments(time, self.psi @ state), self.ensemble.block)
         return self.coupled.excess(self._values(state, time), drift, tolerance=1e-10)
 
     def constraints(self, times: Array, nodal: Array) -> Array:
         """Root of the expectation of the squared constraints, summed, of nodal states (K, T, width); shape (T,)."""
         count, number, _ = nodal.shape
-        q, s, v = self.split(nodal.reshape(count * number, -1))
-        arguments = state_arguments(q, s, v, np.tile(times, count))
+        arguments = state_arguments(np.tile(times, count), nodal.reshape(count * number, -1))
         evaluator = self.model.evaluators["drift"]
         found = evaluator(arguments, np.repeat(self.ensemble.block, number, axis=0)).reshape(count, number, -1)
         entry = evaluator.index.get("phi")
@@ -231,8 +227,7 @@ class Projection:
         state : array, shape (P, width)
             Coefficients.
         """
-        q, s, v = self.split(self.psi @ state)
-        d = dense(self.model, "acceleration", state_arguments(q, s, v, time), self.ensemble.block)["d"]
+        d = self.model.evaluate("acceleration", state_arguments(time, self.psi @ state), self.ensemble.block)["d"]
         d = d[:, self.model.layout.kept]
         if not d.shape[1]:
             return np.inf, np.inf

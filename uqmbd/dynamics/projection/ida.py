@@ -206,7 +206,7 @@ def implicit(
     for stop in [*sorted(pauses - {float(times[-1])}), float(times[-1])]:
         if ensemble.breaks.size and now in starts:
             state = state.copy()
-            state[:, layout.coordinates + layout.states :] += projected.impulse(state, now, rtol)
+            state[:, layout.velocities :] += projected.impulse(state, now, rtol)
             path[:, np.flatnonzero(times[1:] == now) + 1] = state[:, None]
         q, s, v = projected.split(state)
         # an instant later, as a force may jump at the start
@@ -247,7 +247,7 @@ def _expanded(projected: Projection, y: Array, frozen: Array) -> Array:
     layout = projected.model.layout
     where = layout.slices
     result = np.zeros((*y.shape[:2], layout.width))
-    n, velocities = layout.coordinates, layout.coordinates + layout.states
+    n, velocities = layout.coordinates, layout.velocities
     result[..., layout.free] = y[..., where["q"]]
     result[..., layout.frozen] = frozen[:, None]
     result[..., n:velocities] = y[..., where["s"]]

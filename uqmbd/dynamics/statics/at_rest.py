@@ -19,7 +19,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from uqmbd.dynamics.batch import Batch
-from uqmbd.dynamics.linear import RANK_TOLERANCE, dense, state_arguments
+from uqmbd.dynamics.equations import state_arguments
+from uqmbd.dynamics.linear import RANK_TOLERANCE
 from uqmbd.typing import Array, Index
 
 __all__ = ["Forces", "Rest", "apply", "tangents"]
@@ -197,8 +198,8 @@ class Rest:
     def recomputed(self, members: Index, q: Array) -> Array:
         """Auxiliary states as they would start at a pose."""
         full = self.whole(members, q)
-        arguments = state_arguments(full, np.zeros((len(q), self.states)), np.zeros_like(full), self.time)
-        return dense(self.model, "initial", arguments, self.parameters[members])["s"]
+        arguments = state_arguments(self.time, full, np.zeros((len(q), self.states)), np.zeros_like(full))
+        return self.model.evaluate("initial", arguments, self.parameters[members])["s"]
 
     def _arguments(
         self, members: Index, q: Array, s: Array, multipliers: Array | None, extra: tuple[float, ...]
@@ -209,10 +210,4 @@ class Rest:
         y[:, where["q"]], y[:, where["s"]] = q, s
         if multipliers is not None:
             y[:, where["l"]] = multipliers
-        n, d = layout.unknowns, layout.differential
-        width = n + d + 2 + len(extra)
-        arguments = np.zeros((len(q), width + self.frozen.shape[1]))
-        arguments[:, :n], arguments[:, n + d] = y, self.time
-        arguments[:, n + d + 1 : n + d + 1 + len(extra)] = extra
-        arguments[:, width:] = self.frozen[members]
-        return arguments
+        return layout.index2_arguments(self.time, y, np.zeros_like(y), self.frozen[members], *extra)

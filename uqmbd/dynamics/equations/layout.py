@@ -1,0 +1,153 @@
+"""Where everything stands: arguments and results of each kind of equations, states, and unknowns of the integration."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from uqmbd.typing import Array, Index
+
+__all__ = ["RESULTS", "Kind", "Layout", "argument_names", "state_arguments"]
+
+Kind = str
+
+STATE = ("q", "s", "v")
+UNKNOWNS = (*STATE, "l", "m")
+RATES = ("dq", "ds", "dv")
+ARGUMENTS: Mapping[Kind, tuple[str, ...]] = {
+    "residual": (*UNKNOWNS, *RATES, "t"),
+    "jacobian": (*UNKNOWNS, *RATES, "t", "c"),
+}
+"""Arguments in order, by letter; of all other kinds a state and the time."""
+
+RESULTS: Mapping[Kind, Mapping[str, tuple[str, ...]]] = {
+    "position": {"phi": ("row",), "phi_q": ("row", "q"), "cos": ("cos",)},
+    "velocity": {"phi_t": ("row",), "d": ("row", "q")},
+    "drift": {"phi": ("row",), "psi": ("row",)},
+    "initial": {"s": ("state",)},
+    "acceleration": {"mass": ("q", "q"), "force": ("q",), "d": ("row", "q"), "gamma": ("row",), "s": ("state",)},
+    "energy": {"energy": ("pair",)},
+    "contact": {
+        "guard": ("event",), "law": ("event", "pair"), "speed": ("direction",), "bias": ("direction",),
+        "slope": ("direction", "q"),
+    },
+}  # fmt: skip
+"""What the equations of a state yield: vectors and matrices by name, and what their indices count."""
+
+
+def argument_names(kind: Kind, coordinates: int, states: int, constraints: int) -> list[tuple[str, int]]:
+    """Arguments of a kind, without parameters: letters and numbers."""
+    counts = dict.fromkeys(("q", "v", "dq", "dv"), coordinates) | dict.fromkeys(("s", "ds"), states)
+    counts |= {"l": constraints, "m": constraints, "t": 1, "c": 1}
+    return [(letter, k) for letter in ARGUMENTS.get(kind, (*STATE, "t")) for k in range(counts[letter])]
+
+
+def state_arguments(time: Array | float, *parts: Array) -> Array:
+    """Arguments ``(q, s, v, t, 0)`` of the kinds that a state determines, of states (K, width) or of their parts."""
+    t = np.broadcast_to(np.asarray(time, dtype=float), (len(parts[0]),))[:, None]
+    return np.concatenate([*parts, t, np.zeros_like(t)], axis=1)
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Sizes, and where everything is in the unknowns ``y = (q, s, v, lambda, mu)``.
+
+    Attributes
+    ----------
+    coordinates, states, constraints : int
+        Of the whole mechanism.
+    kept : array of int
+        Independent constraint equations.
+    frozen : array of int
+        Coordinates that a constraint holds at one value for good (a slider that cannot turn, say).  They are no
+        unknowns of the integration.
+    active : array of int
+        Kept equations without those that freeze a coordinate: the ones with multipliers in ``y``.
+    """
+
+    coordinates: int
+    states: int
+    constraints: int
+    kept: Index
+    frozen: Index
+    active: Index
+
+    @property
+    def width(self) -> int:
+        """Length of a state: all coordinates, auxiliary states and velocities."""
+        return 2 * self.coordinates + self.states
+
+    @property
+    def velocities(self) -> int:
+        """First velocity of a state."""
+        return self.coordinates + self.states
+
+    @cached_property
+    def number(self) -> Index:
+        """Number of each constraint equation among the kept ones; -1: it is not kept."""
+        found = np.full(self.constraints, -1, dtype=np.int64)
+        found[self.kept] = np.arange(len(self.kept))
+        return found
+
+    @cached_property
+    def rank(self) -> int:
+        """Number of independent constraint equations."""
+        return len(self.kept)
+
+    @cached_property
+    def free(self) -> Index:
+        """Coordinates that are unknowns."""
+        return np.setdiff1d(np.arange(self.coordinates), self.frozen)
+
+    @cached_property
+    def multipliers(self) -> int:
+        """Number of constraint equations in the integration."""
+        return len(self.active)
+
+    @cached_property
+    def differential(self) -> int:
+        """Number of unknowns whose derivative occurs: the first of ``y``."""
+        return 2 * (self.coordinates - len(self.frozen)) + self.states
+
+    @cached_property
+    def unknowns(self) -> int:
+        """Length of ``y``."""
+        return self.differential + 2 * self.multipliers
+
+    @cached_property
+    def slices(self) -> dict[str, slice]:
+        """Parts of ``y`` by letter: q, s, v, l, m."""
+        n, k, m = self.coordinates - len(self.frozen), self.states, self.multipliers
+        ends = np.cumsum([0, n, k, n, m, m])
+        return {x: slice(int(a), int(b)) for x, a, b in zip("qsvlm", ends[:-1], ends[1:], strict=True)}
+
+    def split(self, states: Array) -> tuple[Array, Array, Array]:
+        """Coordinates, auxiliary states and velocities of states (..., width)."""
+        n, velocities = self.coordinates, self.velocities
+        return states[..., :n], states[..., n:velocities], states[..., velocities:]
+
+    def columns(self, kind: Kind) -> dict[tuple[str, int], int]:
+        """Column of each variable among the arguments of a kind."""
+        coordinates = len(self.free) if kind in ARGUMENTS else self.coordinates
+        names = argument_names(kind, coordinates, self.states, self.multipliers)
+        return {name: column for column, name in enumerate(names)}
+
+    def index2_arguments(self, time: float, y: Array, yp: Array, frozen: Array, *more: float) -> Array:
+        """Arguments of residual and Jacobian: ``y``, the rates that occur, time, c if it is given, zero, frozen values.
+
+        Parameters
+        ----------
+        time : float
+            s.
+        y, yp : array, shape (K, n)
+            Unknowns and their rates.
+        frozen : array, shape (K, frozen)
+            Values of the frozen coordinates.
+        *more : float
+            ``c`` of the Jacobian.
+        """
+        tail = np.broadcast_to(np.array([time, *more, 0.0]), (len(y), 2 + len(more)))
+        return np.concatenate([y, yp[:, : self.differential], tail, frozen], axis=1)
