@@ -21,9 +21,9 @@ from uqmbd.dynamics.equations import (
     Statement,
     angle_counters,
     break_times,
+    compiled_evaluator,
     csc_pattern,
     derive,
-    evaluator,
     instances_of,
     limits_of,
     output_map,
@@ -167,7 +167,7 @@ def _kinematics(mechanism: Mechanism, time: float) -> tuple[Model, list[Instance
         length=size_of(mechanism) or 1.0,
         limits=limits,
         tensors=tensors,
-        evaluators={kind: evaluator(kind, instances, order, layout, blocks, fuse=False) for kind in kinds},
+        evaluators={kind: compiled_evaluator(kind, instances, order, layout, blocks, fuse=False) for kind in kinds},
     )
     parameters = model.parameters(inputs.means[None, :])
     if not np.isfinite(parameters).all():
@@ -293,7 +293,7 @@ def build(mechanism: Mechanism, time: float = 0.0, *, fuse: bool | None = None) 
     events = tuple((i.component.name, e.label, len(e.directions)) for i in instances for e in i.type.events)
     for kind in ("residual", "jacobian", "acceleration", "drift", *(("contact",) if events else ())):
         small = kind != "jacobian" or _length(instances) <= FUSED_LENGTH
-        evaluators[kind] = evaluator(kind, instances, order, layout, blocks, fuse=fuse and small)
+        evaluators[kind] = compiled_evaluator(kind, instances, order, layout, blocks, fuse=fuse and small)
     sizes = (layout.coordinates, layout.states, layout.constraints)
     about = (instances, place(instances, order), order, mechanism.inputs.variables, sizes)
     outputs = output_map(list(mechanism.outputs.values()), *about)

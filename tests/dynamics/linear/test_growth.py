@@ -12,7 +12,7 @@ from scipy.integrate import solve_ivp
 import uqmbd
 from uqmbd.dynamics import Ensemble, build, integrate
 from uqmbd.dynamics.equations import state_arguments
-from uqmbd.dynamics.linear import accelerations as index1
+from uqmbd.dynamics.linear import index1
 from uqmbd.dynamics.linear.fronts import frontal
 from uqmbd.dynamics.linear.nodal import FrontalSystems, LapackSystems, SparseSystems
 from uqmbd.dynamics.linear.ordering import rounds_of, units_of

@@ -7,7 +7,7 @@ import pytest
 import scipy.integrate
 
 import uqmbd
-from uqmbd.dynamics.linear.accelerations import accelerations
+from uqmbd.dynamics.linear.index1 import accelerations
 from uqmbd_galerkin import Galerkin
 
 CASES = {

@@ -14,8 +14,8 @@ from uqmbd.dynamics.equations.model import (
     Model,
     Statement,
     break_times,
+    compiled_evaluator,
     csc_pattern,
-    evaluator,
     place,
 )
 from uqmbd.dynamics.equations.outputs import OutputMap, angle_counters, output_map
@@ -42,7 +42,7 @@ __all__ = [
     "compile_kernel",
     "csc_pattern",
     "derive",
-    "evaluator",
+    "compiled_evaluator",
     "impossible",
     "instances_of",
     "limits_of",

@@ -224,7 +224,7 @@ def residual_places(places: list[Placement], layout: Layout) -> list[Placement]:
     return result
 
 
-def evaluator(
+def compiled_evaluator(
     kind: Kind, instances: list[Instance], order: dict[str, int], layout: Layout, parameters: int, *, fuse: bool
 ) -> Evaluator:
     """Compile one kind of equations."""

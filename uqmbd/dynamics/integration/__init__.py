@@ -13,8 +13,8 @@ from uqmbd.dynamics.integration.constraint_check import (
 from uqmbd.dynamics.integration.dop853 import BatchEquations, integrate_by_dop853
 from uqmbd.dynamics.integration.functions_of_time import timed
 from uqmbd.dynamics.integration.ida import RELAXED, diagnosis, integrate_by_ida, step_limits, step_tolerance
+from uqmbd.dynamics.integration.legs import Leg, pace
 from uqmbd.dynamics.integration.lock_step import ORDER, LockStep, Out, longest_step
-from uqmbd.dynamics.integration.pace import Leg, pace
 from uqmbd.dynamics.integration.prescribed import Prescribed, gradient_lengths, instant, position_jumps, prescribed_by
 from uqmbd.dynamics.integration.restarts import speed_jumps
 from uqmbd.dynamics.integration.step_control import Curve, Stepper

@@ -17,8 +17,8 @@ import numpy as np
 
 from uqmbd.dynamics.batch import Batch
 from uqmbd.dynamics.equations import Model
+from uqmbd.dynamics.integration.legs import legs_of, pace
 from uqmbd.dynamics.integration.lock_step import LockStep, Out, longest_step
-from uqmbd.dynamics.integration.pace import legs_of, pace
 from uqmbd.dynamics.integration.restarts import speed_jumps
 from uqmbd.dynamics.integration.singular_poses import Guard
 from uqmbd.dynamics.integration.trajectories import Counters, Solved

@@ -22,7 +22,7 @@ import numpy as np
 from uqmbd.dynamics.assembly import ahead, dead_end, rank_along
 from uqmbd.dynamics.batch import Batch
 from uqmbd.dynamics.equations import Model
-from uqmbd.dynamics.integration.pace import pace
+from uqmbd.dynamics.integration.legs import pace
 from uqmbd.dynamics.integration.prescribed import instant
 from uqmbd.dynamics.integration.restarts import speed_jumps
 from uqmbd.dynamics.integration.sundials import Solution, solve

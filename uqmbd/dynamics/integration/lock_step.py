@@ -20,7 +20,7 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from uqmbd.dynamics.integration.pace import Leg
+from uqmbd.dynamics.integration.legs import Leg
 from uqmbd.typing import Array, Index
 
 __all__ = ["Course", "Equations", "LockStep", "Node", "Out", "Watcher", "longest_step"]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from uqmbd.dynamics.linear.accelerations import (
+from uqmbd.dynamics.linear.index1 import (
     RANK_TOLERANCE,
     System,
     accelerations,

@@ -7,7 +7,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from uqmbd.dynamics.equations import Model
-from uqmbd.dynamics.linear.accelerations import DENSE_LIMIT, System
+from uqmbd.dynamics.linear.index1 import DENSE_LIMIT, System
 from uqmbd.dynamics.linear.sparse import Factors
 from uqmbd.dynamics.linear.straight_line import StraightLine, defect_kernel, straight_line
 from uqmbd.typing import Array
