@@ -5,13 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
+import xarray as xr
 
 from uqmbd.results.chaos.moments import constant_columns, standard_deviation
 from uqmbd.results.chaos.stated_error import first_above, reference_spread
-from uqmbd.typing import Array, Index
+from uqmbd.results.schema import Labels, fixed_width
+from uqmbd.typing import Array, Index, Mask
 
 __all__ = [
+    "decay_dataset",
     "decay_rate",
     "energy_of_germs",
     "energy_of_orders",
@@ -64,7 +66,47 @@ def decay_rate(energy: Array) -> Array:
     return np.where(count >= 2, -slope + 0.0, np.nan)
 
 
-def top_order(multi_index: Index) -> tuple[int, NDArray[np.bool_]]:
+def decay_dataset(
+    labels: Labels,
+    germ_names: Sequence[str],
+    energy: Array,
+    by_germ: Array,
+    constant: Mask,
+    *,
+    energy_note: str,
+    rate_note: str,
+) -> xr.Dataset:
+    """Build the dataset of :meth:`uqmbd.results.PolynomialChaos.decay`.
+
+    Parameters
+    ----------
+    labels : Labels
+    germ_names : sequence of str
+    energy, by_germ : array, shape (N + 1, O, T) and (d, N + 1, O, T)
+        Of :func:`energy_of_orders` and :func:`energy_of_germs`.
+    constant : array of bool, shape (O, T)
+        Where an output does not vary.
+    energy_note, rate_note : str
+        What they are, in words.
+    """
+    dims, note = labels.dims, {"long_name": energy_note}
+    rate = np.where(constant, np.nan, decay_rate(energy))
+    return xr.Dataset(
+        {
+            "energy": (("order", *dims), energy, note),
+            "energy_germ": (("germ", "degree", *dims), by_germ, note),
+            "rate": (dims, rate, {"long_name": "decay per order", "comment": rate_note}),
+        },
+        coords={
+            **labels.output_coords(),
+            "order": np.arange(len(energy)),
+            "germ": ("germ", fixed_width(germ_names)),
+            "degree": np.arange(by_germ.shape[1]),
+        },
+    )
+
+
+def top_order(multi_index: Index) -> tuple[int, Mask]:
     """Return the order of an index set, and which of its terms (P,) are on its edge.
 
     The order is the largest degree of any input. On the edge are the terms of the largest total degree, and those in
@@ -128,7 +170,7 @@ def verdict_of_decay(
         return f"{name}: order 0 is the mean alone and says nothing about the spread; raise the order"
     columns = np.ascontiguousarray(coefficients.reshape(len(coefficients), -1))
     std = standard_deviation(columns)
-    std[constant_columns(columns, std)] = 0.0
+    std[constant_columns(columns[0], std, len(columns))] = 0.0
     spread = reference_spread(std)
     share = np.where(std > 0, np.sqrt(np.sum(columns[edge] ** 2, axis=0)) / np.where(spread > 0, spread, 1.0), 0.0)
     worst = int(share.argmax())

@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from uqmbd.results.chaos.decay import decay_rate, energy_of_orders, percent
+from uqmbd.results.chaos.decay import decay_rate, percent
 from uqmbd.results.chaos.stated_error import reference_spread
+from uqmbd.results.chaos.surrogate import Surrogate
 from uqmbd.typing import Array
-
-if TYPE_CHECKING:
-    from uqmbd.results.chaos.trust import ChaosTrust
 
 __all__ = ["Discontinuity", "find_discontinuities"]
 
@@ -85,7 +82,9 @@ class Discontinuity:
         )
 
 
-def find_discontinuities(chaos: ChaosTrust, error: Array) -> tuple[Discontinuity | None, ...]:
+def find_discontinuities(
+    chaos: Surrogate, error: Array, energy: Array, energy_germ: Array, order: int
+) -> tuple[Discontinuity | None, ...]:
     """Suspect outputs whose error is large and whose coefficients fall slowly.
 
     What the verification realisations miss counts as what the next orders would add: a chaos that is far from the
@@ -95,20 +94,25 @@ def find_discontinuities(chaos: ChaosTrust, error: Array) -> tuple[Discontinuity
 
     Parameters
     ----------
-    chaos : uqmbd.results.PolynomialChaos
-        With verification realisations, of order 2 or more.
+    chaos : Surrogate
+        With verification realisations.
     error : array, shape (O, T)
         Its stated error.
+    energy : array, shape (N + 1, O, T)
+        Sum of its squared coefficients of each order.
+    energy_germ : array, shape (d, O, T)
+        Parts of the energy of the top order by germ.
+    order : int
+        Of the chaos; below 2 there is no suspicion.
 
     Returns
     -------
     tuple of Discontinuity or None, length O
     """
-    outputs, order = chaos.labels.outputs, int(chaos.multi_index.max(initial=0))
+    outputs = chaos.labels.outputs
     if order < 2:
         return (None,) * len(outputs)
     shape = (len(outputs), -1)
-    energy = energy_of_orders(chaos.coefficients, chaos.multi_index)
     energy = energy.reshape(len(energy), *error.shape)
     std = chaos.std.reshape(shape)
     missed = (error * reference_spread(std)) ** 2
@@ -122,8 +126,7 @@ def find_discontinuities(chaos: ChaosTrust, error: Array) -> tuple[Discontinuity
     loud = std.max(axis=-1, keepdims=True) > 1e-6 * np.abs(chaos.mean.reshape(shape)).max(axis=-1, keepdims=True)
     above = large & loud & (error > LARGE)
     seen = above & (rate < SLOW) & (left > STEEP)
-    blame = chaos.top_energy_germ
-    blame = blame.reshape(len(blame), *error.shape)
+    blame = energy_germ.reshape(len(energy_germ), *error.shape)
     found: list[Discontinuity | None] = []
     for k, output in enumerate(outputs):
         places = np.flatnonzero(seen[k])

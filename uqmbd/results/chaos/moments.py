@@ -6,12 +6,11 @@ from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from uqmbd.errors import StudyError
 from uqmbd.results.chaos.products import ProductTable, product_count, product_table
 from uqmbd.threads import one_thread
-from uqmbd.typing import Array, Index
+from uqmbd.typing import Array, Index, Mask
 
 if TYPE_CHECKING:
     from uqmbd.randomness import Germ
@@ -46,10 +45,9 @@ def standard_deviation(coefficients: Array) -> Array:
     return found
 
 
-def constant_columns(coefficients: Array, std: Array) -> NDArray[np.bool_]:
-    """Tell which columns (C,) do not vary: those whose deviation is zero or rounding of the mean."""
-    rounding = 32.0 * np.finfo(float).eps * np.sqrt(len(coefficients)) * np.abs(coefficients[0])
-    return np.asarray(std <= rounding)
+def constant_columns(mean: Array, std: Array, terms: int = 1) -> Mask:
+    """Tell where outputs do not vary: a deviation, from so many terms, that is zero or rounding of the mean."""
+    return np.asarray(std <= 32.0 * np.finfo(float).eps * np.sqrt(terms) * np.abs(mean))
 
 
 def column_blocks(columns: int, rows: int) -> Iterator[slice]:
@@ -87,7 +85,7 @@ def skewness_kurtosis(
         If both routes are too large.
     """
     std = standard_deviation(coefficients)
-    varies = np.flatnonzero(~constant_columns(coefficients, std))
+    varies = np.flatnonzero(~constant_columns(coefficients[0], std, len(coefficients)))
     skewness, kurtosis = np.zeros(len(std)), np.full(len(std), 3.0)
     used = np.flatnonzero(multi_index.max(axis=0, initial=0) > 0)
     if not varies.size or not used.size:
@@ -122,7 +120,8 @@ def shape_route(coefficients: Array, multi_index: Index, germs: Sequence[Germ]) 
     multi_index : array of int, shape (P, d)
     germs : sequence of Germ, length d
     """
-    varies = int(np.count_nonzero(~constant_columns(coefficients, standard_deviation(coefficients))))
+    std = standard_deviation(coefficients)
+    varies = int(np.count_nonzero(~constant_columns(coefficients[0], std, len(coefficients))))
     used = np.flatnonzero(multi_index.max(axis=0, initial=0) > 0).tolist()
     return _cheaper(multi_index[:, used], [germs[k] for k in used], varies) if varies and used else "grid"
 

@@ -1,4 +1,4 @@
-"""The surrogate that a method's results hold, of whatever kind."""
+"""The surrogate that a method's results hold, of its kind."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ import xarray as xr
 
 from uqmbd.errors import StudyError
 from uqmbd.results.chaos.aligned import AlignedChaos
-from uqmbd.results.chaos.chaos import PolynomialChaos
-from uqmbd.results.chaos.piecewise import PiecewiseChaos, chaos_from_dataset
+from uqmbd.results.chaos.piecewise import PiecewiseChaos
+from uqmbd.results.chaos.polynomial import PolynomialChaos
 
-__all__ = ["surrogate"]
+__all__ = ["chaos_from_dataset", "surrogate"]
 
 
 def surrogate(node: xr.DataTree, output: str | None = None) -> PolynomialChaos | PiecewiseChaos | AlignedChaos:
@@ -56,3 +56,15 @@ def surrogate(node: xr.DataTree, output: str | None = None) -> PolynomialChaos |
             raise StudyError(f"There is no output {output!r}; there are {', '.join(map(repr, names))}.")
         data = data.isel(output=names.index(output) + np.arange(1))
     return AlignedChaos.from_dataset(data) if kind == "aligned" else chaos_from_dataset(data)
+
+
+def chaos_from_dataset(dataset: xr.Dataset | xr.DataTree) -> PolynomialChaos | PiecewiseChaos:
+    """Make the chaos of a result, of one element or of several, from its dataset `chaos`.
+
+    Raises
+    ------
+    StudyError
+        If it is no such dataset.
+    """
+    kind = PiecewiseChaos if "element" in dataset.dims else PolynomialChaos
+    return kind.from_dataset(dataset)

@@ -2,39 +2,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 import xarray as xr
-from numpy.typing import ArrayLike, NDArray
 
 from uqmbd.errors import StudyError
-from uqmbd.results.chaos import decay as decaying
-from uqmbd.results.chaos.chaos import PolynomialChaos
-from uqmbd.results.chaos.moments import constant_columns
-from uqmbd.results.chaos.piecewise_sobol import closed_variance
-from uqmbd.results.chaos.sampling import basis_values, quantiles_of_rows, spread_germs
-from uqmbd.results.chaos.stated_error import reference_spread, stated_error
-from uqmbd.results.chaos.surrogate import SAMPLES, ChaosInterface
-from uqmbd.results.schema import DEFAULT_PROBABILITIES, Labels, fixed_width
-from uqmbd.results.statistics import circular_of_blocks
+from uqmbd.results.chaos.boxes import check_filled, rows_of_boxes
+from uqmbd.results.chaos.decay import decay_dataset, energy_of_germs, energy_of_orders, percent
+from uqmbd.results.chaos.polynomial import PolynomialChaos
+from uqmbd.results.chaos.sobol import closed_variance
+from uqmbd.results.chaos.stated_error import reference_spread
+from uqmbd.results.chaos.storage import piecewise_arguments, piecewise_dataset
+from uqmbd.results.chaos.surrogate import Samples, Surrogate
+from uqmbd.results.schema import Labels
 from uqmbd.threads import one_thread
-from uqmbd.typing import Array, Index
+from uqmbd.typing import Array, Index, Mask
 
 if TYPE_CHECKING:
     from uqmbd.randomness import GermBox, GermSpace
 
-__all__ = ["PiecewiseChaos", "chaos_from_dataset"]
-
-
-REMEDY = "allow more elements, or raise the order"
+__all__ = ["PiecewiseChaos"]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class PiecewiseChaos(ChaosInterface):
+class PiecewiseChaos(Surrogate):
     """Outputs as a polynomial chaos in each of the boxes (elements) that the germ space is split into.
 
     It does what a :class:`uqmbd.results.PolynomialChaos` does.  Moments are merged from those of the elements;
@@ -78,6 +73,12 @@ class PiecewiseChaos(ChaosInterface):
 
     elements: tuple[PolynomialChaos, ...]
     boxes: tuple[GermBox, ...]
+    labels: Labels = field(init=False)
+    space: GermSpace = field(init=False)
+    verification_germs: Array | None = field(init=False)
+    verification_response: Array | None = field(init=False)
+
+    _remedy = "allow more elements, or raise the order"
 
     def __post_init__(self) -> None:
         """Check that elements and boxes belong together."""
@@ -95,24 +96,17 @@ class PiecewiseChaos(ChaosInterface):
                 raise StudyError("All elements must have the same outputs and times.")
             if element.space.inputs != box.space.inputs:
                 raise StudyError(f"A chaos of {element.space.inputs} is none of a box of {box.space.inputs}.")
-        total = float(self.probabilities.sum())
-        if abs(total - 1) > 1e-9:
-            raise StudyError(f"The boxes must fill the germ space; their probabilities sum to {total:.12g}.")
+        check_filled(self.boxes)
+        object.__setattr__(self, "labels", first)
+        object.__setattr__(self, "space", self.boxes[0].space)
+        for name in ("verification_germs", "verification_response"):
+            found = [part for e in self.elements if (part := getattr(e, name)) is not None]
+            object.__setattr__(self, name, np.concatenate(found) if found else None)
 
     def __repr__(self) -> str:
         sizes = zip(("elements", "terms", *self.labels.dims), self.coefficients.shape, strict=True)
         axes = ", ".join(f"{name}: {size}" for name, size in sizes)
         return f"<{type(self).__name__} of {', '.join(self.germ_names)} ({axes})>"
-
-    @property
-    def labels(self) -> Labels:  # type: ignore[override]
-        """Meaning of the axes."""
-        return self.elements[0].labels
-
-    @property
-    def space(self) -> GermSpace:
-        """The germs, and the map between germs and inputs."""
-        return self.boxes[0].space
 
     @cached_property
     def probabilities(self) -> Array:
@@ -120,7 +114,7 @@ class PiecewiseChaos(ChaosInterface):
         return np.array([box.probability for box in self.boxes])
 
     @cached_property
-    def multi_index(self) -> Index:
+    def multi_index(self) -> Index:  # type: ignore[override]
         """Degrees of all terms that any element has, shape (P, d), the mean first."""
         terms = {tuple(row) for element in self.elements for row in element.multi_index.tolist()}
         ordered = sorted(terms, key=lambda row: (sum(row), [-k for k in row]))
@@ -137,22 +131,10 @@ class PiecewiseChaos(ChaosInterface):
         return found
 
     @cached_property
-    def has_term(self) -> NDArray[np.bool_]:
+    def has_term(self) -> Mask:
         """Whether each element has each term, shape (E, P)."""
         own = [set(map(tuple, element.multi_index.tolist())) for element in self.elements]
         return np.array([[tuple(row) in terms for row in self.multi_index.tolist()] for terms in own], dtype=bool)
-
-    @property
-    def verification_germs(self) -> Array | None:
-        """Germ points (V, d) that did not enter the coefficients, element by element; None if there are none."""
-        found = [e.verification_germs for e in self.elements if e.verification_germs is not None]
-        return np.concatenate(found) if found else None
-
-    @property
-    def verification_response(self) -> Array | None:
-        """What the mechanism did there, shape (V, O, T)."""
-        found = [e.verification_response for e in self.elements if e.verification_response is not None]
-        return np.concatenate(found) if found else None
 
     @property
     def verification_weights(self) -> Array:
@@ -171,21 +153,6 @@ class PiecewiseChaos(ChaosInterface):
     def std(self) -> Array:
         """Standard deviation, shape (O, T), in the units of the outputs."""
         return np.sqrt(self._merged(self._stds**2 + (self._means - self.mean) ** 2))
-
-    @cached_property
-    def variance(self) -> Array:
-        """Variance, shape (O, T)."""
-        return np.asarray(self.std**2)
-
-    @property
-    def skewness(self) -> Array:
-        """Third standardised moment, shape (O, T); 0 where an output does not vary."""
-        return self._shape_moments[0]
-
-    @property
-    def kurtosis(self) -> Array:
-        """Fourth standardised moment, shape (O, T), not the excess: 3 for a normal, and where it does not vary."""
-        return self._shape_moments[1]
 
     @property
     def shape_samples(self) -> int:
@@ -214,44 +181,6 @@ class PiecewiseChaos(ChaosInterface):
             found[i, j] = found[j, i] = both
         return found
 
-    def evaluate_germs(self, germs: ArrayLike) -> Array:
-        """Evaluate at germ points (K, d): (K, O, T), in the units of the outputs."""
-        points = np.asarray(germs, dtype=float)
-        if points.ndim != 2 or points.shape[1] != len(self.germ_names):
-            raise StudyError(f"Points must have the shape (K, {len(self.germ_names)}); {points.shape} was given.")
-        found = np.empty((len(points), *self.labels.shape))
-        for element, rows in zip(self.elements, self._rows(points), strict=True):
-            if len(rows):
-                found[rows] = element.evaluate_germs(points[rows])
-        return found
-
-    def quantiles(
-        self, probabilities: Sequence[float] = DEFAULT_PROBABILITIES, *, samples: int = SAMPLES, seed: int = 0
-    ) -> Array:
-        """Return quantiles (N, O, T) of samples of the surrogate; see :meth:`PolynomialChaos.quantiles`."""
-        parts, count = self._sampled(samples, seed)
-        columns = int(np.prod(self.labels.shape))
-        flat = [e.coefficients.reshape(len(e.coefficients), -1) for e, _ in parts]
-
-        def rows(part: slice) -> Array:
-            found = [np.ascontiguousarray(c[:, part].T) @ psi.T for c, (_, psi) in zip(flat, parts, strict=True)]
-            return np.concatenate(found, axis=1)
-
-        found = quantiles_of_rows(rows, count, columns, probabilities)
-        return found.reshape(len(found), *self.labels.shape)
-
-    def circular(self, *, samples: int = SAMPLES, seed: int = 0) -> dict[str, Array]:
-        """Return `circular_mean` and `circular_std`, (O, T), of the outputs that are angles, from surrogate samples."""
-        if not np.any(self.labels.turns):
-            return {}
-        parts, count = self._sampled(samples, seed)
-        flat = [e.coefficients.reshape(*e.coefficients.shape[:2], -1) for e, _ in parts]
-
-        def values(output: int, part: slice) -> Array:
-            return np.concatenate([psi @ c[:, output, part] for c, (_, psi) in zip(flat, parts, strict=True)])
-
-        return circular_of_blocks(self.labels.shape, count, self.labels.turns, values)
-
     def element_errors(self) -> Array:
         """Return the stated error within each element, over the standard deviation of the whole.
 
@@ -278,60 +207,19 @@ class PiecewiseChaos(ChaosInterface):
         xarray.Dataset
             As of :meth:`PolynomialChaos.decay`; of each element its probability is the weight.
         """
-        dims = self.labels.dims
-        energy = self._weighted(decaying.energy_of_orders)
-        by_germ = self._weighted(decaying.energy_of_germs)
-        rate = np.where(self._constant, np.nan, decaying.decay_rate(energy))
-        comment = {"comment": "within the elements; decades of the remaining standard deviation per order"}
-        note = {"long_name": "sum of squared coefficients, averaged over the elements"}
-        return xr.Dataset(
-            {
-                "energy": (("order", *dims), energy, note),
-                "energy_germ": (("germ", "degree", *dims), by_germ, note),
-                "rate": (dims, rate, {"long_name": "decay per order"} | comment),
-            },
-            coords={
-                **self.labels.output_coords(),
-                "order": np.arange(len(energy)),
-                "germ": ("germ", fixed_width(self.germ_names)),
-                "degree": np.arange(by_germ.shape[1]),
-            },
-        )
-
-    def verdicts(self, tolerance: float = 0.01) -> tuple[str, ...]:
-        """Say for each output, in a sentence, how far the chaos can be trusted; see :meth:`PolynomialChaos.verdicts`.
-
-        Parameters
-        ----------
-        tolerance : float
-            Of the error, or of the top order, relative to the standard deviation.
-
-        Returns
-        -------
-        tuple of str, length O
-        """
-        times, names = self.labels.times, [o.name for o in self.labels.outputs]
-        if self.verification_germs is not None:
-            rows = self._stated_error()
-            return tuple(
-                decaying.verdict_of_error(n, row, times, tolerance, REMEDY) for n, row in zip(names, rows, strict=True)
-            )
-        tops = np.sqrt(self._merged(np.stack([e.top_energy for e in self.elements])))
-        shape = (len(names), -1)
-        spread = reference_spread(self.std.reshape(shape))
-        share = tops.reshape(shape) / np.where(spread > 0, spread, 1.0)
-        return tuple(
-            f"{n}: within the {len(self.elements)} elements the top order carries at most "
-            f"{decaying.percent(float(row.max()))} of the standard deviation"
-            + (f"; {REMEDY}" if row.max() > tolerance else ", no proof without verification realisations")
-            for n, row in zip(names, share, strict=True)
+        return decay_dataset(
+            self.labels,
+            self.germ_names,
+            self._weighted(energy_of_orders),
+            self._weighted(energy_of_germs),
+            self._constant,
+            energy_note="sum of squared coefficients, averaged over the elements",
+            rate_note="within the elements; decades of the remaining standard deviation per order",
         )
 
     def to_dataset(self) -> xr.Dataset:
         """Build the dataset `chaos` of a propagator's node; see :meth:`from_dataset`."""
-        from uqmbd.results.chaos.piecewise_storage import piecewise_dataset
-
-        return piecewise_dataset(self)
+        return piecewise_dataset(self, self.boxes, self.coefficients, self.has_term, self.element_errors)
 
     @classmethod
     def from_dataset(cls, dataset: xr.Dataset | xr.DataTree) -> PiecewiseChaos:
@@ -342,9 +230,39 @@ class PiecewiseChaos(ChaosInterface):
         StudyError
             If it is no such dataset.
         """
-        from uqmbd.results.chaos.piecewise_storage import piecewise_arguments
+        boxes, elements = piecewise_arguments(dataset)
+        return cls(tuple(PolynomialChaos(**element) for element in elements), boxes)
 
-        return cls(**piecewise_arguments(dataset))
+    def _evaluate(self, germs: Array) -> Array:
+        found = np.empty((len(germs), *self.labels.shape))
+        for element, rows in zip(self.elements, rows_of_boxes(self.boxes, germs), strict=True):
+            if len(rows):
+                found[rows] = element.evaluate_germs(germs[rows])
+        return found
+
+    def _sampler(self, germs: Array) -> Samples:
+        pairs = zip(self.elements, rows_of_boxes(self.boxes, germs), strict=True)
+        parts = [element._sampler(germs[rows]) for element, rows in pairs if len(rows)]
+        return Samples(
+            lambda part: np.concatenate([of.columns(part) for of in parts]),
+            lambda part: np.concatenate([of.rows(part) for of in parts], axis=1),
+        )
+
+    def _verdicts_of_decay(self, tolerance: float) -> tuple[str, ...]:
+        tops = np.sqrt(self._merged(np.stack([e.top_energy for e in self.elements])))
+        shape = (len(self.labels.outputs), -1)
+        spread = reference_spread(self.std.reshape(shape))
+        share = tops.reshape(shape) / np.where(spread > 0, spread, 1.0)
+        return tuple(
+            f"{output.name}: within the {len(self.elements)} elements the top order carries at most "
+            f"{percent(float(row.max()))} of the standard deviation"
+            + (f"; {self._remedy}" if row.max() > tolerance else ", no proof without verification realisations")
+            for output, row in zip(self.labels.outputs, share, strict=True)
+        )
+
+    @property
+    def _verification_weights(self) -> Array:
+        return self.verification_weights
 
     @cached_property
     def _means(self) -> Array:
@@ -353,10 +271,6 @@ class PiecewiseChaos(ChaosInterface):
     @cached_property
     def _stds(self) -> Array:
         return np.stack([element.std for element in self.elements])
-
-    @cached_property
-    def _constant(self) -> NDArray[np.bool_]:
-        return constant_columns(self.mean.reshape(1, -1), self.std.ravel()).reshape(self.labels.shape)
 
     @cached_property
     def _shape_moments(self) -> tuple[Array, Array]:
@@ -387,53 +301,3 @@ class PiecewiseChaos(ChaosInterface):
             )
         share = found.reshape(self.labels.shape) / np.where(self._constant, 1.0, self.variance)
         return np.where(self._constant, 0.0, np.clip(share, 0.0, 1.0))
-
-    def _rows(self, points: Array) -> list[NDArray[np.intp]]:
-        """Numbers of the points in each element."""
-        from uqmbd.randomness import located
-
-        where = located(self.boxes, points)
-        if np.any(where < 0):
-            raise StudyError(f"The germ point {points[int(where.argmin())].tolist()} lies in none of the elements.")
-        return [np.flatnonzero(where == k) for k in range(len(self.elements))]
-
-    def _sampled(self, samples: int, seed: int) -> tuple[list[tuple[PolynomialChaos, Array]], int]:
-        """Elements that hold samples, each with its basis there, and how many samples there are."""
-        points = spread_germs(self.space, samples, seed)
-        pairs = zip(self.elements, self._rows(points), strict=True)
-        return [(e, basis_values(e.space, points[rows], e.multi_index)) for e, rows in pairs if len(rows)], len(points)
-
-    def _column(self, germs: Array, where: tuple[int, ...]) -> Array:
-        found = np.empty(len(germs))
-        for element, rows in zip(self.elements, self._rows(germs), strict=True):
-            psi = basis_values(element.space, germs[rows], element.multi_index)
-            found[rows] = psi @ np.moveaxis(element.coefficients, 0, -1)[where]
-        return found
-
-    def _stated_error(self) -> Array:
-        if self.verification_germs is None or self.verification_response is None:
-            raise StudyError(
-                "This chaos has no verification realisations, so it cannot state its error; give the propagator "
-                "verify=8, or see 'verdicts' for what the coefficients tell."
-            )
-        shape = (len(self.labels.outputs), -1)
-        surrogate = self.evaluate_germs(self.verification_germs)
-        return stated_error(
-            surrogate.reshape(len(surrogate), *shape),
-            self.verification_response.reshape(len(surrogate), *shape),
-            self.mean.reshape(1, *shape),
-            self.std.reshape(shape),
-            self.verification_weights,
-        )
-
-
-def chaos_from_dataset(dataset: xr.Dataset | xr.DataTree) -> PolynomialChaos | PiecewiseChaos:
-    """Make the chaos of a result, of one element or of several, from its dataset `chaos`.
-
-    Raises
-    ------
-    StudyError
-        If it is no such dataset.
-    """
-    kind = PiecewiseChaos if "element" in dataset.dims else PolynomialChaos
-    return kind.from_dataset(dataset)

@@ -21,7 +21,6 @@ __all__ = [
     "kernel_density",
     "quantiles_of_rows",
     "random_germs",
-    "sample_quantiles",
     "sampled_shape",
     "spread_germs",
 ]
@@ -115,29 +114,6 @@ def basis_values(space: GermSpace, germs: Array, multi_index: Index) -> Array:
         part = slice(start, start + ROWS)
         found[part] = space.evaluate(germs[part], multi_index)
     return found
-
-
-def sample_quantiles(basis: Array, coefficients: Array, probabilities: ArrayLike) -> Array:
-    """Return quantiles (N, C) of samples ``basis @ coefficients``, by linear interpolation, block by block.
-
-    Parameters
-    ----------
-    basis : array, shape (K, P)
-        At random or evenly spread germ points.
-    coefficients : array, shape (P, C)
-    probabilities : array_like, shape (N,)
-
-    Raises
-    ------
-    StudyError
-        If the probabilities do not increase between 0 and 1.
-    """
-
-    def rows(part: slice) -> Array:
-        # one row for each column, contiguous for the search
-        return np.asarray(np.ascontiguousarray(coefficients[:, part].T) @ basis.T)
-
-    return quantiles_of_rows(rows, len(basis), coefficients.shape[1], probabilities)
 
 
 def quantiles_of_rows(rows: Callable[[slice], Array], count: int, columns: int, probabilities: ArrayLike) -> Array:

@@ -24,7 +24,7 @@ def reference_spread(std: Array) -> Array:
 
 
 def stated_error(
-    surrogate: Array, response: Array, coefficients: Array, std: Array, weights: Array | None = None
+    surrogate: Array, response: Array, mean: Array, std: Array, *, terms: int = 1, weights: Array | None = None
 ) -> Array:
     """Return the error of a surrogate relative to the standard deviation.
 
@@ -32,9 +32,10 @@ def stated_error(
     ----------
     surrogate, response : array, shape (V, O, T)
         Of the chaos, and of the mechanism, at the same V germ points.
-    coefficients : array, shape (P, O, T)
-    std : array, shape (O, T)
-        Standard deviation of the chaos.
+    mean, std : array, shape (O, T)
+        Of the chaos.
+    terms : int
+        From so many the standard deviation comes, for its rounding.
     weights : array, shape (V,), optional
         Of the points, where they are spread unevenly; they sum to 1.
 
@@ -46,12 +47,11 @@ def stated_error(
         misses all. A difference that is rounding of the mean counts as 0.
     """
     error = _root_mean_square(surrogate - response, weights)
-    flat = coefficients.reshape(len(coefficients), -1)
-    constant = constant_columns(flat, std.ravel()).reshape(std.shape)
-    missed = _root_mean_square(response - coefficients[0], weights)
+    constant = constant_columns(mean, std, terms)
+    missed = _root_mean_square(response - mean, weights)
     still = constant.all(axis=-1, keepdims=True)
     spread = reference_spread(np.where(still, missed, np.where(constant, 0.0, std)))
-    rounding = constant_columns(flat, error.ravel()).reshape(std.shape) & constant
+    rounding = constant_columns(mean, error, terms) & constant
     return np.where(rounding, 0.0, error / np.where(spread > 0, spread, 1.0))
 
 

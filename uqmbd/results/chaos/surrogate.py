@@ -1,27 +1,39 @@
-"""What a surrogate of outputs does, whether it is one polynomial chaos or one for each element of the germ space."""
+"""What a surrogate of outputs does, whatever polynomials it is made of."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar, NamedTuple, TypeVar
 
 import numpy as np
 import xarray as xr
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from uqmbd.display import html_of
 from uqmbd.errors import StudyError
-from uqmbd.results.chaos.sampling import affordable, kernel_density, random_germs, spread_germs
-from uqmbd.results.chaos.stated_error import first_above
-from uqmbd.results.schema import DEFAULT_PROBABILITIES, Labels, fixed_width, statistics_dataset
-from uqmbd.typing import Array
+from uqmbd.results.chaos.decay import verdict_of_error
+from uqmbd.results.chaos.moments import constant_columns
+from uqmbd.results.chaos.sampling import affordable, kernel_density, quantiles_of_rows, random_germs, spread_germs
+from uqmbd.results.chaos.stated_error import first_above, stated_error
+from uqmbd.results.schema import (
+    DEFAULT_PROBABILITIES,
+    Labels,
+    fixed_width,
+    output_index,
+    statistics_dataset,
+    time_index,
+)
+from uqmbd.results.statistics import circular_of_blocks
+from uqmbd.typing import Array, Index, Mask
 
 if TYPE_CHECKING:
     from uqmbd.randomness import GermSpace
 
-__all__ = ["FEWER", "SAMPLES", "ChaosInterface"]
+__all__ = ["FEWER", "SAMPLES", "Samples", "Surrogate", "frozen"]
 
+_Kind = TypeVar("_Kind", bound=np.generic)
 
 SAMPLES = 16384
 """Samples of the surrogate for quantiles and densities, unless another number is given."""
@@ -30,68 +42,89 @@ FEWER = 8192
 """The same for quantiles of all outputs at all times together."""
 
 
-class ChaosInterface:
-    """What :class:`uqmbd.results.PolynomialChaos` and :class:`uqmbd.results.PiecewiseChaos` have in common."""
+class Samples(NamedTuple):
+    """Samples of a surrogate that are made block by block, from a slice of its O x T columns.
 
-    if TYPE_CHECKING:
-        labels: Labels
+    Attributes
+    ----------
+    columns, rows : callable
+        From the slice to values, shape (K, c) or (c, K), contiguous.
+    """
 
-        @property
-        def space(self) -> GermSpace:
-            """The germs, their polynomials, and the map between germs and inputs."""
+    columns: Callable[[slice], Array]
+    rows: Callable[[slice], Array]
 
-        @property
-        def verification_germs(self) -> Array | None:
-            """Germ points (V, d) that did not enter the coefficients."""
 
-        @property
-        def mean(self) -> Array:
-            """Expectation, shape (O, T)."""
+class Surrogate(ABC):
+    """Outputs as functions of the inputs that are cheap to evaluate, with their statistics and stated errors.
 
-        @property
-        def std(self) -> Array:
-            """Standard deviation, shape (O, T)."""
+    A kind of surrogate evaluates, and knows its moments and indices; all else follows here.
+    """
 
-        @property
-        def variance(self) -> Array:
-            """Variance, shape (O, T)."""
+    labels: Labels
+    space: GermSpace
+    multi_index: Index
+    verification_germs: Array | None
+    verification_response: Array | None
 
-        @property
-        def skewness(self) -> Array:
-            """Third standardised moment, shape (O, T)."""
+    _remedy: ClassVar[str] = "raise the order"
+    """What makes the stated error smaller."""
 
-        @property
-        def kurtosis(self) -> Array:
-            """Fourth standardised moment, shape (O, T)."""
+    @abstractmethod
+    def _evaluate(self, germs: Array) -> Array:
+        """Evaluate at germ points (K, d): (K, O, T)."""
 
-        @property
-        def shape_samples(self) -> int:
-            """Samples of the surrogate from which skewness and kurtosis are; 0: they are exact."""
+    @abstractmethod
+    def _sampler(self, germs: Array) -> Samples:
+        """Prepare samples at germ points (K, d), in any order."""
 
-        @property
-        def sobol_first_germ(self) -> Array:
-            """First-order indices, shape (germ, O, T)."""
+    @property
+    @abstractmethod
+    def mean(self) -> Array:
+        """Expectation, shape (O, T), in the units of the outputs."""
 
-        @property
-        def sobol_total_germ(self) -> Array:
-            """Total indices, shape (germ, O, T)."""
+    @property
+    @abstractmethod
+    def std(self) -> Array:
+        """Standard deviation, shape (O, T), in the units of the outputs."""
 
-        def evaluate_germs(self, germs: ArrayLike) -> Array:
-            """Evaluate at germ points (K, d): (K, O, T)."""
+    @property
+    @abstractmethod
+    def _shape_moments(self) -> tuple[Array, Array]:
+        """Skewness and kurtosis."""
 
-        def quantiles(
-            self, probabilities: Sequence[float] = DEFAULT_PROBABILITIES, *, samples: int = SAMPLES, seed: int = 0
-        ) -> Array:
-            """Return quantiles (N, O, T)."""
+    @property
+    @abstractmethod
+    def shape_samples(self) -> int:
+        """Samples of the surrogate from which skewness and kurtosis are; 0: they are exact."""
 
-        def circular(self, *, samples: int = SAMPLES, seed: int = 0) -> dict[str, Array]:
-            """Return statistics of directions, (O, T)."""
+    @property
+    @abstractmethod
+    def sobol_first_germ(self) -> Array:
+        """First-order Sobol' indices of the germs, shape (germ, O, T), in the order of :attr:`germ_names`."""
 
-        def _stated_error(self) -> Array:
-            """Return the stated error as (O, T)."""
+    @property
+    @abstractmethod
+    def sobol_total_germ(self) -> Array:
+        """Total Sobol' indices of the germs, shape (germ, O, T)."""
 
-        def _column(self, germs: Array, where: tuple[int, ...]) -> Array:
-            """Evaluate one output at one time at germ points (K, d): (K,)."""
+    @cached_property
+    def variance(self) -> Array:
+        """Variance, shape (O, T)."""
+        return frozen(np.asarray(self.std**2))
+
+    @property
+    def skewness(self) -> Array:
+        """Third standardised moment, shape (O, T); 0 where an output does not vary.
+
+        Of samples of the surrogate, where exact ones need too many operations (:attr:`shape_samples`).
+        """
+        return self._shape_moments[0]
+
+    @property
+    def kurtosis(self) -> Array:
+        """Fourth standardised moment, shape (O, T), not the excess: 3 for a normal, and where it does not vary."""
+        return self._shape_moments[1]
 
     @property
     def germ_names(self) -> tuple[str, ...]:
@@ -123,10 +156,47 @@ class ChaosInterface:
         """
         return self.evaluate_germs(self.space.to_germs(np.asarray(inputs, dtype=float)))
 
+    def evaluate_germs(self, germs: ArrayLike) -> Array:
+        """Evaluate at germ points (K, d): (K, O, T), in the units of the outputs."""
+        points = np.asarray(germs, dtype=float)
+        if points.ndim != 2 or points.shape[1] != len(self.germ_names):
+            raise StudyError(f"Points must have the shape (K, {len(self.germ_names)}); {points.shape} was given.")
+        return self._evaluate(points)
+
     def sample(self, count: int, seed: int) -> tuple[Array, Array]:
         """Draw inputs (K, d) as they are distributed, independently, and evaluate at them: (K, O, T)."""
         germs = random_germs(self.space, count, seed)
         return np.asarray(self.space.to_inputs(germs), dtype=float), self.evaluate_germs(germs)
+
+    def quantiles(
+        self, probabilities: Sequence[float] = DEFAULT_PROBABILITIES, *, samples: int = SAMPLES, seed: int = 0
+    ) -> Array:
+        """Return quantiles (N, O, T) of samples of the surrogate.
+
+        The samples are a scrambled Sobol' sequence of the germs, of the next power of two; outputs and times go block
+        by block, so that memory does not grow with them.
+        """
+        germs = spread_germs(self.space, samples, seed)
+        columns = int(np.prod(self.labels.shape))
+        found = quantiles_of_rows(self._sampler(germs).rows, len(germs), columns, probabilities)
+        return found.reshape(len(found), *self.labels.shape)
+
+    def circular(self, *, samples: int = SAMPLES, seed: int = 0) -> dict[str, Array]:
+        """Return `circular_mean` and `circular_std`, (O, T), of the outputs that are angles, from surrogate samples.
+
+        NaN for other outputs; nothing where no output is an angle. The samples are those of :meth:`quantiles`.
+        """
+        if not np.any(self.labels.turns):
+            return {}
+        germs = spread_germs(self.space, samples, seed)
+        drawn = self._sampler(germs)
+        times = int(np.prod(self.labels.shape[1:]))
+
+        def values(output: int, part: slice) -> Array:
+            first, last, _ = part.indices(times)
+            return drawn.columns(slice(output * times + first, output * times + last))
+
+        return circular_of_blocks(self.labels.shape, len(germs), self.labels.turns, values)
 
     def density(
         self, values: ArrayLike, output: str, time: float | None = None, *, samples: int = SAMPLES, seed: int = 0
@@ -153,11 +223,12 @@ class ChaosInterface:
         StudyError
             If output or time are unknown, or the output does not vary there.
         """
-        where = (self._output(output), *self._time(time, needed=True))
+        where = (output_index(self.labels, output), *time_index(self.labels, time, needed=True))
         if self.std[where] <= 32 * np.finfo(float).eps * abs(self.mean[where]):
             raise StudyError(f"Output {output!r} does not vary there: it is {self.mean[where]:g} and has no density.")
-        germs = spread_germs(self.space, samples, seed)
-        return kernel_density(self._column(germs, where), values)
+        column = int(np.ravel_multi_index(where, self.labels.shape))
+        drawn = self._sampler(spread_germs(self.space, samples, seed))
+        return kernel_density(drawn.columns(slice(column, column + 1))[:, 0], values)
 
     def statistics(
         self, probabilities: Sequence[float] = DEFAULT_PROBABILITIES, *, samples: int = FEWER, seed: int = 0
@@ -174,7 +245,7 @@ class ChaosInterface:
             ``samples`` of the variable says how many there are, and its ``comment`` why.
         """
         independent = self.space.independent
-        wanted, samples = samples, affordable(samples, self._terms, self.mean.size)
+        wanted, samples = samples, affordable(samples, len(self.multi_index), self.mean.size)
         found = statistics_dataset(
             self.labels,
             mean=self.mean,
@@ -197,7 +268,7 @@ class ChaosInterface:
         if samples < wanted:
             found["quantile"].attrs |= {
                 "samples": samples,
-                "comment": f"of {samples} samples of the surrogate: its {self._terms} terms allow no more",
+                "comment": f"of {samples} samples of the surrogate: its {len(self.multi_index)} terms allow no more",
             }
         if not independent:
             note = {"comment": "of germs: inputs depend on one another, so no share belongs to an input"}
@@ -234,27 +305,88 @@ class ChaosInterface:
         StudyError
             If there is no verification data, or output or time are unknown.
         """
-        found = self._stated_error().reshape(self.labels.shape)
-        row = slice(None) if output is None else self._output(output)
-        return np.asarray(found[(row, *self._time(time))])
+        found = self._stated_error.reshape(self.labels.shape)
+        row = slice(None) if output is None else output_index(self.labels, output)
+        return np.array(found[(row, *time_index(self.labels, time))])
 
     def horizon(self, limit: float = 0.01) -> dict[str, float | None]:
         """Return for each output the first time (s) at which the stated error exceeds a limit; None: at none."""
         if self.labels.times is None:
             raise StudyError("These outputs have no times, hence no horizon; see 'verification_error'.")
-        first = [first_above(row, limit) for row in self._stated_error()]
+        first = [first_above(row, limit) for row in self._stated_error]
         names = (o.name for o in self.labels.outputs)
         times = self.labels.times
         return {n: None if k is None else float(times[k]) for n, k in zip(names, first, strict=True)}
+
+    def verdicts(self, tolerance: float = 0.01) -> tuple[str, ...]:
+        """Say for each output, in a sentence, how far the surrogate can be trusted.
+
+        By the stated error where there is verification data; what looks like a discontinuity is named. Else by the
+        decay: whether the terms of the top order carry more than a part `tolerance` of the standard deviation, and
+        from when on; a small part is no proof.
+
+        Parameters
+        ----------
+        tolerance : float
+            Of the error, or of the top order, relative to the standard deviation.
+
+        Returns
+        -------
+        tuple of str, length O
+        """
+        if self.verification_germs is None:
+            return self._verdicts_of_decay(tolerance)
+        rows = zip(self.labels.outputs, self._stated_error, self._suspicions(), strict=True)
+        return tuple(
+            verdict_of_error(output.name, row, self.labels.times, tolerance, self._remedy) + suspicion
+            for output, row, suspicion in rows
+        )
 
     def _repr_html_(self) -> str | None:
         """Tables, for notebooks."""
         return html_of(self)
 
+    def _suspicions(self) -> tuple[str, ...]:
+        """Say, after the stated error of each output, what may be its cause."""
+        return ("",) * len(self.labels.outputs)
+
+    def _verdicts_of_decay(self, tolerance: float) -> tuple[str, ...]:
+        """Say what the coefficients tell."""
+        raise StudyError("This chaos has no verification realisations; give the propagator verify=8.")
+
+    @cached_property
+    def _stated_error(self) -> Array:
+        """The stated error as (O, T), with T = 1 for outputs without times."""
+        if self.verification_germs is None or self.verification_response is None:
+            raise StudyError(
+                "This chaos has no verification realisations, so it cannot state its error; give the propagator "
+                "verify=8, or see 'verdicts' for what the coefficients tell."
+            )
+        shape = (len(self.labels.outputs), -1)
+        surrogate = self.evaluate_germs(self.verification_germs)
+        return stated_error(
+            surrogate.reshape(len(surrogate), *shape),
+            self.verification_response.reshape(len(surrogate), *shape),
+            self.mean.reshape(shape),
+            self.std.reshape(shape),
+            terms=self._summands,
+            weights=self._verification_weights,
+        )
+
     @property
-    def _terms(self) -> int:
-        """Terms that are evaluated for a sample."""
-        return len(getattr(self, "multi_index", ()))
+    def _verification_weights(self) -> Array | None:
+        """Weights (V,) of the verification realisations, where they are spread unevenly."""
+        return None
+
+    @property
+    def _summands(self) -> int:
+        """Terms of the sum that the standard deviation comes from, for its rounding."""
+        return 1
+
+    @cached_property
+    def _constant(self) -> Mask:
+        """Where (O, T) an output does not vary."""
+        return constant_columns(self.mean, self.std, self._summands)
 
     def _by_input(self, name: str) -> Array:
         if not self.space.independent:
@@ -274,24 +406,8 @@ class ChaosInterface:
             raise StudyError(f"At least one germ is expected, of {', '.join(known)}; none was given.")
         return [known.index(name) for name in names]
 
-    def _output(self, name: str) -> int:
-        names = [o.name for o in self.labels.outputs]
-        if name not in names:
-            raise StudyError(f"There is no output {name!r}; there are {', '.join(names)}.")
-        return names.index(name)
 
-    def _time(self, time: float | None, *, needed: bool = False) -> tuple[int, ...]:
-        """Return the index of a time, or nothing where none is asked for."""
-        times = self.labels.times
-        if times is None:
-            if time is not None:
-                raise StudyError(f"These outputs have no times; time = {time!r} was given.")
-            return ()
-        if time is None:
-            if needed:
-                raise StudyError(f"A time is needed, from {times[0]:g} s to {times[-1]:g} s.")
-            return ()
-        nearest = int(np.abs(times - time).argmin())
-        if abs(times[nearest] - time) > 1e-9 * max(1.0, abs(float(times[-1] - times[0]))):
-            raise StudyError(f"Time {time!r} s is none of the times; the nearest is {times[nearest]:g} s.")
-        return (nearest,)
+def frozen(array: NDArray[_Kind]) -> NDArray[_Kind]:
+    """Return an array that cannot be changed any more."""
+    array.setflags(write=False)
+    return array

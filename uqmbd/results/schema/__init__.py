@@ -2,11 +2,21 @@
 
 from __future__ import annotations
 
-from uqmbd.results.schema.axes import InputInfo, Labels, OutputInfo, fixed_width, labels, output_infos
+from uqmbd.results.schema.axes import (
+    InputInfo,
+    Labels,
+    OutputInfo,
+    fixed_width,
+    labels,
+    output_index,
+    output_infos,
+    time_index,
+)
 from uqmbd.results.schema.datasets import (
     DEFAULT_PROBABILITIES,
     SCHEMA_VERSION,
     STATUS_MEANINGS,
+    check_shape,
     check_version,
     sample_dataset,
     statistics_dataset,
@@ -21,15 +31,18 @@ __all__ = [
     "OutputInfo",
     "SCHEMA_VERSION",
     "STATUS_MEANINGS",
+    "check_shape",
     "check_version",
     "failed_methods",
     "fixed_width",
     "join_nodes",
     "labels",
+    "output_index",
     "output_infos",
     "propagator_node",
     "propagator_nodes",
     "sample_dataset",
     "statistics_dataset",
+    "time_index",
     "validate",
 ]

@@ -15,7 +15,7 @@ from uqmbd.names import unwritable
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["InputInfo", "Labels", "OutputInfo", "fixed_width", "labels", "output_infos"]
+__all__ = ["InputInfo", "Labels", "OutputInfo", "fixed_width", "labels", "output_index", "output_infos", "time_index"]
 
 
 @dataclass(frozen=True)
@@ -162,6 +162,31 @@ def output_infos(data: xr.Dataset) -> tuple[OutputInfo, ...]:
     names, units = data["output"].values, data["output_units"].values
     turns = data["output_angle"].values if "output_angle" in data.coords else np.zeros(len(names))
     return tuple(OutputInfo(str(n), str(u), float(t)) for n, u, t in zip(names, units, turns, strict=True))
+
+
+def output_index(labels: Labels, name: str) -> int:
+    """Return the number of an output."""
+    names = [o.name for o in labels.outputs]
+    if name not in names:
+        raise StudyError(f"There is no output {name!r}; there are {', '.join(names)}.")
+    return names.index(name)
+
+
+def time_index(labels: Labels, time: float | None, *, needed: bool = False) -> tuple[int, ...]:
+    """Return the index of a time, or nothing where none is asked for."""
+    times = labels.times
+    if times is None:
+        if time is not None:
+            raise StudyError(f"These outputs have no times; time = {time!r} was given.")
+        return ()
+    if time is None:
+        if needed:
+            raise StudyError(f"A time is needed, from {times[0]:g} s to {times[-1]:g} s.")
+        return ()
+    nearest = int(np.abs(times - time).argmin())
+    if abs(times[nearest] - time) > 1e-9 * max(1.0, abs(float(times[-1] - times[0]))):
+        raise StudyError(f"Time {time!r} s is none of the times; the nearest is {times[nearest]:g} s.")
+    return (nearest,)
 
 
 def fixed_width(values: Iterable[str]) -> NDArray[np.str_]:

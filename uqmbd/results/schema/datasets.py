@@ -33,6 +33,7 @@ __all__ = [
     "DEFAULT_PROBABILITIES",
     "SCHEMA_VERSION",
     "STATUS_MEANINGS",
+    "check_shape",
     "check_version",
     "sample_dataset",
     "statistics_dataset",
@@ -161,11 +162,11 @@ def sample_dataset(
     """
     values = np.array(response, dtype=float)
     count = values.shape[0] if values.ndim else 0
-    _check_shape("response", values, (count, *labels.shape), ("sample", *labels.dims))
+    check_shape("response", values, (count, *labels.shape), ("sample", *labels.dims))
     drawn = np.array(inputs, dtype=float)
-    _check_shape("inputs", drawn, (count, len(labels.inputs)), ("sample", "input"))
+    check_shape("inputs", drawn, (count, len(labels.inputs)), ("sample", "input"))
     flags = np.zeros(count, dtype=np.int32) if status is None else np.array(status, dtype=np.int32)
-    _check_shape("status", flags, (count,), ("sample",))
+    check_shape("status", flags, (count,), ("sample",))
     reasons = [""] * count if messages is None else [str(m) for m in messages]
     if len(reasons) != count:
         raise StudyError(f"'messages' must hold one text for each of the {count} samples; found {len(reasons)}.")
@@ -280,7 +281,7 @@ def statistics_dataset(
         if value is None:
             continue
         array = np.array(value, dtype=float)
-        _check_shape(name, array, (*sizes, *labels.shape), (*dims, *labels.dims))
+        check_shape(name, array, (*sizes, *labels.shape), (*dims, *labels.dims))
         attrs = {"long_name": _LONG_NAMES[name]} | ({"comment": _COMMENTS[name]} if name in _COMMENTS else {})
         variables[name] = ((*dims, *labels.dims), array, attrs)
     coords = {**labels.output_coords(), "probability": ("probability", levels)}
@@ -289,6 +290,7 @@ def statistics_dataset(
     return xr.Dataset(variables, coords=coords)
 
 
-def _check_shape(name: str, array: NDArray[Any], expected: tuple[int, ...], dims: tuple[str, ...]) -> None:
+def check_shape(name: str, array: NDArray[Any], expected: tuple[int, ...], dims: tuple[str, ...]) -> None:
+    """Raise a StudyError if an array has another shape than its dimensions tell."""
     if array.shape != expected:
         raise StudyError(f"'{name}' must have the shape ({', '.join(dims)}) = {expected}; {array.shape} was given.")

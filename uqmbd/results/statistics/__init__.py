@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from uqmbd.results.statistics.angles import circular_of_blocks, circular_of_surrogate
+from uqmbd.results.statistics.angles import circular_of_blocks
 from uqmbd.results.statistics.circular import (
     circular_mean,
     circular_of_components,
@@ -26,7 +26,6 @@ __all__ = [
     "circular_mean",
     "circular_of_blocks",
     "circular_of_components",
-    "circular_of_surrogate",
     "circular_std",
     "integration_error",
     "mean_direction",

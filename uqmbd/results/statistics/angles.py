@@ -10,7 +10,7 @@ from uqmbd.results.statistics.circular import circular_mean, circular_std
 from uqmbd.threads import one_thread
 from uqmbd.typing import Array
 
-__all__ = ["circular_of_blocks", "circular_of_samples", "circular_of_surrogate"]
+__all__ = ["circular_of_blocks", "circular_of_samples"]
 
 
 BLOCK_NUMBERS = 1_000_000
@@ -41,27 +41,7 @@ def circular_of_samples(response: Array, turns: Array) -> dict[str, Array]:
     ([-179.0, nan], [2.0, nan])
     """
     flat = response.reshape(*response.shape[:2], -1)
-    return _by_blocks(response.shape[1:], len(response), turns, lambda output, part: flat[:, output, part])
-
-
-def circular_of_surrogate(basis: Array, coefficients: Array, turns: Array) -> dict[str, Array]:
-    """Average the directions of samples ``basis @ coefficients``.
-
-    Parameters
-    ----------
-    basis : array, shape (S, P)
-        At random or evenly spread germ points.
-    coefficients : array, shape (P, O, T) or (P, O)
-    turns : array, shape (O,)
-        As for :func:`circular_of_samples`.
-
-    Returns
-    -------
-    dict of str to numpy.ndarray
-        As of :func:`circular_of_samples`.
-    """
-    flat = coefficients.reshape(*coefficients.shape[:2], -1)
-    return _by_blocks(coefficients.shape[1:], len(basis), turns, lambda output, part: basis @ flat[:, output, part])
+    return circular_of_blocks(response.shape[1:], len(response), turns, lambda output, part: flat[:, output, part])
 
 
 def circular_of_blocks(
@@ -79,13 +59,12 @@ def circular_of_blocks(
         As for :func:`circular_of_samples`.
     samples : callable
         From an output and a slice of its times to samples, shape (S, t).
+
+    Returns
+    -------
+    dict of str to numpy.ndarray
+        As of :func:`circular_of_samples`.
     """
-    return _by_blocks(shape, count, turns, samples)
-
-
-def _by_blocks(
-    shape: tuple[int, ...], count: int, turns: Array, samples: Callable[[int, slice], Array]
-) -> dict[str, Array]:
     if not np.any(turns):
         return {}
     mean, std = np.full((2, shape[0], int(np.prod(shape[1:]))), np.nan)
