@@ -57,6 +57,7 @@ from .mechanism import smallest_rotation as smallest_rotation
 from .mechanism import step as step
 from .mechanism import t as t
 from .plugins import hookimpl as hookimpl
+from .propagation import Bounds as Bounds
 from .propagation import ElementLimits as ElementLimits
 from .propagation import ElementRefinement as ElementRefinement
 from .propagation import Estimate as Estimate
@@ -66,7 +67,9 @@ from .propagation import Progress as Progress
 from .propagation import Propagator as Propagator
 from .propagation import Realisations as Realisations
 from .propagation import Study as Study
+from .propagation import Verification as Verification
 from .propagation import eigenfrequencies as eigenfrequencies
+from .propagation import nothing_random as nothing_random
 from .propagation import refine_elements as refine_elements
 from .propagation import simulate as simulate
 from .propagation import static_equilibrium as static_equilibrium

@@ -5,7 +5,6 @@ from __future__ import annotations
 import warnings
 from collections import Counter
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 import numpy as np
 import xarray as xr
@@ -13,11 +12,9 @@ import xarray as xr
 import uqmbd
 from uqmbd.results import AlignedChaos, AlignedElement, Status
 from uqmbd.typing import Array, Index
-from uqmbd_collocation.plans import verification_points
+from uqmbd_collocation.plans import Plans
+from uqmbd_collocation.record import nodes_of, warn_of_failures
 from uqmbd_collocation.runs import Runs
-
-if TYPE_CHECKING:
-    from uqmbd_collocation.propagator import Collocation
 
 __all__ = ["align_with_events"]
 
@@ -68,8 +65,23 @@ class _Followed:
         return history is not None and (bool(history.message) or len(history.labels) >= self.least or history.final)
 
 
-def align_with_events(options: Collocation, problem: uqmbd.Problem, space: uqmbd.GermSpace) -> xr.DataTree:
+def align_with_events(
+    propagator: uqmbd.Propagator, problem: uqmbd.Problem, space: uqmbd.GermSpace, plans: Plans, most: int
+) -> xr.DataTree:
     """Expand event times and the motion between events; split the germ space where sequences of events differ.
+
+    Parameters
+    ----------
+    propagator : uqmbd.Propagator
+        The method at work.
+    problem : uqmbd.Problem
+        What to compute.
+    space : uqmbd.GermSpace
+        Of the inputs.
+    plans : Plans
+        Basis and verification.
+    most : int
+        Elements.
 
     Raises
     ------
@@ -85,20 +97,17 @@ def align_with_events(options: Collocation, problem: uqmbd.Problem, space: uqmbd
             f"mechanism {problem.mechanism!r} has none. Leave alignment out."
         )
     followed = _Followed(problem, space)
-    terms = uqmbd.index_set(space.dimension, options.order, options.index_set, options.weights)
+    terms = uqmbd.index_set(space.dimension, plans.order, plans.index_set, plans.weights)
     boxes = [uqmbd.GermBox.whole(space)]
     done: list[tuple[uqmbd.GermBox, Array, Array]] = []
     mixed = 0.0
     while boxes:
         box = boxes.pop(0)
-        quadrature = uqmbd.gauss_tensor(box.local, options.order + 1)
+        quadrature = uqmbd.gauss_tensor(box.local, plans.order + 1)
         sequences = [_sequence(problem, h, followed.least) for h in followed.at(quadrature.nodes)]
         if len(set(sequences)) == 1:
             done.append((box, quadrature.nodes, quadrature.weights))
-        elif (
-            len(done) + len(boxes) + 2 <= options.max_elements
-            and (germ := _guilty(box, quadrature.nodes, sequences)) is not None
-        ):
+        elif len(done) + len(boxes) + 2 <= most and (germ := _guilty(box, quadrature.nodes, sequences)) is not None:
             boxes += box.split(germ)
         else:
             done.append((box, quadrature.nodes, quadrature.weights))
@@ -107,22 +116,16 @@ def align_with_events(options: Collocation, problem: uqmbd.Problem, space: uqmbd
         element, lost = _element(box, nodes, weights, followed, terms, problem)
         elements.append(element)
         mixed += lost * box.probability
-    points = verification_points(space, options.verify, options.seed)
-    verified = Runs(problem, space)
-    where = verified.at(points)
-    good = np.flatnonzero(verified.good(where)) if len(points) else where
-    if len(good) < len(points):
-        warnings.warn(
-            f"{problem.label}: {len(points) - len(good)} of {len(points)} verification realisations failed; the stated "
-            f"error comes from the others. Reason of the failure: {verified.reason(where)}",
-            stacklevel=3,
-        )
+    points, verified = plans.verification_points(space), Runs(problem, space)
+    verification = verified.verification(points)
+    warn_of_failures(verification, problem.label)
+    known = len(verification.germs) > 0
     chaos = AlignedChaos(
         tuple(elements),
         terms,
         problem.labels,
-        verification_germs=points[good] if len(good) else None,
-        verification_response=verified.response[where[good]] if len(good) else None,
+        verification_germs=verification.germs if known else None,
+        verification_response=verification.response if known else None,
     )
     if mixed > 0:
         warnings.warn(
@@ -133,7 +136,7 @@ def align_with_events(options: Collocation, problem: uqmbd.Problem, space: uqmbd
         )
     problem.progress.finish(problem.label)
     return problem.node(
-        options,
+        propagator,
         chaos.statistics(),
         realisations=followed.spent + len(points),
         wall_time=problem.clock() - begin,
@@ -142,36 +145,28 @@ def align_with_events(options: Collocation, problem: uqmbd.Problem, space: uqmbd
         attrs={
             # a realisation that fails while it is followed ends the method
             "failures": int((verified.status != Status.OK).sum()) if len(points) else 0,
-            "fit": f"event times and segments by projection with {options.order + 1} Gauss nodes per input",
+            "fit": f"event times and segments by projection with {plans.order + 1} Gauss nodes per input",
             "terms": len(terms),
             "highest_degree": int(terms.max()),
             "elements": len(elements),
             "segments": max(len(e.events) for e in elements),
-            "verification": len(good),
+            "verification": len(verification.germs),
             "mixed": mixed,
         },
     )
 
 
 def _nodes(followed: _Followed, verified: Runs) -> xr.Dataset:
-    """Return the dataset `nodes`: where the realisations were, what for, and what became of them."""
+    """Return the dataset `nodes`: those that were followed, and those of the verification."""
     germs = np.array([np.frombuffer(key) for key in followed.known])
-    status, messages = np.zeros(len(germs), dtype=np.int32), [""] * len(germs)
-    purpose = ["fit"] * len(germs)
+    status, messages, purpose = np.zeros(len(germs), dtype=np.int64), [""] * len(germs), ["fit"] * len(germs)
     if len(verified):
-        germs = np.concatenate([germs, verified.germs])
-        status = np.concatenate([status, verified.status.astype(np.int32)])
+        germs, status = np.concatenate([germs, verified.germs]), np.concatenate([status, verified.status])
         messages += verified.messages
         purpose += ["verification"] * len(verified)
-    data = {
-        "inputs": (("node", "input"), followed.space.to_inputs(germs)),
-        "germs": (("node", "germ"), germs),
-        "status": ("node", status, {"comment": "0: fine; others as of samples"}),
-        "message": ("node", np.array(messages, dtype=str)),
-        "purpose": ("node", np.array(purpose, dtype=str)),
-    }
-    names = np.array([str(name) for name in followed.space.names])
-    return xr.Dataset(data, coords={**followed.problem.labels.input_coords(), "germ": names})
+    space = followed.space
+    about = (followed.problem.labels, space.names, space.to_inputs(germs), germs, status, messages)
+    return nodes_of(*about, np.array(purpose, dtype=str))
 
 
 def _sequence(problem: uqmbd.Problem, history: uqmbd.History, least: int) -> tuple[str, ...]:

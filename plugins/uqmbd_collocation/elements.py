@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import math
 import warnings
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import xarray as xr
@@ -15,18 +13,11 @@ import xarray as xr
 import uqmbd
 from uqmbd.results import PolynomialChaos, Status
 from uqmbd_collocation.fitting import Fit
-from uqmbd_collocation.plans import plan, verification_points
-from uqmbd_collocation.record import warn_of_idle_inputs
+from uqmbd_collocation.plans import STREAM, Plans
+from uqmbd_collocation.record import nodes_of, warn_of_idle_inputs
 from uqmbd_collocation.runs import Runs, announced_once
 
-if TYPE_CHECKING:
-    from uqmbd_collocation.propagator import Collocation
-
 __all__ = ["collocate_elements"]
-
-
-FEWEST = 3
-"""Verification realisations that every element gets, however improbable."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +34,7 @@ class _Element:
 class _Elements:
     """All elements that were computed, replaced ones too, in that order."""
 
-    options: Collocation
+    plans: Plans
     problem: uqmbd.Problem
     done: list[_Element] = field(default_factory=list)
     counters: Counter[str] = field(default_factory=Counter)
@@ -56,47 +47,42 @@ class _Elements:
     def affordable(self) -> int:
         """Return how many elements may still be split."""
         costs = max(len(one.runs) for one in self.done)
-        return (self.options.max_realisations - self.spent) // (2 * costs)
+        return (self.plans.max_realisations - self.spent) // (2 * costs)
 
     def compute(self, boxes: Sequence[uqmbd.GermBox]) -> list[PolynomialChaos]:
         """Compute the realisations of all boxes together, and fit each."""
-        options, label = self.options, self.problem.label
-        plans, points = [], []
-        for number, box in enumerate(boxes, start=len(self.done)):
+        planned = []
+        for box in boxes:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")
-                plans.append(plan(options, box.local, options.order, label))
-                plans[-1].check(box.local)
-            count = max(FEWEST, math.ceil(options.verify * box.probability)) if options.verify else 0
-            seed = int(np.random.SeedSequence([options.seed, number]).generate_state(1)[0])
-            points.append(verification_points(box.local, count, seed))
-        wanted = [np.concatenate([p.nodes, v]) for p, v in zip(plans, points, strict=True)]
+                planned.append(self.plans.plan(box.local, self.plans.order))
+                planned[-1].check(box.local)
+        points = uqmbd.Verification.points_of_elements(
+            boxes, len(self.done), self.plans.verify, self.plans.seed, STREAM
+        )
+        wanted = [np.concatenate([p.nodes, v]) for p, v in zip(planned, points, strict=True)]
         found = self.problem.realise(boxes[0].space.to_inputs(np.concatenate(wanted)))
         self.counters.update(found.counters)
         start, chaoses = 0, []
-        for box, planned, where, germs in zip(boxes, plans, points, wanted, strict=True):
-            runs = Runs.filled(self.problem, box.local, germs, found, start)
+        for box, plan, where, germs in zip(boxes, planned, points, wanted, strict=True):
+            runs = Runs.filled(self.problem, box.local, germs, found[start : start + len(germs)])
             start += len(germs)
             with warnings.catch_warnings(record=True) as caught:
                 warnings.simplefilter("always")
-                fit = planned.fit(runs)
-            verified = runs.at(where)
-            good = verified[runs.good(verified)]
-            self.done.append(_Element(runs, fit, len(good), tuple(str(w.message) for w in caught)))
-            chaoses.append(
-                PolynomialChaos(
-                    fit.coefficients,
-                    fit.multi_index,
-                    box.local,
-                    self.problem.labels,
-                    verification_germs=runs.germs[good] if len(good) else None,
-                    verification_response=runs.response[good] if len(good) else None,
-                )
-            )
+                fit = plan.fit(runs)
+            verification = runs.verification(where)
+            self.done.append(_Element(runs, fit, len(verification.germs), tuple(str(w.message) for w in caught)))
+            chaoses.append(verification.chaos(fit.coefficients, fit.multi_index, self.problem.labels))
         return chaoses
 
 
-def collocate_elements(options: Collocation, problem: uqmbd.Problem, space: uqmbd.GermSpace) -> xr.DataTree:
+def collocate_elements(
+    propagator: uqmbd.Propagator,
+    problem: uqmbd.Problem,
+    space: uqmbd.GermSpace,
+    plans: Plans,
+    limits: uqmbd.ElementLimits,
+) -> xr.DataTree:
     """Split the germ space where it is needed, and summarise.
 
     Raises
@@ -107,9 +93,8 @@ def collocate_elements(options: Collocation, problem: uqmbd.Problem, space: uqmb
         If failures leave too few realisations in an element.
     """
     begin = problem.clock()
-    limits = uqmbd.ElementLimits(options.elements or 1, options.max_elements, options.threshold)
-    plan(options, space, options.order, problem.label).check(space)
-    work = _Elements(options, announced_once(problem, options.max_realisations))
+    plans.plan(space, plans.order).check(space)
+    work = _Elements(plans, announced_once(problem, plans.max_realisations))
     refined = uqmbd.refine_elements(
         space, work.compute, limits, label=problem.label, rtol=problem.rtol, affordable=work.affordable
     )
@@ -117,7 +102,7 @@ def collocate_elements(options: Collocation, problem: uqmbd.Problem, space: uqmb
     kept = [work.done[k] for k in refined.kept]
     for text in dict.fromkeys(text for one in kept for text in one.warned):
         warnings.warn(text, stacklevel=3)
-    missed = sum(1 for one in kept if options.verify and not one.verification)
+    missed = sum(1 for one in kept if plans.verify and not one.verification)
     if missed:
         warnings.warn(
             f"{problem.label}: the verification realisations of {missed} of {len(kept)} elements failed; the stated "
@@ -127,7 +112,7 @@ def collocate_elements(options: Collocation, problem: uqmbd.Problem, space: uqmb
     first = work.done[0]
     warn_of_idle_inputs(first.runs, first.fit, problem.label)
     return problem.node(
-        options,
+        propagator,
         refined.chaos.statistics(),
         realisations=work.spent,
         wall_time=problem.clock() - begin,
@@ -161,17 +146,11 @@ def _nodes(work: _Elements, kept: tuple[int, ...]) -> xr.Dataset:
         purposes.append(own)
     elements = [np.full(len(one.runs), place.get(k, -1), dtype=np.int64) for k, one in enumerate(work.done)]
     joined = [one.runs for one in work.done]
-    data: dict[str, Any] = {
-        "inputs": (("node", "input"), np.concatenate([r.values for r in joined])),
-        "germs": (("node", "germ"), np.concatenate([r.germs for r in joined])),
-        "status": (
-            "node",
-            np.concatenate([r.status for r in joined]).astype(np.int32),
-            {"comment": "0: fine; others as of samples"},
-        ),
-        "message": ("node", np.array([m for r in joined for m in r.messages], dtype=str)),
-        "purpose": ("node", np.concatenate(purposes)),
-        "element": ("node", np.concatenate(elements), {"comment": "-1: of an element that was split further"}),
-    }
-    germs = np.array([str(name) for name in joined[0].space.names])
-    return xr.Dataset(data, coords={**work.problem.labels.input_coords(), "germ": germs})
+    inputs, germs = np.concatenate([r.values for r in joined]), np.concatenate([r.germs for r in joined])
+    status = np.concatenate([r.status for r in joined])
+    messages = [m for r in joined for m in r.messages]
+    found = nodes_of(
+        work.problem.labels, joined[0].space.names, inputs, germs, status, messages, np.concatenate(purposes)
+    )
+    comment = {"comment": "-1: of an element that was split further"}
+    return found.assign(element=("node", np.concatenate(elements), comment))

@@ -3,23 +3,22 @@
 from __future__ import annotations
 
 import warnings
-from dataclasses import dataclass
-from typing import ClassVar, Literal
+from dataclasses import dataclass, fields
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 import xarray as xr
 
 import uqmbd
-from uqmbd.results import PolynomialChaos, Status
+from uqmbd.results import Status
 from uqmbd.typing import Array
 from uqmbd_collocation.adaptive import refine_dimensions
 from uqmbd_collocation.alignment import align_with_events
 from uqmbd_collocation.elements import collocate_elements
 from uqmbd_collocation.fitting import Fit
-from uqmbd_collocation.options import GRIDS, Adaptive, Method, Rule, Terms, Transform, check_options
 from uqmbd_collocation.orders import raise_order
-from uqmbd_collocation.plans import estimate, plan, verification_points
-from uqmbd_collocation.record import nodes_dataset, warn_of_idle_inputs
+from uqmbd_collocation.plans import Adaptive, Method, Plans, Rule, Terms
+from uqmbd_collocation.record import nodes_dataset, warn_of_failures, warn_of_idle_inputs
 from uqmbd_collocation.refinement import Limits, Refinement, history
 from uqmbd_collocation.runs import Runs, announced_once
 
@@ -110,59 +109,97 @@ class Collocation(uqmbd.Propagator):
     """
 
     name: ClassVar[str] = "collocation"
-    order: int = 3
+    order: Annotated[int, uqmbd.Bounds(0)] = 3
     index_set: Terms = "total"
-    weights: tuple[float, ...] | None = None
+    weights: Annotated[tuple[float, ...], uqmbd.Bounds(0, above=True)] | None = None
     method: Method = "projection"
     rule: Rule | None = None
-    nodes: tuple[int, ...] | None = None
-    level: int | None = None
-    samples: int | None = None
+    nodes: Annotated[tuple[int, ...], uqmbd.Bounds(1)] | None = None
+    level: Annotated[int, uqmbd.Bounds(0)] | None = None
+    samples: Annotated[int, uqmbd.Bounds(2)] | None = None
     adaptive: Adaptive = "no"
-    tolerance: float = 1e-3
-    max_realisations: int = 5000
+    tolerance: Annotated[float, uqmbd.Bounds(0, above=True)] = 1e-3
+    max_realisations: Annotated[int, uqmbd.Bounds(1)] = 5000
     elements: int | Literal["adaptive"] | None = None
     max_elements: int = 32
     threshold: float = 0.01
     alignment: Literal["events"] | None = None
-    transform: Transform = "rosenblatt"
-    verify: int = 8
-    seed: int = 0
+    transform: Literal["rosenblatt", "nataf"] = "rosenblatt"
+    verify: Annotated[int, uqmbd.Bounds(0)] = 8
+    seed: Annotated[int, uqmbd.Bounds(0)] = 0
 
     def __post_init__(self) -> None:
-        check_options(self)
+        super().__post_init__()
+        plans = self._plans(self.node_name)
+        if self._limits.elements is not None:
+            if self.adaptive != "no":
+                raise uqmbd.StudyError(
+                    f"Collocation: elements={self.elements!r} contradicts adaptive={self.adaptive!r}; elements are "
+                    "refined by splitting, at a fixed order."
+                )
+            if not self.order:
+                raise uqmbd.StudyError(
+                    "Collocation: elements are split by their top order; order is 0, expected 1 or more."
+                )
+        if self.alignment is not None:
+            own = ("nodes", "level", "samples", "elements", "rule")
+            plans.refuse(own, "alignment='events', which has its own")
+            if self.method != "projection" or self.adaptive != "no":
+                raise uqmbd.StudyError(
+                    "Collocation: alignment='events' projects on Gauss nodes at a fixed order; leave method and "
+                    "adaptive as they are by default."
+                )
+        split, aligned = self.elements is not None, self.alignment is not None
+        for name, used, what in (
+            ("tolerance", self.adaptive != "no" or aligned, "adaptive='no'"),
+            ("max_elements", split or aligned, "elements=None"),
+            ("threshold", split, "elements=None"),
+        ):
+            if not used and (given := getattr(self, name)) != getattr(Collocation, name):
+                text = f"Collocation: {name}={given!r} has no effect with {what}; leave it out, or change the latter."
+                warnings.warn(text, uqmbd.StudyWarning, stacklevel=3)
 
     @property
     def design(self) -> str:
         """The rule, chosen to suit the method if none is given."""
-        if self.rule is not None:
-            return self.rule
-        if self.adaptive == "dimension":
-            return "smolyak"
-        return "gauss" if self.method == "projection" else "sobol"
+        return self._plans(self.node_name).design
 
     @property
     def grid(self) -> str:
         """The rule if it is a grid, else empty."""
-        return self.design if self.design in GRIDS else ""
+        return self._plans(self.node_name).grid
+
+    @property
+    def _limits(self) -> uqmbd.ElementLimits:
+        return uqmbd.ElementLimits(self.elements, self.max_elements, self.threshold)
+
+    def _plans(self, label: str) -> Plans:
+        return Plans(label, **{f.name: getattr(self, f.name) for f in fields(Plans) if f.name != "label"})
 
     def estimate(self, study: uqmbd.Study) -> uqmbd.Estimate:
         """Count realisations, and the memory of their outputs and of the chaos."""
-        return estimate(self, study)
+        space = uqmbd.GermSpace.of(study.mechanism.inputs, self.transform)
+        values = len(study.mechanism.outputs) * len(study.times) + len(study.mechanism.scalars)
+        if self.adaptive != "no":
+            most = self.max_realisations
+            return uqmbd.Estimate(most, 8 * 3 * most * values, f"{most} realisations", at_most=True)
+        planned = self._plans(self.node_name).plan(space, self.order)
+        nodes, terms, boxes = len(planned.nodes), len(planned.multi_index), self._limits.computed
+        one = (nodes + self.verify) * (3 * values + terms) + 3 * terms * values
+        detail = f"{nodes} nodes, {terms} terms" + (f" in each of {boxes} elements" if boxes > 1 else "")
+        unknown = self._limits.adaptive or self.alignment is not None
+        return uqmbd.Estimate(boxes * nodes + self.verify, 8 * boxes * one, detail, at_most=unknown)
 
     def obstacle(self, study: uqmbd.Study) -> str | None:
         """Say what is in the way: nothing random, a distribution without moments, too many nodes, too few samples."""
-        if not len(study.mechanism.inputs):
-            return (
-                f"nothing in mechanism {study.mechanism.name!r} is random; declare a uqmbd.RandomVariable, or use "
-                "uqmbd.simulate"
-            )
+        if reason := uqmbd.nothing_random(study.mechanism.inputs, study.mechanism.name):
+            return reason
         try:
             space = uqmbd.GermSpace.of(study.mechanism.inputs, self.transform)
             if self.alignment is not None:
                 study.problem(self).require("segments")
             if self.adaptive != "dimension":
-                plan(self, space, self.order, self.node_name).check(space)
+                self._plans(self.node_name).plan(space, self.order).check(space)
         except uqmbd.StudyError as error:
             return str(error)
         return None
@@ -177,61 +214,34 @@ class Collocation(uqmbd.Propagator):
         uqmbd.IntegrationError
             If failures leave too few realisations.
         """
-        from threadpoolctl import threadpool_limits
-
-        if not len(problem.inputs):
-            raise uqmbd.StudyError(
-                f"{problem.label}: nothing in mechanism {problem.mechanism!r} is random; "
-                "declare a uqmbd.RandomVariable, or use uqmbd.simulate."
-            )
-        try:
-            space = uqmbd.GermSpace.of(problem.inputs, self.transform)
-        except uqmbd.StudyError as error:
-            raise uqmbd.StudyError(f"{problem.label}: {error}") from None
-        # threads on small matrices cost more than they bring, and their number would change the last bits
+        space, plans = problem.germ_space(self.transform), self._plans(problem.label)
         if self.alignment is not None and not problem.timeless:
-            with threadpool_limits(limits=1):
-                return align_with_events(self, problem, space)
+            return align_with_events(self, problem, space, plans, self.max_elements)
         if self.elements is not None:
-            with threadpool_limits(limits=1):
-                return collocate_elements(self, problem, space)
-        with threadpool_limits(limits=1):
-            points = verification_points(space, self.verify, self.seed)
-            runs, fit, refinement = self._computed(problem, space, points)
-            where = runs.at(points)
-            good = where[runs.good(where)]
-            if len(good) < len(where):
-                warnings.warn(
-                    f"{problem.label}: {len(where) - len(good)} of {len(where)} verification realisations failed; the "
-                    f"stated error comes from the others. Reason of the failure: {runs.reason(where)}",
-                    stacklevel=2,
-                )
-            chaos = PolynomialChaos(
-                fit.coefficients,
-                fit.multi_index,
-                space,
-                problem.labels,
-                verification_germs=runs.germs[good] if len(good) else None,
-                verification_response=runs.response[good] if len(good) else None,
-            )
-            warn_of_idle_inputs(runs, fit, problem.label)
-            # a refinement has words of its own, and samples that are too few look the same
-            plain = self.adaptive == "no" and bool(self.grid)
-            suspicions = [one.words() for one in chaos.discontinuities() if plain and one and one.clear]
-            if suspicions:
-                warnings.warn(f"{problem.label}: {'; '.join(suspicions)}.", stacklevel=2)
-            statistics = chaos.statistics()
+            return collocate_elements(self, problem, space, plans, self._limits)
+        points = plans.verification_points(space)
+        runs, fit, refinement = self._computed(problem, space, plans, points)
+        verification = runs.verification(points)
+        warn_of_failures(verification, problem.label)
+        chaos = verification.chaos(fit.coefficients, fit.multi_index, problem.labels)
+        warn_of_idle_inputs(runs, fit, problem.label)
+        # a refinement has words of its own, and samples that are too few look the same
+        plain = self.adaptive == "no" and bool(plans.grid)
+        suspicions = [one.words() for one in chaos.discontinuities() if plain and one and one.clear]
+        if suspicions:
+            warnings.warn(f"{problem.label}: {'; '.join(suspicions)}.", stacklevel=2)
+        statistics = chaos.statistics()
         if fit.leave_one_out is not None:
             note = {"long_name": "leave-one-out error of the regression, over the variance of the samples"}
             statistics = statistics.assign(leave_one_out=(problem.labels.dims, fit.leave_one_out, note))
-        children = {"chaos": chaos.to_dataset(), "nodes": nodes_dataset(runs, where, fit)}
+        children = {"chaos": chaos.to_dataset(), "nodes": nodes_dataset(runs, runs.at(points), fit)}
         attrs = {
             "failures": int((runs.status != Status.OK).sum()),
             "fit": fit.how,
             "terms": len(fit.multi_index),
             "highest_degree": int(fit.multi_index.max()),
             "nodes": len(np.unique(fit.where)) + fit.failed,
-            "verification": len(good),
+            "verification": len(verification.germs),
         }
         if refinement is not None:
             children["refinement"] = history(refinement.steps)
@@ -247,12 +257,12 @@ class Collocation(uqmbd.Propagator):
         )
 
     def _computed(
-        self, problem: uqmbd.Problem, space: uqmbd.GermSpace, points: Array
+        self, problem: uqmbd.Problem, space: uqmbd.GermSpace, plans: Plans, points: Array
     ) -> tuple[Runs, Fit, Refinement | None]:
         """Compute what is needed, and fit."""
         label = problem.label
         if self.adaptive == "no":
-            planned, runs = plan(self, space, self.order, label), Runs(problem, space)
+            planned, runs = plans.plan(space, self.order), Runs(problem, space)
             planned.check(space)
             # nodes and verification points share their stacks
             runs.at(np.concatenate([planned.nodes, points]))
@@ -262,6 +272,6 @@ class Collocation(uqmbd.Propagator):
         if self.adaptive == "dimension":
             found = refine_dimensions(runs, points, limits, label)
         else:
-            found = raise_order(runs, points, lambda k: plan(self, space, k, label), self.order, limits, label)
+            found = raise_order(runs, points, lambda order: plans.plan(space, order), self.order, limits, label)
         problem.progress.finish(label)
         return runs, found.fit, found

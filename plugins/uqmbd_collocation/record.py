@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 import xarray as xr
 
 import uqmbd
-from uqmbd.results import Status
-from uqmbd.typing import Index
+from uqmbd.results import Labels, Status
+from uqmbd.typing import Array, Index
 from uqmbd_collocation.fitting import Fit
 from uqmbd_collocation.runs import Runs
 
-__all__ = ["nodes_dataset", "warn_of_idle_inputs"]
+__all__ = ["nodes_dataset", "nodes_of", "warn_of_failures", "warn_of_idle_inputs"]
 
 
 IDLE = 1e-13
@@ -23,8 +24,34 @@ SAME = 1e-12
 """Difference of two realisations, over the largest value over time, below which they are the same."""
 
 
-def nodes_dataset(runs: Runs, verification: Index, fit: Fit) -> xr.Dataset:
+def nodes_of(
+    labels: Labels, names: Sequence[str], inputs: Array, germs: Array, status: Index, messages: list[str], purpose: Any
+) -> xr.Dataset:
     """Return the dataset `nodes` of a node: where the realisations were, what for, and what became of them.
+
+    Parameters
+    ----------
+    labels : uqmbd.results.Labels
+        Of the problem.
+    names : sequence of str
+        Of the germs.
+    inputs, germs : array, shape (K, d)
+        Points.
+    status, messages, purpose
+        Of each.
+    """
+    data = {
+        "inputs": (("node", "input"), inputs),
+        "germs": (("node", "germ"), germs),
+        "status": ("node", status.astype(np.int32), {"comment": "0: fine; others as of samples"}),
+        "message": ("node", np.array(messages, dtype=str)),
+        "purpose": ("node", purpose),
+    }
+    return xr.Dataset(data, coords={**labels.input_coords(), "germ": np.array([str(name) for name in names])})
+
+
+def nodes_dataset(runs: Runs, verification: Index, fit: Fit) -> xr.Dataset:
+    """Return the dataset `nodes` of a collocation on the whole germ space.
 
     `purpose` is ``fit``, ``verification``, both (germs of few values meet), or ``refinement``: what an earlier step
     needed and the last one did not, and the search for idle inputs.  `weight` is that of the quadrature,
@@ -37,19 +64,23 @@ def nodes_dataset(runs: Runs, verification: Index, fit: Fit) -> xr.Dataset:
     if fit.failed:
         # a failed node was meant for the fit, though it is not in it
         used[(runs.status != Status.OK) & (used == 0)] = 1
-    data: dict[str, Any] = {
-        "inputs": (("node", "input"), runs.values),
-        "germs": (("node", "germ"), runs.germs),
-        "status": ("node", runs.status.astype(np.int32), {"comment": "0: fine; others as of samples"}),
-        "message": ("node", np.array(runs.messages, dtype=str)),
-        "purpose": ("node", names[used]),
-    }
+    about = (runs.problem.labels, runs.space.names, runs.values, runs.germs, runs.status, runs.messages)
+    found = nodes_of(*about, names[used])
     if fit.weights is not None:
         weights = np.zeros(len(runs))
         np.add.at(weights, fit.where, fit.weights)
-        data["weight"] = ("node", weights, {"long_name": "weight of the quadrature"})
-    germs = np.array([str(name) for name in runs.space.names])
-    return xr.Dataset(data, coords={**runs.problem.labels.input_coords(), "germ": germs})
+        found["weight"] = ("node", weights, {"long_name": "weight of the quadrature"})
+    return found
+
+
+def warn_of_failures(verification: uqmbd.Verification, label: str) -> None:
+    """Warn of verification realisations that failed."""
+    if verification.failures:
+        warnings.warn(
+            f"{label}: {verification.failures} of {verification.asked} verification realisations failed; the stated "
+            f"error comes from the others. Reason of the failure: {verification.reason}",
+            stacklevel=3,
+        )
 
 
 def warn_of_idle_inputs(runs: Runs, fit: Fit, label: str) -> None:

@@ -6,11 +6,10 @@ from collections import Counter
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 import uqmbd
 from uqmbd.results import Status
-from uqmbd.typing import Array, Index
+from uqmbd.typing import Array, Index, Mask
 
 __all__ = ["Runs", "announced_once"]
 
@@ -45,27 +44,11 @@ class Runs:
     _joined: Array | None = None
 
     @classmethod
-    def filled(
-        cls, problem: uqmbd.Problem, space: uqmbd.GermSpace, germs: Array, found: uqmbd.Realisations, start: int
-    ) -> Runs:
-        """Return the runs of a part of realisations: at `germs` (K, d), those from `start` on."""
-        runs, part = cls(problem, space), slice(start, start + len(germs))
-        first: dict[tuple[float, ...], int] = {}
-        for k, key in enumerate(cls._keys(germs)):
-            first.setdefault(key, k)
-        rows = np.array(list(first.values()), dtype=np.int64)
-        runs._where = {key: place for place, key in enumerate(first)}
-        runs._germs = [germs[rows]]
-        runs._parts = [
-            uqmbd.Realisations(
-                found.values[part][rows],
-                found.response[part][rows],
-                found.status[part][rows],
-                tuple(found.messages[start + k] for k in rows),
-                {},
-                0.0,
-            )
-        ]
+    def filled(cls, problem: uqmbd.Problem, space: uqmbd.GermSpace, germs: Array, found: uqmbd.Realisations) -> Runs:
+        """Return the runs of realisations at `germs` (K, d), each point once."""
+        runs = cls(problem, space)
+        rows = runs.missing(germs)
+        runs._add(germs[rows], found[rows])
         return runs
 
     def __len__(self) -> int:
@@ -83,16 +66,25 @@ class Runs:
         """Compute what is missing, and return where the realisations of `germs` (K, d) are."""
         rows = self.missing(germs)
         if len(rows):
-            new = germs[rows]
-            part = self.problem.realise(self.space.to_inputs(new))
-            for key in self._keys(new):
-                self._where[key] = len(self._where)
-            self._germs.append(new)
-            self._parts.append(part)
-            self._joined = None
-            self.counters.update(part.counters)
-            self.wall_time += part.wall_time
+            self._add(germs[rows], self.problem.realise(self.space.to_inputs(germs[rows])))
         return np.array([self._where[key] for key in self._keys(germs)], dtype=np.int64)
+
+    def _add(self, germs: Array, part: uqmbd.Realisations) -> None:
+        for key in self._keys(germs):
+            self._where[key] = len(self._where)
+        self._germs.append(germs)
+        self._parts.append(part)
+        self._joined = None
+        self.counters.update(part.counters)
+        self.wall_time += part.wall_time
+
+    def verification(self, points: Array) -> uqmbd.Verification:
+        """Return the realisations at germ points (V, d) that no node uses, those that failed left out."""
+        where = self.at(points)
+        good = where[self.good(where)]
+        if not len(good):
+            return uqmbd.Verification(self.space, points[:0], np.zeros((0, *self.problem.labels.shape)), len(where))
+        return uqmbd.Verification(self.space, self.germs[good], self.response[good], len(where), self.reason(where))
 
     @property
     def germs(self) -> Array:
@@ -124,7 +116,7 @@ class Runs:
         found = [m for p in self._parts for m in p.messages]
         return [m or ("an output is not finite" if s else "") for m, s in zip(found, self.status, strict=True)]
 
-    def good(self, where: Index) -> NDArray[np.bool_]:
+    def good(self, where: Index) -> Mask:
         """Say which of some realisations, given by their places (K,), did not fail."""
         return np.asarray(self.status[where] == Status.OK)
 

@@ -3,33 +3,24 @@
 from __future__ import annotations
 
 import json
-import math
 import warnings
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
 import uqmbd
-from uqmbd.results import PolynomialChaos, Status
+from uqmbd.results import PolynomialChaos
 from uqmbd.typing import Array, Index
-from uqmbd_galerkin.ending import DOUBTFUL, finished, padded
-from uqmbd_galerkin.rules import basis, quadrature
+from uqmbd_galerkin.ending import finished, no_motion, padded, warn_of_doubt
+from uqmbd_galerkin.rules import STREAM, Discretisation
 from uqmbd_galerkin.scalars import expand
-from uqmbd_galerkin.verification import horizons, verification_points
-
-if TYPE_CHECKING:
-    from uqmbd_galerkin.propagator import Galerkin
 
 __all__ = ["galerkin_elements", "solve_element"]
-
-
-FEWEST = 3
-"""Verification realisations that every element gets, however improbable."""
 
 
 def solve_element(
@@ -85,10 +76,13 @@ def solve_element(
 class _Elements:
     """All elements that were computed, replaced ones too, in that order."""
 
-    options: Galerkin
     problem: uqmbd.Problem
+    discretisation: Discretisation
+    integrator: str
+    linear_solver: str
+    verify: int
     nodes: list[int] = field(default_factory=list)
-    verified: list[tuple[int, int]] = field(default_factory=list)
+    verified: list[uqmbd.Verification] = field(default_factory=list)
     messages: list[str] = field(default_factory=list)
     integrators: list[str] = field(default_factory=list)
     counters: Counter[str] = field(default_factory=Counter)
@@ -98,52 +92,31 @@ class _Elements:
 
     def compute(self, boxes: Sequence[uqmbd.GermBox]) -> list[PolynomialChaos]:
         """Solve each box, and compute the verification realisations of all together."""
-        options, problem = self.options, self.problem
-        how = (options.integrator or problem.integrator, options.linear_solver)
-        points, bases, tasks = [], [], []
-        for number, box in enumerate(boxes, start=len(self.nodes)):
-            terms = basis(options, box.local)
-            rule = quadrature(options, problem.label, box.local, terms)
+        problem = self.problem
+        how = (problem.times, problem.rtol, self.integrator, self.linear_solver)
+        points = uqmbd.Verification.points_of_elements(
+            boxes, len(self.nodes), self.verify, self.discretisation.seed, STREAM
+        )
+        bases, tasks = [], []
+        for box in boxes:
+            terms = self.discretisation.basis(box.local)
+            rule = self.discretisation.quadrature(box.local, terms)
             psi = box.local.evaluate(rule.nodes, terms)
-            tasks.append((box.space.to_inputs(rule.nodes), psi, rule.weights, problem.times, problem.rtol, *how))
-            count = max(FEWEST, math.ceil(options.verify * box.probability)) if options.verify else 0
-            seed = int(np.random.SeedSequence([options.seed, number]).generate_state(1)[0])
-            points.append(verification_points(box.local, count, seed))
+            tasks.append((box.space.to_inputs(rule.nodes), psi, rule.weights, *how))
             bases.append(terms)
-        together = np.concatenate(points)
-        known = problem.realise(boxes[0].space.to_inputs(together)) if len(together) else None
+        known = problem.realise(boxes[0].space.to_inputs(np.concatenate(points)))
         chaoses, start = [], 0
         results = self._values(bases, tasks) if problem.timeless else problem.run(solve_element, tasks)
         for box, germs, terms, task in zip(boxes, points, bases, tasks, strict=True):
             try:
                 found = next(results)
             except uqmbd.AssemblyError as error:
-                raise uqmbd.AssemblyError(
-                    f"{problem.label}: {str(error).rstrip('.')}. An expansion needs a motion at every node: truncate "
-                    "the distributions, or use Monte Carlo, which counts such samples."
-                ) from None
-            count = found["coefficients"].shape[2]
-            labels = problem.labels
-            labels = labels if count == len(problem.times) else replace(labels, times=problem.times[:count])
-            good, response = np.zeros(0, dtype=np.int64), None
-            if known is not None:
-                own = slice(start, start + len(germs))
-                fine = np.isfinite(known.response[own]).all(axis=(1, 2)) & (known.status[own] == Status.OK)
-                good = np.flatnonzero(fine)
-                response = known.response[own][good][:, :, :count]
+                raise no_motion(problem.label, error) from None
+            verified = uqmbd.Verification.of(box.local, germs, known[start : start + len(germs)])
             start += len(germs)
-            chaoses.append(
-                PolynomialChaos(
-                    found["coefficients"],
-                    found.get("terms", terms),
-                    box.local,
-                    labels,
-                    verification_germs=germs[good] if len(good) else None,
-                    verification_response=response if len(good) else None,
-                )
-            )
+            chaoses.append(verified.chaos(found["coefficients"], found.get("terms", terms), problem.labels))
             self.nodes.append(len(task[2]))
-            self.verified.append((len(good), len(germs)))
+            self.verified.append(verified)
             self.messages.append(str(found["message"]))
             self.integrators.append(str(found["integrator"]))
             self.counters.update(json.loads(str(found["counters"])))
@@ -181,31 +154,41 @@ class _Elements:
             counters = {}
 
 
-def galerkin_elements(options: Galerkin, problem: uqmbd.Problem, space: uqmbd.GermSpace, begin: float) -> xr.DataTree:
+def galerkin_elements(
+    propagator: uqmbd.Propagator,
+    problem: uqmbd.Problem,
+    space: uqmbd.GermSpace,
+    limits: uqmbd.ElementLimits,
+    how: tuple[Discretisation, str, str, int],
+    begin: float,
+) -> xr.DataTree:
     """Split the germ space where it is needed, and summarise.
 
     Parameters
     ----------
-    options : Galerkin
-        The propagator.
+    propagator : uqmbd.Propagator
+        The method at work.
     problem : uqmbd.Problem
         What to compute.
     space : uqmbd.GermSpace
         Of the inputs.
+    limits : uqmbd.ElementLimits
+        How many elements.
+    how : tuple
+        Basis and quadrature, integrator, linear solver, and number of verification realisations.
     begin : float
         When the work began, on the problem's clock.
     """
-    limits = uqmbd.ElementLimits(options.elements or 1, options.max_elements, options.threshold)
     quiet = replace(problem, progress=_Quiet(problem.progress))
-    problem.progress.start(problem.label, 2 * limits.count - 1)
-    work = _Elements(options, quiet)
+    problem.progress.start(problem.label, limits.computed)
+    work = _Elements(quiet, *how)
     refined = uqmbd.refine_elements(space, work.compute, limits, label=problem.label, rtol=problem.rtol)
     problem.progress.finish(problem.label)
     chaos = refined.chaos
     assert chaos.labels.times is not None
     count = len(chaos.labels.times)
     kept = refined.kept
-    failures = sum(work.verified[k][1] - work.verified[k][0] for k in kept)
+    failures = sum(work.verified[k].failures for k in kept)
     without = sum(work.failed[k] for k in kept)
     if without:
         reason = next(work.messages[k] for k in kept if work.failed[k])
@@ -222,18 +205,11 @@ def galerkin_elements(options: Galerkin, problem: uqmbd.Problem, space: uqmbd.Ge
             f"t = {chaos.labels.times[-1]:.6g} s of {problem.times[-1]:g} s: {reason} To go further, {remedy}.",
             stacklevel=3,
         )
-    doubtful = horizons(chaos, DOUBTFUL, problem.rtol)
-    if doubtful:
-        listed = ", ".join(f"{name!r} from t = {time:.6g} s on" for name, time in doubtful.items())
-        warnings.warn(
-            f"{problem.label}: the stated error passes {DOUBTFUL:.0%} of the standard deviation with {len(kept)} "
-            f"elements, in {listed}; do not trust it from there on: {remedy}.",
-            stacklevel=3,
-        )
+    warn_of_doubt(problem, chaos, f" with {len(kept)} elements", remedy)
     return problem.node(
-        options,
+        propagator,
         padded(chaos.statistics(), problem.times),
-        realisations=sum(work.nodes) + sum(total for _, total in work.verified),
+        realisations=sum(work.nodes) + sum(one.asked for one in work.verified),
         wall_time=problem.clock() - begin,
         counters=dict(work.counters),
         children={"chaos": chaos.to_dataset(), "elements": refined.steps},
@@ -248,7 +224,7 @@ def galerkin_elements(options: Galerkin, problem: uqmbd.Problem, space: uqmbd.Ge
                 if problem.timeless
                 else {"integrated_by": ", ".join(dict.fromkeys(work.integrators[k] for k in kept))}
             ),
-            "verification": sum(work.verified[k][0] for k in kept),
+            "verification": sum(len(work.verified[k].germs) for k in kept),
             "elements": len(kept),
             "elements_computed": refined.computed,
             "threshold_met": str(refined.met),

@@ -8,11 +8,10 @@ import numpy as np
 import xarray as xr
 
 import uqmbd
-from uqmbd.results import PolynomialChaos
+from uqmbd.results import PiecewiseChaos, PolynomialChaos
 from uqmbd.typing import Array, Mask
-from uqmbd_galerkin.verification import horizons
 
-__all__ = ["finished", "padded", "warn"]
+__all__ = ["finished", "horizons", "no_motion", "padded", "warn", "warn_of_doubt"]
 
 
 DOUBTFUL = 0.1
@@ -51,28 +50,72 @@ def warn(
         warnings.warn(
             f"{label}: results end at t = {last:.6g} s of {times[-1]:g} s, since the stated error of "
             f"{_listed(stopped)} passes stop_at = {stop_at:g}. To go further, {remedy}.",
-            stacklevel=4,
+            stacklevel=3,
         )
     elif message:
         warnings.warn(
             f"{label}: the projected motion ended, results are given up to t = {last:.6g} s of {times[-1]:g} s: "
             f"{message} The expansion of order {order} may have stopped being valid: {remedy}.",
-            stacklevel=4,
+            stacklevel=3,
         )
     suspicions = [one.words() for one in chaos.discontinuities() if one and one.clear]
     if suspicions:
-        warnings.warn(f"{label}: {'; '.join(suspicions)}.", stacklevel=4)
+        warnings.warn(f"{label}: {'; '.join(suspicions)}.", stacklevel=3)
+    warn_of_doubt(problem, chaos, "", remedy)
+
+
+def warn_of_doubt(problem: uqmbd.Problem, chaos: PolynomialChaos | PiecewiseChaos, how: str, remedy: str) -> None:
+    """Say from when on the stated error is too large; `how` the chaos was made, as " with 4 elements", or empty."""
     doubtful = horizons(chaos, DOUBTFUL, problem.rtol)
     if doubtful:
         warnings.warn(
-            f"{label}: the stated error passes {DOUBTFUL:.0%} of the standard deviation, in {_listed(doubtful)}; "
-            f"do not trust it from there on: {remedy}.",
+            f"{problem.label}: the stated error passes {DOUBTFUL:.0%} of the standard deviation{how}, in "
+            f"{_listed(doubtful)}; do not trust it from there on: {remedy}.",
             stacklevel=4,
         )
+
+
+def horizons(chaos: PolynomialChaos | PiecewiseChaos, limit: float, rtol: float) -> dict[str, float]:
+    """Find the first time at which the stated error of an output exceeds a limit; outputs that never do are left out.
+
+    An output that varies by no more than the tolerance of the integration has no error worth a word.
+
+    Parameters
+    ----------
+    chaos : uqmbd.results.PolynomialChaos or uqmbd.results.PiecewiseChaos
+        Without verification data nothing is known, and nothing found.
+    limit : float
+        Over the standard deviation.
+    rtol : float
+        Relative tolerance of the integration.
+
+    Returns
+    -------
+    dict of str to float
+        Times in s by the name of the output.
+    """
+    response = chaos.verification_response
+    if response is None:
+        return {}
+    outputs = chaos.labels.outputs
+    size = np.abs(chaos.mean).max(axis=1)
+    alike = np.array([size[[o.units == other.units for other in outputs]].max() for o in outputs])
+    spread = np.maximum(chaos.std, response.std(axis=0)).max(axis=1)
+    loud = spread > rtol * np.maximum(100 * size, alike)
+    found = chaos.horizon(limit)
+    return {o.name: t for o, some in zip(outputs, loud, strict=True) if some and (t := found[o.name]) is not None}
 
 
 def _listed(horizon: dict[str, float]) -> str:
     return ", ".join(f"{name!r} from t = {time:.6g} s on" for name, time in horizon.items())
+
+
+def no_motion(label: str, error: uqmbd.AssemblyError) -> uqmbd.AssemblyError:
+    """Return an error of the assembly of some node with what it means for an expansion."""
+    return uqmbd.AssemblyError(
+        f"{label}: {str(error).rstrip('.')}. An expansion needs a motion at every node: truncate the distributions, or "
+        "use Monte Carlo, which counts such samples."
+    )
 
 
 def finished(coefficients: Array) -> int:

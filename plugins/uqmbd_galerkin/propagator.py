@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import warnings
-from dataclasses import dataclass
-from typing import Any, ClassVar, Literal, get_args
+from dataclasses import dataclass, fields
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 import xarray as xr
@@ -14,17 +14,13 @@ from uqmbd.results import PolynomialChaos
 from uqmbd.typing import Array, Index
 from uqmbd_galerkin.diagnostics import diagnostics
 from uqmbd_galerkin.elements import galerkin_elements
-from uqmbd_galerkin.ending import finished, padded, warn
-from uqmbd_galerkin.impacts import refuse_impacts
-from uqmbd_galerkin.rules import basis, estimate, quadrature
+from uqmbd_galerkin.ending import finished, horizons, no_motion, padded, warn
+from uqmbd_galerkin.rules import STREAM, Discretisation, Rule, Terms
 from uqmbd_galerkin.scalars import projected_scalars
-from uqmbd_galerkin.verification import Verification, horizons
 
 __all__ = ["Galerkin"]
 
 
-Terms = Literal["total", "tensor", "hyperbolic"]
-Rule = Literal["gauss", "smolyak", "sobol", "halton", "random"]
 LinearSolver = Literal["auto", "dense", "sparse", "krylov-nodal", "krylov-mean"]
 
 
@@ -90,50 +86,25 @@ class Galerkin(uqmbd.Propagator):
     """
 
     name: ClassVar[str] = "galerkin"
-    order: int = 3
+    order: Annotated[int, uqmbd.Bounds(0)] = 3
     index_set: Terms | None = None
-    weights: tuple[float, ...] | None = None
-    nodes: tuple[int, ...] | None = None
+    weights: Annotated[tuple[float, ...], uqmbd.Bounds(0, above=True)] | None = None
+    nodes: Annotated[tuple[int, ...], uqmbd.Bounds(1)] | None = None
     rule: Rule = "gauss"
-    samples: int | None = None
-    level: int | None = None
+    samples: Annotated[int, uqmbd.Bounds(1)] | None = None
+    level: Annotated[int, uqmbd.Bounds(0)] | None = None
     elements: int | Literal["adaptive"] | None = None
     max_elements: int = 32
     threshold: float = 0.01
     transform: Literal["rosenblatt", "nataf"] = "rosenblatt"
     linear_solver: LinearSolver = "auto"
     integrator: Literal["auto", "dop853", "ida"] | None = None
-    verify: int = 8
-    stop_at: float | None = None
-    seed: int = 0
+    verify: Annotated[int, uqmbd.Bounds(0)] = 8
+    stop_at: Annotated[float, uqmbd.Bounds(0, above=True)] | None = None
+    seed: Annotated[int, uqmbd.Bounds(0)] = 0
 
     def __post_init__(self) -> None:
-        for name, least in (("order", 0), ("verify", 0), ("seed", 0)):
-            value = getattr(self, name)
-            if not isinstance(value, int) or isinstance(value, bool) or value < least:
-                raise uqmbd.StudyError(f"Galerkin: {name} is {value!r}; expected a whole number, {least} or more.")
-        choices = (
-            ("index_set", (*get_args(Terms), None)),
-            ("rule", get_args(Rule)),
-            ("transform", ("rosenblatt", "nataf")),
-            ("linear_solver", get_args(LinearSolver)),
-            ("integrator", ("auto", "dop853", "ida", None)),
-        )
-        for name, known in choices:
-            if getattr(self, name) not in known:
-                listed = ", ".join(map(repr, known))
-                raise uqmbd.StudyError(f"Galerkin: {name} is {getattr(self, name)!r}; expected one of {listed}.")
-        if self.nodes is not None:
-            given: Any = self.nodes  # as anybody may have given it
-            if isinstance(given, (int, np.integer)):
-                given = (int(given),)
-            elif not isinstance(given, (tuple, list)):
-                given = (None,)
-            if not given or not all(isinstance(x, (int, np.integer)) and x > 0 for x in given):
-                raise uqmbd.StudyError(
-                    f"Galerkin: nodes is {self.nodes!r}; expected a number of Gauss nodes above 0, or one per input."
-                )
-            object.__setattr__(self, "nodes", tuple(int(x) for x in given))
+        super().__post_init__()
         if self.rule == "smolyak" and self.samples is not None and self.level is None:
             warnings.warn(
                 "Galerkin: samples= as the level of rule='smolyak' is deprecated; give level=.",
@@ -142,62 +113,53 @@ class Galerkin(uqmbd.Propagator):
             )
             object.__setattr__(self, "level", self.samples)
             object.__setattr__(self, "samples", None)
-        if self.level is not None:
-            if self.rule != "smolyak" or self.samples is not None:
-                raise uqmbd.StudyError(
-                    f"Galerkin: level is {self.level!r}, for rule='smolyak' without samples; rule is {self.rule!r}, "
-                    f"samples {self.samples!r}."
-                )
-            if isinstance(self.level, bool) or not isinstance(self.level, (int, np.integer)) or self.level < 0:
-                raise uqmbd.StudyError(f"Galerkin: level is {self.level!r}; expected a whole number, 0 or more.")
-        if self.samples is not None and not (isinstance(self.samples, (int, np.integer)) and self.samples > 0):
-            raise uqmbd.StudyError(f"Galerkin: samples is {self.samples!r}; expected a whole number above 0.")
-        if self.samples is not None and self.rule == "gauss":
+        self._discretisation(self.node_name)
+        if self._limits.elements is not None and (self.stop_at is not None or not self.order):
             raise uqmbd.StudyError(
-                "Galerkin: samples is given, but rule='gauss' is a grid; give nodes, or a rule of samples, as 'sobol'."
+                f"Galerkin: elements={self.elements!r} needs an order of 1 or more, and cannot be combined with "
+                f"stop_at; order is {self.order}, stop_at {self.stop_at!r}."
             )
-        if self.weights is not None:
-            each: Any = self.weights if isinstance(self.weights, (tuple, list)) else (None,)
-            if not each or not all(isinstance(x, (int, float, np.number)) and x > 0 for x in each):
-                raise uqmbd.StudyError(
-                    f"Galerkin: weights is {self.weights!r}; expected one positive number for each input."
-                )
-        if self.nodes is not None and self.rule != "gauss":
-            other = "level" if self.rule == "smolyak" else "samples"
-            raise uqmbd.StudyError(f"Galerkin: nodes is for rule='gauss'; for rule={self.rule!r} give {other}.")
-        if self.rule == "smolyak" and self.level is None:
-            raise uqmbd.StudyError("Galerkin: rule='smolyak' needs level=.")
-        if self.rule not in ("gauss", "smolyak") and self.samples is None:
-            raise uqmbd.StudyError(f"Galerkin: rule={self.rule!r} needs samples=how many.")
-        uqmbd.ElementLimits("adaptive" if self.elements is None else self.elements, self.max_elements, self.threshold)
-        if self.elements is not None:
-            if self.stop_at is not None or not self.order:
-                raise uqmbd.StudyError(
-                    f"Galerkin: elements={self.elements!r} needs an order of 1 or more, and cannot be combined with "
-                    f"stop_at; order is {self.order}, stop_at {self.stop_at!r}."
-                )
-        usable = isinstance(self.stop_at, (int, float, np.number)) and not isinstance(self.stop_at, bool)
-        if self.stop_at is not None and not (usable and 0 < self.stop_at < np.inf and self.verify):
+        if self.stop_at is not None and not self.verify:
             raise uqmbd.StudyError(
-                f"Galerkin: stop_at is {self.stop_at!r} with verify={self.verify}; expected an error above 0, such as "
-                "0.05, and verification realisations that can tell it."
+                f"Galerkin: stop_at is {self.stop_at!r} with verify=0; expected verification realisations that can "
+                "tell the error."
             )
+
+    @property
+    def products(self) -> Terms:
+        """The index set, chosen to suit if none is given."""
+        return self._discretisation(self.node_name).products
+
+    @property
+    def _limits(self) -> uqmbd.ElementLimits:
+        return uqmbd.ElementLimits(self.elements, self.max_elements, self.threshold)
+
+    def _discretisation(self, label: str) -> Discretisation:
+        given = {f.name: getattr(self, f.name) for f in fields(Discretisation) if f.name != "label"}
+        return Discretisation(label, **given)
 
     def estimate(self, study: uqmbd.Study) -> uqmbd.Estimate:
         """Count nodes and terms, and the memory of what is known at all nodes and times."""
-        return estimate(self, study)
+        space = uqmbd.GermSpace.of(study.mechanism.inputs, self.transform)
+        how, boxes = self._discretisation(self.node_name), self._limits.computed
+        nodes, terms = how.node_count(space), len(how.basis(space))
+        layout, times, outputs = study.problem(self).model.layout, len(study.times), len(study.mechanism.outputs)
+        per_node = times * (layout.width + 2 * outputs) + layout.unknowns**2 + 2 * terms
+        memory = 8 * (nodes * per_node + terms * times * (2 * layout.width + 2 * outputs))
+        # an element is solved at a time, and leaves its coefficients
+        memory += 8 * (boxes - 1) * terms * times * outputs
+        detail = f"{nodes} nodes, {terms} terms" + (f" in each of {boxes} elements" if boxes > 1 else "")
+        return uqmbd.Estimate(boxes * nodes + self.verify, memory, detail, at_most=self._limits.adaptive)
 
     def obstacle(self, study: uqmbd.Study) -> str | None:
         """Say what is in the way: nothing random, a distribution without moments, a rule that does not fit, no pose."""
-        if not len(study.mechanism.inputs):
-            return (
-                f"nothing in mechanism {study.mechanism.name!r} is random; declare a uqmbd.RandomVariable, or use "
-                "uqmbd.simulate"
-            )
+        if reason := uqmbd.nothing_random(study.mechanism.inputs, study.mechanism.name):
+            return reason
         try:
             space = uqmbd.GermSpace.of(study.mechanism.inputs, self.transform)
-            terms = basis(self, space)
-            rule = quadrature(self, self.node_name, space, terms)
+            how = self._discretisation(self.node_name)
+            terms = how.basis(space)
+            rule = how.quadrature(space, terms)
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore", uqmbd.RedundantConstraintWarning)
                 problem = study.problem(self)
@@ -205,7 +167,7 @@ class Galerkin(uqmbd.Propagator):
             if problem.model.outputs.names:
                 self.require_integrator(problem)
                 ensemble = problem.ensemble(space.to_inputs(rule.nodes))
-                refuse_impacts(self, ensemble, terms=len(terms), nodes=len(rule.nodes))
+                how.refuse_impacts(ensemble, terms=len(terms), nodes=len(rule.nodes))
                 self._projected(self.node_name, ensemble, space, terms, rule)
         except (uqmbd.StudyError, uqmbd.AssemblyError) as error:
             return str(error).removeprefix(f"{self.node_name}: ")
@@ -213,48 +175,35 @@ class Galerkin(uqmbd.Propagator):
 
     def propagate(self, problem: uqmbd.Problem) -> xr.DataTree:
         """Verify, project, integrate, and summarise."""
-        from threadpoolctl import threadpool_limits
-
-        if not len(problem.inputs):
-            raise uqmbd.StudyError(
-                f"{problem.label}: nothing in mechanism {problem.mechanism!r} is random; "
-                "declare a uqmbd.RandomVariable, or use uqmbd.simulate."
-            )
-        begin = problem.clock()
-        try:
-            space = uqmbd.GermSpace.of(problem.inputs, self.transform)
-        except uqmbd.StudyError as error:
-            raise uqmbd.StudyError(f"{problem.label}: {error}") from None
-        with threadpool_limits(limits=1):
-            return self._propagate(problem, space, begin)
-
-    def _propagate(self, problem: uqmbd.Problem, space: uqmbd.GermSpace, begin: float) -> xr.DataTree:
-        terms = basis(self, space)
-        rule = quadrature(self, problem.label, space, terms)
+        begin, space, how = problem.clock(), problem.germ_space(self.transform), self._discretisation(problem.label)
+        terms = how.basis(space)
+        rule = how.quadrature(space, terms)
         if not problem.timeless:
             self.require_integrator(problem)
             one = problem.ensemble(space.to_inputs(rule.nodes[:1]))
-            refuse_impacts(self, one, terms=len(terms), nodes=len(rule.nodes))
+            how.refuse_impacts(one, terms=len(terms), nodes=len(rule.nodes))
         if self.elements is not None:
-            return galerkin_elements(self, problem, space, begin)
+            solvers = (self.integrator or problem.integrator, self.linear_solver)
+            return galerkin_elements(self, problem, space, self._limits, (how, *solvers, self.verify), begin)
+        if not problem.timeless:
+            ensemble = problem.ensemble(space.to_inputs(rule.nodes))
+            projected = self._projected(problem.label, ensemble, space, terms, rule)
+        germs = uqmbd.Verification.points(space, self.verify, self.seed, STREAM)
+        verification = uqmbd.Verification.of(space, germs, problem.realise(space.to_inputs(germs)))
         if problem.timeless:
-            verification = Verification(problem, space, self.verify, self.seed)
             return projected_scalars(self, problem, space, terms, rule, verification, begin)
-        ensemble = problem.ensemble(space.to_inputs(rule.nodes))
-        projected = self._projected(problem.label, ensemble, space, terms, rule)
-        verification = Verification(problem, space, self.verify, self.seed)
         if verification.failures:
             warnings.warn(
                 f"{problem.label}: {verification.failures} of {self.verify} verification realisations fail, so the "
                 "response does not exist, or not for all times, in part of the support of the inputs; an expansion "
                 f"over all of it means little. Truncate the distributions. Reason: {verification.reason}",
-                stacklevel=3,
+                stacklevel=2,
             )
 
         def respond(coefficients: Array, count: int) -> PolynomialChaos:
             nodal = projected.nodal(coefficients[:, :count])
             response = ensemble.outputs(problem.times[:count], nodal)
-            return verification.chaos(projected.project(response), terms, count)
+            return verification.chaos(projected.project(response), terms, problem.labels)
 
         def watch(coefficients: Array) -> bool:
             return bool(horizons(respond(coefficients, finished(coefficients)), limit, problem.rtol))
@@ -316,18 +265,10 @@ class Galerkin(uqmbd.Propagator):
         if any(directions for *_, directions in problem.model.events):
             problem.require("events", self.integrator, remedy)
 
-    @property
-    def products(self) -> Terms:
-        """The index set, chosen to suit if none is given."""
-        return self.index_set or ("total" if self.elements is None else "tensor")
-
     def _projected(
         self, label: str, ensemble: uqmbd.Ensemble, space: uqmbd.GermSpace, terms: Index, rule: uqmbd.Quadrature
     ) -> uqmbd.ProjectedEnsemble:
         try:
             return uqmbd.ProjectedEnsemble(ensemble, space.evaluate(rule.nodes, terms), rule.weights)
         except uqmbd.AssemblyError as error:
-            raise uqmbd.AssemblyError(
-                f"{label}: {str(error).rstrip('.')}. An expansion needs a motion at every node: truncate the "
-                "distributions, or use Monte Carlo, which counts such samples."
-            ) from None
+            raise no_motion(label, error) from None

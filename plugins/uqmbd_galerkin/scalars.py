@@ -11,7 +11,6 @@ import xarray as xr
 import uqmbd
 from uqmbd.results import Status, project, regress_on_nodes
 from uqmbd.typing import Array, Index
-from uqmbd_galerkin.verification import Verification
 
 __all__ = ["Expansion", "expand", "projected_scalars"]
 
@@ -94,7 +93,7 @@ def projected_scalars(
     space: uqmbd.GermSpace,
     terms: Index,
     rule: uqmbd.Quadrature,
-    verification: Verification,
+    verification: uqmbd.Verification,
     begin: float,
 ) -> xr.DataTree:
     """Expand the outputs without a time.
@@ -107,7 +106,7 @@ def projected_scalars(
         Of the outputs without a time.
     space, terms, rule
         Inputs, basis and quadrature of the expansion of the motion.
-    verification : Verification
+    verification : uqmbd.Verification
         Realisations that no node uses.
     begin : float
         When the work began, on the problem's clock.
@@ -125,13 +124,13 @@ def projected_scalars(
         warnings.warn(
             f"{problem.label}: {fit.failed} of {len(rule)} nodes failed, so that the quadrature does not hold: "
             f"{fit.how}. Reason of the failure: {reason}",
-            stacklevel=4,
+            stacklevel=3,
         )
-    chaos = verification.chaos(fit.coefficients, fit.terms, len(problem.times))
+    chaos = verification.chaos(fit.coefficients, fit.terms, problem.labels)
     return problem.node(
         propagator,
         chaos.statistics(),
-        realisations=len(rule) + verification.count,
+        realisations=len(rule) + verification.asked,
         wall_time=problem.clock() - begin,
         counters=found.counters,
         children={"chaos": chaos.to_dataset()},
@@ -141,6 +140,6 @@ def projected_scalars(
             "terms": len(fit.terms),
             "nodes": len(rule),
             "quadrature": rule.name,
-            "verification": verification.count - verification.failures,
+            "verification": len(verification.germs),
         },
     )

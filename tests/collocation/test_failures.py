@@ -10,7 +10,7 @@ import sympy
 import uqmbd
 from uqmbd.results import validate
 from uqmbd_collocation import Collocation
-from uqmbd_collocation.plans import verification_points
+from uqmbd_collocation.plans import STREAM
 from uqmbd_joints import Distance, Revolute
 
 UNIFORM = chaospy.Uniform(-1, 1)
@@ -129,7 +129,7 @@ def test_failed_verification_does_not_end_a_refinement(resting, warned, adaptive
     edge = sympy.Rational(98, 100)
     study = resting(lambda a, b: sympy.exp(a) + b, UNIFORM, UNIFORM, y2=lambda a, b: sympy.sqrt(edge - b))
     space = uqmbd.GermSpace.of(study.mechanism.inputs)
-    seed = next(k for k in range(99) if (verification_points(space, 16, k)[:, 1] > 0.98).sum() == 1)
+    seed = next(k for k in range(99) if (uqmbd.Verification.points(space, 16, k, STREAM)[:, 1] > 0.98).sum() == 1)
     options = Collocation(adaptive=adaptive, order=1, verify=16, seed=seed, tolerance=0.02)
     node, messages = warned(lambda: study.propagate(options))
     assert messages[0].startswith(

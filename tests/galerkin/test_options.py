@@ -11,8 +11,8 @@ from uqmbd_galerkin import Galerkin
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"weights": "ab"}, "weights is 'ab'; expected one positive number for each input"),
-        ({"weights": (1, -1)}, "weights is .1, -1.; expected one positive number"),
+        ({"weights": "ab"}, "weights is 'ab'; expected a number above 0 for each input"),
+        ({"weights": (1, -1)}, "weights is .1, -1.; expected a number above 0"),
         ({"samples": 50}, "samples is given, but rule='gauss' is a grid"),
         ({"stop_at": "x"}, "stop_at is 'x'"),
         ({"stop_at": True}, "stop_at is True"),

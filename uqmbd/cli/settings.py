@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal, Union
 
 from uqmbd.errors import StudyError, UqmbdError
 from uqmbd.names import did_you_mean
+from uqmbd.propagation import option_types
 
 if TYPE_CHECKING:
     from uqmbd.propagation import Propagator
@@ -150,12 +151,9 @@ def _replaced(propagator: Propagator, changes: dict[str, Any]) -> Propagator:
 
 def _option_types(propagator: Propagator) -> dict[str, Any]:
     """Return the options that may be set, with their types; the label is none, for it names the target."""
-    try:
-        hints = typing.get_type_hints(type(propagator))
-    except Exception:  # annotations that only a type checker can resolve: the text is taken as it is
-        hints = {}
+    known = option_types(type(propagator))  # where only a type checker can resolve one, the text is taken as it is
     return {
-        option.name: hints.get(option.name, Any)
+        option.name: known.get(option.name, Any)
         for option in dataclasses.fields(propagator)
         if option.init and option.name != "label"
     }
@@ -188,6 +186,8 @@ def _type_name(annotation: Any) -> str:
     ('int or none', "'a' or 'b'", 'tuple[int, ...]')
     """
     origin, members = typing.get_origin(annotation), typing.get_args(annotation)
+    if origin is typing.Annotated:
+        return _type_name(members[0])
     if origin in (Union, types.UnionType):
         return " or ".join(_type_name(member) for member in members)
     if origin is Literal:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from uqmbd.propagation.chaos import ElementLimits, ElementRefinement, refine_elements
+from uqmbd.propagation.annotations import Bounds, option_types
+from uqmbd.propagation.chaos import ElementLimits, ElementRefinement, Verification, refine_elements
 from uqmbd.propagation.deterministic import input_point, simulate
 from uqmbd.propagation.equilibrium import eigenfrequencies, static_equilibrium
 from uqmbd.propagation.estimate import Estimate
@@ -11,10 +12,12 @@ from uqmbd.propagation.observed_model import observed_model, stepped
 from uqmbd.propagation.obstacle import obstacle_of
 from uqmbd.propagation.problem import Problem
 from uqmbd.propagation.propagator import Propagator
+from uqmbd.propagation.random_inputs import nothing_random
 from uqmbd.propagation.script import load_study
 from uqmbd.propagation.study import Study
 
 __all__ = [
+    "Bounds",
     "ElementLimits",
     "ElementRefinement",
     "Estimate",
@@ -31,6 +34,9 @@ __all__ = [
     "load_study",
     "observed_model",
     "obstacle_of",
+    "option_types",
+    "Verification",
+    "nothing_random",
     "refine_elements",
     "seconds",
     "set_aside",

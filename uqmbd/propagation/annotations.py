@@ -1,22 +1,58 @@
-"""Options of methods held against the types that their fields declare."""
+"""Options of methods: what the annotations of their fields allow, for programs and the command line alike."""
 
 from __future__ import annotations
 
 import contextlib
 import dataclasses
-import math
 import types
 import typing
 from functools import lru_cache
 from numbers import Integral, Real
-from typing import Any, Literal, Union
+from typing import Annotated, Any, Literal, Union
 
 import numpy as np
 
 from uqmbd.errors import StudyError
 from uqmbd.names import did_you_mean
 
-__all__ = ["check_options"]
+__all__ = ["Bounds", "check_options", "option_types", "plain"]
+
+
+@dataclasses.dataclass(frozen=True)
+class Bounds:
+    """Which numbers an option may be, as a part of its annotation: ``order: Annotated[int, uqmbd.Bounds(0)] = 3``.
+
+    Of a tuple each number is meant; one number stands for a tuple of itself.
+
+    Parameters
+    ----------
+    least, most : float
+        A bound that is infinite is none, but the option must be finite.
+    above : bool
+        Whether `least` itself is too little.
+
+    Examples
+    --------
+    >>> Bounds(0).words, Bounds(0, above=True).words, Bounds(0, 1).words
+    (', 0 or more', ' above 0', ' between 0 and 1')
+    """
+
+    least: float
+    most: float = np.inf
+    above: bool = False
+
+    @property
+    def words(self) -> str:
+        """What follows the kind of number in a message."""
+        if np.isfinite(self.most):
+            return f" between {self.least:g} and {self.most:g}"
+        return f" above {self.least:g}" if self.above else f", {self.least:g} or more"
+
+    def hold(self, number: float) -> bool:
+        """Tell whether a number lies within."""
+        return bool(self.least <= number <= self.most and np.isfinite(number)) and not (
+            self.above and number == self.least
+        )
 
 
 def check_options(kind: type, options: dict[str, Any]) -> None:
@@ -45,26 +81,45 @@ def check_options(kind: type, options: dict[str, Any]) -> None:
     uqmbd.errors.StudyError: MonteCarlo: sampling is 'sobl'; did you mean 'sobol'? Expected one of 'random',
     'latin-hypercube', 'sobol'.
     """
-    declared = _declared(kind)
+    declared = option_types(kind)
     for name, value in options.items():
         if name not in declared or _fits(value, declared[name]):
             continue
-        words = [repr(x) for x in _words(declared[name])]
-        near = did_you_mean(value, _words(declared[name])) if isinstance(value, str) else ""
-        expected = _expected(declared[name], words)
+        words = [x for x in _literals(declared[name]) if isinstance(x, str)]
+        near = did_you_mean(value, words) if isinstance(value, str) else ""
+        expected = _expected(declared[name], [repr(x) for x in words])
         told = f"{near} Expected {expected}." if near else f"; expected {expected}."
         raise StudyError(f"{kind.__name__}: {name} is {_shown(value)}{told}")
 
 
 @lru_cache(maxsize=64)
-def _declared(kind: type) -> dict[str, Any]:
+def option_types(kind: type) -> dict[str, Any]:
+    """Return the annotations of the fields of a dataclass; one that only a type checker can resolve is left out."""
     found: dict[str, Any] = {}
     for field in dataclasses.fields(kind):
         owner = next(base for base in kind.__mro__ if field.name in vars(base).get("__annotations__", {}))
         one = type("One", (), {"__annotations__": {field.name: field.type}, "__module__": owner.__module__})
-        with contextlib.suppress(NameError, TypeError):  # one that only a type checker can resolve
-            found[field.name] = typing.get_type_hints(one)[field.name]
+        with contextlib.suppress(NameError, TypeError):
+            found[field.name] = typing.get_type_hints(one, include_extras=True)[field.name]
     return found
+
+
+def plain(value: Any, annotation: Any) -> Any:
+    """Return an option that fits its annotation as a plain number, or a tuple of these, where it has bounds.
+
+    Examples
+    --------
+    >>> plain(np.int64(3), Annotated[int, Bounds(0)]), plain([1, 2], Annotated[tuple[float, ...], Bounds(0)])
+    (3, (1.0, 2.0))
+    """
+    for member in _members(annotation):
+        base, bounds = _bounded(member)
+        if bounds is None or value is None or not _is_one(value, member):
+            continue
+        if typing.get_origin(base) is tuple:
+            return tuple(typing.get_args(base)[0](x) for x in _each(value))
+        return base(value)
+    return value
 
 
 def _members(annotation: Any) -> tuple[Any, ...]:
@@ -74,10 +129,23 @@ def _members(annotation: Any) -> tuple[Any, ...]:
     return (annotation,)
 
 
-def _words(annotation: Any) -> list[str]:
-    """Return the words among the values that an annotation allows."""
-    literal = [m for m in _members(annotation) if typing.get_origin(m) is Literal]
-    return [x for m in literal for x in typing.get_args(m) if isinstance(x, str)]
+def _bounded(member: Any) -> tuple[Any, Bounds | None]:
+    """Return an alternative without its bounds, and these."""
+    if typing.get_origin(member) is not Annotated:
+        return member, None
+    base, *marks = typing.get_args(member)
+    return base, next((mark for mark in marks if isinstance(mark, Bounds)), None)
+
+
+def _each(value: Any) -> list[Any]:
+    """Return the numbers of a row, or the one that stands for a row."""
+    return list(value) if isinstance(value, (tuple, list, np.ndarray)) and np.ndim(value) else [value]
+
+
+def _literals(annotation: Any) -> list[Any]:
+    """Return the values that an annotation lists."""
+    members = [m for m in _members(annotation) if typing.get_origin(m) is Literal]
+    return [x for m in members for x in typing.get_args(m)]
 
 
 def _fits(value: Any, annotation: Any) -> bool:
@@ -86,20 +154,23 @@ def _fits(value: Any, annotation: Any) -> bool:
 
 def _is_one(value: Any, member: Any) -> bool:
     """Tell whether a value may be of a type; any may where nothing is known of the type."""
+    base, bounds = _bounded(member)
+    if bounds is not None and typing.get_origin(base) is tuple:
+        kind, numbers = typing.get_args(base)[0], _each(value)
+        return bool(numbers) and all(_is_one(x, kind) and bounds.hold(x) for x in numbers)
     truth = isinstance(value, (bool, np.bool_))
-    if typing.get_origin(member) is Literal:
+    if typing.get_origin(base) is Literal:
         return isinstance(value, (str, int, type(None))) and any(
-            type(value) is type(x) and value == x for x in typing.get_args(member)
+            type(value) is type(x) and value == x for x in typing.get_args(base)
         )
-    if member in (None, types.NoneType):
+    if base in (None, types.NoneType):
         return value is None
-    if member is bool:
+    if base is bool:
         return truth
-    if member is int:
-        return isinstance(value, Integral) and not truth
-    if member is float:
-        return isinstance(value, Real) and not truth and not math.isnan(value)
-    if member is str:
+    if base in (int, float):
+        number = isinstance(value, Integral if base is int else Real) and not truth and value == value
+        return number and (bounds is None or bounds.hold(value))
+    if base is str:
         return isinstance(value, str)
     return True
 
@@ -107,12 +178,15 @@ def _is_one(value: Any, member: Any) -> bool:
 def _expected(annotation: Any, words: list[str]) -> str:
     """Say what an annotation allows."""
     named = {int: "a whole number", float: "a number", bool: "True or False", str: "a text"}
-    kinds = [named[m] for m in _members(annotation) if m in named]
-    if len(words) > 1:
-        kinds.append(f"one of {', '.join(words)}")
-    elif words:
-        kinds.append(words[0])
-    return " or ".join([*kinds, *(["None"] if types.NoneType in _members(annotation) else [])])
+    kinds = []
+    for base, bounds in map(_bounded, _members(annotation)):
+        row = typing.get_origin(base) is tuple and bounds is not None
+        if (kind := named.get(typing.get_args(base)[0] if row else base)) is not None:
+            kinds.append(kind + (bounds.words if bounds else "") + (" for each input" if row else ""))
+    if words:
+        kinds.append(f"one of {', '.join(words)}" if len(words) > 1 else words[0])
+    kinds += ["None"] if types.NoneType in _members(annotation) else []
+    return (", or " if any("," in kind for kind in kinds[:-1]) else " or ").join(kinds)
 
 
 def _shown(value: object) -> str:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import contextlib
 import hashlib
 import json
 import pickle
 import warnings
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
+from concurrent.futures import Executor
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from pathlib import Path
@@ -26,19 +25,18 @@ from uqmbd.propagation.execution import (
     Chunk,
     Clock,
     History,
-    Laps,
     Observed,
     Progress,
     Realisations,
     Silent,
-    compute_chunk,
+    computed_chunks,
     event_histories,
-    failed,
     run_tasks,
 )
 from uqmbd.propagation.existence import Existence
 from uqmbd.propagation.observed_model import not_unique_attribute, step_attributes
-from uqmbd.randomness import JointInput
+from uqmbd.propagation.random_inputs import nothing_random
+from uqmbd.randomness import GermSpace, JointInput
 from uqmbd.results import InputInfo, Labels, OutputInfo, labels, propagator_node
 from uqmbd.typing import Array
 from uqmbd.version import __version__
@@ -54,10 +52,6 @@ class Method(Protocol):
 
     __dataclass_fields__: ClassVar[dict[str, Any]]
     name: ClassVar[str]
-
-
-AHEAD = 64
-"""Chunks that are computed or held ahead of the one that is wanted next."""
 
 
 @dataclass(frozen=True)
@@ -189,10 +183,13 @@ class Problem:
             Of the next rows.
         """
         values = self._checked(values)
+        if not len(values):
+            return
         self.progress.start(self.label, len(values))
         begin = self.clock()
         parts = [np.ascontiguousarray(values[k : k + CHUNK]) for k in range(0, len(values), CHUNK)]
-        for index, chunk in self._chunks(parts):
+        work = computed_chunks(parts, self.executor, self._found, self._task, self._keep)
+        for index, chunk in enumerate(work):
             now = self.clock()
             found = Realisations(
                 parts[index],
@@ -229,6 +226,25 @@ class Problem:
         work = (self._packed, self._fingerprint, self.executor, self.checkpoint, self.clock)
         return run_tasks(*work, function, tasks)
 
+    def require_random(self) -> None:
+        """Raise a `uqmbd.StudyError` where nothing is random."""
+        if reason := nothing_random(self.inputs, self.mechanism):
+            raise StudyError(f"{self.label}: {reason}.")
+
+    def germ_space(self, transform: str = "rosenblatt") -> GermSpace:
+        """Return the germs of the inputs; see `uqmbd.GermSpace.of`.
+
+        Raises
+        ------
+        uqmbd.StudyError
+            Where nothing is random, or an input has no polynomials.
+        """
+        self.require_random()
+        try:
+            return GermSpace.of(self.inputs, transform)
+        except StudyError as error:
+            raise StudyError(f"{self.label}: {error}") from None
+
     def require(self, needed: Capability, integrator: str | None = None, remedy: str = "") -> None:
         """Raise where an integrator lacks a capability that a method needs.
 
@@ -262,39 +278,6 @@ class Problem:
         self.require("segments")
         begin, end = float(self.times[0]), float(self.times[-1])
         return event_histories(self.run, self._checked(values), (begin, end), self.rtol, points, least, self.integrator)
-
-    def _chunks(self, parts: list[Array]) -> Iterator[tuple[int, Chunk]]:
-        """Finished chunks in order; each is stored as soon as it is finished."""
-        ready: dict[int, Chunk] = {}
-        running: dict[Future[Chunk], int] = {}
-        submitted, laps = 0, Laps()
-        try:
-            for wanted in range(len(parts)):
-                while wanted not in ready:
-                    # some in reserve for every worker, but never all at once: results must not pile up
-                    while submitted < len(parts) and len(running) + len(ready) < AHEAD:
-                        index, submitted = submitted, submitted + 1
-                        found = self._found(parts[index])
-                        if found is not None:
-                            ready[index] = found
-                        elif self.executor is None:
-                            ready[index] = self._keep(parts[index], compute_chunk(*self._task(parts[index])), laps())
-                        else:
-                            running[self.executor.submit(compute_chunk, *self._task(parts[index]))] = index
-                        if self.executor is None:
-                            break
-                    if wanted in ready:
-                        break
-                    # one that failed ends the run: what is finished beside it is stored first
-                    for future in sorted(wait(running, return_when=FIRST_COMPLETED).done, key=failed):
-                        index = running.pop(future)
-                        ready[index] = self._keep(parts[index], future.result(), laps())
-                yield wanted, ready.pop(wanted)
-        finally:
-            for future, index in running.items():
-                if not future.cancel() and future.done() and not failed(future):
-                    with contextlib.suppress(StudyError):  # whatever ended the run is said instead
-                        self._keep(parts[index], future.result(), laps())
 
     def _task(self, part: Array) -> tuple[bytes, Array, Array, float, str, bool]:
         times = self.times if self.over is None else self.over

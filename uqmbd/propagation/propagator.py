@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 from uqmbd.errors import StudyError
 from uqmbd.names import check_arguments, check_label, did_you_mean
-from uqmbd.propagation.annotations import check_options
+from uqmbd.propagation.annotations import check_options, option_types, plain
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -62,6 +62,11 @@ class Propagator(ABC):
         if options.get("label") is not None:
             check_label(options["label"])
         return super().__new__(cls)
+
+    def __post_init__(self) -> None:
+        """Make plain numbers of options with bounds, whatever kind of number they are given as."""
+        for name, annotation in option_types(type(self)).items():
+            object.__setattr__(self, name, plain(getattr(self, name), annotation))
 
     @property
     def node_name(self) -> str:

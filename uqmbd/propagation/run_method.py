@@ -15,6 +15,7 @@ from uqmbd.propagation.problem import Problem
 from uqmbd.propagation.propagator import Propagator
 from uqmbd.results import InputInfo, Labels, with_scalars
 from uqmbd.results.statistics import settled
+from uqmbd.threads import one_thread
 
 __all__ = ["run_method"]
 
@@ -54,7 +55,8 @@ def _run(propagator: Propagator, problem: Problem, check: bool, *, mixed: bool =
         if mixed:
             # an input that only one kind of output depends on is not unused
             warnings.simplefilter("ignore", UnusedInputWarning)
-        node = _checked(propagator, problem, propagator.propagate(problem))
+        with one_thread():
+            node = _checked(propagator, problem, propagator.propagate(problem))
     for name, value in integrated_by(problem.observed.counters, problem.integrator).items():
         node.attrs.setdefault(name, value)
     node = with_integration_error(node, problem) if check else node

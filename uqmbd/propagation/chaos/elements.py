@@ -34,8 +34,9 @@ class ElementLimits:
 
     Parameters
     ----------
-    elements : int or "adaptive"
-        A number that is split until it is reached, or ``"adaptive"``: until the error is below the threshold.
+    elements : int, "adaptive" or None
+        A number that is split until it is reached, or ``"adaptive"``: until the error is below the threshold.  None:
+        nothing is split.
     most : int
         Most elements of an adaptive refinement.
     threshold : float
@@ -55,14 +56,14 @@ class ElementLimits:
     5
     """
 
-    elements: int | Literal["adaptive"]
+    elements: int | Literal["adaptive"] | None
     most: int = 32
     threshold: float = 0.01
 
     def __post_init__(self) -> None:
         """Check."""
         whole = _whole(self.elements)
-        if self.elements != "adaptive" and (whole is None or whole < 1):
+        if self.elements not in ("adaptive", None) and (whole is None or whole < 1):
             raise StudyError(f"elements is {self.elements!r}; expected a number, 1 or more, or 'adaptive'.")
         if (_whole(self.most) or 0) < 1:
             raise StudyError(f"max_elements is {self.most!r}; expected a whole number, 1 or more.")
@@ -78,7 +79,12 @@ class ElementLimits:
     @property
     def count(self) -> int:
         """Most elements."""
-        return int(self.most if self.elements == "adaptive" else self.elements)
+        return int(self.most if self.elements == "adaptive" else self.elements or 1)
+
+    @property
+    def computed(self) -> int:
+        """Most elements that are computed, those that are replaced too."""
+        return 2 * self.count - 1
 
 
 @dataclass(frozen=True)

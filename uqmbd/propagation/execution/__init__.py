@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 from uqmbd.propagation.execution.checkpoint import FOLDER, Checkpoint
+from uqmbd.propagation.execution.chunk_queue import computed_chunks
 from uqmbd.propagation.execution.chunks import (
     CHUNK,
     Chunk,
-    compute_chunk,
     integrated_by,
     not_finite_output,
 )
-from uqmbd.propagation.execution.cost import Clock, Laps
+from uqmbd.propagation.execution.cost import Clock
 from uqmbd.propagation.execution.histories import History, event_histories
 from uqmbd.propagation.execution.observed import AGAIN, Observed
 from uqmbd.propagation.execution.progress import Lines, Progress, Silent, seconds, told
 from uqmbd.propagation.execution.realisations import Realisations
 from uqmbd.propagation.execution.run_folder import claimed, set_aside
-from uqmbd.propagation.execution.tasks import Arrays, failed, run_tasks
+from uqmbd.propagation.execution.tasks import Arrays, run_tasks
 from uqmbd.propagation.execution.workers import Crew, pool
 
 __all__ = [
@@ -29,16 +29,14 @@ __all__ = [
     "Crew",
     "FOLDER",
     "History",
-    "Laps",
     "Lines",
     "Observed",
     "Progress",
     "Realisations",
     "Silent",
     "claimed",
-    "compute_chunk",
+    "computed_chunks",
     "event_histories",
-    "failed",
     "integrated_by",
     "not_finite_output",
     "pool",

@@ -21,6 +21,7 @@ from uqmbd.dynamics import (
     scalars_of,
 )
 from uqmbd.status import Status
+from uqmbd.threads import one_thread
 from uqmbd.typing import Array
 
 __all__ = [
@@ -148,11 +149,9 @@ def compute_chunk(
         Whether outputs without a time are all that is wanted, as those at a single time; nothing is integrated then
         unless they need it.
     """
-    from threadpoolctl import threadpool_limits
-
     model = model_of(data)
     # threads on blocks of some dozen rows cost a factor, and their number would change the last bits
-    with threadpool_limits(limits=1):
+    with one_thread():
         ensemble = Ensemble(model, values)
         if timeless and not model.scalars.needs_motion:
             found = scalars_of(ensemble)

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uqmbd.dynamics import ScalarValues
-from uqmbd.typing import Array
+from uqmbd.status import Status
+from uqmbd.typing import Array, Index, Mask
 
 __all__ = ["Realisations"]
 
@@ -44,6 +45,16 @@ class Realisations:
     counters: dict[str, float]
     wall_time: float
     scalars: ScalarValues | None = None
+
+    def __getitem__(self, rows: slice | Index) -> Realisations:
+        """Return some of them, in order; what solvers counted, and the time, are those of all alone."""
+        messages = tuple(np.array(self.messages, dtype=object)[rows])
+        return Realisations(self.values[rows], self.response[rows], self.status[rows], messages, {}, 0.0)
+
+    @property
+    def good(self) -> Mask:
+        """Which succeeded, with outputs that are all finite, shape (K,)."""
+        return np.asarray((self.status == Status.OK) & np.isfinite(self.response).all(axis=(1, 2)))
 
     @property
     def failures(self) -> int:

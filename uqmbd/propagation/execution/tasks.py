@@ -16,6 +16,7 @@ from uqmbd.errors import StudyError
 from uqmbd.propagation.execution.checkpoint import Checkpoint
 from uqmbd.propagation.execution.chunks import model_of
 from uqmbd.propagation.execution.cost import Clock, Laps
+from uqmbd.threads import one_thread
 
 __all__ = ["Arrays", "failed", "run_tasks"]
 
@@ -87,10 +88,8 @@ def failed(future: Future[Any]) -> bool:
 
 
 def _call(function: Callable[..., Arrays], data: bytes, task: tuple[Any, ...]) -> Arrays:
-    from threadpoolctl import threadpool_limits
-
     model: Model = model_of(data)
-    with threadpool_limits(limits=1):
+    with one_thread():
         return function(model, *task)
 
 

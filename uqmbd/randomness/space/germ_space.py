@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -10,10 +11,11 @@ from numpy.typing import ArrayLike
 
 from uqmbd.errors import StudyError
 from uqmbd.randomness.germs import Germ
+from uqmbd.randomness.index_sets import index_set
 from uqmbd.randomness.space.parts import space_parts
 from uqmbd.randomness.space.storage import from_dataset, to_dataset
 from uqmbd.randomness.space.transforms import Group
-from uqmbd.typing import Array
+from uqmbd.typing import Array, Index
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -207,6 +209,15 @@ class GermSpace:
                 polynomials = germ.polynomials(np.ascontiguousarray(points[:, k]), int(degree.max()))
                 values[:, terms] *= polynomials[:, degree]
         return values
+
+    def basis(self, order: int, kind: str = "total", weights: Sequence[float] | None = None) -> Index:
+        """Return the degrees of the terms of a chaos, shape (P, d), as `uqmbd.index_set`.
+
+        Degrees that a germ of few values does not have are left out: below them its basis is complete.
+        """
+        degrees = index_set(self.dimension, order, kind, weights)
+        highest = [order if germ.values is None else germ.values - 1 for germ in self.germs]
+        return np.asarray(degrees[(degrees <= highest).all(axis=1)])
 
     def to_dataset(self) -> xr.Dataset:
         """Return everything as plain arrays and texts, which :meth:`from_dataset` reads without chaospy.
