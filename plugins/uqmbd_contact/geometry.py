@@ -47,10 +47,10 @@ class OnPlane(uqmbd.Component):
 
     symbol = "contact"
     drawn_by = ()
-    point_i = uqmbd.Parameter("m", "a point of the plane, frame of body i", kind="point")
-    point_j = uqmbd.Parameter("m", "centre of the sphere, frame of body j", kind="point")
-    normal_i = uqmbd.Parameter("1", "normal of the plane towards body j, frame of body i", kind="axis")
-    radius = uqmbd.Parameter("m", "radius of the sphere; 0: a point", default=0, minimum=0)
+    point_i = uqmbd.Parameter("m", "a point of the plane, frame of body i", kind="point", body="body_i")
+    point_j = uqmbd.Parameter("m", "centre of the sphere, frame of body j", kind="point", body="body_j")
+    normal_i = uqmbd.Parameter("1", "normal of the plane towards body j, frame of body i", kind="axis", body="body_i")
+    radius = uqmbd.Parameter("m", "radius of the sphere; 0: a point", default=0, minimum=0, about="point_j")
 
     def meeting(self, p: uqmbd.Local) -> Meeting:
         """Return where they meet: the point of the plane below the centre."""
@@ -65,10 +65,10 @@ class OnSphere(uqmbd.Component):
 
     symbol = "contact"
     drawn_by = ()
-    point_i = uqmbd.Parameter("m", "centre of the sphere, frame of body i", kind="point")
-    point_j = uqmbd.Parameter("m", "centre of the sphere, frame of body j", kind="point")
-    radius_i = uqmbd.Parameter("m", "radius of the sphere of body i", minimum=0)
-    radius_j = uqmbd.Parameter("m", "radius of the sphere of body j", minimum=0)
+    point_i = uqmbd.Parameter("m", "centre of the sphere, frame of body i", kind="point", body="body_i")
+    point_j = uqmbd.Parameter("m", "centre of the sphere, frame of body j", kind="point", body="body_j")
+    radius_i = uqmbd.Parameter("m", "radius of the sphere of body i", minimum=0, about="point_i")
+    radius_j = uqmbd.Parameter("m", "radius of the sphere of body j", minimum=0, about="point_j")
 
     def meeting(self, p: uqmbd.Local) -> Meeting:
         """Return where they meet: the point of sphere i towards the centre of sphere j."""
@@ -85,7 +85,7 @@ class OnRoad(uqmbd.Component):
     """Geometry of a point of body j on a road in body i: a curve in the plane, its cylinder in space."""
 
     drawn_by = ()
-    point_j = uqmbd.Parameter("m", "the point, frame of body j", kind="point")
+    point_j = uqmbd.Parameter("m", "the point, frame of body j", kind="point", body="body_j")
     road = uqmbd.Parameter("m", "height of the road over uqmbd_contact.distance", kind="option", example=BUMP)
 
     def prepare(self) -> dict[str, Any]:
@@ -113,9 +113,9 @@ class InBearing(uqmbd.Component):
     """Geometry of a circle of body j inside a slightly larger one of body i; in space, of a ball in a socket."""
 
     symbol = "contact"
-    point_i = uqmbd.Parameter("m", "centre of the bearing, frame of body i", kind="point")
-    point_j = uqmbd.Parameter("m", "centre of the journal, frame of body j", kind="point")
-    radius = uqmbd.Parameter("m", "radius of the journal", minimum=0)
+    point_i = uqmbd.Parameter("m", "centre of the bearing, frame of body i", kind="point", body="body_i")
+    point_j = uqmbd.Parameter("m", "centre of the journal, frame of body j", kind="point", body="body_j")
+    radius = uqmbd.Parameter("m", "radius of the journal", minimum=0, about="point_j")
     clearance = uqmbd.Parameter("m", "radius of the bearing without that of the journal", minimum=0)
 
     def meeting(self, p: uqmbd.Local) -> Meeting:

@@ -19,9 +19,9 @@ class PositionDriver(uqmbd.Component):
     """
 
     symbol = "driver"
-    point_i = uqmbd.Parameter("m", "where the displacement is zero, frame of body i", kind="point")
-    point_j = uqmbd.Parameter("m", "the driven point, frame of body j", kind="point")
-    axis_i = uqmbd.Parameter("1", "direction, frame of body i", kind="axis")
+    point_i = uqmbd.Parameter("m", "where the displacement is zero, frame of body i", kind="point", body="body_i")
+    point_j = uqmbd.Parameter("m", "the driven point, frame of body j", kind="point", body="body_j")
+    axis_i = uqmbd.Parameter("1", "direction, frame of body i", kind="axis", body="body_i")
     displacement = uqmbd.Parameter("m", "displacement, an expression in uqmbd.t")
 
     def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.Constraint]:
@@ -41,8 +41,8 @@ class DistanceDriver(uqmbd.Component):
 
     symbol = "driver"
     drawn_by = ()
-    point_i = uqmbd.Parameter("m", "one end, frame of body i", kind="point")
-    point_j = uqmbd.Parameter("m", "other end, frame of body j", kind="point")
+    point_i = uqmbd.Parameter("m", "one end, frame of body i", kind="point", body="body_i")
+    point_j = uqmbd.Parameter("m", "other end, frame of body j", kind="point", body="body_j")
     length = uqmbd.Parameter("m", "distance, an expression in uqmbd.t", minimum=0, exclusive=True)
 
     def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.Constraint]:

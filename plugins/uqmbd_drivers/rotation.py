@@ -27,8 +27,8 @@ class RotationDriver(uqmbd.Component):
     symbol = "driver"
     spaces = (uqmbd.Spatial, uqmbd.Planar)
     angle = uqmbd.Parameter("rad", "angle, an expression in uqmbd.t; zero where the two frames coincide")
-    axis_i = uqmbd.Parameter("1", "axis, frame of body i (left out in the plane)", kind="turning_axis")
-    axis_j = uqmbd.Parameter("1", "axis, frame of body j (left out in the plane)", kind="turning_axis")
+    axis_i = uqmbd.Parameter("1", "axis, frame of body i (left out in the plane)", kind="turning_axis", body="body_i")
+    axis_j = uqmbd.Parameter("1", "axis, frame of body j (left out in the plane)", kind="turning_axis", body="body_j")
 
     def prepare(self) -> dict[str, Any]:
         """Lay a frame on each axis."""

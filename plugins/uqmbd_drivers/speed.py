@@ -24,7 +24,7 @@ class SpeedDriver(uqmbd.Component):
     symbol = "driver"
     spaces = (uqmbd.Spatial, uqmbd.Planar)
     speed = uqmbd.Parameter("rad/s", "angular speed, an expression in uqmbd.t")
-    axis_j = uqmbd.Parameter("1", "axis, frame of body j (left out in the plane)", kind="turning_axis")
+    axis_j = uqmbd.Parameter("1", "axis, frame of body j (left out in the plane)", kind="turning_axis", body="body_j")
 
     def prepare(self) -> dict[str, Any]:
         """Take the attitude to start from out of the drawing."""
@@ -48,9 +48,9 @@ class LinearSpeedDriver(uqmbd.Component):
     """
 
     symbol = "driver"
-    point_i = uqmbd.Parameter("m", "a point to measure from, frame of body i", kind="point")
-    point_j = uqmbd.Parameter("m", "the driven point, frame of body j", kind="point")
-    axis_i = uqmbd.Parameter("1", "direction, frame of body i", kind="axis")
+    point_i = uqmbd.Parameter("m", "a point to measure from, frame of body i", kind="point", body="body_i")
+    point_j = uqmbd.Parameter("m", "the driven point, frame of body j", kind="point", body="body_j")
+    axis_i = uqmbd.Parameter("1", "direction, frame of body i", kind="axis", body="body_i")
     speed = uqmbd.Parameter("m/s", "speed, an expression in uqmbd.t")
 
     def prepare(self) -> dict[str, Any]:

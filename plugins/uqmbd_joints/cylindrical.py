@@ -22,7 +22,7 @@ class Cylindrical(Parallel2):
 
     symbol = "cylinder"
     spaces = (uqmbd.Spatial,)
-    axis_j = uqmbd.Parameter("1", "direction of the line, frame of body j", kind="axis")
+    axis_j = uqmbd.Parameter("1", "direction of the line, frame of body j", kind="axis", body="body_j")
 
     def prepare(self) -> dict[str, Any]:
         """Find the normals of the line, and lay a frame on each axis."""

@@ -20,8 +20,8 @@ class Distance(uqmbd.Component):
 
     symbol = "rod"
     drawn_by = ()
-    point_i = uqmbd.Parameter("m", "end of the rod, frame of body i", kind="point")
-    point_j = uqmbd.Parameter("m", "end of the rod, frame of body j", kind="point")
+    point_i = uqmbd.Parameter("m", "end of the rod, frame of body i", kind="point", body="body_i")
+    point_j = uqmbd.Parameter("m", "end of the rod, frame of body j", kind="point", body="body_j")
     length = uqmbd.Parameter("m", "length of the rod", minimum=0, exclusive=True)
 
     def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.Constraint]:

@@ -22,8 +22,8 @@ class Fixed(uqmbd.Component):
     """
 
     symbol = "weld"
-    point_i = uqmbd.Parameter("m", "joint point, frame of body i", kind="point")
-    point_j = uqmbd.Parameter("m", "joint point, frame of body j", kind="point")
+    point_i = uqmbd.Parameter("m", "joint point, frame of body i", kind="point", body="body_i")
+    point_j = uqmbd.Parameter("m", "joint point, frame of body j", kind="point", body="body_j")
     rotation = uqmbd.Parameter(
         "1", "rotation of body j relative to body i; None: as drawn", kind="rotation", default=None
     )

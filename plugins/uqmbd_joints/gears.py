@@ -26,8 +26,12 @@ class Gear(uqmbd.Component):
     grounded = ("carrier",)
     spaces = (uqmbd.Spatial, uqmbd.Planar)
     ratio = uqmbd.Parameter("1", "turns of body i per turn of body j: teeth of j over teeth of i")
-    axis_i = uqmbd.Parameter("1", "axis of body i, in its frame (left out in the plane)", kind="turning_axis")
-    axis_j = uqmbd.Parameter("1", "axis of body j, in its frame (left out in the plane)", kind="turning_axis")
+    axis_i = uqmbd.Parameter(
+        "1", "axis of body i, in its frame (left out in the plane)", kind="turning_axis", body="body_i"
+    )
+    axis_j = uqmbd.Parameter(
+        "1", "axis of body j, in its frame (left out in the plane)", kind="turning_axis", body="body_j"
+    )
     mesh = uqmbd.Parameter(
         "", "external: opposite turns; internal: alike", kind="option", default="external",
         choices=("external", "internal"),
@@ -65,11 +69,15 @@ class RackAndPinion(uqmbd.Component):
 
     spaces = (uqmbd.Spatial, uqmbd.Planar)
     drawn_by = ("at",)
-    point_i = uqmbd.Parameter("m", "a point of the rack, frame of body i", kind="point")
-    point_j = uqmbd.Parameter("m", "centre of the pinion, frame of body j", kind="point")
-    axis_i = uqmbd.Parameter("1", "direction of the rack, frame of body i", kind="axis")
-    axis_j = uqmbd.Parameter("1", "axis of the pinion, frame of body j (left out in the plane)", kind="turning_axis")
-    radius = uqmbd.Parameter("m", "advance per radian; negative where a positive turn moves the pinion backwards")
+    point_i = uqmbd.Parameter("m", "a point of the rack, frame of body i", kind="point", body="body_i")
+    point_j = uqmbd.Parameter("m", "centre of the pinion, frame of body j", kind="point", body="body_j")
+    axis_i = uqmbd.Parameter("1", "direction of the rack, frame of body i", kind="axis", body="body_i")
+    axis_j = uqmbd.Parameter(
+        "1", "axis of the pinion, frame of body j (left out in the plane)", kind="turning_axis", body="body_j"
+    )
+    radius = uqmbd.Parameter(
+        "m", "advance per radian; negative where a positive turn moves the pinion backwards", about="point_j"
+    )
 
     def prepare(self) -> dict[str, Any]:
         """Take turn and place to start from out of the drawing."""

@@ -22,8 +22,8 @@ class Parallel1(uqmbd.Component):
     """
 
     spaces = (uqmbd.Spatial,)
-    axis_i = uqmbd.Parameter("1", "axis, frame of body i", kind="axis")
-    axis_j = uqmbd.Parameter("1", "axis, frame of body j", kind="axis")
+    axis_i = uqmbd.Parameter("1", "axis, frame of body i", kind="axis", body="body_i")
+    axis_j = uqmbd.Parameter("1", "axis, frame of body j", kind="axis", body="body_j")
 
     def prepare(self) -> dict[str, Any]:
         """Lay a frame on each axis."""

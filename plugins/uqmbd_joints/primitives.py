@@ -23,8 +23,8 @@ class Dot1(uqmbd.Component):
 
     spaces = (uqmbd.Spatial, uqmbd.Planar)
     drawn_by = ()
-    axis_i = uqmbd.Parameter("1", "axis, frame of body i", kind="axis")
-    axis_j = uqmbd.Parameter("1", "axis, frame of body j", kind="axis")
+    axis_i = uqmbd.Parameter("1", "axis, frame of body i", kind="axis", body="body_i")
+    axis_j = uqmbd.Parameter("1", "axis, frame of body j", kind="axis", body="body_j")
 
     def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.Constraint]:
         """Yield the geometry."""
@@ -41,9 +41,9 @@ class Dot2(uqmbd.Component):
     """
 
     symbol = "plane"
-    point_i = uqmbd.Parameter("m", "a point of the plane, frame of body i", kind="point")
-    point_j = uqmbd.Parameter("m", "the point on the plane, frame of body j", kind="point")
-    axis_i = uqmbd.Parameter("1", "normal of the plane, frame of body i", kind="axis")
+    point_i = uqmbd.Parameter("m", "a point of the plane, frame of body i", kind="point", body="body_i")
+    point_j = uqmbd.Parameter("m", "the point on the plane, frame of body j", kind="point", body="body_j")
+    axis_i = uqmbd.Parameter("1", "normal of the plane, frame of body i", kind="axis", body="body_i")
 
     def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.Constraint]:
         """Yield the geometry."""
@@ -63,9 +63,9 @@ class Parallel2(uqmbd.Component):
     """
 
     symbol = "line"
-    point_i = uqmbd.Parameter("m", "a point of the line, frame of body i", kind="point")
-    point_j = uqmbd.Parameter("m", "the point on the line, frame of body j", kind="point")
-    axis_i = uqmbd.Parameter("1", "direction of the line, frame of body i", kind="axis")
+    point_i = uqmbd.Parameter("m", "a point of the line, frame of body i", kind="point", body="body_i")
+    point_j = uqmbd.Parameter("m", "the point on the line, frame of body j", kind="point", body="body_j")
+    axis_i = uqmbd.Parameter("1", "direction of the line, frame of body i", kind="axis", body="body_i")
 
     def prepare(self) -> dict[str, Any]:
         """Find the normals of the line."""

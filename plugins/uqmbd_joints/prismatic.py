@@ -24,10 +24,10 @@ class Prismatic(uqmbd.Component):
     """
 
     symbol = "slide"
-    point_i = uqmbd.Parameter("m", "a point of the line, frame of body i", kind="point")
-    point_j = uqmbd.Parameter("m", "the point on the line, frame of body j", kind="point")
-    axis_i = uqmbd.Parameter("1", "direction of the line, frame of body i", kind="axis")
-    axis_j = uqmbd.Parameter("1", "direction of the line, frame of body j", kind="axis")
+    point_i = uqmbd.Parameter("m", "a point of the line, frame of body i", kind="point", body="body_i")
+    point_j = uqmbd.Parameter("m", "the point on the line, frame of body j", kind="point", body="body_j")
+    axis_i = uqmbd.Parameter("1", "direction of the line, frame of body i", kind="axis", body="body_i")
+    axis_j = uqmbd.Parameter("1", "direction of the line, frame of body j", kind="axis", body="body_j")
 
     def prepare(self) -> dict[str, Any]:
         """Find the normals of the line and the rotation to keep."""

@@ -26,10 +26,14 @@ class Revolute(uqmbd.Component):
     """
 
     symbol = "hinge"
-    point_i = uqmbd.Parameter("m", "joint point, frame of body i", kind="point")
-    point_j = uqmbd.Parameter("m", "joint point, frame of body j", kind="point")
-    axis_i = uqmbd.Parameter("1", "joint axis, frame of body i (left out in the plane)", kind="turning_axis")
-    axis_j = uqmbd.Parameter("1", "joint axis, frame of body j (left out in the plane)", kind="turning_axis")
+    point_i = uqmbd.Parameter("m", "joint point, frame of body i", kind="point", body="body_i")
+    point_j = uqmbd.Parameter("m", "joint point, frame of body j", kind="point", body="body_j")
+    axis_i = uqmbd.Parameter(
+        "1", "joint axis, frame of body i (left out in the plane)", kind="turning_axis", body="body_i"
+    )
+    axis_j = uqmbd.Parameter(
+        "1", "joint axis, frame of body j (left out in the plane)", kind="turning_axis", body="body_j"
+    )
 
     def prepare(self) -> dict[str, Any]:
         """Lay a frame on each axis."""

@@ -23,9 +23,9 @@ class RevoluteSpherical(uqmbd.Component):
     symbol = "rod"
     spaces = (uqmbd.Spatial,)
     drawn_by = ("axis",)
-    point_i = uqmbd.Parameter("m", "hinge, frame of body i", kind="point")
-    point_j = uqmbd.Parameter("m", "ball, frame of body j", kind="point")
-    axis_i = uqmbd.Parameter("1", "axis of the hinge, frame of body i", kind="axis")
+    point_i = uqmbd.Parameter("m", "hinge, frame of body i", kind="point", body="body_i")
+    point_j = uqmbd.Parameter("m", "ball, frame of body j", kind="point", body="body_j")
+    axis_i = uqmbd.Parameter("1", "axis of the hinge, frame of body i", kind="axis", body="body_i")
     length = uqmbd.Parameter("m", "length of the link", minimum=0, exclusive=True)
 
     def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.Constraint]:

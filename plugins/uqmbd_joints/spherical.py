@@ -19,8 +19,8 @@ class Spherical(uqmbd.Component):
     """
 
     symbol = "ball"
-    point_i = uqmbd.Parameter("m", "joint point, frame of body i", kind="point")
-    point_j = uqmbd.Parameter("m", "joint point, frame of body j", kind="point")
+    point_i = uqmbd.Parameter("m", "joint point, frame of body i", kind="point", body="body_i")
+    point_j = uqmbd.Parameter("m", "joint point, frame of body j", kind="point", body="body_j")
 
     def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.Constraint]:
         """Yield the geometry."""

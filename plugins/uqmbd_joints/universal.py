@@ -21,10 +21,10 @@ class Universal(uqmbd.Component):
     symbol = "universal"
     spaces = (uqmbd.Spatial,)
     drawn_by = ("at",)
-    point_i = uqmbd.Parameter("m", "centre of the cross, frame of body i", kind="point")
-    point_j = uqmbd.Parameter("m", "centre of the cross, frame of body j", kind="point")
-    axis_i = uqmbd.Parameter("1", "axis of the cross in body i, its frame", kind="axis")
-    axis_j = uqmbd.Parameter("1", "axis of the cross in body j, its frame", kind="axis")
+    point_i = uqmbd.Parameter("m", "centre of the cross, frame of body i", kind="point", body="body_i")
+    point_j = uqmbd.Parameter("m", "centre of the cross, frame of body j", kind="point", body="body_j")
+    axis_i = uqmbd.Parameter("1", "axis of the cross in body i, its frame", kind="axis", body="body_i")
+    axis_j = uqmbd.Parameter("1", "axis of the cross in body j, its frame", kind="axis", body="body_j")
 
     def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.Constraint]:
         """Yield the geometry."""

@@ -28,8 +28,8 @@ class Bushing(uqmbd.Component):
 
     symbol = "spring"
     spaces = (uqmbd.Spatial, uqmbd.Planar)
-    point_i = uqmbd.Parameter("m", "where there is no force, frame of body i", kind="point")
-    point_j = uqmbd.Parameter("m", "the same point, frame of body j", kind="point")
+    point_i = uqmbd.Parameter("m", "where there is no force, frame of body i", kind="point", body="body_i")
+    point_j = uqmbd.Parameter("m", "the same point, frame of body j", kind="point", body="body_j")
     stiffness = uqmbd.Parameter(
         "N/m, N m/rad", "diagonal (3 + 3 numbers, in the plane 2 + 1) or symmetric matrix", kind="option", example=2.0
     )

@@ -38,7 +38,7 @@ class RotationalFriction(uqmbd.Component):
     transition = uqmbd.Parameter(
         "rad/s", "speed at which 71 % of Coulomb's moment act", default=0.01, minimum=0, exclusive=True
     )
-    axis_i = uqmbd.Parameter("1", "axis, frame of body i (left out in the plane)", kind="turning_axis")
+    axis_i = uqmbd.Parameter("1", "axis, frame of body i (left out in the plane)", kind="turning_axis", body="body_i")
 
     def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.VirtualWork]:
         """Yield the dissipation."""
@@ -59,9 +59,9 @@ class SlidingFriction(uqmbd.Component):
     """
 
     symbol = "spring"
-    point_i = uqmbd.Parameter("m", "a point of the axis, frame of body i", kind="point")
-    point_j = uqmbd.Parameter("m", "the point that slides, frame of body j", kind="point")
-    axis_i = uqmbd.Parameter("1", "direction, frame of body i", kind="axis")
+    point_i = uqmbd.Parameter("m", "a point of the axis, frame of body i", kind="point", body="body_i")
+    point_j = uqmbd.Parameter("m", "the point that slides, frame of body j", kind="point", body="body_j")
+    axis_i = uqmbd.Parameter("1", "direction, frame of body i", kind="axis", body="body_i")
     friction = uqmbd.Parameter("N", "Coulomb's force: coefficient times constant load; 0: none", minimum=0)
     damping = uqmbd.Parameter("N s/m", "viscous friction", default=0, minimum=0)
     transition = uqmbd.Parameter(

@@ -35,8 +35,8 @@ class NonlinearSpringDamper(uqmbd.Component):
 
     symbol = "spring"
     drawn_by = ()
-    point_i = uqmbd.Parameter("m", "end, frame of body i", kind="point")
-    point_j = uqmbd.Parameter("m", "end, frame of body j", kind="point")
+    point_i = uqmbd.Parameter("m", "end, frame of body i", kind="point", body="body_i")
+    point_j = uqmbd.Parameter("m", "end, frame of body j", kind="point", body="body_j")
     law = uqmbd.Parameter("N", "tension", kind="option", example=3 * (length - 0.4) ** 3 + rate * sympy.Abs(rate) / 5)
 
     def prepare(self) -> dict[str, Any]:
@@ -65,8 +65,8 @@ class NonlinearTorsionSpringDamper(uqmbd.Component):
     symbol = "coil"
     spaces = (uqmbd.Spatial, uqmbd.Planar)
     law = uqmbd.Parameter("N m", "moment", kind="option", example=2 * length**3 + rate / 5)
-    axis_i = uqmbd.Parameter("1", "axis, frame of body i (left out in the plane)", kind="turning_axis")
-    axis_j = uqmbd.Parameter("1", "axis, frame of body j (left out in the plane)", kind="turning_axis")
+    axis_i = uqmbd.Parameter("1", "axis, frame of body i (left out in the plane)", kind="turning_axis", body="body_i")
+    axis_j = uqmbd.Parameter("1", "axis, frame of body j (left out in the plane)", kind="turning_axis", body="body_j")
 
     def prepare(self) -> dict[str, Any]:
         """Give the coefficients of the law to each realisation; lay a frame on each axis."""

@@ -24,8 +24,8 @@ class SpringDamper(uqmbd.Component):
 
     symbol = "spring"
     drawn_by = ()
-    point_i = uqmbd.Parameter("m", "end, frame of body i", kind="point")
-    point_j = uqmbd.Parameter("m", "end, frame of body j", kind="point")
+    point_i = uqmbd.Parameter("m", "end, frame of body i", kind="point", body="body_i")
+    point_j = uqmbd.Parameter("m", "end, frame of body j", kind="point", body="body_j")
     stiffness = uqmbd.Parameter("N/m", "spring rate")
     damping = uqmbd.Parameter("N s/m", "damper rate", default=0)
     free_length = uqmbd.Parameter("m", "length without force; negative: wound with initial tension", default=0)

@@ -28,8 +28,8 @@ class TorsionSpringDamper(uqmbd.Component):
     stiffness = uqmbd.Parameter("N m/rad", "spring rate")
     damping = uqmbd.Parameter("N m s/rad", "damper rate", default=0)
     free_angle = uqmbd.Parameter("rad", "angle without moment", default=0)
-    axis_i = uqmbd.Parameter("1", "axis, frame of body i (left out in the plane)", kind="turning_axis")
-    axis_j = uqmbd.Parameter("1", "axis, frame of body j (left out in the plane)", kind="turning_axis")
+    axis_i = uqmbd.Parameter("1", "axis, frame of body i (left out in the plane)", kind="turning_axis", body="body_i")
+    axis_j = uqmbd.Parameter("1", "axis, frame of body j (left out in the plane)", kind="turning_axis", body="body_j")
 
     def prepare(self) -> dict[str, Any]:
         """Lay a frame on each axis; in the plane take the angle from the drawing."""

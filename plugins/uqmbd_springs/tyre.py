@@ -63,7 +63,7 @@ class RadialTyre(uqmbd.Component):
     symbol = "contact"
     point = uqmbd.Parameter("m", "centre of the wheel, frame of body j", kind="point", body="body_j")
     road = uqmbd.Parameter("m", "height of the road", kind="option", example=ROAD)
-    radius = uqmbd.Parameter("m", "radius of the wheel without load", minimum=0)
+    radius = uqmbd.Parameter("m", "radius of the wheel without load", minimum=0, about="point")
     stiffness = uqmbd.Parameter("N/m", "spring rate", minimum=0)
     damping = uqmbd.Parameter("N s/m", "damper rate", default=0, minimum=0)
     transition = uqmbd.Parameter(

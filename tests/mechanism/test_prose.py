@@ -70,6 +70,42 @@ def test_a_parameter_says_in_which_frame_it_is():
     assert found == {"eye": "two", "pull": "one", "push": "ground"}
 
 
+def test_names_of_parameters_change_nothing():
+    """Where a parameter says to which body and point it belongs, it may have any name."""
+
+    class Wheel(uqmbd.Component):
+        bodies = ("body_i", "body_j")
+        point_i = uqmbd.Parameter("m", "the hub", kind="point", body="body_j")
+        axis_i = uqmbd.Parameter("1", "the shaft", kind="axis", body="body_j")
+        radius_j = uqmbd.Parameter("m", "of nothing that is drawn")
+        size = uqmbd.Parameter("m", "of the wheel", about="point_i")
+
+        def terms(self, p):
+            yield uqmbd.Potential(p.body_j.point(p.point_i)[0] ** 2)
+
+    mechanism = uqmbd.Mechanism("rolling", uqmbd.Spatial())
+    inertia = (1, 1, 1)
+    one = mechanism.body("one", mass=1, inertia=inertia)
+    two = mechanism.body("two", mass=1, inertia=inertia, position=(1, 0, 0), quaternion=(0, 0, 0, 1))
+    mechanism.add(Wheel("wheel", one, two, (1, 2, 3), radius_j=5, size=7, axis=(1, 0, 0)))
+    found = {m.role: (m.body, m.radius) for m in skeleton(mechanism) if m.component == "wheel"}
+    assert found == {"point_i": ("two", 7), "axis_i": ("two", 0)}
+    assert [float(x) for x in mechanism.components["wheel"].values["axis_i"]] == [-1, 0, 0]
+
+
+@pytest.mark.parametrize("stated", [{"body": "body_k"}, {"about": "nowhere"}])
+def test_a_parameter_belongs_to_what_there_is(stated):
+    word, value = next(iter(stated.items()))
+    with pytest.raises(
+        uqmbd.StudyError, match=f"Stray: parameter 'reach': {word} is '{value}'; expected 'body_i', 'bo"
+    ):
+
+        class Stray(uqmbd.Component):
+            body_i = uqmbd.Parameter("m", "a point", kind="point")
+            body_j = uqmbd.Parameter("m", "a point", kind="point")
+            reach = uqmbd.Parameter("m", "a length", **stated)
+
+
 def test_axes_belong_to_vectors_only():
     with pytest.raises(uqmbd.StudyError, match="axes='body' is for vectors and moments"):
         uqmbd.Parameter("m", "a point", kind="point", axes="body")

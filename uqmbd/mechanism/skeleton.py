@@ -87,7 +87,7 @@ def _marks(component: Component, mechanism: Mechanism, time: float) -> Iterator[
         value = component.values.get(key)
         if not isinstance(value, (tuple, list)) or len(value) == 0:
             continue
-        body = getattr(component.attached[_role(component, key)], "name", "ground")
+        body = getattr(component.attached[component.body_of(key)], "name", "ground")
         if parameter.kind == "point":
             local = _points(list(value), time)
             if local:
@@ -99,22 +99,10 @@ def _marks(component: Component, mechanism: Mechanism, time: float) -> Iterator[
                 yield Mark("direction", turned, component.name, key, local)
 
 
-def _role(component: Component, parameter: str) -> str:
-    """Body argument that a parameter belongs to."""
-    if stated := component.parameters()[parameter].body:
-        return stated
-    ending = parameter.rsplit("_", 1)[-1]
-    alike = [role for role in component.bodies if role.rsplit("_", 1)[-1] == ending]
-    return alike[0] if alike else component.bodies[0]
-
-
 def _radius(component: Component, point: str) -> sympy.Expr:
-    """Radius about a point: ``radius_i`` about `point_i`; a ``radius`` of no body belongs to the last one."""
-    ending = point.rsplit("_", 1)[-1]
-    own = component.values.get(f"radius_{ending}")
-    if own is None and _role(component, point) == component.bodies[-1]:
-        own = component.values.get("radius")
-    value = sympy.sympify(own or 0)
+    """Radius about a point, by the parameter that says so."""
+    own = next((key for key, parameter in component.parameters().items() if parameter.about == point), None)
+    value = sympy.sympify(0 if own is None else component.values.get(own) or 0)
     return value if _settled(value) else sympy.S.Zero
 
 

@@ -149,6 +149,14 @@ class Component:
         return found
 
     @classmethod
+    def body_of(cls, parameter: str) -> str:
+        """Return the body argument in whose frame a point or an axis is given; see `Parameter`."""
+        if stated := cls.parameters()[parameter].body:
+            return stated
+        ending = parameter.rsplit("_", 1)[-1]
+        return next((body for body in cls.bodies if body.rsplit("_", 1)[-1] == ending), cls.bodies[0])
+
+    @classmethod
     def signature(cls) -> str:
         """Return the argument list as text."""
         words = ["name", *(x for x in cls.bodies if x not in cls.grounded)]
@@ -166,6 +174,12 @@ class Component:
                 f"{cls.__name__}: a parameter cannot be called {hidden[0]!r}: p.{hidden[0]} of terms() "
                 "is something else; take another name."
             )
+        for name, parameter in cls.parameters().items():
+            points = tuple(key for key, other in cls.parameters().items() if other.kind == "point")
+            for word, stated, there in (("body", parameter.body, cls.bodies), ("about", parameter.about, points)):
+                if stated and stated not in there:
+                    expected = ", ".join(map(repr, there)) or "nothing: there is none"
+                    raise StudyError(f"{cls.__name__}: parameter {name!r}: {word} is {stated!r}; expected {expected}.")
         kind = inspect.Parameter.POSITIONAL_OR_KEYWORD
         parts = [inspect.Parameter(n, kind) for n in ("name", *cls.bodies) if n not in cls.grounded]
         rest = sorted(cls.parameters().items(), key=lambda item: not item[1].required)

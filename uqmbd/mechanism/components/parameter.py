@@ -52,6 +52,8 @@ class Parameter:
     body : str
         Body argument in whose frame a point or an axis is given; empty: the one whose name ends alike (`point_i` is in
         the frame of `body_i`), else the first.
+    about : str
+        Name of the point about which the number is the radius of a sphere or wheel, as figures draw it.
     axes : str
         Axes of a vector or a moment: ``world`` or ``body``.
 
@@ -74,6 +76,7 @@ class Parameter:
     maximum: float = field(default=math.inf, kw_only=True)
     exclusive: bool = field(default=False, kw_only=True)
     body: str = field(default="", kw_only=True)
+    about: str = field(default="", kw_only=True)
     axes: Literal["world", "body"] = field(default="world", kw_only=True)
 
     def __post_init__(self) -> None:

@@ -37,6 +37,9 @@ class _Drawn(Protocol):
     @classmethod
     def parameters(cls) -> dict[str, Parameter]: ...
 
+    @classmethod
+    def body_of(cls, parameter: str) -> str: ...
+
     def drawn_frame(self, role: str) -> Frame: ...
 
 
@@ -56,7 +59,7 @@ def replaced(component: type[_Drawn], keyword: str) -> list[str]:
     if keyword not in component.drawn_by or keyword in declared:
         return []
     names = [f"{KEYWORDS[keyword]}_{end}" for end in "ij"]
-    found = [x for x in names if x in declared and declared[x].kind in KINDS[keyword] and _role(x) in component.bodies]
+    found = [x for x in names if x in declared and declared[x].kind in KINDS[keyword]]
     # one point alone would leave the other one open
     return [] if keyword == "at" and len(found) < 2 else found
 
@@ -102,7 +105,7 @@ def localised(where: str, component: _Drawn, space: Space) -> dict[str, Any]:
 
 def _seen_from(where: str, component: _Drawn, keyword: str, name: str, entries: list[sympy.Expr]) -> list[float]:
     """Point or axis in the frame of the body it belongs to, as drawn."""
-    role = _role(name)
+    role = component.body_of(name)
     frame = component.drawn_frame(role)
     body = f"{role} {getattr(component.attached[role], 'name', '')!r}"
     used = (*frame.q[: frame.space.dimension], *frame.quaternion) if keyword == "at" else frame.quaternion
@@ -120,8 +123,3 @@ def _require_fixed(what: str, entries: list[sympy.Expr], names: list[str]) -> No
             f"{what} depends on {', '.join(strangers)}; a joint is given in the world only where its geometry is not "
             f"random and does not move. Give {' and '.join(names)} in the frames of the bodies."
         )
-
-
-def _role(name: str) -> str:
-    """Body argument that a point or axis belongs to."""
-    return f"body_{name[-1]}"
