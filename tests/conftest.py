@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+import importlib
+import subprocess
+import sys
+import warnings
+
 import numpy as np
 import pytest
 
 import uqmbd
+from uqmbd.cli import main
 from uqmbd.dynamics import Ensemble, build, integrate
 
 from .mechanisms import oscillator, pendulum, slider_crank, spatial_pendulum
@@ -132,3 +138,27 @@ def project():
         return uqmbd.ProjectedEnsemble(ensemble, space.evaluate(rule.nodes, terms), rule.weights)
 
     return make
+
+
+@pytest.fixture
+def no_report(monkeypatch):
+    """Let `uqmbd run` draw nothing, which takes longer than small studies."""
+    monkeypatch.setattr("uqmbd.cli.run.write", lambda tree, path: path)
+    # the package: a figure of the same name hides it
+    pictures = importlib.import_module("uqmbd.report.mechanism")
+    monkeypatch.setattr(pictures, "with_motion", lambda tree, study: (tree, ""))
+
+
+@pytest.fixture
+def command(monkeypatch, capsys, no_report):
+    """Run `uqmbd` in this process, without a report: its status, and what it says."""
+
+    def run(*words):
+        monkeypatch.setattr(sys, "path", list(sys.path))
+        with pytest.raises(SystemExit) as left, warnings.catch_warnings():
+            warnings.simplefilter("default", UserWarning)
+            main([str(word) for word in words])
+        said = capsys.readouterr()
+        return subprocess.CompletedProcess(words, left.value.code, said.out, said.err)
+
+    return run

@@ -84,13 +84,15 @@ def test_any_executor_gives_the_same_bits(script, inline, options):
         assert bits(study.propagate(collocation, workers=threads)) == alone
 
 
+@pytest.mark.slow
 def test_one_worker_and_two_give_the_same_bits(script):
     """100 nodes and 8 points of verification are two chunks."""
     study = load_study(script("no"))
     assert bits(study.propagate(Collocation(order=9), workers=2)) == bits(study.propagate(Collocation(order=9)))
 
 
-@pytest.mark.parametrize("adaptive", [pytest.param("order", marks=pytest.mark.slow), "dimension"])
+@pytest.mark.slow
+@pytest.mark.parametrize("adaptive", ["order", "dimension"])
 def test_killed_adaptive_run_resumes(script, tmp_path, inline, adaptive):
     path = script(adaptive)
     whole = inline()

@@ -48,7 +48,7 @@ def read_elsewhere(path, points):
 
 @pytest.mark.parametrize(
     ("suffix", "options"),
-    [("nc", {"adaptive": "dimension", "tolerance": 1e-8}), pytest.param("zarr", {}, marks=pytest.mark.slow)],
+    [pytest.param("nc", {"adaptive": "dimension", "tolerance": 1e-8}, marks=pytest.mark.slow), ("zarr", {})],
 )
 def test_a_stored_chaos_needs_no_mechanism(resting, chaos_of, tmp_path, suffix, options):
     function = lambda a, b: sympy.exp(a) * (2 + b)  # noqa: E731

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import re
-import subprocess
-import sys
 import warnings
 
 import chaospy
@@ -187,7 +185,7 @@ def test_bad_options_are_told(options, words):
     [
         ({"order": 3, "nodes": 2}, "cannot tell the 10 terms of the basis apart"),
         ({"nodes": (3, 3, 3)}, r"nodes has 3 numbers for 2 inputs \(length, mass\)"),
-        ({"order": 200}, "too many for a coupled problem"),
+        pytest.param({"order": 200}, "too many for a coupled problem", marks=pytest.mark.slow),
         ({"rule": "sobol", "samples": 5}, "cannot tell"),
         ({"order": 3, "rule": "smolyak", "level": 3}, "negative weights"),
     ],
@@ -239,13 +237,7 @@ for name, x in (("left", -0.9), ("right", 0.9)):
 """
 
 
-def command(*arguments):
-    return subprocess.run(
-        [sys.executable, "-m", "uqmbd.cli", *map(str, arguments)], capture_output=True, text=True, check=False
-    )
-
-
-def test_command_line_says_it_in_one_line(tmp_path):
+def test_command_line_says_it_in_one_line(tmp_path, command):
     script = tmp_path / "swinging.py"
     script.write_text(SCRIPT.format(low=70, more=""))
     run = command("run", script, "--out", tmp_path / "out")
@@ -257,7 +249,7 @@ def test_command_line_says_it_in_one_line(tmp_path):
     )
 
 
-def test_check_and_run_say_when_it_does_not_fit(tmp_path):
+def test_check_and_run_say_when_it_does_not_fit(tmp_path, command):
     script = tmp_path / "fragile.py"
     script.write_text(SCRIPT.format(low=72, more=RODS).replace("position=(1, 0)", "position=(0, 0.5)"))
     found = command("check", script)

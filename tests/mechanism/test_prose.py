@@ -14,7 +14,15 @@ from uqmbd.mechanism.skeleton import skeleton
 from uqmbd.report.mechanism.body_poses import drawn_pose
 from uqmbd.testing.cases import cases
 
-EVERY = [(name, plugins.component(name).spaces[-1]) for name in sorted(plugins.components())]
+
+def every():
+    """Every component in the plane, where it has one; in space as well, which takes long."""
+    for name in sorted(plugins.components()):
+        spaces = plugins.component(name).spaces
+        quick = uqmbd.Planar if uqmbd.Planar in spaces else spaces[0]
+        for space in dict.fromkeys((quick, spaces[-1])):
+            marks = () if space is quick and (name, space) != ("Screw", uqmbd.Spatial) else pytest.mark.slow
+            yield pytest.param(name, space, id=f"{name}-{space.__name__}", marks=marks)
 
 
 def reworded(component):
@@ -44,7 +52,7 @@ def known(component, space):
     return marks, symbols, pose["pose"].values, layout.kept, layout.active, model.norms
 
 
-@pytest.mark.parametrize(("name", "space"), EVERY, ids=[f"{name}-{space.__name__}" for name, space in EVERY])
+@pytest.mark.parametrize(("name", "space"), every())
 def test_other_words_change_nothing(name, space):
     component = plugins.component(name)
     first, second = known(component, space), known(reworded(component), space)

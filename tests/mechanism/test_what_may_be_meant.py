@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import html
 import json
-import subprocess
-import sys
 
 import chaospy
 import numpy as np
@@ -195,28 +193,22 @@ study = uqmbd.Study("machine", mechanism, [0, 0.01], [MonteCarlo(samples=4, seed
 """
 
 
-def uqmbd_command(*arguments):
-    done = subprocess.run([sys.executable, "-m", "uqmbd.cli", *map(str, arguments)], capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
-    return done.stdout, done.stderr
-
-
-def test_warnings_are_stored_in_the_results_and_shown(tmp_path):
+def test_warnings_are_stored_in_the_results_and_shown(tmp_path, command):
     script = tmp_path / "machine.py"
     script.write_text(SCRIPT)
-    _, lines = uqmbd_command("run", script, "--out", tmp_path / "out")
+    lines = command("run", script, "--out", tmp_path / "out").stderr
     tree = load(tmp_path / "out" / "results.nc")
     said = json.loads(tree.attrs["warnings"])
     assert len(said) == 2 and "PointForce 'push'" in said[0] and "PlaneContact 'floor' starts 3 m deep" in said[1]
-    page = (tmp_path / "out" / "report.html").read_text()
+    page = uqmbd.report.write_report(tree, tmp_path / "report.html").read_text()
     for words in ("PointForce 'push' of body", "starts 3 m deep"):
         assert lines.count(words) == 1 and words in html.unescape(page)
 
 
-def test_check_says_what_assembly_moved(tmp_path):
+def test_check_says_what_assembly_moved(tmp_path, command):
     script = tmp_path / "machine.py"
     script.write_text(SCRIPT)
-    shown, _ = uqmbd_command("check", script)
+    shown = command("check", script).stdout
     assert "moved       'wheel' by 9 m (by assembly, from where drawn)" in shown
 
 

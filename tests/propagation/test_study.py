@@ -257,6 +257,7 @@ def run_script(path, ending):
     return subprocess.run([sys.executable, path], capture_output=True, text=True, check=False, timeout=120)
 
 
+@pytest.mark.slow
 def test_script_without_a_guard_runs_as_written_and_once(tmp_path):
     """Workers start without the script: what it prints is printed once, and two runs one after another work."""
     ending = """
@@ -270,7 +271,7 @@ def test_script_without_a_guard_runs_as_written_and_once(tmp_path):
 
 
 def test_script_without_a_guard_may_define_what_its_workers_need(tmp_path):
-    """A method of the script's own, whose work is sent to workers by its name, and a guard below it."""
+    """A method of the script's own, whose work is sent to workers by its name, and a guard below it; all is said once."""
     ending = """
         import dataclasses
         def work(model, number):
@@ -286,12 +287,13 @@ def test_script_without_a_guard_may_define_what_its_workers_need(tmp_path):
         study = study.with_propagators([Own()])
         print(float(study.run(workers=2)["own/statistics"]["mean"][0, 0]))
         if __name__ == "__main__":
-            print(float(study.run(workers=2)["own/statistics"]["mean"][0, 0]))
+            print("guarded")
     """
     run = run_script(tmp_path / "unguarded.py", ending)
-    assert (run.returncode, run.stdout.split()) == (0, ["13.0", "13.0"]), run.stderr
+    assert (run.returncode, run.stdout.split()) == (0, ["13.0", "guarded"]), run.stderr
 
 
+@pytest.mark.slow
 def test_script_with_a_guard_runs_and_its_workers_ignore_interrupts_and_may_die(tmp_path):
     ending = """
         import os, signal

@@ -17,7 +17,14 @@ EVERY = [(name, space) for name, component in sorted(plugins.components().items(
 REPRESENTATIVES = [("SpringDamper", "Spatial"), ("Revolute", "Planar"), ("TorsionSpringDamper", "Planar")]
 
 
-@pytest.mark.parametrize(("name", "space"), EVERY, ids=[f"{name}-{space.__name__}" for name, space in EVERY])
+def marked(name, space):
+    """In space it takes longest: by default those that are nowhere else, and one of each kind."""
+    spatial = space is uqmbd.Spatial and len(plugins.component(name).spaces) > 1
+    quick = not spatial or (name, space.__name__) in REPRESENTATIVES or name in ("Revolute", "Torque")
+    return pytest.param(name, space, id=f"{name}-{space.__name__}", marks=() if quick else pytest.mark.slow)
+
+
+@pytest.mark.parametrize(("name", "space"), [marked(name, space) for name, space in EVERY])
 def test_component(name, space):
     check_component(plugins.component(name), spaces=(space,), propagators=())
 

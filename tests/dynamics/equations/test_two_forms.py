@@ -15,7 +15,16 @@ from uqmbd.testing.cases import cases
 EVERY = [(name, space) for name, component in sorted(plugins.components().items()) for space in component.spaces]
 
 
-@pytest.mark.parametrize(("name", "space"), EVERY, ids=[f"{name}-{space.__name__}" for name, space in EVERY])
+# a joint, one with an auxiliary state, a force of the space, one with quantities, a turn that is counted
+REPRESENTATIVES = ("Revolute", "TorsionSpringDamper", "SpringDamper", "PlaneContact", "RotationDriver")
+
+
+def marked(name, space):
+    few = name in REPRESENTATIVES and space is uqmbd.Planar
+    return pytest.param(name, space, id=f"{name}-{space.__name__}", marks=() if few else pytest.mark.slow)
+
+
+@pytest.mark.parametrize(("name", "space"), [marked(name, space) for name, space in EVERY])
 def test_fused_equals_typed(name, space):
     for seed in range(5):
         rng = np.random.default_rng(seed)

@@ -42,7 +42,7 @@ def made(kinds, order, times, seed, decay=3.0):
 
 
 @given(st.lists(st.sampled_from(range(4)), min_size=1, max_size=3), st.integers(1, 2), st.integers(0, 2**32 - 1))
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=8, deadline=None)
 def test_samples_tell_what_the_exact_routes_tell(kinds, order, seed):
     """Within five standard errors of as many random samples, whose errors of tails are known from higher moments."""
     exact = made(kinds, order, 3, seed)
@@ -52,7 +52,7 @@ def test_samples_tell_what_the_exact_routes_tell(kinds, order, seed):
         patch.setattr(chaos_moments, "MAX_PRODUCTS", 0)
         other = made(kinds, order, 3, seed)
         assert other.shape_samples == 8192
-        unit = (exact.evaluate_germs(chaos_sampling.random_germs(exact.space, 400_000, seed)) - exact.mean) / exact.std
+        unit = (exact.evaluate_germs(chaos_sampling.random_germs(exact.space, 100_000, seed)) - exact.mean) / exact.std
         # how the sample moments move with the samples, to first order, mean and deviation being theirs
         third, fourth = exact.skewness, exact.kurtosis
         square = unit**2 - 1

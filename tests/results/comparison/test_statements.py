@@ -82,13 +82,13 @@ def only(node: xr.DataTree, chosen: np.ndarray) -> xr.DataTree:
     return xr.DataTree.from_dict(parts, name=node.name)
 
 
-@pytest.mark.parametrize("seed", [0, 1])
+@pytest.mark.parametrize("seed", [0])
 def test_outputs_that_do_not_vary_count_for_nothing(seed: int) -> None:
     check_that_still_outputs_count_for_nothing(seed)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(2, 20))
+@pytest.mark.parametrize("seed", range(1, 20))
 def test_outputs_that_do_not_vary_count_for_nothing_in_any_mechanism(seed: int) -> None:
     check_that_still_outputs_count_for_nothing(seed)
 
@@ -104,7 +104,7 @@ def synthetic(label, mean, std, *, error=None, cost=100, wall_time=1.0, integrat
     return results.propagator_node(label, statistics, propagator="p", realisations=cost, wall_time=wall_time)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(
     size=st.floats(1e-6, 1e6),
     error=st.floats(1e-9, 1e-2),
@@ -151,7 +151,7 @@ def test_where_nothing_varies_no_method_is_recommended() -> None:
     assert lead == ("No output varies beyond the integration error: one realisation tells as much as any method.",)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=8, deadline=None)
 @given(noise=st.floats(0.5, 2.0), change=st.floats(-1, 1), seed=st.integers(0, 1000))
 def test_equal_runs_are_the_same(noise: float, change: float, seed: int) -> None:
     """Equal results, wall times that differ by what else the machine did: none is recommended."""

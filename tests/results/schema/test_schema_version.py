@@ -51,8 +51,7 @@ def test_every_result_states_its_version(study: xr.DataTree, tmp_path: Path, end
     assert results.load(path).identical(plain)
 
 
-@pytest.mark.parametrize("ending", ENDINGS)
-@pytest.mark.parametrize("version", [None, 0])
+@pytest.mark.parametrize(("ending", "version"), [(".nc", None), (".zarr", 0)])
 def test_results_of_earlier_versions_are_read(
     study: xr.DataTree, tmp_path: Path, ending: str, version: int | None
 ) -> None:

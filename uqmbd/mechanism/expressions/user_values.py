@@ -111,30 +111,35 @@ def unknown_symbol(symbol: sympy.Symbol) -> str:
 
 
 def _number(where: str, entry: Any, value: Any, wanted: str) -> sympy.Expr:
-    given = shown(entry) if entry is value else f"{shown(value)} with {shown(entry)} in it"
+
+    def refused(why: str) -> StudyError:
+        # written out only here: a long expression takes long
+        given = shown(entry) if entry is value else f"{shown(value)} with {shown(entry)} in it"
+        return StudyError(f"{where} is {given}{why}")
+
     # SymPy would read a text as a formula and make symbols of its words
     if isinstance(entry, (str, bytes, bool, type)) or entry is None:
-        raise StudyError(f"{where} is {given}; {wanted}.")
+        raise refused(f"; {wanted}.")
     try:
         number = sympy.sympify(entry, strict=True)
     except (sympy.SympifyError, TypeError, ValueError):
-        raise StudyError(f"{where} is {given}, which is no number or expression; {wanted}.") from None
+        raise refused(f", which is no number or expression; {wanted}.") from None
     if not isinstance(number, sympy.Expr) or number.is_commutative is False:
-        raise StudyError(f"{where} is {given}, which is a {type(number).__name__}; {wanted}.")
+        raise refused(f", which is a {type(number).__name__}; {wanted}.")
     if number.has(sympy.nan, sympy.zoo) or (number.has(sympy.oo, -sympy.oo) and not number.atoms(*UNEVALUATED)):
-        raise StudyError(f"{where} is {given}, which is not finite; {wanted}.")
+        raise refused(f", which is not finite; {wanted}.")
     if (foreign := foreign_part(number)) is not None:
         # a constant has a value all the same, such as that of a definite integral
-        value = None if number.free_symbols else _evaluated(number)
-        if value is None:
-            raise StudyError(f"{where} is {given}: {told(foreign)}")
-        number = value
+        found = None if number.free_symbols else _evaluated(number)
+        if found is None:
+            raise refused(f": {told(foreign)}")
+        number = found
     if number.has(sympy.I) or (number.is_number and not number.is_real):
-        raise StudyError(f"{where} is {given}, which is not real; {wanted}.")
+        raise refused(f", which is not real; {wanted}.")
     if number.is_number and abs(_float(number)) > LARGEST:
-        raise StudyError(
-            f"{where} is {given}, which is too large to compute with: squares of it leave the range of numbers "
-            f"of 64 bits; {wanted}, at most {LARGEST:g}."
+        raise refused(
+            ", which is too large to compute with: squares of it leave the range of numbers of 64 bits; "
+            f"{wanted}, at most {LARGEST:g}."
         )
     return number
 
