@@ -6,6 +6,8 @@ The family of one comparison (all methods, outputs and times) is tested at the l
 from __future__ import annotations
 
 import re
+import timeit
+from collections.abc import Callable
 from pathlib import Path
 
 import chaospy
@@ -221,6 +223,17 @@ def test_distances_against_scipy() -> None:
     assert scipy.stats.kstwo.sf(ks_by_chance([200, np.inf], 0.05), 200) == pytest.approx(0.05, abs=0.005)
     found = results.compare([sampled("a", 500, 1), projected("b", 5)])
     assert (found["ks"].sel({"method": "b"}) < found["ks_by_chance"].sel({"method": "b"})).all()
+
+
+def test_scipy_takes_longer_for_the_distances() -> None:
+    """Once it is as quick, it takes over."""
+    one, other = np.random.default_rng(0).normal(size=(2, 4096))
+
+    def seconds(made: Callable[[], object]) -> float:
+        return min(timeit.repeat(made, number=1, repeat=9))
+
+    sold = seconds(lambda: (scipy.stats.wasserstein_distance(one, other), scipy.stats.ks_2samp(one, other).statistic))
+    assert sold > 1.5 * seconds(lambda: distances(one, other))
 
 
 def test_outputs_without_time() -> None:

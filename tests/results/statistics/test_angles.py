@@ -13,7 +13,7 @@ from uqmbd.errors import StudyError
 from uqmbd.randomness.joint import JointInput
 from uqmbd.randomness.space.germ_space import GermSpace
 from uqmbd.results import PolynomialChaos
-from uqmbd.results.statistics import angles
+from uqmbd.results.statistics import circular
 
 TURN = 2 * np.pi
 SIGMA = np.array([0.01, 0.3, 1.0, 2.0])
@@ -81,14 +81,14 @@ def test_blocks_change_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     """A block for each time gives what one block gives; outputs without times are served as well."""
     response, _ = normal_samples(101)
     turns = axes().turns
-    whole = angles.circular_of_samples(response, turns)
-    monkeypatch.setattr(angles, "BLOCK_NUMBERS", 101)
-    again = angles.circular_of_samples(response, turns)
-    alone = angles.circular_of_samples(response[:, :, 2], turns)
+    whole = circular.circular_of_samples(response, turns)
+    monkeypatch.setattr(circular, "BLOCK_NUMBERS", 101)
+    again = circular.circular_of_samples(response, turns)
+    alone = circular.circular_of_samples(response[:, :, 2], turns)
     for name, values in whole.items():
         np.testing.assert_allclose(again[name], values, rtol=1e-13)
         np.testing.assert_allclose(alone[name], values[:, 2], rtol=1e-13)
-    assert angles.circular_of_samples(response, np.zeros(3)) == {}
+    assert circular.circular_of_samples(response, np.zeros(3)) == {}
 
 
 @pytest.fixture(scope="module")

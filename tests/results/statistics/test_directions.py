@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import inspect
+
 import numpy as np
 import pytest
 import scipy.stats
@@ -124,3 +126,13 @@ def test_bad_input(call: object, message: str) -> None:
     """Each gets one error that says what was given."""
     with pytest.raises(StudyError, match=message):
         call()  # type: ignore[operator]
+
+
+def test_scipy_has_no_circular_statistics_that_would_do() -> None:
+    """No weights, no digits of small deviations, a mean where there is none; once it has, it takes over."""
+    for function in (scipy.stats.circmean, scipy.stats.circstd, scipy.stats.directional_stats):
+        assert "weights" not in inspect.signature(function).parameters
+    assert scipy.stats.circstd([1e-9, -1e-9]) < 0.5e-9 < results.circular_std([1e-9, -1e-9])
+    opposite = Rotation.from_quat([[0.0, 0.0, 0.0, 1.0], [1.0, 0.0, 0.0, 0.0]])
+    assert np.isfinite(opposite.mean().as_quat()).all()
+    assert np.isnan(results.mean_rotation(opposite.as_quat())).all()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable, Mapping
 from typing import Any, cast
 
@@ -10,7 +11,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from uqmbd.errors import StudyError
-from uqmbd.results.comparison.details import counters, distributions, quantiles
+from uqmbd.results.comparison.distances import distributions, quantile_differences
 from uqmbd.results.comparison.own_error import over_time, own_error, root_mean_square
 from uqmbd.results.comparison.recommendation import loose, recommend
 from uqmbd.results.comparison.statements import own_statements
@@ -178,7 +179,7 @@ def compare(
             columns.setdefault(f"{name}_difference_max", []).append(_largest(known))
             columns.setdefault(f"{name}_difference_l2", []).append(l2)
             columns.setdefault(f"{name}_relative_l2", []).append(_over(l2, scale))
-        columns.setdefault("quantile_difference_max", []).append(quantiles(statistics, base))
+        columns.setdefault("quantile_difference_max", []).append(quantile_differences(statistics, base))
         mine, other = (errors[name].isel(common) for name in (label, chosen))
         columns.setdefault("own_error", []).append(mine.relative(times[common]))
         largest, at = errors[label].largest(times if "time" in base["mean"].dims else None)
@@ -231,7 +232,7 @@ def compare(
     )
     if len(nodes) < 2:
         return found
-    found = found.assign(counters(attributes)).assign(distributions(nodes, chosen, times, errors[chosen], level))
+    found = found.assign(_counters(attributes)).assign(distributions(nodes, chosen, times, errors[chosen], level))
     return found.assign_attrs(recommendation="\n".join((*loose(nodes), *recommend(found))))
 
 
@@ -293,3 +294,20 @@ def _check_same_axes(label: str, found: xr.Dataset, reference: str, expected: xr
         raise StudyError(
             f"Only results at the same times can be compared: those of {label!r} and {reference!r} differ."
         )
+
+
+def _counters(attributes: list[dict[Any, Any]]) -> dict[str, Any]:
+    """Return the solver counters of all methods, NaN where a method does not count."""
+    rows: list[dict[str, float]] = []
+    for attrs in attributes:
+        try:
+            counted = dict(json.loads(attrs.get("solver_counters", "{}")))
+        except (TypeError, ValueError):
+            counted = {}
+        rows.append({str(k): float(v) for k, v in counted.items() if isinstance(v, (int, float))})
+    names = list(dict.fromkeys(name for row in rows for name in row))
+    if not names:
+        return {}
+    values = np.array([[row.get(name, np.nan) for name in names] for row in rows])
+    coordinate = xr.DataArray(np.array(names, dtype=np.str_), dims="counter")
+    return {"counter": coordinate, "solver_counters": (("method", "counter"), values)}

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from uqmbd.results.statistics.angles import circular_of_blocks
 from uqmbd.results.statistics.circular import (
     circular_mean,
+    circular_of_blocks,
     circular_of_components,
     circular_std,
-    mean_direction,
     unwrap_samples,
 )
+from uqmbd.results.statistics.directions import mean_direction, mean_rotation, rotation_std
 from uqmbd.results.statistics.moments import Moments
 from uqmbd.results.statistics.replicates import replicate_errors
-from uqmbd.results.statistics.rotations import mean_rotation, rotation_std
 from uqmbd.results.statistics.samples import (
     replicate_statistics,
     running_statistics,

@@ -1,19 +1,27 @@
-"""Statistics of angles and directions, which must not be averaged like plain numbers."""
+"""Statistics of angles, which must not be averaged like plain numbers.
+
+:func:`scipy.stats.circmean` and ``circstd`` take no weights (those of a quadrature), return a direction where there is
+none, and lose the digits of small deviations: the deviation of 1e-9 and -1e-9 is 0 to them.
+"""
 
 from __future__ import annotations
+
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from uqmbd.errors import StudyError
+from uqmbd.threads import one_thread
 from uqmbd.typing import Array
 
 __all__ = [
+    "ROUNDING",
     "circular_mean",
+    "circular_of_blocks",
     "circular_of_components",
+    "circular_of_samples",
     "circular_std",
-    "mean_direction",
-    "unit_vectors",
     "unwrap_samples",
     "weighted_mean",
 ]
@@ -21,6 +29,9 @@ __all__ = [
 
 ROUNDING = 32.0 * np.finfo(float).eps
 """Below this length, relative to single directions, a mean direction is rounding."""
+
+BLOCK_NUMBERS = 1_000_000
+"""Angles (8 bytes each) that are averaged at once."""
 
 
 def circular_mean(angles: ArrayLike, axis: int = 0, weights: ArrayLike | None = None) -> Array:
@@ -179,44 +190,67 @@ def unwrap_samples(angles: ArrayLike, axis: int = -1) -> Array:
     return np.moveaxis(moved - 2.0 * np.pi * turns[..., None], -1, axis)
 
 
-def mean_direction(vectors: ArrayLike, axis: int = 0, weights: ArrayLike | None = None) -> tuple[Array, Array]:
-    """Return the mean direction of vectors, and the mean resultant length.
+def circular_of_samples(response: Array, turns: Array) -> dict[str, Array]:
+    """Average the directions of samples.
 
     Parameters
     ----------
-    vectors : array_like, shape (S, ..., N)
-        Their lengths do not count; components along the last axis.
-    axis : int
-        Along which to average; not the last.
-    weights : array_like, shape (S,), optional
-        Default all alike.
+    response : array, shape (S, O, T) or (S, O)
+        Finite, in the units of the outputs.
+    turns : array, shape (O,)
+        Length of a turn in these units; 0: the output is no angle.
 
     Returns
     -------
-    direction : array, shape (..., N)
-        Of unit length; NaN where the directions cancel.
-    length : array, shape (...)
-        From 0 (the directions cancel) to 1 (they agree).
-
-    Raises
-    ------
-    StudyError
-        If a vector has no length, there are none, or the weights do not fit.
+    dict of str to numpy.ndarray
+        ``circular_mean`` and ``circular_std``, shape (O, T) or (O,), in the units of the outputs, NaN for those that
+        are no angles; empty where none is. Made for ``statistics_dataset(labels, **it)``.
 
     Examples
     --------
-    >>> direction, length = mean_direction([[2.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
-    >>> direction.round(6).tolist(), float(length.round(6))
-    ([0.707107, 0.707107, 0.0], 0.707107)
+    >>> import numpy as np
+    >>> found = circular_of_samples(np.array([[179.0, 1.0], [183.0, 2.0]]), np.array([360.0, 0.0]))
+    >>> found["circular_mean"].round(6).tolist(), found["circular_std"].round(3).tolist()
+    ([-179.0, nan], [2.0, nan])
     """
-    given = np.asarray(vectors, dtype=float)
-    if given.ndim < 2 or axis in (-1, given.ndim - 1):
-        raise StudyError(f"Vectors need their components along the last axis, (S, ..., N); found {given.shape}.")
-    mean = weighted_mean(unit_vectors(given, "vector"), axis, weights)
-    length = np.linalg.norm(mean, axis=-1)
-    cancels = length <= ROUNDING
-    direction = np.where(cancels[..., None], np.nan, mean / np.where(cancels, 1.0, length)[..., None])
-    return direction, np.minimum(length, 1.0)
+    flat = response.reshape(*response.shape[:2], -1)
+    return circular_of_blocks(response.shape[1:], len(response), turns, lambda output, part: flat[:, output, part])
+
+
+def circular_of_blocks(
+    shape: tuple[int, ...], count: int, turns: Array, samples: Callable[[int, slice], Array]
+) -> dict[str, Array]:
+    """Average the directions of samples that are made block by block.
+
+    Parameters
+    ----------
+    shape : tuple of int
+        (O, T) or (O,).
+    count : int
+        Samples, S.
+    turns : array, shape (O,)
+        As for :func:`circular_of_samples`.
+    samples : callable
+        From an output and a slice of its times to samples, shape (S, t).
+
+    Returns
+    -------
+    dict of str to numpy.ndarray
+        As of :func:`circular_of_samples`.
+    """
+    if not np.any(turns):
+        return {}
+    mean, std = np.full((2, shape[0], int(np.prod(shape[1:]))), np.nan)
+    size = max(1, BLOCK_NUMBERS // max(count, 1))
+    with one_thread():
+        for output in np.flatnonzero(turns):
+            radians = 2.0 * np.pi / turns[output]
+            for start in range(0, mean.shape[1], size):
+                part = slice(start, start + size)
+                angles = samples(int(output), part) * radians
+                mean[output, part] = circular_mean(angles) / radians
+                std[output, part] = circular_std(angles) / radians
+    return {"circular_mean": mean.reshape(shape), "circular_std": std.reshape(shape)}
 
 
 def weighted_mean(values: Array, axis: int, weights: ArrayLike | None) -> Array:
@@ -229,11 +263,3 @@ def weighted_mean(values: Array, axis: int, weights: ArrayLike | None) -> Array:
             f"of the shape {w.shape} were given."
         )
     return np.asarray(np.tensordot(w / w.sum(), values, axes=(0, axis)), dtype=float)
-
-
-def unit_vectors(vectors: Array, name: str) -> Array:
-    """Scale vectors (..., N) to length 1."""
-    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
-    if np.any(length == 0):
-        raise StudyError(f"A {name} of length zero has no direction: number {int(np.argmin(length))} in order.")
-    return np.asarray(vectors / length)

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from uqmbd.errors import StudyError
 from uqmbd.results.schema import DEFAULT_PROBABILITIES, InputInfo, Labels, output_infos, statistics_dataset
-from uqmbd.results.statistics.angles import circular_of_samples
+from uqmbd.results.statistics.circular import circular_of_samples
 from uqmbd.results.statistics.moments import Moments
 from uqmbd.results.statistics.replicates import replicate_errors
 from uqmbd.status import Status

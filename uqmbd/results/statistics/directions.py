@@ -1,4 +1,8 @@
-"""Mean and deviation of rotations."""
+"""Mean and deviation of directions and of rotations.
+
+:func:`scipy.stats.directional_stats` takes no weights (those of a quadrature), and returns a direction where there is
+none; so does :meth:`scipy.spatial.transform.Rotation.mean`, which takes stacks of rotations only from SciPy 1.17 on.
+"""
 
 from __future__ import annotations
 
@@ -6,10 +10,50 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from uqmbd.errors import StudyError
-from uqmbd.results.statistics.circular import ROUNDING, unit_vectors, weighted_mean
+from uqmbd.results.statistics.circular import ROUNDING, weighted_mean
 from uqmbd.typing import Array
 
-__all__ = ["mean_rotation", "rotation_std"]
+__all__ = ["mean_direction", "mean_rotation", "rotation_std"]
+
+
+def mean_direction(vectors: ArrayLike, axis: int = 0, weights: ArrayLike | None = None) -> tuple[Array, Array]:
+    """Return the mean direction of vectors, and the mean resultant length.
+
+    Parameters
+    ----------
+    vectors : array_like, shape (S, ..., N)
+        Their lengths do not count; components along the last axis.
+    axis : int
+        Along which to average; not the last.
+    weights : array_like, shape (S,), optional
+        Default all alike.
+
+    Returns
+    -------
+    direction : array, shape (..., N)
+        Of unit length; NaN where the directions cancel.
+    length : array, shape (...)
+        From 0 (the directions cancel) to 1 (they agree).
+
+    Raises
+    ------
+    StudyError
+        If a vector has no length, there are none, or the weights do not fit.
+
+    Examples
+    --------
+    >>> direction, length = mean_direction([[2.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+    >>> direction.round(6).tolist(), float(length.round(6))
+    ([0.707107, 0.707107, 0.0], 0.707107)
+    """
+    given = np.asarray(vectors, dtype=float)
+    if given.ndim < 2 or axis in (-1, given.ndim - 1):
+        raise StudyError(f"Vectors need their components along the last axis, (S, ..., N); found {given.shape}.")
+    mean = weighted_mean(_unit_vectors(given, "vector"), axis, weights)
+    length = np.linalg.norm(mean, axis=-1)
+    cancels = length <= ROUNDING
+    direction = np.where(cancels[..., None], np.nan, mean / np.where(cancels, 1.0, length)[..., None])
+    return direction, np.minimum(length, 1.0)
 
 
 def mean_rotation(quaternions: ArrayLike, axis: int = 0, weights: ArrayLike | None = None) -> Array:
@@ -50,7 +94,7 @@ def mean_rotation(quaternions: ArrayLike, axis: int = 0, weights: ArrayLike | No
     given = np.asarray(quaternions, dtype=float)
     if given.ndim < 2 or given.shape[-1] != 4 or axis in (-1, given.ndim - 1):
         raise StudyError(f"Quaternions need four components along the last axis, (S, ..., 4); found {given.shape}.")
-    unit = np.moveaxis(unit_vectors(given, "quaternion"), axis, 0)
+    unit = np.moveaxis(_unit_vectors(given, "quaternion"), axis, 0)
     moment = weighted_mean(unit[..., :, None] * unit[..., None, :], 0, weights)
     values, vectors = np.linalg.eigh(moment)
     found = vectors[..., -1]
@@ -81,10 +125,18 @@ def rotation_std(quaternions: ArrayLike, axis: int = 0, weights: ArrayLike | Non
     0.1
     """
     mean = np.expand_dims(mean_rotation(quaternions, axis, weights), axis)
-    unit = unit_vectors(np.asarray(quaternions, dtype=float), "quaternion")
+    unit = _unit_vectors(np.asarray(quaternions, dtype=float), "quaternion")
     cosine = np.abs(np.sum(unit * mean, axis=-1, keepdims=True))
     # by the sine too: an arc cosine loses half the digits of small angles
     sine = np.linalg.norm(unit - np.sum(unit * mean, axis=-1, keepdims=True) * mean, axis=-1, keepdims=True)
     square = (2.0 * np.arctan2(sine, cosine)) ** 2
     result: Array = np.sqrt(weighted_mean(square, axis, weights)[..., 0])
     return result
+
+
+def _unit_vectors(vectors: Array, name: str) -> Array:
+    """Scale vectors (..., N) to length 1."""
+    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    if np.any(length == 0):
+        raise StudyError(f"A {name} of length zero has no direction: number {int(np.argmin(length))} in order.")
+    return np.asarray(vectors / length)
