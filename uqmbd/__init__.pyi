@@ -77,6 +77,7 @@ from .randomness import GermBox as GermBox
 from .randomness import GermSpace as GermSpace
 from .randomness import Quadrature as Quadrature
 from .randomness import RandomVariable as RandomVariable
+from .randomness import SamplingDesign as SamplingDesign
 from .randomness import clenshaw_curtis as clenshaw_curtis
 from .randomness import combination_coefficients as combination_coefficients
 from .randomness import gauss_tensor as gauss_tensor
@@ -84,6 +85,8 @@ from .randomness import gram_error as gram_error
 from .randomness import index_set as index_set
 from .randomness import monte_carlo_rule as monte_carlo_rule
 from .randomness import random_vector as random_vector
+from .randomness import sampling_design as sampling_design
+from .randomness import sampling_designs as sampling_designs
 from .randomness import smolyak as smolyak
 from .randomness import sparse_rule as sparse_rule
 from .version import __version__ as __version__

@@ -1,7 +1,7 @@
 """Plugins: the hooks that a plugin package may implement, and the manager that finds, loads and isolates the packages.
 
 A plugin package names a module (or an object) in the entry-point group ``uqmbd``, and that module implements any of
-four hooks, each of which returns classes::
+five hooks, each of which returns classes::
 
     import uqmbd
 
@@ -38,6 +38,7 @@ __all__ = [
     "PluginInfo",
     "component",
     "components",
+    "designs",
     "hookimpl",
     "installed",
     "integrator",
@@ -76,6 +77,13 @@ class _Hooks:
         """
 
     @_hookspec
+    def uqmbd_designs(self) -> Sequence[type]:  # type: ignore[empty-body]
+        """Offer sampling designs, classes as `uqmbd.SamplingDesign` says, known by their class attribute ``name``.
+
+        The core registers its own by this hook.
+        """
+
+    @_hookspec
     def uqmbd_report_sections(self) -> Sequence[type]:  # type: ignore[empty-body]
         """Offer sections of the HTML report, as `uqmbd.report.Section` says, made without arguments."""
 
@@ -88,6 +96,8 @@ class _Kind(NamedTuple):
     base: str | None
     by_attribute: bool
     method: str = ""
+    flags: tuple[str, ...] = ()
+    """Class attributes that are True or False, and False where they are left out."""
     reserved: tuple[str, ...] = ()
     """Names of what the core itself offers."""
 
@@ -95,7 +105,18 @@ class _Kind(NamedTuple):
 _KINDS = {
     "components": _Kind("uqmbd_components", "component", "uqmbd.Component", False),
     "propagators": _Kind("uqmbd_propagators", "propagator", "uqmbd.Propagator", True),
-    "integrators": _Kind("uqmbd_integrators", "integrator", None, True, reserved=("auto", "ida", "dop853")),
+    "integrators": _Kind(
+        "uqmbd_integrators", "integrator", None, True, "", ("events", "projected"), ("auto", "ida", "dop853")
+    ),
+    "designs": _Kind(
+        "uqmbd_designs",
+        "sampling design",
+        None,
+        True,
+        "points",
+        ("independent", "extendable"),
+        ("random", "latin-hypercube", "sobol", "halton"),
+    ),
     "report_sections": _Kind("uqmbd_report_sections", "report section", None, False, "render"),
 }
 
@@ -121,7 +142,7 @@ class PluginInfo:
         ``"incomplete"``: something that the plugin offers could not be used, the rest is there.
     hooks : tuple of str
         Hooks that the plugin implements.
-    components, propagators, integrators, report_sections : tuple of str
+    components, propagators, integrators, designs, report_sections : tuple of str
         Names that the plugin registered.
     errors : tuple of str
         Why the plugin, or a part of it, cannot be used.
@@ -135,6 +156,7 @@ class PluginInfo:
     components: tuple[str, ...] = ()
     propagators: tuple[str, ...] = ()
     integrators: tuple[str, ...] = ()
+    designs: tuple[str, ...] = ()
     report_sections: tuple[str, ...] = ()
     errors: tuple[str, ...] = ()
 
@@ -168,6 +190,11 @@ def integrators() -> dict[str, type]:
     return dict(_registry().classes["integrators"])
 
 
+def designs() -> dict[str, type]:
+    """Return the sampling designs that plugins offer by registered name; those of the core are not among them."""
+    return dict(_registry().classes["designs"])
+
+
 def report_sections() -> dict[str, type]:
     """Return the report sections that plugins offer by class name, in the order of registration."""
     return dict(_registry().classes["report_sections"])
@@ -193,7 +220,7 @@ def owner(kind: str, name: str) -> str:
 
     Parameters
     ----------
-    kind : {"components", "propagators", "integrators", "report_sections"}
+    kind : {"components", "propagators", "integrators", "designs", "report_sections"}
     name : str
     """
     return next((info.title for info in installed() if name in getattr(info, kind)), "")
@@ -211,7 +238,7 @@ def offered_by_core(implementation: object, kind: str) -> dict[str, type]:
     ----------
     implementation : object
         Implements the hook.
-    kind : {"components", "propagators", "integrators", "report_sections"}
+    kind : {"components", "propagators", "integrators", "designs", "report_sections"}
     """
     manager = _manager()
     manager.register(implementation)
@@ -372,7 +399,11 @@ def _registered_name(cls: Any, kind: _Kind) -> tuple[str, str]:
     if type(name) is not str or not name or "/" in name:
         return "", "whose class attribute `name` is not a string without '/', such as \"monte-carlo\""
     if name in kind.reserved:
-        return name, f"whose name {name!r} is that of an {kind.noun} of uqmbd"
+        article = "an" if kind.noun[0] in "aeiou" else "a"
+        return name, f"whose name {name!r} is that of {article} {kind.noun} of uqmbd"
+    for flag in kind.flags:
+        if not isinstance(getattr(cls, flag, False), bool):
+            return name, f"whose class attribute `{flag}` is {_short(getattr(cls, flag))}; True or False is expected"
     return name, _integrator_problem(cls) if kind.hook == "uqmbd_integrators" else ""
 
 
@@ -380,9 +411,6 @@ def _integrator_problem(cls: type) -> str:
     """Return what keeps a class from being an integrator, or nothing."""
     if not callable(getattr(cls, "integrate", None)):
         return "which has no method integrate(ensemble, times, rtol)"
-    for flag in ("events", "projected"):
-        if not isinstance(getattr(cls, flag, False), bool):
-            return f"whose class attribute `{flag}` is {_short(getattr(cls, flag))}; True or False is expected"
     for flag, method in INTEGRATOR_METHODS.items():
         if getattr(cls, flag, False) is True and not callable(getattr(cls, method.partition("(")[0], None)):
             return f"which declares {flag} = True, but has no method {method}"

@@ -13,10 +13,9 @@ import uqmbd
 from uqmbd.typing import Array, Index
 from uqmbd_collocation.fitting import Projection, Regression
 
-__all__ = ["STREAM", "Adaptive", "Method", "Plans", "Rule", "Terms"]
+__all__ = ["STREAM", "Adaptive", "Method", "Plans", "Terms"]
 
 Method = Literal["projection", "regression", "omp", "lars"]
-Rule = Literal["gauss", "smolyak", "clenshaw-curtis", "sobol", "latin-hypercube", "halton", "random"]
 Terms = Literal["total", "tensor", "hyperbolic"]
 Adaptive = Literal["no", "order", "dimension"]
 
@@ -47,7 +46,7 @@ class Plans:
     index_set: Terms
     weights: tuple[float, ...] | None
     method: Method
-    rule: Rule | None
+    rule: str | None
     nodes: tuple[int, ...] | None
     level: int | None
     samples: int | None
@@ -58,6 +57,7 @@ class Plans:
     seed: int
 
     def __post_init__(self) -> None:
+        design = None if self.grid else uqmbd.sampling_design(self.design, "Collocation: rule", GRIDS)
         if self.method != "projection" and self.rule in GRIDS:
             raise uqmbd.StudyError(
                 f"Collocation: method={self.method!r} fits samples, but rule={self.rule!r} is a grid; use "
@@ -79,9 +79,9 @@ class Plans:
                 )
         if self.adaptive == "order":
             self.refuse(("nodes", "level", "samples"), "adaptive='order', which chooses it for each order")
-            if self.rule == "latin-hypercube":
+            if design is not None and not design.extendable:
                 raise uqmbd.StudyError(
-                    "Collocation: rule='latin-hypercube' cannot be extended, so that adaptive='order' would use no "
+                    f"Collocation: rule={self.rule!r} cannot be extended, so that adaptive='order' would use no "
                     "realisation again; use rule='sobol'."
                 )
         for name, rules in {"nodes": ("gauss",), "level": ("smolyak", "clenshaw-curtis")}.items():
@@ -128,7 +128,7 @@ class Plans:
             return Projection(rule, terms, self._exact(rule, terms, space), self.label)
         count = self.samples or _enough(len(terms), self.method)
         self._check_number(space, order, count)
-        rule = self._samples(space, count)
+        rule = uqmbd.monte_carlo_rule(space, count, self.seed, self.design)
         if self.method == "projection":
             return Projection(rule, terms, False, self.label)
         return Regression(rule.nodes, terms, self.method, self.label)
@@ -204,16 +204,6 @@ class Plans:
             degrees = terms.max(axis=0)
             return all(n > k for n, k in zip(self._gauss_counts(space, terms), degrees, strict=True))
         return rule.exactness is not None and 2 * int(terms.sum(axis=1).max()) <= rule.exactness
-
-    def _samples(self, space: uqmbd.GermSpace, count: int) -> uqmbd.Quadrature:
-        if self.design != "latin-hypercube":
-            return uqmbd.monte_carlo_rule(space, count, self.seed, self.design)
-        from scipy.stats import qmc
-
-        uniform = qmc.LatinHypercube(space.dimension, rng=np.random.default_rng(self.seed)).random(count)
-        # the ends of the interval would map to infinity
-        germs = space.from_uniform(np.clip(uniform, 2.0**-54, 1 - 2.0**-53))
-        return uqmbd.Quadrature(germs, np.full(count, 1 / count), 0, f"{count} samples, latin-hypercube")
 
 
 def _enough(terms: int, method: str) -> int:

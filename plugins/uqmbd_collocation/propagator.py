@@ -17,7 +17,7 @@ from uqmbd_collocation.alignment import align_with_events
 from uqmbd_collocation.elements import collocate_elements
 from uqmbd_collocation.fitting import Fit
 from uqmbd_collocation.orders import raise_order
-from uqmbd_collocation.plans import Adaptive, Method, Plans, Rule, Terms
+from uqmbd_collocation.plans import Adaptive, Method, Plans, Terms
 from uqmbd_collocation.record import nodes_dataset, warn_of_failures, warn_of_idle_inputs
 from uqmbd_collocation.refinement import Limits, Refinement, history
 from uqmbd_collocation.runs import Runs, announced_once
@@ -43,8 +43,8 @@ class Collocation(uqmbd.Propagator):
         orthogonal matching pursuit or least-angle regression chooses few of the terms.
     rule : str, optional
         Where the realisations are.  For a projection ``gauss`` (tensor product, the default), ``smolyak``,
-        ``clenshaw-curtis``, or samples; for a regression ``sobol`` (the default), ``latin-hypercube``, ``halton`` or
-        ``random``.
+        ``clenshaw-curtis``, or samples; for a regression ``sobol`` (the default), ``latin-hypercube``, ``halton``,
+        ``random``, or a sampling design of a plugin.
     nodes : tuple of int, optional
         Gauss: nodes of each input (in the order of their names), or one number for all; default one more than the
         highest degree in it.
@@ -113,7 +113,7 @@ class Collocation(uqmbd.Propagator):
     index_set: Terms = "total"
     weights: Annotated[tuple[float, ...], uqmbd.Bounds(0, above=True)] | None = None
     method: Method = "projection"
-    rule: Rule | None = None
+    rule: str | None = None
     nodes: Annotated[tuple[int, ...], uqmbd.Bounds(1)] | None = None
     level: Annotated[int, uqmbd.Bounds(0)] | None = None
     samples: Annotated[int, uqmbd.Bounds(2)] | None = None

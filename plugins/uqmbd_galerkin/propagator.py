@@ -15,7 +15,7 @@ from uqmbd.typing import Array, Index
 from uqmbd_galerkin.diagnostics import diagnostics
 from uqmbd_galerkin.elements import galerkin_elements
 from uqmbd_galerkin.ending import finished, horizons, no_motion, padded, warn
-from uqmbd_galerkin.rules import STREAM, Discretisation, Rule, Terms
+from uqmbd_galerkin.rules import STREAM, Discretisation, Terms
 from uqmbd_galerkin.scalars import projected_scalars
 
 __all__ = ["Galerkin"]
@@ -45,8 +45,8 @@ class Galerkin(uqmbd.Propagator):
     nodes : tuple of int, optional
         Gauss nodes of each input, or one number for all; default ``order + 1``, which was measured to be more accurate
         on rotating mechanisms than more.
-    rule : {"gauss", "sobol", "halton", "random", "smolyak"}
-        Of the quadrature; its weights must be positive.
+    rule : str
+        Of the quadrature, ``gauss``, ``smolyak``, or the name of a sampling design; its weights must be positive.
     samples : int, optional
         Nodes of a rule of samples.
     level : int, optional
@@ -90,7 +90,7 @@ class Galerkin(uqmbd.Propagator):
     index_set: Terms | None = None
     weights: Annotated[tuple[float, ...], uqmbd.Bounds(0, above=True)] | None = None
     nodes: Annotated[tuple[int, ...], uqmbd.Bounds(1)] | None = None
-    rule: Rule = "gauss"
+    rule: str = "gauss"
     samples: Annotated[int, uqmbd.Bounds(1)] | None = None
     level: Annotated[int, uqmbd.Bounds(0)] | None = None
     elements: int | Literal["adaptive"] | None = None

@@ -9,10 +9,9 @@ from typing import Literal
 import uqmbd
 from uqmbd.typing import Index
 
-__all__ = ["MOST_NODES", "STREAM", "Discretisation", "Rule", "Terms"]
+__all__ = ["MOST_NODES", "STREAM", "Discretisation", "Terms"]
 
 Terms = Literal["total", "tensor", "hyperbolic"]
-Rule = Literal["gauss", "smolyak", "sobol", "halton", "random"]
 
 MOST_NODES = 20_000
 """Nodes beyond which the coupled problem is not set up."""
@@ -39,13 +38,15 @@ class Discretisation:
     index_set: Terms | None
     weights: tuple[float, ...] | None
     nodes: tuple[int, ...] | None
-    rule: Rule
+    rule: str
     samples: int | None
     level: int | None
     elements: int | Literal["adaptive"] | None
     seed: int
 
     def __post_init__(self) -> None:
+        if self.rule not in ("gauss", "smolyak"):
+            uqmbd.sampling_design(self.rule, "Galerkin: rule", ("gauss", "smolyak"))
         if self.level is not None and (self.rule != "smolyak" or self.samples is not None):
             raise uqmbd.StudyError(
                 f"Galerkin: level is {self.level!r}, for rule='smolyak' without samples; rule is {self.rule!r}, "

@@ -1,17 +1,13 @@
-"""Sampling designs: uniform numbers in the unit cube, in independent randomised replicates."""
+"""Sampling designs in independent randomised replicates."""
 
 from __future__ import annotations
 
 import numpy as np
-from scipy.stats import qmc
 
 import uqmbd
 from uqmbd.typing import Array
 
-__all__ = ["DESIGNS", "replicate_sizes", "uniform_samples"]
-
-
-DESIGNS = ("random", "latin-hypercube", "sobol")
+__all__ = ["replicate_sizes", "uniform_samples"]
 
 
 def replicate_sizes(design: str, samples: int, replicates: int) -> list[int]:
@@ -20,7 +16,7 @@ def replicate_sizes(design: str, samples: int, replicates: int) -> list[int]:
     Parameters
     ----------
     design : str
-        One of `DESIGNS`; ``random`` needs no replicates and makes one.
+        Name of a sampling design; one of independent points needs no replicates and makes one.
     samples, replicates : int
         How many.
 
@@ -32,27 +28,32 @@ def replicate_sizes(design: str, samples: int, replicates: int) -> list[int]:
     Raises
     ------
     uqmbd.StudyError
-        If the replicates would be too small, or no powers of two for ``sobol``.
+        If there is no such design, or the replicates would be too small, or of numbers that the design is not balanced
+        with.
 
     Examples
     --------
     >>> replicate_sizes("latin-hypercube", 20, 8)
     [3, 3, 3, 3, 2, 2, 2, 2]
     """
-    if design == "random":
+    found = uqmbd.sampling_design(design, "MonteCarlo: sampling")
+    if found.independent:
         return [samples]
     if samples < 2 * replicates:
         raise uqmbd.StudyError(
             f"MonteCarlo: {samples} samples are too few for {replicates} replicates of a {design} design; "
             f"take {2 * replicates} samples at least, or fewer replicates."
         )
-    if design == "sobol":
-        size = samples / replicates
-        if size != 2 ** int(np.log2(size)):
-            below = replicates * 2 ** int(np.log2(size))
+    if found.base > 1:
+        power = found.base
+        while power * found.base * replicates <= samples:
+            power *= found.base
+        if power * replicates != samples:
+            below = replicates * power
             raise uqmbd.StudyError(
-                f"MonteCarlo: a sobol design of {replicates} replicates needs {replicates} times a power of two "
-                f"samples; {samples} were given. Take {below} or {2 * below}."
+                f"MonteCarlo: a {design} design of {replicates} replicates needs {replicates} times a power of "
+                f"{'two' if found.base == 2 else found.base} samples; {samples} were given. Take {below} or "
+                f"{found.base * below}."
             )
     return [len(part) for part in np.array_split(np.arange(samples), replicates)]
 
@@ -63,8 +64,7 @@ def uniform_samples(design: str, sizes: list[int], dimension: int, seed: int) ->
     Parameters
     ----------
     design : str
-        ``random``: independent points; ``latin-hypercube``: one point in each slice of each axis [1]_; ``sobol``:
-        Owen-scrambled Sobol' points [2]_.
+        Name of a sampling design.
     sizes : list of int
         Sizes of the replicates, which are independent of one another.
     dimension : int
@@ -72,26 +72,12 @@ def uniform_samples(design: str, sizes: list[int], dimension: int, seed: int) ->
     seed : int
         The same seed gives the same bits.
 
-    References
-    ----------
-    .. [1] M. D. McKay, R. J. Beckman, W. J. Conover, Technometrics 21 (1979) 239-245.
-    .. [2] A. B. Owen, SIAM Journal on Numerical Analysis 34 (1997) 1884-1910.
-
     Examples
     --------
     >>> u = uniform_samples("latin-hypercube", [4], 1, seed=3)
     >>> sorted((4 * u[:, 0]).astype(int).tolist())
     [0, 1, 2, 3]
     """
+    found = uqmbd.sampling_design(design)
     streams = np.random.SeedSequence(seed).spawn(len(sizes))
-    parts = []
-    for size, stream in zip(sizes, streams, strict=True):
-        generator = np.random.default_rng(stream)
-        if design == "random":
-            parts.append(generator.random((size, dimension)))
-        elif design == "latin-hypercube":
-            parts.append(qmc.LatinHypercube(dimension, rng=generator).random(size))
-        else:
-            parts.append(qmc.Sobol(dimension, scramble=True, rng=generator).random_base2(int(np.log2(size))))
-    # the ends of the interval would map to infinity
-    return np.clip(np.concatenate(parts), 2.0**-54, 1 - 2.0**-53)
+    return np.concatenate([found.points(dimension, n, one) for n, one in zip(sizes, streams, strict=True)])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import warnings
 from collections import Counter
 from dataclasses import dataclass
-from typing import Any, ClassVar, Literal, get_args
+from typing import Any, ClassVar
 
 import numpy as np
 import xarray as xr
@@ -21,8 +21,6 @@ from uqmbd_montecarlo.surrogate import ControlledSums, Surrogate, surrogate_of
 
 __all__ = ["MonteCarlo"]
 
-Sampling = Literal["random", "latin-hypercube", "sobol"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class MonteCarlo(uqmbd.Propagator):
@@ -34,11 +32,12 @@ class MonteCarlo(uqmbd.Propagator):
         How many.
     seed : int
         Of the random numbers: the same seed gives the same bits, whatever the number of workers.
-    sampling : {"random", "latin-hypercube", "sobol"}
-        Independent points, Latin hypercubes, or scrambled Sobol' points.
+    sampling : str
+        Name of a sampling design: ``"random"``, independent points; ``"latin-hypercube"``; ``"sobol"`` or ``"halton"``,
+        scrambled points; or one of a plugin.
     replicates : int
-        Independent replicates into which a Latin hypercube or Sobol' design is split, for its standard errors.  Sobol'
-        needs `replicates` times a power of two samples.
+        Independent replicates into which a design is split whose points are not independent, for its standard errors.
+        Sobol' needs `replicates` times a power of two samples.
     max_failures : float
         Share of failed samples above which the run is an error; fewer are a warning.
     keep : int
@@ -79,7 +78,7 @@ class MonteCarlo(uqmbd.Propagator):
     name: ClassVar[str] = "monte-carlo"
     samples: int = 500
     seed: int = 0
-    sampling: Sampling = "random"
+    sampling: str = "random"
     replicates: int = 16
     max_failures: float = 0.5
     keep: int = 20_000
@@ -91,9 +90,7 @@ class MonteCarlo(uqmbd.Propagator):
             raise uqmbd.StudyError(f"MonteCarlo: samples is {self.samples!r}; expected a whole number, 2 or more.")
         if not isinstance(self.seed, int) or self.seed < 0:
             raise uqmbd.StudyError(f"MonteCarlo: seed is {self.seed!r}; expected a whole number, 0 or more.")
-        if self.sampling not in get_args(Sampling):
-            known = ", ".join(map(repr, get_args(Sampling)))
-            raise uqmbd.StudyError(f"MonteCarlo: sampling is {self.sampling!r}; expected one of {known}.")
+        independent = uqmbd.sampling_design(self.sampling, "MonteCarlo: sampling").independent
         if not isinstance(self.replicates, int) or self.replicates < 2:
             raise uqmbd.StudyError(f"MonteCarlo: replicates is {self.replicates!r}; expected 2 or more.")
         if not 0 <= self.max_failures <= 1:
@@ -115,7 +112,7 @@ class MonteCarlo(uqmbd.Propagator):
                 "as pairs."
             )
         for option, used in (("control", self.control is not None), ("sobol_indices", self.sobol_indices)):
-            if used and self.sampling != "random":
+            if used and not independent:
                 raise uqmbd.StudyError(
                     f"MonteCarlo: {option} needs independent samples, for its errors come from them one by one; "
                     f"sampling is {self.sampling!r}, expected 'random'."
@@ -227,7 +224,7 @@ class MonteCarlo(uqmbd.Propagator):
             for name, value in found.moments.statistics().items():
                 statistics[name] = statistics[name].copy(data=value)
             statistics["quantile"].attrs["comment"] = f"of the first {self.keep} of {self.samples} samples"
-        if self.sampling != "random":
+        if len(found.replicates) > 1:
             errors = replicate_errors(found.replicates)
             for name, error in zip(("std_error_mean", "std_error_std"), errors, strict=True):
                 statistics[name] = statistics[name].copy(data=error)
@@ -261,6 +258,8 @@ class MonteCarlo(uqmbd.Propagator):
         if self.samples > self.keep or failures > found.failures:
             # failures are not only those of the kept samples
             attrs |= {"failures": failures, "samples_kept": min(self.keep, self.samples)}
+        if len(found.replicates) == 1 and self.sampling != "random":
+            attrs["independent_samples"] = "true"  # readers need not have the plugin of the design
         if found.file:
             attrs["all_samples"] = found.file
         return problem.node(

@@ -40,7 +40,7 @@ def _show_table(found: Sequence[plugins.PluginInfo]) -> None:
     colours = {"loaded": "green", "incomplete": "yellow", "failed": "bold red", "disabled": "dim"}
     table = plain_table("plugin", "package", "version", "status", "offers")
     for info in found:
-        offered = (*info.components, *info.propagators, *info.integrators, *info.report_sections)
+        offered = (*info.components, *info.propagators, *info.integrators, *info.designs, *info.report_sections)
         table.add_row(
             Text(info.name),
             Text(info.distribution or "?"),

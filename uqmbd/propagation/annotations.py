@@ -75,11 +75,11 @@ def check_options(kind: type, options: dict[str, Any]) -> None:
 
     Examples
     --------
-    >>> from uqmbd_montecarlo import MonteCarlo
-    >>> check_options(MonteCarlo, {"sampling": "sobl"})
+    >>> from uqmbd_collocation import Collocation
+    >>> check_options(Collocation, {"index_set": "totl"})
     Traceback (most recent call last):
-    uqmbd.errors.StudyError: MonteCarlo: sampling is 'sobl'; did you mean 'sobol'? Expected one of 'random',
-    'latin-hypercube', 'sobol'.
+    uqmbd.errors.StudyError: Collocation: index_set is 'totl'; did you mean 'total'? Expected one of 'total', 'tensor',
+    'hyperbolic'.
     """
     declared = option_types(kind)
     for name, value in options.items():

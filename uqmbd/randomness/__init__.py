@@ -5,6 +5,7 @@ The only place that imports chaospy.
 
 from __future__ import annotations
 
+from uqmbd.randomness.designs import Design, SamplingDesign, Seed, design_problem, sampling_design, sampling_designs
 from uqmbd.randomness.existence import exists, moment_orders
 from uqmbd.randomness.germs import Germ, cumulated, truncated
 from uqmbd.randomness.index_sets import index_set
@@ -24,6 +25,7 @@ from uqmbd.randomness.symbolic import Symbolic
 from uqmbd.randomness.variable import RandomVariable, random_vector, uniform_variable
 
 __all__ = [
+    "Design",
     "Germ",
     "GermBox",
     "GermSpace",
@@ -35,6 +37,11 @@ __all__ = [
     "combination_coefficients",
     "cumulated",
     "exists",
+    "SamplingDesign",
+    "Seed",
+    "clenshaw_curtis",
+    "combination_coefficients",
+    "design_problem",
     "gauss_tensor",
     "gram_error",
     "index_set",
@@ -42,6 +49,8 @@ __all__ = [
     "moment_orders",
     "monte_carlo_rule",
     "random_vector",
+    "sampling_design",
+    "sampling_designs",
     "smolyak",
     "sparse_rule",
     "truncated",

@@ -11,6 +11,7 @@ Every check raises `AssertionError` with a text that says what is wrong, so that
 from __future__ import annotations
 
 from uqmbd.testing.component import check_component
+from uqmbd.testing.design import check_design
 from uqmbd.testing.propagator import check_propagator
 
-__all__ = ["check_component", "check_propagator"]
+__all__ = ["check_component", "check_design", "check_propagator"]

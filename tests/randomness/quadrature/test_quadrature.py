@@ -182,7 +182,7 @@ WRONG = {
     "twice": (lambda s: sparse_rule(s, [[0, 0, 0], [0, 0, 0]]), "a row twice"),
     "shape": (lambda s: sparse_rule(s, [[0, 0]]), r"levels have shape \(1, 2\)"),
     "nested level": (lambda s: clenshaw_curtis(s, [1, 2, -1]), "level of 'x2' is -1"),
-    "sequence": (lambda s: monte_carlo_rule(s, 8, 1, "grid"), "sequence is 'grid'; expected one of random, sobol, halton"),
+    "sequence": (lambda s: monte_carlo_rule(s, 8, 1, "grid"), "sequence is 'grid'; expected one of 'random', 'latin-hypercube', 'sobol', 'halton'"),
     "no samples": (lambda s: monte_carlo_rule(s, 0, 1), "count is 0"),
     "no seed": (lambda s: monte_carlo_rule(s, 8, None), "seed is None"),
 }  # fmt: skip

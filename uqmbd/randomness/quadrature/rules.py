@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from uqmbd.errors import StudyError
+from uqmbd.randomness.designs import sampling_design
 from uqmbd.randomness.index_sets import whole_number
 from uqmbd.randomness.quadrature.nested import nested_count, nested_exactness, nested_rule
 from uqmbd.randomness.space import GermSpace
@@ -28,9 +29,6 @@ __all__ = [
 
 MOST_NODES = 20_000_000
 """Numbers (nodes times germs) that a rule may hold; more is a mistake, and would fill the memory."""
-
-SEQUENCES = ("random", "sobol", "halton")
-"""Sequences of :func:`monte_carlo_rule`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,8 +146,8 @@ def monte_carlo_rule(space: GermSpace, count: int, seed: int, sequence: str = "r
         Number of samples; for ``"sobol"`` a power of two keeps the balance of the sequence.
     seed : int
         Of the random numbers, or of the scrambling.
-    sequence : {"random", "sobol", "halton"}
-        Independent samples, or a scrambled sequence of low discrepancy (scipy.stats.qmc).
+    sequence : str
+        Name of a sampling design: ``"random"``, ``"latin-hypercube"``, ``"sobol"``, ``"halton"``, or one of a plugin.
 
     Returns
     -------
@@ -172,20 +170,9 @@ def monte_carlo_rule(space: GermSpace, count: int, seed: int, sequence: str = "r
     """
     whole_number(count, "monte_carlo_rule: count", 1)
     whole_number(seed, "monte_carlo_rule: seed", 0)
-    if sequence not in SEQUENCES:
-        raise StudyError(f"monte_carlo_rule: sequence is {sequence!r}; expected one of {', '.join(SEQUENCES)}.")
+    design = sampling_design(sequence, "monte_carlo_rule: sequence")
     check_size(count, space, "monte_carlo_rule")
-    if sequence == "random" or not space.dimension:
-        uniform = np.random.default_rng(seed).random((count, space.dimension))
-    else:
-        from scipy.stats import qmc
-
-        rng = np.random.default_rng(seed)
-        if sequence == "sobol":
-            power = int(np.ceil(np.log2(count)))
-            uniform = qmc.Sobol(space.dimension, rng=rng).random_base2(power)[:count]
-        else:
-            uniform = qmc.Halton(space.dimension, rng=rng).random(count)
+    uniform = design.points(space.dimension, count, seed)
     weights = np.full(count, 1 / count)
     return Quadrature(space.from_uniform(uniform), weights, 0, f"{count} samples, {sequence}")
 

@@ -55,7 +55,8 @@ def design_of(attrs: Mapping[Any, Any]) -> Design:
         name, replicates = str(options.get("sampling", "random")), int(options.get("replicates", 1))
     except (AttributeError, TypeError, ValueError):
         return Design()
-    return Design(name, replicates) if name != "random" and replicates > 1 else Design()
+    independent = name == "random" or "independent_samples" in attrs or replicates < 2
+    return Design() if independent else Design(name, replicates)
 
 
 def convergence(node: Samples, output: str, time: float | None = None) -> Figure:

@@ -215,7 +215,7 @@ def _design(node: xr.DataTree) -> tuple[int, int, float]:
         kept = int(np.count_nonzero(status == Status.OK))
         # realisations for other purposes, as for Sobol' indices, are not samples
         count = kept if len(status) == _option(node, "samples", len(status)) else max(kept, count)
-    if str(_option(node, "sampling", "random")) == "random":
+    if str(_option(node, "sampling", "random")) == "random" or "independent_samples" in node.attrs:
         return count, 0, 1.0
     replicates = max(int(_option(node, "replicates", 2)), 2)
     return count, replicates, float(stdtrit(replicates - 1, 0.975) / ndtri(0.975))

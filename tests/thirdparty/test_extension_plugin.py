@@ -1,0 +1,100 @@
+"""A law of contact and a sampling design of somebody else's: a file each, and used like those of the core."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+PACKAGE = Path(__file__).parent / "uqmbd-extension-plugin"
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory):
+    """Install the package by hand, which is quicker than by pip: its files, and its metadata."""
+    folder = tmp_path_factory.mktemp("extension") / "site"
+    shutil.copytree(PACKAGE / "uqmbd_extension", folder / "uqmbd_extension")
+    project = tomllib.loads((PACKAGE / "pyproject.toml").read_text())["project"]
+    information = folder / f"{project['name'].replace('-', '_')}-{project['version']}.dist-info"
+    information.mkdir()
+    (information / "METADATA").write_text(
+        f"Metadata-Version: 2.1\nName: {project['name']}\nVersion: {project['version']}\n"
+    )
+    points = [f"{name} = {value}" for name, value in project["entry-points"]["uqmbd"].items()]
+    (information / "entry_points.txt").write_text("\n".join(["[uqmbd]", *points, ""]))
+    return folder
+
+
+def python(site, *words):
+    path = os.pathsep.join(filter(None, [str(site), os.environ.get("PYTHONPATH")]))
+    run = subprocess.run(
+        [sys.executable, *words],
+        capture_output=True,
+        text=True,
+        check=False,
+        cwd=site.parent,
+        env={**os.environ, "PYTHONPATH": path},
+    )
+    assert run.returncode == 0, run.stdout + run.stderr
+    return run.stdout
+
+
+STUDY = """
+import json
+
+import chaospy
+import numpy as np
+
+import uqmbd
+from uqmbd_collocation import Collocation
+from uqmbd_contact import PlaneContact
+from uqmbd_extension import lankarani
+from uqmbd_montecarlo import MonteCarlo
+
+restitution = uqmbd.RandomVariable("restitution", chaospy.Uniform(0.9, 1.0), units="1")
+stiffness = uqmbd.RandomVariable("stiffness", chaospy.Uniform(0.9e5, 1.1e5), units="N/m^1.5")
+mechanism = uqmbd.Mechanism("ball", uqmbd.Translational())
+ball = mechanism.body("ball", mass=1, position=(0, 0), velocity=(0, -2))
+mechanism.add(
+    PlaneContact(
+        "floor", mechanism.ground, ball, (0, 0), (0, 0), (0, 1), law=lankarani(restitution, 2), stiffness=stiffness
+    )
+)
+mechanism.output("rebound", ball.velocity[1], units="m/s")
+study = uqmbd.Study("ball", mechanism, [0, 0.05], rtol=1e-8)
+found = {}
+for method in (
+    MonteCarlo(samples=128, sampling="kronecker", replicates=4),
+    Collocation(order=2, method="regression", rule="kronecker"),
+    Collocation(order=1, method="regression", rule="kronecker", adaptive="order", label="adaptive"),
+):
+    statistics = study.propagate(method)["statistics"].isel(time=-1, output=0)
+    found[method.node_name] = {name: float(statistics[name]) for name in ("mean", "std", "std_error_mean") if name in statistics}
+import uqmbd.plugins
+info = next(info for info in uqmbd.plugins.installed() if info.name == "extension")
+print(json.dumps([found, info.status, info.hooks, info.designs, str(info.errors)]))
+"""
+
+
+def test_study_runs_with_its_law_and_on_its_design(site):
+    """The law returns nearly the coefficient that it is made from, the more the nearer it is to 1; times 2 m/s."""
+    found, *info = json.loads(python(site, "-W", "error::UserWarning", "-c", STUDY))
+    assert info == ["loaded", ["uqmbd_designs"], ["kronecker"], "()"]
+    for statistics in found.values():
+        assert statistics["mean"] == pytest.approx(2 * 0.95, rel=0.01)
+        assert statistics["std"] == pytest.approx(2 * 0.1 / np.sqrt(12), rel=0.15)
+    # of replicates, and smaller than that of independent samples
+    error = found["monte-carlo"]["std_error_mean"]
+    assert 0 < error < 0.5 * found["monte-carlo"]["std"] / np.sqrt(128)
+    assert found["monte-carlo"]["mean"] == pytest.approx(found["collocation"]["mean"], abs=4 * error)
+
+
+def test_its_own_test_suite_passes(site):
+    assert "2 passed" in python(site, "-m", "pytest", "-q", "-p", "no:cacheprovider", str(PACKAGE / "tests"))

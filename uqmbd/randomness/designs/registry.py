@@ -1,0 +1,127 @@
+"""Sampling designs by name, and how they are used."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+
+from uqmbd.errors import StudyError
+from uqmbd.names import did_you_mean
+from uqmbd.plugins import designs as designs_of_plugins
+from uqmbd.plugins import offered_by_core
+from uqmbd.randomness.designs.built_in import BuiltIn
+from uqmbd.randomness.designs.protocol import SamplingDesign, Seed
+from uqmbd.typing import Array
+
+__all__ = ["Design", "design_problem", "sampling_design", "sampling_designs"]
+
+
+@dataclass(frozen=True)
+class Design:
+    """A sampling design as methods use it.
+
+    Attributes
+    ----------
+    made : SamplingDesign
+        The design itself.
+    name : str
+    independent, extendable : bool
+        What it declares.
+    base : int
+        What it declares; 1: points of any number are balanced.
+    """
+
+    made: SamplingDesign
+    name: str
+    independent: bool
+    extendable: bool
+    base: int
+
+    @classmethod
+    def of(cls, kind: type[SamplingDesign]) -> Design:
+        """Make a design, and look at what it declares."""
+        base = getattr(kind, "base", 1)
+        if not isinstance(base, int) or base < 1:
+            raise StudyError(f"The sampling design {kind.name!r} declares base = {base!r}; expected a whole number.")
+        independent, extendable = (getattr(kind, name, False) is True for name in ("independent", "extendable"))
+        return cls(kind(), kind.name, independent, extendable, base)
+
+    def points(self, dimension: int, count: int, seed: Seed) -> Array:
+        """Draw points in the open unit cube, shape (count, dimension).
+
+        Raises
+        ------
+        uqmbd.StudyError
+            If the design gives something else.
+        """
+        if not dimension:
+            return np.zeros((count, 0))
+        found = np.asarray(self.made.points(dimension, range(count), seed), dtype=float)
+        if problem := design_problem(found, (count, dimension)):
+            raise StudyError(f"The sampling design {self.name!r} {problem}.")
+        # the ends of the interval would map to infinity
+        return np.asarray(np.clip(found, 2.0**-54, 1 - 2.0**-53))
+
+
+def design_problem(points: Array, shape: tuple[int, int]) -> str:
+    """Return what is wrong with the points of a design, or nothing."""
+    if points.shape != shape:
+        return f"gave points of shape {points.shape}; expected {shape}"
+    if not ((points >= 0) & (points <= 1)).all():
+        return "gave points outside the unit cube"
+    return ""
+
+
+@cache
+def _offered() -> dict[str, type]:
+    return offered_by_core(BuiltIn(), "designs")
+
+
+def sampling_designs() -> tuple[str, ...]:
+    """Return the names of all that there are, those of the core first.
+
+    Examples
+    --------
+    >>> sampling_designs()[:4]
+    ('random', 'latin-hypercube', 'sobol', 'halton')
+    """
+    return (*_offered(), *designs_of_plugins())
+
+
+def sampling_design(name: str, where: str = "sampling_design: name", others: Sequence[str] = ()) -> Design:
+    """Return the sampling design of a name.
+
+    Parameters
+    ----------
+    name : str
+        One of `sampling_designs`.
+    where : str
+        Who asks, and for what, in messages.
+    others : sequence of str
+        What else could have been given, for messages.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If there is none; the message lists those that are installed.
+
+    Examples
+    --------
+    >>> design = sampling_design("sobol")
+    >>> design.points(2, 8, seed=1).shape, design.extendable, design.independent
+    ((8, 2), True, False)
+    """
+    if not isinstance(name, str):
+        raise StudyError(f"{where} is {name!r}; expected the name of a sampling design.")
+    # plugins are not loaded for what the core has
+    found = _offered().get(name) or designs_of_plugins().get(name)
+    if found is not None:
+        return Design.of(found)
+    known = [*others, *sampling_designs()]
+    expected = f"one of {', '.join(map(repr, known))}"
+    near = did_you_mean(name, known)
+    told = f"{near} Expected {expected}." if near else f"; expected {expected}."
+    raise StudyError(f"{where} is {name!r}{told}")
