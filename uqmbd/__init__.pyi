@@ -62,6 +62,7 @@ from .propagation import ElementLimits as ElementLimits
 from .propagation import ElementRefinement as ElementRefinement
 from .propagation import Estimate as Estimate
 from .propagation import History as History
+from .propagation import NodeFit as NodeFit
 from .propagation import Problem as Problem
 from .propagation import Progress as Progress
 from .propagation import Propagator as Propagator
@@ -69,6 +70,7 @@ from .propagation import Realisations as Realisations
 from .propagation import Study as Study
 from .propagation import Verification as Verification
 from .propagation import eigenfrequencies as eigenfrequencies
+from .propagation import fit_nodes as fit_nodes
 from .propagation import nothing_random as nothing_random
 from .propagation import refine_elements as refine_elements
 from .propagation import simulate as simulate

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 import uqmbd
-from uqmbd.results import least_squares, project, regress_on_nodes
+from uqmbd.results import least_squares, project
 from uqmbd.typing import Array, Index
 from uqmbd_collocation.runs import Runs
 from uqmbd_collocation.sparse import sparse_regression
@@ -195,9 +195,7 @@ class Regression:
 
 
 def refitted(runs: Runs, every: Index, multi_index: Index, label: str, weights: Array | None = None) -> Fit:
-    """Fit the nodes of a quadrature that did not fail, and say so.
-
-    Where they do not determine all terms fewer are fitted: see `uqmbd.results.regress_on_nodes`.
+    """Project on the nodes of a quadrature, or fit those that did not fail, and say so; see `uqmbd.fit_nodes`.
 
     Parameters
     ----------
@@ -211,39 +209,11 @@ def refitted(runs: Runs, every: Index, multi_index: Index, label: str, weights: 
         Of the propagator.
     weights : array, shape (K,), optional
         Of the nodes.
-
-    Raises
-    ------
-    uqmbd.IntegrationError
-        If too few are left.
     """
     good = runs.good(every)
-    where, terms = every[good], len(multi_index)
-    failed, reason = len(every) - len(where), runs.reason(every)
-    if failed > MOST_FAILURES * len(every):
-        raise uqmbd.IntegrationError(
-            f"{label}: {failed} of {len(every)} nodes failed. Take distributions that stay clear of the failure. "
-            f"Reason of the failure: {reason}"
-        )
-    psi = runs.space.evaluate(runs.germs[where], multi_index)
-    usable = weights is not None and bool((weights > 0).all())
-    counted = weights[good] if weights is not None and usable else None
-    found = regress_on_nodes(runs.response[where], psi, multi_index, counted)
-    if found is None:
-        raise uqmbd.IntegrationError(
-            f"{label}: {failed} of {len(every)} nodes failed; the {len(where)} others do not determine the "
-            f"{terms} terms of the basis, nor fewer. Take more nodes, or distributions that stay clear of the failure. "
-            f"Reason of the failure: {reason}"
-        )
-    kept = found.multi_index
-    fewer = "" if len(kept) == terms else f" with {len(kept)} of the {terms} terms, which is all they determine"
-    warnings.warn(
-        f"{label}: {failed} of {len(every)} nodes failed, so that the quadrature does not hold; the chaos was fitted "
-        f"to the {len(where)} others by regression instead{fewer}, and is an extrapolation where the mechanism fails. "
-        f"Reason of the failure: {reason}",
-        stacklevel=2,
-    )
-    how = f"regression on the {len(where)} of {len(every)} nodes that did not fail"
-    how += "" if len(kept) == terms else f", {len(kept)} of {terms} terms"
+    psi = runs.space.evaluate(runs.germs[every], multi_index)
+    found = uqmbd.fit_nodes(label, runs.response[every], good, runs.reason(every), psi, multi_index, weights)
+    if found.warning:
+        warnings.warn(found.warning, stacklevel=2)
     # no leave-one-out error: on a grid a node that is left out has neighbours in every coordinate, and hides errors
-    return Fit(found.coefficients, kept, how, where, failed=failed)
+    return Fit(found.coefficients, found.multi_index, found.how, every[good], failed=found.failed)

@@ -14,11 +14,10 @@ import xarray as xr
 from numpy.typing import NDArray
 
 import uqmbd
-from uqmbd.results import PolynomialChaos
+from uqmbd.results import PolynomialChaos, Status
 from uqmbd.typing import Array, Index
 from uqmbd_galerkin.ending import finished, no_motion, padded, warn_of_doubt
 from uqmbd_galerkin.rules import STREAM, Discretisation
-from uqmbd_galerkin.scalars import expand
 
 __all__ = ["galerkin_elements", "solve_element"]
 
@@ -133,20 +132,14 @@ class _Elements:
         for terms, (values, psi, weights, *_) in zip(bases, tasks, strict=True):
             own = slice(start, start + len(values))
             start += len(values)
-            part = expand(
-                self.problem.label,
-                found.response[own],
-                found.status[own],
-                found.most_frequent_reason(),
-                psi,
-                terms,
-                weights,
-            )
+            reason = found.most_frequent_reason()
+            about = (found.status[own] == Status.OK, reason, psi, terms, weights)
+            part = uqmbd.fit_nodes(self.problem.label, found.response[own], *about)
             yield {
                 "coefficients": part.coefficients,
-                "terms": part.terms,
+                "terms": part.multi_index,
                 "failed": np.array(part.failed),
-                "message": np.array(found.most_frequent_reason() if part.failed else ""),
+                "message": np.array(reason if part.failed else ""),
                 "integrator": np.array(""),
                 "counters": np.array(json.dumps({k: float(v) for k, v in counters.items()})),
                 "unknowns": np.array(0),

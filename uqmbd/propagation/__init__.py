@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from uqmbd.propagation.annotations import Bounds, option_types
-from uqmbd.propagation.chaos import ElementLimits, ElementRefinement, Verification, refine_elements
+from uqmbd.propagation.chaos import ElementLimits, ElementRefinement, NodeFit, Verification, fit_nodes, refine_elements
 from uqmbd.propagation.deterministic import input_point, simulate
 from uqmbd.propagation.equilibrium import eigenfrequencies, static_equilibrium
 from uqmbd.propagation.estimate import Estimate
@@ -35,7 +35,9 @@ __all__ = [
     "observed_model",
     "obstacle_of",
     "option_types",
+    "NodeFit",
     "Verification",
+    "fit_nodes",
     "nothing_random",
     "refine_elements",
     "seconds",

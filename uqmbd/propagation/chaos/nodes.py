@@ -1,0 +1,100 @@
+"""From realisations at the nodes of a quadrature to coefficients: projection, or regression where nodes failed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from uqmbd.errors import IntegrationError
+from uqmbd.results import project, regress_on_nodes
+from uqmbd.typing import Array, Index, Mask
+
+__all__ = ["NodeFit", "fit_nodes"]
+
+
+MOST_FAILURES = 0.5
+"""Share of failed nodes beyond which there is nothing to fit: their region is no exception."""
+
+
+@dataclass(frozen=True, eq=False)
+class NodeFit:
+    """Coefficients, and how they were found.
+
+    Attributes
+    ----------
+    coefficients : array, shape (P, O, T)
+        In the units of the outputs.
+    multi_index : array of int, shape (P, d)
+        Of the terms.
+    how : str
+        In words; empty: projected.
+    failed : int
+        Nodes that were left out because they failed.
+    warning : str
+        What is to be said of them, or empty.
+    """
+
+    coefficients: Array
+    multi_index: Index
+    how: str = ""
+    failed: int = 0
+    warning: str = ""
+
+
+def fit_nodes(
+    label: str, response: Array, good: Mask, reason: str, psi: Array, multi_index: Index, weights: Array | None
+) -> NodeFit:
+    """Project the responses at nodes; if some failed, fit the others by regression.
+
+    Where these do not determine all terms fewer are fitted: see `uqmbd.results.regress_on_nodes`.
+
+    Parameters
+    ----------
+    label : str
+        Of the propagator.
+    response : array, shape (K, O, T)
+        At the nodes.
+    good : array of bool, shape (K,)
+        Which nodes did not fail.
+    reason : str
+        Why the others did.
+    psi : array, shape (K, P)
+        The basis at the nodes.
+    multi_index : array of int, shape (P, d)
+        Its degrees.
+    weights : array, shape (K,), optional
+        Of the nodes; None: a regression anyway.
+
+    Raises
+    ------
+    uqmbd.IntegrationError
+        If too few are left.
+    """
+    count, terms, left = len(good), len(multi_index), int(np.count_nonzero(good))
+    failed = count - left
+    if not failed and weights is not None:
+        return NodeFit(project(response, psi, weights), multi_index)
+    if failed > MOST_FAILURES * count:
+        raise IntegrationError(
+            f"{label}: {failed} of {count} nodes failed. Take distributions that stay clear of the failure. "
+            f"Reason of the failure: {reason}"
+        )
+    counted = weights[good] if weights is not None and (weights > 0).all() else None
+    found = regress_on_nodes(response[good], psi[good], multi_index, counted)
+    if found is None:
+        raise IntegrationError(
+            f"{label}: {failed} of {count} nodes failed; the {left} others do not determine the {terms} terms of the "
+            "basis, nor fewer. Take more nodes, or distributions that stay clear of the failure. "
+            f"Reason of the failure: {reason}"
+        )
+    kept = found.multi_index
+    fewer = "" if len(kept) == terms else f" with {len(kept)} of the {terms} terms, which is all they determine"
+    warning = (
+        f"{label}: {failed} of {count} nodes failed, so that the quadrature does not hold; the chaos was fitted to the "
+        f"{left} others by regression instead{fewer}, and is an extrapolation where the mechanism fails. "
+        f"Reason of the failure: {reason}"
+    )
+    how = f"regression on the {left} of {count} nodes that did not fail"
+    how += "" if len(kept) == terms else f", {len(kept)} of {terms} terms"
+    return NodeFit(found.coefficients, kept, how, failed, warning)
