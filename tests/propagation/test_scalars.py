@@ -14,9 +14,9 @@ from scipy.integrate import quad
 import uqmbd
 import uqmbd.propagation.execution.chunk_queue as queue
 import uqmbd.propagation.execution.chunks as chunks
-import uqmbd.report.mechanism.animation
 from uqmbd.mechanism import MotionSymbol
 from uqmbd.report import write_report
+from uqmbd.report.mechanism.animation import motion
 from uqmbd.results import PolynomialChaos, load, save, statistics_dataset, validate
 from uqmbd_collocation import Collocation
 from uqmbd_galerkin import Galerkin
@@ -424,7 +424,7 @@ def test_times_may_be_left_out_where_nothing_moves(tree, tmp_path):
             np.testing.assert_allclose(one, other, rtol=1e-12, atol=1e-15)
     assert write_report(found, tmp_path / "report.html").exists()
     with pytest.raises(uqmbd.StudyError, match="no output times, so that nothing moves"):
-        uqmbd.report.mechanism.animation.motion(study)
+        motion(study)
 
 
 def test_outputs_over_time_need_times():
