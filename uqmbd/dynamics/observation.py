@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from uqmbd.dynamics.batch import Batch
-from uqmbd.dynamics.contact import Lens, lasting
+from uqmbd.dynamics.contact import ContactEvaluator, states_in_contact
 from uqmbd.dynamics.equations import Model, OutputMap, state_arguments
 from uqmbd.dynamics.linear import accelerations
 from uqmbd.typing import Array, Index
@@ -51,10 +51,10 @@ def observe(batch: Batch, outputs: OutputMap, states: Array, time: Array, owner:
 
 def _add_contacts(model: Model, states: Array, time: Array, parameters: Array, a: Array, multipliers: Array) -> Array:
     """Put right what contacts that last change of accelerations and multipliers; their forces (S, direction)."""
-    lens = Lens(model)
-    forces = np.zeros((len(states), lens.directions))
+    evaluator = ContactEvaluator(model)
+    forces = np.zeros((len(states), evaluator.directions))
     n, kept = model.layout.coordinates, model.layout.kept
-    for k, resting in lasting(lens, time, states, parameters):
+    for k, resting in states_in_contact(evaluator, time, states, parameters):
         a[k], multipliers[k, kept], forces[k] = resting.motion[0, :n], resting.motion[0, n:], resting.force[0]
     return forces
 

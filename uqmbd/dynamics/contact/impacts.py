@@ -12,8 +12,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from uqmbd.dynamics.contact.contacts import Contacts
 from uqmbd.dynamics.contact.coulomb import Collision, Touch, solutions
+from uqmbd.dynamics.contact.evaluator import Contacts
 from uqmbd.typing import Array
 
 __all__ = ["impact"]

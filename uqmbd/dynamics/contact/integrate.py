@@ -8,8 +8,9 @@ from functools import partial
 import numpy as np
 
 from uqmbd.dynamics.batch import Batch
-from uqmbd.dynamics.contact.contacts import Lens
-from uqmbd.dynamics.contact.event_driven import Hybrid, Piece
+from uqmbd.dynamics.contact.evaluator import ContactEvaluator
+from uqmbd.dynamics.contact.event_driven import EventDrivenMotion
+from uqmbd.dynamics.contact.pieces import MotionPiece
 from uqmbd.dynamics.integration import Counters, Segment, SegmentedMotion, Trajectories
 from uqmbd.mechanism import event_name
 from uqmbd.typing import Array
@@ -31,18 +32,18 @@ def integrate_with_events(ensemble: Batch, times: Array, rtol: float) -> Traject
     """
     begin = clock.perf_counter()
     states = np.full((len(ensemble), len(times), ensemble.model.layout.width), np.nan)
-    messages, runs = list(ensemble.start.messages), dict[int, Hybrid]()
-    lens = Lens(ensemble.model)
+    messages, runs = list(ensemble.start.messages), dict[int, EventDrivenMotion]()
+    evaluator = ContactEvaluator(ensemble.model)
     with np.errstate(all="ignore"):
         for member in np.flatnonzero(ensemble.start.ok).tolist():
-            run = runs[member] = Hybrid(ensemble.select(np.array([member])), times, rtol, lens)
+            run = runs[member] = EventDrivenMotion(ensemble.select(np.array([member])), times, rtol, evaluator)
             run.run()
             states[member], messages[member] = run.states(), run.message
     counters = Counters(
         integrations=sum(len(r.pieces) for r in runs.values()),
         accelerations=sum(r.evaluations for r in runs.values()),
         steps=sum(r.steps for r in runs.values()),
-        events=sum(len(r.happenings) for r in runs.values()),
+        events=sum(len(r.records) for r in runs.values()),
         by_dop853=len(runs),
         seconds=clock.perf_counter() - begin,
     )
@@ -51,7 +52,7 @@ def integrate_with_events(ensemble: Batch, times: Array, rtol: float) -> Traject
 
 def motion_in_segments(ensemble: Batch, times: Array, rtol: float) -> SegmentedMotion:
     """Follow one realisation from event to event; see `SegmentedMotion`."""
-    run = Hybrid(ensemble, times, rtol, Lens(ensemble.model))
+    run = EventDrivenMotion(ensemble, times, rtol, ContactEvaluator(ensemble.model))
     with np.errstate(all="ignore"):
         run.run()
     return SegmentedMotion(
@@ -59,20 +60,20 @@ def motion_in_segments(ensemble: Batch, times: Array, rtol: float) -> SegmentedM
     )
 
 
-def _label(run: Hybrid, piece: Piece) -> str:
+def _label(run: EventDrivenMotion, piece: MotionPiece) -> str:
     """Say what ended a piece of the motion."""
-    names = [f"{run.ensemble.model.events[h.event][0]}: {h.label}" for h in run.happenings if h.time == piece.end]
+    names = [f"{run.ensemble.model.events[h.event][0]}: {h.label}" for h in run.records if h.time == piece.end]
     return ", ".join(dict.fromkeys(names)) or ("" if piece is run.pieces[-1] else "break")
 
 
-def _event_times(ensemble: Batch, runs: dict[int, Hybrid]) -> dict[str, Array]:
+def _event_times(ensemble: Batch, runs: dict[int, EventDrivenMotion]) -> dict[str, Array]:
     """Find the times of all events by name, shape (K,); NaN where a realisation has no such event."""
     found: dict[str, Array] = {}
     for member, run in runs.items():
         counts: dict[tuple[str, str], int] = {}
-        for happening in run.happenings:
-            component = ensemble.model.events[happening.event][0]
-            number = counts[component, happening.label] = counts.get((component, happening.label), 0) + 1
-            name = event_name(component, happening.label, number)
-            found.setdefault(name, np.full(len(ensemble), np.nan))[member] = happening.time
+        for record in run.records:
+            component = ensemble.model.events[record.event][0]
+            number = counts[component, record.label] = counts.get((component, record.label), 0) + 1
+            name = event_name(component, record.label, number)
+            found.setdefault(name, np.full(len(ensemble), np.nan))[member] = record.time
     return found

@@ -1,4 +1,4 @@
-"""Contacts of rigid bodies at a state: gaps, relative velocities, and forces where bodies stay on each other.
+"""Contacts that last: forces and accelerations where bodies stay on each other, and which contacts do.
 
 The forces follow Signorini's and Coulomb's laws [1]_.  All contacts that are closed at a time are treated together; few
 at a time are expected.
@@ -10,30 +10,26 @@ References
 
 from __future__ import annotations
 
-import contextlib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 
 from uqmbd.dynamics.contact.coulomb import EXACT, Collision, Touch, scaled_solution, solutions
-from uqmbd.dynamics.equations import Model, state_arguments
-from uqmbd.dynamics.linear import System, index1_system
+from uqmbd.dynamics.contact.evaluator import ContactEvaluator, Contacts
 from uqmbd.typing import Array
 
 __all__ = [
     "CLOSED",
-    "Contacts",
-    "Lens",
+    "Lasting",
     "Mode",
-    "Resting",
-    "at_rest",
+    "contact_forces",
+    "contact_motion",
     "heading_of",
-    "lasting",
-    "pressed",
-    "project",
-    "spread_solution",
+    "lasting_contacts",
+    "onto_contacts",
+    "states_in_contact",
 ]
 
 Mode = Literal["stick", "slip"]
@@ -46,111 +42,15 @@ STILL = 1e-7
 """Speed, over that of the mechanism, that is none: in a contact that lasts, whose velocities are projected."""
 
 
-@dataclass(frozen=True)
-class Contacts:
-    """Everything about the contacts of T states.
+class Lasting(NamedTuple):
+    """Contacts that last: whether each sticks or slips, and in which direction each slides that slips."""
 
-    Attributes
-    ----------
-    guard : array, shape (T, event)
-        Gaps, and the guards of events that are no contacts.
-    first : tuple of int
-        First direction of each event, then the end.
-    law : array, shape (T, event, 2)
-        Coefficients of restitution and of friction.
-    speed, bias : array, shape (T, direction)
-        Relative velocities, and their rates without accelerations.
-    slope : array, shape (T, direction, coordinate)
-        How velocities enter the speeds.
-    free : array, shape (T, coordinate + multiplier)
-        Accelerations without contacts, then multipliers of the kept equations.
-    answer : array, shape (T, coordinate + multiplier, direction)
-        The same per force (jumps of velocity per impulse) in each direction.
-    delassus : array, shape (T, direction, direction)
-        Rates of the speeds per force.
-    """
-
-    guard: Array
-    first: tuple[int, ...]
-    law: Array
-    speed: Array
-    bias: Array
-    slope: Array
-    free: Array
-    answer: Array
-    delassus: Array
-
-    @property
-    def coordinates(self) -> int:
-        """How many there are."""
-        return int(self.slope.shape[-1])
-
-    def normal(self, event: int) -> int:
-        """Return the normal direction of an event."""
-        return int(self.first[event])
-
-    def tangents(self, event: int) -> list[int]:
-        """Directions along the surface."""
-        return list(range(self.first[event] + 1, self.first[event + 1]))
-
-    def rubs(self, event: int) -> bool:
-        """Whether there is friction, at the first of the states."""
-        return bool(self.law[0, event, 1] > 0) and self.first[event + 1] > self.first[event] + 1
-
-    def sliding(self, event: int) -> Array:
-        """Velocity along the surface, shape (T, 1 or 2)."""
-        return self.speed[:, self.tangents(event)]
-
-
-class Lens:
-    """Finds everything about the contacts of states: a model's index maps, laid out once.
-
-    Parameters
-    ----------
-    model : Model
-        With events.
-    """
-
-    def __init__(self, model: Model) -> None:
-        self.model = model
-        self.first = tuple(np.cumsum([0, *(count for *_, count in model.events)]).tolist())
-        self.directions, self.n = self.first[-1], model.layout.coordinates
-        self.system: System = model.system or index1_system(model, None)
-
-    def guards(self, times: Array, states: Array, blocks: Array) -> Array:
-        """Guards of all events at states (T, width) with parameters (T, parameter), shape (T, event)."""
-        values = self.model.evaluators["contact"](state_arguments(times, states), blocks)
-        return self.model.result("contact", "guard", values)
-
-    def __call__(self, times: Array, states: Array, blocks: Array) -> Contacts:
-        """Look at states (T, width) at times (T,) with parameters (T, parameter)."""
-        model, n, arguments = self.model, self.n, state_arguments(times, states)
-        found = model.evaluate("contact", arguments, blocks)
-        values = model.evaluators["acceleration"](arguments, blocks)
-        right = np.zeros((len(states), self.system.size, 1 + self.directions))
-        right[:, :, 0] = self.system.right(values)
-        right[:, :n, 1:] = found["slope"].transpose(0, 2, 1)
-        solved = _solved(self.system.matrix(values), right)
-        answer = solved[:, :, 1:]
-        delassus = found["slope"] @ answer[:, :n]
-        return Contacts(first=self.first, free=solved[:, :, 0], answer=answer, delassus=delassus, **found)
-
-
-def _solved(matrix: Array, right: Array) -> Array:
-    """Solve each system; by least squares where it is singular."""
-    try:
-        return np.asarray(np.linalg.solve(matrix, right), dtype=float)
-    except np.linalg.LinAlgError:
-        pass
-    found: Array = np.full(right.shape, np.nan)
-    for k in range(len(matrix)):
-        with contextlib.suppress(np.linalg.LinAlgError):
-            found[k] = np.linalg.lstsq(matrix[k], right[k], rcond=None)[0]
-    return found
+    modes: dict[int, Mode]
+    headings: dict[int, Array]
 
 
 @dataclass(frozen=True)
-class Resting:
+class ContactMotion:
     """Motion of T states with bodies that stay in contact.
 
     Attributes
@@ -168,7 +68,7 @@ class Resting:
     rate: Array
 
 
-def spread_solution(
+def contact_forces(
     matrix: Array, right: Array, rows: list[int], coupled: Mapping[int, tuple[list[int], Array]]
 ) -> Array:
     """Solve for forces in `rows`, where tangential ones may be multiples of normal ones.
@@ -209,23 +109,21 @@ def spread_solution(
     return np.asarray((spread @ scaled_solution(inner, right, units)[:, :, None])[:, :, 0], dtype=float)
 
 
-def at_rest(contacts: Contacts, modes: Mapping[int, Mode], headings: Mapping[int, Array]) -> Resting:
+def contact_motion(contacts: Contacts, lasting: Lasting) -> ContactMotion:
     """Solve for accelerations and contact forces with given modes of the contacts that last.
 
     Parameters
     ----------
     contacts : Contacts
         At the states.
-    modes : mapping
-        Of each lasting contact: whether it sticks or slips.
-    headings : mapping
-        Of each that slips, the direction near which it slides, shape (tangent,): where the speed passes zero, friction
-        does not turn round, so that the passage is seen by a smooth integration.
+    lasting : Lasting
+        Those that last.  Of each that slips the direction near which it slides, shape (tangent,): where the speed
+        passes zero, friction does not turn round, so that a smooth integration sees it pass.
     """
     free = contacts.bias + np.einsum("twn,tn->tw", contacts.slope, contacts.free[:, : contacts.coordinates])
     rows: list[int] = []
     coupled = {}
-    for k, mode in modes.items():
+    for k, mode in lasting.modes.items():
         n, tangents = contacts.normal(k), contacts.tangents(k)
         rows.append(n)
         if not contacts.rubs(k):
@@ -233,11 +131,11 @@ def at_rest(contacts: Contacts, modes: Mapping[int, Mode], headings: Mapping[int
         if mode == "stick":
             rows += tangents
         else:
-            direction = _direction(contacts.speed[:, tangents], headings[k])
+            direction = _direction(contacts.speed[:, tangents], lasting.headings[k])
             coupled[n] = (tangents, -contacts.law[:, k, 1:] * direction)
-    force = spread_solution(contacts.delassus, -free[:, rows], rows, coupled)
+    force = contact_forces(contacts.delassus, -free[:, rows], rows, coupled)
     motion = contacts.free + np.einsum("tnw,tw->tn", contacts.answer, force)
-    return Resting(motion, force, free + np.einsum("tvw,tw->tv", contacts.delassus, force))
+    return ContactMotion(motion, force, free + np.einsum("tvw,tw->tv", contacts.delassus, force))
 
 
 def _direction(sliding: Array, heading: Array) -> Array:
@@ -250,9 +148,7 @@ def _direction(sliding: Array, heading: Array) -> Array:
         return np.where(fast > 1e-12, forward * sliding / fast, heading)
 
 
-def pressed(
-    contacts: Contacts, near: list[int], slow: float
-) -> tuple[dict[int, Mode], dict[int, Array], Resting] | None:
+def lasting_contacts(contacts: Contacts, near: list[int], slow: float) -> tuple[Lasting, ContactMotion] | None:
     """Find which of the contacts that are closed and do not open last, and how, at one state.
 
     Parameters
@@ -266,10 +162,10 @@ def pressed(
 
     Returns
     -------
-    modes, headings : dict
-        Of those that last.
-    Resting
-        All three None: no forces satisfy the laws (friction that wedges what slides).
+    Lasting
+        Those that last.
+    ContactMotion
+        With them.  Instead of both None: no forces satisfy the laws (friction that wedges what slides).
 
     Notes
     -----
@@ -313,17 +209,17 @@ def pressed(
             modes[k] = "stick" if stays else "slip"
             if len(friction) and not stays:
                 headings[k] = heading_of(friction)
-        resting = at_rest(contacts, modes, headings)
+        resting = contact_motion(contacts, Lasting(modes, headings))
         if (resting.force[0, [contacts.normal(k) for k in modes]] >= 0).all():
             break
     # of redundant contacts, whose forces are not unique, those that the least forces would pull are left out
     while modes and resting.force[0, contacts.normal(worst := _least_pressed(contacts, resting, modes))] < 0:
         del modes[worst]
-        resting = at_rest(contacts, modes, headings)
-    return modes, {k: x for k, x in headings.items() if k in modes}, resting
+        resting = contact_motion(contacts, Lasting(modes, headings))
+    return Lasting(modes, {k: x for k, x in headings.items() if k in modes}), resting
 
 
-def _least_pressed(contacts: Contacts, resting: Resting, modes: Mapping[int, Mode]) -> int:
+def _least_pressed(contacts: Contacts, resting: ContactMotion, modes: Mapping[int, Mode]) -> int:
     return min(modes, key=lambda k: resting.force[0, contacts.normal(k)])
 
 
@@ -333,31 +229,33 @@ def heading_of(friction: Array) -> Array:
     return np.asarray(-friction / size) if size > 0 else np.eye(len(friction))[0]
 
 
-def lasting(lens: Lens, times: Array, states: Array, blocks: Array) -> Iterator[tuple[int, Resting]]:
+def states_in_contact(
+    evaluator: ContactEvaluator, times: Array, states: Array, blocks: Array
+) -> Iterator[tuple[int, ContactMotion]]:
     """Find the states (T, width) in which contacts last, and their motion.
 
     Such contacts are recognised by their gaps and speeds, which are none, and by the forces that press them together.
     """
-    model = lens.model
+    model = evaluator.model
     bodies = np.array([k for k, (*_, count) in enumerate(model.events) if count], dtype=np.int64)
     if not len(bodies) or not len(states):
         return
-    n = lens.n
-    normals = np.array([lens.first[k] for k in bodies])
+    n = evaluator.n
+    normals = np.array([evaluator.first[k] for k in bodies])
     size = np.maximum(1e-3, np.abs(states[:, :n]).max(axis=1).clip(max=1.0))
     fast = np.maximum(size, np.abs(states[:, -n:]).max(axis=1))
     with np.errstate(all="ignore"):
-        seen = lens(times, states, blocks)
+        seen = evaluator(times, states, blocks)
         closed = np.abs(seen.guard[:, bodies]) <= CLOSED * size[:, None]
         closed &= np.abs(seen.speed[:, normals]) <= STILL * fast[:, None]
         for k in np.flatnonzero(closed.any(axis=1)).tolist():
-            one = lens(times[k : k + 1], states[k : k + 1], blocks[k : k + 1])
-            found = pressed(one, bodies[closed[k]].tolist(), float(STILL * fast[k]))
-            if found is not None and found[0]:
-                yield k, found[2]
+            one = evaluator(times[k : k + 1], states[k : k + 1], blocks[k : k + 1])
+            found = lasting_contacts(one, bodies[closed[k]].tolist(), float(STILL * fast[k]))
+            if found is not None and found[0].modes:
+                yield k, found[1]
 
 
-def project(contacts: Contacts, modes: Mapping[int, Mode]) -> tuple[Array, Array]:
+def onto_contacts(contacts: Contacts, modes: Mapping[int, Mode]) -> tuple[Array, Array]:
     """Corrections of coordinates and velocities (T, coordinate) that put states onto their lasting contacts."""
     n = contacts.coordinates
     answer = contacts.answer[:, :n]
@@ -365,6 +263,6 @@ def project(contacts: Contacts, modes: Mapping[int, Mode]) -> tuple[Array, Array
         return np.zeros(answer.shape[:2]), np.zeros(answer.shape[:2])
     normals = [contacts.normal(k) for k in modes]
     held = [j for k, x in modes.items() for j in [contacts.normal(k), *(contacts.tangents(k) if x == "stick" else [])]]
-    q = spread_solution(contacts.delassus, -contacts.guard[:, list(modes)], normals, {})
-    v = spread_solution(contacts.delassus, -contacts.speed[:, held], held, {})
+    q = contact_forces(contacts.delassus, -contacts.guard[:, list(modes)], normals, {})
+    v = contact_forces(contacts.delassus, -contacts.speed[:, held], held, {})
     return np.einsum("tnw,tw->tn", answer, q), np.einsum("tnw,tw->tn", answer, v)

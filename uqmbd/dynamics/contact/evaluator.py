@@ -1,0 +1,117 @@
+"""Evaluation of contacts at states: gaps, relative velocities, and how accelerations answer to contact forces."""
+
+from __future__ import annotations
+
+import contextlib
+from dataclasses import dataclass
+
+import numpy as np
+
+from uqmbd.dynamics.equations import Model, state_arguments
+from uqmbd.dynamics.linear import System, index1_system
+from uqmbd.typing import Array
+
+__all__ = ["ContactEvaluator", "Contacts"]
+
+
+@dataclass(frozen=True)
+class Contacts:
+    """Everything about the contacts of T states.
+
+    Attributes
+    ----------
+    guard : array, shape (T, event)
+        Gaps, and the guards of events that are no contacts.
+    first : tuple of int
+        First direction of each event, then the end.
+    law : array, shape (T, event, 2)
+        Coefficients of restitution and of friction.
+    speed, bias : array, shape (T, direction)
+        Relative velocities, and their rates without accelerations.
+    slope : array, shape (T, direction, coordinate)
+        How velocities enter the speeds.
+    free : array, shape (T, coordinate + multiplier)
+        Accelerations without contacts, then multipliers of the kept equations.
+    answer : array, shape (T, coordinate + multiplier, direction)
+        The same per force (jumps of velocity per impulse) in each direction.
+    delassus : array, shape (T, direction, direction)
+        Rates of the speeds per force.
+    """
+
+    guard: Array
+    first: tuple[int, ...]
+    law: Array
+    speed: Array
+    bias: Array
+    slope: Array
+    free: Array
+    answer: Array
+    delassus: Array
+
+    @property
+    def coordinates(self) -> int:
+        """How many there are."""
+        return int(self.slope.shape[-1])
+
+    def normal(self, event: int) -> int:
+        """Return the normal direction of an event."""
+        return int(self.first[event])
+
+    def tangents(self, event: int) -> list[int]:
+        """Directions along the surface."""
+        return list(range(self.first[event] + 1, self.first[event + 1]))
+
+    def rubs(self, event: int) -> bool:
+        """Whether there is friction, at the first of the states."""
+        return bool(self.law[0, event, 1] > 0) and self.first[event + 1] > self.first[event] + 1
+
+    def sliding(self, event: int) -> Array:
+        """Velocity along the surface, shape (T, 1 or 2)."""
+        return self.speed[:, self.tangents(event)]
+
+
+class ContactEvaluator:
+    """Evaluates everything about the contacts of states.
+
+    Parameters
+    ----------
+    model : Model
+        With events.
+    """
+
+    def __init__(self, model: Model) -> None:
+        self.model = model
+        self.first = tuple(np.cumsum([0, *(count for *_, count in model.events)]).tolist())
+        self.directions, self.n = self.first[-1], model.layout.coordinates
+        self.system: System = model.system or index1_system(model, None)
+
+    def guards(self, times: Array, states: Array, blocks: Array) -> Array:
+        """Guards of all events at states (T, width) with parameters (T, parameter), shape (T, event)."""
+        values = self.model.evaluators["contact"](state_arguments(times, states), blocks)
+        return self.model.result("contact", "guard", values)
+
+    def __call__(self, times: Array, states: Array, blocks: Array) -> Contacts:
+        """Evaluate states (T, width) at times (T,) with parameters (T, parameter)."""
+        model, n, arguments = self.model, self.n, state_arguments(times, states)
+        found = model.evaluate("contact", arguments, blocks)
+        values = model.evaluators["acceleration"](arguments, blocks)
+        right = np.zeros((len(states), self.system.size, 1 + self.directions))
+        right[:, :, 0] = self.system.right(values)
+        right[:, :n, 1:] = found["slope"].transpose(0, 2, 1)
+        solved = _solved(self.system.matrix(values), right)
+        answer = solved[:, :, 1:]
+        delassus = found["slope"] @ answer[:, :n]
+        return Contacts(first=self.first, free=solved[:, :, 0], answer=answer, delassus=delassus, **found)
+
+
+def _solved(matrix: Array, right: Array) -> Array:
+    """Solve each system; by least squares where it is singular."""
+    try:
+        return np.asarray(np.linalg.solve(matrix, right), dtype=float)
+    except np.linalg.LinAlgError:
+        pass
+    found: Array = np.full(right.shape, np.nan)
+    for k in range(len(matrix)):
+        with contextlib.suppress(np.linalg.LinAlgError):
+            found[k] = np.linalg.lstsq(matrix[k], right[k], rcond=None)[0]
+    return found
