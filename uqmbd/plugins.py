@@ -42,6 +42,7 @@ __all__ = [
     "hookimpl",
     "installed",
     "integrator",
+    "integrator_problem",
     "integrators",
     "owner",
     "propagator",
@@ -404,10 +405,10 @@ def _registered_name(cls: Any, kind: _Kind) -> tuple[str, str]:
     for flag in kind.flags:
         if not isinstance(getattr(cls, flag, False), bool):
             return name, f"whose class attribute `{flag}` is {_short(getattr(cls, flag))}; True or False is expected"
-    return name, _integrator_problem(cls) if kind.hook == "uqmbd_integrators" else ""
+    return name, integrator_problem(cls) if kind.hook == "uqmbd_integrators" else ""
 
 
-def _integrator_problem(cls: type) -> str:
+def integrator_problem(cls: type) -> str:
     """Return what keeps a class from being an integrator, or nothing."""
     if not callable(getattr(cls, "integrate", None)):
         return "which has no method integrate(ensemble, times, rtol)"

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from uqmbd.testing.component import check_component
 from uqmbd.testing.design import check_design
+from uqmbd.testing.integrator import check_integrator
 from uqmbd.testing.propagator import check_propagator
 
-__all__ = ["check_component", "check_design", "check_propagator"]
+__all__ = ["check_component", "check_design", "check_integrator", "check_propagator"]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 import sympy
 
-from uqmbd.mechanism import Component, Constraint, Local, Mechanism, Parameter, Planar, Potential, Translational
+from uqmbd.mechanism import Mechanism, Planar, Translational
 from uqmbd.propagation import Study
 from uqmbd.randomness import uniform_variable
+from uqmbd.testing.parts import Pin, Rod, Spring
 from uqmbd.typing import Array
 
 __all__ = ["CASES", "Known", "certain", "fragile"]
@@ -22,36 +23,6 @@ RTOL = 1e-8
 """Of the integration: its error must not count beside that of a method."""
 
 GRAVITY = 9.81
-
-
-class _Spring(Component):
-    """A spring without length between the ground and a body."""
-
-    stiffness = Parameter("N/m", "spring rate")
-
-    def terms(self, p: Local) -> Iterator[Potential]:
-        d = p.body_j.position - p.body_i.position
-        yield Potential(p.stiffness * d.dot(d) / 2)
-
-
-class _Pin(Component):
-    """A point of a body that stays at the origin of another."""
-
-    point = Parameter("m", "pinned point, frame of body j", kind="point")
-
-    def terms(self, p: Local) -> Iterator[Constraint]:
-        yield Constraint(p.body_j.point(p.point) - p.body_i.position, "pin")
-
-
-class _Rod(Component):
-    """A massless rod from a point of the ground to a body."""
-
-    post = Parameter("m", "end, frame of body i", kind="point")
-    length = Parameter("m", "length")
-
-    def terms(self, p: Local) -> Iterator[Constraint]:
-        d = p.body_j.position - p.body_i.point(p.post)
-        yield Constraint(d.dot(d) - p.length**2, "length")
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,7 +87,7 @@ def oscillator() -> Known:
     stiffness = uniform_variable("stiffness", low, high, "N/m")
     mechanism = Mechanism("oscillator", Translational())
     mass = mechanism.body("mass", mass=1, position=(1, 0))
-    mechanism.add(_Spring("spring", mechanism.ground, mass, stiffness=stiffness))
+    mechanism.add(Spring("spring", mechanism.ground, mass, stiffness=stiffness))
     mechanism.output("x", mass.position[0], units="m")
     t = np.linspace(0, 1, 5)
 
@@ -152,7 +123,7 @@ def pendulum() -> Known:
     rod = mechanism.body(
         "rod", mass=2, inertia=2 * length**2 / 12, position=(length / 2, 0), angle=0, angular_velocity=spin
     )
-    mechanism.add(_Pin("pin", mechanism.ground, rod, point=(-length / 2, 0)))
+    mechanism.add(Pin("pin", mechanism.ground, rod, point=(-length / 2, 0)))
     mechanism.output("angle", rod.angle, units="rad")
     mechanism.output("tip", rod.point((length / 2, 0))[0], units="m")
     t = np.linspace(0, 0.6, 5)
@@ -187,7 +158,7 @@ def fragile(shortest: float, longest: float) -> Study:
     mechanism = Mechanism("fragile", Translational())
     bob = mechanism.body("bob", mass=1, position=(0, sympy.Rational(1, 2)))
     for name, x in (("left", -0.9), ("right", 0.9)):
-        mechanism.add(_Rod(name, mechanism.ground, bob, post=(x, 0), length=length))
+        mechanism.add(Rod(name, mechanism.ground, bob, post=(x, 0), length=length))
     mechanism.output("y", bob.position[1], units="m")
     return Study("fragile", mechanism, [0, 0.05, 0.1])
 

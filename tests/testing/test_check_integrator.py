@@ -1,0 +1,284 @@
+"""The conformance kit for integrators: those of the core pass, and each check catches an integrator that breaks it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import uqmbd
+from uqmbd.dynamics import integrators
+from uqmbd.dynamics.integrators import Auto, Dop853, Ida
+from uqmbd.testing import check_integrator
+
+DECLARED = ("events", "projected", "segments", "paced", "watched")
+
+
+def made(**own):
+    """Return a class that does what the explicit integrator does but what is its own, and declares what is its own."""
+
+    class Made:
+        name = "made"
+
+        def integrate(self, ensemble, times, rtol):
+            return Dop853().integrate(ensemble, times, rtol)
+
+    for key, value in own.items():
+        setattr(Made, key, value)
+    return Made
+
+
+def changed(change, **own):
+    """Return a class whose trajectories are changed: by a function of the ensemble, times and trajectories."""
+
+    def integrate(self, ensemble, times, rtol):
+        return change(ensemble, times, Dop853().integrate(ensemble, times, rtol))
+
+    return made(integrate=integrate, **own)
+
+
+@pytest.mark.parametrize("integrator", [Auto, Dop853, Ida], ids=lambda cls: cls.name)
+def test_those_of_the_core_pass(integrator):
+    check_integrator(integrator)
+
+
+def test_those_of_the_core_are_all_that_the_core_offers():
+    assert list(integrators().values())[:3] == [Auto, Ida, Dop853]
+
+
+def test_what_is_not_declared_is_never_asked_for():
+    def asked(*given, **options):
+        raise RuntimeError("asked")
+
+    check_integrator(made(integrate_projected=asked, integrate_segments=asked))
+
+
+@pytest.mark.parametrize(
+    ("integrator", "problem"),
+    [
+        (made(name=""), "`name` is ''; expected a string"),
+        (made(integrate=None), "has no method integrate"),
+        (made(paced="yes"), "`paced` is 'yes'; expected True or False"),
+        (made(projected=True), "declares projected = True, but has no method integrate_projected"),
+        (made(segments=True), "declares segments = True, but has no method integrate_segments"),
+        (made(__init__=lambda self, steps: None), "cannot be made without arguments"),
+        (Dop853(), "it is no class"),
+    ],
+)
+def test_protocol(integrator, problem):
+    with pytest.raises(AssertionError, match="protocol: .*" + problem):
+        check_integrator(integrator)
+
+
+def _even(self, ensemble, times, rtol):
+    found = Dop853().integrate(ensemble, np.linspace(times[0], times[-1], len(times)), rtol)
+    return replace(found, times=times)
+
+
+def _loose(self, ensemble, times, rtol):
+    return Dop853().integrate(ensemble, times, 1e-4)
+
+
+def _coarse(self, ensemble, times, rtol):
+    return Dop853().integrate(ensemble, times, 1e3 * rtol)
+
+
+def _raising(self, ensemble, times, rtol):
+    raise ZeroDivisionError("steps of no length")
+
+
+@pytest.mark.parametrize(
+    ("integrate", "problem"),
+    [
+        (_even, "accuracy: stone: with rtol=0.0001 the y is .*; expected"),
+        (_coarse, "accuracy: oscillator: with rtol=.* the .*; expected .*, within .* of its size"),
+        (_raising, "accuracy: stone: it raised ZeroDivisionError: steps of no length"),
+        (lambda *given: np.zeros(3), "returned array.*; expected uqmbd.Trajectories"),
+    ],
+)
+def test_accuracy(integrate, problem):
+    with pytest.raises(AssertionError, match=problem):
+        check_integrator(made(integrate=integrate))
+
+
+def test_an_error_that_does_not_fall_is_told():
+    with pytest.raises(AssertionError, match=r"accuracy: oscillator: the error falls from .*: is rtol used\?"):
+        check_integrator(made(integrate=_loose), tolerance=1e9)
+
+
+def _start_off(ensemble, times, found):
+    states = found.states.copy()
+    states[:, 0] += 1e-7
+    return replace(found, states=states)
+
+
+def _off_the_pin(ensemble, times, found):
+    """Velocities, which are no output, are off the constraints of the pendulum."""
+    states = found.states.copy()
+    if ensemble.model.layout.rank > 1:
+        states[-1, 2:, 5] += 1e-1
+    return replace(found, states=states)
+
+
+def _other_bits(ensemble, times, found):
+    states = found.states.copy()
+    states[:, 1:] *= 1 + 1e-12 * np.random.default_rng().normal()
+    return replace(found, states=states)
+
+
+def _worse_alone(ensemble, times, found):
+    return replace(found, states=found.states * (1 + 1e-3)) if len(ensemble) == 1 else found
+
+
+@pytest.mark.parametrize(
+    ("change", "problem"),
+    [
+        (lambda e, t, found: replace(found, states=found.states[:, :, :-1]), r"states have the shape \(3, 5, 3\)"),
+        (lambda e, t, found: replace(found, messages=()), r"messages are \(\)"),
+        (lambda e, t, found: replace(found, times=t + 1), "times are"),
+        (lambda e, t, found: replace(found, messages=("stiff",) * 3), "realisation 0 failed: 'stiff'"),
+        (lambda e, t, found: replace(found, counters=uqmbd.Counters()), "counters: stone: steps, residuals and"),
+        (_start_off, "the states at the first time differ from ensemble.start by 1e-07"),
+        (_off_the_pin, "constraints: pendulum: the state .* is off the constraints 'pin: pin"),
+        (_other_bits, "reproducibility: pendulum: .*; expected the same bits"),
+        (_worse_alone, "accuracy|independence: pendulum: integrated alone, realisations change by 0.001"),
+    ],
+)
+def test_what_is_returned(change, problem):
+    with pytest.raises(AssertionError, match=problem):
+        check_integrator(changed(change))
+
+
+def _silent(ensemble, times, found):
+    return replace(found, messages=("",) * len(ensemble))
+
+
+def _filled(ensemble, times, found):
+    return replace(found, states=np.where(np.isnan(found.states), 0.0, found.states))
+
+
+def _all_fail(ensemble, times, found):
+    return replace(found, messages=("failed",) * len(ensemble)) if any(found.messages) else found
+
+
+def _silent_later(ensemble, times, found):
+    return _silent(ensemble, times, found) if ensemble.start.ok.all() else found
+
+
+def _filled_later(ensemble, times, found):
+    return _filled(ensemble, times, found) if ensemble.start.ok.all() else found
+
+
+def _all_fail_later(ensemble, times, found):
+    return _all_fail(ensemble, times, found) if ensemble.start.ok.all() else found
+
+
+@pytest.mark.parametrize(
+    ("change", "problem"),
+    [
+        (_silent, "fragile: realisation 1 cannot be assembled, and has no message"),
+        (_filled, "fragile: realisation 1 cannot be assembled; expected states that are NaN"),
+        (_all_fail, "fragile: realisation 0 failed beside one that cannot be assembled: 'failed'"),
+        (_silent_later, "fading: realisation 1 cannot go on after t = 0.3 s, .* and has no message"),
+        (_filled_later, "fading: realisation 1: states behind the time at which it failed are numbers"),
+        (_all_fail_later, "fading: realisation 0 failed beside one that cannot go on: 'failed'"),
+    ],
+)
+def test_failures(change, problem):
+    with pytest.raises(AssertionError, match="failures: " + problem):
+        check_integrator(changed(change))
+
+
+@pytest.mark.parametrize(
+    ("blind", "case"), [({"timed": None}, "pulse"), ({"max_step": np.inf}, "strip")], ids=["time", "longest step"]
+)
+def test_paced(blind, case):
+    """One that does not see what ``ensemble.pace`` tells."""
+
+    def integrate(self, ensemble, times, rtol):
+        model = replace(ensemble.model, **blind)
+        return Dop853().integrate(uqmbd.Ensemble(model, ensemble.values, start=ensemble.start), times, rtol)
+
+    check_integrator(made(integrate=integrate))
+    with pytest.raises(AssertionError, match=f"paced: {case}: .* the speed is"):
+        check_integrator(made(integrate=integrate, paced=True))
+
+
+def _fallen(self, ensemble, times, rtol):
+    """Through the floor."""
+    model = replace(ensemble.model, events=())
+    return Dop853().integrate(uqmbd.Ensemble(model, ensemble.values, start=ensemble.start), times, rtol)
+
+
+def _times(change):
+    def integrate(self, ensemble, times, rtol):
+        found = Dop853().integrate(ensemble, times, rtol)
+        return replace(found, scalars=change(dict(found.scalars)))
+
+    return integrate
+
+
+def _uncounted(self, ensemble, times, rtol):
+    found = Dop853().integrate(ensemble, times, rtol)
+    return replace(found, counters=replace(found.counters, events=0))
+
+
+@pytest.mark.parametrize(
+    ("integrate", "problem"),
+    [
+        (_fallen, "events: ball: with rtol=1e-06 the height is -"),
+        (_times(lambda found: {}), "events: ball: the times 'floor: impact 1' are missing"),
+        (_times(lambda found: {k: x + 1e-3 for k, x in found.items()}), r"impact 1' are .* \(error: 0.001 s\)"),
+        (_times(lambda found: {k: np.nan_to_num(x) for k, x in found.items()}), "NaN where a realisation has no such"),
+        (_times(lambda found: {k: x for k, x in found.items() if "impact" in k}), "'floor: passing 1' are missing"),
+        (_uncounted, r"counters: ball: 0 events are counted; expected 9 impacts at least"),
+    ],
+)
+def test_events(integrate, problem):
+    with pytest.raises(AssertionError, match=problem):
+        check_integrator(made(integrate=integrate, events=True))
+
+
+def _segments(change):
+    def integrate_segments(self, ensemble, times, rtol):
+        found = Dop853().integrate_segments(ensemble, times, rtol)
+        return replace(found, segments=tuple(change(s) for s in found.segments))
+
+    return integrate_segments
+
+
+@pytest.mark.parametrize(
+    ("change", "problem"),
+    [
+        (lambda s: replace(s, begin=s.begin + 1e-3), "segments begin and end at"),
+        (lambda s: replace(s, label="hit"), r"labels are \['hit'.*; expected 'floor: impact'"),
+        (lambda s: replace(s, states=lambda at, s=s: s.states(at[::-1])), "at the begin of segment 0 .*; expected 0,"),
+    ],
+)
+def test_segments(change, problem):
+    with pytest.raises(AssertionError, match="segments: ball: .*" + problem):
+        check_integrator(made(integrate_segments=_segments(change), segments=True))
+
+
+def _projected(change):
+    def integrate_projected(self, projected, times, rtol, watch=None):
+        return change(Dop853().integrate_projected(projected, times, rtol, watch))
+
+    return integrate_projected
+
+
+@pytest.mark.parametrize(
+    ("own", "problem"),
+    [
+        (_projected(lambda found: found.coefficients), "projected: oscillator: its method integrate_projected returned array"),
+        (_projected(lambda found: replace(found, coefficients=0.99 * found.coefficients)), "motions at the nodes are"),
+        (_projected(lambda found: replace(found, message="stiff")), "projected: oscillator: it failed: 'stiff'"),
+        (lambda self, projected, times, rtol, watch=None: Dop853().integrate_projected(projected, times, rtol),
+         "watched: oscillator: the function that watches was not called"),
+        (lambda self, projected, times, rtol: None, "projected: .* returned None"),
+    ],
+)  # fmt: skip
+def test_projected(own, problem):
+    with pytest.raises(AssertionError, match=problem):
+        check_integrator(made(integrate_projected=own, projected=True, watched=True))

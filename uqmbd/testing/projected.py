@@ -1,0 +1,97 @@
+"""Does an integrator integrate projected equations: coefficients are those of the motions at the nodes."""
+
+from __future__ import annotations
+
+import warnings
+from typing import Any
+
+import numpy as np
+
+from uqmbd.dynamics import Ensemble, Integrator, ProjectedEnsemble, ProjectedTrajectories, declares, off_constraints
+from uqmbd.testing import closed_forms
+from uqmbd.testing.closed_forms import ClosedForm
+from uqmbd.typing import Array
+
+__all__ = ["check_projected"]
+
+
+RTOL = 1e-6
+NODES = 3
+
+
+def check_projected(integrator: type[Integrator], tolerance: float) -> None:
+    """Check an integrator that declares ``projected``.
+
+    With as many terms as nodes the coefficients are those of the motions at the nodes; with fewer terms they are for
+    the stone, which is linear in its random number.
+
+    Parameters
+    ----------
+    integrator : type
+        With the method ``integrate_projected``.
+    tolerance : float
+        Errors that are allowed, over ``rtol`` and the size of an output.
+    """
+    cases = ((closed_forms.oscillator(), NODES), (closed_forms.pendulum(), NODES), (closed_forms.stone(), 2))
+    for form, terms in cases:
+        projected = _projected(form, terms)
+        what = f"integrator {integrator.name!r}: projected: {form.name}"
+        found = _integrated(integrator, projected, form.times, what)
+        assert not found.message, f"{what}: it failed: {found.message!r}; expected a motion to the last time."
+        nodal = projected.nodal(found.coefficients)
+        response = projected.ensemble.outputs(form.times, nodal)
+        expected = form.expected(projected.ensemble.values[:, 0])
+        error = np.abs(response - expected) / np.abs(expected).max(axis=2, keepdims=True)
+        worst = float(np.nan_to_num(error, nan=np.inf).max())
+        assert worst <= tolerance * RTOL, (
+            f"{what}: with {terms} terms on {NODES} nodes the motions at the nodes are wrong by {worst:.2g} of their "
+            f"size; expected {tolerance * RTOL:.1g} at most."
+        )
+        off = off_constraints(projected.ensemble, form.times, nodal, RTOL)
+        assert not off, f"{what}: at a node {next(iter(off.values()))[1]}."
+    if declares(integrator, "watched"):
+        _check_watched(integrator, closed_forms.oscillator())
+
+
+def _check_watched(integrator: type[Integrator], form: ClosedForm) -> None:
+    what = f"integrator {integrator.name!r}: watched: {form.name}"
+    seen: list[Array] = []
+
+    def watch(coefficients: Array) -> bool:
+        seen.append(coefficients.copy())
+        return True
+
+    times = np.linspace(0, 5, 51)
+    found = _integrated(integrator, _projected(form, NODES), times, what, watch=watch)
+    assert seen, f"{what}: the function that watches was not called; expected a call now and then."
+    assert np.isnan(found.coefficients[:, -1]).all() and not found.message, (
+        f"{what}: the function that watches said stop, and the integration went on to the end, or failed "
+        f"({found.message!r}); expected NaN from there on, and no message."
+    )
+
+
+def _integrated(
+    integrator: type[Integrator], projected: ProjectedEnsemble, times: Array, what: str, **options: Any
+) -> ProjectedTrajectories:
+    asked: Any = integrator()
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            found = asked.integrate_projected(projected, times, RTOL, **options)
+    except Exception as error:
+        raise AssertionError(f"{what}: it raised {type(error).__name__}: {error}") from error
+    shape = (projected.terms, len(times), projected.model.layout.width)
+    assert isinstance(found, ProjectedTrajectories) and np.shape(found.coefficients) == shape, (
+        f"{what}: its method integrate_projected returned {found!r:.100}; expected uqmbd.ProjectedTrajectories with "
+        f"coefficients of shape {shape}."
+    )
+    return found
+
+
+def _projected(form: ClosedForm, terms: int) -> ProjectedEnsemble:
+    """Project realisations at Gauss nodes on Legendre polynomials, between the values of a case."""
+    nodes, weights = np.polynomial.legendre.leggauss(NODES)
+    low, high = form.values.min(), form.values.max()
+    values = (low + high) / 2 + (high - low) / 2 * nodes
+    psi = np.asarray(np.polynomial.legendre.legvander(nodes, terms - 1) * np.sqrt(2 * np.arange(terms) + 1), float)
+    return ProjectedEnsemble(Ensemble(form.model, values[:, None]), psi, weights / 2)
