@@ -14,7 +14,7 @@ import numpy as np
 import xarray as xr
 
 from uqmbd.results.comparison import compare
-from uqmbd.results.schema import Labels, join_nodes, statistics_dataset
+from uqmbd.results.schema import Labels, join_nodes, node_parts, statistics_dataset
 
 __all__ = ["compare_both", "scalar_nodes", "study_tree", "with_scalars"]
 
@@ -101,8 +101,8 @@ def with_scalars(node: xr.DataTree | None, found: xr.DataTree, label: str, label
         datasets["/"] = xr.Dataset(attrs={**found.attrs, "label": label})
         datasets["statistics"] = _empty(labels, found.children["statistics"].to_dataset())
     else:
-        datasets |= _parts(node)
-    inner = _parts(found)
+        datasets |= node_parts(node)
+    inner = node_parts(found)
     inner["/"] = inner["/"].assign_attrs(label=label)
     for path, data in inner.items():
         still = data.isel(time=0, drop=True) if "time" in data.dims else data
@@ -156,12 +156,6 @@ def compare_both(nodes: Mapping[str, xr.DataTree], reference: str | None = None,
         found = found.reindex({"method": every}, fill_value=blank)
     differs = whole.attrs["reference"] != compared.attrs["reference"]
     return compared.assign(found).assign_attrs({"scalar_reference": whole.attrs["reference"]} if differs else {})
-
-
-def _parts(node: xr.DataTree) -> dict[str, xr.Dataset]:
-    """Datasets of a node by their path within it."""
-    base = node.path.rstrip("/")
-    return {part.path[len(base) :].strip("/") or "/": part.to_dataset(inherit=False) for part in node.subtree}
 
 
 def _empty(labels: Labels, like: xr.Dataset) -> xr.Dataset:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from uqmbd.results.statistics import divisor
 from uqmbd.typing import Array
 
 if TYPE_CHECKING:
@@ -57,7 +58,7 @@ class SampledElement:
         segment = np.minimum(segment, count - 1)
         begin = np.take_along_axis(self.edges, segment, axis=1)
         length = np.take_along_axis(self.edges, segment + 1, axis=1) - begin
-        where = np.clip((times - begin) / np.where(length > 0, length, 1.0), 0.0, 1.0)
+        where = np.clip((times - begin) / divisor(length), 0.0, 1.0)
         return chebyshev([np.take_along_axis(c, segment, axis=1) for c in local], 2 * where - 1)
 
 

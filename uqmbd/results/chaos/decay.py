@@ -10,6 +10,7 @@ import xarray as xr
 from uqmbd.results.chaos.moments import constant_columns, standard_deviation
 from uqmbd.results.chaos.stated_error import first_above, reference_spread
 from uqmbd.results.schema import Labels, fixed_width
+from uqmbd.results.statistics import divisor
 from uqmbd.typing import Array, Index, Mask
 
 __all__ = [
@@ -62,7 +63,7 @@ def decay_rate(energy: Array) -> Array:
     mean = np.where(used, orders, 0.0).sum(axis=0) / np.maximum(count, 1)
     away = np.where(used, orders - mean, 0.0)
     spread = (away**2).sum(axis=0)
-    slope = (away * logs).sum(axis=0) / np.where(spread > 0, spread, 1.0)
+    slope = (away * logs).sum(axis=0) / divisor(spread)
     return np.where(count >= 2, -slope + 0.0, np.nan)
 
 
@@ -172,7 +173,7 @@ def verdict_of_decay(
     std = standard_deviation(columns)
     std[constant_columns(columns[0], std, len(columns))] = 0.0
     spread = reference_spread(std)
-    share = np.where(std > 0, np.sqrt(np.sum(columns[edge] ** 2, axis=0)) / np.where(spread > 0, spread, 1.0), 0.0)
+    share = np.where(std > 0, np.sqrt(np.sum(columns[edge] ** 2, axis=0)) / divisor(spread), 0.0)
     worst = int(share.argmax())
     amount = f"{percent(float(share[worst]))} of the standard deviation"
     at = "" if times is None else f" at {times[worst]:g} s"

@@ -9,6 +9,7 @@ import numpy as np
 
 from uqmbd.errors import StudyError
 from uqmbd.results.chaos.products import ProductTable, product_count, product_table
+from uqmbd.results.statistics import divisor
 from uqmbd.threads import one_thread
 from uqmbd.typing import Array, Index, Mask
 
@@ -40,7 +41,7 @@ def standard_deviation(coefficients: Array) -> Array:
         block = rest[:, part]
         # scaled, so that a spread of 1e-200 does not vanish in its square
         scale = np.abs(block).max(axis=0, initial=0.0)
-        unit = block / np.where(scale > 0, scale, 1.0)
+        unit = block / divisor(scale)
         found[part] = scale * np.sqrt(np.einsum("pc,pc->c", unit, unit))
     return found
 

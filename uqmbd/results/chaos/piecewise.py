@@ -19,6 +19,7 @@ from uqmbd.results.chaos.stated_error import reference_spread
 from uqmbd.results.chaos.storage import piecewise_arguments, piecewise_dataset
 from uqmbd.results.chaos.surrogate import Samples, Surrogate
 from uqmbd.results.schema import Labels
+from uqmbd.results.statistics import divisor
 from uqmbd.threads import one_thread
 from uqmbd.typing import Array, Index, Mask
 
@@ -196,7 +197,7 @@ class PiecewiseChaos(Surrogate):
         for row, element in zip(found, self.elements, strict=True):
             if element.verification_germs is not None and element.verification_response is not None:
                 wrong = element.evaluate_germs(element.verification_germs) - element.verification_response
-                row[...] = np.sqrt(np.mean(wrong**2, axis=0)) / np.where(spread > 0, spread, 1.0)
+                row[...] = np.sqrt(np.mean(wrong**2, axis=0)) / divisor(spread)
         return found
 
     def decay(self) -> xr.Dataset:
@@ -252,7 +253,7 @@ class PiecewiseChaos(Surrogate):
         tops = np.sqrt(self._merged(np.stack([e.top_energy for e in self.elements])))
         shape = (len(self.labels.outputs), -1)
         spread = reference_spread(self.std.reshape(shape))
-        share = tops.reshape(shape) / np.where(spread > 0, spread, 1.0)
+        share = tops.reshape(shape) / divisor(spread)
         return tuple(
             f"{output.name}: within the {len(self.elements)} elements the top order carries at most "
             f"{percent(float(row.max()))} of the standard deviation"

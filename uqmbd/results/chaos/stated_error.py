@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from uqmbd.results.chaos.moments import constant_columns
+from uqmbd.results.statistics import divisor
 from uqmbd.typing import Array
 
 __all__ = ["SPREAD_FLOOR", "first_above", "reference_spread", "stated_error"]
@@ -52,7 +53,7 @@ def stated_error(
     still = constant.all(axis=-1, keepdims=True)
     spread = reference_spread(np.where(still, missed, np.where(constant, 0.0, std)))
     rounding = constant_columns(mean, error, terms) & constant
-    return np.where(rounding, 0.0, error / np.where(spread > 0, spread, 1.0))
+    return np.where(rounding, 0.0, error / divisor(spread))
 
 
 def first_above(values: Array, limit: float) -> int | None:
@@ -63,7 +64,7 @@ def first_above(values: Array, limit: float) -> int | None:
 
 def _root_mean_square(values: Array, weights: Array | None = None) -> Array:
     scale = np.abs(values).max(axis=0)
-    scaled = values / np.where(scale > 0, scale, 1.0)
+    scaled = values / divisor(scale)
     mean = np.mean(scaled * scaled, axis=0) if weights is None else np.tensordot(weights, scaled * scaled, axes=1)
     result: Array = scale * np.sqrt(mean)
     return result

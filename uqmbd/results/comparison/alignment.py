@@ -9,6 +9,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from uqmbd.errors import StudyError
+from uqmbd.results.schema import node_parts
 
 __all__ = ["align"]
 
@@ -128,20 +129,17 @@ def _common_times(
 def _restricted(
     node: xr.DataTree, label: str, outputs: list[str], scalars: list[str], where: NDArray[np.intp] | None
 ) -> xr.DataTree:
-    base = node.path.rstrip("/")
     times = node.children["statistics"].sizes.get("time", 0)
     datasets: dict[str, xr.Dataset] = {}
-    for part in node.subtree:
-        path = part.path[len(base) :].strip("/")
+    for path, data in node_parts(node).items():
         still = path.split("/")[0] == _TIMELESS
         if still and not scalars:
             continue
-        data = part.to_dataset(inherit=False)
         if "output" in data.dims and "output" in data.coords:
             data = _only(data, scalars if still else outputs)
         if where is not None and data.sizes.get("time") == times and not still:
             data = data.isel(time=where)
-        datasets[path or "/"] = data
+        datasets[path] = data
     datasets["/"] = datasets["/"].assign_attrs(label=label)
     if _TIMELESS in datasets:
         datasets[_TIMELESS] = datasets[_TIMELESS].assign_attrs(label=label)

@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 
 from uqmbd.errors import StudyError
 from uqmbd.results.comparison.distances import distributions, quantile_differences
-from uqmbd.results.comparison.own_error import over_time, own_error, root_mean_square
+from uqmbd.results.comparison.own_error import own_error, root_mean_square
 from uqmbd.results.comparison.recommendation import loose, recommend
 from uqmbd.results.comparison.statements import own_statements
 from uqmbd.results.comparison.verdicts import COARSE, NO_SPREAD, REFERENCE, ROUGH, Verdict, verdicts
-from uqmbd.results.statistics import rtol_of
+from uqmbd.results.statistics import over_time, relative, rtol_of
 from uqmbd.typing import Array
 
 __all__ = ["choose_reference", "compare"]
@@ -178,7 +178,7 @@ def compare(
             l2, scale = (root_mean_square(v, times[common]) for v in (known, expected[:, common]))
             columns.setdefault(f"{name}_difference_max", []).append(_largest(known))
             columns.setdefault(f"{name}_difference_l2", []).append(l2)
-            columns.setdefault(f"{name}_relative_l2", []).append(_over(l2, scale))
+            columns.setdefault(f"{name}_relative_l2", []).append(relative(l2, scale, np.inf))
         columns.setdefault("quantile_difference_max", []).append(quantile_differences(statistics, base))
         mine, other = (errors[name].isel(common) for name in (label, chosen))
         columns.setdefault("own_error", []).append(mine.relative(times[common]))
@@ -261,10 +261,6 @@ def _by_label(nodes: Mapping[str, xr.DataTree] | Iterable[xr.DataTree]) -> dict[
 def _times(statistics: xr.Dataset) -> Array:
     timed = "time" in statistics["mean"].dims
     return np.asarray(statistics["time"].values, dtype=float) if timed else np.zeros(1)
-
-
-def _over(values: Array, scale: Array) -> Array:
-    return np.where(scale > 0, values / np.where(scale > 0, scale, 1.0), np.where(values > 0, np.inf, values))
 
 
 def _until(until: list[float], timed: bool) -> dict[str, tuple[str, NDArray[np.float64], dict[str, str]]]:

@@ -11,11 +11,11 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from uqmbd.results.chaos import reference_spread
-from uqmbd.results.statistics import integration_error, varying
+from uqmbd.results.statistics import divisor, integration_error, over_time, studentised, varying
 from uqmbd.status import Status
 from uqmbd.typing import Array
 
-__all__ = ["OwnError", "own_error", "over_time", "root_mean_square"]
+__all__ = ["OwnError", "own_error", "root_mean_square"]
 
 
 MOST_SAMPLES = 500
@@ -120,12 +120,6 @@ class OwnError:
         return np.where(np.isfinite(error), error, np.inf), at
 
 
-def over_time(values: Any) -> Array:
-    """Return values (O, T) of a statistic (output, time), or (O, 1) of one without time."""
-    array = np.asarray(values, dtype=float)
-    return array if array.ndim == 2 else array.reshape(len(array), 1)
-
-
 def root_mean_square(values: Array, times: Array) -> Array:
     """Return the root mean square over time (O,) of values (O, T), by the trapezoidal rule; NaN of none.
 
@@ -180,7 +174,7 @@ def own_error(node: xr.DataTree, rtol: float = 0.0, *, dependence: bool = True) 
     order, top = _orders(node, len(mean))
     vary = varying(statistics, rtol)
     if noisy:
-        told = np.nan_to_num(told, nan=0.0) + 1.96 * noise[1] / _positive(reference_spread(np.nan_to_num(std)))
+        told = np.nan_to_num(told, nan=0.0) + 1.96 * noise[1] / divisor(reference_spread(np.nan_to_num(std)))
     plain = noisy and not replicates and "variance_reduction" not in statistics
     return OwnError(
         mean=mean,
@@ -201,14 +195,8 @@ def own_error(node: xr.DataTree, rtol: float = 0.0, *, dependence: bool = True) 
     )
 
 
-def _positive(values: Array) -> Array:
-    return np.where(values > 0, values, 1.0)
-
-
 def _design(node: xr.DataTree) -> tuple[int, int, float]:
     """Return the successful samples, the replicates of a design (0: independent), and how its errors were widened."""
-    from scipy.special import ndtri, stdtrit
-
     count = int(node.attrs.get("realisations", 0)) - int(node.attrs.get("failures", 0))
     if "samples" in node.children:
         status = np.asarray(node.children["samples"].to_dataset()["status"].values)
@@ -218,7 +206,7 @@ def _design(node: xr.DataTree) -> tuple[int, int, float]:
     if str(_option(node, "sampling", "random")) == "random" or "independent_samples" in node.attrs:
         return count, 0, 1.0
     replicates = max(int(_option(node, "replicates", 2)), 2)
-    return count, replicates, float(stdtrit(replicates - 1, 0.975) / ndtri(0.975))
+    return count, replicates, studentised(replicates)
 
 
 def _option(node: xr.DataTree, name: str, default: Any) -> Any:
@@ -247,7 +235,7 @@ def _surrogate(node: xr.DataTree, statistics: xr.Dataset, std: Array) -> tuple[A
     known = np.isfinite(found).all(axis=0) & np.isfinite(std).all(axis=0)
     times = statistics["time"].values[known] if "time" in statistics.dims else np.zeros(1)
     scale = root_mean_square(std[:, known], times)
-    stated = root_mean_square(found[:, known], times) / np.where(scale > 0, scale, 1.0)
+    stated = root_mean_square(found[:, known], times) / divisor(scale)
     return margin * found, np.asarray(stated, dtype=float), told
 
 
@@ -263,7 +251,7 @@ def _orders(node: xr.DataTree, outputs: int) -> tuple[int | None, Array]:
     square = chaos["coefficients"].values.reshape(len(degree), outputs, -1) ** 2
     whole = square[degree > 0].sum(axis=(0, 2))
     top = square[degree == max(int(degree.max()), 1)].sum(axis=(0, 2))
-    return int(degree.max()), np.sqrt(np.where(whole > 0, top / np.where(whole > 0, whole, 1.0), 0.0))
+    return int(degree.max()), np.sqrt(np.where(whole > 0, top / divisor(whole), 0.0))
 
 
 def _response(node: xr.DataTree, shape: tuple[int, ...]) -> Array | None:

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from uqmbd.errors import StudyError
 from uqmbd.results.comparison.own_error import own_error, root_mean_square
+from uqmbd.results.statistics import relative
 
 __all__ = ["relative_errors"]
 
@@ -54,13 +55,13 @@ def relative_errors(found: xr.DataTree, reference: xr.DataTree) -> dict[str, NDA
     errors = {}
     for name in ("mean", "std"):
         off, whole = getattr(one, name) - getattr(other, name), getattr(other, name)
-        errors[f"{name}_error_l2"] = _over(root_mean_square(off, times), root_mean_square(whole, times))
-        errors[f"{name}_error_max"] = _over(_largest(off), _largest(other.std))
+        errors[f"{name}_error_l2"] = relative(root_mean_square(off, times), root_mean_square(whole, times), np.nan)
+        errors[f"{name}_error_max"] = relative(_largest(off), _largest(other.std), np.nan)
         noise = other.noise_mean if name == "mean" else other.noise_std
         own = root_mean_square(1.96 * noise + other.bias, times)
         states = other.samples > 0 or bool(np.isfinite(other.stated).all())
         errors[f"own_{name}_error"] = (
-            _over(own, root_mean_square(whole, times)) if states else np.full(len(own), np.nan)
+            relative(own, root_mean_square(whole, times), np.nan) if states else np.full(len(own), np.nan)
         )
     stated = one.relative(times)
     return errors | {"stated_error": np.where(np.isfinite(stated), stated, np.nan)}
@@ -68,7 +69,3 @@ def relative_errors(found: xr.DataTree, reference: xr.DataTree) -> dict[str, NDA
 
 def _largest(values: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray(np.abs(values).max(axis=1, initial=0.0), dtype=float)
-
-
-def _over(values: NDArray[np.float64], scale: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.where(scale > 0, values / np.where(scale > 0, scale, 1.0), np.where(values > 0, np.nan, values))

@@ -12,6 +12,7 @@ from uqmbd.results.chaos import error_words
 from uqmbd.results.comparison.own_error import OwnError, root_mean_square
 from uqmbd.results.comparison.simultaneous import curve_length, pointwise_level, student
 from uqmbd.results.comparison.statements import LIMIT, NO_SPREAD, STILL
+from uqmbd.results.statistics import divisor
 from uqmbd.typing import Array
 
 __all__ = ["AGREES", "DIFFERS", "FEW", "NO_SPREAD", "REFERENCE", "UNDER_RESOLVED", "Verdict", "percent", "verdicts"]
@@ -215,7 +216,7 @@ def _noise(method: OwnError, o: int, name: str) -> Array:
     if name == "mean":
         return np.asarray(method.noise_mean[o])
     std = method.std[o]
-    return np.asarray(np.where(std > 0, method.noise_std[o] / np.where(std > 0, std, 1.0), 0.0))
+    return np.asarray(np.where(std > 0, method.noise_std[o] / divisor(std), 0.0))
 
 
 def _freedom(method: OwnError, o: int, name: str) -> Array:
@@ -232,14 +233,14 @@ def _freedom(method: OwnError, o: int, name: str) -> Array:
     off = _offsets(method.response[:, o], name)
     squares = off * off
     square = squares.mean(axis=0)
-    kurtosis = np.where(square > 0, (squares * squares).mean(axis=0) / np.where(square > 0, square, 1.0) ** 2, least)
+    kurtosis = np.where(square > 0, (squares * squares).mean(axis=0) / divisor(square) ** 2, least)
     return np.maximum(2.0 * method.samples / (np.maximum(kurtosis, least) - 1.0), 1.0)
 
 
 def _offsets(response: Array, name: str) -> Array:
     """Return what each sample adds to the mean or the variance (S, T), less its average."""
     spread = np.ptp(response, axis=0)
-    off = (response - response.mean(axis=0)) / np.where(spread > 0, spread, 1.0)
+    off = (response - response.mean(axis=0)) / divisor(spread)
     return np.asarray(off if name == "mean" else off**2 - (off**2).mean(axis=0))
 
 
@@ -248,7 +249,7 @@ def _parts(method: OwnError, o: int, name: str) -> Array:
     assert method.response is not None
     off = _offsets(method.response[:, o], name)
     size = np.sqrt(np.square(off).sum(axis=0))
-    return np.asarray(off / np.where(size > 0, size, 1.0) * _noise(method, o, name))
+    return np.asarray(off / divisor(size) * _noise(method, o, name))
 
 
 def _rare(

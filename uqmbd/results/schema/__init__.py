@@ -21,7 +21,7 @@ from uqmbd.results.schema.datasets import (
     sample_dataset,
     statistics_dataset,
 )
-from uqmbd.results.schema.nodes import failed_methods, join_nodes, propagator_node
+from uqmbd.results.schema.nodes import failed_methods, join_nodes, node_parts, propagator_node
 from uqmbd.results.schema.validation import propagator_nodes, validate
 
 __all__ = [
@@ -37,6 +37,7 @@ __all__ = [
     "fixed_width",
     "join_nodes",
     "labels",
+    "node_parts",
     "output_index",
     "output_infos",
     "propagator_node",

@@ -17,7 +17,7 @@ from uqmbd.names import check_label
 from uqmbd.results.schema.datasets import SCHEMA_VERSION
 from uqmbd.status import Status
 
-__all__ = ["failed_methods", "join_nodes", "propagator_node"]
+__all__ = ["failed_methods", "join_nodes", "node_parts", "propagator_node"]
 
 _RECORDED_PACKAGES = ("numpy", "scipy", "xarray", "sympy", "symengine", "scikit-sundae", "chaospy")
 
@@ -117,10 +117,16 @@ def join_nodes(
         label = str(node.name)
         if label in datasets:
             raise StudyError(f"Two propagators have the label {label!r}; give one of them another with label=.")
-        for part in node.subtree:
-            relative = part.path[len(node.path) :].strip("/")
-            datasets[f"{label}/{relative}".rstrip("/")] = part.to_dataset(inherit=False)
+        datasets |= {f"{label}/{path}".rstrip("/"): data for path, data in node_parts(node).items()}
     return xr.DataTree.from_dict(datasets)
+
+
+def node_parts(node: xr.DataTree) -> dict[str, xr.Dataset]:
+    """Return the datasets of a node by their path within it; its own is that of ``/``."""
+    return {
+        path if (path := part.relative_to(node)) != "." else "/": part.to_dataset(inherit=False)
+        for part in node.subtree
+    }
 
 
 def failed_methods(tree: xr.DataTree) -> dict[str, str]:

@@ -11,13 +11,14 @@ from uqmbd.results.statistics.circular import (
 )
 from uqmbd.results.statistics.directions import mean_direction, mean_rotation, rotation_std
 from uqmbd.results.statistics.moments import Moments
-from uqmbd.results.statistics.replicates import replicate_errors
+from uqmbd.results.statistics.replicates import replicate_errors, studentised
 from uqmbd.results.statistics.samples import (
     replicate_statistics,
     running_statistics,
     sample_statistics,
     statistics_of_samples,
 )
+from uqmbd.results.statistics.scaling import divisor, over_time, relative
 from uqmbd.results.statistics.spread import integration_error, rtol_of, settled, varies, varying
 
 __all__ = [
@@ -26,9 +27,12 @@ __all__ = [
     "circular_of_blocks",
     "circular_of_components",
     "circular_std",
+    "divisor",
     "integration_error",
     "mean_direction",
     "mean_rotation",
+    "over_time",
+    "relative",
     "replicate_errors",
     "replicate_statistics",
     "rotation_std",
@@ -37,6 +41,7 @@ __all__ = [
     "sample_statistics",
     "settled",
     "statistics_of_samples",
+    "studentised",
     "unwrap_samples",
     "varies",
     "varying",

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from uqmbd.errors import StudyError
+from uqmbd.results.statistics.scaling import divisor
 from uqmbd.typing import Array
 
-__all__ = ["Moments"]
+__all__ = ["Moments", "error_of_std"]
 
 
 @dataclass(frozen=True)
@@ -99,7 +101,6 @@ class Moments:
         constant = m2 <= (32 * np.finfo(float).eps * np.abs(self.mean)) ** 2
         safe = np.where(constant, 1.0, m2)
         std = np.sqrt(variance)
-        error = np.sqrt(np.maximum(m4 - (n - 3) / (n - 1) * variance**2, 0.0) / n)
         return {
             "mean": self.mean,
             "std": std,
@@ -107,5 +108,21 @@ class Moments:
             "skewness": np.where(constant, 0.0, m3 / safe**1.5),
             "kurtosis": np.where(constant, 3.0, m4 / safe**2),
             "std_error_mean": std / np.sqrt(n),
-            "std_error_std": np.where(m2 == 0, 0.0, error / (2 * np.where(m2 == 0, 1.0, std))),
+            "std_error_std": error_of_std(variance, m4, n),
         }
+
+
+def error_of_std(variance: Array, fourth: Array, count: Any, scale: ArrayLike = 1.0) -> Array:
+    """Return the standard error of a standard deviation, 0 where nothing varies.
+
+    Parameters
+    ----------
+    variance, fourth : array, shape (...)
+        Unbiased variance and fourth central moment of samples that were divided by a scale.
+    count : int or array of int
+        Number of samples.
+    scale : array_like, shape (...)
+    """
+    std = np.sqrt(variance)
+    of_variance = np.sqrt(np.maximum(fourth - (count - 3) / (count - 1) * variance**2, 0.0) / count)
+    return np.where(std > 0, scale * of_variance / (2 * divisor(std)), 0.0)

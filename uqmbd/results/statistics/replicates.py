@@ -9,7 +9,7 @@ import numpy as np
 from uqmbd.results.statistics.moments import Moments
 from uqmbd.typing import Array
 
-__all__ = ["replicate_errors"]
+__all__ = ["replicate_errors", "studentised"]
 
 
 def replicate_errors(replicates: Sequence[Moments]) -> tuple[Array, Array]:
@@ -41,8 +41,6 @@ def replicate_errors(replicates: Sequence[Moments]) -> tuple[Array, Array]:
     >>> bool(np.isclose(error[0, 0], 3.182 / 1.960 * np.std([0.5, 2.5, 4.5, 6.5], ddof=1) / 2, rtol=1e-3))
     True
     """
-    from scipy.special import ndtri, stdtrit
-
     used = [r for r in replicates if r.count]
     if len(used) < 2:
         unknown = np.full(replicates[0].mean.shape, np.nan)
@@ -55,10 +53,23 @@ def replicate_errors(replicates: Sequence[Moments]) -> tuple[Array, Array]:
     means = (first.sum(axis=0) - first) / n
     variances = np.maximum((second.sum(axis=0) - second) / n - means**2, 0.0) * n / (n - 1)
     share = (len(used) - 1) / len(used)
-    widening = float(stdtrit(len(used) - 1, 0.975) / ndtri(0.975))
+    widening = studentised(len(used))
 
     def error(estimates: Array) -> Array:
         spread: Array = widening * np.sqrt(share * ((estimates - estimates.mean(axis=0)) ** 2).sum(axis=0))
         return spread
 
     return error(means), error(np.sqrt(variances))
+
+
+def studentised(replicates: int) -> float:
+    """Return by how much a standard error of so many replicates is widened, so that 1.96 of them hold 95 %.
+
+    Examples
+    --------
+    >>> round(studentised(4), 3), round(studentised(10_000), 3)
+    (1.624, 1.0)
+    """
+    from scipy.special import ndtri, stdtrit
+
+    return float(stdtrit(replicates - 1, 0.975) / ndtri(0.975))

@@ -12,8 +12,9 @@ from numpy.typing import ArrayLike, NDArray
 from uqmbd.errors import StudyError
 from uqmbd.results.schema import DEFAULT_PROBABILITIES, InputInfo, Labels, output_infos, statistics_dataset
 from uqmbd.results.statistics.circular import circular_of_samples
-from uqmbd.results.statistics.moments import Moments
+from uqmbd.results.statistics.moments import Moments, error_of_std
 from uqmbd.results.statistics.replicates import replicate_errors
+from uqmbd.results.statistics.scaling import divisor
 from uqmbd.status import Status
 
 __all__ = ["replicate_statistics", "running_statistics", "sample_statistics", "statistics_of_samples"]
@@ -116,7 +117,7 @@ def _block_statistics(block: NDArray[np.float64], levels: NDArray[np.float64]) -
     spread = x[:, -1] - x[:, 0]
     centre = x[:, n // 2].copy()
     # Shifted by a sample and scaled by the spread: no cancellation for 1e5 + 1e-3 noise, no underflow for 1e-100.
-    unit = np.where(spread > 0, spread, 1.0)
+    unit = divisor(spread)
     x -= centre[:, None]
     x /= unit[:, None]
     shift = x.mean(axis=1)
@@ -130,7 +131,6 @@ def _block_statistics(block: NDArray[np.float64], levels: NDArray[np.float64]) -
 
     shapeless = (spread <= _ROUNDING * reach) | (m2 == 0)
     safe = np.where(shapeless, 1.0, m2)
-    error_of_variance = np.sqrt(np.maximum(m4 - (n - 3) / (n - 1) * variance**2, 0.0) / n)
     return {
         "mean": centre + unit * shift,
         "std": unit * std,
@@ -138,7 +138,7 @@ def _block_statistics(block: NDArray[np.float64], levels: NDArray[np.float64]) -
         "skewness": np.where(shapeless, 0.0, m3 / safe**1.5),
         "kurtosis": np.where(shapeless, 3.0, m4 / safe**2),
         "std_error_mean": unit * std / np.sqrt(n),
-        "std_error_std": np.where(m2 == 0, 0.0, unit * error_of_variance / (2 * np.where(m2 == 0, 1.0, std))),
+        "std_error_std": error_of_std(variance, m4, n, unit),
         "quantile": quantile.T,
     }
 
@@ -182,12 +182,11 @@ def running_statistics(values: ArrayLike, counts: ArrayLike) -> dict[str, NDArra
     m4 = np.maximum(r4 - 4 * m1 * r3 + 6 * m1**2 * r2 - 3 * m1**4, 0.0)
     variance = m2 * n / (n - 1)
     std = np.sqrt(variance)
-    of_variance = np.sqrt(np.maximum(m4 - (n - 3) / (n - 1) * variance**2, 0.0) / n)
     return {
         "mean": centre + spread * m1,
         "std": spread * std,
         "std_error_mean": spread * std / np.sqrt(n),
-        "std_error_std": np.where(std > 0, spread * of_variance / (2 * np.where(std > 0, std, 1.0)), 0.0),
+        "std_error_std": error_of_std(variance, m4, n, spread),
     }
 
 

@@ -6,6 +6,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from uqmbd.results.statistics.scaling import over_time
 from uqmbd.typing import Array
 
 __all__ = ["integration_error", "rtol_of", "settled", "varies", "varying"]
@@ -49,7 +50,7 @@ def varying(statistics: xr.Dataset, rtol: float = 0.0) -> NDArray[np.bool_]:
     >>> varying(statistics_dataset(axes, mean=np.ones((2, 2)), std=[[1e-14, 3e-14], [0.0, 0.1]])).tolist()
     [False, True]
     """
-    mean, std = (_rows(statistics[name]) for name in ("mean", "std"))
+    mean, std = (over_time(statistics[name].values) for name in ("mean", "std"))
     if not std.size:
         return np.zeros(len(std), dtype=bool)
     known = np.isfinite(mean) & np.isfinite(std)
@@ -129,7 +130,7 @@ def integration_error(statistics: xr.Dataset, rtol: float = 0.0) -> Array:
 
 def _errors(statistics: xr.Dataset, rtol: float) -> tuple[Array, Array]:
     """Return the errors (O, T) of the integration and of rounding."""
-    mean = _rows(statistics["mean"])
+    mean = over_time(statistics["mean"].values)
     if not mean.size:
         return np.zeros(mean.shape), np.zeros(mean.shape)
     size = np.where(np.isfinite(mean), np.abs(mean), 0.0).max(axis=1)
@@ -139,14 +140,9 @@ def _errors(statistics: xr.Dataset, rtol: float) -> tuple[Array, Array]:
     rounding = np.maximum(ROUNDING * size, ALIKE * alike)
     stated = np.full(mean.shape, np.nan)
     if "integration_error" in statistics:
-        stated = _rows(statistics["integration_error"])
+        stated = over_time(statistics["integration_error"].values)
     # of other units, where nothing is known of the error
     unknown = ~np.isfinite(stated).any(axis=1) & (size <= ANY * largest)
     rounding = np.where(unknown, np.maximum(rounding, ANY * largest), rounding)
     error = np.where(np.isfinite(stated), stated, (OF_TOLERANCE * rtol * size)[:, None])
     return error, np.broadcast_to(rounding[:, None], mean.shape)
-
-
-def _rows(values: xr.DataArray) -> Array:
-    array = np.asarray(values.values, dtype=float)
-    return array if array.ndim == 2 else array.reshape(len(array), 1)
