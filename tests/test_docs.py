@@ -1,0 +1,35 @@
+"""The examples of the pages on plugins run as they stand, and every hook has a page."""
+
+from __future__ import annotations
+
+import re
+import sys
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+from uqmbd import plugins
+
+ROOT = Path(__file__).parents[1]
+FOLDER = ROOT / "docs" / "plugins"
+PAGES = sorted(path for path in FOLDER.glob("*.md") if path.name != "README.md")
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_the_example_runs_and_passes_its_check(page, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    blocks = re.findall(r"^```python\n(.*?)^```$", page.read_text(encoding="utf-8"), re.M | re.S)
+    assert len(blocks) >= 2
+    package = ModuleType("my_package")
+    monkeypatch.setitem(sys.modules, "my_package", package)
+    for block in blocks:
+        exec(compile(block, page.name, "exec"), package.__dict__)
+
+
+def test_every_hook_has_a_page_and_every_link_leads_somewhere():
+    index = (FOLDER / "README.md").read_text(encoding="utf-8")
+    assert [kind.hook for kind in plugins._KINDS.values() if kind.hook not in index] == []
+    for page in [FOLDER / "README.md", *PAGES, *(ROOT / "docs").glob("*.md"), ROOT / "README.md"]:
+        for link in re.findall(r"\]\(([^)#\s]+)\)", page.read_text(encoding="utf-8")):
+            assert link.startswith("http") or (page.parent / link).exists(), (page.name, link)
