@@ -7,11 +7,11 @@ from uqmbd.results.chaos.aligned_element import AlignedElement
 from uqmbd.results.chaos.decay import error_words, percent, stated_words, verdict_of_decay
 from uqmbd.results.chaos.discontinuity import Discontinuity
 from uqmbd.results.chaos.fit import LeastSquares, NodeRegression, least_squares, project, regress_on_nodes
-from uqmbd.results.chaos.of_dataset import chaos_from_dataset, surrogate
 from uqmbd.results.chaos.piecewise import PiecewiseChaos
 from uqmbd.results.chaos.polynomial import PolynomialChaos
 from uqmbd.results.chaos.sampling import random_germs, spread_germs
 from uqmbd.results.chaos.stated_error import SPREAD_FLOOR, reference_spread
+from uqmbd.results.chaos.surrogates import chaos_from_dataset, surrogate
 
 __all__ = [
     "AlignedChaos",

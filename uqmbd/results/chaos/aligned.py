@@ -13,10 +13,10 @@ from numpy.typing import ArrayLike
 from uqmbd.errors import StudyError
 from uqmbd.results.chaos.aligned_element import AlignedElement, SampledElement, chebyshev
 from uqmbd.results.chaos.boxes import check_filled, rows_of_boxes
+from uqmbd.results.chaos.interface import Samples, Surrogate
 from uqmbd.results.chaos.moments import constant_columns
 from uqmbd.results.chaos.sampling import basis_values, spread_germs
 from uqmbd.results.chaos.storage import aligned_arguments, aligned_dataset
-from uqmbd.results.chaos.surrogate import Samples, Surrogate
 from uqmbd.results.schema import Labels
 from uqmbd.typing import Array, Index
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from uqmbd.results.chaos.decay import decay_rate, percent
+from uqmbd.results.chaos.interface import Surrogate
 from uqmbd.results.chaos.stated_error import reference_spread
-from uqmbd.results.chaos.surrogate import Surrogate
 from uqmbd.typing import Array
 
 __all__ = ["Discontinuity", "find_discontinuities"]

@@ -13,11 +13,11 @@ import xarray as xr
 from uqmbd.errors import StudyError
 from uqmbd.results.chaos.boxes import check_filled, rows_of_boxes
 from uqmbd.results.chaos.decay import decay_dataset, energy_of_germs, energy_of_orders, percent
+from uqmbd.results.chaos.interface import Samples, Surrogate
 from uqmbd.results.chaos.polynomial import PolynomialChaos
 from uqmbd.results.chaos.sobol import closed_variance
 from uqmbd.results.chaos.stated_error import reference_spread
 from uqmbd.results.chaos.storage import piecewise_arguments, piecewise_dataset
-from uqmbd.results.chaos.surrogate import Samples, Surrogate
 from uqmbd.results.schema import Labels
 from uqmbd.results.statistics import divisor
 from uqmbd.threads import one_thread

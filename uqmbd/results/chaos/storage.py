@@ -11,7 +11,7 @@ import xarray as xr
 from uqmbd.errors import StudyError
 from uqmbd.results.chaos.aligned_element import AlignedElement
 from uqmbd.results.chaos.boxes import rows_of_boxes
-from uqmbd.results.chaos.surrogate import Surrogate
+from uqmbd.results.chaos.interface import Surrogate
 from uqmbd.results.schema import InputInfo, Labels, fixed_width, output_infos
 from uqmbd.typing import Array, Mask
 

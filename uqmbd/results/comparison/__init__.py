@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from uqmbd.results.comparison.alignment import align
-from uqmbd.results.comparison.compare import choose_reference, compare
+from uqmbd.results.comparison.differences import choose_reference, compare
+from uqmbd.results.comparison.error_norms import relative_errors
 from uqmbd.results.comparison.integration_share import IntegrationShare, integration_shares, worst_integration_share
-from uqmbd.results.comparison.own_error import own_error
+from uqmbd.results.comparison.own_errors import own_error
 from uqmbd.results.comparison.recommendation import overall, recommend
-from uqmbd.results.comparison.relative_errors import relative_errors
-from uqmbd.results.comparison.statements import NO_SPREAD, STILL, own_statements, statements
+from uqmbd.results.comparison.sentences import NO_SPREAD, STILL, own_statements, statements
 from uqmbd.results.comparison.verdicts import COARSE
 
 __all__ = [

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from uqmbd.errors import UqmbdError
 from uqmbd.results.chaos import AlignedChaos, chaos_from_dataset, spread_germs
-from uqmbd.results.comparison.own_error import OwnError
+from uqmbd.results.comparison.own_errors import OwnError
 from uqmbd.status import Status
 from uqmbd.typing import Array
 

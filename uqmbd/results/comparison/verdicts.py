@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uqmbd.results.chaos import error_words
-from uqmbd.results.comparison.own_error import OwnError, root_mean_square
+from uqmbd.results.comparison.own_errors import OwnError, root_mean_square
+from uqmbd.results.comparison.sentences import LIMIT, NO_SPREAD, STILL
 from uqmbd.results.comparison.simultaneous import curve_length, pointwise_level, student
-from uqmbd.results.comparison.statements import LIMIT, NO_SPREAD, STILL
 from uqmbd.results.statistics import divisor
 from uqmbd.typing import Array
 

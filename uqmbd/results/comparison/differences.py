@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from uqmbd.errors import StudyError
 from uqmbd.results.comparison.distances import distributions, quantile_differences
-from uqmbd.results.comparison.own_error import own_error, root_mean_square
+from uqmbd.results.comparison.own_errors import own_error, root_mean_square
 from uqmbd.results.comparison.recommendation import loose, recommend
-from uqmbd.results.comparison.statements import own_statements
+from uqmbd.results.comparison.sentences import own_statements
 from uqmbd.results.comparison.verdicts import COARSE, NO_SPREAD, REFERENCE, ROUGH, Verdict, verdicts
 from uqmbd.results.statistics import over_time, relative, rtol_of
 from uqmbd.typing import Array

@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 
 from uqmbd.results.chaos import stated_words, verdict_of_decay
-from uqmbd.results.comparison.own_error import OwnError, own_error
+from uqmbd.results.comparison.own_errors import OwnError, own_error
 from uqmbd.results.statistics import rtol_of
 
 __all__ = ["LIMIT", "NO_SPREAD", "STILL", "own_statements", "statements"]
