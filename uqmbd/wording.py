@@ -4,7 +4,16 @@ from __future__ import annotations
 
 import math
 
-__all__ = ["format_count", "format_duration", "format_integer", "format_number", "format_percent", "minus"]
+__all__ = [
+    "format_count",
+    "format_duration",
+    "format_integer",
+    "format_number",
+    "format_percent",
+    "format_quantity",
+    "format_share",
+    "minus",
+]
 
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
@@ -45,6 +54,18 @@ def format_number(value: float, error: float | None = None) -> str:
     decimals = max(0, scale - math.floor(math.log10(error)) + 1)
     text = f"{minus(f'{value / 10.0**scale:.{decimals}f}')} ± {error / 10.0**scale:.{decimals}f}"
     return f"({text}) × 10{str(scale).translate(_SUPERSCRIPTS)}" if scale else text
+
+
+def format_quantity(value: float, units: str, error: float | None = None) -> str:
+    """Write a number as :func:`format_number` does, with its units if it has any.
+
+    Examples
+    --------
+    >>> format_quantity(0.150123, "m", 0.00134), format_quantity(2.0, ""), format_quantity(float("nan"), "m")
+    ('0.1501 ± 0.0013 m', '2', 'unknown')
+    """
+    text = format_number(value, error)
+    return f"{text} {units}" if units and not math.isnan(value) else text
 
 
 def format_duration(seconds: float) -> str:
@@ -96,8 +117,8 @@ def format_count(number: int, one: str, many: str | None = None) -> str:
     return f"{format_integer(number)} {one if number == 1 else many or one + 's'}"
 
 
-def format_percent(share: float) -> str:
-    """Write a share that is an error in per cent, with two digits.
+def format_percent(share: float, unknown: str = "–") -> str:
+    """Write a share that is an error in per cent, with two digits; one that is not finite is ``unknown``.
 
     Examples
     --------
@@ -105,12 +126,25 @@ def format_percent(share: float) -> str:
     ['1.2 %', '170 %', 'below 0.0001 %', '0', '–']
     """
     if not math.isfinite(share):
-        return "–"
+        return unknown
     if share == 0:
         return "0"
     if share < 1e-6:
         return "below 0.0001 %"
     return f"{100 * share:.2g} %" if share < 0.995 else f"{100 * share:.0f} %"
+
+
+def format_share(share: float) -> str:
+    """Write the part that something has of a whole in per cent.
+
+    Examples
+    --------
+    >>> [format_share(x) for x in (0.5, 0.0123, 1e-5, float("nan"))]
+    ['50 %', '1.2 %', '0 %', '–']
+    """
+    if not math.isfinite(share):
+        return "–"
+    return f"{100 * share:.0f} %" if share >= 0.0995 else (f"{100 * share:.1f} %" if share >= 0.0005 else "0 %")
 
 
 def minus(text: str) -> str:

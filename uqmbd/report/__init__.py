@@ -20,8 +20,9 @@ from uqmbd.report.figures import (
     time_history_histogram,
     verification,
 )
-from uqmbd.report.html import Section, write_report
+from uqmbd.report.html import write_report
 from uqmbd.report.mechanism import animate, mechanism, motion, poses, with_motion
+from uqmbd.report.sections import Section
 
 __all__ = [
     "Section",

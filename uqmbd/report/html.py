@@ -2,59 +2,26 @@
 
 from __future__ import annotations
 
-import functools
 import os
 import re
 import tempfile
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import xarray as xr
 
 from uqmbd.errors import PluginWarning, StudyError
 from uqmbd.isolation import Isolated
-from uqmbd.report import figures
-from uqmbd.report.drawing import image, write_images
-from uqmbd.report.figures import ENOUGH, scalars
-from uqmbd.report.sections import (
-    agreement,
-    comparison,
-    cost,
-    error_against_cost,
-    events,
-    failures,
-    heading,
-    influence,
-    input_rows,
-    moving_picture,
-    outputs,
-    problems,
-    provenance,
-    statistics,
-    study_attributes,
-    summary,
-    trust,
-)
-from uqmbd.results import propagator_nodes, scalar_nodes
-from uqmbd.results.statistics import rtol_of
+from uqmbd.report.drawing import write_images
+from uqmbd.report.sections import ABOUT_METHODS, ABOUT_RESULTS, Content, Section, TemplateSection, environment
+from uqmbd.report.view import StudyResult
 
 __all__ = ["Section", "write_report"]
 
 
 _PERCENT = re.compile(r"(\d) %")
-
-
-class Section(Protocol):
-    """A section that a plugin adds to the report."""
-
-    @property
-    def title(self) -> str:
-        """Heading of the section, plain text."""
-
-    def render(self, tree: xr.DataTree) -> str:
-        """Return an HTML fragment; what it quotes from the data it must escape itself."""
 
 
 def write_report(
@@ -101,47 +68,31 @@ def write_report(
     ...     "<title>crank" in write_report(tree, folder + "/report.html").read_text(encoding="utf-8")
     True
     """
-    from jinja2 import Environment, PackageLoader, StrictUndefined
-
-    nodes = propagator_nodes(tree)
-    if not nodes:
+    result = StudyResult.of(tree)
+    if not result.methods:
         raise StudyError("A report needs the result of at least one propagator; there is none.")
-    nodes = _until_known(nodes)
-    environment = Environment(
-        loader=PackageLoader(__package__),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
+    contents: dict[str, Content] = {}
+    shown = [
+        *_built_in(ABOUT_RESULTS, result, contents),
+        *(_of_plugin(section, tree, f"section-{k}") for k, section in enumerate(sections, 1)),
+        *_built_in(ABOUT_METHODS, result, contents),
+    ]
+    created = str(tree.attrs.get("created", ""))
+    page = environment().get_template("report.html.j2")
+    target = _write(
+        page.render(
+            study=result.study,
+            mechanism=result.mechanism,
+            created=created,
+            date=created.replace("T", " ").replace("+00:00", " UTC"),
+            sections=shown,
+            outputs=[output["name"] for output in contents["outputs"]["outputs"]],
+        ),
+        Path(path),
     )
-    shown: dict[str, Any] = dict(
-        heading=heading(tree),
-        problems=problems(tree),
-        summary=summary(tree, nodes),
-        statistics=statistics(tree, nodes),
-        inputs=input_rows(nodes),
-        motion=moving_picture(tree),
-        inputs_figure=_inputs_figure(nodes) or _inputs_figure(scalar_nodes(nodes)),
-        scalars=scalars(nodes),
-        over_time=outputs(tree, nodes),
-        events=events(nodes),
-        influence=influence(nodes),
-        trust=trust(nodes, tree),
-        sections=[_section(section, tree) for section in sections],
-        failures=[_failures(label, node) for label, node in nodes.items()],
-        costs=[cost(label, node) for label, node in nodes.items()],
-        comparison=comparison(tree),
-        agreement=agreement(tree),
-        growth=error_against_cost(tree, nodes),
-        provenance=[provenance(label, node) for label, node in nodes.items()],
-        study_attributes=study_attributes(tree),
-        command=tree.attrs.get("command"),
-        several=len(nodes) > 1,
-    )
-    target = _write(environment.get_template("report.html.j2").render(shown), Path(path))
     if folder is not None:
         try:
-            write_images(shown, Path(folder))
+            write_images(contents, Path(folder))
         except OSError as error:
             raise StudyError(
                 f"Figures cannot be written to {str(folder)!r}: {error.strerror or error}; the report is {target}."
@@ -149,49 +100,21 @@ def write_report(
     return target
 
 
-def _until_known(nodes: Mapping[str, xr.DataTree]) -> dict[str, xr.DataTree]:
-    """Leave out times at which no method has a result: where all end early."""
-    ends = [node.attrs.get("ends_at") for node in nodes.values()]
-    if any(end is None for end in ends):
-        return dict(nodes)
-    last = max(float(end) for end in ends if end is not None)
+def _built_in(
+    sections: Sequence[TemplateSection], result: StudyResult, contents: dict[str, Content]
+) -> Iterator[dict[str, str]]:
+    """Make sections of the core, and keep what each shows under its name."""
+    from markupsafe import Markup
 
-    def cut(data: xr.Dataset) -> xr.Dataset:
-        return data.sel(time=slice(None, last)) if "time" in data.dims else data
-
-    found = {label: node.map_over_datasets(cut) for label, node in nodes.items()}
-    for label, node in found.items():
-        node.attrs.setdefault("rtol", rtol_of(nodes[label]))
-    return found
+    for section in sections:
+        content = section.content(result)
+        if content is not None:
+            contents[section.name] = content
+            html = Markup(section.fragment(result, content))
+            yield {"title": section.title, "anchor": section.name, "html": html, "problem": ""}
 
 
-def _failures(label: str, node: xr.DataTree) -> dict[str, Any]:
-    found = failures(label, node)
-    for number, row in enumerate(found["reasons"], 1):
-        group = row.pop("group")
-        row["figure"] = (
-            image(
-                functools.partial(figures.failure_inputs, node, group),
-                f"Inputs of the failed samples among those of the others. {' '.join(row['words'])}",
-                "Each point is a sample: pale ones succeeded, dark ones failed for this reason.",
-                f"failures-{label}-{number}",
-            )
-            if found["names"] and len(group.samples) >= ENOUGH
-            else None
-        )
-    return found
-
-
-def _inputs_figure(nodes: Mapping[str, xr.DataTree]) -> dict[str, str] | None:
-    holders = (node for node in nodes.values() if "samples" in node.children)
-    sampled = next((node for node in holders if node.children["samples"].sizes.get("input", 0)), None)
-    if sampled is None:
-        return None
-    caption = f"The inputs as {sampled.attrs['label']} sampled them."
-    return image(lambda: figures.inputs(sampled), "Histograms of the sampled inputs.", caption, "inputs")
-
-
-def _section(section: Section, tree: xr.DataTree) -> dict[str, str]:
+def _of_plugin(section: Section, tree: xr.DataTree, anchor: str) -> dict[str, str]:
     """Make a section of a plugin; whatever goes wrong in it is told by its name, and costs nothing else."""
     from markupsafe import Markup
     from matplotlib import rc_context
@@ -214,8 +137,8 @@ def _section(section: Section, tree: xr.DataTree) -> dict[str, str]:
     if problem:
         where = f"{kind.__module__}.{kind.__qualname__}"
         warnings.warn(f"report section {title!r} ({where}) is left out: {problem}", PluginWarning, stacklevel=3)
-        return {"title": title, "html": "", "problem": f"{problem} ({where})"}
-    return {"title": title, "html": Markup(fragment), "problem": ""}
+        return {"title": title, "anchor": anchor, "html": "", "problem": f"{problem} ({where})"}
+    return {"title": title, "anchor": anchor, "html": Markup(fragment), "problem": ""}
 
 
 def _write(page: str, target: Path) -> Path:

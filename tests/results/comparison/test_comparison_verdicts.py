@@ -24,6 +24,7 @@ from uqmbd.errors import StudyError
 from uqmbd.randomness import GermSpace, JointInput, gauss_tensor, index_set
 from uqmbd.report import error_cost
 from uqmbd.report.sections.agreement import agreement
+from uqmbd.report.view import StudyResult
 from uqmbd.results.comparison import verdicts
 from uqmbd.results.comparison.distances import distances, ks_by_chance
 from uqmbd.results.comparison.simultaneous import chance, curve_length, pointwise_level
@@ -199,7 +200,7 @@ def test_recommendation(exact: xr.DataTree) -> None:
     assert found.attrs["recommendation"] == "\n".join((lead, *others))
     alone = results.recommend(results.compare([nodes[0], nodes[3]]))
     assert alone[0].startswith("No other method agrees with monte-carlo")
-    shown = agreement(results.study_tree(nodes, study="s", mechanism="m"))
+    shown = agreement(StudyResult.of(results.study_tree(nodes, study="s", mechanism="m")))
     assert shown is not None and shown["lead"] == lead and len(shown["each"]) == 9
 
 

@@ -11,7 +11,7 @@ from uqmbd.report.figures.distributions import histograms, inputs
 from uqmbd.report.figures.elements import elements_in_words, has_elements, split_pattern
 from uqmbd.report.figures.error_cost import error_cost
 from uqmbd.report.figures.event_times import event_times, events_in_words, has_events
-from uqmbd.report.figures.failures import ENOUGH, failure_inputs, failure_reasons, failure_words
+from uqmbd.report.figures.failures import ENOUGH, Reason, failure_inputs, failure_reasons, failure_words
 from uqmbd.report.figures.over_time import bands, std_over_time, time_history_histogram
 from uqmbd.report.figures.sample_convergence import convergence, design_of
 from uqmbd.report.figures.selection import Results, Samples, automatic_times, label_of, runs_of
@@ -27,12 +27,14 @@ from uqmbd.report.figures.surrogates import (
     surrogate_nodes,
     surrogate_of,
 )
-from uqmbd.report.figures.timeless import scalar_densities, scalar_differences, scalar_names, scalars
+from uqmbd.report.figures.timeless import MOST_SCALARS, scalar_densities
 
 __all__ = [
     "ENOUGH",
     "Indices",
+    "MOST_SCALARS",
     "OF_GERMS",
+    "Reason",
     "Results",
     "Samples",
     "automatic_times",
@@ -65,9 +67,6 @@ __all__ = [
     "orders_of",
     "runs_of",
     "scalar_densities",
-    "scalar_differences",
-    "scalar_names",
-    "scalars",
     "series",
     "shown_methods",
     "sobol_indices",

@@ -2,31 +2,25 @@
 
 from __future__ import annotations
 
-from uqmbd.report.sections.agreement import agreement
-from uqmbd.report.sections.error_cost import error_against_cost
-from uqmbd.report.sections.events import events
-from uqmbd.report.sections.motion import moving_picture
-from uqmbd.report.sections.outputs import outputs
-from uqmbd.report.sections.provenance import cost, problems, provenance, study_attributes
-from uqmbd.report.sections.summary import comparison, failures, heading, input_rows, statistics, summary
-from uqmbd.report.sections.trust import influence, trust
+from uqmbd.report.sections.comparison import COMPARISON
+from uqmbd.report.sections.cost import COST
+from uqmbd.report.sections.events import EVENTS
+from uqmbd.report.sections.failures import FAILURES
+from uqmbd.report.sections.growth import GROWTH
+from uqmbd.report.sections.influence import INFLUENCE
+from uqmbd.report.sections.inputs import INPUTS
+from uqmbd.report.sections.motion import MOTION
+from uqmbd.report.sections.outputs import OUTPUTS
+from uqmbd.report.sections.provenance import PROVENANCE
+from uqmbd.report.sections.scalars import SCALARS
+from uqmbd.report.sections.section import Content, Section, TemplateSection, environment
+from uqmbd.report.sections.summary import SUMMARY
+from uqmbd.report.sections.trust import TRUST
 
-__all__ = [
-    "agreement",
-    "comparison",
-    "cost",
-    "error_against_cost",
-    "events",
-    "failures",
-    "heading",
-    "influence",
-    "input_rows",
-    "moving_picture",
-    "outputs",
-    "problems",
-    "provenance",
-    "statistics",
-    "study_attributes",
-    "summary",
-    "trust",
-]
+__all__ = ["ABOUT_METHODS", "ABOUT_RESULTS", "Content", "Section", "TemplateSection", "environment"]
+
+ABOUT_RESULTS = (SUMMARY, MOTION, INPUTS, OUTPUTS, SCALARS, EVENTS, INFLUENCE, TRUST)
+"""Sections before those of plugins, in the order of the page."""
+
+ABOUT_METHODS = (COMPARISON, GROWTH, FAILURES, COST, PROVENANCE)
+"""Sections after those of plugins."""

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-import xarray as xr
 
+from uqmbd.report.sections.section import Content
+from uqmbd.report.view import StudyResult
 from uqmbd.results import overall
 from uqmbd.results.comparison import COARSE, NO_SPREAD
 from uqmbd.wording import format_duration, format_integer
@@ -23,16 +22,10 @@ _SIGNS = {
 }
 
 
-def agreement(tree: xr.DataTree) -> dict[str, Any] | None:
-    """Return the recommendation and the verdict of each method and output; None for one method, or older results.
-
-    Parameters
-    ----------
-    tree : xarray.DataTree
-        The result of a study.
-    """
-    data = tree.children["comparison"].to_dataset() if "comparison" in tree.children else xr.Dataset()
-    if data.sizes.get("method", 0) < 2 or not data.sizes.get("output", 0) or "verdict" not in data:
+def agreement(result: StudyResult) -> Content | None:
+    """Return the recommendation and the verdict of each method and output; None for one method, or older results."""
+    data = result.comparison
+    if data is None or not data.sizes.get("output", 0) or "verdict" not in data:
         return None
     lead, *others = str(data.attrs.get("recommendation", "")).split("\n")
     rows, each = [], []

@@ -3,28 +3,20 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Mapping
-from typing import Any
-
-import xarray as xr
 
 from uqmbd.report import figures
 from uqmbd.report.drawing import image
 from uqmbd.report.figures import events_in_words, has_events
+from uqmbd.report.sections.section import Content, TemplateSection
+from uqmbd.report.view import StudyResult
 
-__all__ = ["events"]
+__all__ = ["EVENTS"]
 
 
-def events(nodes: Mapping[str, xr.DataTree]) -> dict[str, Any] | None:
-    """Return what the section says and shows of each method that followed events; None if none did.
-
-    Parameters
-    ----------
-    nodes : mapping of str to xarray.DataTree
-        The methods of a study.
-    """
+def events(result: StudyResult) -> Content | None:
+    """Return what the section says and shows of each method that followed events; None if none did."""
     drawn = []
-    for label, node in nodes.items():
+    for label, node in result.nodes.items():
         if not has_events(node):
             continue
         try:
@@ -40,3 +32,6 @@ def events(nodes: Mapping[str, xr.DataTree]) -> dict[str, Any] | None:
             )
         )
     return {"figures": drawn} if drawn else None
+
+
+EVENTS = TemplateSection("When events happen", "events", events)

@@ -4,36 +4,30 @@ from __future__ import annotations
 
 import base64
 
-import xarray as xr
-
 from uqmbd.report.drawing import svg
+from uqmbd.report.mechanism import gif, poses
+from uqmbd.report.sections.section import Content, TemplateSection
+from uqmbd.report.view import StudyResult
 from uqmbd.wording import format_count, format_number
 
-__all__ = ["moving_picture"]
+__all__ = ["MOTION"]
 
 LARGEST = 1_100_000
 """Bytes of an animation in the report: its text form is a third larger.  One that is larger is drawn smaller."""
 
 
-def moving_picture(tree: xr.DataTree) -> dict[str, str] | None:
+def motion(result: StudyResult) -> Content | None:
     """Return the animation as data URIs, a still picture for print, and texts for both; None if none is stored.
-
-    Parameters
-    ----------
-    tree : xarray.DataTree
-        The result of a study.
 
     Returns
     -------
     dict of str, or None
         ``moving``, ``still``, ``alt``, ``still_alt``, ``caption`` and ``problem``: why it could not be drawn.
     """
-    if "motion" not in tree.children:
+    data = result.motion
+    if data is None:
         return None
-    from uqmbd.report.mechanism import gif, poses
-
     try:
-        data = tree.children["motion"].to_dataset()
         content = gif(data)
         for width, resolution in ((5.6, 64), (4.6, 52)):
             if len(content) > LARGEST:
@@ -61,3 +55,6 @@ def moving_picture(tree: xr.DataTree) -> dict[str, str] | None:
         }
     except Exception as error:  # noqa: BLE001 - the node may come from anywhere; the rest of the report must stand
         return {"problem": f"{type(error).__name__}: {error}"}
+
+
+MOTION = TemplateSection("The mechanism in motion", "motion", motion)

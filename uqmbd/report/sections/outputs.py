@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
-import xarray as xr
 
 from uqmbd.report import figures
 from uqmbd.report.drawing import image
 from uqmbd.report.figures import design_of, shown_methods, surrogate_nodes
-from uqmbd.report.sections import summary as content
-from uqmbd.results import choose_reference, varies
+from uqmbd.report.sections.output_words import in_words, integration, numbers, precision
+from uqmbd.report.sections.section import Content, TemplateSection
+from uqmbd.report.view import Method, StudyResult
+from uqmbd.results import choose_reference
 from uqmbd.results.comparison import STILL
 from uqmbd.wording import format_count
 
-__all__ = ["FULL", "most_uncertain", "outputs"]
+__all__ = ["FULL", "OUTPUTS", "most_uncertain"]
 
 DENSITIES = 6
 """Most methods whose densities are drawn in one figure."""
@@ -25,15 +25,8 @@ FULL = 6
 """Outputs of which all figures are drawn; of those beyond, the bands, folded.  A browser takes some 15 ms an image."""
 
 
-def outputs(tree: xr.DataTree, nodes: Mapping[str, xr.DataTree]) -> dict[str, Any]:
+def outputs(result: StudyResult) -> Content:
     """Return what the section says and shows.
-
-    Parameters
-    ----------
-    tree : xarray.DataTree
-        The result of a study.
-    nodes : mapping of str to xarray.DataTree
-        Its methods.
 
     Returns
     -------
@@ -41,9 +34,9 @@ def outputs(tree: xr.DataTree, nodes: Mapping[str, xr.DataTree]) -> dict[str, An
         ``outputs``, in the order of the study or, of more than :data:`FULL`, the most uncertain first; ``note``: what
         is not drawn, or empty.
     """
-    names = content.output_names(nodes)
-    full = most_uncertain(nodes)
-    found = [_output(tree, nodes, name, name in full) for name in sorted(names, key=lambda n: n not in full)]
+    names = result.histories
+    full = most_uncertain(result)
+    found = [_output(result, name, name in full) for name in sorted(names, key=lambda n: n not in full)]
     if len(full) == len(names):
         return {"outputs": found, "note": ""}
     found.sort(key=lambda one: full.index(one["name"]) if one["name"] in full else len(full))
@@ -56,12 +49,12 @@ def outputs(tree: xr.DataTree, nodes: Mapping[str, xr.DataTree]) -> dict[str, An
     }
 
 
-def most_uncertain(nodes: Mapping[str, xr.DataTree], names: Sequence[str] | None = None, most: int = FULL) -> list[str]:
+def most_uncertain(result: StudyResult, names: Sequence[str] | None = None, most: int = FULL) -> list[str]:
     """Return the names of the outputs that are shown in full: all of a few, of many the most uncertain ones.
 
     Parameters
     ----------
-    nodes : mapping of str to xarray.DataTree
+    result : StudyResult
     names : sequence of str, optional
         Among which; default: all outputs over time.
     most : int
@@ -72,55 +65,54 @@ def most_uncertain(nodes: Mapping[str, xr.DataTree], names: Sequence[str] | None
         In the order of ``names`` if these are all, else the most uncertain first: by the largest standard deviation
         over time, over the largest mean.
     """
-    known = list(content.output_names(nodes) if names is None else names)
+    known = list(result.histories if names is None else names)
     if len(known) <= most:
         return known
-    return sorted(known, key=lambda name: -_uncertainty(nodes, name))[:most]
+    return sorted(known, key=lambda name: -_uncertainty(result, name))[:most]
 
 
-def _uncertainty(nodes: Mapping[str, xr.DataTree], name: str) -> float:
-    node = next(node for node in nodes.values() if content.has_output(node, name))
-    data = node.children["statistics"].to_dataset()
-    data = data.isel(output=[str(n) for n in data["output"].values].index(name))
+def _uncertainty(result: StudyResult, name: str) -> float:
+    method = next(iter(result.holders(name).values()))
+    data = method.of(name)
     std, mean = (float(np.nan_to_num(np.abs(data[key].values)).max(initial=0.0)) for key in ("std", "mean"))
-    if not varies(node, name):
+    if not method.varies(name):
         return 0.0
     return std / mean if mean > 0 else (np.inf if std > 0 else 0.0)
 
 
-def _output(tree: xr.DataTree, nodes: Mapping[str, xr.DataTree], name: str, whole: bool) -> dict[str, Any]:
+def _output(result: StudyResult, name: str, whole: bool) -> Content:
     """Return the figures, words and numbers of an output: all of them, or the most important."""
-    every = {label: node for label, node in nodes.items() if content.has_output(node, name)}
+    every = {label: method.node for label, method in result.holders(name).items()}
     holders = shown_methods(every)
+    shown = [result.methods[label] for label in holders]
     lower = " Of a surrogate with several orders, only the highest is drawn." if len(holders) < len(every) else ""
-    first = next(iter(holders.values()))
-    varying = any(varies(node, name) for node in holders.values())
+    first = shown[0]
     drawn = [
         image(
             lambda: figures.bands(holders, name),
             f"Mean of {name} over time, with the bands that hold 50 % and 95 % of the realisations. "
-            + content.in_words(first, name),
+            + in_words(first, name),
             "How it moves: the mean, and the bands in which 50 % and 95 % of the realisations lie." + lower,
             f"{name}-bands",
         )
     ]
-    if not varying:
+    if not any(method.varies(name) for method in shown):
         return {
             "name": name,
             "figures": drawn,
             "folded": not whole,
-            "note": " ".join(filter(None, (f"This output {STILL}.", content.integration(first, name)))),
+            "note": " ".join(filter(None, (f"This output {STILL}.", integration(first, name)))),
             "words": "",
             "numbers": [],
         }
-    sampled = {label: node for label, node in holders.items() if content.has_histograms(node)}
+    sampled = {method.label: method for method in shown if method.sampled}
     deviation = (
         []
         if not whole
         else [
             image(
                 lambda: figures.std_over_time(holders, name),
-                f"Standard deviation of {name} over time. " + content.in_words(first, name),
+                f"Standard deviation of {name} over time. " + in_words(first, name),
                 "When it is uncertain: the standard deviation over time; the shaded band is plus and minus two "
                 "standard errors, where they are known.",
                 f"{name}-standard-deviation",
@@ -128,26 +120,26 @@ def _output(tree: xr.DataTree, nodes: Mapping[str, xr.DataTree], name: str, whol
         ]
     )
     if sampled and whole:
-        label, node = next(iter(sampled.items()))
-        from_label = f" (samples of {label})" if len(nodes) > 1 else ""
+        method = next(iter(sampled.values()))
+        from_label = f" (samples of {method.label})" if result.several else ""
         drawn += [
             image(
-                lambda: figures.time_history_histogram(node, name),
+                lambda: figures.time_history_histogram(method.node, name),
                 f"Time-history histogram of {name}: how many samples have which value at which time.",
                 f"Where the samples are: the darker, the more of them have this value at this time{from_label}. "
                 "White: none.",
                 f"{name}-time-history-histogram",
             ),
-            _densities(tree, sampled | surrogate_nodes(every), name),
+            _densities(result, [*sampled, *surrogate_nodes(every)], name),
             image(
-                lambda: figures.convergence(node, name),
-                f"Mean and standard deviation of {name} as samples are added. " + content.precision(node, name),
-                _convergence_caption(node) + from_label + ".",
+                lambda: figures.convergence(method.node, name),
+                f"Mean and standard deviation of {name} as samples are added. " + precision(method, name),
+                _convergence_caption(method) + from_label + ".",
                 f"{name}-samples",
             ),
         ]
     elif surrogate_nodes(every) and whole:
-        drawn.append(_densities(tree, surrogate_nodes(every), name))
+        drawn.append(_densities(result, list(surrogate_nodes(every)), name))
     compared = []
     if whole and len(holders) > 1 and surrogate_nodes(holders):
         reference = choose_reference(holders)
@@ -161,9 +153,9 @@ def _output(tree: xr.DataTree, nodes: Mapping[str, xr.DataTree], name: str, whol
             )
         )
     words = [
-        content.in_words(first, name),
-        *(content.precision(node, name) for node in list(sampled.values())[:1]),
-        content.integration(first, name),
+        in_words(first, name),
+        *(precision(method, name) for method in list(sampled.values())[:1]),
+        integration(first, name),
     ]
     return {
         "name": name,
@@ -171,26 +163,26 @@ def _output(tree: xr.DataTree, nodes: Mapping[str, xr.DataTree], name: str, whol
         "figures": [*drawn, *deviation, *compared],
         "note": "",
         "words": " ".join(filter(None, words)),
-        "numbers": content.numbers(first, name),
+        "numbers": numbers(first, name),
     }
 
 
-def _densities(tree: xr.DataTree, nodes: Mapping[str, xr.DataTree], name: str) -> dict[str, str]:
-    dense = dict(list(nodes.items())[:DENSITIES])
-    sampled = any(content.has_histograms(node) for node in dense.values())
-    surrogates = any(label in surrogate_nodes(dense) for label in dense)
+def _densities(result: StudyResult, labels: Sequence[str], name: str) -> dict[str, str]:
+    dense = {label: result.methods[label].node for label in list(dict.fromkeys(labels))[:DENSITIES]}
+    sampled = any(result.methods[label].sampled for label in dense)
+    surrogates = bool(surrogate_nodes(dense))
     bars = "bars are the histogram, curves a smooth estimate" if sampled else "smooth estimates"
     of_surrogates = " (of a surrogate, from samples of it)" if surrogates else ""
     return image(
-        lambda: figures.histograms(dense, name, content.report_times(tree)),
+        lambda: figures.histograms(dense, name, result.report_times),
         f"Probability densities of {name} at chosen times.",
         f"How it is distributed at chosen times: {bars} of the density{of_surrogates}; the area under each is 1.",
         f"{name}-densities",
     )
 
 
-def _convergence_caption(node: xr.DataTree) -> str:
-    design = design_of(node.attrs)
+def _convergence_caption(method: Method) -> str:
+    design = design_of(method.node.attrs)
     if design.independent:
         return (
             "Whether there are enough samples: the estimates from the first samples only, and the band that holds the "
@@ -201,3 +193,6 @@ def _convergence_caption(node: xr.DataTree) -> str:
         "estimates are shown against the number of its independent replicates, with the band that holds the true value "
         "with 95 % confidence, at the time of the largest standard deviation"
     )
+
+
+OUTPUTS = TemplateSection("Outputs", "outputs", outputs)

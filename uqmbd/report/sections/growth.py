@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -13,20 +11,15 @@ import xarray as xr
 from uqmbd.report import figures
 from uqmbd.report.drawing import image
 from uqmbd.report.sections.outputs import most_uncertain
+from uqmbd.report.sections.section import Content, TemplateSection
+from uqmbd.report.view import StudyResult
 from uqmbd.wording import format_duration, format_integer, format_percent
 
-__all__ = ["error_against_cost"]
+__all__ = ["GROWTH"]
 
 
-def error_against_cost(tree: xr.DataTree, nodes: Mapping[str, xr.DataTree]) -> dict[str, Any] | None:
+def growth(result: StudyResult) -> Content | None:
     """Return what the section says and shows; None if the study did not ask for it.
-
-    Parameters
-    ----------
-    tree : xarray.DataTree
-        The result of a study.
-    nodes : mapping of str to xarray.DataTree
-        Its methods.
 
     Returns
     -------
@@ -34,13 +27,13 @@ def error_against_cost(tree: xr.DataTree, nodes: Mapping[str, xr.DataTree]) -> d
         ``problem`` (empty, or why there is nothing else), ``reference``, ``outputs`` (name, words, figure, rows),
         ``problems`` of single levels and ``note``: which outputs are left out.
     """
-    if "convergence" not in tree.children:
+    data = result.convergence
+    if data is None:
         return None
-    data = tree.children["convergence"].to_dataset()
     if "std_error_l2" not in data:
         return {"problem": str(data.attrs.get("problem", "the results hold none"))}
     names = [str(name) for name in data["output"].values]
-    shown = most_uncertain(nodes, [name for name in names if _computed(data, names.index(name))])
+    shown = most_uncertain(result, [name for name in names if _computed(data, names.index(name))])
     left = len(names) - len(shown)
     return {
         "problem": "",
@@ -66,7 +59,7 @@ def _levels(data: xr.Dataset) -> list[list[str]]:
     return [[str(text) for text in row] for row in data["level_name"].values]
 
 
-def _of_output(data: xr.Dataset, o: int, name: str) -> dict[str, Any]:
+def _of_output(data: xr.Dataset, o: int, name: str) -> Content:
     words = [w for m in range(data.sizes["method"]) if (w := _in_words(data, m, o))]
     rows = [
         {
@@ -117,3 +110,6 @@ def _in_words(data: xr.Dataset, m: int, o: int) -> str:
 
 def _whole(value: float) -> str:
     return format_integer(value) if math.isfinite(value) else "–"
+
+
+GROWTH = TemplateSection("Error against cost", "growth", growth)

@@ -1,0 +1,76 @@
+"""The report's section on what each method cost."""
+
+from __future__ import annotations
+
+import math
+
+from uqmbd.report.sections.section import Content, TemplateSection
+from uqmbd.report.view import Method, StudyResult
+from uqmbd.results import worst_integration_share
+from uqmbd.wording import format_duration, format_integer, format_number
+
+__all__ = ["COST"]
+
+_COUNTERS = {
+    "steps": "steps of the integrator",
+    "residuals": "residual evaluations",
+    "residual_evaluations": "residual evaluations",
+    "jacobians": "Jacobian evaluations",
+    "jacobian_evaluations": "Jacobian evaluations",
+    "factorisations": "factorisations of the Jacobian",
+    "integrations": "integrations (each of many realisations at once)",
+    "accelerations": "evaluations of the equations of motion",
+    "passages": "singular poses passed over",
+    "repivots": "changes to other independent equations on the way",
+    "stiff": "realisations too stiff for the explicit integrator, integrated by IDA",
+    "alone": "realisations integrated alone",
+    "by_dop853": "realisations whose motion is that of the explicit integrator (dop853)",
+    "by_ida": "realisations whose motion is that of IDA",
+    "seconds": "time in the integrator, summed over workers",
+}
+
+
+def cost(result: StudyResult) -> Content:
+    """Return what each method cost."""
+    return {
+        "methods": [
+            {
+                "label": label,
+                "wall_time": format_duration(method.wall_time),
+                "realisations": method.realisations,
+                "failures": method.failures,
+                "each": format_duration(method.wall_time / method.realisations) if method.realisations else "",
+                "counters": [
+                    *(_counter(name, value) for name, value in method.pairs("solver_counters")),
+                    *_integration(method),
+                ],
+            }
+            for label, method in result.methods.items()
+        ]
+    }
+
+
+COST = TemplateSection("Cost", "cost", cost)
+
+
+def _integration(method: Method) -> list[tuple[str, str]]:
+    """Return the largest error of the time integration, and how it was found."""
+    worst = worst_integration_share(method.statistics)
+    if worst is None:
+        return []
+    about = method.statistics["integration_error"].attrs
+    how = str(about.get("reason") or about.get("comment", ""))
+    which = f", of {worst.output}" if len(method.names) > 1 and math.isfinite(worst.share) else ""
+    return [("error of the time integration", f"{worst.words()}{which}" + (f" ({how})" if how else ""))]
+
+
+def _counter(name: str, value: str) -> tuple[str, str]:
+    """Return a solver's counter with a name for reading."""
+    shown = _COUNTERS.get(name, name.replace("_", " "))
+    try:
+        number = float(value)
+    except ValueError:
+        return shown, value
+    if name == "seconds":
+        return shown, format_duration(number)
+    return shown, format_integer(number) if number == round(number) else format_number(number)

@@ -1,0 +1,86 @@
+"""The report's section on failures of each method: how many, by their reason, and the inputs that caused them."""
+
+from __future__ import annotations
+
+import functools
+
+import numpy as np
+
+from uqmbd.report import figures
+from uqmbd.report.drawing import image
+from uqmbd.report.figures import ENOUGH, Reason, failure_reasons, failure_words, runs_of
+from uqmbd.report.sections.section import Content, TemplateSection
+from uqmbd.report.view import Method, StudyResult
+from uqmbd.status import Status
+from uqmbd.wording import format_integer, minus
+
+__all__ = ["FAILURES"]
+
+_SHOWN_FAILURES = 20
+_SHOWN_REASONS = 6
+
+
+def failures(result: StudyResult) -> Content:
+    """Return what the section says and shows of each method."""
+    return {"methods": [_of_method(method) for method in result.methods.values()]}
+
+
+FAILURES = TemplateSection("Failures", "failures", failures)
+
+
+def _of_method(method: Method) -> Content:
+    total, failed = method.realisations, method.failures
+    found: Content = {
+        "label": method.label,
+        "count": failed,
+        "total": total,
+        "share": _share(failed, total),
+        "reasons": [],
+        "names": [],
+        "rows": [],
+        "hidden": 0,
+        "kept": "",
+        "fit": method.fit,
+        "lacking": method.lacking,
+    }
+    samples = runs_of(method.node)
+    if samples is None or not failed:
+        return found
+    reasons = failure_reasons(method.node)
+    seen = sum(len(r.samples) for r in reasons)
+    if samples.sizes["sample"] < total:
+        found["kept"] = format_integer(samples.sizes["sample"])
+    units = samples["input_units"].values if "input_units" in samples.coords else [""] * samples.sizes["input"]
+    found["names"] = [f"{n} [{u}]" if u else str(n) for n, u in zip(samples["input"].values, units, strict=True)]
+    found["reasons"] = [
+        {
+            "kind": r.kind,
+            "reason": r.text,
+            "count": len(r.samples),
+            "share": _share(len(r.samples), seen),
+            "words": (words := failure_words(method.node, r)),
+            "figure": _figure(method, r, number, words) if found["names"] and len(r.samples) >= ENOUGH else None,
+        }
+        for number, r in enumerate(reasons[:_SHOWN_REASONS], 1)
+    ]
+    found["more_reasons"] = len(reasons) - len(found["reasons"])
+    which = np.flatnonzero(samples["status"].values != Status.OK)
+    drawn = samples["inputs"].values
+    found["rows"] = [
+        {"sample": int(k), "inputs": [minus(f"{float(v):.6g}") for v in drawn[k]]} for k in which[:_SHOWN_FAILURES]
+    ]
+    found["hidden"] = len(which) - len(found["rows"])
+    return found
+
+
+def _figure(method: Method, group: Reason, number: int, words: list[str]) -> dict[str, str]:
+    return image(
+        functools.partial(figures.failure_inputs, method.node, group),
+        f"Inputs of the failed samples among those of the others. {' '.join(words)}",
+        "Each point is a sample: pale ones succeeded, dark ones failed for this reason.",
+        f"failures-{method.label}-{number}",
+    )
+
+
+def _share(part: int, whole: int) -> str:
+    return f"{100 * part / whole:.3g} %" if whole else ""

@@ -1,0 +1,47 @@
+"""The report's section on what was uncertain: a table of the inputs, and how they were sampled."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from uqmbd.report import figures
+from uqmbd.report.drawing import image
+from uqmbd.report.sections.section import Content, TemplateSection
+from uqmbd.report.view import Method, StudyResult, dataset_of
+
+__all__ = ["INPUTS", "input_rows"]
+
+
+def inputs(result: StudyResult) -> Content:
+    """Return what the section says and shows."""
+    return {"rows": input_rows(result), "figure": _figure(result.methods) or _figure(result.scalars)}
+
+
+INPUTS = TemplateSection("What was uncertain", "inputs", inputs)
+
+
+def input_rows(result: StudyResult) -> list[dict[str, str]]:
+    """Return the table of inputs: name, distribution and units, from the first method that tells."""
+    for method in result.methods.values():
+        for child in ("samples", "statistics", "chaos"):
+            data = dataset_of(method.node, child)
+            if data is None or "input" not in data.coords:
+                continue
+            columns = []
+            for name in ("input", "input_units", "input_description"):
+                blank = [""] * data.sizes["input"]
+                columns.append([str(v) for v in data[name].values] if name in data.coords else blank)
+            return [
+                {"name": name, "units": units, "distribution": text or "not stated"}
+                for name, units, text in zip(*columns, strict=True)
+            ]
+    return []
+
+
+def _figure(methods: Mapping[str, Method]) -> dict[str, str] | None:
+    sampled = (m for m in methods.values() if m.samples is not None and m.samples.sizes.get("input", 0))
+    first = next(sampled, None)
+    if first is None:
+        return None
+    caption = f"The inputs as {first.node.attrs['label']} sampled them."
+    return image(lambda: figures.inputs(first.node), "Histograms of the sampled inputs.", caption, "inputs")

@@ -1,0 +1,73 @@
+"""What a section of the report is, and how those of the core are made: plain data, shown by a template."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Protocol
+
+import xarray as xr
+
+from uqmbd.report.view import StudyResult
+
+if TYPE_CHECKING:
+    from jinja2 import Environment
+
+__all__ = ["Content", "Section", "TemplateSection", "environment"]
+
+Content = dict[str, Any]
+"""What a template shows: texts, rows of tables, and images."""
+
+
+class Section(Protocol):
+    """A section that a plugin adds to the report."""
+
+    @property
+    def title(self) -> str:
+        """Heading of the section, plain text."""
+
+    def render(self, tree: xr.DataTree) -> str:
+        """Return an HTML fragment; what it quotes from the data it must escape itself."""
+
+
+@dataclass(frozen=True)
+class TemplateSection:
+    """A section whose content a template shows.
+
+    Attributes
+    ----------
+    title : str
+    name : str
+        Of its template, and its anchor on the page.
+    content : callable
+        From the result of a study to what the template shows; None: the section is left out.
+    """
+
+    title: str
+    name: str
+    content: Callable[[StudyResult], Content | None]
+
+    def render(self, tree: xr.DataTree) -> str:
+        """Return the HTML of the section; empty if it is left out."""
+        result = StudyResult.of(tree)
+        content = self.content(result)
+        return "" if content is None else self.fragment(result, content)
+
+    def fragment(self, result: StudyResult, content: Content) -> str:
+        """Return the HTML of this content."""
+        return environment().get_template(f"{self.name}.html.j2").render(content, several=result.several)
+
+
+@functools.cache
+def environment() -> Environment:
+    """Return what reads the templates: all that is not marked as HTML is escaped."""
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    return Environment(
+        loader=PackageLoader(__package__),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )

@@ -1,0 +1,256 @@
+"""Results as figures and sections read them: a tree is parsed once, and its parts have names and types."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import xarray as xr
+
+from uqmbd.results import failed_methods, propagator_nodes, varies
+from uqmbd.results.statistics import rtol_of
+from uqmbd.status import Status
+
+__all__ = ["Method", "StudyResult"]
+
+
+@dataclass(frozen=True, eq=False)
+class Method:
+    """The result of one method.
+
+    Attributes
+    ----------
+    label : str
+    node : xarray.DataTree
+        What figures are drawn from.
+    """
+
+    label: str
+    node: xr.DataTree
+
+    @cached_property
+    def statistics(self) -> xr.Dataset:
+        """Mean, standard deviation and what else is known of each output."""
+        return self.node.children["statistics"].to_dataset()
+
+    @cached_property
+    def samples(self) -> xr.Dataset | None:
+        """Inputs, status and response of each sample that it kept."""
+        return dataset_of(self.node, "samples")
+
+    @cached_property
+    def surrogate_data(self) -> xr.Dataset:
+        """What a surrogate is stored in: one chaos, or several that follow events."""
+        return self.node.children["chaos" if "chaos" in self.node.children else "aligned"].to_dataset()
+
+    @cached_property
+    def scalars(self) -> Method | None:
+        """Outputs without a time, as a result of their own."""
+        inner = self.node.children.get("scalars")
+        return None if inner is None else Method(self.label, inner)
+
+    @property
+    def realisations(self) -> int:
+        """How many it computed."""
+        return int(self.node.attrs.get("realisations", 0))
+
+    @property
+    def failures(self) -> int:
+        """How many of these failed."""
+        return int(self.node.attrs.get("failures", 0))
+
+    @property
+    def wall_time(self) -> float:
+        """Seconds."""
+        return float(self.node.attrs.get("wall_time", math.nan))
+
+    @property
+    def fit(self) -> str:
+        """How its surrogate was found; empty if in the usual way."""
+        return str(self.node.attrs.get("fit", ""))
+
+    @property
+    def ends_at(self) -> float | None:
+        """Time at which its results end, before that of the study."""
+        return None if "ends_at" not in self.node.attrs else float(self.node.attrs["ends_at"])
+
+    @property
+    def lacking(self) -> tuple[int, int] | None:
+        """Realisations that have not all of the outputs without a time, and all; None if each has."""
+        inner = self.scalars
+        return (inner.failures, inner.realisations) if inner is not None and inner.failures else None
+
+    @cached_property
+    def names(self) -> list[str]:
+        """Names of its outputs."""
+        return [str(name) for name in self.statistics["output"].values]
+
+    @property
+    def histories(self) -> list[str]:
+        """Names of its outputs over time."""
+        return self.names if "time" in self.statistics.sizes else []
+
+    @property
+    def sampled(self) -> bool:
+        """Whether it kept samples that succeeded."""
+        return self.samples is not None and bool(np.any(self.samples["status"] == Status.OK))
+
+    def of(self, name: str) -> xr.Dataset:
+        """Return the statistics of an output."""
+        return self.statistics.isel(output=self.names.index(name))
+
+    def units(self, name: str) -> str:
+        """Return the units of an output."""
+        return str(self.of(name)["output_units"].item())
+
+    def varies(self, name: str) -> bool:
+        """Tell whether an output varies beyond the integration error."""
+        return varies(self.node, name)
+
+    def pairs(self, attribute: str) -> list[tuple[str, str]]:
+        """Return the names and texts of an attribute that is a JSON object."""
+        return pairs_of(self.node.attrs.get(attribute))
+
+
+@dataclass(frozen=True, eq=False)
+class StudyResult:
+    """The result of a study.
+
+    Attributes
+    ----------
+    tree : xarray.DataTree
+    methods : dict of str to Method
+        By label; times at which none of them has a result are left out.
+    """
+
+    tree: xr.DataTree
+    methods: dict[str, Method]
+
+    @classmethod
+    def of(cls, tree: xr.DataTree) -> StudyResult:
+        """Parse a tree."""
+        nodes = _until_known(propagator_nodes(tree))
+        return cls(tree, {label: Method(label, node) for label, node in nodes.items()})
+
+    @property
+    def nodes(self) -> dict[str, xr.DataTree]:
+        """What figures of several methods are drawn from."""
+        return {label: method.node for label, method in self.methods.items()}
+
+    @property
+    def several(self) -> bool:
+        """Whether there is more than one method."""
+        return len(self.methods) > 1
+
+    @property
+    def study(self) -> str:
+        """Its name."""
+        return str(self.tree.attrs.get("study", "study"))
+
+    @property
+    def mechanism(self) -> str:
+        """Name of its mechanism."""
+        return str(self.tree.attrs.get("mechanism", ""))
+
+    @property
+    def report_times(self) -> list[float] | None:
+        """Times at which the study wants distributions to be shown; None: the figure chooses."""
+        wanted = self.tree.attrs.get("report_times")
+        return None if wanted is None else [float(t) for t in np.atleast_1d(wanted)]
+
+    @cached_property
+    def comparison(self) -> xr.Dataset | None:
+        """Differences and verdicts of two methods or more."""
+        found = dataset_of(self.tree, "comparison")
+        return None if found is None or found.sizes.get("method", 0) < 2 else found
+
+    @cached_property
+    def convergence(self) -> xr.Dataset | None:
+        """Errors of methods at several levels."""
+        return dataset_of(self.tree, "convergence")
+
+    @cached_property
+    def motion(self) -> xr.Dataset | None:
+        """What the animation is made of."""
+        return dataset_of(self.tree, "motion")
+
+    @cached_property
+    def histories(self) -> list[str]:
+        """Names of all outputs over time, in the order of the study."""
+        return list(dict.fromkeys(name for method in self.methods.values() for name in method.histories))
+
+    @cached_property
+    def scalars(self) -> dict[str, Method]:
+        """Methods that have outputs without a time, as results of these."""
+        return {label: m.scalars for label, m in self.methods.items() if m.scalars is not None}
+
+    @cached_property
+    def scalar_names(self) -> list[str]:
+        """Names of all outputs without a time, in the order of the study."""
+        return list(dict.fromkeys(name for method in self.scalars.values() for name in method.names))
+
+    def holders(self, name: str) -> dict[str, Method]:
+        """Return the methods that have this output over time."""
+        return {label: method for label, method in self.methods.items() if name in method.histories}
+
+    @property
+    def problems(self) -> list[str]:
+        """Which methods gave no results, and why, and what else could not be computed."""
+        said = [f"There are no results of {label}: {reason}" for label, reason in failed_methods(self.tree).items()]
+        problem = self.tree.children["comparison"].attrs.get("problem") if "comparison" in self.tree.children else None
+        return said + ([f"The methods could not be compared: {problem}"] if problem else [])
+
+    @property
+    def warnings(self) -> list[str]:
+        """What the study was warned of, each once: of the mechanism, then of each method, with its label."""
+        found = _warnings_of(self.tree)
+        known = set(found)
+        for label, method in self.methods.items():
+            for part in method.node.subtree:
+                found += [f"{label}: {said}" for said in _warnings_of(part) if said not in known]
+                known.update(_warnings_of(part))
+        return found
+
+
+def dataset_of(node: xr.DataTree, child: str) -> xr.Dataset | None:
+    """Return the data of a child; None if there is no such child."""
+    return node.children[child].to_dataset() if child in node.children else None
+
+
+def pairs_of(text: object) -> list[tuple[str, str]]:
+    """Return the names and texts of a JSON object; what is none has no name."""
+    try:
+        content = json.loads(text) if isinstance(text, str) else {}
+    except ValueError:
+        return [("", str(text))]
+    if not isinstance(content, dict):
+        return [("", str(text))]
+    return [(str(k), v if isinstance(v, str) else json.dumps(v, ensure_ascii=False)) for k, v in content.items()]
+
+
+def _until_known(nodes: Mapping[str, xr.DataTree]) -> dict[str, xr.DataTree]:
+    """Leave out times at which no method has a result: where all end early."""
+    ends = [node.attrs.get("ends_at") for node in nodes.values()]
+    if not ends or any(end is None for end in ends):
+        return dict(nodes)
+    last = max(float(end) for end in ends if end is not None)
+
+    def cut(data: xr.Dataset) -> xr.Dataset:
+        return data.sel(time=slice(None, last)) if "time" in data.dims else data
+
+    found = {label: node.map_over_datasets(cut) for label, node in nodes.items()}
+    for label, node in found.items():
+        node.attrs.setdefault("rtol", rtol_of(nodes[label]))
+    return found
+
+
+def _warnings_of(node: xr.DataTree) -> list[str]:
+    try:
+        found = json.loads(node.attrs.get("warnings", "[]"))
+    except (TypeError, ValueError):
+        return []
+    return [str(said) for said in found] if isinstance(found, list) else []
