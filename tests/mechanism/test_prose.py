@@ -11,7 +11,7 @@ import uqmbd
 from uqmbd import plugins
 from uqmbd.dynamics import build
 from uqmbd.mechanism.skeleton import skeleton
-from uqmbd.report.mechanism.body_poses import drawn_pose
+from uqmbd.report.mechanisms.body_poses import drawn_pose
 from uqmbd.testing.cases import cases
 
 

@@ -16,7 +16,7 @@ import uqmbd.propagation.execution.chunk_queue as queue
 import uqmbd.propagation.execution.chunks as chunks
 from uqmbd.mechanism import MotionSymbol
 from uqmbd.report import write_report
-from uqmbd.report.mechanism.animation import motion
+from uqmbd.report.mechanisms.animation import motion
 from uqmbd.results import PolynomialChaos, load, save, statistics_dataset, validate
 from uqmbd_collocation import Collocation
 from uqmbd_galerkin import Galerkin

@@ -39,7 +39,8 @@ def animate_study(
     seconds : float, optional
         How long the animation takes; by default as long as the motion, but between 3 and 8 s.
     """
-    from uqmbd.report.mechanism import SECONDS, animate, check_target, motion
+    from uqmbd.report import animate, motion
+    from uqmbd.report.mechanisms import SECONDS, check_target
 
     target = Path(f"{script.stem}.gif") if out is None else out
     # before the work, not after it

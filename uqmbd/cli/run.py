@@ -133,7 +133,7 @@ def _delivered(tree: xr.DataTree, study: Study, out: Path, script: Path) -> bool
 
 def _report(tree: xr.DataTree, study: Study, out: Path, files: dict[str, Path]) -> str:
     """Write poses and report of saved results; return why the report could not be written, or nothing."""
-    from uqmbd.report.mechanism import with_motion
+    from uqmbd.report import with_motion
 
     with Isolated(Exception, SystemExit) as work:
         tree, missing = with_motion(tree, study)

@@ -21,7 +21,7 @@ from uqmbd.report.figures import (
     verification,
 )
 from uqmbd.report.html import write_report
-from uqmbd.report.mechanism import animate, mechanism, motion, poses, with_motion
+from uqmbd.report.mechanisms import animate, mechanism, motion, poses, with_motion
 from uqmbd.report.sections import Section
 
 __all__ = [

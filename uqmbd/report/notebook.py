@@ -124,7 +124,7 @@ def _picture(mechanism: Mechanism) -> str:
     if not mechanism.bodies:
         return ""
     from uqmbd.report.drawing import image
-    from uqmbd.report.mechanism import mechanism as draw
+    from uqmbd.report.mechanisms import mechanism as draw
 
     made = image(lambda: draw(mechanism), f"The mechanism {mechanism.name} in its assembled pose.", "")
     if made["problem"]:

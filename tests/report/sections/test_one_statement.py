@@ -16,10 +16,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from rich.console import Console
 
-from uqmbd import RandomVariable, results
+from uqmbd import RandomVariable, report, results
 from uqmbd.cli.compare import show_comparison
 from uqmbd.randomness import GermSpace, JointInput
-from uqmbd.report import html, images
 from uqmbd.results.chaos.decay import percent
 
 TIMES = np.linspace(0, 2, 6)
@@ -80,7 +79,7 @@ def trees(draw: st.DrawFn) -> xr.DataTree:
 def without_figures():
     """Reports whose figures are not drawn."""
     blank = {"source": "data:,", "problem": "", "name": ""}
-    drawn = images.image
+    drawn = report.drawing.image
     with pytest.MonkeyPatch.context() as patch:
         for module in [m for name, m in sys.modules.items() if name.startswith("uqmbd.report")]:
             if getattr(module, "image", None) is drawn:
@@ -107,7 +106,7 @@ def table(page: str, label: str) -> list[list[str]]:
 @settings(max_examples=15, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(tree=trees())
 def test_no_page_contradicts_itself(tree: xr.DataTree, without_figures: None, tmp_path: Path) -> None:
-    page = html.write_report(tree, tmp_path / "report.html").read_text(encoding="utf-8")
+    page = report.write_report(tree, tmp_path / "report.html").read_text(encoding="utf-8")
     page = page.replace("\N{NO-BREAK SPACE}", " ")
     data = tree["comparison"].to_dataset()
     said = results.statements(tree, results.propagator_nodes(tree))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 
 from uqmbd.report.drawing import svg
-from uqmbd.report.mechanism import gif, poses
+from uqmbd.report.mechanisms import gif, poses
 from uqmbd.report.sections.section import Content, TemplateSection
 from uqmbd.report.view import StudyResult
 from uqmbd.wording import format_count, format_number

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["Shape", "Stage", "stage"]
+__all__ = ["Shape", "Canvas", "canvas_for"]
 
 
 LEFT, RIGHT, BOTTOM, TOP = 0.72, 0.15, 0.5, 0.34  # inches around the axes
@@ -62,7 +62,7 @@ class Shape:
 
 
 @dataclass(frozen=True)
-class Stage:
+class Canvas:
     """Axes and page.
 
     Attributes
@@ -124,7 +124,7 @@ class Stage:
             artist.set_clip_path(clip)
 
 
-def stage(points: Array, *, width: float = 6.4, labels: str = "") -> Stage:
+def canvas_for(points: Array, *, width: float = 6.4, labels: str = "") -> Canvas:
     """Make axes that hold all points.
 
     Parameters
@@ -139,7 +139,7 @@ def stage(points: Array, *, width: float = 6.4, labels: str = "") -> Stage:
     Examples
     --------
     >>> import numpy as np
-    >>> made = stage(np.array([[0.0, 0.0], [2.0, 0.5]]))
+    >>> made = canvas_for(np.array([[0.0, 0.0], [2.0, 0.5]]))
     >>> a, b, c = made.project(np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]))
     >>> bool(np.isclose(b[0] - a[0], c[1] - a[1]))
     True
@@ -151,7 +151,7 @@ def stage(points: Array, *, width: float = 6.4, labels: str = "") -> Stage:
     return _space(low, high, width, labels) if points.shape[-1] == 3 else _plane(low, high, width, labels)
 
 
-def _plane(low: Array, high: Array, width: float, labels: str) -> Stage:
+def _plane(low: Array, high: Array, width: float, labels: str) -> Canvas:
     from matplotlib.figure import Figure
 
     inner = width - LEFT - RIGHT
@@ -185,10 +185,10 @@ def _plane(low: Array, high: Array, width: float, labels: str) -> Stage:
     def depth(points: Array) -> Array:
         return np.zeros(points.shape[:-1])
 
-    return Stage(figure, axes, project, depth, unit, (LEFT, BOTTOM, width - RIGHT, BOTTOM + height), spatial=False)
+    return Canvas(figure, axes, project, depth, unit, (LEFT, BOTTOM, width - RIGHT, BOTTOM + height), spatial=False)
 
 
-def _space(low: Array, high: Array, width: float, labels: str) -> Stage:
+def _space(low: Array, high: Array, width: float, labels: str) -> Canvas:
     from matplotlib.figure import Figure
     from mpl_toolkits.mplot3d import Axes3D  # type: ignore[import-untyped]
 
@@ -230,7 +230,7 @@ def _space(low: Array, high: Array, width: float, labels: str) -> Stage:
     ends = project(np.concatenate([centre[None], centre + reach * np.eye(3)]))
     # of an orthographic view of equal scale, the squares of the projected unit vectors add up to two
     inches = np.sqrt(np.sum((ends[1:] - ends[0]) ** 2) / 2) / reach
-    return Stage(figure, axes, project, depth, 1 / float(inches), (0.1, 0.1, width - 0.1, height - TOP), spatial=True)
+    return Canvas(figure, axes, project, depth, 1 / float(inches), (0.1, 0.1, width - 0.1, height - TOP), spatial=True)
 
 
 def _onto_page(figure: Figure, axes: Any) -> Callable[[Array], tuple[Array, Array]]:

@@ -13,9 +13,9 @@ import uqmbd
 from uqmbd import report
 from uqmbd.mechanism.skeleton import skeleton
 from uqmbd.report.drawing.style import FAILED
-from uqmbd.report.mechanism.body_poses import drawn_pose
-from uqmbd.report.mechanism.sketch import Sketch, world
-from uqmbd.report.mechanism.stage import stage
+from uqmbd.report.mechanisms.body_poses import drawn_pose
+from uqmbd.report.mechanisms.canvas import canvas_for
+from uqmbd.report.mechanisms.sketch import Sketch, world
 from uqmbd_contact import PlaneContact, PlaneImpact, SphereContact
 from uqmbd_drivers import PositionDriver, RotationDriver
 from uqmbd_joints import Cylindrical, Distance, Fixed, Parallel1, Prismatic, Revolute, Spherical, Universal
@@ -117,7 +117,7 @@ def test_scale_is_equal_and_in_metres():
     across = box.width / np.ptp(axes.get_xlim())
     assert across == pytest.approx(box.height / np.ptp(axes.get_ylim()), rel=1e-6)
     assert axes.get_xlabel() == "x [m]" and axes.get_ylabel() == "y [m]"
-    made = stage(np.array([[0.0, 0, 0], [3, 1, 0.2]]))
+    made = canvas_for(np.array([[0.0, 0, 0], [3, 1, 0.2]]))
     ends = made.project(np.concatenate([np.zeros((1, 3)), np.eye(3)]))
     assert np.sum((ends[1:] - ends[0]) ** 2) == pytest.approx(2 / made.unit**2, rel=1e-6)
     # what is projected lies where mplot3d draws it
@@ -228,7 +228,7 @@ def test_contacts_are_planes_and_circles():
     assert data["component_symbol"].values.tolist() == ["contact", "contact", "damper"]
     assert data["point_radius"].values[0].tolist()[:5] == [0, 0.2, 0, 0.2, 0.3]
     sketch, points = Sketch(data), world(data)[0, 0]
-    drawn = stage(sketch.extent(points))
+    drawn = canvas_for(sketch.extent(points))
     shapes = sketch.draw(drawn, points).shapes
     line = next(s.vertices for s in shapes if s.width == 1.2 and len(s.vertices) == 2 and s.order == 0.9)
     zero = drawn.project(np.zeros(2))
@@ -271,6 +271,6 @@ def test_a_joint_that_is_open_is_a_red_line():
     data = drawn_pose(made)
     assert data["component_symbol"].values.tolist() == ["hinge", "hinge"]
     sketch, points = Sketch(data), world(data)[0, 0]
-    drawn = stage(points[sketch.placed])
+    drawn = canvas_for(points[sketch.placed])
     (line,) = (s.vertices for s in sketch.draw(drawn, points).shapes if s.edge == FAILED)
     np.testing.assert_allclose(line, drawn.project(np.array([[3, 0], [1, 0]])), atol=1e-9)

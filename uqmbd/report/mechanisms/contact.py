@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from uqmbd.report.mechanism.symbols import Pen, normals
+from uqmbd.report.mechanisms.symbols import Pen, normals
 from uqmbd.typing import Array
 
 __all__ = ["across", "draw_contact", "extremes", "foot"]

@@ -11,10 +11,10 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from uqmbd.report.drawing import COLOURS
-from uqmbd.report.mechanism.contact import across, draw_contact, extremes, foot
-from uqmbd.report.mechanism.labels import Label
-from uqmbd.report.mechanism.stage import Stage
-from uqmbd.report.mechanism.symbols import Pen
+from uqmbd.report.mechanisms.canvas import Canvas
+from uqmbd.report.mechanisms.contact import across, draw_contact, extremes, foot
+from uqmbd.report.mechanisms.labels import Label
+from uqmbd.report.mechanisms.symbols import Pen
 from uqmbd.typing import Array
 
 __all__ = ["Sketch", "world"]
@@ -209,7 +209,7 @@ class Sketch:
 
     def draw(
         self,
-        stage: Stage,
+        canvas: Canvas,
         points: Array,
         reaches: dict[str, tuple[float, float]] | None = None,
         thick: float = 9.5,
@@ -218,7 +218,7 @@ class Sketch:
 
         Parameters
         ----------
-        stage : Stage
+        canvas : Canvas
             What it is drawn on.
         points : array, shape (point, axis)
             In the world, one realisation and time of `world`.
@@ -227,12 +227,12 @@ class Sketch:
         thick : float
             Width of links, points.
         """
-        pen = Pen(stage, thick)
+        pen = Pen(canvas, thick)
         if not np.isfinite(points).all():
             return pen
         reaches = self.reaches(points[None]) if reaches is None else reaches
         middles = np.array([points[self.points_of(body)].mean(axis=0) for body in self.bodies])
-        behind = np.argsort(-stage.depth(middles), kind="stable") if stage.spatial else range(len(self.bodies))
+        behind = np.argsort(-canvas.depth(middles), kind="stable") if canvas.spatial else range(len(self.bodies))
         boxed = {p.bodies[1] for p in self.parts if p.symbol in ("slide", "cylinder") and len(p.bodies) > 1}
         for order, k in enumerate(behind):
             body = self.bodies[k]
@@ -242,14 +242,14 @@ class Sketch:
         for part in self.parts:
             self._component(pen, part, points, reaches)
         joints = [k for part in self.parts for k in part.points]
-        taken = stage.project(points[joints]) if joints else np.zeros((0, 2))
+        taken = canvas.project(points[joints]) if joints else np.zeros((0, 2))
         for k, kind in enumerate(self.kinds):
             if kind == "com":
-                near = np.hypot(*(taken - stage.project(points[k])).T)
+                near = np.hypot(*(taken - canvas.project(points[k])).T)
                 if not len(near) or near.min() > 0.1:
                     pen.centre_of_mass(points[k])
             elif kind == "observed":
-                near = np.hypot(*(taken - stage.project(points[k])).T)
+                near = np.hypot(*(taken - canvas.project(points[k])).T)
                 if not len(near) or near.min() > 0.1:
                     pen.dot(points[k])
         return pen
@@ -319,11 +319,11 @@ class Sketch:
         if places:
             pen.diamond(places[-1])
 
-    def labels(self, stage: Stage, points: Array) -> list[Label]:
+    def labels(self, canvas: Canvas, points: Array) -> list[Label]:
         """Names of the bodies, then of the components, each with the place on the page that it names."""
         found = []
         for body in self.bodies:
-            middle = stage.project(points[self.points_of(body)].mean(axis=0))
+            middle = canvas.project(points[self.points_of(body)].mean(axis=0))
             found.append(Label(_short(body), middle, 9.0, self.colour(body), bold=True))
         for part in self.parts:
             where = [points[part.anchor]] if part.anchor is not None else [points[k] for k in part.ends]
@@ -332,7 +332,7 @@ class Sketch:
                 if part.symbol == "contact" and part.directions:
                     where = [foot(where[0], points[part.directions[0]], where[1])]
             if where:
-                found.append(Label(_short(part.name), stage.project(np.mean(where, axis=0)), 8.0, "0.25"))
+                found.append(Label(_short(part.name), canvas.project(np.mean(where, axis=0)), 8.0, "0.25"))
         return found
 
 

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from uqmbd.report.mechanism.labels import Placed, place
-from uqmbd.report.mechanism.sketch import Sketch, world
-from uqmbd.report.mechanism.stage import Shape, Stage, stage
+from uqmbd.report.mechanisms.canvas import Canvas, Shape, canvas_for
+from uqmbd.report.mechanisms.labels import Placed, place
+from uqmbd.report.mechanisms.sketch import Sketch, world
 from uqmbd.typing import Array
 
 if TYPE_CHECKING:
@@ -60,11 +60,11 @@ def mechanism(mechanism: Mechanism, values: Mapping[str, float] | None = None, t
     >>> sorted(text.get_text() for text in mechanism(pendulum).texts)
     ['pendulum', 'pivot', 'rod']
     """
-    from uqmbd.report.mechanism.body_poses import drawn_pose
+    from uqmbd.report.mechanisms.body_poses import drawn_pose
 
     data = drawn_pose(mechanism, values, time)
     sketch, points = Sketch(data), world(data)[0, 0]
-    made = stage(sketch.extent(points))
+    made = canvas_for(sketch.extent(points))
     pen = sketch.draw(made, points)
     labels = sketch.labels(made, points)[:MOST_NAMES]
     made.draw(pen.shapes)
@@ -74,7 +74,7 @@ def mechanism(mechanism: Mechanism, values: Mapping[str, float] | None = None, t
     return made.figure
 
 
-def _title(made: Stage, text: str, *, warning: bool) -> None:
+def _title(made: Canvas, text: str, *, warning: bool) -> None:
     size = made.figure.get_size_inches()
     shown = made.figure.text(
         0.1 / size[0],
@@ -101,7 +101,7 @@ def _obstacles(shapes: Sequence[Shape]) -> Array:
     return np.unique(np.round(every / 0.04), axis=0) * 0.04
 
 
-def _write(made: Stage, placed: Sequence[Placed]) -> None:
+def _write(made: Canvas, placed: Sequence[Placed]) -> None:
     """Write names, and a thin line to what they name where that is not at hand."""
     from matplotlib.patheffects import withStroke
 

@@ -15,8 +15,8 @@ from PIL import Image
 import uqmbd
 from uqmbd import results
 from uqmbd.report import animate, motion, poses, with_motion, write_report
-from uqmbd.report.mechanism.animation import Film
-from uqmbd.report.mechanism.sketch import world
+from uqmbd.report.mechanisms.film import Film
+from uqmbd.report.mechanisms.sketch import world
 from uqmbd_collocation import Collocation
 from uqmbd_joints import Revolute
 from uqmbd_montecarlo import MonteCarlo
@@ -137,7 +137,7 @@ def test_the_view_follows_what_goes_far():
     film = Film(motion(uqmbd.Study("sled", mechanism, [0, 2]), frames=4), 5, 50)
     assert film.followed
     np.testing.assert_allclose(film.points[0] - film.points[0, :1], 0, atol=1e-5)
-    assert np.ptp(film.stage.axes.get_xlim()) < 3
+    assert np.ptp(film.canvas.axes.get_xlim()) < 3
 
 
 @pytest.mark.parametrize(

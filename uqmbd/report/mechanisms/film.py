@@ -1,0 +1,204 @@
+"""Pictures of a motion, one time after the other: the mechanism at the means, and the cloud of other realisations."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from uqmbd.report.mechanisms.canvas import Canvas, Shape, canvas_for
+from uqmbd.report.mechanisms.sketch import Sketch, world
+from uqmbd.report.mechanisms.symbols import hull
+from uqmbd.typing import Array
+
+__all__ = ["Film"]
+
+OUTLINES = 40_000
+"""Outlines of bodies in the cloud of a whole animation; of more, fewer realisations are drawn."""
+THICK = 4.2
+"""Width of links, points: thin, so that they do not hide how far the realisations are apart."""
+
+
+@dataclass(frozen=True)
+class Film:
+    """Draws one time of a motion after the other.
+
+    Parameters
+    ----------
+    data : xarray.Dataset
+        Of `motion`.
+    width : float
+        Inches.
+    resolution : int
+        Pixels per inch.
+    """
+
+    data: xr.Dataset
+    width: float
+    resolution: int
+
+    @cached_property
+    def sketch(self) -> Sketch:
+        """How each pose is drawn."""
+        return Sketch(self.data)
+
+    @cached_property
+    def followed(self) -> bool:
+        """Whether the view moves with the mechanism: it goes farther than four times its size."""
+        points = world(self.data)[0][:, self._moving]
+        if not points.size:
+            return False
+        size = np.nanmax(np.ptp(points, axis=1), initial=0.0)
+        way = float(np.nanmax(abs(np.nanmean(points, axis=1) - np.nanmean(points[:1], axis=1)), initial=0.0))
+        return bool(way > 4 * size > 0)
+
+    @cached_property
+    def _moving(self) -> list[int]:
+        owners = self.sketch.owners
+        return [k for k, kind in enumerate(self.sketch.kinds) if kind != "direction" and owners[k] != "ground"]
+
+    @cached_property
+    def points(self) -> Array:
+        """Points and directions, shape (realisation, time, point, axis), as far as they are drawn."""
+        points = world(self.data)
+        outlines = len(self.sketch.bodies) * points.shape[1]
+        points = points[: 1 + max(1, OUTLINES // outlines)]
+        if self.followed:
+            middle = np.nanmean(points[0][:, self._moving], axis=1)
+            points[..., self.sketch.placed, :] -= (middle - middle[0])[None, :, None, :]
+        return points
+
+    @cached_property
+    def canvas(self) -> Canvas:
+        """Axes that hold the whole motion."""
+        points = self.points if self.followed else self.sketch.extent(self.points)
+        if self.followed:
+            points = points[..., self.sketch.placed, :][
+                ..., [k for k, m in enumerate(np.flatnonzero(self.sketch.placed)) if m in self._moving], :
+            ]
+        made = canvas_for(
+            points.reshape(-1, points.shape[-1]),
+            width=self.width,
+            labels=" beside the mechanism's path" if self.followed else "",
+        )
+        made.figure.set_dpi(self.resolution)
+        size = made.figure.get_size_inches()
+        count = len(self.points) - 1
+        method = self.data.attrs.get("method") or ""
+        words = f"{self.data.attrs.get('mechanism', '')}: at the means of the inputs"
+        words += f", and {count} realisations" + (f" of {method}" if method else "") if count else ""
+        title = made.figure.text(
+            0.1 / size[0], 1 - 0.07 / size[1], words, ha="left", va="top", fontsize=9, color="0.15"
+        )
+        title.set_parse_math(False)
+        return made
+
+    @cached_property
+    def reaches(self) -> dict[str, tuple[float, float]]:
+        """How far guides reach."""
+        return self.sketch.reaches(self.points[0])
+
+    @cached_property
+    def _page(self) -> Array:
+        return self.canvas.project(self.points)
+
+    @cached_property
+    def _corners(self) -> list[tuple[str, list[int]]]:
+        """Points that span each body."""
+        local = self.data["local"].values[0]
+        found = []
+        for body in self.sketch.bodies:
+            mine = self.sketch.points_of(body)
+            _, first = np.unique(np.round(local[mine], 9), axis=0, return_index=True)
+            mine = [mine[k] for k in sorted(first)]
+            if local.shape[-1] == 2 and len(mine) > 2:
+                corners = hull(1e3 * local[mine])
+                mine = [mine[int(np.argmin(np.hypot(*(1e3 * local[mine] - c).T)))] for c in corners]
+            found.append((body, mine))
+        return found
+
+    @property
+    def widest(self) -> int:
+        """The time at which the realisations are farthest apart."""
+        kinds = self.sketch.kinds
+        # where a random centre of mass is, says nothing of how far a body has moved
+        seen = [k for k in self._moving if kinds[k] != "com"] or self._moving
+        apart = np.nan_to_num(abs(self.points[:, :, seen] - self.points[:1, :, seen]))
+        spread = apart.max(axis=(0, 2, 3), initial=0.0)
+        return int(np.argmax(spread))
+
+    def shapes(self, frame: int) -> list[Shape]:
+        """Return the mechanism at the means of its inputs."""
+        return self.sketch.draw(self.canvas, self.points[0, frame], self.reaches, THICK).shapes
+
+    def cloud(self, frame: int) -> list[Any]:
+        """Bodies of all realisations but the first: thin dark lines above those at the means."""
+        from matplotlib.collections import LineCollection
+
+        made = []
+        count = len(self.points) - 1
+        alpha = float(np.clip(7.0 / max(count, 1), 0.2, 0.7))
+        for body, corners in self._corners:
+            outlines = []
+            for page in self._page[1:, frame][:, corners]:
+                if not np.isfinite(page).all():
+                    continue
+                shown = hull(page) if self.canvas.spatial and len(page) > 3 else page
+                shown = np.concatenate([shown, shown[:1]]) if len(shown) != 2 else shown
+                outlines.append(shown + [[0, 0], *[[1e-3, 0]] * (len(shown) - 1)] if len(corners) == 1 else shown)
+            # bodies of one point lie beneath their joint: their cloud is drawn above it
+            width, order = (5.0, 8.0) if len(corners) == 1 else (0.7, 5.45)
+            lines = LineCollection(
+                outlines, colors=[darker(self.sketch.colour(body))], linewidths=width, alpha=alpha, capstyle="round",
+                joinstyle="round", transform=self.canvas.figure.dpi_scale_trans, zorder=order,
+            )  # fmt: skip
+            made.append(lines)
+        return made
+
+    def write_time(self, frame: int) -> Any:
+        """Write the time into the upper right corner."""
+        size = self.canvas.figure.get_size_inches()
+        text = self.canvas.figure.text(
+            1 - 0.12 / size[0], 1 - 0.07 / size[1], "", ha="right", va="top", fontsize=9, color="0.15",
+        )  # fmt: skip
+        text.set_text(self._time(frame))
+        return text
+
+    def _time(self, frame: int) -> str:
+        times = self.data["time"].values
+        step = float(times[-1] - times[0]) / max(len(times) - 1, 1)
+        digits = int(np.clip(1 - np.floor(np.log10(step)), 0, 9)) if step > 0 else 3
+        return f"t = {times[frame]:.{digits}f} s"
+
+    def frames(self) -> Iterator[NDArray[np.uint8]]:
+        """Yield pictures, shape (height, width, 3)."""
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+        made = self.canvas
+        canvas: Any = FigureCanvasAgg(made.figure)
+        canvas.draw()
+        # axes and title are drawn once; in plane motions so is nothing else, since all may move
+        empty = canvas.copy_from_bbox(made.figure.bbox)
+        renderer = canvas.get_renderer()
+        text = self.write_time(0)
+        for frame in range(self.points.shape[1]):
+            canvas.restore_region(empty)
+            drawn = [*made.artists(self.shapes(frame)), *map(made.own, self.cloud(frame))]
+            for artist in sorted(drawn, key=lambda one: one.get_zorder()):
+                artist.draw(renderer)
+            text.set_text(self._time(frame))
+            text.draw(renderer)
+            yield np.asarray(canvas.buffer_rgba())[..., :3].copy()
+
+
+def darker(colour: str) -> tuple[float, float, float]:
+    """Mix a colour with black, so that it stands out from a body's outline in it."""
+    from matplotlib.colors import to_rgb
+
+    r, g, b = (0.7 * x for x in to_rgb(colour))
+    return r, g, b
