@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import subprocess
 import sys
 import warnings
@@ -144,9 +143,7 @@ def project():
 def no_report(monkeypatch):
     """Let `uqmbd run` draw nothing, which takes longer than small studies."""
     monkeypatch.setattr("uqmbd.cli.run.write", lambda tree, path: path)
-    # the package: a figure of the same name hides it
-    pictures = importlib.import_module("uqmbd.report.mechanism")
-    monkeypatch.setattr(pictures, "with_motion", lambda tree, study: (tree, ""))
+    monkeypatch.setattr("uqmbd.report.with_motion", lambda tree, study: (tree, ""))
 
 
 @pytest.fixture

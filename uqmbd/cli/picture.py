@@ -32,13 +32,13 @@ def require_format(path: Path) -> None:
 
 def draw_figure(study: Study, path: Path) -> None:
     """Draw the mechanism of a study at its start, and say where it is."""
+    from uqmbd import report
     from uqmbd.errors import RedundantConstraintWarning
-    from uqmbd.report import mechanism
 
     with warnings.catch_warnings():
         # the check says so itself
         warnings.simplefilter("ignore", RedundantConstraintWarning)
-        made = mechanism(study.mechanism, time=float(study.times[0]))
+        made = report.mechanism(study.mechanism, time=float(study.times[0]))
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with warnings.catch_warnings():
