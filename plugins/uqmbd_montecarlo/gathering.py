@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import uqmbd
-from uqmbd.results import Moments, Status, sample_file
+from uqmbd.results import Moments, sample_file
 from uqmbd.typing import Array
 
 __all__ = ["Gathered", "gather"]
@@ -84,7 +84,7 @@ def gather(
         for part in problem.stream(values):
             last = first + len(part.status)
             # what is not finite is a failure like any other: it must not enter a sum
-            fine = (part.status == Status.OK) & np.isfinite(part.response).all(axis=(1, 2))
+            fine = part.good
             failures += int(np.count_nonzero(~fine))
             for r in range(int(np.searchsorted(edges, first, side="right")) - 1, len(sizes)):
                 low, high = max(first, edges[r]) - first, min(last, edges[r + 1]) - first

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from threadpoolctl import threadpool_limits
 
 from uqmbd.typing import Array
 
@@ -147,13 +146,11 @@ def pick_freeze(a: Array, b: Array, mixed: Array, seed: np.random.SeedSequence) 
     columns = one.shape[1]
     estimates, intervals = np.zeros((2, dimension, columns)), np.zeros((2, 2, dimension, columns))
     weights = _resampled(count, np.random.default_rng(seed))
-    # threads would change the last bits
-    with threadpool_limits(limits=1):
-        for part in _blocks(columns, (2 * dimension + 1) * max(count, RESAMPLES)):
-            squares, varies = _squares(one[:, part], two[:, part], others[:, :, part])
-            estimates[..., part] = _indices(squares.mean(axis=1, keepdims=True), varies)[:, :, 0]
-            drawn = _indices(weights @ squares, varies)
-            intervals[..., part] = np.quantile(drawn, LEVELS, axis=2)
+    for part in _blocks(columns, (2 * dimension + 1) * max(count, RESAMPLES)):
+        squares, varies = _squares(one[:, part], two[:, part], others[:, :, part])
+        estimates[..., part] = _indices(squares.mean(axis=1, keepdims=True), varies)[:, :, 0]
+        drawn = _indices(weights @ squares, varies)
+        intervals[..., part] = np.quantile(drawn, LEVELS, axis=2)
     return SobolIndices(
         estimates[0].reshape(dimension, *shape),
         estimates[1].reshape(dimension, *shape),

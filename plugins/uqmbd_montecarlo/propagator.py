@@ -5,7 +5,7 @@ from __future__ import annotations
 import warnings
 from collections import Counter
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 import xarray as xr
@@ -76,36 +76,20 @@ class MonteCarlo(uqmbd.Propagator):
     """
 
     name: ClassVar[str] = "monte-carlo"
-    samples: int = 500
-    seed: int = 0
+    samples: Annotated[int, uqmbd.Bounds(2)] = 500
+    seed: Annotated[int, uqmbd.Bounds(0)] = 0
     sampling: str = "random"
-    replicates: int = 16
-    max_failures: float = 0.5
-    keep: int = 20_000
+    replicates: Annotated[int, uqmbd.Bounds(2)] = 16
+    max_failures: Annotated[float, uqmbd.Bounds(0, 1)] = 0.5
+    keep: Annotated[int, uqmbd.Bounds(2)] = 20_000
     control: uqmbd.Propagator | PolynomialChaos | None = None
     sobol_indices: bool = False
 
     def __post_init__(self) -> None:
-        if not isinstance(self.samples, int) or self.samples < 2:
-            raise uqmbd.StudyError(f"MonteCarlo: samples is {self.samples!r}; expected a whole number, 2 or more.")
-        if not isinstance(self.seed, int) or self.seed < 0:
-            raise uqmbd.StudyError(f"MonteCarlo: seed is {self.seed!r}; expected a whole number, 0 or more.")
+        super().__post_init__()
         independent = uqmbd.sampling_design(self.sampling, "MonteCarlo: sampling").independent
-        if not isinstance(self.replicates, int) or self.replicates < 2:
-            raise uqmbd.StudyError(f"MonteCarlo: replicates is {self.replicates!r}; expected 2 or more.")
-        if not 0 <= self.max_failures <= 1:
-            raise uqmbd.StudyError(
-                f"MonteCarlo: max_failures is {self.max_failures!r}; expected a share between 0 and 1."
-            )
-        if not isinstance(self.keep, int) or self.keep < 2:
-            raise uqmbd.StudyError(f"MonteCarlo: keep is {self.keep!r}; expected a whole number, 2 or more.")
         replicate_sizes(self.sampling, self.samples, self.replicates)
         self._check_control()
-        if not isinstance(self.sobol_indices, bool):
-            raise uqmbd.StudyError(
-                f"MonteCarlo: sobol_indices is {self.sobol_indices!r}; expected True or False. "
-                "Their number of rows is half that of the samples."
-            )
         if self.sobol_indices and (self.samples % 2 or self.samples < 4):
             raise uqmbd.StudyError(
                 f"MonteCarlo: samples is {self.samples}; sobol_indices needs an even number, 4 or more: it takes them "
@@ -151,11 +135,8 @@ class MonteCarlo(uqmbd.Propagator):
     def obstacle(self, study: uqmbd.Study) -> str | None:
         """Say what is in the way: a mechanism in which nothing is random, or what an option cannot do."""
         inputs = study.mechanism.inputs
-        if not len(inputs):
-            return (
-                f"nothing in mechanism {study.mechanism.name!r} is random; declare a uqmbd.RandomVariable, or use "
-                "uqmbd.simulate"
-            )
+        if reason := uqmbd.nothing_random(inputs, study.mechanism.name):
+            return reason
         if isinstance(self.control, uqmbd.Propagator) and (found := self.control.obstacle(study)):
             return f"its control {self.control.name!r}: {found}"
         return obstacle_of(inputs) if self.sobol_indices else None
@@ -201,11 +182,7 @@ class MonteCarlo(uqmbd.Propagator):
         return self._node(problem, statistics, samples, found, surrogate, sobol)
 
     def _check_problem(self, problem: uqmbd.Problem) -> None:
-        if not len(problem.inputs):
-            raise uqmbd.StudyError(
-                f"{problem.label}: nothing in mechanism {problem.mechanism!r} is random; "
-                "declare a uqmbd.RandomVariable, or use uqmbd.simulate."
-            )
+        problem.require_random()
         if not self.sobol_indices:
             return
         if obstacle := obstacle_of(problem.inputs):

@@ -6,10 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
 import uqmbd
-from uqmbd.results import Status
 from uqmbd_montecarlo.pickfreeze import mixed_inputs, pick_freeze
 
 __all__ = ["SobolRun", "run_sobol"]
@@ -73,7 +71,7 @@ def run_sobol(problem: uqmbd.Problem, samples: uqmbd.Realisations, seed: int, ma
     other = replace(problem, label=label, checkpoint=checkpoint)
     mixed = other.realise(mixed_inputs(samples.values[:count], samples.values[count:]))
 
-    fine = _fine(samples).reshape(2, count), _fine(mixed).reshape(dimension, count)
+    fine = samples.good.reshape(2, count), mixed.good.reshape(dimension, count)
     failures = int(np.count_nonzero(~fine[1]))
     usable = fine[0].all(axis=0) & fine[1].all(axis=0)
     rows = int(np.count_nonzero(usable))
@@ -98,7 +96,3 @@ def run_sobol(problem: uqmbd.Problem, samples: uqmbd.Realisations, seed: int, ma
         variables[f"{name}_interval"] = (("bound", *dims), ends, {"long_name": f"95 % interval of the {words}"})
     coords = {"bound": ("bound", ["lower", "upper"]), **problem.labels.input_coords(), **problem.labels.output_coords()}
     return SobolRun(mixed, xr.Dataset(variables, coords=coords), rows, count - rows, failures)
-
-
-def _fine(part: uqmbd.Realisations) -> NDArray[np.bool_]:
-    return np.asarray((part.status == Status.OK) & np.isfinite(part.response).all(axis=(1, 2)))

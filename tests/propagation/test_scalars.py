@@ -12,8 +12,8 @@ import sympy
 from scipy.integrate import quad
 
 import uqmbd
-import uqmbd.propagation.execution.chunk_queue as queue
 import uqmbd.propagation.execution.chunks as chunks
+import uqmbd.propagation.problem as problems
 from uqmbd.mechanism import MotionSymbol
 from uqmbd.report import write_report
 from uqmbd.report.mechanisms.animation import motion
@@ -163,7 +163,7 @@ def watched(monkeypatch):
         seen.append(task[-1])
         return chunks.compute_chunk(*task)
 
-    monkeypatch.setattr(queue, "compute_chunk", compute)
+    monkeypatch.setattr(problems, "compute_chunk", compute)
     return seen
 
 
@@ -185,7 +185,7 @@ def test_an_interrupted_run_goes_on(monkeypatch, tmp_path, mixed):
         done.append(task)
         return chunks.compute_chunk(*task)
 
-    monkeypatch.setattr(queue, "compute_chunk", stop)
+    monkeypatch.setattr(problems, "compute_chunk", stop)
     with pytest.raises(KeyboardInterrupt):
         study.run(folder=tmp_path)
     seen = watched(monkeypatch)

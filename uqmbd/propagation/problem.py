@@ -29,8 +29,9 @@ from uqmbd.propagation.execution import (
     Progress,
     Realisations,
     Silent,
-    computed_chunks,
+    compute_chunk,
     event_histories,
+    in_order,
     run_tasks,
 )
 from uqmbd.propagation.existence import Existence
@@ -188,7 +189,7 @@ class Problem:
         self.progress.start(self.label, len(values))
         begin = self.clock()
         parts = [np.ascontiguousarray(values[k : k + CHUNK]) for k in range(0, len(values), CHUNK)]
-        work = computed_chunks(parts, self.executor, self._found, self._task, self._keep)
+        work = in_order(parts, self.executor, self._found, self._task, self._keep)
         for index, chunk in enumerate(work):
             now = self.clock()
             found = Realisations(
@@ -279,9 +280,9 @@ class Problem:
         begin, end = float(self.times[0]), float(self.times[-1])
         return event_histories(self.run, self._checked(values), (begin, end), self.rtol, points, least, self.integrator)
 
-    def _task(self, part: Array) -> tuple[bytes, Array, Array, float, str, bool]:
+    def _task(self, part: Array) -> tuple[Callable[..., Chunk], tuple[bytes, Array, Array, float, str, bool]]:
         times = self.times if self.over is None else self.over
-        return self._packed, part, times, self.rtol, self.integrator, self.timeless
+        return compute_chunk, (self._packed, part, times, self.rtol, self.integrator, self.timeless)
 
     def _found(self, part: Array) -> Chunk | None:
         """Return a chunk that need not be computed."""

@@ -8,10 +8,11 @@ import pytest
 import sympy
 
 import uqmbd
-from uqmbd_galerkin.exact import moment
-from uqmbd_galerkin.symbolic import VariationalWork
 from uqmbd_joints import Prismatic
 from uqmbd_springs import SpringDamper, TorsionSpringDamper
+
+from .exact import moment
+from .symbolic import VariationalWork
 
 
 @pytest.mark.parametrize(

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from uqmbd.propagation.execution.checkpoint import FOLDER, Checkpoint
-from uqmbd.propagation.execution.chunk_queue import computed_chunks
 from uqmbd.propagation.execution.chunks import (
     CHUNK,
     Chunk,
+    compute_chunk,
     integrated_by,
     not_finite_output,
 )
 from uqmbd.propagation.execution.cost import Clock
 from uqmbd.propagation.execution.histories import History, event_histories
+from uqmbd.propagation.execution.in_order import in_order
 from uqmbd.propagation.execution.observed import AGAIN, Observed
 from uqmbd.propagation.execution.progress import Lines, Progress, Silent, seconds, told
 from uqmbd.propagation.execution.realisations import Realisations
@@ -35,8 +36,9 @@ __all__ = [
     "Realisations",
     "Silent",
     "claimed",
-    "computed_chunks",
+    "compute_chunk",
     "event_histories",
+    "in_order",
     "integrated_by",
     "not_finite_output",
     "pool",

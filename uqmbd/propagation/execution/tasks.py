@@ -2,23 +2,22 @@
 
 from __future__ import annotations
 
-import contextlib
 import hashlib
 import pickle
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Executor, Future
+from concurrent.futures import Executor
 from typing import Any
 
 from numpy.typing import NDArray
 
 from uqmbd.dynamics import Model
-from uqmbd.errors import StudyError
 from uqmbd.propagation.execution.checkpoint import Checkpoint
 from uqmbd.propagation.execution.chunks import model_of
-from uqmbd.propagation.execution.cost import Clock, Laps
+from uqmbd.propagation.execution.cost import Clock
+from uqmbd.propagation.execution.in_order import in_order
 from uqmbd.threads import one_thread
 
-__all__ = ["Arrays", "failed", "run_tasks"]
+__all__ = ["Arrays", "run_tasks"]
 
 Arrays = dict[str, NDArray[Any]]
 
@@ -52,39 +51,25 @@ def run_tasks(
         Further arguments.
     """
     names = [_name(fingerprint, function, task) for task in tasks]
-    running: dict[int, Future[Arrays]] = {}
-    laps = Laps()
 
-    def keep(k: int, found: Arrays) -> None:
+    def known(piece: tuple[str, tuple[Any, ...]]) -> Arrays | None:
+        stored = None if checkpoint is None else checkpoint.load_arrays(piece[0])
+        if stored is None:
+            return None
+        found, about = stored
+        clock.recover(piece[0], about["seconds"])
+        return found
+
+    def work(piece: tuple[str, tuple[Any, ...]]) -> tuple[Callable[..., Arrays], tuple[Any, ...]]:
+        return _call, (function, data, piece[1])
+
+    def keep(piece: tuple[str, tuple[Any, ...]], found: Arrays, seconds: float) -> Arrays:
         if checkpoint is not None:
-            checkpoint.save_arrays(names[k], found, {"seconds": laps()})
-            clock.done(names[k])
+            checkpoint.save_arrays(piece[0], found, {"seconds": seconds})
+            clock.done(piece[0])
+        return found
 
-    try:
-        stored = [None if checkpoint is None else checkpoint.load_arrays(name) for name in names]
-        if executor is not None:
-            for k, task in enumerate(tasks):
-                if stored[k] is None:
-                    running[k] = executor.submit(_call, function, data, task)
-        for k, task in enumerate(tasks):
-            known = stored[k]
-            if known is not None:
-                found, about = known
-                clock.recover(names[k], about["seconds"])
-            else:
-                found = running.pop(k).result() if k in running else _call(function, data, task)
-                keep(k, found)
-            yield found
-    finally:
-        for k, future in running.items():
-            if not future.cancel() and future.done() and not failed(future):
-                with contextlib.suppress(StudyError):  # whatever ended the run is said instead
-                    keep(k, future.result())
-
-
-def failed(future: Future[Any]) -> bool:
-    """Whether a future that is done has no result."""
-    return future.cancelled() or future.exception() is not None
+    return in_order(list(zip(names, tasks, strict=True)), executor, known, work, keep)
 
 
 def _call(function: Callable[..., Arrays], data: bytes, task: tuple[Any, ...]) -> Arrays:

@@ -27,7 +27,8 @@ from numpy.typing import NDArray
 
 import uqmbd
 from uqmbd.typing import Array
-from uqmbd_galerkin.exact import FAMILIES, Compiled, Sum, gradient, moment
+
+from .exact import FAMILIES, Compiled, Sum, gradient, moment
 
 __all__ = ["VariationalWork"]
 
