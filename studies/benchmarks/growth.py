@@ -35,8 +35,7 @@ from scipy.integrate import solve_ivp
 import uqmbd
 from uqmbd.dynamics import Ensemble, Model, build, integrate
 from uqmbd.dynamics.linear import accelerations as index1
-from uqmbd.dynamics.linear import elimination, system
-from uqmbd.dynamics.linear import straight_line as straightline
+from uqmbd.dynamics.linear import elimination, system, unrolled
 from uqmbd.dynamics.linear.system import index1_system
 from uqmbd_joints import Revolute
 
@@ -120,7 +119,7 @@ def kind(model: Model) -> str:
     if found.solve is None:
         return "factorised"
     pattern = (found.rows, found.columns, found.source, found.motion[None, :])
-    operations, _ = straightline.eliminated(found.elimination, *pattern, found.solve.given, found.size)
+    operations, _ = unrolled.eliminated(found.elimination, *pattern, found.solve.given, found.size)
     return f"one piece, {len(operations)}"
 
 
@@ -236,7 +235,7 @@ def routes(numbers: tuple[int, ...]) -> None:
             matrix = np.zeros((2, size, size))
             matrix[:, pattern[0], pattern[1]] = typical[:, pattern[2]]
             order = elimination.plan(*pattern[:2], matrix)
-            return straightline.straight_line(order, *pattern, motion, typical.shape[1], size)
+            return unrolled.unroll(order, *pattern, motion, typical.shape[1], size)
 
         def blocks(model: Model = model, bare: Any = bare, typical: Array = typical) -> Any:
             return system._by_blocks(model, bare, typical).solve

@@ -123,11 +123,10 @@ class Timers:
 @contextmanager
 def timed_callbacks(timers: Timers) -> Iterator[None]:
     """Time what the integrators call, and the integrators as a whole."""
-    from uqmbd.dynamics.integration import dop853, ida
-    from uqmbd.dynamics.integration import lock_step as lockstep
+    from uqmbd.dynamics.integration import batched, dop853, ida
 
     callbacks, solver = ida._callbacks, ida._solver
-    equations, stack = dop853._Equations, lockstep.LockStep
+    equations, stack = dop853.BatchEquations, batched.BatchedIntegration
     originals = (equations.rate, equations.excess, dop853._projected, stack.run)
 
     def timed_callbacks(ensemble: Any) -> tuple[Callable[..., None], Callable[..., None]]:

@@ -11,7 +11,7 @@ import pytest
 import sympy
 
 import uqmbd
-from uqmbd.dynamics.linear import straight_line as straightline
+from uqmbd.dynamics.linear import unrolled
 from uqmbd_galerkin import Galerkin
 from uqmbd_joints import Distance, Prismatic, Revolute
 from uqmbd_springs import PointForce, SpringDamper, TorsionSpringDamper
@@ -342,7 +342,7 @@ def test_large_mechanism_of_typed_evaluators():
 
 
 def test_elimination_too_long_to_compile_is_left_to_ida(mechanisms, monkeypatch):
-    monkeypatch.setattr(straightline, "LIMIT", 1)
+    monkeypatch.setattr(unrolled, "LIMIT", 1)
     study = uqmbd.Study("large", mechanisms["pendulum"](speed=4.0), np.linspace(0, 1, 11), rtol=1e-8)
     node = study.propagate(Galerkin(order=2, nodes=4, verify=0))
     assert node.attrs["integrated_by"] == "ida"

@@ -12,8 +12,7 @@ import pytest
 import uqmbd
 from uqmbd import results
 from uqmbd.dynamics import ProjectedEnsemble
-from uqmbd.dynamics.integration import ida
-from uqmbd.dynamics.integration import lock_step as lockstep
+from uqmbd.dynamics.integration import batched, ida
 from uqmbd_galerkin import Galerkin
 from uqmbd_joints import Distance
 from uqmbd_springs import SpringDamper
@@ -132,7 +131,7 @@ def test_stop_at_ends_the_run_at_the_horizon(integrator, tmp_path):
 
 def test_motion_that_ends_keeps_what_there_is(monkeypatch):
     """Neither integrator can go on: results up to there, from the one that came further, and the reason."""
-    monkeypatch.setattr(lockstep, "STEPS", 12)
+    monkeypatch.setattr(batched, "STEPS", 12)
     monkeypatch.setattr(ida, "STEPS", 5)
     study = uqmbd.Study("ended", swinging(0.05), np.array([0, 0.1, 0.2, 3.0]))
     with pytest.warns(

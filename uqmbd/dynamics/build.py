@@ -30,11 +30,11 @@ from uqmbd.dynamics.equations import (
     place,
     state_arguments,
 )
-from uqmbd.dynamics.finite import not_finite
 from uqmbd.dynamics.integration import Prescribed, prescribed_by, timed
 from uqmbd.dynamics.linear import index1_system, massless_direction
 from uqmbd.dynamics.notices import deep_contacts, moved_bodies, size_of
 from uqmbd.dynamics.statics import scalar_map
+from uqmbd.dynamics.undefined_parameter import not_finite
 from uqmbd.errors import AssemblyError, RedundantConstraintWarning, StudyError
 from uqmbd.mechanism import Mechanism, Output
 from uqmbd.typing import Array, Index

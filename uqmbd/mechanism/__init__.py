@@ -58,7 +58,8 @@ from uqmbd.mechanism.geometry import (
     smallest_rotation,
 )
 from uqmbd.mechanism.inertia import is_tensor_of_body
-from uqmbd.mechanism.mechanism import Mechanism, Output
+from uqmbd.mechanism.mechanism import Mechanism
+from uqmbd.mechanism.output import Output
 from uqmbd.mechanism.skeleton import skeleton
 
 __all__ = [

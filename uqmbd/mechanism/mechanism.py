@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Hashable, Sequence
-from dataclasses import dataclass
 from typing import Any, TypeVar
 
 import sympy
@@ -13,31 +11,19 @@ from uqmbd.display import html_of
 from uqmbd.errors import StudyError
 from uqmbd.mechanism.body import Body, BodyTerms, Ground, Pose
 from uqmbd.mechanism.components import Component, settle
-from uqmbd.mechanism.expressions import check_scalar, flatten, is_scalar, numbers, random_variables, shown
-from uqmbd.mechanism.geometry import Frame, Space
+from uqmbd.mechanism.expressions import check_scalar, is_scalar, numbers, random_variables, shown
+from uqmbd.mechanism.geometry import Space
 from uqmbd.mechanism.holonomic import require_holonomic
 from uqmbd.mechanism.inertia import inertia_entries, mass_number, orientation
+from uqmbd.mechanism.output import TURNS, Output, recorded
 from uqmbd.mechanism.scope import require_known
 from uqmbd.names import check_name, check_units, checked
 from uqmbd.randomness import JointInput, RandomVariable
 
-__all__ = ["Mechanism", "Output"]
+__all__ = ["Mechanism"]
 
 C = TypeVar("C", bound=Component)
 T = TypeVar("T")
-
-TURNS = {"rad": 2 * math.pi, "deg": 360.0}
-"""Length of a turn in the units that an angle may have."""
-
-
-@dataclass(frozen=True)
-class Output:
-    """A named scalar that a study records at every time; `turn`: length of a turn of an angle, else 0."""
-
-    name: str
-    expression: sympy.Expr
-    units: str
-    turn: float = 0.0
 
 
 class Mechanism:
@@ -266,7 +252,7 @@ class Mechanism:
         where = f"output {check_name(name, 'output')!r}"
         if name in self.outputs or name in self.scalars:
             raise StudyError(f"{where}: there is an output of that name already; every output needs its own.")
-        value = _scalar(where, expression)
+        value = recorded(where, expression)
         if not value.free_symbols:
             raise StudyError(
                 f"{where}: the expression is the constant {value}; it depends on nothing. "
@@ -387,31 +373,3 @@ class Mechanism:
             f"<mechanism {self.name!r}: {len(self.bodies)} bodies, {len(self.components)} components, "
             f"{len(self.outputs) + len(self.scalars)} outputs>"
         )
-
-
-def _scalar(where: str, expression: Any) -> sympy.Expr:
-    """Return what an output records, or say what to write instead."""
-    if isinstance(expression, Frame):
-        name = getattr(expression, "name", "body")
-        raise StudyError(
-            f"{where}: the expression is {shown(expression)} itself; record one of its quantities, "
-            f"e.g. {name}.position[0] or {name}.velocity[1]."
-        )
-    if isinstance(expression, Component):
-        raise StudyError(
-            f"{where}: the expression is {shown(expression)} itself; record a reaction of it, "
-            f"e.g. {expression.name}.reaction_force[0]."
-        )
-    if callable(expression) and not isinstance(expression, sympy.Basic):
-        name = getattr(expression, "__name__", "it")
-        raise StudyError(
-            f"{where}: the expression is the function {name}; record what it returns, e.g. body.{name}(...)[0]."
-        )
-    if isinstance(expression, sympy.logic.boolalg.Boolean) and not isinstance(expression, sympy.Expr):
-        raise StudyError(f"{where}: the expression {expression} is true or false; expected one that is a number.")
-    parts = flatten(expression)
-    if len(parts) > 1:
-        raise StudyError(
-            f"{where}: the expression has {len(parts)} components; record them one by one, e.g. body.position[0]."
-        )
-    return numbers(where, "the expression", expression, 1, "in quantities of bodies and components")[0]

@@ -8,10 +8,10 @@ import pytest
 
 import uqmbd
 from uqmbd.dynamics import Ensemble, build, integrate, integrator_class
-from uqmbd.dynamics.integration import lock_step as lockstep
-from uqmbd.dynamics.linear import straight_line as straightline
+from uqmbd.dynamics.integration import batched
+from uqmbd.dynamics.linear import unrolled
 from uqmbd.dynamics.linear.elimination import plan
-from uqmbd.dynamics.linear.straight_line import residual_kernel, straight_line
+from uqmbd.dynamics.linear.unrolled import residual_kernel, unroll
 from uqmbd_drivers import RotationDriver
 from uqmbd_joints import Prismatic, Revolute
 from uqmbd_springs import PointForce, SpringDamper, Torque
@@ -34,7 +34,7 @@ def random_systems(seed, size=14, count=20):
 @pytest.mark.parametrize("stage", [10, 2000], ids=["in stages", "in one piece"])
 def test_straight_line_code_solves_as_lapack_does(stage, monkeypatch, tmp_path):
     monkeypatch.setenv("UQMBD_CACHE", str(tmp_path))
-    monkeypatch.setattr(straightline, "STAGE", stage)
+    monkeypatch.setattr(unrolled, "SECTION", stage)
     for seed in range(3):
         rows, columns, entries, matrix, generator = random_systems(seed)
         size, count = matrix.shape[1], len(rows)
@@ -42,8 +42,8 @@ def test_straight_line_code_solves_as_lapack_does(stage, monkeypatch, tmp_path):
         rights = np.stack([np.arange(count, count + size), np.full(size, -1)])
         rights[1, 2] = count + 5  # a right-hand side with zeros
         order = plan(rows, columns, matrix[:2])
-        code = straight_line(order, rows, columns, np.arange(count), rights, given.shape[1], size)
-        assert (len(code.stages) > 1) == (stage == 10)
+        code = unroll(order, rows, columns, np.arange(count), rights, given.shape[1], size)
+        assert (len(code.sections) > 1) == (stage == 10)
         found = code(given).reshape(len(given), 2, size)
         right = np.zeros((len(given), 2, size))
         right[:, 0], right[:, 1, 2] = given[:, count:], given[:, count + 5]
@@ -56,10 +56,10 @@ def test_straight_line_code_solves_as_lapack_does(stage, monkeypatch, tmp_path):
 
 
 def test_too_long_an_elimination_is_not_compiled(monkeypatch):
-    monkeypatch.setattr(straightline, "LIMIT", 10)
+    monkeypatch.setattr(unrolled, "LIMIT", 10)
     rows, columns, entries, matrix, _ = random_systems(0)
     right = np.arange(14)[None]
-    assert straight_line(plan(rows, columns, matrix), rows, columns, np.arange(len(rows)), right, 99, 14) is None
+    assert unroll(plan(rows, columns, matrix), rows, columns, np.arange(len(rows)), right, 99, 14) is None
 
 
 def oscillator(stiffness, damping=0.0):
@@ -116,7 +116,7 @@ def test_what_is_stiff_is_left_to_ida():
 
 
 def test_forced_it_says_what_is_wrong_instead(monkeypatch):
-    monkeypatch.setattr(lockstep, "STEPS", 50)
+    monkeypatch.setattr(batched, "STEPS", 50)
     k = uqmbd.RandomVariable("k", chaospy.Uniform(50, 150))
     _, found = run(oscillator(k), [1e6], "dop853")
     assert "more than 50 steps" in found.messages[0]
@@ -124,7 +124,7 @@ def test_forced_it_says_what_is_wrong_instead(monkeypatch):
 
 
 def test_too_large_a_mechanism_is_refused_if_forced_and_integrated_otherwise(monkeypatch):
-    monkeypatch.setattr(straightline, "LIMIT", 1)
+    monkeypatch.setattr(unrolled, "LIMIT", 1)
     k = uqmbd.RandomVariable("k", chaospy.Uniform(50, 150))
     with pytest.raises(uqmbd.StudyError, match="'oscillator' has too many equations.*'auto' or 'ida'"):
         run(oscillator(k), [100.0], "dop853")

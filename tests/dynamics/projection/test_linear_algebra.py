@@ -13,7 +13,7 @@ from scipy import sparse
 
 import uqmbd
 from uqmbd.dynamics.equations import state_arguments
-from uqmbd.dynamics.linear import straight_line as straightline
+from uqmbd.dynamics.linear import unrolled
 from uqmbd.dynamics.linear.nodal import CompiledSystems, LapackSystems
 from uqmbd.dynamics.projection import ida as projected_ida
 from uqmbd.dynamics.projection.coupled import Coupled
@@ -167,7 +167,7 @@ def test_coupled_system_is_solved_as_a_dense_one(mechanisms, project, monkeypatc
     projected = project(mechanism, 3)
     values = projected._values(projected.start.state, 0.0)
     if systems is LapackSystems:
-        monkeypatch.setattr(straightline, "LIMIT", 1)
+        monkeypatch.setattr(unrolled, "LIMIT", 1)
     coupled = Coupled(projected.model, projected.psi, projected.adjoint)
     if systems is LapackSystems:
         coupled.nodes = LapackSystems(projected.model)

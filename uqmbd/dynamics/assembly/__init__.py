@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from uqmbd.dynamics.assembly.assembly import Start, assemble, independent_rows, positions, velocities
-from uqmbd.dynamics.assembly.rank import Rank, dead_end, gradient, named, rank_along, violated
+from uqmbd.dynamics.assembly.rank import Rank, dead_end, gradient, gradient_lengths, named, rank_along, violated
 from uqmbd.dynamics.assembly.undefined import ahead
 from uqmbd.dynamics.assembly.uniqueness import not_unique, reaction_symbols
 
 __all__ = [
+    "gradient_lengths",
     "Rank",
     "Start",
     "ahead",

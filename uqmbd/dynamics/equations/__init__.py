@@ -6,7 +6,7 @@ from uqmbd.dynamics.equations.block import Instance, instances_of
 from uqmbd.dynamics.equations.derivation import Derived, derive
 from uqmbd.dynamics.equations.evaluator import Evaluator, Placement
 from uqmbd.dynamics.equations.expressions import TIME, plain
-from uqmbd.dynamics.equations.kernels import Kernel, cached, compile_kernel, straight_line_kernel
+from uqmbd.dynamics.equations.kernels import Kernel, cached, compile_kernel, unrolled_kernel
 from uqmbd.dynamics.equations.layout import Layout, state_arguments
 from uqmbd.dynamics.equations.limits import impossible, limits_of
 from uqmbd.dynamics.equations.model import (
@@ -51,5 +51,5 @@ __all__ = [
     "place",
     "plain",
     "state_arguments",
-    "straight_line_kernel",
+    "unrolled_kernel",
 ]

@@ -130,7 +130,7 @@ def _plainly(expressions: Sequence[Any], point: dict[Any, float]) -> Array | Non
     return np.array([number(e) for e in inserted])
 
 
-def straight_line_kernel(arguments: Sequence[Any], expressions: Sequence[Any]) -> Kernel:
+def unrolled_kernel(arguments: Sequence[Any], expressions: Sequence[Any]) -> Kernel:
     """Compile expressions that share nearly all their parts, as the steps of an elimination do.
 
     They are compiled as they stand: rebuilding or evaluating them one by one would visit shared parts again and again.

@@ -1,7 +1,8 @@
-"""Integration without events: explicit in lock-step, and implicit by IDA."""
+"""Integration without events: explicit in batches, and implicit by IDA."""
 
 from __future__ import annotations
 
+from uqmbd.dynamics.integration.batched import BatchedIntegration
 from uqmbd.dynamics.integration.constraint_check import (
     allowed_residual,
     described,
@@ -13,19 +14,20 @@ from uqmbd.dynamics.integration.constraint_check import (
 from uqmbd.dynamics.integration.dop853 import BatchEquations, integrate_by_dop853
 from uqmbd.dynamics.integration.functions_of_time import timed
 from uqmbd.dynamics.integration.ida import RELAXED, diagnosis, integrate_by_ida, step_limits, step_tolerance
-from uqmbd.dynamics.integration.legs import Leg, pace
-from uqmbd.dynamics.integration.lock_step import ORDER, LockStep, Out, longest_step
-from uqmbd.dynamics.integration.prescribed import Prescribed, gradient_lengths, instant, position_jumps, prescribed_by
+from uqmbd.dynamics.integration.legs import Leg, longest_step, pace
+from uqmbd.dynamics.integration.prescribed import Prescribed, instant, position_jumps, prescribed_by
 from uqmbd.dynamics.integration.restarts import speed_jumps
+from uqmbd.dynamics.integration.roles import Out
 from uqmbd.dynamics.integration.step_control import Curve, Stepper
 from uqmbd.dynamics.integration.sundials import solve
+from uqmbd.dynamics.integration.tableau import ORDER
 from uqmbd.dynamics.integration.trajectories import Counters, Segment, SegmentedMotion, Solved, Trajectories
 
 __all__ = [
     "Counters",
     "Curve",
     "Leg",
-    "LockStep",
+    "BatchedIntegration",
     "ORDER",
     "Out",
     "Prescribed",
@@ -39,7 +41,6 @@ __all__ = [
     "allowed_residual",
     "described",
     "diagnosis",
-    "gradient_lengths",
     "instant",
     "integrate_by_dop853",
     "integrate_by_ida",

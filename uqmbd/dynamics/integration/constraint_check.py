@@ -6,10 +6,10 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from uqmbd.dynamics.assembly import named
+from uqmbd.dynamics.assembly import gradient_lengths, named
 from uqmbd.dynamics.batch import Batch
 from uqmbd.dynamics.equations import Model, state_arguments
-from uqmbd.dynamics.integration.prescribed import gradient_lengths, instant
+from uqmbd.dynamics.integration.prescribed import instant
 from uqmbd.typing import Array, Index
 
 __all__ = ["BLOCK", "allowed_residual", "described", "off_constraints", "off_states", "over_allowed", "residuals"]
@@ -53,7 +53,7 @@ def off_constraints(ensemble: Batch, times: Array, states: Array, rtol: float) -
     size = np.clip(np.abs(states[:, 0, : layout.coordinates]).max(axis=1), 1e-3, 1.0)
     speed = np.nanmax(np.abs(states[..., velocities:]), axis=(1, 2), initial=0.0)
     allowed = allowed_residual(rtol)
-    scale = allowed * gradient_lengths(ensemble)
+    scale = allowed * gradient_lengths(ensemble.model, ensemble.start, ensemble.block)
     breaks, texts = ensemble.breaks, dict[int, tuple[int, str]]()
     per = max(1, BLOCK // len(times))
     for first in range(0, len(good), per):

@@ -1,4 +1,4 @@
-"""Explicit integration of the index-1 form, many realisations in lock-step.
+"""Explicit integration of the index-1 form, many realisations in a batch.
 
 After each step coordinates and velocities are projected onto the constraints [1]_, in the metric of the masses: the
 matrix is that of the accelerations.
@@ -17,10 +17,11 @@ import numpy as np
 
 from uqmbd.dynamics.batch import Batch
 from uqmbd.dynamics.equations import Model
-from uqmbd.dynamics.integration.legs import legs_of, pace
-from uqmbd.dynamics.integration.lock_step import LockStep, Out, longest_step
+from uqmbd.dynamics.integration.batched import BatchedIntegration
+from uqmbd.dynamics.integration.legs import legs_of, longest_step, pace
 from uqmbd.dynamics.integration.restarts import speed_jumps
-from uqmbd.dynamics.integration.singular_poses import Guard
+from uqmbd.dynamics.integration.roles import Out
+from uqmbd.dynamics.integration.singular_poses import SingularPoseWatcher
 from uqmbd.dynamics.integration.trajectories import Counters, Solved
 from uqmbd.dynamics.linear import System, excess
 from uqmbd.typing import Array, Index
@@ -66,10 +67,10 @@ def integrate_by_dop853(ensemble: Batch, members: Index, times: Array, rtol: flo
         part = todo.pop(0)
         some = ensemble.select(members[part])
         start, equations = some.start, BatchEquations(some.model, some.block)
-        guard = Guard(some.model, BatchEquations, rtol)
+        guard = SingularPoseWatcher(some.model, BatchEquations, rtol)
         longest = longest_step(some.model.rough, times)
         length = np.minimum(1.0, np.maximum(1e-3, np.abs(start.q).max(axis=1, initial=0.0)))
-        stack = LockStep(
+        stack = BatchedIntegration(
             equations, start.state, times, pace(some, times, rtol), rtol, rtol * length[:, None], None, longest, guard
         )
         stack.run()
@@ -121,14 +122,14 @@ class BatchEquations:
 
     def _call(self) -> Callable[[], None]:
         """Make what turns arguments into values and accelerations, with as little Python as possible."""
-        if self.kernel is None or len(self.accelerate.stages) > 1:
+        if self.kernel is None or len(self.accelerate.sections) > 1:
 
             def general() -> None:
                 self.values = np.ascontiguousarray(self.motion(self.arguments[:, : self.width + 2], self.block))
                 self.accelerate(self.values, self.acceleration)
 
             return general
-        kernels = self.kernel.function, self.accelerate.stages[0].kernel.function
+        kernels = self.kernel.function, self.accelerate.sections[0].kernel.function
         arguments, values, found = (x.reshape(-1) for x in (self.arguments, self.values, self.acceleration))
         count = len(self.arguments)
         if count == 1:
@@ -208,7 +209,7 @@ def _projected(
             block = ensemble.block[member : member + 1]
             equations, grid = BatchEquations(model, block), times[where - 1 : where + 1]
             legs = legs_of(ensemble.breaks[member], grid, model.max_step)
-            run = LockStep(equations, before, grid, legs, rtol, np.full((1, 1), rtol))
+            run = BatchedIntegration(equations, before, grid, legs, rtol, np.full((1, 1), rtol))
             run.steps_at_most = 100
             run.run()
             if np.isfinite(run.result[0, -1]).all():

@@ -11,7 +11,7 @@ from uqmbd.dynamics.integration.functions_of_time import look
 from uqmbd.dynamics.integration.trajectories import stops
 from uqmbd.typing import Array
 
-__all__ = ["Leg", "legs_of", "pace"]
+__all__ = ["Leg", "legs_of", "longest_step", "pace"]
 
 
 BAND = 16.0
@@ -72,6 +72,11 @@ def pace(ensemble: Batch, times: Array, rtol: float) -> tuple[Leg, ...]:
 def legs_of(breaks: Array, times: Array, longest: float = np.inf) -> tuple[Leg, ...]:
     """Lay out an integration with breaks at given times, and steps up to a length."""
     return tuple(Leg(end, longest) for end in [*stops(np.asarray(breaks), times).tolist(), float(times[-1])])
+
+
+def longest_step(rough: bool, times: Array) -> float:
+    """Longest step for forces with corners: as between output times, of which nobody expects to see less."""
+    return float(np.diff(times).max()) if rough else np.inf
 
 
 def _sizes(cells: Array, begin: float, end: float) -> tuple[Array, Array]:

@@ -10,7 +10,7 @@ import numpy as np
 import sympy
 from numpy.typing import NDArray
 
-from uqmbd.dynamics.assembly import named
+from uqmbd.dynamics.assembly import gradient_lengths, named
 from uqmbd.dynamics.batch import Batch
 from uqmbd.dynamics.equations import ParameterMap, plain, state_arguments
 from uqmbd.dynamics.integration.functions_of_time import look
@@ -18,7 +18,7 @@ from uqmbd.mechanism import Component, flatten, t
 from uqmbd.randomness import RandomVariable
 from uqmbd.typing import Array
 
-__all__ = ["Prescribed", "gradient_lengths", "instant", "jumped", "position_jumps", "prescribed_by"]
+__all__ = ["Prescribed", "instant", "jumped", "position_jumps", "prescribed_by"]
 
 
 INSTANT = 1e-12
@@ -31,8 +31,6 @@ LEAST = 1e-9
 """Jump, over the size of the mechanism, that is rounding whatever the tolerance."""
 ROUNDING = 1e-14
 """Jump, over the largest coordinate, that is rounding in any mechanism."""
-ROWS = 4096
-"""Realisations that are looked at once."""
 
 
 @dataclass(frozen=True)
@@ -128,7 +126,7 @@ def position_jumps(ensemble: Batch, times: Array, rtol: float) -> dict[int, str]
     if not breaks.size:
         return {}
     begin, end = float(times[0]), float(times[-1])
-    ok, gradients = ensemble.start.ok, gradient_lengths(ensemble)
+    ok, gradients = ensemble.start.ok, gradient_lengths(model, ensemble.start, ensemble.block)
     found: dict[int, str] = {}
     for column in breaks.T:
         some = np.flatnonzero(ok & (column >= begin) & (column <= end))
@@ -164,22 +162,6 @@ def _equation_jumps(ensemble: Batch, members: NDArray[np.int64], sides: Array) -
         ]
         found = np.maximum(found, jumped(*values))
     return found
-
-
-def gradient_lengths(ensemble: Batch) -> Array:
-    """Lengths of the gradients of the equations at the start, shape (K, equation)."""
-    model, start = ensemble.model, ensemble.start
-    evaluator = model.evaluators["velocity"]
-    squares = np.zeros((len(ensemble), model.layout.constraints))
-    columns, (rows, _) = evaluator.index["d"]
-    for first in range(0, len(ensemble), ROWS):
-        part = slice(first, first + ROWS)
-        q, s = start.q[part], start.s[part]
-        values = evaluator(state_arguments(model.time, q, s, np.zeros_like(q)), ensemble.block[part])[:, columns]
-        for k, row in enumerate(rows):
-            squares[part, row] += values[:, k] ** 2
-    lengths = np.sqrt(squares)
-    return np.where(lengths > 1e-9, lengths, 1.0)
 
 
 def _jump(ensemble: Batch, member: int, sides: Array, time: float, equations: NDArray[np.int64]) -> str:

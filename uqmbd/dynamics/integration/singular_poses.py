@@ -23,11 +23,11 @@ import numpy as np
 
 from uqmbd.dynamics.assembly import Rank, dead_end, gradient, independent_rows, named, rank_along
 from uqmbd.dynamics.equations import Model, state_arguments
-from uqmbd.dynamics.integration.lock_step import Course, Equations, Node
+from uqmbd.dynamics.integration.roles import Continuation, Equations, Node
 from uqmbd.dynamics.linear import index1_system
 from uqmbd.typing import Array
 
-__all__ = ["Guard", "repivoted"]
+__all__ = ["SingularPoseWatcher", "repivoted"]
 
 
 REACH = 4.0
@@ -93,8 +93,8 @@ def repivoted(model: Model, q: Array, s: Array, time: float, parameters: Array) 
 
 
 @dataclass
-class Guard:
-    """Watches the rank for a lock-step integration.
+class SingularPoseWatcher:
+    """Watches the rank for a batched integration.
 
     Attributes
     ----------
@@ -126,7 +126,7 @@ class Guard:
         self.notes: list[str] = []
         self.models: list[tuple[float, Model]] = [(-np.inf, self.model)]
         self.looks, self.final = 0, False
-        self.best: Course | None = None
+        self.best: Continuation | None = None
         self.least, self.distance = np.inf, np.inf
 
     @property
@@ -139,7 +139,9 @@ class Guard:
         rank = self._rank(time, z, parameters)
         return min(abs(rank.ahead), abs(rank.kept_ahead)) < REACH * size
 
-    def look(self, now: float, nodes: Sequence[Node], size: float, end: float, equations: Equations) -> Course | None:
+    def look(
+        self, now: float, nodes: Sequence[Node], size: float, end: float, equations: Equations
+    ) -> Continuation | None:
         """Say how to go on from the last node; None: as before.
 
         Parameters
@@ -165,7 +167,7 @@ class Guard:
             if abs(rank.ahead) > REACH * max(size, step):
                 return None
             if abs(rank.ahead) < FOOTING * step and len(nodes) > 1:
-                return Course(back=True)
+                return Continuation(back=True)
         if rank.ahead <= 0 or rank.ahead > 100 * max(size, step):
             return self._calm()
         self.looks += 1
@@ -173,8 +175,8 @@ class Guard:
         if rank.ahead < END * max(1.0, abs(now)) or self.looks > LOOKS:
             # with many looks it may be rounding that forbids to pass: another method may be lucky
             self.final = sure = self.looks <= LOOKS
-            return Course(reason=dead_end(self.model, now, replace(rank, every=0.0), sure=sure))
-        return self._over(now, nodes, rank, end, equations) or Course()
+            return Continuation(reason=dead_end(self.model, now, replace(rank, every=0.0), sure=sure))
+        return self._over(now, nodes, rank, end, equations) or Continuation()
 
     def reason(self, now: float, z: Array, parameters: Array) -> str:
         """Say why the steps became too small, if it is the rank; else nothing."""
@@ -189,13 +191,13 @@ class Guard:
     def _speed(self, z: Array) -> float:
         return float(np.abs(z[self.model.layout.velocities :]).max(initial=0.0))
 
-    def _calm(self) -> Course | None:
+    def _calm(self) -> Continuation | None:
         """Go on as if nothing had been."""
         before, self.looks, self.limit = self.looks, 0, np.inf
         self.best, self.least, self.distance = None, np.inf, np.inf
-        return Course() if before else None
+        return Continuation() if before else None
 
-    def _others(self, now: float, z: Array, rank: Rank, equations: Equations) -> Course | None:
+    def _others(self, now: float, z: Array, rank: Rank, equations: Equations) -> Continuation | None:
         """Keep other equations."""
         n, k = self.model.layout.coordinates, self.model.layout.states
         model = repivoted(self.model, z[:n], z[n : n + k], now, equations.block[0])
@@ -210,9 +212,11 @@ class Guard:
         self.model = model
         self.models.append((now, model))
         self._calm()
-        return Course(equations=self.remake(model, equations.block))
+        return Continuation(equations=self.remake(model, equations.block))
 
-    def _over(self, now: float, nodes: Sequence[Node], rank: Rank, end: float, equations: Equations) -> Course | None:
+    def _over(
+        self, now: float, nodes: Sequence[Node], rank: Rank, end: float, equations: Equations
+    ) -> Continuation | None:
         """Pass over a singular pose, if the motion can be continued well enough."""
         if len(nodes) >= FEWEST:
             self._continue(now, nodes, rank, end, equations)
@@ -250,7 +254,7 @@ class Guard:
             ):
                 continue
             if -4 * rank.ahead < self._rank(time, state, equations.block[0]).ahead < -0.2 * rank.ahead:
-                self.best = Course(time=time, state=state, curve=curve)
+                self.best = Continuation(time=time, state=state, curve=curve)
                 self.least, self.distance = error, rank.ahead
                 return
 

@@ -1,6 +1,6 @@
 """Single steps of the explicit method of order 8, of one realisation, with an interpolant of each.
 
-The method is that of `uqmbd.dynamics.integration.lock_step`; here somebody else decides where a step ends.
+The method is that of `uqmbd.dynamics.integration.batched`; here somebody else decides where a step ends.
 """
 
 from __future__ import annotations
@@ -10,7 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from uqmbd.dynamics.integration.lock_step import ORDER, STAGES, Out, _tableau
+from uqmbd.dynamics.integration.roles import Out
+from uqmbd.dynamics.integration.tableau import ORDER, STAGES, interpolation_powers, tableau
 from uqmbd.typing import Array
 
 __all__ = ["Curve", "Stepper"]
@@ -37,10 +38,7 @@ class Curve:
 
     def __call__(self, times: Array) -> Array:
         """States at times (T,), shape (T, width)."""
-        x = (times - self.begin) / self.size
-        powers = np.empty((len(x), len(self.parts)))
-        powers[:, ::2], powers[:, 1::2] = x[:, None], (1 - x)[:, None]
-        found: Array = self.start + np.cumprod(powers, axis=1) @ self.parts
+        found: Array = self.start + interpolation_powers((times - self.begin) / self.size) @ self.parts
         return found
 
 
@@ -61,7 +59,7 @@ class Stepper:
         self, rate: Callable[[float, Array, Out], None], n: int, velocities: int, width: int, rtol: float
     ) -> None:
         self.rate, self.rtol, self.velocities = rate, rtol, velocities
-        self.tableau = _tableau()
+        self.tableau = tableau()
         self.k = np.zeros((STAGES + 4, width))
         rows = [self.k[i : i + 1] for i in range(STAGES + 4)]
         self.out = [(row[:, :n], row[:, velocities:], row) for row in rows]

@@ -21,7 +21,7 @@ from uqmbd.dynamics.projection import (
     Projection,
     Watch,
     implicit,
-    lock_step,
+    integrate_batched,
 )
 from uqmbd.errors import StudyError
 from uqmbd.plugins import hookimpl
@@ -69,7 +69,7 @@ class Dop853:
         if not projected.model.layout.unknowns:
             return _still(projected, times)
         begin = clock.perf_counter()
-        run, equations = lock_step(projected, times, rtol, watch)
+        run, equations = integrate_batched(projected, times, rtol, watch)
         counters = {
             "accelerations": equations.evaluations,
             "steps": run.steps,

@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from uqmbd.dynamics.assembly import violated
+from uqmbd.dynamics.assembly import gradient_lengths, violated
 from uqmbd.dynamics.ensemble import Ensemble
-from uqmbd.dynamics.integration import Trajectories, gradient_lengths, off_constraints, position_jumps
+from uqmbd.dynamics.integration import Trajectories, off_constraints, position_jumps
 from uqmbd.typing import Array
 
 __all__ = ["checked"]
@@ -59,7 +59,8 @@ def _violations(ensemble: Ensemble, times: Array, states: Array, rtol: float) ->
     model = ensemble.model
     if model.layout.rank == model.layout.constraints:
         return {}
-    return violated(model, times, states, ensemble.block, gradient_lengths(ensemble), rtol)
+    lengths = gradient_lengths(model, ensemble.start, ensemble.block)
+    return violated(model, times, states, ensemble.block, lengths, rtol)
 
 
 def _others(method: Method, ensemble: Ensemble, times: Array, rtol: float, jumps: dict[int, str]) -> Trajectories:

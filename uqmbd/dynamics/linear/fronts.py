@@ -21,7 +21,7 @@ import numpy as np
 from uqmbd.dynamics.equations import Kernel, cached
 from uqmbd.dynamics.linear.elimination import plan
 from uqmbd.dynamics.linear.ordering import Front
-from uqmbd.dynamics.linear.straight_line import Operation, eliminated, stage_kernel, worth_while
+from uqmbd.dynamics.linear.unrolled import Operation, eliminated, section_kernel, worth_while
 from uqmbd.typing import Array, Index
 
 __all__ = ["Fronts", "FrontalSolver", "frontal"]
@@ -111,7 +111,7 @@ class Fronts:
 
 @dataclass(frozen=True)
 class FrontalSolver:
-    """Solves systems for right-hand sides that are among the given values; used like a `StraightLine`.
+    """Solves systems for right-hand sides that are among the given values; used like a `UnrolledElimination`.
 
     Attributes
     ----------
@@ -133,12 +133,12 @@ class FrontalSolver:
         return self.fronts.given
 
     @property
-    def stages(self) -> tuple[_Batch, ...]:
+    def sections(self) -> tuple[_Batch, ...]:
         """The code."""
         return self.fronts.batches
 
     def __call__(self, given: Array, out: Array | None = None) -> Array:
-        """Solve, for one right-hand side after the other, as `StraightLine` does."""
+        """Solve, for one right-hand side after the other, as `UnrolledElimination` does."""
         count = len(given)
         if out is None:
             out = np.empty((count, len(self.rights) * self.wanted))
@@ -317,6 +317,6 @@ def _code(key: Any, typical: Array) -> _Code | None:
         return None
     name = ("front", key, order.steps)
     forward, backward = cached(
-        name, lambda: (stage_kernel(operations, first, writes), stage_kernel(back, begin, results))
+        name, lambda: (section_kernel(operations, first, writes), section_kernel(back, begin, results))
     )
     return _Code(forward, backward, beside, tuple(left), tuple(moved), len(operations) + len(back))

@@ -9,7 +9,7 @@ import numpy as np
 from uqmbd.dynamics.equations import Model
 from uqmbd.dynamics.linear.index1 import DENSE_LIMIT, System
 from uqmbd.dynamics.linear.sparse import Factors
-from uqmbd.dynamics.linear.straight_line import StraightLine, defect_kernel, straight_line
+from uqmbd.dynamics.linear.unrolled import UnrolledElimination, defect_kernel, unroll
 from uqmbd.typing import Array
 
 __all__ = [
@@ -57,10 +57,10 @@ def nodal_systems(model: Model, count: int) -> NodalSystems:
     system: System = model.system
     if system.fronts is not None:
         return FrontalSystems(model)
-    if system.elimination is not None and isinstance(system.solve, StraightLine) and system.project is not None:
+    if system.elimination is not None and isinstance(system.solve, UnrolledElimination) and system.project is not None:
         given, size = system.solve.given, system.size
         rights = given + np.arange(size)[None, :]
-        code = straight_line(system.elimination, system.rows, system.columns, system.source, rights, given + size, size)
+        code = unroll(system.elimination, system.rows, system.columns, system.source, rights, given + size, size)
         if code is not None:
             return CompiledSystems(system, code, count)
     return SparseSystems(model) if system.size > DENSE_LIMIT else LapackSystems(model)

@@ -14,7 +14,7 @@ from uqmbd.dynamics.linear.elimination import Elimination, plan
 from uqmbd.dynamics.linear.fronts import FrontalSolver, Fronts, frontal
 from uqmbd.dynamics.linear.ordering import rounds_of, units_of
 from uqmbd.dynamics.linear.sparse import SparsePattern
-from uqmbd.dynamics.linear.straight_line import StraightLine, residual_kernel, straight_line
+from uqmbd.dynamics.linear.unrolled import UnrolledElimination, residual_kernel, unroll
 from uqmbd.typing import Array, Index
 
 __all__ = ["System", "index1_system"]
@@ -55,13 +55,13 @@ class System:
     elimination: Elimination | None = None
     fronts: Fronts | None = None
     """Compiled elimination by blocks, of a large system."""
-    solve: StraightLine | FrontalSolver | None = None
+    solve: UnrolledElimination | FrontalSolver | None = None
     """Compiled: results of the ``acceleration`` evaluator -> accelerations and multipliers."""
     residual: Kernel | None = None
     """Compiled: these results and the solution -> how well it satisfies the system."""
-    accelerate: StraightLine | FrontalSolver | None = None
+    accelerate: UnrolledElimination | FrontalSolver | None = None
     """Compiled: results of the ``acceleration`` evaluator -> accelerations."""
-    project: StraightLine | FrontalSolver | None = None
+    project: UnrolledElimination | FrontalSolver | None = None
     """Compiled: these results, then those of the ``drift`` evaluator -> what is too much of coordinates and velocities,
     by the least norm in the metric of the masses."""
 
@@ -155,10 +155,10 @@ def _compiled(model: Model, system: System, typical: Array) -> System:
     given, n = len(model.evaluators["acceleration"].targets), model.layout.coordinates
     motion, excess = _rights(system, given)
 
-    def code(rights: Index, values: int, wanted: int) -> StraightLine | None:
+    def code(rights: Index, values: int, wanted: int) -> UnrolledElimination | None:
         order = system.elimination
         assert order is not None
-        return straight_line(order, system.rows, system.columns, system.source, rights, values, wanted)
+        return unroll(order, system.rows, system.columns, system.source, rights, values, wanted)
 
     solve = code(motion, given, system.size)
     if solve is None:

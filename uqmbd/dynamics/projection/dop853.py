@@ -1,15 +1,15 @@
-"""Explicit integration of the projected index-1 form: the lock-step method, its rows coupled through the basis."""
+"""Explicit integration of the projected index-1 form: batched, its rows coupled through the basis."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from uqmbd.dynamics.integration import LockStep, Out, longest_step, pace
+from uqmbd.dynamics.integration import BatchedIntegration, Out, longest_step, pace
 from uqmbd.dynamics.projection.ensemble import Projection
 from uqmbd.dynamics.projection.trajectories import Watch
 from uqmbd.typing import Array, Index
 
-__all__ = ["ProjectedEquations", "lock_step"]
+__all__ = ["ProjectedEquations", "integrate_batched"]
 
 
 SOLVED = 1e-2
@@ -67,14 +67,16 @@ class ProjectedEquations:
         """Coupled rows stay together."""
 
 
-def lock_step(
+def integrate_batched(
     projected: Projection, times: Array, rtol: float, watch: Watch | None = None
-) -> tuple[LockStep, ProjectedEquations]:
-    """Integrate; the lock-step holds coefficients (P, T, width), and the reason if it could not go on."""
+) -> tuple[BatchedIntegration, ProjectedEquations]:
+    """Integrate; the run holds coefficients (P, T, width), and the reason if it could not go on."""
     equations, start = ProjectedEquations(projected, rtol), projected.start
     longest = longest_step(projected.model.rough, times)
     size = float(np.abs(projected.ensemble.start.q).max(initial=0.0))
     floor = np.full((projected.terms, 1), rtol * min(1.0, max(1e-3, size)))
-    run = LockStep(equations, start.state, times, pace(projected.ensemble, times, rtol), rtol, floor, watch, longest)
+    run = BatchedIntegration(
+        equations, start.state, times, pace(projected.ensemble, times, rtol), rtol, floor, watch, longest
+    )
     run.run()
     return run, equations

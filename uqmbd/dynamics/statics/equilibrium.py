@@ -25,7 +25,7 @@ import numpy as np
 from uqmbd.dynamics.assembly import Start, velocities
 from uqmbd.dynamics.batch import Batch
 from uqmbd.dynamics.linear import accelerations
-from uqmbd.dynamics.statics.at_rest import Forces, Rest, apply, tangents
+from uqmbd.dynamics.statics.rest_equations import Forces, RestEquations, apply, tangents
 from uqmbd.typing import Array, Index, Mask
 
 __all__ = ["Equilibrium", "equilibrium_start", "static_equilibria"]
@@ -136,7 +136,7 @@ class _Search:
     """The iteration for some realisations, and how far each of them is."""
 
     def __init__(self, ensemble: Batch) -> None:
-        self.model, self.rest = ensemble.model, Rest(ensemble)
+        self.model, self.rest = ensemble.model, RestEquations(ensemble)
         self.q, self.s = self.rest.coordinates(ensemble.start.q).copy(), ensemble.start.s.copy()
         count = len(self.q)
         self.every = np.arange(count)

@@ -22,7 +22,7 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from uqmbd.dynamics.batch import Batch
-from uqmbd.dynamics.statics.at_rest import Rest, apply, tangents
+from uqmbd.dynamics.statics.rest_equations import RestEquations, apply, tangents
 from uqmbd.typing import Array
 
 __all__ = ["Modes", "linearise"]
@@ -76,7 +76,7 @@ def linearise(ensemble: Batch, q: Array, s: Array) -> Modes:
         A mode for each degree of freedom; one that is damped so much that it does not oscillate gives two.  NaN where
         a pose is not finite or a mass is not positive.
     """
-    rest, every = Rest(ensemble), np.arange(len(ensemble))
+    rest, every = RestEquations(ensemble), np.arange(len(ensemble))
     if not rest.n:
         return Modes(np.zeros((len(q), 0), dtype=complex))
     free = rest.coordinates(q)

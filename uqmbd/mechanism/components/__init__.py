@@ -20,10 +20,10 @@ from uqmbd.mechanism.components.component import (
     flatten,
 )
 from uqmbd.mechanism.components.parameter import range_text
+from uqmbd.mechanism.components.parameter_values import settle
 from uqmbd.mechanism.components.reaction import Loaded
 from uqmbd.mechanism.components.turn_counting import counted_angle, half_angle
 from uqmbd.mechanism.components.user_law import law_at, law_values
-from uqmbd.mechanism.components.values import settle
 
 __all__ = [
     "Auxiliary",

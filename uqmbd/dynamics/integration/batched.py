@@ -1,4 +1,4 @@
-"""Explicit Runge-Kutta integration in lock-step, with projection onto constraints after each step.
+"""Batched integration: many realisations share the explicit Runge-Kutta steps, each of which ends on the constraints.
 
 The method of order 8 with its interpolant of order 7 is that of Dormand and Prince [1]_; its coefficients are SciPy's.
 Rows are either members that only share the steps, whose size follows the worst of them, or coupled: one problem.  A
@@ -15,21 +15,16 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
 from uqmbd.dynamics.integration.legs import Leg
+from uqmbd.dynamics.integration.roles import Equations, Node, Watcher
+from uqmbd.dynamics.integration.tableau import ORDER, STAGES, interpolation_powers, tableau
 from uqmbd.typing import Array, Index
 
-__all__ = ["Course", "Equations", "LockStep", "Node", "Out", "Watcher", "longest_step"]
+__all__ = ["BatchedIntegration"]
 
-Out = tuple[Array, Array, Array]
-"""Rates of coordinates, of velocities, and of the whole state, shape (row, ...): views of one array."""
-
-STAGES = 12
-ORDER = 8
 STIFF = 6.1
 """Step size times the size of the Jacobian from which the method's stability, not its accuracy, limits the step."""
 PATIENCE = 15
@@ -50,123 +45,7 @@ NODES = 5
 """Accepted states that are remembered."""
 
 
-@dataclass(frozen=True)
-class _Tableau:
-    """Coefficients: stages, the step, estimates of its error of order 5 and 3, and the interpolant."""
-
-    a: Array
-    c: Array
-    b: Array
-    errors: Array
-    more_a: Array
-    more_c: Array
-    dense: Array
-
-
-def _tableau() -> _Tableau:
-    from scipy.integrate import DOP853 as method
-
-    stages, count = np.eye(STAGES + 4), STAGES + 1
-    step = np.concatenate([method.B, np.zeros(4)])
-    dense = np.array([step, stages[0] - step, 2 * step - stages[STAGES] - stages[0], *method.D])
-    errors = np.array([method.E5[:count], method.E3[:count]])
-    return _Tableau(
-        np.array(method.A[:STAGES, :STAGES]), method.C, method.B, errors, method.A_EXTRA, method.C_EXTRA, dense
-    )
-
-
-class Node(NamedTuple):
-    """An accepted state of one realisation, shape (width,), and its rate."""
-
-    time: float
-    z: Array
-    rate: Array
-
-
-@dataclass(frozen=True)
-class Course:
-    """How one realisation is to go on.
-
-    Attributes
-    ----------
-    reason : str
-        Not at all, because ...
-    back : bool
-        From the node before.
-    equations : Equations, optional
-        With these.
-    state : array, shape (width,), optional
-        From this state at `time`, the motion until then being ``curve(time)``.
-    """
-
-    reason: str = ""
-    back: bool = False
-    equations: Any = None
-    time: float = 0.0
-    state: Array | None = None
-    curve: Callable[[Any], Array] | None = None
-
-
-class Watcher(Protocol):
-    """Is asked where steps become difficult: `uqmbd.dynamics.integration.singular_poses.Guard`."""
-
-    limit: float
-
-    @property
-    def alert(self) -> bool:
-        """Whether it wants to be asked after each step."""
-
-    def near(self, time: float, z: Array, size: float, parameters: Array) -> bool:
-        """Whether a realisation among others is to be integrated alone."""
-
-    def look(self, now: float, nodes: Sequence[Node], size: float, end: float, equations: Any) -> Course | None:
-        """How a realisation that is alone is to go on; None: as before."""
-
-    def reason(self, now: float, z: Array, parameters: Array) -> str:
-        """Why steps became too small, or nothing."""
-
-
-class Equations(Protocol):
-    """Equations of motion of all rows, with a buffer for their states.
-
-    Attributes
-    ----------
-    n, velocities : int
-        Number of coordinates, and first velocity, of a row's state.
-    moving : int
-        Entries of a state that change.
-    coupled : bool
-        Whether all rows are one problem.
-    evaluations : int
-        So far.
-    state : array, shape (row, width)
-        Where states are put before they are evaluated.
-    block : array, shape (row, parameter)
-        Parameters.
-    """
-
-    n: int
-    velocities: int
-    moving: int
-    coupled: bool
-    evaluations: int
-    state: Array
-    block: Array
-
-    def rate(self, time: float, out: Out) -> None:
-        """Write the rates of ``self.state``."""
-
-    def excess(self) -> tuple[Array, Array]:
-        """By what coordinates and velocities of ``self.state``, whose rate is known, exceed the constraints."""
-
-    def keep(self, rows: Index) -> None:
-        """Go on with some rows only."""
-
-    def impulse(self, time: float, rtol: float) -> tuple[Array, dict[int, str]]:
-        """Find how velocities of ``self.state`` jump where prescribed speeds do, and who cannot go on."""
-
-
-class LockStep:
+class BatchedIntegration:
     """One integration.
 
     Parameters
@@ -217,8 +96,7 @@ class LockStep:
         guard: Watcher | None = None,
     ) -> None:
         self.equations, self.times, self.rtol, self.floor = equations, times, rtol, floor
-        self.legs = legs
-        self.z = z.copy()
+        self.legs, self.z = legs, z.copy()
         self.result = np.full((len(z), len(times), z.shape[1]), np.nan)
         self.result[:, 0] = z
         self.rows = np.arange(len(z))
@@ -233,11 +111,10 @@ class LockStep:
         self.steps_at_most = STEPS
         self.allowed = SURPLUS**2 * equations.moving * (float(np.min(floor)) ** 2 if np.size(floor) else 0.0)
         self._allocate()
-        self.tableau = _tableau()
+        self.tableau = tableau()
         self.scaled = np.empty_like(self.tableau.a)
         self.weights = [self.scaled[i, :i] for i in range(1, STAGES)]
-        self.stiff = np.zeros(len(self.members), dtype=int)
-        self.slow = np.zeros(len(self.members), dtype=int)
+        self.stiff, self.slow = np.zeros((2, len(self.members)), dtype=int)
 
     def run(self) -> None:
         """Integrate through all break times."""
@@ -389,24 +266,24 @@ class LockStep:
         if not self.nodes:  # the others have left just now
             self._remember(now)
         calm = not self.guard.alert
-        course = self.guard.look(now, self._remembered(), size, end, self.equations)
-        if course is None:
+        continuation = self.guard.look(now, self._remembered(), size, end, self.equations)
+        if continuation is None:
             return now, False
-        if course.reason:
-            self._leave(np.zeros(1, dtype=np.int64), course.reason)
+        if continuation.reason:
+            self._leave(np.zeros(1, dtype=np.int64), continuation.reason)
             return now, True
-        if course.equations is not None:
-            course.equations.evaluations += self.equations.evaluations
-            self.equations = course.equations
+        if continuation.equations is not None:
+            continuation.equations.evaluations += self.equations.evaluations
+            self.equations = continuation.equations
             self._settle(now)
             self.nodes.clear()
-        elif course.back and len(self.nodes) > 1:
+        elif continuation.back and len(self.nodes) > 1:
             self.nodes.pop()
             now, self.z = self.nodes.pop()
-        elif course.state is not None and course.curve is not None:
-            inside = np.flatnonzero((self.times > now) & (self.times <= course.time))
-            self.result[self.rows[0], inside] = course.curve(self.times[inside]) if len(inside) else 0.0
-            now, self.z = course.time, course.state[None].copy()
+        elif continuation.state is not None and continuation.curve is not None:
+            inside = np.flatnonzero((self.times > now) & (self.times <= continuation.time))
+            self.result[self.rows[0], inside] = continuation.curve(self.times[inside]) if len(inside) else 0.0
+            now, self.z = continuation.time, continuation.state[None].copy()
             self.nodes.clear()
         elif calm and self.guard.alert:
             self._settle(now)
@@ -415,7 +292,7 @@ class LockStep:
             return now, self.guard.limit < size
         self._rate(now, self.z, 0)
         self._remember(now)
-        return self._doubt(now, size, end, which)[0] if course.back else now, True
+        return self._doubt(now, size, end, which)[0] if continuation.back else now, True
 
     def _rate(self, time: float, z: Array, stage: int) -> None:
         self.equations.state[:] = z
@@ -453,19 +330,19 @@ class LockStep:
 
     def _attempt(self, now: float, size: float) -> tuple[Array, Array]:
         """Try a step: the error of each realisation in units of the tolerance, and the new states."""
-        tableau, equations = self.tableau, self.equations
+        method, equations = self.tableau, self.equations
         low, high = self.inside
-        moments = np.clip(now + size * tableau.c, low, high).tolist()
-        np.multiply(tableau.a, size, out=self.scaled)
+        moments = np.clip(now + size * method.c, low, high).tolist()
+        np.multiply(method.a, size, out=self.scaled)
         for stage, weights in enumerate(self.weights, 1):
             np.dot(weights, self.first[stage], out=self.buffer)
             np.add(self.z, self.sum, out=equations.state)
             equations.rate(moments[stage], self.out[stage])
         self.last = equations.state.copy()
-        new = self.z + self._combine(size * tableau.b, STAGES)
+        new = self.z + self._combine(size * method.b, STAGES)
         self._rate(now + size, new, STAGES)
         scale = self.floor + self.rtol * np.maximum(self._magnitude(self.z), self._magnitude(new))
-        both = np.dot(tableau.errors, self.first[STAGES + 1]).reshape(2, *new.shape)
+        both = np.dot(method.errors, self.first[STAGES + 1]).reshape(2, *new.shape)
         both /= scale
         fifth, third = self._squares(both[0]), self._squares(both[1])
         # where both vanish so does the error; what is not finite stays so
@@ -479,14 +356,12 @@ class LockStep:
         inside = np.arange(*np.searchsorted(self.times, (now, last), side="right"))
         if not len(inside):
             return
-        tableau, count = self.tableau, STAGES + 1
+        method, count = self.tableau, STAGES + 1
         for more in range(3):
-            shifted = self.z + size * self._combine(tableau.more_a[more, : count + more], count + more)
-            self._rate(now + tableau.more_c[more] * size, shifted, count + more)
+            shifted = self.z + size * self._combine(method.more_a[more, : count + more], count + more)
+            self._rate(now + method.more_c[more] * size, shifted, count + more)
         x = np.minimum((self.times[inside] - now) / size, 1.0)
-        powers = np.empty((len(inside), 7))
-        powers[:, ::2], powers[:, 1::2] = x[:, None], (1 - x)[:, None]
-        weights = size * (np.cumprod(powers, axis=1) @ tableau.dense)
+        weights = size * (interpolation_powers(x) @ method.dense)
         found = np.dot(weights, self.first[-1]).reshape(len(inside), *self.z.shape)
         self.result[self.rows[:, None], inside] = (self.z + found).transpose(1, 0, 2)
         if self.watch is not None and inside[-1] >= self.watched + max(1, len(self.times) // 20):
@@ -543,8 +418,3 @@ class LockStep:
             f"the integration stopped at t = {now:.6g} s: the step size fell to {size:.1g} s; probably a singular "
             "pose, a stop or an impact, or a force that jumps"
         )
-
-
-def longest_step(rough: bool, times: Array) -> float:
-    """Longest step for forces with corners: as between output times, of which nobody expects to see less."""
-    return float(np.diff(times).max()) if rough else np.inf

@@ -23,7 +23,7 @@ from uqmbd.dynamics.equations import state_arguments
 from uqmbd.dynamics.linear import RANK_TOLERANCE
 from uqmbd.typing import Array, Index
 
-__all__ = ["Forces", "Rest", "apply", "tangents"]
+__all__ = ["Forces", "RestEquations", "apply", "tangents"]
 
 
 def apply(matrices: Array, vectors: Array) -> Array:
@@ -110,7 +110,7 @@ def _normal(gradient: Array, right: Array) -> Array:
     return apply(np.linalg.pinv(np.nan_to_num(gram), rcond=RANK_TOLERANCE**2, hermitian=True), right)
 
 
-class Rest:
+class RestEquations:
     """Realisations at rest.
 
     Parameters

@@ -1,7 +1,7 @@
-"""Gaussian elimination as compiled straight-line code, for many small systems of one pattern.
+"""Unrolled elimination: Gaussian elimination as compiled code without loops, for many small systems of one pattern.
 
 The operations of an `Elimination` are written down once, without loops or tests, and compiled.  Where there are many,
-they are compiled in stages, each of a length that the compiler still likes; values that a later stage needs travel
+they are compiled in sections, each of a length that the compiler still likes; values that a later section needs travel
 through an array.
 """
 
@@ -13,42 +13,42 @@ from typing import Any
 
 import numpy as np
 
-from uqmbd.dynamics.equations import Kernel, cached, straight_line_kernel
+from uqmbd.dynamics.equations import Kernel, cached, unrolled_kernel
 from uqmbd.dynamics.linear.elimination import Elimination
 from uqmbd.typing import Array, Index
 
 __all__ = [
     "LIMIT",
     "Operation",
-    "StraightLine",
+    "UnrolledElimination",
     "defect_kernel",
     "eliminated",
     "residual_kernel",
-    "stage_kernel",
-    "straight_line",
+    "section_kernel",
+    "unroll",
     "worth_while",
 ]
 
 
-STAGE = 2000
+SECTION = 2000
 """Operations that are compiled together."""
 
 DEEP = 10**12
-"""Size, as a tree without shared parts, of an expression that ends a stage: deeper ones take the compiler minutes."""
+"""Size, as a tree without shared parts, of an expression that ends a section: deeper ones take the compiler minutes."""
 
 LIMIT = 4000
 """Operations up to which compilation pays."""
 
 
 BLOCK = 64
-"""Systems whose values between stages are held at once: they should stay in the processor's cache."""
+"""Systems whose values between sections are held at once: they should stay in the processor's cache."""
 
 TINY = 1e-150
 """Added to a sum of magnitudes that may vanish; its square must not underflow."""
 
 
 @dataclass(frozen=True)
-class _Stage:
+class _Section:
     """Some operations: which values they read, and where their results go."""
 
     kernel: Kernel
@@ -57,7 +57,7 @@ class _Stage:
 
 
 @dataclass(frozen=True)
-class StraightLine:
+class UnrolledElimination:
     """A compiled elimination.
 
     Attributes
@@ -65,8 +65,8 @@ class StraightLine:
     given : int
         Values that are given with each system.
     width : int
-        Values that are kept between stages; the first are the given ones.
-    stages : tuple
+        Values that are kept between sections; the first are the given ones.
+    sections : tuple
         The code.
     solution : array of int
         Where the solution is among the values.
@@ -74,7 +74,7 @@ class StraightLine:
 
     given: int
     width: int
-    stages: tuple[_Stage, ...]
+    sections: tuple[_Section, ...]
     solution: Index
 
     def __call__(self, given: Array, out: Array | None = None) -> Array:
@@ -92,23 +92,23 @@ class StraightLine:
         array, shape (K, solution)
             The wanted unknowns, of one right-hand side after the other; infinite or NaN where a pivot vanishes.
         """
-        if len(self.stages) == 1:
-            return self.stages[0].kernel.fast(given, out)
+        if len(self.sections) == 1:
+            return self.sections[0].kernel.fast(given, out)
         if out is None:
             out = np.empty((len(given), len(self.solution)))
         for first in range(0, len(given), BLOCK):
             part = given[first : first + BLOCK]
             values = np.empty((len(part), self.width))
             values[:, : self.given] = part
-            for stage in self.stages:
-                values[:, stage.writes] = stage.kernel.fast(np.ascontiguousarray(values[:, stage.reads]))
+            for section in self.sections:
+                values[:, section.writes] = section.kernel.fast(np.ascontiguousarray(values[:, section.reads]))
             out[first : first + BLOCK] = values[:, self.solution]
         return out
 
 
-def straight_line(
+def unroll(
     elimination: Elimination, rows: Index, columns: Index, entries: Index, rights: Index, given: int, wanted: int
-) -> StraightLine | None:
+) -> UnrolledElimination | None:
     """Compile an elimination, or return None if it has too many operations.
 
     Parameters
@@ -131,7 +131,7 @@ def straight_line(
         return None
     key = (
         "straight line",
-        STAGE,
+        SECTION,
         DEEP,
         given,
         wanted,
@@ -141,8 +141,8 @@ def straight_line(
         rights.tolist(),
         elimination.steps,
     )
-    stages: tuple[_Stage, ...] = cached(key, lambda: _compiled(operations, given, solution))
-    return StraightLine(given, given + len(operations), stages, np.array(solution, dtype=np.int64))
+    sections: tuple[_Section, ...] = cached(key, lambda: _compiled(operations, given, solution))
+    return UnrolledElimination(given, given + len(operations), sections, np.array(solution, dtype=np.int64))
 
 
 def worth_while(operations: list[Operation]) -> bool:
@@ -153,7 +153,7 @@ def worth_while(operations: list[Operation]) -> bool:
 def residual_kernel(rows: Index, columns: Index, entries: Index, right: Index, given: int) -> Kernel:
     """Compile how well a solution satisfies its system: ``sum_i ((A x - b)_i / (|A| |x| + |b|)_i)^2``.
 
-    Its arguments are the given values and the solution; the others are those of `straight_line`.
+    Its arguments are the given values and the solution; the others are those of `unroll`.
     """
 
     def make() -> Kernel:
@@ -167,7 +167,7 @@ def residual_kernel(rows: Index, columns: Index, entries: Index, right: Index, g
             parts += [-values[b]] if b >= 0 else []
             size = se.Add(*[abs(x) for x in parts]) + TINY
             total += (se.Add(*parts) / size) ** 2
-        return straight_line_kernel([*values, *unknowns], [total])
+        return unrolled_kernel([*values, *unknowns], [total])
 
     key = ("residual of a system", rows.tolist(), columns.tolist(), entries.tolist(), right.tolist(), given)
     kernel: Kernel = cached(key, make)
@@ -185,7 +185,7 @@ def defect_kernel(rows: Index, columns: Index, entries: Index, right: Index, giv
         parts: list[list[Any]] = [[values[b]] if b >= 0 else [] for b in right]
         for i, j, k in zip(rows, columns, entries, strict=True):
             parts[i].append(-values[k] * unknowns[j])
-        return straight_line_kernel([*values, *unknowns], [se.Add(*terms) for terms in parts])
+        return unrolled_kernel([*values, *unknowns], [se.Add(*terms) for terms in parts])
 
     key = ("defect of a system", rows.tolist(), columns.tolist(), entries.tolist(), right.tolist(), given)
     kernel: Kernel = cached(key, make)
@@ -199,7 +199,7 @@ Operation = tuple[str, int, int, int]
 def eliminated(
     elimination: Elimination, rows: Index, columns: Index, entries: Index, rights: Index, given: int, wanted: int
 ) -> tuple[list[Operation], list[int]]:
-    """Write an elimination down; the arguments are those of `straight_line`.
+    """Write an elimination down; the arguments are those of `unroll`.
 
     Returns
     -------
@@ -253,7 +253,7 @@ def eliminated(
     return operations, solution
 
 
-def _compiled(operations: list[Operation], first: int, solution: list[int]) -> tuple[_Stage, ...]:
+def _compiled(operations: list[Operation], first: int, solution: list[int]) -> tuple[_Section, ...]:
     last_use = dict.fromkeys(solution, len(operations))
     for k, operation in enumerate(operations):
         for operand in operation[1:]:
@@ -261,23 +261,23 @@ def _compiled(operations: list[Operation], first: int, solution: list[int]) -> t
                 last_use[operand] = max(k, last_use.get(operand, -1))
     edges = _edges(operations, first)
     if len(edges) == 2:  # reads everything in order and writes the solution: nothing needs to be kept
-        return (_stage(operations, first, 0, list(range(first)), solution),)
-    stages = []
+        return (_section(operations, first, 0, list(range(first)), solution),)
+    sections = []
     for begin, end in itertools.pairwise(edges):
         part = operations[begin:end]
         made = range(first + begin, first + end)
         reads = sorted({x for o in part for x in o[1:] if x >= 0 and x not in made})
         writes = [x for x in made if last_use.get(x, -1) >= end]
-        stages.append(_stage(part, first, begin, reads, writes))
-    return tuple(stages)
+        sections.append(_section(part, first, begin, reads, writes))
+    return tuple(sections)
 
 
 def _edges(operations: list[Operation], first: int) -> list[int]:
-    """First operation of each stage, and the end: stages are neither too long nor too deep."""
+    """First operation of each section, and the end: sections are neither too long nor too deep."""
     edges, size = [0], dict[int, int]()
     for k, (_, *operands) in enumerate(operations):
         total = 1 + sum(size.get(x, 1) for x in operands if x >= 0)
-        if total > DEEP or k - edges[-1] >= STAGE:
+        if total > DEEP or k - edges[-1] >= SECTION:
             edges.append(k)
             size.clear()
             total = 1 + len(operands)
@@ -285,12 +285,12 @@ def _edges(operations: list[Operation], first: int) -> list[int]:
     return [*edges, len(operations)]
 
 
-def stage_kernel(operations: list[Operation], given: int, writes: list[int]) -> Kernel:
+def section_kernel(operations: list[Operation], given: int, writes: list[int]) -> Kernel:
     """Compile operations that read all given values and make those of numbers `writes`."""
-    return _stage(operations, given, 0, list(range(given)), writes).kernel
+    return _section(operations, given, 0, list(range(given)), writes).kernel
 
 
-def _stage(part: list[Operation], first: int, begin: int, reads: list[int], writes: list[int]) -> _Stage:
+def _section(part: list[Operation], first: int, begin: int, reads: list[int], writes: list[int]) -> _Section:
     import symengine as se
 
     symbols: dict[int, Any] = {x: se.Symbol(f"_x{x}") for x in reads}
@@ -307,5 +307,5 @@ def _stage(part: list[Operation], first: int, begin: int, reads: list[int], writ
         else:
             made = -values[b] * values[c] if a < 0 else values[a] - values[b] * values[c]
         values[first + begin + k] = made
-    kernel = straight_line_kernel([symbols[x] for x in reads], [values[x] for x in writes])
-    return _Stage(kernel, np.array(reads, dtype=np.int64), np.array(writes, dtype=np.int64))
+    kernel = unrolled_kernel([symbols[x] for x in reads], [values[x] for x in writes])
+    return _Section(kernel, np.array(reads, dtype=np.int64), np.array(writes, dtype=np.int64))
