@@ -105,8 +105,8 @@ def with_scalars(node: xr.DataTree | None, found: xr.DataTree, label: str, label
     inner = node_parts(found)
     inner["/"] = inner["/"].assign_attrs(label=label)
     for path, data in inner.items():
-        still = data.isel(time=0, drop=True) if "time" in data.dims else data
-        datasets["scalars" if path == "/" else f"scalars/{path}"] = still
+        timeless = data.isel(time=0, drop=True) if "time" in data.dims else data
+        datasets["scalars" if path == "/" else f"scalars/{path}"] = timeless
     return xr.DataTree.from_dict(datasets, name=label)
 
 

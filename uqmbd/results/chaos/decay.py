@@ -77,19 +77,7 @@ def decay_dataset(
     energy_note: str,
     rate_note: str,
 ) -> xr.Dataset:
-    """Build the dataset of :meth:`uqmbd.results.PolynomialChaos.decay`.
-
-    Parameters
-    ----------
-    labels : Labels
-    germ_names : sequence of str
-    energy, by_germ : array, shape (N + 1, O, T) and (d, N + 1, O, T)
-        Of :func:`energy_of_orders` and :func:`energy_of_germs`.
-    constant : array of bool, shape (O, T)
-        Where an output does not vary.
-    energy_note, rate_note : str
-        What they are, in words.
-    """
+    """Build the dataset of energies (N + 1, O, T) and (d, N + 1, O, T), with no rate where (O, T) nothing varies."""
     dims, note = labels.dims, {"long_name": energy_note}
     rate = np.where(constant, np.nan, decay_rate(energy))
     return xr.Dataset(

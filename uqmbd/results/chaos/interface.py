@@ -43,13 +43,7 @@ FEWER = 8192
 
 
 class Samples(NamedTuple):
-    """Samples of a surrogate that are made block by block, from a slice of its O x T columns.
-
-    Attributes
-    ----------
-    columns, rows : callable
-        From the slice to values, shape (K, c) or (c, K), contiguous.
-    """
+    """Samples of a surrogate, block by block: from a slice of its O x T columns to (K, c), or to rows (c, K)."""
 
     columns: Callable[[slice], Array]
     rows: Callable[[slice], Array]

@@ -53,15 +53,15 @@ def align(nodes: Mapping[str, xr.DataTree]) -> tuple[dict[str, xr.DataTree], tup
     if not nodes:
         raise StudyError("A comparison needs the result of at least one propagator; there is none.")
     statistics = _statistics(nodes)
-    still = _statistics(
+    timeless = _statistics(
         {label: node.children[_TIMELESS] for label, node in nodes.items() if _TIMELESS in node.children}
     )
     outputs, notes = _common_outputs(statistics)
-    scalars, more = _common_outputs(still)
+    scalars, more = _common_outputs(timeless)
     notes += more
     if not outputs and not scalars:
         said = "; ".join(
-            f"{label}: {', '.join(_names(data) + (_names(still[label]) if label in still else []))}"
+            f"{label}: {', '.join(_names(data) + (_names(timeless[label]) if label in timeless else []))}"
             for label, data in statistics.items()
         )
         raise StudyError(f"These results have no output of the same name and units in common: {said}.")
@@ -132,12 +132,12 @@ def _restricted(
     times = node.children["statistics"].sizes.get("time", 0)
     datasets: dict[str, xr.Dataset] = {}
     for path, data in node_parts(node).items():
-        still = path.split("/")[0] == _TIMELESS
-        if still and not scalars:
+        timeless = path.split("/")[0] == _TIMELESS
+        if timeless and not scalars:
             continue
         if "output" in data.dims and "output" in data.coords:
-            data = _only(data, scalars if still else outputs)
-        if where is not None and data.sizes.get("time") == times and not still:
+            data = _only(data, scalars if timeless else outputs)
+        if where is not None and data.sizes.get("time") == times and not timeless:
             data = data.isel(time=where)
         datasets[path] = data
     datasets["/"] = datasets["/"].assign_attrs(label=label)

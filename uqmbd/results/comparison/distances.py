@@ -44,10 +44,12 @@ def distributions(
 ) -> dict[str, Any]:
     """Return distances of distributions to those of a reference, at up to four times; nothing where it has none."""
     fine = np.flatnonzero(np.isfinite(base.std).all(axis=0))
-    expected = _realisations_at(nodes[chosen], _some(times, base, fine)) if len(fine) and len(base.std) else None
+    expected = (
+        _realisations_at(nodes[chosen], _comparison_times(times, base, fine)) if len(fine) and len(base.std) else None
+    )
     if expected is None:
         return {}
-    where = _some(times, base, fine)
+    where = _comparison_times(times, base, fine)
     outputs = len(base.std)
     wasserstein, ks = (np.full((len(nodes), outputs, len(where)), np.nan) for _ in range(2))
     chance = np.full(len(nodes), np.nan)
@@ -122,17 +124,7 @@ def ks_by_chance(counts: Sequence[float], level: float) -> float:
 def _realisations_at(node: xr.DataTree, where: Sequence[int]) -> tuple[Array, float] | None:
     """Return realisations (K, O, N) of a method at N of its times, from its samples, or else by sampling its chaos.
 
-    Parameters
-    ----------
-    node : xarray.DataTree
-    where : sequence of int
-        Indices of times; passed over where outputs have none.
-
-    Returns
-    -------
-    tuple of array and float, or None
-        The realisations, and how many of them count as independent: infinite for those of a chaos. None where a method
-        kept neither.
+    With them how many count as independent: infinite for those of a chaos.  None where a method kept neither.
     """
     for name in ("samples", "chaos", "aligned"):
         if name not in node.children:
@@ -156,7 +148,7 @@ def _realisations_at(node: xr.DataTree, where: Sequence[int]) -> tuple[Array, fl
     return None
 
 
-def _some(times: Array, base: OwnError, fine: NDArray[np.intp]) -> list[int]:
+def _comparison_times(times: Array, base: OwnError, fine: NDArray[np.intp]) -> list[int]:
     """Choose up to four times: a third, two thirds, the largest standard deviation of the first output, and the end."""
     wanted = {int(fine[-1]), int(fine[base.std[0, fine].argmax()])}
     for share in (1 / 3, 2 / 3):

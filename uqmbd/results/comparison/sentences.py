@@ -82,7 +82,8 @@ def statements(tree: xr.DataTree, nodes: Mapping[str, xr.DataTree]) -> dict[tupl
     found: dict[tuple[str, str], str] = {}
     data = tree.children["comparison"].to_dataset() if "comparison" in tree.children else xr.Dataset()
     for label, node in nodes.items():
-        for part, dimension, verdict in ((node, "output", "verdict"), (_still(node), "scalar", "scalar_verdict")):
+        timeless = node.children.get("scalars")
+        for part, dimension, verdict in ((node, "output", "verdict"), (timeless, "scalar", "scalar_verdict")):
             if part is None:
                 continue
             names = [str(value) for value in part.children["statistics"].to_dataset()["output"].values]
@@ -94,10 +95,6 @@ def statements(tree: xr.DataTree, nodes: Mapping[str, xr.DataTree]) -> dict[tupl
             own = own_statements(part) if any(not compared.get(name) for name in names) else [""] * len(names)
             found |= {(label, name): compared.get(name) or text for name, text in zip(names, own, strict=True)}
     return found
-
-
-def _still(node: xr.DataTree) -> xr.DataTree | None:
-    return node.children["scalars"] if "scalars" in node.children else None
 
 
 def _decay(node: xr.DataTree, name: str, output: int) -> str:

@@ -17,6 +17,7 @@ __all__ = ["propagator_nodes", "validate"]
 BESIDE = ("comparison", "convergence", "motion")
 """Children of a study's results that belong to no propagator."""
 
+_OVER_TIME = ("output", "time")
 _PLAIN = ("mean", "std", "variance", "skewness", "kurtosis")
 _OPTIONAL = ("std_error_mean", "std_error_std", "variance_reduction", "variance_reduction_std")
 _CIRCULAR = ("circular_mean", "circular_std")
@@ -209,12 +210,12 @@ def _values(node: xr.DataTree, name: str, bad: xr.DataArray, found: str, expecte
 
 def _validate_statistics(node: xr.DataTree, end: float) -> None:
     for name in _PLAIN:
-        _dims(node, name, ("output", "time"))
-    _dims(node, "quantile", ("probability", "output", "time"))
+        _dims(node, name, _OVER_TIME)
+    _dims(node, "quantile", ("probability", *_OVER_TIME))
     for name in (n for n in (*_OPTIONAL, *_CIRCULAR, "integration_error") if n in node.data_vars):
-        _dims(node, name, ("output", "time"))
+        _dims(node, name, _OVER_TIME)
     for name in (n for n in _BY_INPUT if n in node.data_vars):
-        _dims(node, name, ("input", "output", "time"))
+        _dims(node, name, ("input", *_OVER_TIME))
         _text_coord(node, "input", "input")
     for name in (n for n in _INTERVALS if n in node.data_vars):
         _validate_interval(node, name)
@@ -243,11 +244,8 @@ def _validate_statistics(node: xr.DataTree, end: float) -> None:
     _values(node, "variance", off, "a value that differs from std**2", "the square of 'std'")
     falls = data["quantile"].diff("probability") < -1e-9 * abs(data["quantile"]).max("probability")
     _values(node, "quantile", falls, "a quantile that falls with the probability", "none")
-    if bool((data["kurtosis"] < 1 - 1e-9).any()):
-        bad = data["kurtosis"] < 1 - 1e-9
-        _values(
-            node, "kurtosis", bad, "a value below 1", "the fourth standardised moment (3 for a normal), not the excess"
-        )
+    expected = "the fourth standardised moment (3 for a normal), not the excess"
+    _values(node, "kurtosis", data["kurtosis"] < 1 - 1e-9, "a value below 1", expected)
 
 
 def _validate_interval(node: xr.DataTree, name: str) -> None:

@@ -220,23 +220,9 @@ def circular_of_samples(response: Array, turns: Array) -> dict[str, Array]:
 def circular_of_blocks(
     shape: tuple[int, ...], count: int, turns: Array, samples: Callable[[int, slice], Array]
 ) -> dict[str, Array]:
-    """Average the directions of samples that are made block by block.
+    """Do what :func:`circular_of_samples` does, with samples (S, t) that are made from an output and a slice of times.
 
-    Parameters
-    ----------
-    shape : tuple of int
-        (O, T) or (O,).
-    count : int
-        Samples, S.
-    turns : array, shape (O,)
-        As for :func:`circular_of_samples`.
-    samples : callable
-        From an output and a slice of its times to samples, shape (S, t).
-
-    Returns
-    -------
-    dict of str to numpy.ndarray
-        As of :func:`circular_of_samples`.
+    The shape of the outputs is (O, T) or (O,), `count` is S.
     """
     if not np.any(turns):
         return {}

@@ -113,16 +113,7 @@ class Moments:
 
 
 def error_of_std(variance: Array, fourth: Array, count: Any, scale: ArrayLike = 1.0) -> Array:
-    """Return the standard error of a standard deviation, 0 where nothing varies.
-
-    Parameters
-    ----------
-    variance, fourth : array, shape (...)
-        Unbiased variance and fourth central moment of samples that were divided by a scale.
-    count : int or array of int
-        Number of samples.
-    scale : array_like, shape (...)
-    """
+    """Return the standard error of the standard deviation of samples over a scale; 0 where nothing varies."""
     std = np.sqrt(variance)
     of_variance = np.sqrt(np.maximum(fourth - (count - 3) / (count - 1) * variance**2, 0.0) / count)
     return np.where(std > 0, scale * of_variance / (2 * divisor(std)), 0.0)
