@@ -68,12 +68,14 @@ def format_quantity(value: float, units: str, error: float | None = None) -> str
     return f"{text} {units}" if units and not math.isnan(value) else text
 
 
-def format_duration(seconds: float) -> str:
+def format_duration(seconds: float, rough: bool = False) -> str:
     """Write a duration for reading.
 
     Parameters
     ----------
     seconds : float
+    rough : bool
+        Whether it passes while one reads: in tenths of a second at the most, and in whole ones from ten on.
 
     Returns
     -------
@@ -83,13 +85,15 @@ def format_duration(seconds: float) -> str:
     --------
     >>> [format_duration(s) for s in (0.0123, 4.56, 75.0, 7300.0, float("nan"))]
     ['12 ms', '4.6 s', '1 min 15 s', '2 h 1 min', 'unknown']
+    >>> [format_duration(s, rough=True) for s in (0.0123, 4.0, 12.3)]
+    ['0.0 s', '4 s', '12 s']
     """
     if not math.isfinite(seconds):
         return "unknown"
-    if seconds < 1:
+    if seconds < 1 and not rough:
         return f"{1000 * seconds:.0f} ms"
     if seconds < 60:
-        return f"{seconds:.1f} s"
+        return f"{seconds:.{0 if rough and (seconds >= 10 or seconds == int(seconds)) else 1}f} s"
     minutes, rest = divmod(round(seconds), 60)
     return f"{minutes} min {rest} s" if minutes < 60 else f"{minutes // 60} h {minutes % 60} min"
 

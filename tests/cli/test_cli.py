@@ -115,7 +115,7 @@ def cli(monkeypatch, tmp_path, capsys):
     """Run the command line in an empty folder with fakes for what takes long; return status, output and errors."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "path", list(sys.path))
-    monkeypatch.setattr(uqmbd, "Study", FakeStudy, raising=False)
+    monkeypatch.setattr("uqmbd.propagation.script.Study", FakeStudy)
     monkeypatch.setattr(plugins, "_registry", lambda: plugins.load([]))
     monkeypatch.setitem(sys.modules, "fakes", sys.modules[__name__])
     monkeypatch.setattr(uqmbd.report, "write_report", fake_report, raising=False)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from uqmbd.cli.progress import seconds as spoken
 from uqmbd.errors import StudyError
 from uqmbd.propagation import load_study
+from uqmbd.wording import format_duration
 
 __all__ = ["animate_study"]
 
@@ -64,4 +64,4 @@ def animate_study(
     cloud = f"; {shown} realisations beside the motion at the means" if shown else "; the motion at the means"
     lost = f" ({failed} failed and are left out)" if failed else ""
     print(f"animation  {written}")
-    print(f"{frames} pictures in {spoken(lasting)}, {speed}{cloud}{lost}.")
+    print(f"{frames} pictures in {format_duration(lasting, rough=True)}, {speed}{cloud}{lost}.")

@@ -8,13 +8,13 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, TextIO
 
-from uqmbd.propagation import Lines, Progress, seconds
+from uqmbd.propagation import Lines, Progress
 
 if TYPE_CHECKING:
     from rich.progress import Progress as RichBars
     from rich.progress import TaskID
 
-__all__ = ["Bars", "Lines", "Progress", "seconds", "shown_progress"]
+__all__ = ["Bars", "Lines", "Progress", "shown_progress"]
 
 
 @contextmanager

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from uqmbd.cli.failures import FAILED
-from uqmbd.cli.progress import seconds, shown_progress
+from uqmbd.cli.progress import shown_progress
 from uqmbd.cli.report import keep_motion, write
 from uqmbd.cli.settings import apply_settings, check_labels
 from uqmbd.cli.tables import show_summary
@@ -20,6 +20,7 @@ from uqmbd.errors import MethodFailedWarning, StudyError, UqmbdError
 from uqmbd.isolation import Isolated
 from uqmbd.propagation import claimed, load_study, set_aside
 from uqmbd.results.storage import FOLDER
+from uqmbd.wording import format_duration
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -77,7 +78,7 @@ def run_study(
         with _executor(workers, dask, script) as executor:
             tree = _computed(study, executor, only, out, script, resume=resume)
         complete = _delivered(tree, study, out, script)
-    print(f"Done in {seconds(time.monotonic() - begin)}.")
+    print(f"Done in {format_duration(time.monotonic() - begin, rough=True)}.")
     if not complete:
         raise SystemExit(FAILED)
 

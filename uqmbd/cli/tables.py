@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from uqmbd.cli.progress import seconds
+from uqmbd.wording import format_duration
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -67,8 +67,7 @@ def show_summary(tree: xr.DataTree, *, files: Mapping[str, Path], title: str = "
     units = units_of(first)
     end = f" at t = {float(first['time'].values[-1]):g} s" if "time" in first.coords else ""
     screen = console()
-    end = end if names else ""
-    screen.print(Text(f"\n{title}mean ± standard deviation{end}", style="bold"))
+    screen.print(Text(f"\n{title}mean ± standard deviation{end if names else ''}", style="bold"))
     table = plain_table("output", "units", *nodes, right=len(nodes))
     for number, (name, unit) in enumerate(zip(names[:LINES], units, strict=False)):
         table.add_row(Text(name), Text(unit), *(_final(node, number) for node in nodes.values()))
@@ -77,12 +76,11 @@ def show_summary(tree: xr.DataTree, *, files: Mapping[str, Path], title: str = "
         table.add_row(Text("without a time", style="italic"))
     _add_scalars(table, list(nodes), still)
     table.add_section()
-    counts = [(int(node.attrs.get("failures", 0)), int(node.attrs.get("realisations", 0))) for node in nodes.values()]
-    failed = (Text(f"{bad} of {all_}", style="bold red" if bad else "") for bad, all_ in counts)
-    table.add_row("failed realisations", "", *failed)
-    if lacking := _without_values(list(nodes), still):
-        table.add_row("without these values", "", *lacking)
-    table.add_row("wall time", "", *(seconds(float(node.attrs.get("wall_time", 0.0))) for node in nodes.values()))
+    table.add_row("failed realisations", "", *_failed(nodes.values()))
+    if any(int(node.attrs.get("failures", 0)) for node in still.values()):
+        table.add_row("without these values", "", *_failed(still.get(label) for label in nodes))
+    spent = (float(node.attrs.get("wall_time", 0.0)) for node in nodes.values())
+    table.add_row("wall time", "", *(format_duration(time, rough=True) for time in spent))
     table.add_row("integration error", "", *(_integration(node) for node in nodes.values()))
     screen.print(table)
     if len(names) > LINES:
@@ -106,16 +104,11 @@ def _integration(node: xr.DataTree) -> str:
     return max(stated, key=lambda one: one.share if math.isfinite(one.share) else -1.0).words()
 
 
-def _without_values(labels: list[str], still: Mapping[str, xr.DataTree]) -> list[Text]:
-    """Count the realisations that have no outputs without a time, and do not enter their statistics; empty if none."""
+def _failed(nodes: Iterable[xr.DataTree | None]) -> list[Text]:
+    """Count the realisations of each method that failed; empty where it has none at all."""
     counts = [
-        (int(still[label].attrs.get("failures", 0)), int(still[label].attrs.get("realisations", 0)))
-        if label in still
-        else (0, 0)
-        for label in labels
+        [0 if node is None else int(node.attrs.get(n, 0)) for n in ("failures", "realisations")] for node in nodes
     ]
-    if not any(bad for bad, _ in counts):
-        return []
     return [Text(f"{bad} of {all_}" if all_ else "", style="bold red" if bad else "") for bad, all_ in counts]
 
 

@@ -7,7 +7,7 @@ from uqmbd.propagation.chaos import ElementLimits, ElementRefinement, NodeFit, V
 from uqmbd.propagation.deterministic import input_point, simulate
 from uqmbd.propagation.equilibrium import eigenfrequencies, static_equilibrium
 from uqmbd.propagation.estimate import Estimate
-from uqmbd.propagation.execution import History, Lines, Progress, Realisations, claimed, seconds, set_aside
+from uqmbd.propagation.execution import History, Lines, Progress, Realisations, claimed, set_aside
 from uqmbd.propagation.observed_model import observed_model, stepped
 from uqmbd.propagation.obstacle import obstacle_of
 from uqmbd.propagation.problem import Problem
@@ -40,7 +40,6 @@ __all__ = [
     "fit_nodes",
     "nothing_random",
     "refine_elements",
-    "seconds",
     "set_aside",
     "simulate",
     "static_equilibrium",

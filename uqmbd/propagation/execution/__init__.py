@@ -14,7 +14,7 @@ from uqmbd.propagation.execution.cost import Clock
 from uqmbd.propagation.execution.histories import History, event_histories
 from uqmbd.propagation.execution.in_order import in_order
 from uqmbd.propagation.execution.observed import AGAIN, Observed
-from uqmbd.propagation.execution.progress import Lines, Progress, Silent, seconds, told
+from uqmbd.propagation.execution.progress import Lines, Progress, Silent, told
 from uqmbd.propagation.execution.realisations import Realisations
 from uqmbd.propagation.execution.run_folder import claimed, set_aside
 from uqmbd.propagation.execution.tasks import Arrays, run_tasks
@@ -43,7 +43,6 @@ __all__ = [
     "not_finite_output",
     "pool",
     "run_tasks",
-    "seconds",
     "set_aside",
     "told",
 ]

@@ -10,8 +10,9 @@ from html import escape
 from typing import Any, Protocol, TextIO
 
 from uqmbd.errors import StudyError
+from uqmbd.wording import format_duration
 
-__all__ = ["Lines", "Notebook", "Progress", "Silent", "in_notebook", "seconds", "told"]
+__all__ = ["Lines", "Notebook", "Progress", "Silent", "in_notebook", "told"]
 
 
 class Progress(Protocol):
@@ -115,30 +116,16 @@ class Lines:
         spent = now - work.begin
         left = spent / work.done * max(work.total - work.done, 0) if work.done else None
         percent = f" ({100 * work.done / work.total:.0f} %)" if work.total else ""
-        ending = f", about {seconds(left)} left" if left is not None else ""
-        self._write(f"{label}: {work.done} of {work.total}{percent} after {seconds(spent)}{ending}")
+        ending = f", about {format_duration(left, rough=True)} left" if left is not None else ""
+        self._write(f"{label}: {work.done} of {work.total}{percent} after {format_duration(spent, rough=True)}{ending}")
 
     def finish(self, label: str) -> None:
         """Write that it is done."""
         if label in self.works:
-            self._write(f"{label}: done after {seconds(self.clock() - self.works[label].begin)}")
+            self._write(f"{label}: done after {format_duration(self.clock() - self.works[label].begin, rough=True)}")
 
     def _write(self, text: str) -> None:
         print(text, file=self.stream, flush=True)
-
-
-def seconds(value: float) -> str:
-    """Write a duration as one would say it.
-
-    >>> [seconds(value) for value in (0.123, 4.21, 75, 7320)]
-    ['0.1 s', '4.2 s', '1 min 15 s', '2 h 2 min']
-    """
-    if value < 60:
-        return f"{value:.0f} s" if value >= 10 or value == int(value) else f"{value:.1f} s"
-    minutes, rest = divmod(round(value), 60)
-    if minutes < 60:
-        return f"{minutes} min {rest} s"
-    return f"{minutes // 60} h {minutes % 60} min"
 
 
 @dataclass
@@ -193,7 +180,7 @@ class Notebook:
 
     def _html(self, label: str) -> str:
         work = self.works[label]
-        spent = seconds(self.clock() - work.begin)
+        spent = format_duration(self.clock() - work.begin, rough=True)
         total = max(work.total, 1)
         return (
             f"<div>{escape(label)} <progress value='{min(work.done, total)}' max='{total}'></progress> "
