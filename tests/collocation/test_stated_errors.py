@@ -75,7 +75,7 @@ def test_errors_of_regressions(ratios, method):
     assert 0.3 < left_out.min() and left_out.max() < 10
 
 
-@pytest.mark.parametrize("method", ["regression", "omp"])
+@pytest.mark.parametrize("method", ["regression", pytest.param("omp", marks=pytest.mark.slow)])
 @pytest.mark.parametrize("case", ["normal"], indirect=True)
 def test_errors_of_regressions_on_normal_inputs(ratios, method):
     """Least squares on few samples errs in the tails, which eight points hardly ever see.

@@ -36,7 +36,10 @@ def test_spinning_body_falls_and_is_kept_upright(observe, series):
     np.testing.assert_allclose(series(data, "M"), expected, atol=1e-5)
 
 
-@pytest.mark.parametrize("swap", [False, True], ids=["upper first", "lower first"])
+@pytest.mark.parametrize(
+    "swap",
+    [pytest.param(False, id="upper first"), pytest.param(True, id="lower first", marks=pytest.mark.slow)],
+)
 def test_ball_and_parallel_axes_are_a_hinge(swap, observe, series):
     """Motion and reaction moment are those of `Revolute`, between two moving bodies, about a tilted axis."""
     found = []

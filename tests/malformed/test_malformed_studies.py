@@ -34,14 +34,14 @@ def test_the_corpus_reaches_every_component_and_every_call():
 
 
 def test_what_cannot_be_used_is_refused_with_its_name():
-    chosen = [case for case in CASES if case.fate == "refused"][::61]
-    assert len(chosen) > 250
+    chosen = [case for case in CASES if case.fate == "refused"][::149]
+    assert len(chosen) > 100
     assert not complaints(chosen)
 
 
 def test_what_may_be_meant_is_computed_or_refused():
-    chosen = [case for case in CASES if case.fate == "either" and case.base in ("pendulum", "impact")][::37]
-    assert len(chosen) > 5
+    chosen = [case for case in CASES if case.fate == "either" and case.base in ("pendulum", "impact")][::61]
+    assert len(chosen) > 3
     assert not complaints(chosen)
 
 

@@ -102,7 +102,7 @@ def scatter_ratio(found: xr.Dataset, name: str) -> float:
     return float(found[f"plain_{name}"].var() / found[name].var())
 
 
-@pytest.mark.parametrize("surrogate", [biased, good])
+@pytest.mark.parametrize("surrogate", [biased, pytest.param(good, marks=pytest.mark.slow)])
 def test_estimates_are_unbiased_and_their_errors_honest(surrogate: Callable[[], PolynomialChaos]) -> None:
     found = repeated(surrogate)
     for name, truth in (("mean", MEAN), ("variance", VARIANCE)):
@@ -117,7 +117,10 @@ def test_estimates_are_unbiased_and_their_errors_honest(surrogate: Callable[[], 
         assert stated == pytest.approx(float(found[name].var(ddof=1)), rel=0.3)
 
 
-@pytest.mark.parametrize(("surrogate", "least_mean", "least_std"), [(biased, 3.0, 1.5), (good, 100.0, 20.0)])
+@pytest.mark.parametrize(
+    ("surrogate", "least_mean", "least_std"),
+    [(biased, 3.0, 1.5), pytest.param(good, 100.0, 20.0, marks=pytest.mark.slow)],
+)
 def test_stated_reduction_is_that_of_the_scatter(
     surrogate: Callable[[], PolynomialChaos], least_mean: float, least_std: float
 ) -> None:

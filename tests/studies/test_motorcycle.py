@@ -51,6 +51,7 @@ def test_wheels_carry_the_weight():
     assert found["front_load"] * (found["front_place"] - found["rear_place"]) == pytest.approx(moment, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_methods_agree_over_the_whole_crossing(crossing):
     """Chaos of two kinds within 0.1 % of the largest standard deviation; Monte Carlo within five standard errors."""
     sampled, chaos, galerkin = (crossing[name] for name in ("monte-carlo", "collocation", "galerkin"))
@@ -61,6 +62,7 @@ def test_methods_agree_over_the_whole_crossing(crossing):
         assert float((abs(sampled[name] - chaos[name]) / (sampled[f"std_error_{name}"] + 1e-6 * most)).max()) < 5
 
 
+@pytest.mark.slow
 def test_every_realisation_starts_in_equilibrium(crossing):
     """Until the front wheel meets the bump at 0.1 s nothing moves, though heights differ."""
     statistics = crossing["collocation"].sel(time=slice(0, 0.0999))
@@ -69,6 +71,7 @@ def test_every_realisation_starts_in_equilibrium(crossing):
     assert float(statistics["std"].sel(output="frame_height").min()) > 1e-3
 
 
+@pytest.mark.slow
 def test_stated_errors_hold(crossing):
     """The verification realisations state less than 1 % for both expansions."""
     for name in ("collocation", "galerkin"):

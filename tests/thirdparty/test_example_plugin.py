@@ -62,12 +62,6 @@ def test_it_can_be_switched_off(site):
     assert listed(site, UQMBD_DISABLE_PLUGINS="uqmbd-example-plugin")["example"]["status"] == "disabled"
 
 
-def test_its_classes_are_registered_beside_the_built_in_ones(site):
-    code = "import uqmbd.plugins as p; print(p.component('Magnet').__module__, 'Revolute' in p.components())"
-    run = python(site, "-W", "error::UserWarning", "-c", code)
-    assert run.stdout.split() == ["uqmbd_example.magnet", "True"], run.stderr
-
-
 def test_broken_neighbour_is_a_warning_and_no_obstacle(site, tmp_path):
     """A package that raises on import, installed by hand: a module and its metadata."""
     broken = tmp_path / "broken"
@@ -103,12 +97,32 @@ study = uqmbd.Study("attraction", mechanism, np.linspace(0, 1, 5), [MeanValue(),
 """
 
 
+COMMANDS = """
+import sys
+import warnings
+from pathlib import Path
+
+warnings.simplefilter("error", UserWarning)
+import uqmbd.cli.run
+import uqmbd.plugins
+
+print(uqmbd.plugins.component("Magnet").__module__, "Revolute" in uqmbd.plugins.components())
+uqmbd.cli.run.write = lambda tree, path: path  # whose figures take their time
+for words in (["check", sys.argv[1]], ["run", sys.argv[1], "--out", sys.argv[2]]):
+    try:
+        uqmbd.cli.main(words)
+    except SystemExit as ended:
+        assert not ended.code, ended.code
+"""
+
+
 def test_study_runs_with_its_component_and_its_propagator(site, tmp_path):
     """Two masses of 2 kg at a distance of 2 m: the magnet pulls with strength / distance^2, on both alike."""
     (tmp_path / "attraction.py").write_text(STUDY)
-    run = python(site, "-m", "uqmbd.cli", "run", str(tmp_path / "attraction.py"), "--out", str(tmp_path / "out"))
+    run = python(site, "-c", COMMANDS, str(tmp_path / "attraction.py"), str(tmp_path / "out"))
     assert run.returncode == 0, run.stdout + run.stderr
-    assert (tmp_path / "out" / "report.html").stat().st_size > 1000
+    assert run.stdout.startswith("uqmbd_example.magnet True\n")
+    assert "MeanValue" in run.stdout and "Magnet" in run.stdout
     tree = results.load(tmp_path / "out" / "results.nc")
     assert sorted(tree.children) == ["again", "comparison", "mean-value"]
     mean = tree["mean-value"]["statistics"]["mean"]
@@ -167,16 +181,12 @@ def test_its_component_runs_through_galerkin_unchanged(site, tmp_path):
         assert found[2:] == pytest.approx(std, rel=1e-3)
 
 
-def test_check_command_knows_its_propagator(site, tmp_path):
-    (tmp_path / "attraction.py").write_text(STUDY)
-    run = python(site, "-m", "uqmbd.cli", "check", str(tmp_path / "attraction.py"))
-    assert run.returncode == 0, run.stdout + run.stderr
-    assert "MeanValue" in run.stdout and "Magnet" in run.stdout
-
-
-def test_its_own_test_suite_passes(site):
+@pytest.mark.parametrize(
+    ("chosen", "passed"), [("mean_value", "1 passed"), pytest.param("test", "3 passed", marks=pytest.mark.slow)]
+)
+def test_its_own_test_suite_passes(site, chosen, passed):
     """Which is the conformance kit: its component, in all propagators that are installed, and its own propagators."""
     tests = site.parent / "source" / "tests"
-    run = python(site, "-m", "pytest", "-q", "-p", "no:cacheprovider", str(tests))
+    run = python(site, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-k", chosen, str(tests))
     assert run.returncode == 0, run.stdout + run.stderr
-    assert "3 passed" in run.stdout
+    assert passed in run.stdout

@@ -103,7 +103,7 @@ def table(page: str, label: str) -> list[list[str]]:
     ]
 
 
-@settings(max_examples=15, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=5, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(tree=trees())
 def test_no_page_contradicts_itself(tree: xr.DataTree, without_figures: None, tmp_path: Path) -> None:
     page = report.write_report(tree, tmp_path / "report.html").read_text(encoding="utf-8")
