@@ -59,6 +59,7 @@ def test_the_first_block_is_the_study_of_its_name():
     assert PENDULUM.split("\n\n", 1)[1].split() == script[script.index("length =") :].split()
 
 
+@pytest.mark.slow
 def test_all_blocks_in_order(folder):
     namespace = {"__name__": "__main__"}
     for block in BLOCKS:
