@@ -92,13 +92,18 @@ def reactions_not_unique(mechanism: Mechanism, time: float = 0.0) -> tuple[str, 
     layout = model.layout
     if layout.constraints == layout.rank:
         return ()
-    order = {name: k for k, name in enumerate(mechanism.bodies)}
-    sizes = (layout.coordinates, layout.states, layout.constraints)
     reactions = [Output(str(s), s, "") for s in reaction_symbols(mechanism, set(model.owners))]
-    outputs = output_map(reactions, instances, place(instances, order), order, mechanism.inputs.variables, sizes)
+    outputs = output_map(reactions, *_places(mechanism, layout, instances))
     parameters = model.parameters(mechanism.inputs.means[None, :])
     q, _ = positions(model, parameters[:, model.drawn], time, parameters)
     return not_unique(model, outputs, q[0], time, parameters[0])
+
+
+def _places(mechanism: Mechanism, layout: Layout, instances: list[Instance]) -> tuple[Any, ...]:
+    """Give what outputs are compiled with, besides themselves."""
+    order = {name: k for k, name in enumerate(mechanism.bodies)}
+    sizes = (layout.coordinates, layout.states, layout.constraints)
+    return instances, place(instances, order), order, mechanism.inputs.variables, sizes
 
 
 def _kinematics(mechanism: Mechanism, time: float) -> tuple[Model, list[Instance]]:
@@ -294,9 +299,8 @@ def build(mechanism: Mechanism, time: float = 0.0, *, fuse: bool | None = None) 
     for kind in ("residual", "jacobian", "acceleration", "drift", *(("contact",) if events else ())):
         small = kind != "jacobian" or _length(instances) <= FUSED_LENGTH
         evaluators[kind] = compiled_evaluator(kind, instances, order, layout, blocks, fuse=fuse and small)
-    sizes = (layout.coordinates, layout.states, layout.constraints)
-    about = (instances, place(instances, order), order, mechanism.inputs.variables, sizes)
-    outputs = output_map(list(mechanism.outputs.values()), *about)
+    places = _places(mechanism, layout, instances)
+    outputs = output_map(list(mechanism.outputs.values()), *places)
     model = replace(
         model,
         rough=any(_corners(i) for i in instances),
@@ -306,7 +310,7 @@ def build(mechanism: Mechanism, time: float = 0.0, *, fuse: bool | None = None) 
         prescribed=_prescribed(mechanism, model),
         timed=timed(instances, mechanism.inputs.variables),
         outputs=outputs,
-        scalars=scalar_map(list(mechanism.scalars.values()), *about),
+        scalars=scalar_map(list(mechanism.scalars.values()), *places),
         pattern=csc_pattern(evaluators["jacobian"], layout.unknowns),
     )
     parameters = model.parameters(mechanism.inputs.means[None, :])

@@ -331,22 +331,7 @@ def _body_rate(e: Array) -> Array:
 
 
 def assemble(model: Model, all_parameters: Array, time: float) -> Start:
-    """Make consistent initial states.
-
-    Parameters
-    ----------
-    model : Model
-        Compiled.
-    all_parameters : array, shape (K, parameter)
-        From the model's parameter map.
-    time : float
-        Initial time.
-
-    Returns
-    -------
-    Start
-        With a message for each realisation that has no assembly.
-    """
+    """Make consistent initial states of realisations (K, parameter), with a message for each that has no assembly."""
     count = len(all_parameters)
     layout = model.layout
     drawn = all_parameters[:, model.drawn]

@@ -78,23 +78,7 @@ class Rank:
 
 
 def gradient(model: Model, q: Array, s: Array, time: float, parameters: Array) -> Array:
-    """Constraint Jacobian of all equations, each scaled to length one, of one realisation.
-
-    Parameters
-    ----------
-    model : Model
-        With its ``velocity`` evaluator.
-    q, s : array, shape (coordinate,) and (state,)
-        Pose and auxiliary states.
-    time : float
-        s.
-    parameters : array, shape (parameter,)
-        Of the realisation.
-
-    Returns
-    -------
-    array, shape (equation, coordinate)
-    """
+    """Constraint Jacobian of all equations (equation, coordinate), each scaled to length one, of one realisation."""
     state = state_arguments(time, q[None], s[None], np.zeros_like(q)[None])
     d = model.evaluate("velocity", state, parameters[None])["d"][0]
     norm = np.linalg.norm(d, axis=1)
@@ -118,23 +102,7 @@ def gradient_lengths(model: Model, start: Start, parameters: Array) -> Array:
 
 
 def rank_along(model: Model, q: Array, s: Array, v: Array, time: float, parameters: Array) -> Rank:
-    """Judge the rank at a state, and where it is lost along the present velocity.
-
-    Parameters
-    ----------
-    model : Model
-        With its kept equations.
-    q, s, v : array
-        State of one realisation.
-    time : float
-        s.
-    parameters : array, shape (parameter,)
-        Of the realisation.
-
-    Returns
-    -------
-    Rank
-    """
+    """Judge the rank at a state of one realisation, and where it is lost along the present velocity."""
     here = gradient(model, q, s, time, parameters)
     # a short way along the motion: long enough to be seen, short enough to be straight
     delta = 1e-5 / max(float(np.abs(v).max(initial=0.0)), 1e-3)
@@ -173,21 +141,8 @@ def _nearest(a: Array, slope: Array, rank: int) -> tuple[float, float, Index]:
 def null_equations(model: Model, q: Array, s: Array, time: float, parameters: Array) -> Array:
     """Find combinations of constraint equations that no coordinate feels: multipliers that may be added at will.
 
-    Parameters
-    ----------
-    model : Model
-        With its ``velocity`` evaluator and its kept equations.
-    q, s : array, shape (coordinate,) and (state,)
-        Pose and auxiliary states of one realisation.
-    time : float
-        s.
-    parameters : array, shape (parameter,)
-        Of the realisation.
-
-    Returns
-    -------
-    array, shape (equation, redundancy)
-        Orthonormal before each row is divided by the length of its equation's gradient.
+    Of one realisation, shape (equation, redundancy); orthonormal before each row is divided by the length of its
+    equation's gradient.
     """
     state = state_arguments(time, q[None], s[None], np.zeros_like(q)[None])
     d = model.evaluate("velocity", state, parameters[None])["d"][0]
@@ -203,20 +158,8 @@ def violated(
 ) -> dict[int, tuple[int, str]]:
     """Find motions that violate equations which were left out as redundant: they were not, but singular at the start.
 
-    Parameters
-    ----------
-    model : Model
-        With its kept equations.
-    times : array, shape (T,)
-        s.
-    states : array, shape (K, T, 2 coordinate + state)
-        Coordinates, auxiliary states and velocities; NaN where there are none.
-    parameters : array, shape (K, parameter)
-        Of the realisations.
-    lengths : array, shape (K, equation)
-        Of the gradients of the equations.
-    rtol : float
-        Relative tolerance of the integration.
+    States are of shape (K, T, width), NaN where there are none; `lengths` are those of the gradients of the equations,
+    shape (K, equation).
 
     Returns
     -------
@@ -250,19 +193,7 @@ def violated(
 
 
 def dead_end(model: Model, time: float, rank: Rank, *, sure: bool = True) -> str:
-    """Say that a motion ends where constraints become dependent; nothing if they do not.
-
-    Parameters
-    ----------
-    model : Model
-        For the names.
-    time : float
-        Last time that was reached, s.
-    rank : Rank
-        There.
-    sure : bool
-        Whether it was tried to pass over the pose.
-    """
+    """Say that a motion ends where constraints become dependent, if it does; `sure`: passing over them was tried."""
     if min(rank.every, rank.kept) > 1e-3 and abs(rank.ahead) > 1e-6 * max(1.0, abs(time)):
         return ""
     what, end = ("locks up", ", and no motion leads on") if sure else ("locks up, or is in a singular pose", "")

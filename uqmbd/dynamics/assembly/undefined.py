@@ -17,24 +17,7 @@ AHEAD = (1e-9, 1e-6, 1e-4)
 
 
 def undefined(model: Model, q: Array, s: Array, v: Array, time: float, parameters: Array) -> str:
-    """Say which equation or force of one realisation is not a finite number in a state.
-
-    Parameters
-    ----------
-    model : Model
-        With its ``position``, ``velocity`` and ``acceleration`` evaluators.
-    q, s, v : array, shape (n,)
-        Of the realisation.
-    time : float
-        s.
-    parameters : array, shape (parameter,)
-        Of the realisation.
-
-    Returns
-    -------
-    str
-        Empty if all of them are.
-    """
+    """Say which equation or force of one realisation is not a finite number in a state; empty if all are."""
     states, own = state_arguments(time, q[None], s[None], v[None]), parameters[None]
     at = f"at t = {time:.6g} s"
     with np.errstate(all="ignore"):
@@ -61,18 +44,7 @@ def undefined(model: Model, q: Array, s: Array, v: Array, time: float, parameter
 
 
 def ahead(model: Model, states: tuple[Array, Array, Array], span: tuple[float, float], parameters: Array) -> str:
-    """Say what ceases to be a number just after the time at which an integration stopped.
-
-    Parameters
-    ----------
-    model : Model
-    states : tuple of q, s, v
-        Where it stopped.
-    span : tuple of float
-        When it stopped, and where it was to go, s.
-    parameters : array, shape (parameter,)
-        Of the realisation.
-    """
+    """Say what ceases to be a number after an integration stopped; `span`: when it did, and where it was to go, s."""
     now, end = span
     for part in AHEAD:
         if told := undefined(model, *states, now + part * (end - now), parameters):

@@ -26,24 +26,11 @@ FED = 1e-12
 
 
 def impact(contacts: Contacts, closed: list[int], approach: float) -> tuple[Array, set[int]] | None:
-    """Jump of the velocities in an impact, shape (coordinate,), and the contacts that take part.
+    """Jump of the velocities (coordinate,) in an impact, and the contacts that take part; None: no impulses do.
 
-    Parameters
-    ----------
-    contacts : Contacts
-        Of one state, right before.
-    closed : list of int
-        Events whose gaps are closed.
-    approach : float
-        Speed, m/s, below which bodies do not approach each other.
+    Contacts are those of one state, right before; `closed` are the events whose gaps are closed; below the speed
+    `approach`, m/s, bodies do not approach each other.
 
-    Returns
-    -------
-    tuple, optional
-        None: no impulses satisfy the laws (bodies that are driven into each other).
-
-    Notes
-    -----
     Newton's law can feed in energy where friction stops or turns the sliding, or have no solution; there the impact is
     taken to be without restitution.  Of several solutions it is the first of `solutions` that feeds in no energy.
     """

@@ -19,17 +19,7 @@ __all__ = ["integrate_with_events", "motion_in_segments"]
 
 
 def integrate_with_events(ensemble: Batch, times: Array, rtol: float) -> Trajectories:
-    """Integrate all realisations of a model with events, one by one, by the explicit method.
-
-    Parameters
-    ----------
-    ensemble : Batch
-        K realisations.
-    times : array, shape (T,)
-        Output times, s.
-    rtol : float
-        Relative tolerance.
-    """
+    """Integrate all realisations of a model with events, one by one, by the explicit method."""
     begin = clock.perf_counter()
     states = np.full((len(ensemble), len(times), ensemble.model.layout.width), np.nan)
     messages, runs = list(ensemble.start.messages), dict[int, EventDrivenMotion]()

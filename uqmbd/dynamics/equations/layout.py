@@ -136,18 +136,6 @@ class Layout:
         return {name: column for column, name in enumerate(names)}
 
     def index2_arguments(self, time: float, y: Array, yp: Array, frozen: Array, *more: float) -> Array:
-        """Arguments of residual and Jacobian: ``y``, the rates that occur, time, c if it is given, zero, frozen values.
-
-        Parameters
-        ----------
-        time : float
-            s.
-        y, yp : array, shape (K, n)
-            Unknowns and their rates.
-        frozen : array, shape (K, frozen)
-            Values of the frozen coordinates.
-        *more : float
-            ``c`` of the Jacobian.
-        """
+        """Arguments of residual and Jacobian: ``y``, the rates that occur, time, c if given, zero, frozen values."""
         tail = np.broadcast_to(np.array([time, *more, 0.0]), (len(y), 2 + len(more)))
         return np.concatenate([y, yp[:, : self.differential], tail, frozen], axis=1)

@@ -27,18 +27,7 @@ BLOCK = 2048
 def off_constraints(ensemble: Batch, times: Array, states: Array, rtol: float) -> dict[int, tuple[int, str]]:
     """Find results that are off the constraints, in position or in velocity, by more than the tolerance.
 
-    At a break time the constraints of either side count.
-
-    Parameters
-    ----------
-    ensemble : Batch
-        K realisations.
-    times : array, shape (T,)
-        Output times, s.
-    states : array, shape (K, T, width)
-        NaN where there are none.
-    rtol : float
-        Relative tolerance.
+    At a break time the constraints of either side count.  States are of shape (K, T, width), NaN where there are none.
 
     Returns
     -------

@@ -40,23 +40,9 @@ POOR = 50
 
 
 def integrate_by_dop853(ensemble: Batch, members: Index, times: Array, rtol: float) -> Solved:
-    """Integrate a stack of assembled realisations.
+    """Integrate the assembled realisations `members` (M,) of a batch, whose index-1 system is compiled.
 
-    Parameters
-    ----------
-    ensemble : Batch
-        All realisations; the model's index-1 system must be compiled.
-    members : array of int, shape (M,)
-        Those of the stack.
-    times : array, shape (T,)
-        Output times, s.
-    rtol : float
-        Relative tolerance.
-
-    Returns
-    -------
-    Solved
-        With a message for each realisation that this method cannot integrate.
+    Each that this method cannot integrate has a message.
     """
     begin = clock.perf_counter()
     states = np.full((len(members), len(times), ensemble.model.layout.width), np.nan)

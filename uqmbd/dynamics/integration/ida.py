@@ -65,23 +65,7 @@ class _Run:
 
 
 def integrate_by_ida(ensemble: Batch, members: Index, times: Array, rtol: float) -> Solved:
-    """Integrate a stack of assembled realisations.
-
-    Parameters
-    ----------
-    ensemble : Batch
-        All realisations.
-    members : array of int, shape (M,)
-        Those of the stack.
-    times : array, shape (T,)
-        Output times, s.
-    rtol : float
-        Relative tolerance.
-
-    Returns
-    -------
-    Solved
-    """
+    """Integrate the assembled realisations `members` (M,) of a batch by IDA."""
     states = np.full((len(members), len(times), ensemble.model.layout.width), np.nan)
     messages, final = [""] * len(members), [False] * len(members)
     counters = Counters()

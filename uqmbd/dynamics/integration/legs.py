@@ -41,17 +41,7 @@ class Leg(NamedTuple):
 
 
 def pace(ensemble: Batch, times: Array, rtol: float) -> tuple[Leg, ...]:
-    """Lay out the integration of an ensemble whose realisations share the steps.
-
-    Parameters
-    ----------
-    ensemble : Batch
-        K realisations.
-    times : array, shape (T,)
-        Output times, s.
-    rtol : float
-        Relative tolerance.
-    """
+    """Lay out the integration of a batch whose realisations share the steps, for output times (T,)."""
     model, breaks = ensemble.model, ensemble.breaks
     if model.timed is None:
         return legs_of(breaks, times, model.max_step)

@@ -100,16 +100,7 @@ def position_jumps(ensemble: Batch, times: Array, rtol: float) -> dict[int, str]
     """Find realisations of which a constraint, and so a position, jumps within the output times.
 
     An equation jumps where it is another one right after a break time than right before; one that has only changed its
-    sign says the same.
-
-    Parameters
-    ----------
-    ensemble : Batch
-        K realisations.
-    times : array, shape (T,)
-        Output times, s.
-    rtol : float
-        Relative tolerance, over the size of the mechanism, within which a jump is none.
+    sign says the same.  The tolerance is over the size of the mechanism.
 
     Returns
     -------

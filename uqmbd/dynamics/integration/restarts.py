@@ -24,18 +24,7 @@ def speed_jumps(
 ) -> tuple[Array, dict[int, str]]:
     """Find the impulsive change of velocities where prescribed speeds jump: ``M dv = D^T L``, ``D dv = -psi``.
 
-    Parameters
-    ----------
-    model : Model
-        With its kept equations.
-    states : array, shape (K, width)
-        Right before.
-    time : float
-        Of the jump, s.
-    parameters : array, shape (K, parameter)
-        Of the realisations.
-    rtol : float
-        Relative tolerance of the integration.
+    States (K, width) are those right before.
 
     Returns
     -------

@@ -59,21 +59,7 @@ _systems: dict[tuple[str, bytes], Any] = {}
 def repivoted(model: Model, q: Array, s: Array, time: float, parameters: Array) -> Model:
     """Choose the independent equations anew at a pose of one realisation.
 
-    Parameters
-    ----------
-    model : Model
-        With a compiled index-1 system.
-    q, s : array, shape (coordinate,) and (state,)
-        Pose and auxiliary states.
-    time : float
-        s.
-    parameters : array, shape (parameter,)
-        Of the realisation.
-
-    Returns
-    -------
-    Model
-        For the index-1 form only: residual and Jacobian are those of the old choice.
+    The model that is returned is for the index-1 form only: residual and Jacobian are those of the old choice.
     """
     layout = model.layout
     first = np.union1d(model.norms, np.setdiff1d(layout.kept, layout.active)).astype(np.int64)

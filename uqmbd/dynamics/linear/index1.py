@@ -82,23 +82,10 @@ def _blocks(model: Model, count: int) -> list[slice]:
 
 
 def excess(model: Model, states: Array, time: Array, parameters: Array) -> tuple[Array, Array]:
-    """By what states exceed the constraints: the least changes of coordinates and velocities that put them right.
+    """By what states (S, width) exceed the constraints: the least changes of coordinates and velocities that mend them.
 
-    Parameters
-    ----------
-    model : Model
-        Its index-1 system must be compiled.
-    states : array, shape (S, 2 coordinate + state)
-        Near the constraints.
-    time : array, shape (S,)
-        s.
-    parameters : array, shape (S, parameter)
-        Of each state.
-
-    Returns
-    -------
-    q, v : array, shape (S, coordinate)
-        To be subtracted; the norm is that of the masses, and the error quadratic in the excess.
+    To be subtracted, of shape (S, coordinate) each; the norm is that of the masses, and the error quadratic in the
+    excess.
     """
     arguments = state_arguments(time, states)
     both = np.empty((len(states), 2 * model.layout.coordinates))
@@ -110,23 +97,9 @@ def excess(model: Model, states: Array, time: Array, parameters: Array) -> tuple
 
 
 def impulses(model: Model, states: Array, time: float, parameters: Array) -> Array:
-    """Jumps of the velocities by which states come to move as the constraints want: ``M dv = D^T L``, ``D dv = -psi``.
+    """Jumps of velocities by which states come to move as the constraints want: ``M dv = D^T L``, ``D dv = -psi``.
 
-    Parameters
-    ----------
-    model : Model
-        With its kept equations.
-    states : array, shape (K, 2 coordinate + state)
-        On the constraints in position, with any velocities.
-    time : float
-        s.
-    parameters : array, shape (K, parameter)
-        Of each state.
-
-    Returns
-    -------
-    array, shape (K, coordinate)
-        NaN where the system is singular.
+    States (K, width) are on the constraints in position.  NaN where the system is singular.
     """
     layout, system = model.layout, model.system or index1_system(model, None)
     arguments = state_arguments(time, states)

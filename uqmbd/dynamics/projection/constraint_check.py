@@ -23,23 +23,9 @@ BLOCK = 2048
 
 
 def projected_off(projected: Projection, times: Array, coefficients: Array, rtol: float) -> tuple[int, str]:
-    """Find where coefficients are off the projected constraints by more than the tolerance.
+    """Find where coefficients (P, T, width) are off the projected constraints by more than the tolerance.
 
-    Parameters
-    ----------
-    projected : Projection
-        What was integrated.
-    times : array, shape (T,)
-        s.
-    coefficients : array, shape (P, T, width)
-        NaN where there are none.
-    rtol : float
-        Relative tolerance of the integration.
-
-    Returns
-    -------
-    int, str
-        The number of the first such time, and what to say; 0 and nothing if there is none.
+    The number of the first such time, and what to say; 0 and nothing if there is none.
     """
     ensemble, layout = projected.ensemble, projected.model.layout
     if not layout.rank:

@@ -102,19 +102,10 @@ def equilibrium_start(drawn: Batch) -> Start:
 
 
 def static_equilibria(ensemble: Batch) -> Equilibrium:
-    """Find the static equilibrium of every realisation.
+    """Find the static equilibrium of every realisation, from the pose of its start.
 
-    Bodies that are held while the mechanism is assembled (``hold=True``) move like the others.
-
-    Parameters
-    ----------
-    ensemble : Batch
-        Its start gives the poses from which to go.
-
-    Returns
-    -------
-    Equilibrium
-        Realisations that were not assembled keep their message.
+    Bodies that are held while the mechanism is assembled (``hold=True``) move like the others.  Realisations that were
+    not assembled keep their message.
     """
     start = ensemble.start
     q, s = start.q.copy(), start.s.copy()
