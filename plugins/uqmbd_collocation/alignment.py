@@ -70,19 +70,6 @@ def align_with_events(
 ) -> xr.DataTree:
     """Expand event times and the motion between events; split the germ space where sequences of events differ.
 
-    Parameters
-    ----------
-    propagator : uqmbd.Propagator
-        The method at work.
-    problem : uqmbd.Problem
-        What to compute.
-    space : uqmbd.GermSpace
-        Of the inputs.
-    plans : Plans
-        Basis and verification.
-    most : int
-        Elements.
-
     Raises
     ------
     uqmbd.StudyError

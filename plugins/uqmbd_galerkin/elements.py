@@ -157,20 +157,7 @@ def galerkin_elements(
 ) -> xr.DataTree:
     """Split the germ space where it is needed, and summarise.
 
-    Parameters
-    ----------
-    propagator : uqmbd.Propagator
-        The method at work.
-    problem : uqmbd.Problem
-        What to compute.
-    space : uqmbd.GermSpace
-        Of the inputs.
-    limits : uqmbd.ElementLimits
-        How many elements.
-    how : tuple
-        Basis and quadrature, integrator, linear solver, and number of verification realisations.
-    begin : float
-        When the work began, on the problem's clock.
+    `how`: basis and quadrature, integrator, linear solver, and number of verification realisations.
     """
     quiet = replace(problem, progress=_Quiet(problem.progress))
     problem.progress.start(problem.label, limits.computed)

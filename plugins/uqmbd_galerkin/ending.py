@@ -26,23 +26,7 @@ def warn(
     order: int,
     stop_at: float | None,
 ) -> None:
-    """Say where the result must not be trusted.
-
-    Parameters
-    ----------
-    problem : uqmbd.Problem
-        What was computed.
-    chaos : uqmbd.results.PolynomialChaos
-        Up to the last time with results.
-    message : str
-        Why the integration ended, or empty.
-    stopped : dict of str to float
-        Outputs whose stated error passed `stop_at`, and when.
-    order : int
-        Of the expansion.
-    stop_at : float, optional
-        Stated error at which a run ends.
-    """
+    """Say where the result must not be trusted."""
     times, label = problem.times, problem.label
     last = float(np.asarray(chaos.labels.times)[-1])
     remedy = "raise the order, use collocation with elements or Monte Carlo, or study a shorter time"

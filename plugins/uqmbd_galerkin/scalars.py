@@ -24,19 +24,6 @@ def projected_scalars(
 ) -> xr.DataTree:
     """Expand the outputs without a time.
 
-    Parameters
-    ----------
-    propagator : uqmbd.Propagator
-        The method at work.
-    problem : uqmbd.Problem
-        Of the outputs without a time.
-    space, terms, rule
-        Inputs, basis and quadrature of the expansion of the motion.
-    verification : uqmbd.Verification
-        Realisations that no node uses.
-    begin : float
-        When the work began, on the problem's clock.
-
     Raises
     ------
     uqmbd.IntegrationError

@@ -50,16 +50,6 @@ class SobolRun:
 def run_sobol(problem: uqmbd.Problem, samples: uqmbd.Realisations, seed: int, max_failures: float) -> SobolRun:
     """Compute the further realisations of pick-freeze, and the indices.
 
-    Parameters
-    ----------
-    problem : uqmbd.Problem
-    samples : uqmbd.Realisations
-        2 N independent ones.
-    seed : int
-        That of the samples.
-    max_failures : float
-        Share of failed realisations above which it is an error.
-
     Raises
     ------
     uqmbd.IntegrationError

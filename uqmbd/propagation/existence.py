@@ -103,11 +103,6 @@ def existence_of(mechanism: Mechanism) -> Existence:
     Every output is taken to grow, in proportion at most, with every input that enters the motion, unless its expression
     is bounded whatever the motion is: orientations, and bounded functions.  An input that enters outputs only counts
     for those.
-
-    Parameters
-    ----------
-    mechanism : Mechanism
-        With its outputs.
     """
     inputs = mechanism.inputs
     heavy = {name: order for name, order in moment_orders(inputs).items() if not exists(4, order)}

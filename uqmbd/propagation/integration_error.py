@@ -72,13 +72,6 @@ def deviation(first: Array, second: Array, turns: Array) -> Array:
 def with_integration_error(node: xr.DataTree, problem: Problem) -> xr.DataTree:
     """Add the error of the time integration to the statistics of a method.
 
-    Parameters
-    ----------
-    node : xarray.DataTree
-        What the method returned.
-    problem : Problem
-        What it was given.
-
     Returns
     -------
     xarray.DataTree
@@ -169,7 +162,7 @@ def _silent(problem: Problem, what: str, **changes: object) -> Problem:
         checkpoint=checkpoint,
         executor=None,
         progress=Silent(),
-        known={},
+        known=problem.beside.setdefault(what, {}),
         observed=Observed(),
         **changes,  # type: ignore[arg-type]  # names and types of fields
     )

@@ -13,11 +13,6 @@ __all__ = ["obstacle_of"]
 def obstacle_of(propagator: Propagator, study: Studied) -> str | None:
     """Return why a method cannot do a study: what it would take is looked at before it is asked.
 
-    Parameters
-    ----------
-    propagator : Propagator
-    study : Study
-
     Returns
     -------
     str or None

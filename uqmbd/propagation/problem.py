@@ -92,6 +92,8 @@ class Problem:
     """Which moments of the outputs exist."""
     known: dict[bytes, Chunk] = field(default_factory=dict, repr=False, compare=False)
     """Outputs without a time that were computed beside the others, by the inputs."""
+    beside: dict[str, dict[bytes, Chunk]] = field(default_factory=dict, repr=False, compare=False)
+    """The same, of realisations that are integrated once more, by what for."""
     clock: Clock = field(default_factory=Clock, repr=False, compare=False)
     """Called, it reads seconds; it counts what an interrupted run has spent on what need not be computed again."""
     observed: Observed = field(default_factory=Observed, repr=False, compare=False)

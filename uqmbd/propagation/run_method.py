@@ -26,15 +26,6 @@ def run_method(propagator: Propagator, problem: Problem, *, check: bool = True) 
     The same method, with the same options, is run on both.  Realisations that both need are computed once; where all
     outputs come from statics, nothing is integrated for them.
 
-    Parameters
-    ----------
-    propagator : Propagator
-        The method.
-    problem : Problem
-        Of the study.
-    check : bool
-        Whether to measure the error of the time integration.
-
     Returns
     -------
     xarray.DataTree

@@ -74,18 +74,7 @@ def run_methods(
     progress: Progress | bool | None = None,
     folder: Path | None = None,
 ) -> Outcome:
-    """Run methods; all are asked for what is in their way before the first realisation is computed.
-
-    Parameters
-    ----------
-    study : Studied
-        Whose model can be made.
-    propagators : sequence of Propagator
-    crew : Crew
-        Who computes.
-    progress, folder
-        As of `Study.run`.
-    """
+    """Run methods; all are asked for what is in their way before the first realisation is computed."""
     errors: dict[str, BaseException] = {}
     for propagator in propagators:
         if (error := _obstacle(propagator, study)) is not None:
@@ -123,16 +112,7 @@ def _obstacle(propagator: Propagator, study: Studied) -> BaseException | None:
 
 
 def joined(study: Studied, outcome: Outcome, attrs: Mapping[str, Any]) -> xr.DataTree:
-    """Join the results of methods; where they cannot be compared, the comparison says so, and they stand.
-
-    Parameters
-    ----------
-    study : Studied
-    outcome : Outcome
-        Of its methods.
-    attrs : mapping
-        Further attributes of the root.
-    """
+    """Join the results of methods; where they cannot be compared, the comparison says so, and they stand."""
     import xarray as xr
 
     from uqmbd.results import join_nodes, study_tree

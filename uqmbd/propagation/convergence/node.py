@@ -61,16 +61,6 @@ def with_convergence(
     """Add the node ``convergence`` to the results of a study that asks for it.
 
     Whatever goes wrong here is a warning and the attribute ``problem`` of the node: the other results stand.
-
-    Parameters
-    ----------
-    study : Studied
-    tree : xarray.DataTree
-        Its results.
-    crew : Crew
-        Who computes.
-    progress, folder
-        As of `Study.run`.
     """
     import xarray as xr
 

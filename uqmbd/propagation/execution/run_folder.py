@@ -139,11 +139,6 @@ def _taken(folder: Path, owner: str) -> StudyError:
 def set_aside(folder: Path) -> Path | None:
     """Move the results of an earlier run to ``previous``, in the place of those that are there.
 
-    Parameters
-    ----------
-    folder : Path
-        That is claimed.
-
     Returns
     -------
     Path or None

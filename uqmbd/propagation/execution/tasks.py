@@ -31,25 +31,7 @@ def run_tasks(
     function: Callable[..., Arrays],
     tasks: Sequence[tuple[Any, ...]],
 ) -> Iterator[Arrays]:
-    """Yield ``function(model, *task)`` for each task, in their order; see `uqmbd.Problem.run`.
-
-    Parameters
-    ----------
-    data : bytes
-        The pickled model.
-    fingerprint : bytes
-        What results depend on besides the tasks.
-    executor : concurrent.futures.Executor, optional
-        Who does the work; None: this process.
-    checkpoint : Checkpoint, optional
-        Where finished tasks are kept.
-    clock : Clock
-        That counts what is not done again.
-    function : callable
-        Of a module.
-    tasks : sequence of tuple
-        Further arguments.
-    """
+    """Yield ``function(model, *task)`` for each task, in their order; see `uqmbd.Problem.run`."""
     names = [_name(fingerprint, function, task) for task in tasks]
 
     def known(piece: tuple[str, tuple[Any, ...]]) -> Arrays | None:
