@@ -18,4 +18,4 @@ def test_lankarani():
     restitution = uqmbd.RandomVariable("restitution", chaospy.Uniform(0.8, 0.9), units="1")
     # numbers of the contact that the law does not use are left out
     given = {"law": lankarani(restitution, 2.0), "exponent": None, "damping": None}
-    check_component(PlaneContact, spaces=(uqmbd.Planar,), given=given, propagators=())
+    check_component(PlaneContact, spaces=(uqmbd.Translational,), given=given, propagators=())
