@@ -44,12 +44,12 @@ def distributions(
 ) -> dict[str, Any]:
     """Return distances of distributions to those of a reference, at up to four times; nothing where it has none."""
     fine = np.flatnonzero(np.isfinite(base.std).all(axis=0))
-    expected = (
-        _realisations_at(nodes[chosen], _comparison_times(times, base, fine)) if len(fine) and len(base.std) else None
-    )
-    if expected is None:
+    if not len(fine) or not len(base.std):
         return {}
     where = _comparison_times(times, base, fine)
+    expected = _realisations_at(nodes[chosen], where)
+    if expected is None:
+        return {}
     outputs = len(base.std)
     wasserstein, ks = (np.full((len(nodes), outputs, len(where)), np.nan) for _ in range(2))
     chance = np.full(len(nodes), np.nan)
