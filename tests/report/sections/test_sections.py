@@ -1,0 +1,61 @@
+"""Sections of the core are sections like those of plugins; types of any package can be drawn in notebooks."""
+
+from __future__ import annotations
+
+import importlib.metadata
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import uqmbd
+from uqmbd import display, report, results
+from uqmbd.report.sections import ABOUT_METHODS, ABOUT_RESULTS, TemplateSection
+
+
+@pytest.fixture(scope="module")
+def tree() -> xr.DataTree:
+    axes = results.labels([("x", "m")], [("k", "N/m")], [0.0, 1.0])
+    rng = np.random.default_rng(1)
+    inputs = rng.uniform(1, 2, (20, 1))
+    response = inputs[:, :, None] * np.array([1.0, 2.0])
+    samples = results.sample_dataset(response[:, None, 0], inputs, axes)
+    node = results.propagator_node(
+        "mine",
+        results.statistics_of_samples(samples),
+        propagator="p",
+        realisations=20,
+        wall_time=1.0,
+        children={"samples": samples},
+    )
+    return results.study_tree([node], study="s", mechanism="m")
+
+
+@pytest.mark.parametrize("section", [*ABOUT_RESULTS, *ABOUT_METHODS], ids=lambda section: section.name)
+def test_a_section_renders_a_tree(section: TemplateSection, tree: xr.DataTree, tmp_path) -> None:
+    """As `uqmbd.report.Section` asks: a title, and HTML of a tree; the page shows the same."""
+    fragment = section.render(tree)
+    page = report.write_report(tree, tmp_path / "report.html", sections=[section]).read_text(encoding="utf-8")
+    assert page.count(f'<section id="{section.name}">') == bool(fragment)
+    assert page.count(f"<h2>{section.title}</h2>") == 1 + bool(fragment)
+
+
+def test_types_of_any_package_can_be_drawn(monkeypatch) -> None:
+    """By an entry point under the name of the type, or of a base; what no package draws is plain text."""
+    found = importlib.metadata.EntryPoint(f"{__name__.partition('.')[0]}.Weight", f"{__name__}:drawn", display.GROUP)
+    monkeypatch.setattr(display, "_entry_points", lambda: {found.name: found})
+    monkeypatch.setattr(importlib.metadata.EntryPoint, "load", lambda self: drawn)
+    assert display.html_of(Heavy()) == "<b>Heavy</b>"
+    assert uqmbd.Mechanism("m", uqmbd.Planar())._repr_html_() is None
+
+
+class Weight:
+    """Of another package."""
+
+
+class Heavy(Weight):
+    """Drawn as its base is."""
+
+
+def drawn(weight: Weight) -> str:
+    return f"<b>{type(weight).__name__}</b>"
