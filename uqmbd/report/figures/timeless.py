@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import xarray as xr
 from numpy.typing import NDArray
 
 from uqmbd.errors import StudyError
@@ -23,6 +21,7 @@ from uqmbd.report.drawing import (
 )
 from uqmbd.report.figures.distributions import SURROGATE_SAMPLES, density
 from uqmbd.report.figures.selection import Results, nodes_of
+from uqmbd.report.view import Method
 from uqmbd.results import scalar_nodes, surrogate
 from uqmbd.status import Status
 
@@ -36,14 +35,6 @@ MOST_SCALARS = 12
 
 METHODS = 6
 """Most methods whose densities are drawn in one figure."""
-
-
-def _all_names(nodes: Mapping[str, xr.DataTree]) -> list[str]:
-    """Return the names of all outputs without a time, in the order of the study."""
-    names: dict[str, None] = {}
-    for node in scalar_nodes(nodes).values():
-        names |= dict.fromkeys(map(str, node.children["statistics"].coords["output"].values))
-    return list(names)
 
 
 def scalar_densities(results: Results) -> Figure:
@@ -80,14 +71,14 @@ def scalar_densities(results: Results) -> Figure:
     """
     from matplotlib.lines import Line2D
 
-    inner = scalar_nodes(nodes_of(results))
-    names = _all_names(nodes_of(results))[:MOST_SCALARS]
-    responses = {label: found for label, node in inner.items() if (found := _responses(node))}
+    inner = {label: Method(label, node) for label, node in scalar_nodes(nodes_of(results)).items()}
+    units = {name: method.units(name) for method in inner.values() for name in method.names}
+    names = list(dict.fromkeys(name for method in inner.values() for name in method.names))[:MOST_SCALARS]
+    responses = {label: found for label, method in inner.items() if (found := _responses(method))}
     responses = dict(list(responses.items())[:METHODS])
     if not names or not responses:
         raise StudyError("There are no samples of outputs without a time, and no chaos of them.")
-    units = {name: unit for node in inner.values() for name, unit in _units(node).items()}
-    barred = next((label for label in responses if "samples" in inner[label].children), None)
+    barred = next((label for label in responses if inner[label].samples is not None), None)
     figure, grid = axes_grid(len(names), 1.75)
     for place, (axes, name) in enumerate(zip(grid, names, strict=True)):
         if barred is not None and name in responses[barred]:
@@ -111,24 +102,14 @@ def scalar_densities(results: Results) -> Figure:
     return figure
 
 
-def _names(node: xr.DataTree) -> list[str]:
-    return [str(name) for name in node.children["statistics"].coords["output"].values]
-
-
-def _units(node: xr.DataTree) -> dict[str, str]:
-    units = node.children["statistics"].coords["output_units"].values
-    return dict(zip(_names(node), map(str, units), strict=True))
-
-
-def _responses(node: xr.DataTree) -> dict[str, NDArray[np.float64]]:
+def _responses(method: Method) -> dict[str, NDArray[np.float64]]:
     """Return samples of each output of a method, or of its surrogate; nothing where it has neither."""
-    if "samples" in node.children:
-        data = node.children["samples"].to_dataset()
-        values = data["response"].values[data["status"].values == Status.OK]
-        return dict(zip(_names(node), values.T, strict=True)) if len(values) else {}
-    if "chaos" in node.children:
+    if method.samples is not None:
+        values = method.samples["response"].values[method.samples["status"].values == Status.OK]
+        return dict(zip(method.names, values.T, strict=True)) if len(values) else {}
+    if "chaos" in method.node.children:
         # a general joint distribution cannot be sampled without its mechanism
         with contextlib.suppress(StudyError):
-            _, values = surrogate(node).sample(SURROGATE_SAMPLES, seed=0)
-            return dict(zip(_names(node), values.T, strict=True))
+            _, values = surrogate(method.node).sample(SURROGATE_SAMPLES, seed=0)
+            return dict(zip(method.names, values.T, strict=True))
     return {}
