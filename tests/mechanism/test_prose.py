@@ -12,7 +12,7 @@ from uqmbd import plugins
 from uqmbd.dynamics import build
 from uqmbd.mechanism.skeleton import skeleton
 from uqmbd.report.mechanisms.body_poses import drawn_pose
-from uqmbd.testing.cases import cases
+from uqmbd.testing.components.cases import cases
 
 
 def every():

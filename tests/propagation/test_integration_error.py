@@ -11,7 +11,7 @@ import xarray as xr
 
 import uqmbd
 from uqmbd.results import propagator_node, statistics_dataset, validate
-from uqmbd.testing.executors import Recorder
+from uqmbd.testing.propagators.executors import Recorder
 from uqmbd_collocation import Collocation
 from uqmbd_contact import PlaneImpact
 from uqmbd_drivers import RotationDriver

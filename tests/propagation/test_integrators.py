@@ -8,7 +8,7 @@ import pytest
 
 import uqmbd
 from uqmbd import plugins
-from uqmbd.testing.executors import Recorder
+from uqmbd.testing.propagators.executors import Recorder
 from uqmbd_collocation import Collocation
 from uqmbd_contact import PlaneImpact
 from uqmbd_galerkin import Galerkin

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import uqmbd
-from uqmbd.testing.bench import Bench
-from uqmbd.testing.cases import Case
-from uqmbd.testing.component import _check_broadcasting, _check_jacobian
+from uqmbd.testing.components.bench import Bench
+from uqmbd.testing.components.cases import Case
+from uqmbd.testing.components.component import _check_broadcasting, _check_jacobian
 
 # Ones and zeros are written into the equations, other numbers are parameters: each pattern is another expression.
 BODIES = {

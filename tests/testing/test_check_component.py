@@ -12,7 +12,7 @@ import xarray as xr
 
 import uqmbd
 from uqmbd.testing import check_component
-from uqmbd.testing.methods import check_studies
+from uqmbd.testing.components.methods import check_studies
 from uqmbd_collocation import Collocation
 from uqmbd_montecarlo import MonteCarlo
 

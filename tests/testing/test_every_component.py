@@ -8,7 +8,7 @@ import pytest
 import uqmbd
 from uqmbd import plugins
 from uqmbd.testing import check_component
-from uqmbd.testing.methods import check_studies
+from uqmbd.testing.components.methods import check_studies
 
 EVERY = [(name, space) for name, component in sorted(plugins.components().items()) for space in component.spaces]
 

@@ -10,7 +10,7 @@ import pytest
 import uqmbd
 from uqmbd import plugins
 from uqmbd.dynamics import Ensemble, build
-from uqmbd.testing.cases import cases
+from uqmbd.testing.components.cases import cases
 
 EVERY = [(name, space) for name, component in sorted(plugins.components().items()) for space in component.spaces]
 

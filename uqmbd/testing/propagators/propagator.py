@@ -10,11 +10,11 @@ from pathlib import Path
 from uqmbd.errors import StudyError
 from uqmbd.propagation import Propagator
 from uqmbd.results import load, save
-from uqmbd.testing.executors import Recorder
-from uqmbd.testing.known import CASES
-from uqmbd.testing.moments import check_moments, check_schema, difference
-from uqmbd.testing.subject import Subject, quiet
-from uqmbd.testing.survival import check_failures, check_nothing_random, check_resume
+from uqmbd.testing.propagators.executors import Recorder
+from uqmbd.testing.propagators.moments import check_moments, check_schema, difference
+from uqmbd.testing.propagators.subject import Subject, quiet
+from uqmbd.testing.propagators.survival import check_failures, check_nothing_random, check_resume
+from uqmbd.testing.solutions import CASES
 
 __all__ = ["check_propagator"]
 

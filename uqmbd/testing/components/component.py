@@ -12,12 +12,12 @@ import numpy as np
 from uqmbd.dynamics import Instance, Kernel, cached, compile_kernel, derive
 from uqmbd.mechanism import Component, Space
 from uqmbd.propagation import Propagator
-from uqmbd.testing.bench import REALISATIONS, Bench, random_coordinates
-from uqmbd.testing.cases import cases, name_of
-from uqmbd.testing.energy import check_energy
-from uqmbd.testing.events import check_events
-from uqmbd.testing.methods import check_studies
-from uqmbd.testing.motion import displaced, random_turn, virtual_motions
+from uqmbd.testing.components.bench import REALISATIONS, Bench, random_coordinates
+from uqmbd.testing.components.cases import cases, name_of
+from uqmbd.testing.components.energy import check_energy
+from uqmbd.testing.components.events import check_events
+from uqmbd.testing.components.methods import check_studies
+from uqmbd.testing.components.motion import displaced, random_turn, virtual_motions
 from uqmbd.typing import Array
 
 __all__ = ["check_component"]

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from uqmbd.testing.bench import Bench
-from uqmbd.testing.motion import displaced, random_turn, virtual_motions
+from uqmbd.testing.components.bench import Bench
+from uqmbd.testing.components.motion import displaced, random_turn, virtual_motions
 from uqmbd.typing import Array
 
 __all__ = ["check_events"]

@@ -13,7 +13,7 @@ import sympy
 from uqmbd.mechanism import Mechanism, Planar, Translational
 from uqmbd.propagation import Study
 from uqmbd.randomness import uniform_variable
-from uqmbd.testing.parts import Pin, Rod, Spring
+from uqmbd.testing.solutions.parts import Pin, Rod, Spring
 from uqmbd.typing import Array
 
 __all__ = ["CASES", "Known", "certain", "fragile"]

@@ -13,10 +13,9 @@ from uqmbd.dynamics import Ensemble, derive, instances_of, integrate
 from uqmbd.errors import AssemblyError
 from uqmbd.mechanism import Component, Space
 from uqmbd.propagation import Propagator, Study
-from uqmbd.testing.cases import Case, moving_case, name_of
-from uqmbd.testing.energy import is_timeless
-from uqmbd.testing.moments import check_schema, stated_errors
-from uqmbd.testing.subject import described, quiet
+from uqmbd.testing.components.cases import Case, moving_case, name_of
+from uqmbd.testing.components.energy import is_timeless
+from uqmbd.testing.propagators import check_schema, described, quiet, stated_errors
 
 __all__ = ["cheap", "check_studies"]
 
@@ -63,7 +62,7 @@ def check_studies(
     Parameters
     ----------
     component, space, given, rng
-        As for `uqmbd.testing.cases.cases`.
+        As for `uqmbd.testing.components.cases.cases`.
     propagators : sequence of str or Propagator, optional
         Names or objects; default all that are installed.
     conservative : bool

@@ -12,10 +12,8 @@ import numpy as np
 
 from uqmbd.dynamics import Capability, Counters, Ensemble, Integrator, Trajectories, declares, off_constraints
 from uqmbd.plugins import integrator_problem
-from uqmbd.testing import closed_forms
-from uqmbd.testing.closed_forms import ClosedForm
-from uqmbd.testing.known import fragile
-from uqmbd.testing.projected import check_projected
+from uqmbd.testing.integrators.projected import check_projected
+from uqmbd.testing.solutions import ClosedForm, closed_forms, fragile
 from uqmbd.typing import Array
 
 __all__ = ["check_integrator"]

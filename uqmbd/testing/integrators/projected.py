@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 
 from uqmbd.dynamics import Ensemble, Integrator, ProjectedEnsemble, ProjectedTrajectories, declares, off_constraints
-from uqmbd.testing import closed_forms
-from uqmbd.testing.closed_forms import ClosedForm
+from uqmbd.testing.solutions import ClosedForm, closed_forms
 from uqmbd.typing import Array
 
 __all__ = ["check_projected"]

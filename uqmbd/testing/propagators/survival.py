@@ -10,10 +10,10 @@ from pathlib import Path
 import xarray as xr
 
 from uqmbd.errors import StudyError, UqmbdError
-from uqmbd.testing.executors import Interrupter, Interruption, Recorder
-from uqmbd.testing.known import CASES, certain, fragile
-from uqmbd.testing.moments import check_schema, difference
-from uqmbd.testing.subject import Subject, quiet
+from uqmbd.testing.propagators.executors import Interrupter, Interruption, Recorder
+from uqmbd.testing.propagators.moments import check_schema, difference
+from uqmbd.testing.propagators.subject import Subject, quiet
+from uqmbd.testing.solutions import CASES, certain, fragile
 
 __all__ = ["check_failures", "check_nothing_random", "check_resume"]
 

@@ -13,7 +13,7 @@ import sympy
 from uqmbd.dynamics import Ensemble, Model, build
 from uqmbd.mechanism import Mechanism, Planar, Translational, t
 from uqmbd.randomness import uniform_variable
-from uqmbd.testing.parts import Floor, Pin, Push, Spring, Strip
+from uqmbd.testing.solutions.parts import Floor, Pin, Push, Spring, Strip
 from uqmbd.typing import Array
 
 __all__ = ["ACCURACY", "ClosedForm", "ball", "fading", "impacts", "oscillator", "pendulum", "pulse", "stone", "strip"]

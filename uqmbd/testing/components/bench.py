@@ -10,8 +10,8 @@ import numpy as np
 
 from uqmbd.dynamics import Instance, Kernel, ParameterMap, cached, compile_kernel, derive, instances_of
 from uqmbd.mechanism import Space
-from uqmbd.testing.cases import Case
-from uqmbd.testing.motion import random_unit
+from uqmbd.testing.components.cases import Case
+from uqmbd.testing.components.motion import random_unit
 from uqmbd.typing import Array
 
 __all__ = ["REALISATIONS", "Bench", "random_coordinates"]

@@ -12,7 +12,7 @@ import xarray as xr
 from uqmbd.errors import StudyError
 from uqmbd.propagation import Propagator, Study
 from uqmbd.results import validate
-from uqmbd.testing.known import Known
+from uqmbd.testing.solutions import Known
 from uqmbd.typing import Array
 
 __all__ = ["check_moments", "check_schema", "difference", "stated_errors"]

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from uqmbd.dynamics import Derived, Instance, Kernel, cached, compile_kernel, derive
-from uqmbd.testing.bench import Bench
+from uqmbd.testing.components.bench import Bench
 from uqmbd.typing import Array
 
 __all__ = ["check_energy", "is_timeless"]

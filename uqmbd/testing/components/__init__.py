@@ -1,0 +1,9 @@
+"""Conformance of components: derivatives, energy, events, and the methods of propagation on their mechanisms."""
+
+from __future__ import annotations
+
+from uqmbd.testing.components.component import check_component
+
+__all__ = [
+    "check_component",
+]

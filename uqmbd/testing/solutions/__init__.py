@@ -1,0 +1,16 @@
+"""Mechanisms whose motions, or whose moments, are known in closed form."""
+
+from __future__ import annotations
+
+from uqmbd.testing.solutions import closed_forms
+from uqmbd.testing.solutions.closed_forms import ClosedForm
+from uqmbd.testing.solutions.known import CASES, Known, certain, fragile
+
+__all__ = [
+    "CASES",
+    "ClosedForm",
+    "Known",
+    "certain",
+    "closed_forms",
+    "fragile",
+]
