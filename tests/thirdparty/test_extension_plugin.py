@@ -3,47 +3,12 @@
 from __future__ import annotations
 
 import json
-import os
-import shutil
-import subprocess
-import sys
-import tomllib
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 PACKAGE = Path(__file__).parent / "uqmbd-extension-plugin"
-
-
-@pytest.fixture(scope="module")
-def site(tmp_path_factory):
-    """Install the package by hand, which is quicker than by pip: its files, and its metadata."""
-    folder = tmp_path_factory.mktemp("extension") / "site"
-    shutil.copytree(PACKAGE / "uqmbd_extension", folder / "uqmbd_extension")
-    project = tomllib.loads((PACKAGE / "pyproject.toml").read_text())["project"]
-    information = folder / f"{project['name'].replace('-', '_')}-{project['version']}.dist-info"
-    information.mkdir()
-    (information / "METADATA").write_text(
-        f"Metadata-Version: 2.1\nName: {project['name']}\nVersion: {project['version']}\n"
-    )
-    points = [f"{name} = {value}" for name, value in project["entry-points"]["uqmbd"].items()]
-    (information / "entry_points.txt").write_text("\n".join(["[uqmbd]", *points, ""]))
-    return folder
-
-
-def python(site, *words):
-    path = os.pathsep.join(filter(None, [str(site), os.environ.get("PYTHONPATH")]))
-    run = subprocess.run(
-        [sys.executable, *words],
-        capture_output=True,
-        text=True,
-        check=False,
-        cwd=site.parent,
-        env={**os.environ, "PYTHONPATH": path},
-    )
-    assert run.returncode == 0, run.stdout + run.stderr
-    return run.stdout
 
 
 STUDY = """
@@ -83,9 +48,9 @@ print(json.dumps([found, info.status, info.hooks, info.designs, str(info.errors)
 """
 
 
-def test_study_runs_with_its_law_and_on_its_design(site):
+def test_study_runs_with_its_law_and_on_its_design(python):
     """The law returns nearly the coefficient that it is made from, the more the nearer it is to 1; times 2 m/s."""
-    found, *info = json.loads(python(site, "-W", "error::UserWarning", "-c", STUDY))
+    found, *info = json.loads(python("-W", "error::UserWarning", "-c", STUDY))
     assert info == ["loaded", ["uqmbd_designs"], ["kronecker"], "()"]
     for statistics in found.values():
         assert statistics["mean"] == pytest.approx(2 * 0.95, rel=0.01)
@@ -95,5 +60,5 @@ def test_study_runs_with_its_law_and_on_its_design(site):
     assert found["monte-carlo"]["mean"] == pytest.approx(found["collocation"]["mean"], abs=4 * error)
 
 
-def test_its_own_test_suite_passes(site):
-    assert "2 passed" in python(site, "-m", "pytest", "-q", "-p", "no:cacheprovider", str(PACKAGE / "tests"))
+def test_its_own_test_suite_passes(python):
+    assert "2 passed" in python("-m", "pytest", "-q", "-p", "no:cacheprovider", str(PACKAGE / "tests"))

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
 
 from uqmbd.dynamics.assembly import Start, assemble
+from uqmbd.dynamics.contact import ContactEvaluator, event_times, impact
 from uqmbd.dynamics.equations import Model
 from uqmbd.dynamics.integration import Leg, pace
+from uqmbd.dynamics.linear import accelerations, excess
 from uqmbd.dynamics.observation import energies, observe, observe_along
 from uqmbd.dynamics.statics import equilibrium_start
-from uqmbd.typing import Array, Index
+from uqmbd.errors import StudyError
+from uqmbd.typing import Array, Index, Mask
 
 __all__ = ["Ensemble", "referenced"]
 
@@ -158,6 +162,100 @@ class Ensemble:
         array, shape (K, output, T)
         """
         return observe_along(self, self.model.outputs, times, states)
+
+    @property
+    def events(self) -> tuple[tuple[str, str, bool], ...]:
+        """Component and label of each event, and whether it is an impact; other events change nothing."""
+        return tuple((component, label, bool(directions)) for component, label, directions in self.model.events)
+
+    def rates(self, time: Array | float, states: Array) -> Array:
+        """Rates of states by the equations of motion (index 1): what an explicit integrator needs.
+
+        Parameters
+        ----------
+        time : float, or array, shape (K,)
+            s.
+        states : array, shape (K, 2 coordinate + state)
+            Coordinates, auxiliary states and velocities, consistent with the constraints.
+
+        Returns
+        -------
+        array, shape (K, 2 coordinate + state)
+            NaN where the equations are singular.
+        """
+        q, s, v = self.model.layout.split(states)
+        a, _, rates = accelerations(self.model, q, s, v, time, self.block)
+        return np.concatenate([v, rates, a], axis=1)
+
+    def on_constraints(self, time: Array | float, states: Array) -> Array:
+        """Put states that are nearly on the constraints onto them, in position and velocity, by the least change.
+
+        Arguments and result are those of `rates`; the error is quadratic in that of the states.
+
+        Raises
+        ------
+        uqmbd.StudyError
+            If the mechanism is too large for compiled linear algebra.
+        """
+        if self.model.system is None or self.model.system.project is None:
+            raise StudyError(
+                f"mechanism {self.model.name!r} has too many equations to put states onto the constraints."
+            )
+        times = np.broadcast_to(np.asarray(time, dtype=float), (len(states),))
+        q, v = excess(self.model, states, times, self.block)
+        found: Array = states - np.concatenate([q, np.zeros((len(q), self.model.layout.states)), v], axis=1)
+        return found
+
+    def guards(self, time: Array | float, states: Array) -> Array:
+        """Guards of all `events`, shape (K, event): gaps of impacts, m; an event happens where one falls through zero.
+
+        Arguments are those of `rates`.
+        """
+        if not self.model.events:
+            return np.zeros((len(states), 0))
+        return self._contacts.guards(np.broadcast_to(np.asarray(time, dtype=float), (len(states),)), states, self.block)
+
+    def after_impact(self, time: Array | float, states: Array, closed: Mask) -> Array:
+        """States right after impacts, by the laws of restitution and friction; other than velocities nothing changes.
+
+        Parameters
+        ----------
+        time, states
+            Right before, as for `rates`.
+        closed : array of bool, shape (K, event)
+            Gaps that are closed; bodies there that approach each other collide.
+
+        Returns
+        -------
+        array, shape (K, 2 coordinate + state)
+            NaN where no impulses satisfy the laws.
+        """
+        times = np.broadcast_to(np.asarray(time, dtype=float), (len(states),))
+        after, n = states.copy(), self.model.layout.coordinates
+        for k in range(len(states)):
+            row, gaps = slice(k, k + 1), [j for j in np.flatnonzero(closed[k]).tolist() if self.events[j][2]]
+            found = impact(self._contacts(times[row], states[row], self.block[row]), gaps, approach=0.0)
+            after[k, -n:] += np.nan if found is None else found[0]
+        return after
+
+    def event_times(self, happened: Mapping[int, Sequence[tuple[float, int, str]]]) -> dict[str, Array]:
+        """Name the times of events, for `uqmbd.Trajectories.scalars`: outputs use them as `Component.event_time`.
+
+        Parameters
+        ----------
+        happened : mapping of int to sequence of (float, int, str)
+            By realisation, in the order of time: when, which of `events`, and its label.
+
+        Returns
+        -------
+        dict of str to array, shape (K,)
+            NaN where a realisation has no such event.
+        """
+        return event_times(self, happened)
+
+    @cached_property
+    def _contacts(self) -> ContactEvaluator:
+        return ContactEvaluator(self.model)
 
     def energies(self, times: Array, states: Array) -> Array:
         """Kinetic and potential energy along trajectories, J, shape (K, 2, T)."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time as clock
+from collections.abc import Mapping, Sequence
 from functools import partial
 
 import numpy as np
@@ -15,7 +16,7 @@ from uqmbd.dynamics.integration import Counters, Segment, SegmentedMotion, Traje
 from uqmbd.mechanism import event_name
 from uqmbd.typing import Array
 
-__all__ = ["integrate_with_events", "motion_in_segments"]
+__all__ = ["event_times", "integrate_with_events", "motion_in_segments"]
 
 
 def integrate_with_events(ensemble: Batch, times: Array, rtol: float) -> Trajectories:
@@ -37,7 +38,8 @@ def integrate_with_events(ensemble: Batch, times: Array, rtol: float) -> Traject
         by_dop853=len(runs),
         seconds=clock.perf_counter() - begin,
     )
-    return Trajectories(times, states, tuple(messages), counters, _event_times(ensemble, runs))
+    happened = {k: [(r.time, r.event, r.label) for r in run.records] for k, run in runs.items()}
+    return Trajectories(times, states, tuple(messages), counters, event_times(ensemble, happened))
 
 
 def motion_in_segments(ensemble: Batch, times: Array, rtol: float) -> SegmentedMotion:
@@ -56,14 +58,14 @@ def _label(run: EventDrivenMotion, piece: MotionPiece) -> str:
     return ", ".join(dict.fromkeys(names)) or ("" if piece is run.pieces[-1] else "break")
 
 
-def _event_times(ensemble: Batch, runs: dict[int, EventDrivenMotion]) -> dict[str, Array]:
-    """Find the times of all events by name, shape (K,); NaN where a realisation has no such event."""
+def event_times(ensemble: Batch, happened: Mapping[int, Sequence[tuple[float, int, str]]]) -> dict[str, Array]:
+    """Find the times of all events by name; see `uqmbd.Ensemble.event_times`."""
     found: dict[str, Array] = {}
-    for member, run in runs.items():
+    for member, events in happened.items():
         counts: dict[tuple[str, str], int] = {}
-        for record in run.records:
-            component = ensemble.model.events[record.event][0]
-            number = counts[component, record.label] = counts.get((component, record.label), 0) + 1
-            name = event_name(component, record.label, number)
-            found.setdefault(name, np.full(len(ensemble), np.nan))[member] = record.time
+        for time, event, label in events:
+            component = ensemble.model.events[event][0]
+            number = counts[component, label] = counts.get((component, label), 0) + 1
+            name = event_name(component, label, number)
+            found.setdefault(name, np.full(len(ensemble), np.nan))[member] = time
     return found

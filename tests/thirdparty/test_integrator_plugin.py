@@ -1,0 +1,59 @@
+"""An integrator of somebody else's that follows impacts: one file, on the public interface only."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+
+PACKAGE = Path(__file__).parent / "uqmbd-runge-kutta-plugin"
+
+STUDY = """
+import json
+
+import chaospy
+
+import uqmbd
+import uqmbd.plugins
+from uqmbd_contact import PlaneImpact
+from uqmbd_montecarlo import MonteCarlo
+
+height = uqmbd.RandomVariable("height", chaospy.Uniform(0.9, 1.1), units="m")
+mechanism = uqmbd.Mechanism("ball", uqmbd.Translational(gravity=(0, -9.81)))
+ball = mechanism.body("ball", mass=1, position=(0, height), velocity=(1, 0))
+floor = mechanism.add(
+    PlaneImpact("floor", mechanism.ground, ball, (0, 0), (0, 0), (0, 1), restitution=0.8, friction=0.05)
+)
+mechanism.output("height", ball.position[1], units="m")
+mechanism.output("speed", ball.velocity[0], units="m/s")
+mechanism.output("second", floor.event_time("impact", 2), units="s")
+found = {}
+for integrator in ("runge-kutta", "auto"):
+    study = uqmbd.Study("ball", mechanism, [0, 0.5, 1.0, 1.5], integrator=integrator)
+    node = study.propagate(MonteCarlo(samples=20, seed=1))
+    found[integrator] = [
+        node.attrs["integrated_by"],
+        int(node.attrs["failures"]),
+        *(node["statistics"][name].values.tolist() for name in ("mean", "std")),
+        *(node["scalars/statistics"][name].values.tolist() for name in ("mean", "std")),
+    ]
+info = next(info for info in uqmbd.plugins.installed() if info.name == "runge-kutta")
+print(json.dumps([found, info.status, info.integrators, str(info.errors)]))
+"""
+
+
+def test_a_study_with_impacts_runs_by_it(python):
+    """With friction of the impulses; moments are those of the integrator of the core on the same samples."""
+    found, *info = json.loads(python("-W", "error::UserWarning", "-c", STUDY))
+    assert info == ["loaded", ["runge-kutta"], "()"]
+    by, failures, *moments = found["runge-kutta"]
+    assert (by, failures) == ("runge-kutta", 0)
+    for mine, core in zip(moments, found["auto"][2:], strict=True):
+        np.testing.assert_allclose(mine, core, rtol=1e-5, atol=1e-6)
+    assert found["auto"][0] == "dop853"
+
+
+def test_its_own_test_suite_passes(python):
+    """Which is the conformance kit."""
+    assert "1 passed" in python("-m", "pytest", "-q", "-p", "no:cacheprovider", str(PACKAGE / "tests"))
