@@ -34,8 +34,8 @@ from scipy.integrate import solve_ivp
 
 import uqmbd
 from uqmbd.dynamics import Ensemble, Model, build, integrate
-from uqmbd.dynamics.linear import accelerations as index1
-from uqmbd.dynamics.linear import elimination, system, unrolled
+from uqmbd.dynamics.equations import state_arguments
+from uqmbd.dynamics.linear import elimination, index1, system, unrolled
 from uqmbd.dynamics.linear.system import index1_system
 from uqmbd_joints import Revolute
 
@@ -225,16 +225,16 @@ def routes(numbers: tuple[int, ...]) -> None:
         pattern, size = (bare.rows, bare.columns, bare.source), bare.size
         start = Ensemble(model, np.zeros((1, 0))).start
         block = Ensemble(model, np.zeros((STACK, 0))).block
-        state = index1.state_arguments(start.q, start.s, start.v, 0.0).repeat(STACK, axis=0)
+        state = state_arguments(0.0, start.state).repeat(STACK, axis=0)
         values = model.evaluators["acceleration"](state, block)
         # as in a build: the pose, and another one near it
         state[1] += np.random.default_rng(0).uniform(0.1, 0.3, state.shape[1])
         typical = model.evaluators["acceleration"](state[:2], block[:2])
 
-        def one_piece(pattern: Any = pattern, typical: Array = typical, motion: Any = motion, size: int = size) -> Any:
-            matrix = np.zeros((2, size, size))
-            matrix[:, pattern[0], pattern[1]] = typical[:, pattern[2]]
-            order = elimination.plan(*pattern[:2], matrix)
+        def one_piece(
+            bare: Any = bare, pattern: Any = pattern, typical: Array = typical, motion: Any = motion, size: int = size
+        ) -> Any:
+            order = elimination.plan(*pattern[:2], bare.matrix(typical))
             return unrolled.unroll(order, *pattern, motion, typical.shape[1], size)
 
         def blocks(model: Model = model, bare: Any = bare, typical: Array = typical) -> Any:
@@ -252,9 +252,9 @@ def routes(numbers: tuple[int, ...]) -> None:
             one, many = (best(lambda v=values[:k], c=code: c(v)) / k for k in (1, STACK))
             row += [f"{one:.0f} ({many:.1f})", f"{seconds:.2f}"]
         single = values[:1]
-        entries, right = index1._system(model, bare, single)
-        row.append(f"{best(lambda b=bare, v=single, r=right: b.pattern.factorise(v).solve(r.T)):.0f}")
-        row.append(f"{best(lambda b=bare, e=entries, r=right: index1._lapack(b, e, r), 3):.0f}")
+        right = bare.right(single)
+        row.append(f"{best(lambda b=bare, v=single, r=right: b.pattern.factorise(v).solve(r)):.0f}")
+        row.append(f"{best(lambda b=bare, v=single, r=right: index1._lapack(b.matrix(v), r), 3):.0f}")
         table.add_row(*row)
     console.print(table)
 

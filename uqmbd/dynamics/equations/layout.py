@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import accumulate
 
 import numpy as np
 
@@ -47,8 +48,12 @@ def argument_names(kind: Kind, coordinates: int, states: int, constraints: int) 
 
 def state_arguments(time: Array | float, *parts: Array) -> Array:
     """Arguments ``(q, s, v, t, 0)`` of the kinds that a state determines, of states (K, width) or of their parts."""
-    t = np.broadcast_to(np.asarray(time, dtype=float), (len(parts[0]),))[:, None]
-    return np.concatenate([*parts, t, np.zeros_like(t)], axis=1)
+    ends = [0, *accumulate(x.shape[1] for x in parts)]
+    found = np.zeros((len(parts[0]), ends[-1] + 2))
+    for x, first, end in zip(parts, ends[:-1], ends[1:], strict=True):
+        found[:, first:end] = x
+    found[:, -2] = time
+    return found
 
 
 @dataclass(frozen=True)

@@ -125,10 +125,20 @@ class Model:
 
     def result(self, kind: Kind, name: str, values: Array) -> Array:
         """Vector or matrix of a name among the results of an evaluator (K, result), shape (K, ...)."""
-        found = np.zeros((len(values), *(self.counts[x] for x in RESULTS[kind][name])))
-        if entry := self.evaluators[kind].index.get(name):
-            where: tuple[Any, ...] = (slice(None), *entry[1])
-            found[where] = values[:, entry[0]]
+        shape, columns, where = self._places[kind, name]
+        found = np.zeros((len(values), *shape))
+        if columns is not None:
+            found[where] = values[:, columns]
+        return found
+
+    @cached_property
+    def _places(self) -> dict[tuple[Kind, str], tuple[tuple[int, ...], Index | None, tuple[Any, ...]]]:
+        """Shape of each vector and matrix, the results that are its entries, and where those stand."""
+        found: dict[tuple[Kind, str], tuple[tuple[int, ...], Index | None, tuple[Any, ...]]] = {}
+        for kind in RESULTS.keys() & self.evaluators.keys():
+            for name, spaces in RESULTS[kind].items():
+                columns, where = self.evaluators[kind].index.get(name, (None, ()))
+                found[kind, name] = tuple(self.counts[x] for x in spaces), columns, (slice(None), *where)
         return found
 
     def evaluate(self, kind: Kind, arguments: Array, parameters: Array) -> dict[str, Array]:

@@ -73,7 +73,14 @@ class System:
 
     def right(self, values: Array) -> Array:
         """Right-hand sides of results of the ``acceleration`` evaluator (K, result), shape (K, size)."""
-        return _taken(values, self.motion)
+        found = np.zeros((len(values), self.size))
+        found[:, self._moved] = values[:, self.motion[self._moved]]
+        return found
+
+    @cached_property
+    def _moved(self) -> Index:
+        """Entries of the right-hand side that are not zero for good."""
+        return np.flatnonzero(self.motion >= 0)
 
     def drift_sides(self, values: Array) -> list[Array]:
         """Right-hand sides (K, size) of the two projections, of results of the ``drift`` evaluator (K, result)."""
