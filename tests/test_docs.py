@@ -27,6 +27,13 @@ def test_the_example_runs_and_passes_its_check(page, tmp_path, monkeypatch):
         exec(compile(block, page.name, "exec"), package.__dict__)
 
 
+def test_every_path_that_the_page_on_changes_names_is_there():
+    text = (ROOT / "docs" / "change.md").read_text(encoding="utf-8")
+    paths = re.findall(r"`([\w-]+/[\w/.-]+)`", text)
+    assert len(paths) > 20
+    assert [x for x in paths if not ((ROOT / x).exists() or (ROOT / "uqmbd" / x).exists())] == []
+
+
 def test_every_hook_has_a_page_and_every_link_leads_somewhere():
     index = (FOLDER / "README.md").read_text(encoding="utf-8")
     assert [kind.hook for kind in plugins._KINDS.values() if kind.hook not in index] == []

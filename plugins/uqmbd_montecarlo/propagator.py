@@ -13,9 +13,9 @@ import xarray as xr
 import uqmbd
 from uqmbd.results import PolynomialChaos, replicate_errors, sample_dataset, statistics_of_samples
 from uqmbd_montecarlo.control import FOLDS, LEAST_SAMPLES
-from uqmbd_montecarlo.designs import replicate_sizes, uniform_samples
 from uqmbd_montecarlo.gathering import Gathered, gather
 from uqmbd_montecarlo.pickfreeze import obstacle_of
+from uqmbd_montecarlo.replicates import replicate_sizes, uniform_samples
 from uqmbd_montecarlo.sensitivity import SobolRun, run_sobol
 from uqmbd_montecarlo.surrogate import ControlledSums, Surrogate, surrogate_of
 

@@ -9,7 +9,7 @@ from scipy.stats import norm
 import uqmbd
 from uqmbd.results import Moments, replicate_errors, sample_statistics
 from uqmbd_montecarlo import MonteCarlo
-from uqmbd_montecarlo.designs import replicate_sizes, uniform_samples
+from uqmbd_montecarlo.replicates import replicate_sizes, uniform_samples
 
 DESIGNS = ("random", "latin-hypercube", "sobol", "halton")
 SEEDS = 200

@@ -18,7 +18,7 @@ import xarray as xr
 
 import uqmbd
 from uqmbd_montecarlo import MonteCarlo
-from uqmbd_montecarlo.designs import uniform_samples
+from uqmbd_montecarlo.replicates import uniform_samples
 
 from .conftest import fragile, oscillator
 

@@ -1,4 +1,4 @@
-"""Sampling designs in independent randomised replicates."""
+"""Uniform samples of a design, in independent randomised replicates."""
 
 from __future__ import annotations
 
