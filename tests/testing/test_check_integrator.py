@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 import uqmbd
-from uqmbd.dynamics import integrators
+from uqmbd import plugins
+from uqmbd.dynamics import built_in_names, integrators
 from uqmbd.dynamics.integrators import Auto, Dop853, Ida
 from uqmbd.testing import check_integrator
 
@@ -45,6 +46,7 @@ def test_those_of_the_core_pass(integrator):
 
 def test_those_of_the_core_are_all_that_the_core_offers():
     assert list(integrators().values())[:3] == [Auto, Ida, Dop853]
+    assert plugins._KINDS["integrators"].reserved == built_in_names()
 
 
 def test_what_is_not_declared_is_never_asked_for():
