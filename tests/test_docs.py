@@ -36,7 +36,7 @@ def test_every_path_that_the_page_on_changes_names_is_there():
 
 def test_every_hook_has_a_page_and_every_link_leads_somewhere():
     index = (FOLDER / "README.md").read_text(encoding="utf-8")
-    assert [kind.hook for kind in plugins._KINDS.values() if kind.hook not in index] == []
+    assert [kind.hook for kind in plugins.KINDS.values() if kind.hook not in index] == []
     for page in [FOLDER / "README.md", *PAGES, *(ROOT / "docs").glob("*.md"), ROOT / "README.md"]:
         for link in re.findall(r"\]\(([^)#\s]+)\)", page.read_text(encoding="utf-8")):
             assert link.startswith("http") or (page.parent / link).exists(), (page.name, link)

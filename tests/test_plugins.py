@@ -60,7 +60,7 @@ def loaded(tmp_path):
 
     def load(disabled=()):
         found = importlib.metadata.distributions(path=[str(tmp_path / "site")])
-        entry_points = [point for one in found for point in one.entry_points if point.group == plugins.GROUP]
+        entry_points = [point for one in found for point in one.entry_points if point.group == plugins.registry.GROUP]
         registry = plugins.load(entry_points, disabled)
         return registry, {info.name: info for info in registry.plugins}
 
@@ -208,8 +208,8 @@ def test_damaged_metadata_is_no_obstacle(install, loaded):
 
 def test_problems_become_warnings_once(install, monkeypatch):
     install("plugin_broken", "raise RuntimeError('no licence found')", distribution="broken-plugin", version="0.3")
-    monkeypatch.setattr(plugins, "_registry", functools.cache(plugins._registry.__wrapped__))
-    point = importlib.metadata.EntryPoint("plugin_broken", "plugin_broken", plugins.GROUP)
+    monkeypatch.setattr(plugins.registry, "registered", functools.cache(plugins.registry.registered.__wrapped__))
+    point = importlib.metadata.EntryPoint("plugin_broken", "plugin_broken", plugins.registry.GROUP)
     found = [point._for(importlib.metadata.distribution("broken-plugin"))]
     monkeypatch.setattr(importlib.metadata, "entry_points", lambda group: found)
     with pytest.warns(uqmbd.PluginWarning, match="plugin 'plugin_broken' of broken-plugin 0.3: .*no licence found"):
@@ -221,7 +221,7 @@ def test_unknown_name_lists_what_is_installed(install, loaded, monkeypatch):
     install("plugin_good", good())
     install("plugin_broken", "raise RuntimeError('no licence found')")
     registry, _ = loaded()
-    monkeypatch.setattr(plugins, "_registry", lambda: registry)
+    monkeypatch.setattr(plugins.registry, "registered", lambda: registry)
     with pytest.raises(uqmbd.StudyError) as caught:
         plugins.propagator("gess")
     text = str(caught.value)
@@ -235,7 +235,7 @@ def test_unknown_name_lists_what_is_installed(install, loaded, monkeypatch):
 def test_result_cannot_be_changed_from_outside(install, loaded, monkeypatch):
     install("plugin_good", good())
     registry, _ = loaded()
-    monkeypatch.setattr(plugins, "_registry", lambda: registry)
+    monkeypatch.setattr(plugins.registry, "registered", lambda: registry)
     plugins.components().clear()
     assert list(plugins.components()) == ["Magnet"]
 

@@ -116,7 +116,7 @@ def cli(monkeypatch, tmp_path, capsys):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "path", list(sys.path))
     monkeypatch.setattr("uqmbd.propagation.script.Study", FakeStudy)
-    monkeypatch.setattr(plugins, "_registry", lambda: plugins.load([]))
+    monkeypatch.setattr(plugins.registry, "registered", lambda: plugins.load([]))
     monkeypatch.setitem(sys.modules, "fakes", sys.modules[__name__])
     monkeypatch.setattr(uqmbd.report, "write_report", fake_report, raising=False)
 
@@ -375,7 +375,7 @@ def test_plugins_as_json_and_table(cli, monkeypatch):
         "bad", "uqmbd-bad", "0.2", status="failed", errors=("it cannot be loaded: ValueError: no",)
     )
     registry = plugins.Registry((info, broken), plugins.load([]).classes)
-    monkeypatch.setattr(plugins, "_registry", lambda: registry)
+    monkeypatch.setattr(plugins.registry, "registered", lambda: registry)
     status, out, _ = cli("plugins", "--json")
     assert status == 0
     assert json.loads(out)[0]["components"] == ["Magnet"] and json.loads(out)[1]["status"] == "failed"

@@ -76,10 +76,10 @@ class Strange(BackwardEuler):
 @pytest.fixture(autouse=True)
 def installed(monkeypatch):
     """As if a plugin offered them."""
-    found = plugins._registry()
+    found = plugins.registry.registered()
     classes = {cls.name: cls for cls in (BackwardEuler, Projecting, Hopeful, Strange)}
     registry = plugins.Registry(found.plugins, {**found.classes, "integrators": classes})
-    monkeypatch.setattr(plugins, "_registry", lambda: registry)
+    monkeypatch.setattr(plugins.registry, "registered", lambda: registry)
     for cls in classes.values():
         monkeypatch.setattr(cls, "calls", 0)
 

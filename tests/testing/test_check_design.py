@@ -20,7 +20,7 @@ def test_designs_of_the_core(design):
 
 
 def test_names_of_the_core_are_those_that_plugins_cannot_take():
-    assert plugins._KINDS["designs"].reserved == uqmbd.sampling_designs()[: len(CORE)]
+    assert plugins.KINDS["designs"].reserved == uqmbd.sampling_designs()[: len(CORE)]
 
 
 class Shifted:

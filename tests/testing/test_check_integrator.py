@@ -46,7 +46,7 @@ def test_those_of_the_core_pass(integrator):
 
 def test_those_of_the_core_are_all_that_the_core_offers():
     assert list(integrators().values())[:3] == [Auto, Ida, Dop853]
-    assert plugins._KINDS["integrators"].reserved == built_in_names()
+    assert plugins.KINDS["integrators"].reserved == built_in_names()
 
 
 def test_what_is_not_declared_is_never_asked_for():

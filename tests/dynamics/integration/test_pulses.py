@@ -278,7 +278,7 @@ def test_an_integrator_of_a_plugin_that_cannot_bound_its_steps_is_refused(monkey
             return integrate(ensemble, times, rtol)
 
     monkeypatch.setattr(
-        uqmbd.plugins, "_registry", lambda: uqmbd.plugins.Registry((), {"integrators": {"steady": Steady}})
+        uqmbd.plugins.registry, "registered", lambda: uqmbd.plugins.Registry((), {"integrators": {"steady": Steady}})
     )
     for options in ({"max_step": 0.1}, {"breaks": [0.5]}):
         with pytest.raises(uqmbd.StudyError, match="'steady' cannot bound its steps.*paced = True"):

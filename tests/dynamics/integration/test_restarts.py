@@ -282,7 +282,7 @@ def test_a_result_off_the_constraints_is_a_failed_realisation_whoever_integrates
             return dataclasses.replace(found, states=states)
 
     registry = uqmbd.plugins.Registry((), {"integrators": {"drifting": Drifting}})
-    monkeypatch.setattr(uqmbd.plugins, "_registry", lambda: registry)
+    monkeypatch.setattr(uqmbd.plugins.registry, "registered", lambda: registry)
     angle = uqmbd.RandomVariable("angle", chaospy.Uniform(0.2, 0.4), units="rad")
     mechanism = uqmbd.Mechanism("pendulum", uqmbd.Planar(gravity=(0, -9.81)))
     rod = mechanism.body(

@@ -1,132 +1,21 @@
-"""Plugins: the hooks that a plugin package may implement, and the manager that finds, loads and isolates the packages.
-
-A plugin package names a module (or an object) in the entry-point group ``uqmbd``, and that module implements any of
-five hooks, each of which returns classes::
-
-    import uqmbd
-
-    class Magnet(uqmbd.Component):
-        ...
-
-    @uqmbd.hookimpl
-    def uqmbd_components():
-        return [Magnet]
-
-A plugin that fails is a `uqmbd.PluginWarning` with its name and the reason; the others are not affected. The
-environment variable ``UQMBD_DISABLE_PLUGINS`` lists entry points or distributions (by comma) that are not loaded.
-"""
+"""Loading of plugins: each is looked at alone, and what cannot be used is told with the plugin's name."""
 
 from __future__ import annotations
 
-import functools
 import importlib.metadata
 import inspect
-import os
 import re
-import warnings
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal
 
 import pluggy
 
-from uqmbd.errors import PluginWarning, StudyError
 from uqmbd.isolation import Isolated, last_line
 from uqmbd.names import lineage
+from uqmbd.plugins.hooks import KINDS, Kind, integrator_problem, plugin_manager
 
-__all__ = [
-    "PluginInfo",
-    "component",
-    "components",
-    "designs",
-    "hookimpl",
-    "installed",
-    "integrator",
-    "integrator_problem",
-    "integrators",
-    "owner",
-    "propagator",
-    "propagators",
-    "report_sections",
-]
-
-GROUP = "uqmbd"
-DISABLE = "UQMBD_DISABLE_PLUGINS"
-
-hookimpl = pluggy.HookimplMarker("uqmbd")
-_hookspec = pluggy.HookspecMarker("uqmbd")
-
-
-class _Hooks:
-    """What a plugin may offer: each hook returns a sequence of classes, which may be empty."""
-
-    @_hookspec
-    def uqmbd_components(self) -> Sequence[type]:  # type: ignore[empty-body]
-        """Offer joints, drivers, springs: subclasses of `uqmbd.Component`, known by the name of the class."""
-
-    @_hookspec
-    def uqmbd_propagators(self) -> Sequence[type]:  # type: ignore[empty-body]
-        """Offer subclasses of `uqmbd.Propagator`, known by their class attribute ``name``."""
-
-    @_hookspec
-    def uqmbd_integrators(self) -> Sequence[type]:  # type: ignore[empty-body]
-        """Offer time integrators, classes as `uqmbd.Integrator` says, known by their class attribute ``name``.
-
-        The class has a method ``integrate(ensemble, times, rtol)``, which returns `uqmbd.Trajectories`.  What more it
-        can it declares by class attributes, which are False where they are left out: ``events``, ``projected``,
-        ``segments``, ``paced``, ``watched``, ``delegates``.  The core registers its own by this hook.
-        """
-
-    @_hookspec
-    def uqmbd_designs(self) -> Sequence[type]:  # type: ignore[empty-body]
-        """Offer sampling designs, classes as `uqmbd.SamplingDesign` says, known by their class attribute ``name``.
-
-        The core registers its own by this hook.
-        """
-
-    @_hookspec
-    def uqmbd_report_sections(self) -> Sequence[type]:  # type: ignore[empty-body]
-        """Offer sections of the HTML report, as `uqmbd.report.Section` says, made without arguments."""
-
-
-class _Kind(NamedTuple):
-    """What the classes of one hook have in common."""
-
-    hook: str
-    noun: str
-    base: str | None
-    by_attribute: bool
-    method: str = ""
-    flags: tuple[str, ...] = ()
-    """Class attributes that are True or False, and False where they are left out."""
-    reserved: tuple[str, ...] = ()
-    """Names of what the core itself offers."""
-
-
-_KINDS = {
-    "components": _Kind("uqmbd_components", "component", "uqmbd.Component", False),
-    "propagators": _Kind("uqmbd_propagators", "propagator", "uqmbd.Propagator", True),
-    "integrators": _Kind(
-        "uqmbd_integrators", "integrator", None, True, "", ("events", "projected"), ("auto", "ida", "dop853")
-    ),
-    "designs": _Kind(
-        "uqmbd_designs",
-        "sampling design",
-        None,
-        True,
-        "points",
-        ("independent", "extendable"),
-        ("random", "latin-hypercube", "sobol", "halton"),
-    ),
-    "report_sections": _Kind("uqmbd_report_sections", "report section", None, False, "render"),
-}
-
-
-INTEGRATOR_METHODS = {
-    "projected": "integrate_projected(projected, times, rtol)",
-    "segments": "integrate_segments(ensemble, times, rtol)",
-}
-"""What an integrator has that declares a capability."""
+__all__ = ["PluginInfo", "Registry", "load", "offered_by_core"]
 
 
 @dataclass(frozen=True)
@@ -176,100 +65,6 @@ class Registry:
     classes: dict[str, dict[str, type]]
 
 
-def components() -> dict[str, type]:
-    """Return the installed component classes by class name."""
-    return dict(_registry().classes["components"])
-
-
-def propagators() -> dict[str, type]:
-    """Return the installed propagator classes by registered name."""
-    return dict(_registry().classes["propagators"])
-
-
-def integrators() -> dict[str, type]:
-    """Return the integrator classes that plugins offer by registered name; those of the core are not among them."""
-    return dict(_registry().classes["integrators"])
-
-
-def designs() -> dict[str, type]:
-    """Return the sampling designs that plugins offer by registered name; those of the core are not among them."""
-    return dict(_registry().classes["designs"])
-
-
-def report_sections() -> dict[str, type]:
-    """Return the report sections that plugins offer by class name, in the order of registration."""
-    return dict(_registry().classes["report_sections"])
-
-
-def component(name: str) -> type:
-    """Return the component class of this name; a `uqmbd.StudyError` lists those that are installed."""
-    return _find("components", name)
-
-
-def propagator(name: str) -> type:
-    """Return the propagator class of this name; a `uqmbd.StudyError` lists those that are installed."""
-    return _find("propagators", name)
-
-
-def integrator(name: str) -> type:
-    """Return the integrator class of this name; a `uqmbd.StudyError` lists those that are installed."""
-    return _find("integrators", name)
-
-
-def owner(kind: str, name: str) -> str:
-    """Return the plugin that registered a name, for messages; empty if none did.
-
-    Parameters
-    ----------
-    kind : {"components", "propagators", "integrators", "designs", "report_sections"}
-    name : str
-    """
-    return next((info.title for info in installed() if name in getattr(info, kind)), "")
-
-
-def installed() -> tuple[PluginInfo, ...]:
-    """Return every entry point of the group ``uqmbd``, whether it could be used or not."""
-    return _registry().plugins
-
-
-def offered_by_core(implementation: object, kind: str) -> dict[str, type]:
-    """Return what the core offers by a hook, looked at as what a plugin offers.
-
-    Parameters
-    ----------
-    implementation : object
-        Implements the hook.
-    kind : {"components", "propagators", "integrators", "designs", "report_sections"}
-    """
-    manager = _manager()
-    manager.register(implementation)
-    offered, problems = _call(manager, implementation, _KINDS[kind]._replace(reserved=()))
-    assert not problems, problems
-    return dict(offered)
-
-
-def _find(kind: str, name: str) -> type:
-    found = _registry().classes[kind]
-    if name in found:
-        return found[name]
-    noun = _KINDS[kind].noun
-    offered = ", ".join(sorted(found)) or "none"
-    broken = [info.title for info in installed() if info.status in ("failed", "incomplete")]
-    hint = f" Could not be loaded completely: {', '.join(broken)} (see `uqmbd plugins`)." if broken else ""
-    raise StudyError(f"There is no {noun} named {name!r}. Installed: {offered}.{hint}")
-
-
-@functools.cache
-def _registry() -> Registry:
-    """Load the plugins, once per process, and warn of what cannot be used."""
-    disabled = tuple(part.strip() for part in os.environ.get(DISABLE, "").split(",") if part.strip())
-    registry = load(importlib.metadata.entry_points(group=GROUP), disabled=disabled)
-    for info in registry.plugins:
-        for error in info.errors:
-            warnings.warn(f"{info.title}: {error}", PluginWarning, stacklevel=2)
-    return registry
-
-
 def load(entry_points: Iterable[importlib.metadata.EntryPoint], disabled: Sequence[str] = ()) -> Registry:
     """Load plugins from entry points; whatever fails becomes an entry of `PluginInfo.errors`.
 
@@ -281,8 +76,8 @@ def load(entry_points: Iterable[importlib.metadata.EntryPoint], disabled: Sequen
     disabled : sequence of str
         Names of entry points or distributions that are not loaded.
     """
-    manager = _manager()
-    classes: dict[str, dict[str, type]] = {kind: {} for kind in _KINDS}
+    manager = plugin_manager()
+    classes: dict[str, dict[str, type]] = {kind: {} for kind in KINDS}
     owners: dict[tuple[str, str], str] = {}
     skip = {_normalised(name) for name in disabled}
     described = [(_describe(entry_point), entry_point) for entry_point in entry_points]
@@ -296,10 +91,20 @@ def load(entry_points: Iterable[importlib.metadata.EntryPoint], disabled: Sequen
     return Registry(tuple(plugins), classes)
 
 
-def _manager() -> pluggy.PluginManager:
-    manager = pluggy.PluginManager("uqmbd")
-    manager.add_hookspecs(_Hooks)
-    return manager
+def offered_by_core(implementation: object, kind: str) -> dict[str, type]:
+    """Return what the core offers by a hook, looked at as what a plugin offers.
+
+    Parameters
+    ----------
+    implementation : object
+        Implements the hook.
+    kind : {"components", "propagators", "integrators", "designs", "report_sections"}
+    """
+    manager = plugin_manager()
+    manager.register(implementation)
+    offered, problems = _call(manager, implementation, KINDS[kind]._replace(reserved=()))
+    assert not problems, problems
+    return dict(offered)
 
 
 def _load_one(
@@ -322,7 +127,7 @@ def _load_one(
         names = tuple(sorted(caller.name for caller in manager.get_hookcallers(plugin) or ()))
     if work.error is not None:
         return _replace(info, status="failed", errors=(f"it is not a valid plugin: {last_line(work.error)}",))
-    known = {kind.hook for kind in _KINDS.values()}
+    known = {kind.hook for kind in KINDS.values()}
     hooks = tuple(name for name in names if name in known)
     errors = [
         f"it implements the hook {name}, which does not exist; there are {', '.join(sorted(known))}"
@@ -333,7 +138,7 @@ def _load_one(
         wanted = ", ".join(sorted(known))
         errors.append(f"{entry_point.value} implements no hook; decorate its functions ({wanted}) with uqmbd.hookimpl")
     registered: dict[str, tuple[str, ...]] = {}
-    for kind_name, kind in _KINDS.items():
+    for kind_name, kind in KINDS.items():
         if kind.hook not in hooks:
             continue
         offered, problems = _call(manager, plugin, kind)
@@ -352,7 +157,7 @@ def _load_one(
     return _replace(info, status=status, hooks=hooks, errors=tuple(errors), **registered)
 
 
-def _call(manager: pluggy.PluginManager, plugin: object, kind: _Kind) -> tuple[list[tuple[str, type]], list[str]]:
+def _call(manager: pluggy.PluginManager, plugin: object, kind: Kind) -> tuple[list[tuple[str, type]], list[str]]:
     """Call one hook of one plugin: the named classes that can be used, and what is wrong with the others."""
     others = [other for other in manager.get_plugins() if other is not plugin]
     result: Any = None
@@ -381,7 +186,7 @@ def _call(manager: pluggy.PluginManager, plugin: object, kind: _Kind) -> tuple[l
     return offered, problems
 
 
-def _registered_name(cls: Any, kind: _Kind) -> tuple[str, str]:
+def _registered_name(cls: Any, kind: Kind) -> tuple[str, str]:
     """Return the name by which a class is registered, or what keeps it from being registered."""
     if not inspect.isclass(cls):
         return "", "which is not a class"
@@ -406,16 +211,6 @@ def _registered_name(cls: Any, kind: _Kind) -> tuple[str, str]:
         if not isinstance(getattr(cls, flag, False), bool):
             return name, f"whose class attribute `{flag}` is {_short(getattr(cls, flag))}; True or False is expected"
     return name, integrator_problem(cls) if kind.hook == "uqmbd_integrators" else ""
-
-
-def integrator_problem(cls: type) -> str:
-    """Return what keeps a class from being an integrator, or nothing."""
-    if not callable(getattr(cls, "integrate", None)):
-        return "which has no method integrate(ensemble, times, rtol)"
-    for flag, method in INTEGRATOR_METHODS.items():
-        if getattr(cls, flag, False) is True and not callable(getattr(cls, method.partition("(")[0], None)):
-            return f"which declares {flag} = True, but has no method {method}"
-    return ""
 
 
 def _describe(entry_point: importlib.metadata.EntryPoint) -> PluginInfo:

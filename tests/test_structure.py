@@ -1,0 +1,178 @@
+"""The rules by which the code is laid out: how modules import each other, and how large folders and modules are.
+
+Every import counts: those for types alone and those inside functions, too.  What layers lie above each other is said in
+``pyproject.toml``, and checked by import-linter.
+"""
+
+import ast
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+
+MOST_MODULES = 18
+"""Modules of one folder."""
+
+MOST_LINES = 420
+"""Lines of one module, unless its docstring has a paragraph that begins with ``Length:`` and says why."""
+
+
+def _modules():
+    """Find all modules by their dotted names."""
+    found = {}
+    for base in (ROOT, ROOT / "plugins"):
+        for package in sorted(p for p in base.glob("uqmbd*") if (p / "__init__.py").exists()):
+            for path in package.rglob("*.py"):
+                parts = path.relative_to(base).with_suffix("").parts
+                found[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = path
+    return found
+
+
+MODULES = _modules()
+PACKAGES = {name for name, path in MODULES.items() if path.name == "__init__.py"}
+TREES = {name: ast.parse(path.read_text(encoding="utf-8")) for name, path in MODULES.items()}
+
+
+def _face(package):
+    """Find the names that a package exports."""
+    lists = [
+        node.value
+        for node in TREES[package].body
+        if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == "__all__"
+    ]
+    return {x.value for found in lists for x in ast.walk(found) if isinstance(x, ast.Constant)}
+
+
+FACES = {package: _face(package) for package in PACKAGES}
+
+
+def _imports(name):
+    """Find the modules that a module imports, by whatever statement, with the lines."""
+    package = name if name in PACKAGES else name.rpartition(".")[0]
+    for node in ast.walk(TREES[name]):
+        if isinstance(node, ast.Import):
+            names = [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            base = node.module or ""
+            if node.level:
+                above = package.split(".")[: len(package.split(".")) - node.level + 1]
+                base = ".".join([*above, *([base] if base else [])])
+            whole = [f"{base}.{alias.name}" for alias in node.names]
+            exported = FACES.get(base, set())
+            names = [x if x in MODULES and x.rpartition(".")[2] not in exported else base for x in whole]
+        else:
+            continue
+        for other in dict.fromkeys(names):
+            if other in MODULES and other != name:
+                yield other, node.lineno
+
+
+IMPORTS = {name: list(_imports(name)) for name in MODULES}
+
+
+def _circles(graph):
+    """Find sets of names that reach each other, by depth-first searches forth and back."""
+    order, seen = [], set()
+    for root in graph:
+        stack = [(root, iter(graph[root]))] if root not in seen else []
+        seen.add(root)
+        while stack:
+            node, rest = stack[-1]
+            step = next((x for x in rest if x not in seen), None)
+            if step is None:
+                order.append(stack.pop()[0])
+            else:
+                seen.add(step)
+                stack.append((step, iter(graph[step])))
+    back = {name: [] for name in graph}
+    for name, others in graph.items():
+        for other in others:
+            back[other].append(name)
+    left, circles = set(graph), []
+    for root in reversed(order):
+        if root in left:
+            found, todo = {root}, [root]
+            while todo:
+                fresh = [x for x in back[todo.pop()] if x in left and x not in found]
+                found.update(fresh)
+                todo += fresh
+            left -= found
+            circles += [found] if len(found) > 1 else []
+    return circles
+
+
+def test_the_search_for_circles_finds_them():
+    graph = {"a": ["b"], "b": ["c"], "c": ["a", "d"], "d": ["e"], "e": [], "f": ["g"], "g": ["f"]}
+    assert sorted(map(sorted, _circles(graph))) == [["a", "b", "c"], ["f", "g"]]
+
+
+def test_no_module_imports_in_a_circle():
+    # the face of the whole package names modules without importing them: its names are loaded when they are used
+    graph = {name: [x for x, _ in IMPORTS[name] if x != "uqmbd"] for name in MODULES if name != "uqmbd"}
+    assert not (found := _circles(graph)), "\n".join(", ".join(sorted(circle)) for circle in found)
+
+
+def test_no_folder_imports_in_a_circle():
+    wrong = []
+    for package in sorted(PACKAGES):
+        inside = [name for name in MODULES if name.startswith(package + ".")]
+        depth = package.count(".") + 2
+        graph = {".".join(name.split(".")[:depth]): set() for name in inside}
+        for name in inside:
+            mine = ".".join(name.split(".")[:depth])
+            graph[mine] |= {
+                theirs
+                for other, _ in IMPORTS[name]
+                if other.startswith(package + ".") and (theirs := ".".join(other.split(".")[:depth])) != mine
+            }
+        wrong += [", ".join(sorted(circle)) for circle in _circles(graph)]
+    assert not wrong, "\n".join(wrong)
+
+
+def test_a_folder_is_imported_through_its_face_only():
+    wrong = []
+    for name, others in IMPORTS.items():
+        for other, line in others:
+            if other in PACKAGES:
+                continue
+            home = other.rpartition(".")[0]
+            if home and home != "uqmbd" and not name.startswith(home + ".") and name != home:
+                wrong.append(f"{name}:{line} imports {other}; import it from {home}")
+    assert not wrong, "\n".join(wrong)
+
+
+def test_no_folder_is_crowded():
+    counts = {package: 0 for package in PACKAGES}
+    for name in MODULES:
+        if name not in PACKAGES:
+            counts[name.rpartition(".")[0]] += 1
+    assert not {package: count for package, count in counts.items() if count > MOST_MODULES}
+
+
+def test_no_module_is_long_without_a_reason():
+    wrong = {}
+    for name, path in MODULES.items():
+        lines = len(path.read_text(encoding="utf-8").splitlines())
+        if lines > MOST_LINES and "\n\nLength:" not in (ast.get_docstring(TREES[name]) or ""):
+            wrong[name] = lines
+    assert not wrong
+
+
+def test_nothing_of_the_project_is_imported_by_string():
+    wrong = []
+    for name, tree in TREES.items():
+        for node in ast.walk(tree):
+            if isinstance(node, ast.Call) and getattr(node.func, "attr", getattr(node.func, "id", "")) in (
+                "import_module",
+                "__import__",
+            ):
+                text = ast.unparse(node.args[0])
+                if "uqmbd" in text:
+                    wrong.append(f"{name}:{node.lineno} {text}")
+    assert not wrong, "\n".join(wrong)
+
+
+@pytest.mark.parametrize("package", sorted(p for p in PACKAGES if "." not in p))
+def test_every_package_tells_its_types(package):
+    assert (MODULES[package].parent / "py.typed").exists()

@@ -1,0 +1,54 @@
+"""Plugins: the hooks that a plugin package may implement, and the manager that finds, loads and isolates the packages.
+
+A plugin package names a module (or an object) in the entry-point group ``uqmbd``, and that module implements any of
+five hooks, each of which returns classes::
+
+    import uqmbd
+
+    class Magnet(uqmbd.Component):
+        ...
+
+    @uqmbd.hookimpl
+    def uqmbd_components():
+        return [Magnet]
+
+A plugin that fails is a `uqmbd.PluginWarning` with its name and the reason; the others are not affected. The
+environment variable ``UQMBD_DISABLE_PLUGINS`` lists entry points or distributions (by comma) that are not loaded.
+"""
+
+from __future__ import annotations
+
+from uqmbd.plugins.hooks import KINDS, hookimpl, integrator_problem
+from uqmbd.plugins.loading import PluginInfo, Registry, load, offered_by_core
+from uqmbd.plugins.registry import (
+    component,
+    components,
+    designs,
+    installed,
+    integrator,
+    integrators,
+    owner,
+    propagator,
+    propagators,
+    report_sections,
+)
+
+__all__ = [
+    "KINDS",
+    "PluginInfo",
+    "Registry",
+    "component",
+    "components",
+    "designs",
+    "hookimpl",
+    "installed",
+    "integrator",
+    "integrator_problem",
+    "integrators",
+    "load",
+    "offered_by_core",
+    "owner",
+    "propagator",
+    "propagators",
+    "report_sections",
+]

@@ -1,0 +1,102 @@
+"""The hooks that a plugin package may implement, and what the classes of each have in common."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import pluggy
+
+__all__ = ["KINDS", "Kind", "hookimpl", "integrator_problem", "plugin_manager"]
+
+hookimpl = pluggy.HookimplMarker("uqmbd")
+_hookspec = pluggy.HookspecMarker("uqmbd")
+
+
+class _Hooks:
+    """What a plugin may offer: each hook returns a sequence of classes, which may be empty."""
+
+    @_hookspec
+    def uqmbd_components(self) -> Sequence[type]:  # type: ignore[empty-body]
+        """Offer joints, drivers, springs: subclasses of `uqmbd.Component`, known by the name of the class."""
+
+    @_hookspec
+    def uqmbd_propagators(self) -> Sequence[type]:  # type: ignore[empty-body]
+        """Offer subclasses of `uqmbd.Propagator`, known by their class attribute ``name``."""
+
+    @_hookspec
+    def uqmbd_integrators(self) -> Sequence[type]:  # type: ignore[empty-body]
+        """Offer time integrators, classes as `uqmbd.Integrator` says, known by their class attribute ``name``.
+
+        The class has a method ``integrate(ensemble, times, rtol)``, which returns `uqmbd.Trajectories`.  What more it
+        can it declares by class attributes, which are False where they are left out: ``events``, ``projected``,
+        ``segments``, ``paced``, ``watched``, ``delegates``.  The core registers its own by this hook.
+        """
+
+    @_hookspec
+    def uqmbd_designs(self) -> Sequence[type]:  # type: ignore[empty-body]
+        """Offer sampling designs, classes as `uqmbd.SamplingDesign` says, known by their class attribute ``name``.
+
+        The core registers its own by this hook.
+        """
+
+    @_hookspec
+    def uqmbd_report_sections(self) -> Sequence[type]:  # type: ignore[empty-body]
+        """Offer sections of the HTML report, as `uqmbd.report.Section` says, made without arguments."""
+
+
+class Kind(NamedTuple):
+    """What the classes of one hook have in common."""
+
+    hook: str
+    noun: str
+    base: str | None
+    by_attribute: bool
+    method: str = ""
+    flags: tuple[str, ...] = ()
+    """Class attributes that are True or False, and False where they are left out."""
+    reserved: tuple[str, ...] = ()
+    """Names of what the core itself offers."""
+
+
+KINDS = {
+    "components": Kind("uqmbd_components", "component", "uqmbd.Component", False),
+    "propagators": Kind("uqmbd_propagators", "propagator", "uqmbd.Propagator", True),
+    "integrators": Kind(
+        "uqmbd_integrators", "integrator", None, True, "", ("events", "projected"), ("auto", "ida", "dop853")
+    ),
+    "designs": Kind(
+        "uqmbd_designs",
+        "sampling design",
+        None,
+        True,
+        "points",
+        ("independent", "extendable"),
+        ("random", "latin-hypercube", "sobol", "halton"),
+    ),
+    "report_sections": Kind("uqmbd_report_sections", "report section", None, False, "render"),
+}
+
+
+INTEGRATOR_METHODS = {
+    "projected": "integrate_projected(projected, times, rtol)",
+    "segments": "integrate_segments(ensemble, times, rtol)",
+}
+"""What an integrator has that declares a capability."""
+
+
+def integrator_problem(cls: type) -> str:
+    """Return what keeps a class from being an integrator, or nothing."""
+    if not callable(getattr(cls, "integrate", None)):
+        return "which has no method integrate(ensemble, times, rtol)"
+    for flag, method in INTEGRATOR_METHODS.items():
+        if getattr(cls, flag, False) is True and not callable(getattr(cls, method.partition("(")[0], None)):
+            return f"which declares {flag} = True, but has no method {method}"
+    return ""
+
+
+def plugin_manager() -> pluggy.PluginManager:
+    """Make a manager that knows the hooks."""
+    manager = pluggy.PluginManager("uqmbd")
+    manager.add_hookspecs(_Hooks)
+    return manager
