@@ -84,6 +84,8 @@ class Evaluator:
         -------
         array, shape (K, len(targets))
         """
+        if (kernel := self.fused_kernel) is not None:
+            return kernel.fast(np.concatenate([arguments, parameters[:, : self.groups[0].parameters.shape[1]]], axis=1))
         count = len(arguments)
         parts = []
         for group in self.groups:
@@ -114,7 +116,7 @@ class Evaluator:
         starts = np.cumsum([0, *counts[several]])[:-1]
         return self.order[self.starts], several, self.order[np.repeat(counts > 1, counts)], starts
 
-    @property
+    @cached_property
     def fused_kernel(self) -> Kernel | None:
         """The kernel, if there is only one and its results are in order."""
         whole = len(self.groups) == 1 and len(self.groups[0].gather) == 1 and self.order is None

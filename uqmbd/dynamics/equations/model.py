@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -125,26 +126,39 @@ class Model:
 
     def result(self, kind: Kind, name: str, values: Array) -> Array:
         """Vector or matrix of a name among the results of an evaluator (K, result), shape (K, ...)."""
-        shape, columns, where = self._places[kind, name]
-        found = np.zeros((len(values), *shape))
-        if columns is not None:
-            found[where] = values[:, columns]
-        return found
-
-    @cached_property
-    def _places(self) -> dict[tuple[Kind, str], tuple[tuple[int, ...], Index | None, tuple[Any, ...]]]:
-        """Shape of each vector and matrix, the results that are its entries, and where those stand."""
-        found: dict[tuple[Kind, str], tuple[tuple[int, ...], Index | None, tuple[Any, ...]]] = {}
-        for kind in RESULTS.keys() & self.evaluators.keys():
-            for name, spaces in RESULTS[kind].items():
-                columns, where = self.evaluators[kind].index.get(name, (None, ()))
-                found[kind, name] = tuple(self.counts[x] for x in spaces), columns, (slice(None), *where)
-        return found
+        _, _, _, places = self._places[kind]
+        shape, part, columns, entries = places[name]
+        found = np.zeros((len(values), part.stop - part.start))
+        found[:, entries] = values[:, columns]
+        return found.reshape(len(values), *shape)
 
     def evaluate(self, kind: Kind, arguments: Array, parameters: Array) -> dict[str, Array]:
         """Evaluate all vectors and matrices of a kind, by name."""
-        values = self.evaluators[kind](arguments, parameters)
-        return {name: self.result(kind, name, values) for name in RESULTS[kind]}
+        size, columns, entries, places = self._places[kind]
+        found = np.zeros((len(arguments), size))
+        found[:, entries] = self.evaluators[kind](arguments, parameters)[:, columns]
+        return {name: found[:, part].reshape(len(found), *shape) for name, (shape, part, _, _) in places.items()}
+
+    @cached_property
+    def _places(self) -> dict[Kind, tuple[int, Index, Index, dict[str, tuple[tuple[int, ...], slice, Index, Index]]]]:
+        """Of each kind: all entries of its vectors and matrices, the results that are some, and which ones.
+
+        Then by name: the shape, the part of all entries, the results that are some of its own, and which ones.
+        """
+        found: dict[Kind, tuple[int, Index, Index, dict[str, tuple[tuple[int, ...], slice, Index, Index]]]] = {}
+        none = np.zeros(0, dtype=np.int64)
+        for kind in RESULTS.keys() & self.evaluators.keys():
+            size, places = 0, dict[str, tuple[tuple[int, ...], slice, Index, Index]]()
+            for name, spaces in RESULTS[kind].items():
+                shape = tuple(self.counts[x] for x in spaces)
+                columns, where = self.evaluators[kind].index.get(name, (none, ()))
+                entries = np.ravel_multi_index(tuple(where), shape) if len(columns) else none
+                places[name] = shape, slice(size, size + math.prod(shape)), columns, entries
+                size += math.prod(shape)
+            every = np.concatenate([none, *(columns for _, _, columns, _ in places.values())])
+            shifted = [entries + part.start for _, part, _, entries in places.values()]
+            found[kind] = size, every, np.concatenate([none, *shifted]), places
+        return found
 
     def of_components(self, equations: Index) -> list[int]:
         """Those of some constraint equations that components state."""

@@ -67,9 +67,14 @@ class System:
 
     def matrix(self, values: Array) -> Array:
         """Dense matrices of results of the ``acceleration`` evaluator (K, result), shape (K, size, size)."""
-        found = np.zeros((len(values), self.size, self.size))
-        found[:, self.rows, self.columns] = values[:, self.source]
-        return found
+        found = np.zeros((len(values), self.size * self.size))
+        found[:, self._entries] = values[:, self.source]
+        return found.reshape(len(values), self.size, self.size)
+
+    @cached_property
+    def _entries(self) -> Index:
+        """Places in a matrix that is written row by row."""
+        return self.rows * self.size + self.columns
 
     def right(self, values: Array) -> Array:
         """Right-hand sides of results of the ``acceleration`` evaluator (K, result), shape (K, size)."""
