@@ -101,6 +101,23 @@ def test_names_of_parameters_change_nothing():
     assert [float(x) for x in mechanism.components["wheel"].values["axis_i"]] == [-1, 0, 0]
 
 
+def test_where_no_radius_says_its_point_the_endings_do():
+    class Balls(uqmbd.Component):
+        point_i = uqmbd.Parameter("m", "a centre", kind="point")
+        point_j = uqmbd.Parameter("m", "a centre", kind="point")
+        radius_i = uqmbd.Parameter("m", "of the first ball")
+        radius = uqmbd.Parameter("m", "of the last ball")
+
+        def terms(self, p):
+            yield uqmbd.Potential(p.body_j.point(p.point_j)[0] ** 2)
+
+    mechanism = uqmbd.Mechanism("rolling", uqmbd.Spatial())
+    one, two = (mechanism.body(name, mass=1, inertia=(1, 1, 1)) for name in ("one", "two"))
+    mechanism.add(Balls("balls", one, two, (1, 2, 3), (0, 0, 1), radius_i=5, radius=7))
+    found = {m.role: (m.body, m.radius) for m in skeleton(mechanism) if m.component == "balls"}
+    assert found == {"point_i": ("one", 5), "point_j": ("two", 7)}
+
+
 @pytest.mark.parametrize("stated", [{"body": "body_k"}, {"about": "nowhere"}])
 def test_a_parameter_belongs_to_what_there_is(stated):
     word, value = next(iter(stated.items()))

@@ -100,9 +100,8 @@ def _marks(component: Component, mechanism: Mechanism, time: float) -> Iterator[
 
 
 def _radius(component: Component, point: str) -> sympy.Expr:
-    """Radius about a point, by the parameter that says so."""
-    own = next((key for key, parameter in component.parameters().items() if parameter.about == point), None)
-    value = sympy.sympify(0 if own is None else component.values.get(own) or 0)
+    """Radius about a point; 0: there is none."""
+    value = sympy.sympify(component.values.get(component.radius_of(point)) or 0)
     return value if _settled(value) else sympy.S.Zero
 
 

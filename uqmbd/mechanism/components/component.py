@@ -157,6 +157,15 @@ class Component:
         return next((body for body in cls.bodies if body.rsplit("_", 1)[-1] == ending), cls.bodies[0])
 
     @classmethod
+    def radius_of(cls, point: str) -> str:
+        """Return the parameter that is the radius about a point, or nothing; see `Parameter`."""
+        parameters = cls.parameters()
+        if any(parameter.about for parameter in parameters.values()):
+            return next((name for name, parameter in parameters.items() if parameter.about == point), "")
+        names = [f"radius_{point.rsplit('_', 1)[-1]}", *(["radius"] if cls.body_of(point) == cls.bodies[-1] else [])]
+        return next((name for name in names if name in parameters), "")
+
+    @classmethod
     def signature(cls) -> str:
         """Return the argument list as text."""
         words = ["name", *(x for x in cls.bodies if x not in cls.grounded)]

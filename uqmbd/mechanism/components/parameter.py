@@ -53,7 +53,9 @@ class Parameter:
         Body argument in whose frame a point or an axis is given; empty: the one whose name ends alike (`point_i` is in
         the frame of `body_i`), else the first.
     about : str
-        Name of the point about which the number is the radius of a sphere or wheel, as figures draw it.
+        Name of the point about which the number is the radius of a sphere or wheel, as figures draw it; empty: that of
+        no point, but where no parameter of the component states one, `radius_i` is about `point_i`, and `radius` about
+        the points of the last body.
     axes : str
         Axes of a vector or a moment: ``world`` or ``body``.
 
