@@ -111,7 +111,7 @@ def test_changed_sign_in_the_equations_is_seen_at_once(tmp_path: Path) -> None:
     copy = tmp_path / "copy"
     shutil.copytree(ROOT / "uqmbd", copy / "uqmbd", ignore=shutil.ignore_patterns("__pycache__"))
     before = float(run(PULL, tmp_path / "cache", root=copy))
-    source = copy / "uqmbd" / "dynamics" / "outputs.py"
+    source = copy / "uqmbd" / "dynamics" / "equations" / "outputs.py"
     old = "block.reaction_sign * e"
     assert source.read_text().count(old) == 1
     source.write_text(source.read_text().replace(old, "-" + old))
