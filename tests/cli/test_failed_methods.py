@@ -73,6 +73,7 @@ def test_methods_that_fail_are_told_at_the_end_and_the_others_are_there(cli, tmp
     assert "--resume" in err  # chunks of what succeeded are kept, so that it costs little to go on
 
 
+@pytest.mark.slow
 def test_results_with_failed_methods_are_reported_and_compared(cli, tmp_path, monkeypatch):
     cli("run", "fall.py", "--out", "r")
     (tmp_path / "r" / "report.html").unlink()

@@ -144,6 +144,7 @@ def test_order_four(study, reference):
     np.testing.assert_allclose(std[:, AT], reference[1][:, AT], rtol=0.01)
 
 
+@pytest.mark.slow
 def test_order_one_is_blind_and_order_two_is_not(study, reference):
     with pytest.warns(UserWarning, match="do not trust it from there on"):
         low, middle = statistics(study, 1), statistics(study, 2)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
+
 import chaospy
 import numpy as np
 import pytest
@@ -121,7 +123,9 @@ def test_results_know_their_angles(node, tmp_path):
 def test_turns_depend_on_the_realisation_alone(study, problem, node):
     """Neither on workers, nor on chunks, nor on those beside it, failed ones included."""
     response = node["samples"]["response"].values
-    assert study.run(workers=2)["monte-carlo"]["samples"]["response"].values.tobytes() == response.tobytes()
+    with ThreadPoolExecutor(2) as threads:
+        tree = study.run(workers=threads)
+    assert tree["monte-carlo"]["samples"]["response"].values.tobytes() == response.tobytes()
     inputs = node["samples"]["inputs"].values
     alone = problem.realise(inputs[[70]]).response
     np.testing.assert_allclose(alone[0], response[70], atol=1e-5)

@@ -79,6 +79,7 @@ def test_it_is_exact_where_a_plain_chaos_stalls(aligned, samples):
     assert np.sqrt((error**2).mean()) > 2e-3
 
 
+@pytest.mark.slow
 def test_it_converges_with_the_order(samples):
     """Exponentially: an order divides the error at least by five."""
     exact = thrown(*samples, TIMES)[0]
@@ -208,6 +209,7 @@ def test_verification_realisations_that_fail_are_counted_and_named(monkeypatch):
     assert node["aligned"].sizes["verification"] == 6
 
 
+@pytest.mark.slow
 def test_a_comparison_of_files_keeps_what_the_files_hold(tmp_path, capsys, monkeypatch):
     """Outputs without a time, event-aligned chaoses and nodes: at the common times, in the file and its comparison."""
     runs = {"one": (TIMES[:76:5], 2), "two": (TIMES[:76:15], 3)}

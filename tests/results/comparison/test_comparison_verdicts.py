@@ -100,17 +100,18 @@ def kinds(nodes: list[xr.DataTree], reference: str, method: str) -> list[str]:
     return results.compare(nodes, reference).sel({"method": method})["verdict_kind"].values.tolist()
 
 
-def test_methods_that_agree_are_not_said_to_differ(exact: xr.DataTree) -> None:
-    """In 100 seeded repetitions with three methods a false alarm in any output at any time is rarer than 5 %."""
+@pytest.mark.parametrize(("repetitions", "most"), [(20, 1), pytest.param(100, 5, marks=pytest.mark.slow)])
+def test_methods_that_agree_are_not_said_to_differ(exact: xr.DataTree, repetitions: int, most: int) -> None:
+    """In seeded repetitions with three methods a false alarm in any output at any time is rarer than 5 %."""
     surrogate = projected("surrogate", 5)
     statistics = surrogate["statistics"].to_dataset()
     bare = results.propagator_node("surrogate", statistics, propagator="collocation", realisations=36, wall_time=0.36)
     alarms = 0
-    for seed in range(100):
+    for seed in range(repetitions):
         nodes = [sampled("a", 100, 2 * seed), sampled("b", 100, 2 * seed + 1), bare]
         found = results.compare(nodes, ["a", "surrogate"][seed % 2])
         alarms += bool((found["verdict_kind"] == verdicts.DIFFERS).any())
-    assert alarms <= 5
+    assert alarms <= most
     assert kinds([exact, surrogate], "exact", "surrogate") == ["agrees"] * 3
 
 
