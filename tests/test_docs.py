@@ -16,6 +16,7 @@ FOLDER = ROOT / "docs" / "plugins"
 PAGES = sorted(path for path in FOLDER.glob("*.md") if path.name != "README.md")
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
 def test_the_example_runs_and_passes_its_check(page, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)

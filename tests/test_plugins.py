@@ -251,6 +251,7 @@ def test_importing_uqmbd_imports_no_plugin():
     assert run_python(code).strip() == "[]"
 
 
+@pytest.mark.thorough
 def test_built_in_plugins_are_found_by_their_entry_points():
     code = """
 import uqmbd.plugins

@@ -59,7 +59,7 @@ def test_the_first_block_is_the_study_of_its_name():
     assert PENDULUM.split("\n\n", 1)[1].split() == script[script.index("length =") :].split()
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_all_blocks_in_order(folder):
     namespace = {"__name__": "__main__"}
     for block in BLOCKS:
@@ -78,7 +78,7 @@ def run_file(path):
     return subprocess.run([sys.executable, path], capture_output=True, text=True, check=False)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_block_that_asks_for_two_workers_is_a_script_that_runs_as_written(folder):
     """Beside the study, and without a guard."""
     (folder / "mine.py").write_text(RUN, encoding="utf-8")

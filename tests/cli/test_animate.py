@@ -104,6 +104,7 @@ def test_check_draws_what_cannot_be_assembled(cli, tmp_path):
     assert "figure.png" in out and (tmp_path / "figure.png").exists()
 
 
+@pytest.mark.thorough
 def test_run_stores_poses_and_shows_them(cli, tmp_path):
     status, _, _ = cli("run", "falling_stone.py")
     assert status == 0

@@ -143,6 +143,7 @@ def study(cli, tmp_path):
     return write
 
 
+@pytest.mark.thorough
 def test_run_writes_results_and_report(cli, study, tmp_path):
     status, out, err = cli("run", study(), "--out", "new/folder")
     assert (status, err) == (0, err), err
@@ -263,6 +264,7 @@ def test_failed_samples_are_counted(cli, study):
     assert "3 of 100" in out
 
 
+@pytest.mark.thorough
 def test_report_is_written_again(cli, study, tmp_path):
     cli("run", study())
     (tmp_path / "results" / "report.html").unlink()
@@ -286,6 +288,7 @@ def test_report_without_results(cli):
     assert "There is no nowhere/results.nc; give the folder that `uqmbd run" in err.replace(os.sep, "/")
 
 
+@pytest.mark.thorough
 def test_compare(cli, study):
     script = study()
     cli("run", script, "--out", "a")
@@ -300,6 +303,7 @@ def test_compare(cli, study):
         assert status == 2 and f"There is no such file or folder: {missing};" in err
 
 
+@pytest.mark.thorough
 def test_compare_names_what_only_one_mechanism_has(cli, study):
     """Parts that both results state are compared; of a result that states none nothing is said."""
     paths = []
@@ -419,6 +423,7 @@ print(sorted({"numpy", "sympy", "xarray", "rich", "pluggy", "matplotlib"} & set(
     assert run.stdout.splitlines()[-1] == "[]"
 
 
+@pytest.mark.thorough
 def test_interrupt_from_the_keyboard(tmp_path):
     """A real signal, while a script is being loaded."""
     import signal
@@ -481,6 +486,7 @@ def test_digits_follow_the_spread(mean, std, text):
     assert tables.with_spread(mean, std) == text
 
 
+@pytest.mark.thorough
 def test_example_of_the_readme_runs(tmp_path, monkeypatch, command):
     """The first Python fence of the README is a study script, and the command line does what it says of it."""
     readme = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")

@@ -57,6 +57,7 @@ def cli(monkeypatch, tmp_path, capsys):
     sys.modules.pop("fall", None)
 
 
+@pytest.mark.thorough
 def test_methods_that_fail_are_told_at_the_end_and_the_others_are_there(cli, tmp_path):
     status, out, err = cli("run", "fall.py", "--out", "r")
     assert status == 1 and "Traceback" not in err
@@ -73,7 +74,7 @@ def test_methods_that_fail_are_told_at_the_end_and_the_others_are_there(cli, tmp
     assert "--resume" in err  # chunks of what succeeded are kept, so that it costs little to go on
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_results_with_failed_methods_are_reported_and_compared(cli, tmp_path, monkeypatch):
     cli("run", "fall.py", "--out", "r")
     (tmp_path / "r" / "report.html").unlink()
@@ -105,6 +106,7 @@ def failing(*arguments, **options):
     raise ZeroDivisionError("no ink")
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("part", ["report", "motion"])
 def test_results_are_stored_before_report_and_motion_can_fail(cli, tmp_path, monkeypatch, part):
     owner, name = (uqmbd.report, "write_report") if part == "report" else (uqmbd.report, "with_motion")
@@ -116,6 +118,7 @@ def test_results_are_stored_before_report_and_motion_can_fail(cli, tmp_path, mon
     assert (tmp_path / "r" / "report.html").exists() == (part == "motion")
 
 
+@pytest.mark.thorough
 def test_comparison_that_fails_costs_nothing_but_itself(cli, tmp_path, monkeypatch):
     import uqmbd.results.tree
 
@@ -127,6 +130,7 @@ def test_comparison_that_fails_costs_nothing_but_itself(cli, tmp_path, monkeypat
     assert "The methods could not be compared: ZeroDivisionError: no ink" in report
 
 
+@pytest.mark.thorough
 def test_results_are_stored_before_curves_of_error_against_cost(cli, tmp_path, monkeypatch):
     """An interruption there is none of a method: it finds them stored."""
     import uqmbd.propagation.convergence.node

@@ -58,6 +58,7 @@ def test_tolerance_is_met_against_the_truth(resting, options, tolerance):
     assert max(last.values()) < tolerance
 
 
+@pytest.mark.thorough
 def test_orders_of_nested_designs_use_every_realisation_again(resting, chaos_of):
     """All that was computed enters the last fit; Gauss rules of different orders share nothing but the middle."""
     study = resting(runge, UNIFORM, UNIFORM)
@@ -84,6 +85,7 @@ def test_dimensions_that_matter_get_the_nodes(resting):
     assert float(node["statistics"]["std"][0, 0]) == pytest.approx(std, rel=1e-6)
 
 
+@pytest.mark.thorough
 def test_verification_contradicts_steps_that_agree_by_chance(resting):
     """Orders 2 and 3 of cos(3 a) agree, for it is even; an interaction has no main effect that would show it."""
     even = resting(lambda a: sympy.cos(6 * a), UNIFORM)

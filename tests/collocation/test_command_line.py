@@ -48,6 +48,7 @@ def cli(tmp_path, monkeypatch, capsys):
     sys.modules.pop("script", None)
 
 
+@pytest.mark.thorough
 def test_run_with_other_options(cli, tmp_path):
     status, out, err = cli("run", "--set", "collocation.order=4", "--set", "collocation.nodes=5,6")
     assert status == 0, err
@@ -97,6 +98,7 @@ def test_check_says_whether_it_fits(cli, change, words):
         assert word in told
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("change", "lines"),
     [
@@ -125,6 +127,7 @@ def test_warnings_are_one_line_each(cli, change, lines):
         assert ".py" not in line
 
 
+@pytest.mark.thorough
 def test_an_input_without_influence(cli):
     status, _, err = cli("run", function="a**2 + mechanism.body('other', mass=1 + b).mass * 0")
     assert status == 0

@@ -74,6 +74,7 @@ def test_clenshaw_curtis_on_uniform_inputs(resting, chaos_of):
         np.testing.assert_allclose(chaos.coefficients[:, 0, 0], found, atol=1e-13)
 
 
+@pytest.mark.thorough
 def test_a_rule_that_is_coarse_for_the_basis_is_a_warning(study, warned):
     node, messages = warned(lambda: study.propagate(Collocation(rule="sobol", samples=4096)))
     assert len(messages) == 1

@@ -46,7 +46,12 @@ def reference(row):
 
 
 @pytest.mark.parametrize(
-    "way", ["omp", *(pytest.param(way, marks=pytest.mark.slow) for way in ("smolyak", "regression", "dimension"))]
+    "way",
+    [
+        "omp",
+        pytest.param("smolyak", marks=pytest.mark.thorough),
+        *(pytest.param(way, marks=pytest.mark.slow) for way in ("regression", "dimension")),
+    ],
 )
 def test_memory_realisations_and_results(row, reference, way):
     """Deviations to a thousandth of the largest, total indices after 0.25 s to some thousandths, whichever way."""

@@ -84,7 +84,7 @@ def test_any_executor_gives_the_same_bits(script, inline, options):
         assert bits(study.propagate(collocation, workers=threads)) == alone
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_one_worker_and_two_give_the_same_bits(script):
     """100 nodes and 8 points of verification are two chunks."""
     study = load_study(script("no"))
@@ -113,6 +113,7 @@ def test_killed_adaptive_run_resumes(script, tmp_path, inline, adaptive):
     assert not (folder / "unfinished").exists()
 
 
+@pytest.mark.thorough
 def test_another_option_computes_nothing_again_that_is_the_same(script, tmp_path, inline):
     """An interrupted run with a tolerance is gone on with a finer one: its steps are the first ones of the new run."""
     path = script("dimension")

@@ -96,6 +96,7 @@ def swinging(*x):
     return (1 + 0.1 * x[7]) * sympy.cos(frequency * uqmbd.t)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("method", ["omp", "lars"])
 def test_what_is_lost_late_spoils_nothing_that_is_known_early(resting, method):
     """Eight inputs, order 2, 128 samples: the order does not suffice at 10 s, and does at 0.1 s."""
@@ -113,6 +114,7 @@ def test_what_is_lost_late_spoils_nothing_that_is_known_early(resting, method):
     assert long[2] < 1.5 * error("regression", early)[2] < 0.01
 
 
+@pytest.mark.thorough
 @settings(max_examples=15, deadline=None)
 @given(
     seed=st.integers(0, 2**31),

@@ -58,12 +58,14 @@ def ratios(case, chaos_of):
     return lambda **options: np.array([ratio(k, s, **options) for k in ORDERS for s in SEEDS]).T
 
 
+@pytest.mark.thorough
 def test_verification_error_of_projections(ratios):
     verified, _ = ratios()
     assert 0.6 < np.median(verified) < 1.6
     assert 0.2 < verified.min() and verified.max() < 4
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("method", ["regression", "omp"])
 @pytest.mark.parametrize("case", ["oscillation", "rational"], indirect=True)
 def test_errors_of_regressions(ratios, method):
@@ -75,7 +77,7 @@ def test_errors_of_regressions(ratios, method):
     assert 0.3 < left_out.min() and left_out.max() < 10
 
 
-@pytest.mark.parametrize("method", ["regression", pytest.param("omp", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("method", ["regression", pytest.param("omp", marks=pytest.mark.thorough)])
 @pytest.mark.parametrize("case", ["normal"], indirect=True)
 def test_errors_of_regressions_on_normal_inputs(ratios, method):
     """Least squares on few samples errs in the tails, which eight points hardly ever see.

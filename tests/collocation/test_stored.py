@@ -48,7 +48,7 @@ def read_elsewhere(path, points):
 
 @pytest.mark.parametrize(
     ("suffix", "options"),
-    [pytest.param("nc", {"adaptive": "dimension", "tolerance": 1e-8}, marks=pytest.mark.slow), ("zarr", {})],
+    [pytest.param("nc", {"adaptive": "dimension", "tolerance": 1e-8}, marks=pytest.mark.thorough), ("zarr", {})],
 )
 def test_a_stored_chaos_needs_no_mechanism(resting, chaos_of, tmp_path, suffix, options):
     function = lambda a, b: sympy.exp(a) * (2 + b)  # noqa: E731
@@ -69,6 +69,7 @@ def test_a_stored_chaos_needs_no_mechanism(resting, chaos_of, tmp_path, suffix, 
     assert found["verdicts"] == list(chaos.verdicts())
 
 
+@pytest.mark.thorough
 def test_children_survive(resting, tmp_path):
     study = resting(lambda a, b: a * b, chaospy.Normal(1, 1), chaospy.Normal(0, 1))
     tree = study.with_propagators([Collocation(adaptive="order", order=1)]).run()
@@ -84,6 +85,7 @@ def test_children_survive(resting, tmp_path):
             np.testing.assert_array_equal(stored[variable], kept[variable], err_msg=f"{name}/{variable}")
 
 
+@pytest.mark.thorough
 def test_dependent_inputs(tmp_path, chaos_of):
     """The germ space of a normal vector is stored with it."""
     a, b = uqmbd.random_vector(["a", "b"], chaospy.MvNormal([1, 2], [[1, 0.6], [0.6, 2]]), ["m", "kg"])

@@ -24,6 +24,7 @@ def impact(speed=1.0, **law):
     return uqmbd.simulate(mechanism, TIMES, rtol=1e-9)
 
 
+@pytest.mark.thorough
 def test_hertz():
     """Depth, duration and greatest force; nothing is lost."""
     data = impact(law="hertz", stiffness=1e6)
@@ -34,6 +35,7 @@ def test_hertz():
     np.testing.assert_allclose(touching[-1], 0.0128113493, atol=2.5e-5)  # the spacing of the times
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("damping", "speed", "after", "depth"),
     [
@@ -51,6 +53,7 @@ def test_hunt_and_crossley(damping, speed, after, depth):
     np.testing.assert_allclose(other.v[-1], after, rtol=1e-6)
 
 
+@pytest.mark.thorough
 def test_kelvin_and_voigt_end_when_the_force_vanishes():
     """The convention without adhesion: restitution 0.744 and duration 0.02956 s, not 0.729."""
     data = impact(law="kelvin-voigt", stiffness=1e4, damping=20)
@@ -60,6 +63,7 @@ def test_kelvin_and_voigt_end_when_the_force_vanishes():
     np.testing.assert_allclose(touching[-1], 0.02956075, atol=2.5e-5)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("space", [uqmbd.Planar, uqmbd.Spatial])
 def test_a_sliding_sphere_begins_to_roll(space):
     """v0 = 5 m/s, mu = 0.2, r = 0.1 m: time, speed and place at which sliding ends."""

@@ -72,6 +72,7 @@ def rolling(space, place=None):
     return mechanism
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("space", [uqmbd.Planar, uqmbd.Spatial])
 def test_a_sliding_sphere_begins_to_roll(space):
     """Time, speed and place at which sliding ends (A6); accelerations and reactions before and after."""
@@ -139,6 +140,7 @@ def platform(amplitude, frequency):
     return mechanism, contact
 
 
+@pytest.mark.thorough
 def test_a_ball_on_a_vibrating_platform():
     """It stays where the platform falls more slowly than it; else it lifts off where it does not, and flies."""
     times = np.linspace(0, 0.5, 51)

@@ -84,6 +84,7 @@ def test_numbers_of_a_law_may_be_random():
         assert float(found) == pytest.approx(float(alone), rel=1e-7)
 
 
+@pytest.mark.thorough
 def test_a_law_passes_the_conformance_kit():
     loss = uqmbd.RandomVariable("loss", chaospy.Uniform(0.1, 0.2), units="s/m")
     law = ContactLaw(stiffness * depth * (1 + loss * depth_rate), friction=friction * (1 + sympy.exp(-speed)))

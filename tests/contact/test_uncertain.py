@@ -40,6 +40,7 @@ def moments():
     return mean, np.sqrt((weights * (t - mean) ** 2).sum())
 
 
+@pytest.mark.thorough
 def test_second_impact():
     study = bouncing([0, 0.7, 1.4], MonteCarlo(samples=60, seed=1), Collocation(order=5))
     results = study.run()
@@ -65,6 +66,7 @@ def test_samples_without_an_event_are_counted():
     assert ((status == 0) == (second(h, e) < 1.2)).all() and 0 < (status != 0).sum() < 20
 
 
+@pytest.mark.thorough
 def test_galerkin_with_as_many_terms_as_nodes_follows_impacts():
     """The projected laws of impact hold at each node then: velocities at a time between impacts in closed form."""
     times = np.array([0, 0.8, 1.5])  # the second is between the first impact and the second

@@ -120,7 +120,7 @@ def statistics(study, order, **options):
     return node["statistics"]["mean"].values, node["statistics"]["std"].values
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_motion_at_the_means(study, independent):
     found = uqmbd.simulate(study.mechanism, study.times, rtol=1e-9)
     expected = independent(np.zeros(1), np.full(1, -4.87e-4), study.times, 1e-10)[:, 0]
@@ -135,7 +135,7 @@ def test_times_and_labels(study):
     assert {"galerkin-1", "galerkin-2", "galerkin-4"} < labels
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_order_four(study, reference):
     """The accuracy that the project asks for, at t = 0.4 s; and it completes."""
     mean, std = statistics(study, 4)
@@ -144,7 +144,7 @@ def test_order_four(study, reference):
     np.testing.assert_allclose(std[:, AT], reference[1][:, AT], rtol=0.01)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_order_one_is_blind_and_order_two_is_not(study, reference):
     with pytest.warns(UserWarning, match="do not trust it from there on"):
         low, middle = statistics(study, 1), statistics(study, 2)

@@ -143,6 +143,7 @@ def test_agrees_with_collocation_of_high_order(name):
     assert third < first / 5  # and much better than order 1
 
 
+@pytest.mark.thorough
 def test_rotational_driver():
     study = load("slider_crank_driven", 1.0, 51)
     reference = statistics(study, 6)
@@ -155,6 +156,7 @@ def test_rotational_driver():
     assert float(found["std"].sel(output="crank_angle").max()) < 1e-8
 
 
+@pytest.mark.thorough
 def test_slider_crank_to_its_end():
     """Two random link lengths in constraints and inertias, as the issue asks: order 3 within 1e-3."""
     study = load("slider_crank", 2.0, 81)
@@ -170,6 +172,7 @@ def test_rotating_slider_crank_to_its_end():
     assert max(mean[:2].max(), std[:2].max()) < 5e-3
 
 
+@pytest.mark.thorough
 def test_converges_exponentially():
     """The error falls by a factor with every order, to the tolerance of the integration."""
     study = load("slider_crank", 1.0, 21, rtol=1e-10)
@@ -354,6 +357,7 @@ def test_elimination_too_long_to_compile_is_left_to_ida(mechanisms, monkeypatch)
     np.testing.assert_allclose(node["statistics"]["std"], expected["statistics"]["std"], atol=1e-5)
 
 
+@pytest.mark.thorough
 def test_typed_evaluators_give_the_same(project, mechanisms):
     """The same small mechanism with one kernel for each type of component."""
     mechanism = mechanisms["slider_crank"](torque=0.1)

@@ -56,6 +56,7 @@ def expected():
     return results
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("integrator", ["auto", "ida"])
 @pytest.mark.parametrize("options", [{}, {"index_set": "tensor"}, {"elements": 2}])
 def test_an_event_that_only_notes_a_time_stops_nothing(options, integrator):
@@ -78,6 +79,7 @@ def test_event_times_need_no_projection_of_the_motion():
     np.testing.assert_allclose([float(when["mean"]), float(when["std"])], expected()[2:], rtol=1e-6)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("options", [{}, {"index_set": "tensor"}])
 def test_nodes_without_an_event_are_left_out_as_by_collocation(options):
     """Of the highest throws no ball is down again by the last time; both methods fit the others alike, and say so."""

@@ -100,6 +100,7 @@ def test_what_is_right_warns_of_nothing(mechanisms):
         study.propagate(Galerkin(order=2))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("integrator", ["dop853", "ida"])
 def test_stop_at_ends_the_run_at_the_horizon(integrator, tmp_path):
     study = uqmbd.Study("stopped", swinging(), TIMES, [Galerkin(order=2, stop_at=0.05, integrator=integrator)])
@@ -184,7 +185,7 @@ def test_bad_options_are_told(options, words):
     [
         ({"order": 3, "nodes": 2}, "cannot tell the 10 terms of the basis apart"),
         ({"nodes": (3, 3, 3)}, r"nodes has 3 numbers for 2 inputs \(length, mass\)"),
-        pytest.param({"order": 200}, "too many for a coupled problem", marks=pytest.mark.slow),
+        pytest.param({"order": 200}, "too many for a coupled problem", marks=pytest.mark.thorough),
         ({"rule": "sobol", "samples": 5}, "cannot tell"),
         ({"order": 3, "rule": "smolyak", "level": 3}, "negative weights"),
     ],
@@ -236,6 +237,7 @@ for name, x in (("left", -0.9), ("right", 0.9)):
 """
 
 
+@pytest.mark.thorough
 def test_command_line_says_it_in_one_line(tmp_path, command):
     script = tmp_path / "swinging.py"
     script.write_text(SCRIPT.format(low=70, more=""))

@@ -50,6 +50,7 @@ def four_bar_with_clearance():
     return mechanism
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     "times",
     [np.linspace(0, 0.004, 3), pytest.param(np.linspace(0, 1, 501), marks=pytest.mark.slow)],

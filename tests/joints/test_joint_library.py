@@ -55,6 +55,7 @@ CARDAN = {
 }
 
 
+@pytest.mark.thorough
 def test_cardan_joint(close):
     """Case A5: two shafts at 30 degrees, 10 rad/s into the first; speed, acceleration and torque of the second."""
     beta, inertia = np.pi / 6, 0.02

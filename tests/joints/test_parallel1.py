@@ -38,7 +38,7 @@ def test_spinning_body_falls_and_is_kept_upright(observe, series):
 
 @pytest.mark.parametrize(
     "swap",
-    [pytest.param(False, id="upper first"), pytest.param(True, id="lower first", marks=pytest.mark.slow)],
+    [pytest.param(False, id="upper first"), pytest.param(True, id="lower first", marks=pytest.mark.thorough)],
 )
 def test_ball_and_parallel_axes_are_a_hinge(swap, observe, series):
     """Motion and reaction moment are those of `Revolute`, between two moving bodies, about a tilted axis."""

@@ -33,12 +33,14 @@ def test_the_corpus_reaches_every_component_and_every_call():
     assert len({case.name for case in CASES}) == len(CASES) > 20_000
 
 
+@pytest.mark.thorough
 def test_what_cannot_be_used_is_refused_with_its_name():
     chosen = [case for case in CASES if case.fate == "refused"][::149]
     assert len(chosen) > 100
     assert not complaints(chosen)
 
 
+@pytest.mark.thorough
 def test_what_may_be_meant_is_computed_or_refused():
     chosen = [case for case in CASES if case.fate == "either" and case.base in ("pendulum", "impact")][::61]
     assert len(chosen) > 3

@@ -98,6 +98,7 @@ def sampled(mechanism, values):
     return Ensemble(build(mechanism), np.array(values, dtype=float)[:, None]).start.messages
 
 
+@pytest.mark.thorough
 def test_a_random_number_outside_of_its_range_fails_with_the_reason():
     mechanism, ball = body_on_ground()
     rebound = uqmbd.RandomVariable("rebound", chaospy.Normal(0.95, 0.05))

@@ -21,7 +21,7 @@ def every():
         spaces = plugins.component(name).spaces
         quick = uqmbd.Planar if uqmbd.Planar in spaces else spaces[0]
         for space in dict.fromkeys((quick, spaces[-1])):
-            marks = () if space is quick and (name, space) != ("Screw", uqmbd.Spatial) else pytest.mark.slow
+            marks = () if space is quick and (name, space) != ("Screw", uqmbd.Spatial) else pytest.mark.thorough
             yield pytest.param(name, space, id=f"{name}-{space.__name__}", marks=marks)
 
 

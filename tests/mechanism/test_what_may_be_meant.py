@@ -193,6 +193,7 @@ study = uqmbd.Study("machine", mechanism, [0, 0.01], [MonteCarlo(samples=4, seed
 """
 
 
+@pytest.mark.thorough
 def test_warnings_are_stored_in_the_results_and_shown(tmp_path, command):
     script = tmp_path / "machine.py"
     script.write_text(SCRIPT)

@@ -102,7 +102,7 @@ def scatter_ratio(found: xr.Dataset, name: str) -> float:
     return float(found[f"plain_{name}"].var() / found[name].var())
 
 
-@pytest.mark.parametrize("surrogate", [biased, pytest.param(good, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("surrogate", [biased, pytest.param(good, marks=pytest.mark.thorough)])
 def test_estimates_are_unbiased_and_their_errors_honest(surrogate: Callable[[], PolynomialChaos]) -> None:
     found = repeated(surrogate)
     for name, truth in (("mean", MEAN), ("variance", VARIANCE)):
@@ -119,7 +119,7 @@ def test_estimates_are_unbiased_and_their_errors_honest(surrogate: Callable[[], 
 
 @pytest.mark.parametrize(
     ("surrogate", "least_mean", "least_std"),
-    [(biased, 3.0, 1.5), pytest.param(good, 100.0, 20.0, marks=pytest.mark.slow)],
+    [(biased, 3.0, 1.5), pytest.param(good, 100.0, 20.0, marks=pytest.mark.thorough)],
 )
 def test_stated_reduction_is_that_of_the_scatter(
     surrogate: Callable[[], PolynomialChaos], least_mean: float, least_std: float
@@ -135,6 +135,7 @@ def test_stated_reduction_is_that_of_the_scatter(
         assert float(found[stated].median()) == pytest.approx(ratio, rel=0.35), name
 
 
+@pytest.mark.thorough
 def test_reduction_of_the_mean_is_that_of_the_correlation() -> None:
     """1 / (1 - rho^2) of the model with a, in closed form."""
     rho2 = COVARIANCE**2 / VARIANCE
@@ -211,6 +212,7 @@ def test_shift_and_fold_sums_do_not_change_the_estimates() -> None:
     assert found[1].variance[0] == pytest.approx(found[0].variance[0], rel=1e-9)
 
 
+@pytest.mark.thorough
 def test_failed_samples_leave_the_statistics_of_the_others() -> None:
     """All with a > 1.5 fail (7 %): mean and deviation are those of the inputs that do not, and errors are honest."""
     mean = exponential(0.5, 1.5)
@@ -322,6 +324,7 @@ def test_dependent_inputs_are_controlled_at_the_same_uniform_numbers() -> None:
     assert found["std"].item() == pytest.approx(np.sqrt(4 - 2.4 + 2), rel=1e-9)
 
 
+@pytest.mark.thorough
 def test_pendulum_of_random_length() -> None:
     """A mechanism that moves: the controlled estimates lie within their errors of many plain samples', and are better."""
     length = uqmbd.RandomVariable("length", chaospy.Normal(1.0, 0.05), units="m")

@@ -31,6 +31,7 @@ MEAN = np.exp(1 / 8)
 STD = np.sqrt(1 + 0.25 + np.exp(1 / 2) - np.exp(1 / 4))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("design", DESIGNS)
 def test_stated_intervals_hold_as_often_as_stated(design: str) -> None:
     sizes = replicate_sizes(design, SAMPLES, 16)
@@ -49,6 +50,7 @@ def test_stated_intervals_hold_as_often_as_stated(design: str) -> None:
     assert np.all(hits <= 0.99 * SEEDS), hits / SEEDS
 
 
+@pytest.mark.thorough
 def test_stratified_designs_know_the_mean_better_than_random_points() -> None:
     spread = {}
     for design in DESIGNS:

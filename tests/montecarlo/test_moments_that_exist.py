@@ -142,6 +142,7 @@ def test_outputs_without_a_time_have_no_such_moments_either():
     assert np.isfinite(statistics["mean"]).all() and np.isnan(statistics["std"]).all()
 
 
+@pytest.mark.thorough
 @pytest.mark.filterwarnings("ignore::uqmbd.StudyWarning")
 def test_results_without_moments_are_stored_compared_and_reported(tmp_path):
     study = uqmbd.Study(

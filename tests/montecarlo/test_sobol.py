@@ -56,6 +56,7 @@ def ishigami_indices() -> tuple[np.ndarray, np.ndarray]:
     return np.array([one, two, 0.0]) / variance, np.array([one + both, two, both]) / variance
 
 
+@pytest.mark.thorough
 def test_published_indices_lie_in_the_intervals(functions: uqmbd.Study) -> None:
     node = functions.propagate(MonteCarlo(samples=2000, seed=1, sobol_indices=True))
     validate(node)
@@ -116,6 +117,7 @@ def test_blocks_do_not_matter() -> None:
         np.testing.assert_allclose(getattr(parts, name)[..., -7:], getattr(whole, name), rtol=1e-12, atol=1e-14)
 
 
+@pytest.mark.thorough
 def test_other_statistics_are_those_without_indices_and_seeds_give_the_same_bits(
     functions: uqmbd.Study, tmp_path
 ) -> None:

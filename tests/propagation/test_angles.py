@@ -107,6 +107,7 @@ def test_what_is_no_angle_stays_as_it_is(node):
     assert "output_angle" not in plain["statistics"].coords and "circular_mean" not in plain["statistics"]
 
 
+@pytest.mark.thorough
 def test_results_know_their_angles(node, tmp_path):
     for child in ("samples", "statistics"):
         assert node[child]["output_angle"].values.tolist() == [TURN, 360, 0, 0, 0]
@@ -120,6 +121,7 @@ def test_results_know_their_angles(node, tmp_path):
         assert again.identical(node["statistics"].to_dataset().drop_vars("integration_error"))
 
 
+@pytest.mark.thorough
 def test_turns_depend_on_the_realisation_alone(study, problem, node):
     """Neither on workers, nor on chunks, nor on those beside it, failed ones included."""
     response = node["samples"]["response"].values
@@ -154,6 +156,7 @@ def test_rounding_does_not_choose_the_turn(drawn):
     assert float(uqmbd.simulate(wheel(drawn=drawn), [0, 0.1])["direction"][0]) == pytest.approx(np.pi)
 
 
+@pytest.mark.thorough
 def test_chaos_of_an_angle(problem):
     """The unwrapped angle is linear in the inputs: order 1 has its moments exactly, and the direction's closely."""
     space = uqmbd.GermSpace.of(problem.inputs)

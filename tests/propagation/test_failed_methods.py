@@ -248,6 +248,7 @@ def die(model, code):
     os._exit(code)
 
 
+@pytest.mark.thorough
 def test_method_whose_worker_dies_costs_nothing_but_itself(swing, alone, monkeypatch):
     monkeypatch.setitem(BAD, "dies", lambda m, p: list(p.run(die, [(3,)])))
     tree, (said,) = run_with(swing, Own(how="dies"), GOOD, workers=2)
@@ -278,6 +279,7 @@ def test_memory_of_a_failed_method_is_free_for_the_next(swing, monkeypatch):
     assert list(propagator_nodes(tree)) == ["b"]
 
 
+@pytest.mark.thorough
 def test_chunks_of_a_run_in_which_a_method_failed_are_kept_for_resume(swing, tmp_path, monkeypatch):
     tree, _ = run_with(swing, GOOD, Own(how="raises"), folder=tmp_path)
     assert list(tmp_path.rglob("*.npz"))
@@ -287,6 +289,7 @@ def test_chunks_of_a_run_in_which_a_method_failed_are_kept_for_resume(swing, tmp
     assert not list(tmp_path.rglob("*.npz")), "they are kept until the results are saved"
 
 
+@pytest.mark.thorough
 def test_comparison_that_fails_costs_nothing_but_itself(swing, tmp_path, monkeypatch):
     import uqmbd.results.tree
 

@@ -236,6 +236,7 @@ def test_outputs_may_have_the_names_that_the_error_has():
     assert [name for name in found.coords if "error" in str(name)], "it is stated under another name"
 
 
+@pytest.mark.thorough
 def test_the_console_and_the_report_say_it(springs, tmp_path, capsys):
     """In proportion to the spread, so that a user sees which digit to believe."""
     from uqmbd.cli.tables import show_summary

@@ -104,6 +104,7 @@ def test_the_schema_is_kept_without_outputs_over_time(tree):
     assert tree["monte-carlo"].attrs["realisations"] == 300
 
 
+@pytest.mark.thorough
 def test_outputs_of_both_kinds_do_not_disturb_each_other(tree, mixed):
     validate(mixed)
     for label in ("monte-carlo", "collocation", "galerkin"):
@@ -128,6 +129,7 @@ def test_methods_are_compared(tree):
     assert (found["scalar_std_difference"].sel({"method": "monte-carlo"}) == 0).all()
 
 
+@pytest.mark.thorough
 def test_results_are_stored_and_the_chaos_is_evaluated_again(tree, mixed, tmp_path):
     for number, results in enumerate((tree, mixed)):
         back = load(save(results, tmp_path / f"{number}.nc"))
@@ -403,6 +405,7 @@ def test_an_integration_can_yield_them(monkeypatch):
     assert int(alone["scalars"].attrs["failures"]) == 1  # the lowest of three Gauss nodes
 
 
+@pytest.mark.thorough
 def test_they_are_reported(mixed, tmp_path, capsys):
     from uqmbd.cli.tables import show_summary
 
@@ -413,6 +416,7 @@ def test_they_are_reported(mixed, tmp_path, capsys):
     assert "without a time" in said and "1.589 ± 0.092" in said
 
 
+@pytest.mark.thorough
 def test_times_may_be_left_out_where_nothing_moves(tree, tmp_path):
     study = uqmbd.Study("oscillator", oscillator(), propagators=METHODS)
     assert "no times" in repr(study) and "none" in study._repr_html_()

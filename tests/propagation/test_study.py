@@ -46,6 +46,7 @@ def test_mechanism_described_again_gives_the_same_bits(results):
     assert same(response(study.run()), response(results))
 
 
+@pytest.mark.thorough
 def test_results_do_not_depend_on_who_computes_them(swing, results):
     assert same(response(swing.run(workers=2)), response(results))
     with concurrent.futures.ThreadPoolExecutor(2) as threads:
@@ -257,7 +258,7 @@ def run_script(path, ending):
     return subprocess.run([sys.executable, path], capture_output=True, text=True, check=False, timeout=120)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_script_without_a_guard_runs_as_written_and_once(tmp_path):
     """Workers start without the script: what it prints is printed once, and two runs one after another work."""
     ending = """
@@ -270,6 +271,7 @@ def test_script_without_a_guard_runs_as_written_and_once(tmp_path):
     assert (run.returncode, run.stderr, run.stdout.split()) == (0, "", ["before", "0", "0", "after"])
 
 
+@pytest.mark.thorough
 def test_script_without_a_guard_may_define_what_its_workers_need(tmp_path):
     """A method of the script's own, whose work is sent to workers by its name, and a guard below it; all is said once."""
     ending = """
@@ -293,7 +295,7 @@ def test_script_without_a_guard_may_define_what_its_workers_need(tmp_path):
     assert (run.returncode, run.stdout.split()) == (0, ["13.0", "guarded"]), run.stderr
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_script_with_a_guard_runs_and_its_workers_ignore_interrupts_and_may_die(tmp_path):
     ending = """
         import os, signal

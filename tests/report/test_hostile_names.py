@@ -166,6 +166,7 @@ def stored(study: uqmbd.Study, tmp_path_factory: pytest.TempPathFactory) -> tupl
     return results.load(path), path
 
 
+@pytest.mark.thorough
 def test_names_are_stored_as_they_were_given(stored: tuple[xr.DataTree, Path], study: uqmbd.Study) -> None:
     tree, _ = stored
     results.validate(tree)
@@ -180,6 +181,7 @@ def test_names_are_stored_as_they_were_given(stored: tuple[xr.DataTree, Path], s
     assert set(data["input"].values) == {HOSTILE[k] for k in ("attribute", "script", "lines", "right to left")}
 
 
+@pytest.mark.thorough
 def test_a_report_of_hostile_names_is_whole(stored: tuple[xr.DataTree, Path], tmp_path: Path) -> None:
     """Nothing but what the template makes, every figure drawn, files of safe names."""
     tree, _ = stored
@@ -225,6 +227,7 @@ def test_notebooks_show_hostile_names(stored: tuple[xr.DataTree, Path], study: u
         check_page(page, names)
 
 
+@pytest.mark.thorough
 def test_the_terminal_shows_hostile_names(
     stored: tuple[xr.DataTree, Path],
     tmp_path: Path,

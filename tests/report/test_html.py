@@ -83,6 +83,7 @@ def source(study: xr.DataTree, tmp_path_factory: pytest.TempPathFactory) -> str:
     return path.read_text(encoding="utf-8")
 
 
+@pytest.mark.thorough
 def test_it_is_self_contained(source: str) -> None:
     """No scripts, no fonts, no links to anywhere: every address is inside the file."""
     page = Page(source)
@@ -162,6 +163,7 @@ def test_figures_come_in_order_with_their_words(source: str) -> None:
     assert all(alt.startswith(start) and "slider_x" in alt for alt, start in zip(of_first, starts, strict=True))
 
 
+@pytest.mark.thorough
 def test_reports_stay_small(tmp_path: Path) -> None:
     """Noisy outputs of 1,000 samples at 2,000 times: with twenty of them the file would stay below 15 MB."""
     times = np.linspace(0, 1, 2000)
@@ -191,6 +193,7 @@ def test_plugin_sections(source: str) -> None:
     assert "The section “Wrong” could not be made: TypeError: render() returned a int" in text
 
 
+@pytest.mark.thorough
 def test_one_method_and_no_failures(make_node: Callable[..., xr.DataTree], tmp_path: Path) -> None:
     """A single method has no comparison; success is said in a sentence; equal results give equal files."""
     tree = results.study_tree([make_node("only", failing=0)], study="s", mechanism="m")
@@ -200,6 +203,7 @@ def test_one_method_and_no_failures(make_node: Callable[..., xr.DataTree], tmp_p
     assert not re.search(r"<th[^>]*>Method</th><th[^>]*>Mean", pages[0])
 
 
+@pytest.mark.thorough
 def test_from_a_file(study: xr.DataTree, tmp_path: Path) -> None:
     """The report of a stored result is that of the result."""
     tree = results.study_tree([study["second"].copy()], study="s", mechanism="m")

@@ -94,7 +94,7 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return written(tmp_path_factory.mktemp("large"), OUTPUTS)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_size(page: Path) -> None:
     """Under 15 MB, with as few images and elements as a browser opens in two seconds."""
     found = Elements(page.read_text(encoding="utf-8"))
@@ -104,7 +104,7 @@ def test_size(page: Path) -> None:
     assert all(one["alt"] for one in found.images)
 
 
-@pytest.mark.parametrize("outputs", [7, pytest.param(OUTPUTS, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("outputs", [7, pytest.param(OUTPUTS, marks=pytest.mark.thorough)])
 def test_nothing_is_left_out_silently(tmp_path: Path, outputs: int) -> None:
     """Every output is there, the most uncertain ones first and open, the others folded, and it says so."""
     text = written(tmp_path, outputs).read_text(encoding="utf-8")

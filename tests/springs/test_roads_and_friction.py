@@ -264,6 +264,7 @@ KNOTS = np.cumsum(RNG.uniform(0.02, 0.2, 60))
 HEIGHTS = RNG.normal(0, 0.02, 60)
 
 
+@pytest.mark.thorough
 def test_a_sampled_road_is_the_clamped_spline(close):
     """Height and both derivatives as SciPy's CubicSpline, between the samples; flat beyond them."""
     knots, heights = KNOTS[:18], HEIGHTS[:18]
@@ -277,6 +278,7 @@ def test_a_sampled_road_is_the_clamped_spline(close):
         close(ends, [0, 0] if order else heights[[0, -1]], scale=1, relative=1e-12)
 
 
+@pytest.mark.thorough
 def test_a_wheel_follows_a_sampled_road(close):
     """Height, and force m (g + v^2 z'') + what the slope asks of nobody: the drive keeps the speed."""
     spline = CubicSpline(KNOTS, HEIGHTS, bc_type="clamped")

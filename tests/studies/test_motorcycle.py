@@ -35,6 +35,7 @@ def test_it_has_two_degrees_of_freedom(made):
     assert (found.coordinates, found.equations, found.rank, found.mobility) == (20, 18, 18, 2)
 
 
+@pytest.mark.thorough
 def test_wheels_carry_the_weight():
     """At rest: vertical balance of the whole machine, and its moments about the rear wheel."""
     made = runpy.run_path(str(STUDY))
@@ -51,7 +52,7 @@ def test_wheels_carry_the_weight():
     assert found["front_load"] * (found["front_place"] - found["rear_place"]) == pytest.approx(moment, rel=1e-9)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_methods_agree_over_the_whole_crossing(crossing):
     """Chaos of two kinds within 0.1 % of the largest standard deviation; Monte Carlo within five standard errors."""
     sampled, chaos, galerkin = (crossing[name] for name in ("monte-carlo", "collocation", "galerkin"))
@@ -62,7 +63,7 @@ def test_methods_agree_over_the_whole_crossing(crossing):
         assert float((abs(sampled[name] - chaos[name]) / (sampled[f"std_error_{name}"] + 1e-6 * most)).max()) < 5
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_every_realisation_starts_in_equilibrium(crossing):
     """Until the front wheel meets the bump at 0.1 s nothing moves, though heights differ."""
     statistics = crossing["collocation"].sel(time=slice(0, 0.0999))
@@ -71,7 +72,7 @@ def test_every_realisation_starts_in_equilibrium(crossing):
     assert float(statistics["std"].sel(output="frame_height").min()) > 1e-3
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_stated_errors_hold(crossing):
     """The verification realisations state less than 1 % for both expansions."""
     for name in ("collocation", "galerkin"):

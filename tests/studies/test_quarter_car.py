@@ -56,6 +56,7 @@ def response(made, times):
     return np.sqrt((np.array(found) ** 2).sum(axis=0))
 
 
+@pytest.mark.thorough
 def test_the_spread_is_found(made):
     """Twelve inputs, in all of which the car is linear: to 1e-4 (the tyre never lifts off)."""
     expected = response(made, made["study"].times)
@@ -65,7 +66,7 @@ def test_the_spread_is_found(made):
     np.testing.assert_allclose(chosen / most, expected / most, atol=1e-4)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_three_methods_find_the_spread(made):
     """Twelve inputs: both expansions to 1e-4, samples within their errors (the tyre never lifts off)."""
     study = made["study"]

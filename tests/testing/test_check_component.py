@@ -187,6 +187,7 @@ def test_values_may_be_given():
     check_component(Optional, given={"law": "whatever"}, propagators=())
 
 
+@pytest.mark.thorough
 def test_what_is_no_mistake_says_so():
     check_component(Ratchet, conservative=False, propagators=["collocation", MonteCarlo(samples=10)])
 
@@ -231,6 +232,7 @@ def test_method_that_fails():
         studied(Sound, Helpless())
 
 
+@pytest.mark.thorough
 def test_component_without_a_possible_motion():
     with pytest.raises(AssertionError, match="none of 20 random poses can be assembled and moves: .*length"):
         studied(Impossible, "collocation")

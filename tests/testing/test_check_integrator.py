@@ -39,6 +39,7 @@ def changed(change, **own):
     return made(integrate=integrate, **own)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("integrator", [Auto, Dop853, Ida], ids=lambda cls: cls.name)
 def test_those_of_the_core_pass(integrator):
     check_integrator(integrator)

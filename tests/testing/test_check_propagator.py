@@ -352,11 +352,13 @@ def test_lost_work_is_found(kind, words):
         check_propagator(made(kind), moments=False, failures=False)
 
 
+@pytest.mark.thorough
 def test_what_is_left_out_is_not_checked():
     check_propagator(made(Plain), moments=False, failures=False, nothing_random=False)
     check_propagator(made(Elsewhere), moments=False, failures=False, resume=False, nothing_random=False)
 
 
+@pytest.mark.thorough
 def test_obstacle_that_nobody_is_told_of():
     class Mute(Collocated):
         def obstacle(self, study):

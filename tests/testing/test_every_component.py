@@ -21,7 +21,7 @@ def marked(name, space):
     """In space it takes longest: by default those that are nowhere else, and one of each kind."""
     spatial = space is uqmbd.Spatial and len(plugins.component(name).spaces) > 1
     quick = not spatial or (name, space.__name__) in REPRESENTATIVES or name in ("Revolute", "Torque")
-    return pytest.param(name, space, id=f"{name}-{space.__name__}", marks=() if quick else pytest.mark.slow)
+    return pytest.param(name, space, id=f"{name}-{space.__name__}", marks=() if quick else pytest.mark.thorough)
 
 
 @pytest.mark.parametrize(("name", "space"), [marked(name, space) for name, space in EVERY])
@@ -33,6 +33,7 @@ def studied(name, space):
     check_studies(plugins.component(name), space, {}, np.random.default_rng(5))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("name", "space"), REPRESENTATIVES)
 def test_component_with_every_propagator(name, space):
     studied(name, getattr(uqmbd, space))

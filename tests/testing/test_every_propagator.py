@@ -60,6 +60,7 @@ def variants(table):
     ]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("name", "options"), variants(QUICK))
 def test_propagator(name, options, two_workers):
     check_propagator(plugins.propagator(name)(**options), workers=two_workers)
@@ -77,6 +78,7 @@ def test_control_variate():
     check_propagator(plugins.propagator("monte-carlo")(samples=200, control=control))
 
 
+@pytest.mark.thorough
 def test_callable_instead_of_an_object():
     check_propagator(
         functools.partial(plugins.propagator("collocation"), order=2), moments=["stone"], failures=False, resume=False

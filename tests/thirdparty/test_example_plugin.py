@@ -50,6 +50,7 @@ def listed(site, **environment):
     return {info["name"]: info for info in json.loads(run.stdout)}
 
 
+@pytest.mark.thorough
 def test_it_is_discovered_by_its_entry_point_alone(site):
     info = listed(site)["example"]
     assert (info["distribution"], info["version"]) == ("uqmbd-example-plugin", "1.2.3")
@@ -58,10 +59,12 @@ def test_it_is_discovered_by_its_entry_point_alone(site):
     assert info["components"] == ["Magnet"] and info["propagators"] == ["mean-value", "taylor"]
 
 
+@pytest.mark.thorough
 def test_it_can_be_switched_off(site):
     assert listed(site, UQMBD_DISABLE_PLUGINS="uqmbd-example-plugin")["example"]["status"] == "disabled"
 
 
+@pytest.mark.thorough
 def test_broken_neighbour_is_a_warning_and_no_obstacle(site, tmp_path):
     """A package that raises on import, installed by hand: a module and its metadata."""
     broken = tmp_path / "broken"
@@ -116,6 +119,7 @@ for words in (["check", sys.argv[1]], ["run", sys.argv[1], "--out", sys.argv[2]]
 """
 
 
+@pytest.mark.thorough
 def test_study_runs_with_its_component_and_its_propagator(site, tmp_path):
     """Two masses of 2 kg at a distance of 2 m: the magnet pulls with strength / distance^2, on both alike."""
     (tmp_path / "attraction.py").write_text(STUDY)
@@ -158,6 +162,7 @@ for integrator in ("dop853", "ida"):
 """
 
 
+@pytest.mark.thorough
 def test_its_component_runs_through_galerkin_unchanged(site, tmp_path):
     """Its potential is no polynomial, and it knows nothing of chaos: against SciPy over a fine quadrature."""
     (tmp_path / "attraction.py").write_text(GALERKIN)
@@ -182,7 +187,7 @@ def test_its_component_runs_through_galerkin_unchanged(site, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("chosen", "passed"), [("mean_value", "1 passed"), pytest.param("test", "3 passed", marks=pytest.mark.slow)]
+    ("chosen", "passed"), [("mean_value", "1 passed"), pytest.param("test", "3 passed", marks=pytest.mark.thorough)]
 )
 def test_its_own_test_suite_passes(site, chosen, passed):
     """Which is the conformance kit: its component, in all propagators that are installed, and its own propagators."""

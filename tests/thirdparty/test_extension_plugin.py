@@ -48,6 +48,7 @@ print(json.dumps([found, info.status, info.hooks, info.designs, str(info.errors)
 """
 
 
+@pytest.mark.thorough
 def test_study_runs_with_its_law_and_on_its_design(python):
     """The law returns nearly the coefficient that it is made from, the more the nearer it is to 1; times 2 m/s."""
     found, *info = json.loads(python("-W", "error::UserWarning", "-c", STUDY))
@@ -60,5 +61,6 @@ def test_study_runs_with_its_law_and_on_its_design(python):
     assert found["monte-carlo"]["mean"] == pytest.approx(found["collocation"]["mean"], abs=4 * error)
 
 
+@pytest.mark.thorough
 def test_its_own_test_suite_passes(python):
     assert "2 passed" in python("-m", "pytest", "-q", "-p", "no:cacheprovider", str(PACKAGE / "tests"))

@@ -241,6 +241,7 @@ def errors(study, collocation, mean, std):
     return np.array(found), node.attrs["nodes"]
 
 
+@pytest.mark.thorough
 def test_order_three_with_sixteen_nodes(slider_crank):
     """Deviations within 1e-3 of their largest: position 1.4e-6 and angle 1.3e-5.
 
@@ -263,6 +264,7 @@ def test_order_three_with_sixteen_nodes(slider_crank):
     assert in_mean.max() < 1e-6
 
 
+@pytest.mark.thorough
 def test_exponential_convergence_with_the_order(slider_crank):
     """Mean and deviation of every output gain a decade with each order, down to the error of the integration."""
     study, mean, std = slider_crank

@@ -24,6 +24,7 @@ def along(axis, vector):
 
 
 # -- screw --------------------------------------------------------------------------------------------------------------
+@pytest.mark.thorough
 @pytest.mark.parametrize("pitch", [0.05, -0.3])
 def test_a_nut_on_a_thread(pitch, close, energy):
     """(J + m h^2) w' = M - m g h with h = pitch / 2 pi, over many turns; T = (J + m h^2) w^2 / 2; and what it carries."""
@@ -48,6 +49,7 @@ def test_a_nut_on_a_thread(pitch, close, energy):
     close(energy(mechanism, times)[0], whole * (rate * times) ** 2 / 2, relative=1e-5)
 
 
+@pytest.mark.thorough
 def test_a_screw_between_two_free_bodies(close):
     """Without loads: relative spin w0 and slide h w0 persist, and those of the first body are what momentum demands."""
     pitch, spin = 0.2, 3.0
@@ -130,6 +132,7 @@ def planetary(space):
     return mechanism, parts, flat
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("space", ["planar", "spatial"])
 def test_a_planetary_gear_obeys_willis(space, close):
     """(w_sun - w_carrier) / (w_ring - w_carrier) = - 80 / 20 with sun and carrier driven; the planet likewise."""
@@ -145,6 +148,7 @@ def test_a_planetary_gear_obeys_willis(space, close):
     close(data["planet"], carrier - 20 / 30 * (sun - carrier), relative=1e-6)
 
 
+@pytest.mark.thorough
 def test_a_planetary_gear_shares_a_torque(close):
     """With the ring held by the ground: the sun feels all inertias, each by the square of its speed ratio."""
     mechanism, parts, _ = planetary("planar")
@@ -264,6 +268,7 @@ def test_a_rod_driven_at_a_speed(space, close):
     close(data["torque"], 10 / 3 * np.cos(5 * times) + G / 2 * np.cos(angle), relative=1e-5)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("speed", [20, -20])
 def test_a_speed_is_kept_for_a_long_time(speed, close):
     """2000 rad, more than 300 turns, in the plane and between two moving bodies."""
@@ -368,6 +373,7 @@ def test_gravity_of_one_body(space, close):
         close(data[f"fast{k}"], (field[k] + 2 * (k == 0)) * times**2 / 2, scale=G, relative=1e-8)
 
 
+@pytest.mark.thorough
 def test_gravity_of_a_body_acts_at_its_centre_of_mass(observe, series, close):
     """A spatial pendulum with an offset centre of mass and a random mass falls as in a field of the space."""
     runs = []

@@ -123,11 +123,12 @@ def check_none_lost(make, end, samples, rtol):
     assert np.abs(response.sel(output="tilt")).max() < 1.02 * play
 
 
-@pytest.mark.parametrize("rtol", [1e-4, pytest.param(1e-8, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("rtol", [1e-4, pytest.param(1e-8, marks=pytest.mark.thorough)])
 def test_no_sample_of_the_woodpecker_is_lost(rtol):
     check_none_lost(small_angles, 0.3, 2, rtol)
 
 
+@pytest.mark.thorough
 def test_no_sample_of_a_woodpecker_of_bodies_is_lost():
     check_none_lost(large_angles, 0.2, 2, 1e-5)
 
@@ -145,6 +146,7 @@ def strokes(count):
     return np.array([float(data[f"stroke{k}"]) for k in range(1, count + 1)])
 
 
+@pytest.mark.thorough
 def test_the_woodpecker_comes_to_a_limit_cycle():
     """It pecks every 0.146 s, as time stepping says (see below), again and again."""
     np.testing.assert_allclose(np.diff(strokes(3)), 0.146, rtol=3e-3)

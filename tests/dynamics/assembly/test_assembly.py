@@ -74,6 +74,7 @@ def test_consistent_planar_state_is_not_moved():
     assert np.abs(start.q[0] - drawn).max() < 1e-12
 
 
+@pytest.mark.thorough
 def test_consistent_spatial_state_is_not_moved(turn, matrix):
     drawn, start = assembled(spatial_arm(turn, matrix))
     assert np.abs(start.q[0] - drawn).max() < 1e-12

@@ -75,6 +75,7 @@ def test_counts_of_equations_rank_and_mobility(count, equations, rank):
     assert found.mobility == 1
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("count", [1, 2, 5])
 def test_redundant_equations_are_named_in_the_warning(count):
     mechanism = chain(count, "spatial")
@@ -93,6 +94,7 @@ def test_planar_chain_does_not_warn():
         uqmbd.simulate(chain(1, "planar"), [0, 0.01])
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("count", [1, 2, 5])
 def test_chain_runs_unmodified_and_agrees_with_the_planar_model(count, close):
     times = np.linspace(0, 2, 41)

@@ -156,6 +156,7 @@ def compare(count, samples, seed):
         compared += 1
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("count", [1, 2])
 def test_an_impact_is_one_of_the_solutions_of_the_law(count):
     compare(count, 800 if count == 1 else 300, seed=count)
@@ -197,6 +198,7 @@ def check_rest(count, samples, seed):
     return wedged
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("count", [1, 2])
 def test_contacts_at_rest_follow_one_of_the_solutions_of_the_law(count):
     """Where a contact at rest cannot stick it slips: it is not let go, and its friction is not left out."""
@@ -365,6 +367,7 @@ def test_impulses_of_many_contacts_satisfy_the_law_for_many_boxes(space, corners
     assert lively > 450
 
 
+@pytest.mark.thorough
 def test_a_rod_that_jams_between_two_rough_walls_comes_to_rest():
     """Hundreds of collisions in one instant leave speeds of the size of rounding; these satisfy the law as well."""
     rng, many = np.random.default_rng(5), 0

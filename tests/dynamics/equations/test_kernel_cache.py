@@ -106,6 +106,7 @@ def kernels(folder: Path) -> list[Path]:
     return found
 
 
+@pytest.mark.thorough
 def test_changed_sign_in_the_equations_is_seen_at_once(tmp_path: Path) -> None:
     """The force of a rod changes its sign with the code that writes it, although its kernel is in the cache."""
     copy = tmp_path / "copy"
@@ -120,6 +121,7 @@ def test_changed_sign_in_the_equations_is_seen_at_once(tmp_path: Path) -> None:
     assert after == -before
 
 
+@pytest.mark.thorough
 def test_every_source_of_equations_is_in_the_key(tmp_path: Path) -> None:
     folders = [ROOT / "uqmbd" / "dynamics", ROOT / "uqmbd" / "mechanism"]
     copies = [
@@ -137,6 +139,7 @@ def test_every_source_of_equations_is_in_the_key(tmp_path: Path) -> None:
     assert len(seen) == len(files) + 2
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("count", [100, pytest.param(2000, marks=pytest.mark.slow)])
 def test_no_damage_crashes_or_gives_a_wrong_number(count: int, tmp_path: Path) -> None:
     """Flipped bits, lost ends and further bytes, in every kernel of a mechanism, again and again."""

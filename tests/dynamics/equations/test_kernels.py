@@ -108,6 +108,7 @@ def dense(ensemble, time, y, yp, c):
     return full
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("seed", range(3))
 def test_fused_and_typed_kernels_agree(pair, seed):
     first, second = pair

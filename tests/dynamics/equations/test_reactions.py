@@ -44,6 +44,7 @@ def two_bodies(joint, swap):
     return mechanism, lower, part, (lower if swap else upper).point(on_lower if swap else on_upper)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("swap", [False, True], ids=["upper first", "lower first"])
 @pytest.mark.parametrize("joint", [Revolute, Fixed, Spherical, Distance])
 def test_newton_and_euler_hold_for_a_body_between_a_joint_and_a_spring(joint, swap, observe, series):

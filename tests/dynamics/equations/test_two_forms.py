@@ -21,7 +21,7 @@ REPRESENTATIVES = ("Revolute", "TorsionSpringDamper", "SpringDamper", "PlaneCont
 
 def marked(name, space):
     few = name in REPRESENTATIVES and space is uqmbd.Planar
-    return pytest.param(name, space, id=f"{name}-{space.__name__}", marks=() if few else pytest.mark.slow)
+    return pytest.param(name, space, id=f"{name}-{space.__name__}", marks=() if few else pytest.mark.thorough)
 
 
 @pytest.mark.parametrize(("name", "space"), [marked(name, space) for name, space in EVERY])

@@ -172,7 +172,7 @@ def every_joint(signs):
 @pytest.mark.filterwarnings("ignore:mechanism 'chain'. assembly moved:uqmbd.StudyWarning")
 @pytest.mark.parametrize(
     "signs",
-    [[1, -1, 1, -1], *(pytest.param(x, marks=pytest.mark.slow) for x in ([-1, -1, -1, -1], [-1, 1, 1, -1]))],
+    [[1, -1, 1, -1], *(pytest.param(x, marks=pytest.mark.thorough) for x in ([-1, -1, -1, -1], [-1, 1, 1, -1]))],
     ids=str,
 )
 def test_both_signs_of_a_quaternion_give_the_same_outputs(signs):

@@ -182,6 +182,7 @@ def slider_crank(length):
     return mechanism
 
 
+@pytest.mark.thorough
 def test_both_integrators_agree_and_stay_on_the_constraints():
     length = uqmbd.RandomVariable("length", chaospy.Uniform(0.3, 0.4), units="m")
     values = np.linspace(0.3, 0.4, 10)

@@ -110,6 +110,7 @@ def test_a_rotor_is_as_accurate_beside_what_rests(rtol):
     assert largest(found, nutation(TIMES)) < MOST * rtol
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("rtol", TOLERANCES)
 @pytest.mark.parametrize("make", [governor, slider_crank, pendulum])
 def test_mechanisms_that_turn_and_swing(make, rtol):

@@ -180,6 +180,7 @@ def travelling():
     return mechanism
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("integrator", INTEGRATORS)
 @pytest.mark.parametrize(
     "options", [{"max_step": 1e-3}, {"breaks": [0.545, 0.548, 0.55, 0.552, 0.555]}], ids=["step", "breaks"]
@@ -203,6 +204,7 @@ def test_a_longest_step_bounds_the_steps_of_every_integrator(integrator, mark, m
     assert max(found.counters.steps, found.counters.residuals) >= 1000
 
 
+@pytest.mark.thorough
 def test_the_steps_of_galerkin_are_bounded_too():
     """By both of its integrators."""
     impulse = uqmbd.RandomVariable("impulse", chaospy.Uniform(0.5, 2), units="N s")

@@ -70,6 +70,7 @@ def parallelograms(count, times, speed=1.0, mass=1.0, angle=np.pi / 2):
     return found.y[0]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("space", "integrator"), [("planar", "auto"), ("spatial", "auto"), ("planar", "ida")])
 @redundant
 def test_two_windows_pass_their_singular_poses(space, integrator, energy):
@@ -103,6 +104,7 @@ def random_windows(count, times, rtol):
     return ensemble.outputs(times, found.states), np.array(angles), energy, found.counters
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("rtol", [1e-4, 1e-6, *(pytest.param(x, marks=pytest.mark.slow) for x in (1e-9, 1e-11))])
 def test_every_realisation_stays_on_its_branch(rtol):
     """Unequal cranks load the coupler in the singular pose; wherever a step ends, momentum decides."""
@@ -113,6 +115,7 @@ def test_every_realisation_stays_on_its_branch(rtol):
     assert np.abs(energy - energy[:, :1]).max() < max(1e-7, 1000 * rtol)
 
 
+@pytest.mark.thorough
 def test_motions_are_continued_over_singular_poses():
     """With a tight tolerance steps end so near the pose that it must be passed over by continuation."""
     response, angles, energy, counters = random_windows(6, np.linspace(0, 6, 121), 1e-11)
@@ -243,6 +246,7 @@ def test_a_realisation_that_locks_up_leaves_the_others_alone():
         np.testing.assert_allclose(seen, expected, rtol=0, atol=1e-6)
 
 
+@pytest.mark.thorough
 def test_monte_carlo_counts_what_locks_up():
     rod = uqmbd.RandomVariable("rod", chaospy.Uniform(0.48, 0.7), units="m")
     mechanism = slider_crank(rod)
@@ -254,6 +258,7 @@ def test_monte_carlo_counts_what_locks_up():
     assert int(node.attrs["failures"]) == locked
 
 
+@pytest.mark.thorough
 @redundant
 def test_reactions_out_of_the_plane_are_not_unique():
     """In a planar mechanism of spatial revolutes forces along the axes and moments across them have no unique value."""
@@ -284,6 +289,7 @@ def test_forces_along_three_cranks_are_not_unique():
     assert all("force" in x for x in names)  # a pin transmits no moment, redundant or not
 
 
+@pytest.mark.thorough
 @redundant
 def test_all_methods_run_on_a_redundant_spatial_four_bar():
     mass = uqmbd.RandomVariable("mass", chaospy.Uniform(0.8, 1.6), units="kg")

@@ -19,6 +19,7 @@ def run(text: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run([sys.executable, "-c", textwrap.dedent(text)], capture_output=True, text=True, check=False)
 
 
+@pytest.mark.thorough
 def test_a_sparse_solver_that_stops_before_its_first_matrix_does_not_end_the_process():
     """Its memory is then not whole, and to free it was a segmentation fault."""
     done = run("""
@@ -60,6 +61,7 @@ def test_a_sparse_solver_that_stops_before_its_first_matrix_does_not_end_the_pro
     assert lost.startswith("False At t = 0")
 
 
+@pytest.mark.thorough
 @pytest.mark.skipif(sys.platform == "win32", reason="signals are sent otherwise there")
 def test_ctrl_c_in_the_middle_of_an_integration_is_a_keyboard_interrupt():
     done = run("""
@@ -87,6 +89,7 @@ def test_ctrl_c_in_the_middle_of_an_integration_is_a_keyboard_interrupt():
     assert (done.returncode, done.stdout) == (0, "interrupted\ninterrupted\n"), done.stderr[-500:]
 
 
+@pytest.mark.thorough
 def test_what_sundials_says_is_in_the_message_and_nowhere_else(capfd):
     """A force without bound: no step is small enough."""
     mechanism = uqmbd.Mechanism("rod", uqmbd.Planar())

@@ -74,6 +74,7 @@ def models():
     return {n: build(chain(n)) for n in (5, 10, 20)}
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("method", ["dop853", "ida"])
 def test_chain_swings_like_a_pendulum(models, method):
     model = models[10]

@@ -30,7 +30,7 @@ QUICK = ("pendulum-ida", "spatial_pendulum-dop853")
 @pytest.mark.parametrize(
     ("name", "integrator"),
     [
-        pytest.param(name, by, id=f"{by}-{name}", marks=() if f"{name}-{by}" in QUICK else pytest.mark.slow)
+        pytest.param(name, by, id=f"{by}-{name}", marks=() if f"{name}-{by}" in QUICK else pytest.mark.thorough)
         for name in CASES
         for by in ("dop853", "ida")
     ],
@@ -67,6 +67,7 @@ def accelerations_projected(projected, times, rtol):
     return found.y.T.reshape(len(times), *shape).transpose(1, 0, 2)
 
 
+@pytest.mark.thorough
 def test_projected_accelerations_do_not_keep_it(mechanisms, project):
     """Same nodes, same basis, a tolerance that lets the drift be that of the equations: a thousand times more."""
     times = CASES["pendulum"][1]

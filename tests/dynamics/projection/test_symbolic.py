@@ -15,6 +15,7 @@ from .exact import moment
 from .symbolic import VariationalWork
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("name", "options", "order"),
     [
@@ -69,6 +70,7 @@ def test_moments_are_those_of_the_distributions():
     assert float(moment("legendre", 1, (2, 3))) == pytest.approx(expected)
 
 
+@pytest.mark.thorough
 def test_average_is_the_integral_over_the_density():
     """SymPy integrates the Lagrangian of a body with a random mass over the uniform density, without our moments."""
     mass = uqmbd.RandomVariable("mass", chaospy.Uniform(0.5, 1.5))

@@ -207,6 +207,7 @@ def reduced_slider_crank(k, damping=3.0, r=0.15, length=0.35):
     return roots[roots.imag > 0][0]
 
 
+@pytest.mark.thorough
 def test_a_slider_crank_held_by_a_spring_wherever_it_stands():
     """Against its reduction to the crank angle; moved and turned in space it is the same."""
     expected = reduced_slider_crank(100.0)
@@ -238,6 +239,7 @@ def sprung_body(at=(0, 0, 0), turn=None):
     return mechanism, anchors, points, k, free
 
 
+@pytest.mark.thorough
 def test_a_body_on_springs_against_a_hand_written_eigenproblem():
     """6 x 6: the springs' axial stiffness, their tension across, and the arms that turn under their forces."""
     mechanism, anchors, points, k, free = sprung_body()

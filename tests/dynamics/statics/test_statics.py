@@ -193,6 +193,7 @@ def test_a_bushing_gives_way_as_its_stiffness_says():
     assert found["turn"] == pytest.approx(np.sin(turn), abs=1e-10)
 
 
+@pytest.mark.thorough
 def test_what_is_free_to_move_stays_where_it_is():
     """A wheel on springs can turn freely: it hangs, and keeps its angle."""
     mechanism = uqmbd.Mechanism("wheel", uqmbd.Planar(gravity=(0, -G)))
@@ -261,6 +262,7 @@ class Pinion(uqmbd.Component):
         yield uqmbd.Constraint(p.body_j.position[0] - p.radius * turned)
 
 
+@pytest.mark.thorough
 def test_a_state_that_starts_anywhere_is_carried_along():
     """A pinion that lifts nothing but pulls a spring, with an angle that only its state knows: x = r angle, 3 turns."""
     mechanism = uqmbd.Mechanism("rack", uqmbd.Planar())

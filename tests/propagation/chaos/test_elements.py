@@ -85,6 +85,7 @@ def chaos(node):
     return chaos_from_dataset(node["chaos"])
 
 
+@pytest.mark.thorough
 def test_convergence_at_a_kink():
     """|x - 0.3|: the error of the variance, known in closed form, falls with the elements; the kink is cornered."""
     study = resting(lambda x, y: sympy.Abs(x - 0.3) + y / 100, U, U)
@@ -123,6 +124,7 @@ def test_adaptive_step():
     validate(node)
 
 
+@pytest.mark.thorough
 def test_smooth_is_as_without_elements():
     """On a smooth motion elements give what a plain chaos of a higher order gives, both methods alike."""
     study = swing()
@@ -139,6 +141,7 @@ def test_smooth_is_as_without_elements():
         validate(node)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("method", [Collocation, Galerkin])
 def test_workers_and_resuming(method, tmp_path):
     """Who computes does not matter, to the bit; what was finished before an interruption is not done again."""
@@ -196,6 +199,7 @@ def test_limits_and_options():
         Galerkin(elements=2, stop_at=0.1)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("both", [True, False])
 def test_report(both):
     """The pattern has a patch for each element, of one split input a bar; words count the splits."""

@@ -181,6 +181,7 @@ def ones(model: object, count: int) -> dict[str, Any]:
     return {"ones": np.ones(count)}
 
 
+@pytest.mark.thorough
 def test_finished_work_survives_until_the_results_are_saved(tmp_path: Path) -> None:
     tree = swing().run(folder=tmp_path)
     assert not (tmp_path / "unfinished").exists(), "it has ended"

@@ -125,6 +125,7 @@ def _computed(script: Path, out: Path | None = None, resume: bool = False) -> by
     return tree["monte-carlo/samples"]["response"].values.tobytes()
 
 
+@pytest.mark.thorough
 def test_killed_and_resumed_run_has_the_bits_of_an_undisturbed_one(script: Path, tmp_path: Path) -> None:
     out = tmp_path / "killed"
     code, said = _run_until(_command(script, out), out, 3, signal.SIGKILL)
@@ -134,7 +135,7 @@ def test_killed_and_resumed_run_has_the_bits_of_an_undisturbed_one(script: Path,
     assert not (out / "unfinished").exists()
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_run_that_is_killed_again_and_again_has_the_bits_of_an_undisturbed_one(script: Path, tmp_path: Path) -> None:
     out = tmp_path / "killed"
     generator = random.Random(1)
@@ -153,6 +154,7 @@ def test_run_that_is_killed_again_and_again_has_the_bits_of_an_undisturbed_one(s
     assert not (out / "unfinished").exists()
 
 
+@pytest.mark.thorough
 def test_interrupt_keeps_what_is_done_and_says_how_to_go_on(script: Path, tmp_path: Path) -> None:
     out = tmp_path / "interrupted"
     command = [sys.executable, "-m", "uqmbd.cli", "run", str(script), "--out", str(out)]
@@ -163,6 +165,7 @@ def test_interrupt_keeps_what_is_done_and_says_how_to_go_on(script: Path, tmp_pa
     assert _chunks(out) >= 2
 
 
+@pytest.mark.thorough
 def test_damaged_chunk_is_computed_again(script: Path, tmp_path: Path) -> None:
     out = tmp_path / "damaged"
     _interrupted(script, out, 3)
@@ -180,6 +183,7 @@ def test_without_resume_a_run_starts_over(script: Path, tmp_path: Path) -> None:
     assert not stale.exists()
 
 
+@pytest.mark.thorough
 def test_resume_after_a_change_of_the_study_computes_anew(script: Path, tmp_path: Path) -> None:
     """The change acts late and in an output alone: nothing that is sampled at the start would show it."""
     output = 'mechanism.output("angle", rod.angle, units="rad")'

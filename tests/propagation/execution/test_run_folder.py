@@ -73,6 +73,7 @@ def holder(tmp_path: Path) -> Iterator[subprocess.Popen[str]]:
     process.communicate()
 
 
+@pytest.mark.thorough
 def test_second_run_into_a_folder_is_refused_until_the_first_ends_however(
     tmp_path: Path, holder: subprocess.Popen[str]
 ) -> None:
@@ -90,6 +91,7 @@ def test_second_run_into_a_folder_is_refused_until_the_first_ends_however(
     assert sorted(p.name for p in out.iterdir()) == ["results.nc"], "the claim leaves nothing"
 
 
+@pytest.mark.thorough
 def test_study_in_python_is_refused_as_well(tmp_path: Path, holder: subprocess.Popen[str]) -> None:
     from uqmbd.propagation.script import load_study
 
@@ -147,6 +149,7 @@ def test_results_that_are_there_are_set_aside(tmp_path: Path) -> None:
     assert (out / "previous" / "results.nc").read_text() == "3"
 
 
+@pytest.mark.thorough
 def test_command_sets_results_aside_and_says_so(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], no_report: None
 ) -> None:
@@ -161,6 +164,7 @@ def test_command_sets_results_aside_and_says_so(
     assert {p.name for p in out.iterdir()} == {p.name for p in (out / "previous").iterdir()} | {"previous"}
 
 
+@pytest.mark.thorough
 def test_full_disk_at_the_end_loses_nothing(tmp_path: Path, no_report: None) -> None:
     """Chunks fit, the results do not: the file, the way out, and then all is there without being computed again."""
     pytest.importorskip("resource")
@@ -177,6 +181,7 @@ def test_full_disk_at_the_end_loses_nothing(tmp_path: Path, no_report: None) -> 
     assert not (out / "unfinished").exists() and not (out / "unsaved").exists()
 
 
+@pytest.mark.thorough
 def test_full_disk_on_the_way_is_told(tmp_path: Path) -> None:
     pytest.importorskip("resource")
     out = tmp_path / "out"
@@ -200,7 +205,7 @@ def alive(session: int) -> list[int]:
     return found
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="tells processes by /proc")
 def test_workers_end_with_their_parent_when_it_is_killed(tmp_path: Path) -> None:
     study, out = script(tmp_path, samples=64_000, times=51, end=5.0, integrator="ida"), tmp_path / "out"

@@ -62,6 +62,7 @@ def test_dimensions_are_declared():
     assert stored["germ"].values.tolist() == list(everything().names)
 
 
+@pytest.mark.thorough
 def test_reading_needs_no_chaospy(tmp_path):
     path = tmp_path / "space.nc"
     space = everything()
@@ -102,6 +103,7 @@ def test_another_dataset():
         GermSpace.from_dataset(xr.Dataset())
 
 
+@pytest.mark.thorough
 def test_importing_is_light():
     """Random variables are imported by every script: neither chaospy nor xarray nor scipy.stats come with them."""
     code = "import sys, uqmbd.randomness; print([m for m in ('chaospy', 'xarray', 'scipy.stats', 'scipy.optimize') if m in sys.modules])"

@@ -47,6 +47,7 @@ def test_a_surrogate_alone_has_a_curve_and_no_bars(result):
     assert not figure.axes[0].patches
 
 
+@pytest.mark.thorough
 def test_the_report_shows_the_times_that_the_study_asks_for(result, tmp_path, monkeypatch):
     from uqmbd.report import figures
 

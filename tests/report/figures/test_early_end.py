@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import chaospy
 import numpy as np
+import pytest
 
 import uqmbd
 from uqmbd import report
@@ -11,6 +12,7 @@ from uqmbd_galerkin import Galerkin
 from uqmbd_springs import SpringDamper
 
 
+@pytest.mark.thorough
 def test_a_report_of_a_run_that_stopped(tmp_path, recwarn):
     """Order 1 of an oscillator whose phase spreads: known until its stated error passes the limit."""
     k = uqmbd.RandomVariable("k", chaospy.Uniform(80, 120))

@@ -125,6 +125,7 @@ def test_event_times_are_those_of_the_closed_form(tree: xr.DataTree) -> None:
     assert others[0].share == pytest.approx(float(np.clip((reached - 0.9) / 0.2, 0, 1)), abs=0.03)
 
 
+@pytest.mark.thorough
 def test_an_aligned_surrogate_is_used_as_any_other(tree: xr.DataTree, study: uqmbd.Study) -> None:
     """Densities from samples of it, the reader of any surrogate, and an animation by its method."""
     figure = report.histograms(tree["event-aligned"], "height", [0.3])
@@ -140,6 +141,7 @@ def test_an_aligned_surrogate_is_used_as_any_other(tree: xr.DataTree, study: uqm
     assert film.sizes["realisation"] == 4 and np.isfinite(film["pose"].values).all()
 
 
+@pytest.mark.thorough
 def test_every_figure_is_a_file(tree: xr.DataTree, tmp_path: Path) -> None:
     """As many files as images, each a picture that can be read, with names of their own."""
     page = report.write_report(tree, tmp_path / "report.html", folder=tmp_path / "figures").read_text(encoding="utf-8")

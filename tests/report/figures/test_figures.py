@@ -25,6 +25,7 @@ def _drawn(figure: Figure) -> Figure:
     return figure
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("output", ["slider_x", r"$F_{pin} \frac <b>&", "zero"])
 def test_every_figure_can_be_drawn(study: xr.DataTree, output: str) -> None:
     """Dollar signs, underscores and backslashes are no mathematics, and constants no trouble."""
@@ -188,6 +189,7 @@ def test_a_constant_is_not_magnified() -> None:
         assert any(text.get_text() == "no spread" for text in figure.axes[0].texts)
 
 
+@pytest.mark.thorough
 def test_ticks_do_not_overlap() -> None:
     """At tiny, huge, offset and ordinary magnitudes the labels of an axis keep clear of each other and of the edge."""
     times = np.linspace(0, 2, 21)
@@ -219,6 +221,7 @@ def test_long_names_stay_inside() -> None:
     assert figure.legends[0].get_window_extent().x1 <= figure.bbox.x1 + 1
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("output", ["slider_x", r"$F_{pin} \frac <b>&", "zero"])
 def test_frozen_ticks_say_the_same(study: xr.DataTree, output: str) -> None:
     """A figure that is written has the limits and the texts of the figure that was drawn."""
@@ -248,6 +251,7 @@ def test_errors_say_what_there_is(study: xr.DataTree) -> None:
         report.bands([], "x")
 
 
+@pytest.mark.thorough
 def test_no_global_state() -> None:
     """Drawing never loads pyplot."""
     code = (

@@ -38,6 +38,7 @@ def _with_indices(first: np.ndarray, total: np.ndarray, std: np.ndarray, names: 
     return results.propagator_node("sampled", statistics, propagator="p", realisations=9, wall_time=0.0)
 
 
+@pytest.mark.thorough
 def test_indices_are_stacked(orders: xr.DataTree) -> None:
     """Areas end at the cumulative sums of the first-order indices, lines are the total indices and the deviation."""
     figure = _drawn(report.sobol_indices(orders, OUTPUT))
@@ -280,6 +281,7 @@ def test_methods_that_agree_stay_visible(orders: xr.DataTree) -> None:
         assert box.x1 <= figure.bbox.x1 + 1 and box.y0 >= figure.axes[0].get_window_extent().y1 - 1
 
 
+@pytest.mark.thorough
 def test_frozen_ticks_say_the_same(orders: xr.DataTree) -> None:
     """Written with plain texts, the labels of logarithmic and of linear axes are those of the figure as drawn."""
     for draw in (report.sobol_indices, report.coefficient_decay, report.order_convergence, report.differences):

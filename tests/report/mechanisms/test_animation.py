@@ -176,6 +176,7 @@ def test_a_film_is_handed_to_ffmpeg(data, tmp_path, monkeypatch):
         animate(data, tmp_path / "y.mp4")
 
 
+@pytest.mark.thorough
 def test_report_moves_from_the_stored_file_alone(study, tmp_path):
     """Stored, read again, drawn: the moving picture, its still, and their texts, without the mechanism."""
     tree, note = with_motion(study.run(only=["monte-carlo"]), study)

@@ -61,6 +61,7 @@ def tree() -> xr.DataTree:
     return study(convergence=growth).run()
 
 
+@pytest.mark.thorough
 def test_it_is_stored_beside_the_methods(tree: xr.DataTree, tmp_path: Path) -> None:
     """The node is no propagator, keeps to the schema, and survives the disk."""
     assert list(propagator_nodes(tree)) == ["monte-carlo"]

@@ -103,6 +103,7 @@ def table(page: str, label: str) -> list[list[str]]:
     ]
 
 
+@pytest.mark.thorough
 @settings(max_examples=5, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(tree=trees())
 def test_no_page_contradicts_itself(tree: xr.DataTree, without_figures: None, tmp_path: Path) -> None:
@@ -160,6 +161,7 @@ def test_no_page_contradicts_itself(tree: xr.DataTree, without_figures: None, tm
     assert "to within" not in text_of(page)
 
 
+@pytest.mark.thorough
 def test_the_console_says_the_same(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The table of `uqmbd compare` holds the statements of the comparison."""
     scale = np.ones((2, 6))

@@ -36,6 +36,7 @@ def source(orders: xr.DataTree, tmp_path_factory: pytest.TempPathFactory) -> str
     return _write(orders, tmp_path_factory.mktemp("report"))
 
 
+@pytest.mark.thorough
 def test_sections_only_where_there_is_a_chaos(study: xr.DataTree, source: str, tmp_path: Path) -> None:
     """Without a chaos neither headings nor entries of the contents nor figures of differences."""
     plain = _write(study, tmp_path)
@@ -102,6 +103,7 @@ def test_both_methods_together(source: str) -> None:
     assert "How far the methods agree: the mean and the standard deviation of each, less those of monte-carlo." in words
 
 
+@pytest.mark.thorough
 def test_one_surrogate_alone(make_chaos: Maker, tmp_path: Path) -> None:
     """A single order has no convergence figure; without verification the verdict is that of the decay."""
     tree = results.study_tree([make_chaos("collocation", 2, verify=0)], study="s", mechanism="m")
@@ -110,6 +112,7 @@ def test_one_surrogate_alone(make_chaos: Maker, tmp_path: Path) -> None:
     assert "order 2 is not enough for slider_x" in _text(part)
 
 
+@pytest.mark.thorough
 def test_dependent_inputs_are_explained(make_chaos: Maker, tmp_path: Path) -> None:
     """The table is one of germs, with a sentence on what these are."""
     tree = results.study_tree([make_chaos("collocation", 3, dependent=True)], study="s", mechanism="m")
@@ -118,6 +121,7 @@ def test_dependent_inputs_are_explained(make_chaos: Maker, tmp_path: Path) -> No
     assert re.search(r'<th scope="row">[^<]* \| [^<]*</th>', part)
 
 
+@pytest.mark.thorough
 def test_a_chaos_that_cannot_be_read(make_chaos: Maker, tmp_path: Path) -> None:
     """A chaos without its germs is a note with the reason; everything else stands."""
     node = make_chaos("collocation", 2)
@@ -129,6 +133,7 @@ def test_a_chaos_that_cannot_be_read(make_chaos: Maker, tmp_path: Path) -> None:
     assert MATTER in source and "Stated error of the surrogate of collocation" in source
 
 
+@pytest.mark.thorough
 def test_nodes_that_failed_have_their_reasons(make_chaos: Maker, tmp_path: Path) -> None:
     """Nodes that failed are listed with inputs and reason, and it is said that the surrogate did without them."""
     node = make_chaos("collocation", 2)
@@ -148,6 +153,7 @@ def test_nodes_that_failed_have_their_reasons(make_chaos: Maker, tmp_path: Path)
     assert "Integration failed: 1 sample" in words and "no step at 'pin' <b>" in words and "0.9 41.5" in words
 
 
+@pytest.mark.thorough
 def test_leave_one_out_is_shown_where_it_is_known(make_chaos: Maker, tmp_path: Path) -> None:
     """The stored error is over the variance; the table gives its root, over the standard deviation."""
     node = make_chaos("collocation", 2)
@@ -158,6 +164,7 @@ def test_leave_one_out_is_shown_where_it_is_known(make_chaos: Maker, tmp_path: P
     assert "Leave-one-out error, largest" in part and '<td class="number">2\N{NO-BREAK SPACE}%</td>' in part
 
 
+@pytest.mark.thorough
 def test_it_stays_small(source: str, orders: xr.DataTree, tmp_path: Path) -> None:
     """Five surrogates beside Monte Carlo add less than 250 kB for each of the two outputs that vary."""
     plain = _write(results.study_tree([orders["monte-carlo"].copy()], study="s", mechanism="m"), tmp_path)

@@ -82,6 +82,7 @@ print(hashlib.sha256(b"".join(a.tobytes() for a in found)).hexdigest())
 """
 
 
+@pytest.mark.thorough
 def test_bits_do_not_depend_on_threads() -> None:
     """One thread or two: the same bits."""
     hashes = set()

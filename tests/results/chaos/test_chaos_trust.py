@@ -40,6 +40,7 @@ def oscillator(order: int, verify: int = 0, seed: int = 0, kind: str = "total", 
     return PolynomialChaos(coefficients, index, space, axes, verification_germs=germs, verification_response=response)
 
 
+@pytest.mark.thorough
 def test_stated_error_is_the_true_one() -> None:
     """Of cos(w t) the truncation error is known: eight realisations state it within a factor, many of them exactly.
 

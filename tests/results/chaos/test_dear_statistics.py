@@ -41,6 +41,7 @@ def made(kinds, order, times, seed, decay=3.0):
     return PolynomialChaos(values, index, space, axes)
 
 
+@pytest.mark.thorough
 @given(st.lists(st.sampled_from(range(4)), min_size=1, max_size=3), st.integers(1, 2), st.integers(0, 2**32 - 1))
 @settings(max_examples=8, deadline=None)
 def test_samples_tell_what_the_exact_routes_tell(kinds, order, seed):

@@ -65,6 +65,7 @@ def inputs(chaos, samples):
     return np.stack([known[name] for name in chaos.germ_names], axis=1)
 
 
+@pytest.mark.thorough
 def test_it_is_exact_where_a_plain_chaos_stalls(aligned, samples):
     """Over samples, with fewer than 100 realisations: 1e-6 against the closed form; the plain chaos errs by 5e-3."""
     assert aligned.attrs["realisations"] < 100
@@ -79,7 +80,7 @@ def test_it_is_exact_where_a_plain_chaos_stalls(aligned, samples):
     assert np.sqrt((error**2).mean()) > 2e-3
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_it_converges_with_the_order(samples):
     """Exponentially: an order divides the error at least by five."""
     exact = thrown(*samples, TIMES)[0]
@@ -120,6 +121,7 @@ def test_statistics_and_the_stated_error(aligned):
     assert ((first >= 0) & (first <= 1)).all()
 
 
+@pytest.mark.thorough
 def test_it_is_stored(aligned, tmp_path):
     tree = study_tree([aligned], study="ball", mechanism="ball")
     save(tree, tmp_path / "results.nc")
@@ -131,6 +133,7 @@ def test_it_is_stored(aligned, tmp_path):
     assert float(aligned["scalars"]["statistics"]["mean"].sel(output="second")) == pytest.approx(1.1733, abs=1e-3)
 
 
+@pytest.mark.thorough
 def test_germ_space_is_split_where_the_sequence_of_events_differs():
     """A mass on a spring that reaches a wall only where it is released far enough."""
     release = uqmbd.RandomVariable("release", chaospy.Uniform(0.5, 1.5), units="m")
@@ -174,6 +177,7 @@ def test_a_mechanism_without_events_is_told():
         study.propagate(Collocation(alignment="events"))
 
 
+@pytest.mark.thorough
 def test_bounces_that_die_down_are_told():
     """Nearly endless sequences cannot be followed; the message says what to do."""
     study = ball(times=np.linspace(0, 6, 61), restitution=RESTITUTION)
@@ -181,6 +185,7 @@ def test_bounces_that_die_down_are_told():
         study.propagate(Collocation(order=1, alignment="events"))
 
 
+@pytest.mark.thorough
 def test_verification_realisations_that_fail_are_counted_and_named(monkeypatch):
     """Two of eight fail: a warning, their number, and their inputs with the reason."""
     real = uqmbd.Problem.realise
@@ -209,7 +214,7 @@ def test_verification_realisations_that_fail_are_counted_and_named(monkeypatch):
     assert node["aligned"].sizes["verification"] == 6
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_a_comparison_of_files_keeps_what_the_files_hold(tmp_path, capsys, monkeypatch):
     """Outputs without a time, event-aligned chaoses and nodes: at the common times, in the file and its comparison."""
     runs = {"one": (TIMES[:76:5], 2), "two": (TIMES[:76:15], 3)}

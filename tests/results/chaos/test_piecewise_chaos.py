@@ -155,6 +155,7 @@ def test_stated_error():
         bare.verification_error()
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     "distributions", [(U, N), (chaospy.Beta(2, 3), chaospy.Weibull(2)), (chaospy.DiscreteUniform(0, 4), U)]
 )

@@ -100,7 +100,7 @@ def kinds(nodes: list[xr.DataTree], reference: str, method: str) -> list[str]:
     return results.compare(nodes, reference).sel({"method": method})["verdict_kind"].values.tolist()
 
 
-@pytest.mark.parametrize(("repetitions", "most"), [(20, 1), pytest.param(100, 5, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(("repetitions", "most"), [(20, 1), pytest.param(100, 5, marks=pytest.mark.thorough)])
 def test_methods_that_agree_are_not_said_to_differ(exact: xr.DataTree, repetitions: int, most: int) -> None:
     """In seeded repetitions with three methods a false alarm in any output at any time is rarer than 5 %."""
     surrogate = projected("surrogate", 5)
@@ -136,6 +136,7 @@ def test_false_alarms_of_normal_processes_meet_the_level() -> None:
     assert alarms <= 5
 
 
+@pytest.mark.thorough
 def test_a_shifted_mean_is_named(exact: xr.DataTree) -> None:
     """A third of a standard deviation is seen among 400 samples, and the size and the units are said."""
     for seed in range(10):
@@ -148,6 +149,7 @@ def test_a_shifted_mean_is_named(exact: xr.DataTree) -> None:
     assert "standard deviation too" not in " ".join(planted["verdict"].values)
 
 
+@pytest.mark.thorough
 def test_a_wrong_standard_deviation_is_named(exact: xr.DataTree) -> None:
     """23 % too small: by that number against a chaos, and within the noise of 600 samples against Monte Carlo."""
     planted = projected("planted", 5, factor=0.77)
@@ -172,6 +174,7 @@ def test_an_order_that_is_too_low_is_named(exact: xr.DataTree) -> None:
                 assert any("order 1 is too low, its stated error is" in t for t in found["verdict"].values)
 
 
+@pytest.mark.thorough
 def test_too_few_samples_are_named(exact: xr.DataTree) -> None:
     """Twelve or thirty samples neither agree nor differ, in every repetition."""
     for count in (12, 30):
@@ -253,6 +256,7 @@ def test_outputs_without_time() -> None:
     assert kinds(nodes, "a", "c") == ["differs"]
 
 
+@pytest.mark.thorough
 def test_files_of_different_runs(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -297,6 +301,7 @@ def test_results_that_have_nothing_in_common() -> None:
     assert "Output x has other units (m in a, mm in b)" in notes[0]
 
 
+@pytest.mark.thorough
 def test_error_against_cost() -> None:
     """The square of a normal output: order 1 misses the known part, order 2 nothing; a level that fails is one only."""
     mechanism = uqmbd.Mechanism("fall", uqmbd.Translational(gravity=(0, -9.81)))
@@ -340,6 +345,7 @@ def rare_event(chance, seeds):
     return uqmbd.Study("rare", mechanism, np.linspace(0, 1, 3), methods).run()["comparison"]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("chance", [0.0025, 0.005])
 def test_what_is_so_rare_that_samples_miss_it_does_not_differ(chance):
     kinds = [str(k) for j in range(6) for k in rare_event(chance, (2 * j, 2 * j + 1))["verdict_kind"].values.ravel()]
@@ -359,6 +365,7 @@ def test_a_spread_that_is_not_rare_is_missed_by_no_samples():
     assert verdicts.DIFFERS in found["verdict_kind"].values
 
 
+@pytest.mark.thorough
 def test_an_integration_that_is_too_coarse_leads_the_recommendation():
     length = uqmbd.RandomVariable("length", chaospy.Normal(1, 1e-3))
     mechanism = uqmbd.Mechanism("pendulum", uqmbd.Planar(gravity=(0, -9.81)))

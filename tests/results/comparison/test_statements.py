@@ -82,6 +82,7 @@ def only(node: xr.DataTree, chosen: np.ndarray) -> xr.DataTree:
     return xr.DataTree.from_dict(parts, name=node.name)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("seed", [0])
 def test_outputs_that_do_not_vary_count_for_nothing(seed: int) -> None:
     check_that_still_outputs_count_for_nothing(seed)

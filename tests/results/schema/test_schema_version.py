@@ -41,6 +41,7 @@ def state(path: Path, version: object) -> None:
         (path / name).write_text(json.dumps(about))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("ending", ENDINGS)
 def test_every_result_states_its_version(study: xr.DataTree, tmp_path: Path, ending: str) -> None:
     assert study.attrs["schema_version"] >= 1
@@ -51,6 +52,7 @@ def test_every_result_states_its_version(study: xr.DataTree, tmp_path: Path, end
     assert results.load(path).identical(plain)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("ending", "version"), [(".nc", None), (".zarr", 0)])
 def test_results_of_earlier_versions_are_read(
     study: xr.DataTree, tmp_path: Path, ending: str, version: int | None
@@ -63,6 +65,7 @@ def test_results_of_earlier_versions_are_read(
     assert results.load(results.save(old, tmp_path / f"again{ending}")).identical(old)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("ending", ENDINGS)
 def test_results_of_later_versions_are_refused_and_say_what_reads_them(
     study: xr.DataTree, tmp_path: Path, ending: str

@@ -112,6 +112,7 @@ def test_chaos_of_angles(chaos: PolynomialChaos) -> None:
     assert set(PolynomialChaos(chaos.coefficients, chaos.multi_index, chaos.space, axes((0, 0))).circular()) == set()
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("ending", [".nc", ".zarr"])
 def test_declaration_is_stored(chaos: PolynomialChaos, tmp_path, ending: str) -> None:
     """A result that was read back knows its angles; one that was written without them has none."""

@@ -51,7 +51,7 @@ for limit in map(int, sys.argv[3:]):
 """
 
 
-@pytest.mark.parametrize("ending", [".nc", pytest.param(".zarr", marks=pytest.mark.slow), "-samples.nc"])
+@pytest.mark.parametrize("ending", [".nc", pytest.param(".zarr", marks=pytest.mark.thorough), "-samples.nc"])
 def test_limit_on_files_is_told_and_leaves_what_was_there(ending: str, tmp_path: Path) -> None:
     (tmp_path / "unfinished").mkdir()
     limits = [0, 3000, 300_000]
@@ -102,7 +102,7 @@ def test_writes_of_zarr_that_are_under_way_when_another_fails_leave_nothing(tmp_
     noise = np.random.default_rng(0).normal(size=(20, 200_000))
     with pytest.raises(StudyError, match="the second chunk fails"):
         save(xr.DataTree(xr.Dataset({"x": (("output", "time"), noise)})), tmp_path / "r.zarr")
-    assert len(begun) > 2
+    assert len(begun) >= 2  # the first is under way when the second fails
     time.sleep(1)
     assert os.listdir(tmp_path) == []
 

@@ -30,6 +30,7 @@ def _same_types(a: xr.DataTree, b: xr.DataTree) -> None:
         assert {k: type(v) for k, v in left.attrs.items()} == {k: type(v) for k, v in right.attrs.items()}
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("ending", ENDINGS)
 def test_round_trip_is_exact(study: xr.DataTree, tmp_path: Path, ending: str) -> None:
     """Numbers, NaN, text, units, attributes and their types come back; what was read can be saved again."""
@@ -106,6 +107,7 @@ def test_python_text_becomes_fixed_width(tmp_path: Path) -> None:
         results.save(xr.DataTree(xr.Dataset(attrs={"a": object()})), tmp_path / "b.nc")
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("ending", ENDINGS)
 def test_a_failing_write_leaves_the_old_result(
     make_node: MakeNode, study: xr.DataTree, tmp_path: Path, ending: str, monkeypatch: pytest.MonkeyPatch
@@ -125,6 +127,7 @@ def test_a_failing_write_leaves_the_old_result(
     assert [p.name for p in tmp_path.iterdir()] == [f"a{ending}"]
 
 
+@pytest.mark.thorough
 def test_file_is_closed_after_loading(study: xr.DataTree, tmp_path: Path) -> None:
     """The data lives in memory: the file can go."""
     path = results.save(study, tmp_path / "deep" / "er" / "a.nc")
@@ -133,6 +136,7 @@ def test_file_is_closed_after_loading(study: xr.DataTree, tmp_path: Path) -> Non
     assert tree.identical(study)
 
 
+@pytest.mark.thorough
 def test_unusable_paths_are_named(tmp_path: Path, study: xr.DataTree, monkeypatch: pytest.MonkeyPatch) -> None:
     """Missing, damaged and unknown files, and a missing Zarr, are each one clear message."""
     with pytest.raises(StudyError, match="There is no result at"):
@@ -157,6 +161,7 @@ def test_unusable_paths_are_named(tmp_path: Path, study: xr.DataTree, monkeypatc
         results.save(study, tmp_path / "a.zarr")
 
 
+@pytest.mark.thorough
 def test_import_is_light() -> None:
     """Reading results loads neither Matplotlib nor Jinja."""
     code = (
