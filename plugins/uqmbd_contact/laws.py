@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import sympy
+from sympy.logic.boolalg import Boolean
 
 import uqmbd
 
@@ -65,14 +66,23 @@ class ContactLaw:
     def __post_init__(self) -> None:
         for name in ("force", "friction"):
             uqmbd.law_values(getattr(self, name), *SYMBOLS, what=name, package="uqmbd_contact")
+        if sympy.sympify(self.friction).is_negative:
+            raise uqmbd.StudyError(f"friction is {self.friction}; expected a coefficient of friction, 0 or more.")
+        condition = isinstance(self.acts, (bool, Boolean)) and not isinstance(self.acts, sympy.Expr)
+        if self.acts is not None and not condition:
+            raise uqmbd.StudyError(
+                f"acts is {self.acts!r}; expected a condition, such as uqmbd_contact.depth_rate > 0, or True."
+            )
 
     @property
     def normal(self) -> sympy.Expr:
         """The force where the bodies touch and it acts, else zero."""
         force = sympy.sympify(self.force)
-        condition = sympy.And(depth > 0, force > 0 if self.acts is None else self.acts)
         # the condition is around everything, so that derivatives outside are zero, not those of a root of nothing
-        return sympy.Piecewise((force, condition), (0, True))
+        if self.acts is None:
+            # a force that is not a number is no force that pulls: it is handed on, and the realisation fails
+            return sympy.Piecewise((0, sympy.Or(depth <= 0, force <= 0)), (force, True))
+        return sympy.Piecewise((force, sympy.And(depth > 0, self.acts)), (0, True))
 
 
 LAWS = {
@@ -82,7 +92,9 @@ LAWS = {
     "hunt-crossley": ContactLaw(
         stiffness * depth**exponent * (1 + damping * depth_rate), acts=1 + damping * depth_rate > 0
     ),
-    "kelvin-voigt": ContactLaw(stiffness * depth + damping * depth_rate),
+    "kelvin-voigt": ContactLaw(
+        stiffness * depth + damping * depth_rate, acts=stiffness * depth + damping * depth_rate > 0
+    ),
 }
 """Laws by name.
 

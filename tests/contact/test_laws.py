@@ -119,3 +119,22 @@ def test_slope_of_a_road_knows_the_random_variables_of_its_own():
     found = uqmbd.simulate(mechanism, [0, 0.001], values={"level": 0.31, "slope": 0.5})
     normal = 1e4 * 0.01 / np.sqrt(1.25)
     assert float(found["push"][0]) == pytest.approx(-normal * 0.5 / np.sqrt(1.25), rel=1e-6)
+
+
+@pytest.mark.parametrize("force", [stiffness * depth * sympy.sqrt(depth_rate - 10), stiffness * sympy.log(depth - 1)])
+def test_a_force_that_is_no_number_fails_the_motion(force):
+    with pytest.raises(uqmbd.IntegrationError, match="the integration stopped at t = 0 s"):
+        dropped(law=ContactLaw(force), stiffness=1e4)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        ({"acts": "x"}, "acts is 'x'; expected a condition"),
+        ({"acts": depth}, "acts is depth; expected a condition"),
+        ({"friction": -0.3}, "friction is -0.3; expected a coefficient of friction"),
+    ],
+)
+def test_what_is_no_condition_and_no_coefficient_is_refused(arguments, told):
+    with pytest.raises(uqmbd.StudyError, match=told):
+        ContactLaw(stiffness * depth, **arguments)

@@ -188,6 +188,11 @@ def test_values_may_be_given():
 
 
 @pytest.mark.thorough
+def test_values_for_what_there_is_not_are_told():
+    with pytest.raises(AssertionError, match="given names 'lw', which is no parameter of Optional"):
+        check_component(Optional, given={"lw": "whatever"}, propagators=())
+
+
 def test_what_is_no_mistake_says_so():
     check_component(Ratchet, conservative=False, propagators=["collocation", MonteCarlo(samples=10)])
 

@@ -45,6 +45,16 @@ def variant(points, **attributes):
         (variant(lambda s, d, n, seed: np.random.default_rng().random((len(n), d))), "the same seed gives other"),
         (variant(lambda s, d, n, seed: Shifted().points(d, n, 1)), "another seed gives the same"),
         (variant(lambda s, d, n, seed: Shifted().points(d, n, seed) ** 2), "is not uniform"),
+        (
+            variant(lambda s, d, n, seed: np.repeat(Shifted().points(1, n, seed), d, axis=1)),
+            "coordinates 0 and 1 are alike",
+        ),
+        (
+            variant(lambda s, d, n, seed: np.tile(np.random.default_rng(seed).random(d), (len(n), 1))),
+            "coordinate 0 is the same for all points of a seed",
+        ),
+        (variant(Shifted.points, name=None), "`name` is not a string"),
+        (variant(Shifted.points, name="a/b"), "`name` is not a string without '/'"),
         (variant(Shifted.points, extendable=True), "declares extendable = True"),
         (
             variant(

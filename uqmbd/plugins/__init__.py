@@ -19,7 +19,7 @@ environment variable ``UQMBD_DISABLE_PLUGINS`` lists entry points or distributio
 from __future__ import annotations
 
 from uqmbd.plugins.hooks import KINDS, hookimpl, integrator_problem
-from uqmbd.plugins.loading import PluginInfo, Registry, load, offered_by_core
+from uqmbd.plugins.loading import PluginInfo, Registry, load, offered_by_core, registered_name
 from uqmbd.plugins.registry import (
     component,
     components,
@@ -50,5 +50,6 @@ __all__ = [
     "owner",
     "propagator",
     "propagators",
+    "registered_name",
     "report_sections",
 ]

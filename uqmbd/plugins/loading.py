@@ -15,7 +15,7 @@ from uqmbd.isolation import Isolated, last_line
 from uqmbd.names import lineage
 from uqmbd.plugins.hooks import KINDS, Kind, integrator_problem, plugin_manager
 
-__all__ = ["PluginInfo", "Registry", "load", "offered_by_core"]
+__all__ = ["PluginInfo", "Registry", "load", "offered_by_core", "registered_name"]
 
 
 @dataclass(frozen=True)
@@ -176,7 +176,7 @@ def _call(manager: pluggy.PluginManager, plugin: object, kind: Kind) -> tuple[li
     for cls in listed:
         name, problem = "", ""
         with Isolated() as work:
-            name, problem = _registered_name(cls, kind)
+            name, problem = registered_name(cls, kind)
         if work.error is not None:
             problem = f"which raised {last_line(work.error)} when it was looked at"
         if problem:
@@ -186,7 +186,7 @@ def _call(manager: pluggy.PluginManager, plugin: object, kind: Kind) -> tuple[li
     return offered, problems
 
 
-def _registered_name(cls: Any, kind: Kind) -> tuple[str, str]:
+def registered_name(cls: Any, kind: Kind) -> tuple[str, str]:
     """Return the name by which a class is registered, or what keeps it from being registered."""
     if not inspect.isclass(cls):
         return "", "which is not a class"

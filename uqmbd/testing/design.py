@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from uqmbd.plugins import KINDS, registered_name
 from uqmbd.randomness import Design, SamplingDesign, Seed, design_problem
 from uqmbd.typing import Array
 
@@ -12,6 +13,9 @@ __all__ = ["check_design"]
 SEEDS = 20
 LEAST = 64
 """Points of a seed, at least."""
+
+ALIKE = 0.5
+"""Correlation of two coordinates, over all seeds, that no sound design has."""
 
 TAIL = 1e-6
 """Probability at which a sound design fails by chance."""
@@ -22,7 +26,8 @@ def check_design(design: type[SamplingDesign], *, dimensions: tuple[int, ...] = 
 
     - It has a name, and declares whole numbers and truths.
     - The same seed gives the same bits, other seeds other points, and so do seeds of NumPy's sequences of seeds.
-    - Each point is uniform in each of its coordinates, over the seeds (a test of Kolmogorov and Smirnov).
+    - Each point is uniform in each of its coordinates, over the seeds (a test of Kolmogorov and Smirnov), and its
+      coordinates are neither the same for all points of a seed nor alike.
     - An extendable design continues where it ended, and gives any part of its points alone.
 
     Parameters
@@ -51,6 +56,8 @@ def check_design(design: type[SamplingDesign], *, dimensions: tuple[int, ...] = 
     """
     from scipy.stats import kstest
 
+    _, problem = registered_name(design, KINDS["designs"]._replace(reserved=()))
+    assert not problem, f"{design.__name__} is a class {problem}."
     assert design.__doc__, f"{design.__name__} has no docstring; say what it is."
     used = Design.of(design)
     count = used.base
@@ -63,9 +70,17 @@ def check_design(design: type[SamplingDesign], *, dimensions: tuple[int, ...] = 
         assert np.array_equal(one, again), f"{title}: the same seed gives other points."
         assert not np.array_equal(one, other), f"{title}: another seed gives the same points."
         assert not np.array_equal(parts[0], parts[1]), f"{title}: another sequence of seeds gives the same points."
-        for k, values in enumerate(np.concatenate(parts).T):
+        every = np.concatenate(parts).T
+        for k, values in enumerate(every):
+            still = all(np.ptp(part[:, k]) == 0 for part in parts)
+            assert not still, f"{title}: coordinate {k} is the same for all points of a seed."
             found = kstest(values, "uniform").pvalue
             assert found > TAIL, f"{title}: coordinate {k} is not uniform over the seeds (p = {found:.2g})."
+        alike = np.argwhere(np.triu(np.abs(np.corrcoef(every)), 1) > ALIKE) if dimension > 1 else []
+        for j, k in alike:
+            raise AssertionError(
+                f"{title}: coordinates {j} and {k} are alike; each is to be uniform whatever the others are."
+            )
         later = range(count, 2 * count)
         if used.extendable:
             assert np.array_equal(

@@ -85,6 +85,8 @@ def check_component(
     >>> check_component(Spring, spaces=(uqmbd.Planar,))
     """
     _check_declaration(component)
+    unknown = sorted(set(given or ()) - set(component.parameters()))
+    assert not unknown, f"given names {unknown[0]!r}, which is no parameter of {component.signature()}."
     for space in component.spaces if spaces is None else spaces:
         rng = np.random.default_rng([seed, zlib.crc32(f"{component.__name__} {space.__name__}".encode())])
         for number, case in enumerate(cases(component, space, given or {}, rng)):
