@@ -91,7 +91,7 @@ class Galerkin(uqmbd.Propagator):
     weights: Annotated[tuple[float, ...], uqmbd.Bounds(0, above=True)] | None = None
     nodes: Annotated[tuple[int, ...], uqmbd.Bounds(1)] | None = None
     rule: str = "gauss"
-    samples: Annotated[int, uqmbd.Bounds(1)] | None = None
+    samples: Annotated[int, uqmbd.Bounds(0)] | None = None
     level: Annotated[int, uqmbd.Bounds(0)] | None = None
     elements: int | Literal["adaptive"] | None = None
     max_elements: int = 32
@@ -113,6 +113,8 @@ class Galerkin(uqmbd.Propagator):
             )
             object.__setattr__(self, "level", self.samples)
             object.__setattr__(self, "samples", None)
+        if self.samples == 0:
+            raise uqmbd.StudyError("Galerkin: samples is 0; expected a whole number, 1 or more.")
         self._discretisation(self.node_name)
         if self._limits.elements is not None and (self.stop_at is not None or not self.order):
             raise uqmbd.StudyError(

@@ -10,6 +10,9 @@ import xarray as xr
 
 __all__ = ["what_differs"]
 
+INPUT = "input "
+"""Begin of the facts about inputs."""
+
 _PASSED_OVER = frozenset({"created", "command", "parts", "failed"})
 
 
@@ -25,8 +28,14 @@ def what_differs(trees: Mapping[str, xr.DataTree]) -> list[tuple[str, dict[str, 
     # results of earlier versions do not say what their mechanisms consist of
     if all("parts" in tree.attrs for tree in trees.values()):
         facts = {letter: {**_parts(trees[letter]), **own} for letter, own in facts.items()}
-    names = list(dict.fromkeys(name for one in facts.values() for name in one))
     found = []
+    if any(not _recorded(tree) for tree in trees.values()):
+        # statistics alone do not say what they are of: that is no sign of equal inputs
+        said = {letter: [n.removeprefix(INPUT) for n in one if n.startswith(INPUT)] for letter, one in facts.items()}
+        known = {k: ", ".join(said[k]) or "none" if _recorded(tree) else "not recorded" for k, tree in trees.items()}
+        found.append(("inputs", known))
+        facts = {k: {n: x for n, x in one.items() if not n.startswith(INPUT)} for k, one in facts.items()}
+    names = list(dict.fromkeys(name for one in facts.values() for name in one))
     for name in names:
         given = {letter: one.get(name, "–") for letter, one in facts.items()}
         # an option of a method that is not in a result at all is no difference of its own
@@ -74,15 +83,25 @@ def _parts(tree: xr.DataTree) -> dict[str, str]:
     return {**facts, **{f"component {name}": str(kind) for name, kind in parts.get("components", {}).items()}}
 
 
+def _recorded(tree: xr.DataTree) -> bool:
+    """Whether any method says what its inputs are, or that there are none."""
+    from uqmbd.results import propagator_nodes
+
+    nodes = propagator_nodes(tree).values()
+    return not nodes or any(_stated(node) is not None for node in nodes)
+
+
+def _stated(node: xr.DataTree) -> Any:
+    """Dataset of a method that says what its inputs are."""
+    kept = [node.children[child].to_dataset() for child in ("samples", "statistics", "chaos") if child in node.children]
+    return next((data for data in kept if "input_description" in data.coords), None)
+
+
 def _inputs(node: xr.DataTree) -> dict[str, str]:
-    for child in ("samples", "statistics", "chaos"):
-        data: Any = node.children[child].to_dataset() if child in node.children else xr.Dataset()
-        if "input_description" in data.coords:
-            columns = (data[name].values for name in ("input", "input_description", "input_units"))
-            return {
-                f"input {n}": f"{text or 'not stated'} {units}".strip() for n, text, units in zip(*columns, strict=True)
-            }
-    return {}
+    if (data := _stated(node)) is None:
+        return {}
+    columns = (data[name].values for name in ("input", "input_description", "input_units"))
+    return {f"{INPUT}{n}": f"{text or 'not stated'} {units}".strip() for n, text, units in zip(*columns, strict=True)}
 
 
 def _pairs(text: object) -> dict[str, Any]:

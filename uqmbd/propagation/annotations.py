@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import math
 import types
 import typing
 from functools import lru_cache
@@ -38,21 +39,21 @@ class Bounds:
     """
 
     least: float
-    most: float = np.inf
+    most: float = math.inf
     above: bool = False
 
     @property
     def words(self) -> str:
         """What follows the kind of number in a message."""
-        if np.isfinite(self.most):
+        if self.most < math.inf:
             return f" between {self.least:g} and {self.most:g}"
         return f" above {self.least:g}" if self.above else f", {self.least:g} or more"
 
     def hold(self, number: float) -> bool:
         """Tell whether a number lies within."""
-        return bool(self.least <= number <= self.most and np.isfinite(number)) and not (
-            self.above and number == self.least
-        )
+        # of any kind of number: NumPy knows neither fractions nor whole numbers of more than 64 bits
+        within = bool(self.least <= number <= self.most) and abs(number) < math.inf
+        return within and not (self.above and number == self.least)
 
 
 def check_options(kind: type, options: dict[str, Any]) -> None:
@@ -139,7 +140,9 @@ def _bounded(member: Any) -> tuple[Any, Bounds | None]:
 
 def _each(value: Any) -> list[Any]:
     """Return the numbers of a row, or the one that stands for a row."""
-    return list(value) if isinstance(value, (tuple, list, np.ndarray)) and np.ndim(value) else [value]
+    if isinstance(value, np.ndarray):
+        return list(np.atleast_1d(value))
+    return list(value) if isinstance(value, (tuple, list, range)) else [value]
 
 
 def _literals(annotation: Any) -> list[Any]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 from uqmbd.errors import StudyError
@@ -63,10 +63,11 @@ class Propagator(ABC):
             check_label(options["label"])
         return super().__new__(cls)
 
-    def __post_init__(self) -> None:
+    def __post_init__(self, *_: Any) -> None:
         """Make plain numbers of options with bounds, whatever kind of number they are given as."""
-        for name, annotation in option_types(type(self)).items():
-            object.__setattr__(self, name, plain(getattr(self, name), annotation))
+        annotations = option_types(type(self))
+        for name in (field.name for field in fields(self) if field.init and field.name in annotations):
+            object.__setattr__(self, name, plain(getattr(self, name), annotations[name]))
 
     @property
     def node_name(self) -> str:

@@ -76,8 +76,7 @@ def check_design(design: type[SamplingDesign], *, dimensions: tuple[int, ...] = 
             assert not still, f"{title}: coordinate {k} is the same for all points of a seed."
             found = kstest(values, "uniform").pvalue
             assert found > TAIL, f"{title}: coordinate {k} is not uniform over the seeds (p = {found:.2g})."
-        alike = np.argwhere(np.triu(np.abs(np.corrcoef(every)), 1) > ALIKE) if dimension > 1 else []
-        for j, k in alike:
+        for j, k in np.argwhere(np.triu(np.abs(np.atleast_2d(np.corrcoef(every))), 1) > ALIKE):
             raise AssertionError(
                 f"{title}: coordinates {j} and {k} are alike; each is to be uniform whatever the others are."
             )

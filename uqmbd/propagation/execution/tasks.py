@@ -60,8 +60,13 @@ def _call(function: Callable[..., Arrays], data: bytes, task: tuple[Any, ...]) -
         return function(model, *task)
 
 
+NAMED = {"uqmbd.propagation.execution.histories": "uqmbd.propagation.histories"}
+"""Modules by the names that they had when the first tasks of their functions were stored: those are found again."""
+
+
 def _name(fingerprint: bytes, function: Callable[..., Arrays], task: tuple[Any, ...]) -> str:
-    text = hashlib.sha256(f"{function.__module__}.{function.__qualname__}".encode())
+    module = NAMED.get(function.__module__, function.__module__)
+    text = hashlib.sha256(f"{module}.{function.__qualname__}".encode())
     text.update(pickle.dumps(task))
     text.update(fingerprint)
     return f"{text.hexdigest()[:32]}.task.npz"
