@@ -177,14 +177,24 @@ def test_outputs_without_times(chaos: PolynomialChaos) -> None:
         plain.verification_error(time=1.0)
 
 
-def test_scipy_takes_longer_for_a_density() -> None:
-    """The same numbers, with the same bandwidth; once it is as quick, it takes over."""
+def test_a_density_is_that_of_scipy() -> None:
+    """The same numbers, with the same bandwidth."""
+    sold, samples, points = of_scipy()
+    np.testing.assert_allclose(sold(points), chaos_sampling.kernel_density(samples, points), rtol=1e-12)
+
+
+def of_scipy() -> tuple[Callable[[np.ndarray], np.ndarray], np.ndarray, np.ndarray]:
     samples, points = np.random.default_rng(0).normal(size=16384), np.linspace(-4.0, 4.0, 200)
     low, high = np.quantile(samples, [0.25, 0.75])
     spread = samples.std(ddof=1)
     factor = 0.9 * min(spread, (high - low) / 1.34) * len(samples) ** -0.2 / spread
-    sold = scipy.stats.gaussian_kde(samples, bw_method=factor)
-    np.testing.assert_allclose(sold(points), chaos_sampling.kernel_density(samples, points), rtol=1e-12)
+    return scipy.stats.gaussian_kde(samples, bw_method=factor), samples, points
+
+
+@pytest.mark.slow
+def test_scipy_takes_longer_for_a_density() -> None:
+    """Once it is as quick, it takes over."""
+    sold, samples, points = of_scipy()
 
     def seconds(made: Callable[[], object]) -> float:
         return min(timeit.repeat(made, number=1, repeat=5))

@@ -230,6 +230,7 @@ def test_distances_against_scipy() -> None:
     assert (found["ks"].sel({"method": "b"}) < found["ks_by_chance"].sel({"method": "b"})).all()
 
 
+@pytest.mark.slow
 def test_scipy_takes_longer_for_the_distances() -> None:
     """Once it is as quick, it takes over."""
     one, other = np.random.default_rng(0).normal(size=(2, 4096))
