@@ -337,6 +337,7 @@ SECTIONS = [
 ]
 
 
+@pytest.mark.thorough
 def test_every_bad_section_is_named_and_costs_nothing_else(tree, tmp_path):
     """All in one report, which costs more than they do."""
     bad = [Bad(*case.values[:2]) for case in SECTIONS]

@@ -68,6 +68,7 @@ def test_all_blocks_in_order(folder):
     assert namespace["found"]["std_error_l2"].sizes["method"] == 2
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("source", BLOCKS)
 def test_block_alone(folder, source):
     """In one process: scripts with workers are run as they stand below."""

@@ -43,6 +43,7 @@ def cli(monkeypatch, tmp_path, capsys):
     sys.modules.pop("falling_stone", None)
 
 
+@pytest.mark.thorough
 def test_animate(cli, tmp_path):
     status, out, err = cli("animate", "falling_stone.py", "--samples", "3", "--fps", "5", "--seconds", "2")
     assert (status, err) == (0, "")
@@ -51,6 +52,7 @@ def test_animate(cli, tmp_path):
     assert "10 pictures in 2 s" in out and "2 times as long as the motion takes" in out and "3 realisations" in out
 
 
+@pytest.mark.thorough
 def test_animate_a_method(cli, tmp_path):
     status, out, _ = cli("animate", "falling_stone.py", "--out", "a/b.gif", "--method", "monte-carlo", "--fps", "2")
     assert status == 0 and "4 realisations" in out and (tmp_path / "a" / "b.gif").exists()
@@ -77,6 +79,7 @@ def test_film_without_ffmpeg(cli, monkeypatch, tmp_path):
     assert status == 2 and "ffmpeg, which is not on the path" in err
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("ending", "start"), [("png", b"\x89PNG"), ("svg", b"<?xml"), ("pdf", b"%PDF")])
 def test_check_draws(cli, tmp_path, ending, start):
     status, out, _ = cli("check", "falling_stone.py", "--figure", f"new/figure.{ending}")
@@ -118,6 +121,7 @@ def test_run_stores_poses_and_shows_them(cli, tmp_path):
     assert "image/gif" in (tmp_path / "results" / "report.html").read_text()
 
 
+@pytest.mark.thorough
 def test_a_run_outlives_a_picture_that_fails(cli, tmp_path, monkeypatch):
     monkeypatch.setattr(uqmbd.report.mechanisms.animation, "motion", lambda *_, **__: 1 / 0)
     status, _, err = cli("run", "falling_stone.py")

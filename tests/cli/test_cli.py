@@ -159,6 +159,7 @@ def test_run_writes_results_and_report(cli, study, tmp_path):
     assert "Warning: the second crank hangs in the air" in err and "RedundantConstraintWarning" not in err
 
 
+@pytest.mark.thorough
 def test_options_reach_the_study(cli, study, tmp_path):
     script = study("study = FakeStudy(propagators=(FakeMonteCarlo(), FakeMonteCarlo(label='b.2')))")
     status, _, _ = cli(
@@ -259,6 +260,7 @@ def test_exit_status_of_failures(cli, study, error, status, text):
     assert text in err and "Traceback" not in err
 
 
+@pytest.mark.thorough
 def test_failed_samples_are_counted(cli, study):
     _, out, _ = cli("run", study("study = FakeStudy(failures=3)"))
     assert "3 of 100" in out
@@ -274,6 +276,7 @@ def test_report_is_written_again(cli, study, tmp_path):
         assert (tmp_path / "results" / "report.html").exists()
 
 
+@pytest.mark.thorough
 def test_report_has_the_sections_of_plugins(cli, study, tmp_path, monkeypatch):
     monkeypatch.setattr(plugins, "report_sections", lambda: {"Friction": Friction, "Unmade": Unmade})
     status, _, err = cli("run", study())
@@ -396,6 +399,7 @@ def test_version(cli):
     assert cli("--version") == (0, f"uqmbd {uqmbd.__version__}\n", "")
 
 
+@pytest.mark.thorough
 def test_help_answers_within_half_a_second():
     """The best of some tries: what is measured is the program, not a busy machine."""
     times = []

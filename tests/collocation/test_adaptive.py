@@ -31,6 +31,7 @@ def distinct(node):
     return len(np.unique(germs, axis=0)) == len(germs) == node.attrs["realisations"]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("tolerance", [1e-2, 1e-6])
 @pytest.mark.parametrize(
     "options",
@@ -98,6 +99,7 @@ def test_verification_contradicts_steps_that_agree_by_chance(resting):
     assert float(node["statistics"]["std"][0, 0]) == pytest.approx(3**-1.5, rel=1e-10)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("options", "reason"),
     [

@@ -21,6 +21,7 @@ def slider(length, times):
     return 0.15 * np.cos(2 * times) + np.sqrt(length**2 - (0.15 * np.sin(2 * times)) ** 2)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("options", [{}, {"method": "regression", "samples": 20}], ids=str)
 def test_a_mechanism_that_locks_for_some_lengths(locking, warned, chaos_of, options):
     """Rods from 0.146 m on: those below 0.15 m lock at a quarter turn; the fit holds for the others."""
@@ -77,6 +78,7 @@ def test_too_many_fail(resting, options):
     assert str(caught.value).startswith("collocation: ")
 
 
+@pytest.mark.thorough
 def test_all_realisations_fail(locking):
     with pytest.raises(uqmbd.IntegrationError, match="2 of 2 nodes failed") as caught:
         locking(0.10, 0.14).propagate(Collocation(order=1, verify=1))

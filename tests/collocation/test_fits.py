@@ -83,6 +83,7 @@ def test_a_rule_that_is_coarse_for_the_basis_is_a_warning(study, warned):
     assert float(node["statistics"]["mean"][0, 0]) == pytest.approx(5, abs=0.02)
 
 
+@pytest.mark.thorough
 def test_germs_of_few_values_have_few_terms(resting, chaos_of):
     """A die and a coin: six nodes times two are all there is, and order 9 asks for no more."""
     study = resting(lambda die, coin: die**2 * (1 + coin), chaospy.DiscreteUniform(1, 6), chaospy.Binomial(1, 0.5))
@@ -122,6 +123,7 @@ def test_no_verification(study):
     assert "verification_germs" not in node["chaos"]
 
 
+@pytest.mark.thorough
 def test_seed_moves_designs_and_verification_and_nothing_else(study):
     def nodes(**options):
         data = study.propagate(Collocation(order=2, **options))["nodes"]

@@ -45,6 +45,7 @@ def reference(row):
     return row.propagate(Collocation(order=3, method="regression", seed=5))["statistics"]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     "way",
     [

@@ -71,6 +71,7 @@ def script(tmp_path):
     return write
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     "options", [{"order": 9}, pytest.param({"method": "omp", "order": 8}, marks=pytest.mark.slow)], ids=str
 )

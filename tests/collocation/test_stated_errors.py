@@ -77,6 +77,7 @@ def test_errors_of_regressions(ratios, method):
     assert 0.3 < left_out.min() and left_out.max() < 10
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("method", ["regression", pytest.param("omp", marks=pytest.mark.thorough)])
 @pytest.mark.parametrize("case", ["normal"], indirect=True)
 def test_errors_of_regressions_on_normal_inputs(ratios, method):

@@ -46,6 +46,7 @@ def read_elsewhere(path, points):
     return json.loads(done.stdout)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("suffix", "options"),
     [pytest.param("nc", {"adaptive": "dimension", "tolerance": 1e-8}, marks=pytest.mark.thorough), ("zarr", {})],

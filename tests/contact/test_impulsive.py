@@ -19,6 +19,7 @@ def point(*, position=(0, 1), velocity=None, gravity=(0, -9.81), name="ball"):
     return mechanism, mechanism.body("ball", mass=2, position=position, velocity=velocity)
 
 
+@pytest.mark.thorough
 def test_bouncing_ball():
     """h0 = 1 m, e = 0.8: times of the impacts, the Zeno limit, and heights of the apexes e^(2n)."""
     mechanism, ball = point()
@@ -86,6 +87,7 @@ def test_a_sliding_sphere_begins_to_roll(space):
     np.testing.assert_allclose(data.drag[3], 0, atol=1e-6)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("friction", [0.7, 0.3])
 def test_a_block_on_an_incline_sticks_or_slides(friction):
     """Thrown up an incline of 30 degrees it stops, and stays or slides back."""
@@ -104,6 +106,7 @@ def test_a_block_on_an_incline_sticks_or_slides(friction):
     np.testing.assert_allclose(data.normal, 2 * g * np.cos(a), rtol=1e-12)
 
 
+@pytest.mark.thorough
 def test_friction_of_a_ball_in_space_turns_its_slide_downhill():
     """A point that slides across an incline, against SciPy's solution of its equations in the plane."""
     import scipy.integrate
@@ -159,6 +162,7 @@ def test_a_ball_on_a_vibrating_platform():
     assert data.force[2] == 0
 
 
+@pytest.mark.thorough
 def test_a_ball_in_a_corner_rests_on_both_walls():
     mechanism, ball = point(position=(0.5, 1), gravity=(-3, -10))
     floor = mechanism.add(PlaneImpact("floor", mechanism.ground, ball, ZERO, ZERO, (0, 1), restitution=0.5))
@@ -273,6 +277,7 @@ def test_a_start_that_overlaps_is_told():
         uqmbd.simulate(mechanism, [0, 1])
 
 
+@pytest.mark.thorough
 def test_an_event_that_never_comes_is_told():
     mechanism, ball = point(gravity=ZERO)
     floor = mechanism.add(PlaneImpact("floor", mechanism.ground, ball, ZERO, ZERO, (0, 1)))

@@ -55,6 +55,7 @@ def test_second_impact():
     np.testing.assert_allclose(samples["response"].isel(output=0), second(h, e), rtol=1e-11)
 
 
+@pytest.mark.thorough
 def test_samples_without_an_event_are_counted():
     """Some realisations have no second impact by the last time."""
     study = bouncing([0, 0.7, 1.2], MonteCarlo(samples=20, seed=2))

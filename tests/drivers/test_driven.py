@@ -80,6 +80,7 @@ def test_angle_is_counted_over_many_turns_of_a_free_body(rate, close):
     close(uqmbd.simulate(mechanism, times, rtol=1e-8).angle, 0.3 + rate * times, relative=1e-5)
 
 
+@pytest.mark.thorough
 def test_driver_between_two_moving_bodies_in_space(observe, series, close, turn, matrix):
     """A tilted axis: the second body turns by the angle relative to the first, which turns relative to the ground."""
     mechanism = uqmbd.Mechanism("two", uqmbd.Spatial())
@@ -135,6 +136,7 @@ def driven_slider_crank():
     return mechanism
 
 
+@pytest.mark.thorough
 def test_driven_slider_crank(close, energy):
     """Case A5: positions, velocities, accelerations, driver torque and kinetic energy at 150 rad/s."""
     mechanism = driven_slider_crank()
@@ -145,6 +147,7 @@ def test_driven_slider_crank(close, energy):
     close(energy(mechanism, times)[0], CRANK[:, 7])
 
 
+@pytest.mark.thorough
 def test_driven_slider_crank_over_fifty_turns(close):
     """The closed form of case A5, 314 rad on."""
     mechanism = driven_slider_crank()

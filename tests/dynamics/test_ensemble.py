@@ -31,6 +31,7 @@ def driven_slider_crank(rod_length):
     return mechanism
 
 
+@pytest.mark.thorough
 def test_samples_compile_nothing_twice(tmp_path, monkeypatch):
     """200 parameter samples of one model; the second study takes every kernel from the cache."""
     monkeypatch.setenv("UQMBD_CACHE", str(tmp_path))
@@ -51,6 +52,7 @@ def test_samples_compile_nothing_twice(tmp_path, monkeypatch):
     assert compilations[0] == compiled
 
 
+@pytest.mark.thorough
 def test_failing_samples_are_reported_and_the_others_stand(close):
     """A rod shorter than the crank locks on the way: a status with a reason, and closed-form results elsewhere."""
     length = uqmbd.RandomVariable("rod_length", chaospy.Uniform(0.14, 0.25), units="m")
@@ -71,6 +73,7 @@ def test_failing_samples_are_reported_and_the_others_stand(close):
     close(x[~locked], 0.15 * np.cos(phi) + root, relative=1e-4)
 
 
+@pytest.mark.thorough
 def test_samples_that_cannot_be_assembled_are_reported_and_the_others_stand(close):
     """A lever of 1 m and a strut from a point 3 m away: nothing shorter than 2 m reaches."""
     length = uqmbd.RandomVariable("strut_length", chaospy.Uniform(1.95, 2.5), units="m")
@@ -95,6 +98,7 @@ def test_samples_that_cannot_be_assembled_are_reported_and_the_others_stand(clos
     close(node["statistics"]["mean"].values[0, 0], exact.mean(), relative=1e-6)
 
 
+@pytest.mark.thorough
 def test_single_failing_sample_leaves_the_others_as_they_are_alone(close):
     """The same realisation, computed with a failing one beside it and by itself."""
     length = uqmbd.RandomVariable("rod_length", chaospy.Uniform(0.14, 0.25), units="m")
@@ -124,6 +128,7 @@ def test_random_mass_changes_weight_and_inertia(space, close):
         close(data.y, -(m * 9.81 / 40) * (1 - np.cos(np.sqrt(40 / m) * times)), relative=1e-5)
 
 
+@pytest.mark.thorough
 def test_random_mass_and_length_change_a_pendulum(close):
     """Small swings of a rod with a bob: w^2 = (M l + m l / 2) g / (M l^2 + m l^2 / 3)."""
     bob = uqmbd.RandomVariable("bob", chaospy.Uniform(0.5, 2), units="kg")
@@ -146,6 +151,7 @@ def test_random_mass_and_length_change_a_pendulum(close):
         close(data.sine, angle * np.cos(w * times), relative=1e-3)
 
 
+@pytest.mark.thorough
 def test_samples_of_very_different_speed_are_all_accurate():
     """Oscillators from 1 to 50 rad/s in one study: none is sacrificed to the average of the others."""
     stiffness = uqmbd.RandomVariable("stiffness", chaospy.Uniform(1, 2500), units="N/m")

@@ -133,6 +133,7 @@ CASES = {
 }
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", CASES)
 def test_agrees_with_collocation_of_high_order(name):
     make, last, limit = CASES[name]
@@ -182,6 +183,7 @@ def test_converges_exponentially():
     assert found[-1] < 1e-7
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("integrator", ["dop853", "ida"])
 def test_tensor_basis_on_its_nodes_is_collocation(integrator):
     """As many terms as nodes: nothing couples the nodes, and coefficients are those of collocation."""
@@ -194,6 +196,7 @@ def test_tensor_basis_on_its_nodes_is_collocation(integrator):
     assert (np.abs(found - expected) / scale).max() < limit
 
 
+@pytest.mark.thorough
 def test_rule_of_samples_agrees_too():
     """With Sobol' points the basis is not orthonormal under the rule: projections are least squares."""
     study = load("slider_crank", 0.5, 21)
@@ -259,6 +262,7 @@ def test_order_zero_is_the_motion_at_the_average_and_says_that_it_misses_all(mec
     assert not found["std"].any()
 
 
+@pytest.mark.thorough
 def test_auxiliary_states_are_expanded_too():
     """A torsion spring counts turns in a state of its own: phi'' = -k / J phi, over many turns."""
     stiffness = random("stiffness", chaospy.Uniform(3, 3.3))
@@ -344,6 +348,7 @@ def test_large_mechanism_of_typed_evaluators():
             np.testing.assert_allclose(node["statistics"][name], expected, atol=3e-3 * reference[1].max())
 
 
+@pytest.mark.thorough
 def test_elimination_too_long_to_compile_is_left_to_ida(mechanisms, monkeypatch):
     monkeypatch.setattr(unrolled, "LIMIT", 1)
     study = uqmbd.Study("large", mechanisms["pendulum"](speed=4.0), np.linspace(0, 1, 11), rtol=1e-8)

@@ -70,6 +70,7 @@ def test_an_event_that_only_notes_a_time_stops_nothing(options, integrator):
     np.testing.assert_allclose(found, expected(), rtol=2e-6)
 
 
+@pytest.mark.thorough
 def test_event_times_need_no_projection_of_the_motion():
     """Impacts too, where no output stands over time: realisations tell when they are."""
     study = falling([0, 0.5, 1.0], motion=False, impact=True)

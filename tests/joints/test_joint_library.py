@@ -79,6 +79,7 @@ def test_cardan_joint(close):
     close(data["torque"], inertia * a * w / 10, relative=1e-5)
 
 
+@pytest.mark.thorough
 def test_universal_is_a_ball_and_a_cross(observe, series, close):
     """A body on a universal joint against the same on a ball with perpendicular axes; the cross really holds."""
     runs = []

@@ -36,6 +36,7 @@ def test_spinning_body_falls_and_is_kept_upright(observe, series):
     np.testing.assert_allclose(series(data, "M"), expected, atol=1e-5)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     "swap",
     [pytest.param(False, id="upper first"), pytest.param(True, id="lower first", marks=pytest.mark.thorough)],

@@ -28,6 +28,7 @@ def rod():
     return mechanism, body
 
 
+@pytest.mark.thorough
 def test_a_sample_with_an_output_that_is_not_finite_has_a_reason():
     width = uqmbd.RandomVariable("width", chaospy.Uniform(-1, 3))
     mechanism, body = rod()

@@ -149,6 +149,7 @@ def test_a_range_that_means_nothing_is_told_at_its_declaration():
 points = st.lists(st.tuples(*[st.floats(-1, 1)] * 3, st.floats(0, 1)), min_size=1, max_size=6)
 
 
+@pytest.mark.thorough
 @given(points, st.permutations(range(3)))
 @settings(max_examples=60, deadline=None)
 def test_the_inertia_of_any_masses_is_accepted(points, order):

@@ -52,6 +52,7 @@ def known(component, space):
     return marks, symbols, pose["pose"].values, layout.kept, layout.active, model.norms
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("name", "space"), list(every()))
 def test_other_words_change_nothing(name, space):
     component = plugins.component(name)

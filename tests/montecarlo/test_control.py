@@ -102,6 +102,7 @@ def scatter_ratio(found: xr.Dataset, name: str) -> float:
     return float(found[f"plain_{name}"].var() / found[name].var())
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("surrogate", [biased, pytest.param(good, marks=pytest.mark.thorough)])
 def test_estimates_are_unbiased_and_their_errors_honest(surrogate: Callable[[], PolynomialChaos]) -> None:
     found = repeated(surrogate)
@@ -253,6 +254,7 @@ def test_surrogate_that_leaves_nothing_is_exact() -> None:
 # --- the propagator ---------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.thorough
 def test_study_with_a_trained_control(curved: uqmbd.Study, curved_truth: dict) -> None:
     plain = curved.propagate(MonteCarlo(samples=400, seed=2))
     node = curved.propagate(MonteCarlo(samples=400, seed=2, control=Quadrature(order=2)))
@@ -291,6 +293,7 @@ def test_collocation_as_control(curved: uqmbd.Study, curved_truth: dict) -> None
     assert found["variance_reduction"] > 1e4
 
 
+@pytest.mark.thorough
 def test_given_chaos_and_trained_one_give_the_same_bits_and_seeds_too(curved: uqmbd.Study) -> None:
     chaos, _ = Quadrature(order=1).fit(curved.problem(Quadrature(order=1)))
     trained = curved.propagate(MonteCarlo(samples=100, seed=7, control=Quadrature(order=1)))
@@ -303,6 +306,7 @@ def test_given_chaos_and_trained_one_give_the_same_bits_and_seeds_too(curved: uq
     assert "a given surrogate" in given.attrs["control_summary"]
 
 
+@pytest.mark.thorough
 def test_many_samples_are_controlled_as_they_come(curved: uqmbd.Study, tmp_path: Path) -> None:
     options = {"samples": 300, "seed": 4, "control": Quadrature(order=1)}
     whole = curved.propagate(MonteCarlo(**options))

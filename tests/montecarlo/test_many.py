@@ -24,6 +24,7 @@ def study() -> uqmbd.Study:
     return uqmbd.Study("pendulum", mechanism, np.linspace(0, 0.5, 11))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("sampling", ["random", "latin-hypercube"])
 def test_streamed_statistics_are_those_of_all_samples(study: uqmbd.Study, tmp_path: Path, sampling: str) -> None:
     options = {"samples": 200, "seed": 3, "sampling": sampling, "replicates": 8}

@@ -135,6 +135,7 @@ def test_other_statistics_are_those_without_indices_and_seeds_give_the_same_bits
     assert not np.array_equal(other["sobol_first"], statistics["sobol_first"])
 
 
+@pytest.mark.thorough
 def test_indices_with_a_control(functions: uqmbd.Study) -> None:
     method = MonteCarlo(samples=100, seed=3, sobol_indices=True, control=Quadrature(order=2, nodes=3))
     node = functions.propagate(method)
@@ -144,6 +145,7 @@ def test_indices_with_a_control(functions: uqmbd.Study) -> None:
     xr.testing.assert_identical(node["statistics"]["sobol_total"], alone["statistics"]["sobol_total"])
 
 
+@pytest.mark.thorough
 def test_falling_stone_of_random_speed_and_height() -> None:
     """y = h + v t: the share of the speed grows with time, in closed form; at the start the height is everything."""
     height = uqmbd.RandomVariable("height", chaospy.Normal(10, 0.5), units="m")
@@ -161,6 +163,7 @@ def test_falling_stone_of_random_speed_and_height() -> None:
         assert np.all((lower <= exact + 1e-9) & (exact - 1e-9 <= upper))
 
 
+@pytest.mark.thorough
 def test_rows_with_a_failure_are_left_out() -> None:
     """An output that is not a number where an input is large: the other rows still give the indices of the rest."""
     a, b = uniform("a", 0, 1), uniform("b", 0, 1)

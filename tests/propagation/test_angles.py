@@ -62,6 +62,7 @@ def closed_form(inputs):
     return start - TURN * np.round((start - START) / TURN) + rate * TIMES
 
 
+@pytest.mark.thorough
 def test_samples_that_end_turns_apart(node):
     """Every realisation is its closed form, and so are mean and deviation; so does the body's own angle say."""
     samples, statistics = node["samples"].to_dataset(), node["statistics"].to_dataset()
@@ -98,6 +99,7 @@ def test_start_about_the_jump(node):
     assert np.isnan(start["circular_std"].sel(output=["x", "raw", "counted"])).all()
 
 
+@pytest.mark.thorough
 def test_what_is_no_angle_stays_as_it_is(node):
     """The same bits as without any declaration."""
     plain = study_of(wheel(angle=False)).run()["monte-carlo"]

@@ -70,6 +70,7 @@ def test_the_drawn_pose_is_the_default():
     assert float(uqmbd.simulate(mechanism, TIMES)["y"][0]) == pytest.approx(0.3)
 
 
+@pytest.mark.thorough
 def test_all_propagators_start_alike():
     """Pushed out of equilibrium: collocation and Galerkin agree, and both with integrals over the stiffness."""
     propagators = [Collocation(order=4), Galerkin(order=4)]
@@ -145,6 +146,7 @@ study = uqmbd.Study("pendulum", mechanism, np.linspace(0, 1, 51), start="{start}
 """
 
 
+@pytest.mark.thorough
 def test_check_shows_natural_frequencies(tmp_path, capsys):
     """sqrt(m g l / J) with its damping; nothing where nothing vibrates."""
     from uqmbd.cli.check import show_check

@@ -100,6 +100,7 @@ def test_the_estimate_is_of_the_size_of_what_is_used(method):
     assert 0.3 < estimate.memory / peak < 3
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     "method",
     [

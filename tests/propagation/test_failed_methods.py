@@ -149,6 +149,7 @@ def test_wrong_kind_of_result_is_told_by_the_name_of_the_method(swing, how):
     assert f"{__name__}.Own" in json.loads(tree.attrs["failed"])["own"]
 
 
+@pytest.mark.thorough
 @given(st.lists(st.sampled_from(["right", *BAD, *OBSTACLES]), min_size=1, max_size=5))
 @settings(max_examples=12, deadline=None)
 def test_any_mixture_of_good_and_bad_methods(swing, kinds):

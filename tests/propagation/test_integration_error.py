@@ -114,6 +114,7 @@ def test_no_method_need_do_anything(springs):
     )
 
 
+@pytest.mark.thorough
 def test_same_bits_for_any_number_of_workers_and_after_a_resume(springs, tmp_path):
     propagators = [MonteCarlo(samples=150, seed=1), Collocation(order=2)]
     study = uqmbd.Study("s", springs, TIMES, propagators)

@@ -146,6 +146,7 @@ def test_the_command_check_tells_it(tmp_path, capsys):
     assert "'backward-euler' cannot follow impacts" in capsys.readouterr().err
 
 
+@pytest.mark.thorough
 def test_galerkin_takes_no_other_integrator_than_that_of_the_study():
     """It says so; with one of its own, or one that integrates projected equations, it runs, and the results name it."""
     study = uqmbd.Study("s", spring(), TIMES, integrator="backward-euler")

@@ -141,6 +141,7 @@ def test_results_are_stored_and_the_chaos_is_evaluated_again(tree, mixed, tmp_pa
         )
 
 
+@pytest.mark.thorough
 def test_nothing_is_integrated_for_statics(monkeypatch):
     def integrate(*given):
         raise AssertionError("integrated")
@@ -169,6 +170,7 @@ def watched(monkeypatch):
     return seen
 
 
+@pytest.mark.thorough
 def test_realisations_are_computed_once_for_both_kinds(monkeypatch):
     seen = watched(monkeypatch)
     uqmbd.Study("oscillator", oscillator(over_time=True), TIMES, METHODS[:1]).run()
@@ -176,6 +178,7 @@ def test_realisations_are_computed_once_for_both_kinds(monkeypatch):
     assert seen == [False] * 6
 
 
+@pytest.mark.thorough
 def test_an_interrupted_run_goes_on(monkeypatch, tmp_path, mixed):
     """The first three chunks are kept; outputs without a time come with them."""
     study = uqmbd.Study("oscillator", oscillator(over_time=True), TIMES, METHODS[:1])
@@ -230,6 +233,7 @@ def chain_frequencies(k1, k2):
     return np.sqrt(np.linalg.eigvalsh(root @ stiffness @ root)) / (2 * np.pi)
 
 
+@pytest.mark.thorough
 def test_a_chain_of_masses_has_the_frequencies_of_its_matrices():
     tree = uqmbd.Study("chain", chain(), TIMES, [MonteCarlo(samples=60, seed=2), Collocation(order=6)]).run()
     samples = tree["monte-carlo/scalars/samples"]
@@ -252,6 +256,7 @@ def test_a_chain_of_masses_has_the_frequencies_of_its_matrices():
     np.testing.assert_allclose(found["sobol_total"], 1 - (first / variance)[::-1], atol=1e-3)
 
 
+@pytest.mark.thorough
 def test_a_spatial_body_has_no_modes_of_its_quaternion():
     """A door has one frequency, sqrt(k / J); there is no second one."""
     mechanism = uqmbd.Mechanism("door", uqmbd.Spatial())
@@ -335,6 +340,7 @@ def test_modes_are_those_about_equilibrium_or_start(start, expected):
     assert float(data["angle"]) == pytest.approx(-np.pi / 2, abs=1e-8)
 
 
+@pytest.mark.thorough
 def test_monte_carlo_knows_sobol_indices_and_controls():
     """The stiffness alone moves the frequency; a chaos takes nearly all variance off its mean."""
     damping = uqmbd.RandomVariable("damping", chaospy.Uniform(0.5, 1), units="N s/m")

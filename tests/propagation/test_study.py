@@ -101,6 +101,7 @@ def test_progress_adds_up(swing):
     assert sum(told[2] for told in recorder.told[1:-1]) == 100
 
 
+@pytest.mark.thorough
 def test_finished_chunks_are_used_again_and_then_removed(swing, results, tmp_path):
     class Impatient(Recorder):
         def advance(self, label, count=1):

@@ -203,6 +203,7 @@ def test_a_report_of_hostile_names_is_whole(stored: tuple[xr.DataTree, Path], tm
     assert {p.name for p in tmp_path.iterdir()} == {"report.html", "figures"}
 
 
+@pytest.mark.thorough
 def test_labels_of_axes_leave_room_for_the_figure(stored: tuple[xr.DataTree, Path]) -> None:
     """What is very long is cut in the middle; the axes keep most of the figure."""
     tree, _ = stored
@@ -214,6 +215,7 @@ def test_labels_of_axes_leave_room_for_the_figure(stored: tuple[xr.DataTree, Pat
             assert figure.axes[0].get_position().x0 < 0.25
 
 
+@pytest.mark.thorough
 def test_notebooks_show_hostile_names(stored: tuple[xr.DataTree, Path], study: uqmbd.Study) -> None:
     tree, _ = stored
     chaos = results.surrogate(tree[HOSTILE["attribute"]])
@@ -246,6 +248,7 @@ def test_the_terminal_shows_hostile_names(
     assert both["comparison"]["output"].values.tolist() == list(HOSTILE.values())
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", REFUSED.values(), ids=REFUSED)
 def test_what_cannot_be_a_name_is_refused_where_it_is_given(name: str) -> None:
     mechanism = uqmbd.Mechanism("m", uqmbd.Translational())
@@ -265,6 +268,7 @@ def test_what_cannot_be_a_name_is_refused_where_it_is_given(name: str) -> None:
             uqmbd.Study("s", mechanism, [0, 1], [made])
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("units", ["m\0", "m\0s", "\ud800", "\x1b[2J"])
 def test_units_that_cannot_be_stored_are_refused(units: str) -> None:
     mechanism = uqmbd.Mechanism("m", uqmbd.Translational())

@@ -223,6 +223,7 @@ def test_odd_nodes_do_not_end_the_report(make_node: Callable[..., xr.DataTree], 
     assert "could not be drawn" not in text and "not JSON" in text and "unknown" in text
 
 
+@pytest.mark.thorough
 def test_unusable_targets_are_named(study: xr.DataTree, tmp_path: Path) -> None:
     """A path that cannot be written, and a tree without results, are one message each."""
     (tmp_path / "file").write_text("")

@@ -104,6 +104,7 @@ def test_size(page: Path) -> None:
     assert all(one["alt"] for one in found.images)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("outputs", [7, pytest.param(OUTPUTS, marks=pytest.mark.thorough)])
 def test_nothing_is_left_out_silently(tmp_path: Path, outputs: int) -> None:
     """Every output is there, the most uncertain ones first and open, the others folded, and it says so."""

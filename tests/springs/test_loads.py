@@ -115,6 +115,7 @@ def test_force_may_depend_on_the_angular_velocity_of_a_body_in_the_plane(close):
     close(uqmbd.simulate(mechanism, times, rtol=1e-8).rate, 5 * np.exp(-0.3 * times), relative=1e-6)
 
 
+@pytest.mark.thorough
 def test_weld_carries_force_and_moment_in_space(turn, matrix):
     """Reaction = -(force + weight); moment about the joint's point = -sum of r x F - torque."""
     mechanism = uqmbd.Mechanism("bracket", uqmbd.Spatial(gravity=(0, 0, -9.81)))

@@ -63,6 +63,7 @@ def damped(start, mass, stiffness, damping, times):
     return start * np.exp(-d * times) * (np.cos(w * times) + d / w * np.sin(w * times))
 
 
+@pytest.mark.thorough
 def test_bushing_in_the_plane_is_three_oscillators(close):
     """Along both axes of a tilted frame i, and about it; small angles, of which twice the sine of the half is one."""
     tilt = 0.4
@@ -114,6 +115,7 @@ def test_a_bushing_turns_in_the_axes_of_body_i_however_body_j_is_drawn(close):
     close(data["sine"], np.sin(np.arcsin(1.2 / w0 * ellipj(w0 * TIMES, (1.2 / w0) ** 2)[0])), relative=1e-6)
 
 
+@pytest.mark.thorough
 def test_bushing_with_a_full_matrix_conserves_energy(energy):
     rng = np.random.default_rng(3)
     root = rng.normal(size=(6, 6))

@@ -29,6 +29,7 @@ def crossing(made):
     return {m.node_name: study.propagate(m)["statistics"].to_dataset() for m in methods}
 
 
+@pytest.mark.thorough
 def test_it_has_two_degrees_of_freedom(made):
     """20 coordinates, 15 constraints and 3 drivers."""
     found = uqmbd.check(made["mechanism"])

@@ -56,6 +56,7 @@ def test_pendulum_at_rest(script, pendulum, order):
     np.testing.assert_allclose(np.sort(found.real), np.sort(np.concatenate(expected).real), rtol=1e-7)
 
 
+@pytest.mark.thorough
 @pytest.mark.filterwarnings("ignore:galerkin")
 def test_table(script, pendulum):
     console = Console(width=200, record=True)

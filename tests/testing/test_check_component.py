@@ -172,12 +172,14 @@ FAULTS = {
 }
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("component", "words"), FAULTS.items(), ids=[c.__name__ for c in FAULTS])
 def test_faults_are_found(component, words):
     with pytest.raises(AssertionError, match=words):
         check_component(component)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("component", [Sound, Exemplary, Clockwork])
 def test_sound_components_pass(component):
     check_component(component)
@@ -193,6 +195,7 @@ def test_values_for_what_there_is_not_are_told():
         check_component(Optional, given={"lw": "whatever"}, propagators=())
 
 
+@pytest.mark.thorough
 def test_what_is_no_mistake_says_so():
     check_component(Ratchet, conservative=False, propagators=["collocation", MonteCarlo(samples=10)])
 
@@ -224,6 +227,7 @@ class Helpless(Collocation):
         raise KeyError("point_i")
 
 
+@pytest.mark.thorough
 def test_methods_that_disagree():
     with pytest.raises(
         AssertionError,

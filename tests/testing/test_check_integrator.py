@@ -193,6 +193,7 @@ def test_failures(change, problem):
         check_integrator(changed(change))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("blind", "case"), [({"timed": None}, "pulse"), ({"max_step": np.inf}, "strip")], ids=["time", "longest step"]
 )

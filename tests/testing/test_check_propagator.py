@@ -303,6 +303,7 @@ def made(kind, **options):
     return (dataclass(frozen=True, kw_only=True)(kind) if bare else kind)(**options)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("kind", "words"), FAULTS.items(), ids=[c.__name__ for c in FAULTS])
 def test_faults_of_a_surrogate_are_found(kind, words):
     with pytest.raises(AssertionError, match=words):
@@ -332,6 +333,7 @@ CARELESS = {
 }
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("kind", "words"), CARELESS.items(), ids=[c.__name__ for c in CARELESS])
 def test_careless_methods_are_found(kind, words):
     with pytest.raises(AssertionError, match=words):
@@ -346,6 +348,7 @@ UNSTEADY = {
 }
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("kind", "words"), UNSTEADY.items(), ids=[c.__name__ for c in UNSTEADY])
 def test_lost_work_is_found(kind, words):
     with pytest.raises(AssertionError, match=words):

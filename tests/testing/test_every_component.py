@@ -17,11 +17,13 @@ EVERY = [(name, space) for name, component in sorted(plugins.components().items(
 REPRESENTATIVES = [("SpringDamper", "Spatial"), ("Revolute", "Planar"), ("TorsionSpringDamper", "Planar")]
 
 
+QUICK = [*REPRESENTATIVES, ("Distance", "Translational"), ("RotationDriver", "Planar"), ("PlaneImpact", "Planar")]
+
+
 def marked(name, space):
-    """In space it takes longest: by default those that are nowhere else, and one of each kind."""
-    spatial = space is uqmbd.Spatial and len(plugins.component(name).spaces) > 1
-    quick = not spatial or (name, space.__name__) in REPRESENTATIVES or name in ("Revolute", "Torque")
-    return pytest.param(name, space, id=f"{name}-{space.__name__}", marks=() if quick else pytest.mark.thorough)
+    """By default some of each kind; all others take longer together than they should."""
+    marks = () if (name, space.__name__) in QUICK else pytest.mark.thorough
+    return pytest.param(name, space, id=f"{name}-{space.__name__}", marks=marks)
 
 
 @pytest.mark.parametrize(("name", "space"), [marked(name, space) for name, space in EVERY])

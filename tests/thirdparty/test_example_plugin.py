@@ -186,6 +186,7 @@ def test_its_component_runs_through_galerkin_unchanged(site, tmp_path):
         assert found[2:] == pytest.approx(std, rel=1e-3)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("chosen", "passed"), [("mean_value", "1 passed"), pytest.param("test", "3 passed", marks=pytest.mark.thorough)]
 )

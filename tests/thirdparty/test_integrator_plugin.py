@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 PACKAGE = Path(__file__).parent / "uqmbd-runge-kutta-plugin"
 
@@ -43,6 +44,7 @@ print(json.dumps([found, info.status, info.integrators, str(info.errors)]))
 """
 
 
+@pytest.mark.thorough
 def test_a_study_with_impacts_runs_by_it(python):
     """With friction of the impulses; moments are those of the integrator of the core on the same samples."""
     found, *info = json.loads(python("-W", "error::UserWarning", "-c", STUDY))
@@ -54,6 +56,7 @@ def test_a_study_with_impacts_runs_by_it(python):
     assert found["auto"][0] == "dop853"
 
 
+@pytest.mark.thorough
 def test_its_own_test_suite_passes(python):
     """Which is the conformance kit."""
     assert "1 passed" in python("-m", "pytest", "-q", "-p", "no:cacheprovider", str(PACKAGE / "tests"))

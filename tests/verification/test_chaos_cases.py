@@ -79,6 +79,7 @@ A8 = {  # times, means, variances, first-order indices (cases.md A8), and what t
 }
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("case", A8, ids=lambda f: f.__name__)
 def test_moments_and_indices_of_a8(case):
     """To 1e-6, relative; the order is found, not given: a tolerance of 1e-7 stops it."""
@@ -125,6 +126,7 @@ def independent(distribution, count):
 ISHIGAMI = lambda a, b, c: sympy.sin(a) + 7 * sympy.sin(b) ** 2 + c**4 * sympy.sin(a) / 10  # noqa: E731
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     "options",
     [
@@ -154,6 +156,7 @@ def test_ishigami(options):
         assert node.attrs["realisations"] < 500
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     "options",
     [

@@ -69,6 +69,7 @@ def test_a_screw_between_two_free_bodies(close):
 
 
 # -- gears --------------------------------------------------------------------------------------------------------------
+@pytest.mark.thorough
 @pytest.mark.parametrize("mesh", ["external", "internal"])
 @pytest.mark.parametrize("space", ["planar", "spatial", "bevel"])
 def test_a_gear_pair(space, mesh, close):
@@ -217,6 +218,7 @@ def test_a_wheel_rolls_down(space, close):
     close(data["hold"], np.full(13, mass * (rate - G * np.sin(slope))), relative=1e-6)
 
 
+@pytest.mark.thorough
 def test_a_rack_turns_a_pinion(close):
     """A force on the rack: (m + J / r^2) a = F; the pinion, whose axis stays, turns by -a / r per radius."""
     mechanism = uqmbd.Mechanism("steering", uqmbd.Planar())

@@ -98,6 +98,7 @@ PENDULUMS = {
 }
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("case", PENDULUMS)
 def test_pendulums(case, channels, same_rotation, close, turn):
     kind, loc, tilt, axis = PENDULUMS[case]
@@ -227,6 +228,7 @@ CARDAN = {  # time: w2, alpha2, th2
 }
 
 
+@pytest.mark.thorough
 def test_cardan_joint_on_all_channels(channels, same_rotation, close, turn, matrix):
     """Case A5 with a `Universal`: shafts at 30 degrees, 10 rad/s; its moment is along the normal of its cross."""
     beta, inertia, origin = np.pi / 6, 0.02, (0, 0, 0)

@@ -74,6 +74,7 @@ def propagated(request):
     return study.propagate(study.propagators[0]), exact, np.array(times), np.array(mean), np.array(variance)
 
 
+@pytest.mark.thorough
 def test_moments_are_within_three_standard_errors(propagated):
     node, _, times, mean, variance = propagated
     found = node["statistics"].isel(output=0).sel(time=times)

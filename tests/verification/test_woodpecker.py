@@ -123,6 +123,7 @@ def check_none_lost(make, end, samples, rtol):
     assert np.abs(response.sel(output="tilt")).max() < 1.02 * play
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("rtol", [1e-4, pytest.param(1e-8, marks=pytest.mark.thorough)])
 def test_no_sample_of_the_woodpecker_is_lost(rtol):
     check_none_lost(small_angles, 0.3, 2, rtol)

@@ -113,6 +113,7 @@ def test_revolute_axis_never_points_the_other_way(off, tilt, turn):
         np.testing.assert_allclose(rotation @ (0, 0, 1), (0, 0, 1), atol=1e-9)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("off", OFF)
 def test_revolute_between_two_free_bodies_never_points_the_other_way(off, turn):
     mechanism = uqmbd.Mechanism("flip", uqmbd.Spatial())
@@ -231,6 +232,7 @@ def test_rod_that_is_too_short_names_the_joint_and_the_residual(how):
 
 
 # -- initial velocities ---------------------------------------------------------------------------------------------------
+@pytest.mark.thorough
 def test_stated_velocities_are_held(observe, series, turn, matrix):
     """Velocity of the body frame's origin in world axes, angular velocity in the body frame."""
     mechanism = uqmbd.Mechanism("free", uqmbd.Spatial())

@@ -64,6 +64,7 @@ def closed_form(count, times):
     return 2 * np.arcsin(k * sn) - np.pi / 2
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("count", "equations", "rank"), [(1, 20, 17), (2, 35, 29), (5, 80, 65)])
 def test_counts_of_equations_rank_and_mobility(count, equations, rank):
     """The published counts; each body adds the unit norm of its quaternion to both."""
@@ -88,6 +89,7 @@ def test_redundant_equations_are_named_in_the_warning(count):
     assert all(name in text for name in names)
 
 
+@pytest.mark.thorough
 def test_planar_chain_does_not_warn():
     with warnings.catch_warnings():
         warnings.simplefilter("error")
@@ -110,6 +112,7 @@ def test_chain_runs_unmodified_and_agrees_with_the_planar_model(count, close):
         close(spatial[name], planar[name], what=name)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("count", "space"), [(1, "planar"), (1, "spatial"), (2, "spatial"), (5, "spatial")])
 @pytest.mark.filterwarnings("ignore::uqmbd.RedundantConstraintWarning")
 def test_energy_of_the_chain_is_kept(count, space, energy):
@@ -133,6 +136,7 @@ def three_cranks(length):
     return mechanism
 
 
+@pytest.mark.thorough
 @pytest.mark.filterwarnings("ignore::uqmbd.RedundantConstraintWarning")
 def test_random_length_that_breaks_a_redundant_loop_is_refused():
     """Redundant at the mean, infeasible beside it: the residual of a dropped equation is watched."""

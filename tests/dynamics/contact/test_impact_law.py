@@ -282,6 +282,7 @@ def check_study(samples):
         assert min(np.abs(after[k] - found).max() for found in possible) < 1e-6
 
 
+@pytest.mark.thorough
 def test_every_realisation_of_a_study_is_one_of_the_solutions_of_the_law():
     check_study(40)
 

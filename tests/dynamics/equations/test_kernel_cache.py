@@ -146,6 +146,7 @@ def test_no_damage_crashes_or_gives_a_wrong_number(count: int, tmp_path: Path) -
     assert int(run(DAMAGED, tmp_path / "cache", tmp_path / "cache", count)) >= count
 
 
+@pytest.mark.thorough
 @given(content=st.binary(min_size=0, max_size=80), data=st.data())
 def test_store_returns_what_was_put_there_or_nothing(
     tmp_path_factory: pytest.TempPathFactory, content: bytes, data: st.DataObject

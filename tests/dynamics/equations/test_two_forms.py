@@ -24,6 +24,7 @@ def marked(name, space):
     return pytest.param(name, space, id=f"{name}-{space.__name__}", marks=() if few else pytest.mark.thorough)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("name", "space"), [marked(name, space) for name, space in EVERY])
 def test_fused_equals_typed(name, space):
     for seed in range(5):

@@ -74,6 +74,7 @@ def tumbling_body():
 MODELS = [spatial_double_pendulum, planar_slider_crank, spring_and_torsion_spring, spatial_coil, tumbling_body]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("model", MODELS, ids=lambda f: f.__name__)
 def test_energy_is_kept(model, energy):
     kinetic, potential = energy(model()[0], np.linspace(0, 4, 81), rtol=1e-8)
@@ -169,6 +170,7 @@ def every_joint(signs):
     return mechanism
 
 
+@pytest.mark.thorough
 @pytest.mark.filterwarnings("ignore:mechanism 'chain'. assembly moved:uqmbd.StudyWarning")
 @pytest.mark.parametrize(
     "signs",

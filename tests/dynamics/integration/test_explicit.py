@@ -90,6 +90,7 @@ def test_order_of_the_interpolated_solution():
     assert -9.5 < slope < -6.5
 
 
+@pytest.mark.thorough
 def test_one_of_many_a_hundred_times_stiffer_goes_alone_and_loses_nothing():
     k = uqmbd.RandomVariable("k", chaospy.Uniform(50, 150))
     values = np.full(64, 100.0)
@@ -207,6 +208,7 @@ def test_the_bits_of_a_stack_do_not_depend_on_what_ran_before():
     np.testing.assert_array_equal(first, again)
 
 
+@pytest.mark.thorough
 def test_a_realisation_that_cannot_go_on_fails_alone():
     """A crank that is driven into a pose beyond the rod's reach."""
     length = uqmbd.RandomVariable("length", chaospy.Uniform(0.1, 0.4), units="m")

@@ -103,6 +103,7 @@ def test_free_rotor_in_ten_turns(rtol):
     assert largest(found, nutation(TIMES)) < MOST * rtol
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("rtol", TOLERANCES)
 def test_a_rotor_is_as_accurate_beside_what_rests(rtol):
     """The norm of errors is an average, which bodies at rest must not lower."""
@@ -122,6 +123,7 @@ def test_mechanisms_that_turn_and_swing(make, rtol):
     assert largest(found, exact.data_vars) < MOST * rtol
 
 
+@pytest.mark.thorough
 def test_the_projected_motion_of_a_random_rotor():
     """The mean of Galerkin by IDA: coefficients of higher terms, which are small, must not hide the errors of the first."""
     speed = uqmbd.RandomVariable("speed", chaospy.Uniform(6.28, 6.29), units="rad/s")

@@ -68,6 +68,7 @@ PULSES = {
 }
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("integrator", "mark"), BOTH)
 @settings(max_examples=4, deadline=None)
 @given(**PULSES)
@@ -116,6 +117,7 @@ def test_pulses_of_other_shapes_are_found_too(shape, integrator):
     assert float(data["speed"][-1]) == pytest.approx(1, abs=2e-4)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("integrator", INTEGRATORS)
 def test_each_realisation_of_a_stack_has_its_own_pulse(integrator):
     """Random impulses at random times of random widths."""
@@ -132,6 +134,7 @@ def test_each_realisation_of_a_stack_has_its_own_pulse(integrator):
     np.testing.assert_allclose(response, [speed_after(TIMES, *row) for row in values], atol=1e-4)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("integrator", ["dop853", "ida"])
 def test_galerkin_and_collocation_see_the_pulse(integrator):
     """Linear in a random impulse."""
@@ -244,6 +247,7 @@ def test_breaks_that_are_no_times_are_refused(value):
             make()
 
 
+@pytest.mark.thorough
 def test_the_results_say_how_steps_were_bounded(tmp_path):
     """In the attributes of the study, of the node and of a simulation; a checkpoint of other steps is not taken."""
     impulse = uqmbd.RandomVariable("impulse", chaospy.Uniform(0.5, 2), units="N s")
@@ -330,6 +334,7 @@ class Spike(uqmbd.Component):
         yield uqmbd.Event(p.body.position[0] + 1 - 3 * sympy.exp(-(((p.time - 0.637) / p.width) ** 2)), label="spike")
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("width", [0.1, 1e-2, 3e-3, 1e-3, 1e-4])
 def test_a_pulse_in_the_guard_of_an_event_is_seen(width):
     mechanism = uqmbd.Mechanism("particle", uqmbd.Translational())

@@ -94,6 +94,7 @@ def tip_of(times, speed, begin):
 
 
 # -- positions --------------------------------------------------------------------------------------------------------
+@pytest.mark.thorough
 @pytest.mark.parametrize("integrator", INTEGRATORS)
 @settings(max_examples=5, deadline=None)
 @given(
@@ -163,6 +164,7 @@ def test_a_jump_at_a_time_that_no_condition_tells_is_refused_too(size, integrato
 
 
 # -- speeds -----------------------------------------------------------------------------------------------------------
+@pytest.mark.thorough
 @pytest.mark.parametrize(("integrator", "mark"), [*((name, False) for name in INTEGRATORS), ("dop853", True)])
 @settings(max_examples=2, deadline=None)
 @given(speed=st.floats(0.05, 5.0), begin=st.one_of(st.just(0.5), st.floats(0.05, 0.8)))
@@ -229,6 +231,7 @@ def test_an_integrated_speed_may_jump_too(integrator):
     np.testing.assert_allclose(data["v"], even, atol=1e-5)
 
 
+@pytest.mark.thorough
 def test_an_impulse_reaches_what_rests_on_a_floor():
     """A ball that lies on the floor is pushed along it, and stays there."""
     mechanism = uqmbd.Mechanism("ball", uqmbd.Translational(gravity=(0, -9.81)))

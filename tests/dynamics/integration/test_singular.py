@@ -158,6 +158,7 @@ def locomotive(spin):
     return mechanism
 
 
+@pytest.mark.thorough
 def test_other_equations_are_chosen_where_the_kept_ones_become_dependent():
     times = np.linspace(0, 1.5, 31)
     with pytest.warns(uqmbd.RedundantConstraintWarning) as caught:
@@ -229,6 +230,7 @@ def test_a_four_bar_without_a_full_turn_locks_up():
         uqmbd.simulate(mechanism, np.linspace(0, 3, 61))
 
 
+@pytest.mark.thorough
 def test_a_realisation_that_locks_up_leaves_the_others_alone():
     rod = uqmbd.RandomVariable("rod", chaospy.Uniform(0.4, 0.7), units="m")
     mechanism, times = slider_crank(rod), np.linspace(0, 3, 31)

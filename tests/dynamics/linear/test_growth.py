@@ -102,6 +102,7 @@ def test_all_routes_to_the_accelerations_agree(models):
     np.testing.assert_allclose(np.hstack([a, multipliers]), expected, rtol=0, atol=1e-11 * size)
 
 
+@pytest.mark.thorough
 def test_small_systems_by_blocks_as_in_one_piece():
     """What is compiled in one piece today gives the same by blocks."""
     model = build(chain(2))
@@ -171,6 +172,7 @@ def hub(number, mass):
     return mechanism
 
 
+@pytest.mark.thorough
 def test_a_hub_stays_small():
     """Forty rods on one disc: were the disc eliminated early, all their multipliers would be coupled."""
     small, large = (build(hub(n, 1.0)) for n in (20, 40))
@@ -180,6 +182,7 @@ def test_a_hub_stays_small():
     np.testing.assert_allclose(large.system.solve(values), expected, rtol=0, atol=1e-10 * np.abs(expected).max())
 
 
+@pytest.mark.thorough
 def test_bodies_without_mass_are_merged_with_what_holds_them():
     """Cranks without mass and inertia: their own blocks are singular, the system is not."""
     links = uqmbd.Mechanism("links", uqmbd.Planar(gravity=(0, -GRAVITY)))
@@ -222,6 +225,7 @@ def test_poor_pivots_are_noticed(models):
     np.testing.assert_allclose(a, expected[:, : a.shape[1]], rtol=0, atol=1e-10 * np.abs(expected).max())
 
 
+@pytest.mark.thorough
 def test_random_length_in_a_long_chain():
     """Eight four-bars of random cranks: collocation and Galerkin against the equation of the only degree of freedom."""
     length = uqmbd.RandomVariable("length", chaospy.Uniform(0.95, 1.05), units="m")

@@ -27,6 +27,7 @@ def drift(mechanism, times, rtol, **options):
 QUICK = ("pendulum-ida", "spatial_pendulum-dop853")
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("name", "integrator"),
     [
@@ -45,6 +46,7 @@ def test_averaged_energy_is_kept_and_better_with_the_tolerance(mechanisms, name,
     assert tight < 0.05 * loose or loose < 1e-10 * scale
 
 
+@pytest.mark.thorough
 def test_kept_with_any_number_of_nodes(mechanisms):
     """The rule of the quadrature defines the average: with 3 or 7 nodes the energy of that average is kept."""
     for nodes in ((3,), (7,)):
@@ -85,6 +87,7 @@ def test_projected_accelerations_do_not_keep_it(mechanisms, project):
     assert control > 1e3 * ours
 
 
+@pytest.mark.thorough
 def test_constraints_and_norms_are_reported(mechanisms):
     """The projected constraints hold to rounding; those at the nodes only as the order grows."""
     rms = []

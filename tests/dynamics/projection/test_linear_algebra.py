@@ -82,6 +82,7 @@ def test_nodal_preconditioner_is_exact_where_nothing_is_truncated(mechanisms, pr
     np.testing.assert_allclose(whole @ found, vector, atol=1e-8)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("solver", ["auto", "dense", "sparse", "krylov-nodal", "krylov-mean"])
 def test_all_solvers_and_both_integrators_agree(crank, solver):
     expected = crank.integrate(TIMES, 1e-9, "dop853")
@@ -121,6 +122,7 @@ def test_mean_that_breaks_down_is_left(crank, monkeypatch):
     assert not found.message and found.counters["left_the_mean"] == 1
 
 
+@pytest.mark.thorough
 def test_what_is_stiff_goes_to_ida_by_itself(mechanisms):
     """Overdamped by far: x = exp(-slow t), with the smaller root of the characteristic equation; exact at the nodes."""
     stiffness = uqmbd.RandomVariable("stiffness", chaospy.Uniform(90, 110))
@@ -198,6 +200,7 @@ def test_balanced_forces_do_not_wear_the_iteration_out(project):
     np.testing.assert_allclose(found.coefficients[:, -1], found.coefficients[:, 0], atol=1e-10)
 
 
+@pytest.mark.thorough
 @settings(max_examples=60, deadline=None)
 @given(seed=st.integers(0, 10_000), power=st.floats(0, 40), often=st.integers(1, 3))
 def test_accelerations_do_not_depend_on_what_was_solved_before(crank, seed, power, often):

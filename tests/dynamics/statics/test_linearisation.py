@@ -45,6 +45,7 @@ def test_a_mass_on_a_spring(space, more, rigid):
     assert found["frequency"].attrs["units"] == "Hz"
 
 
+@pytest.mark.thorough
 def test_a_pendulum_in_the_plane_and_in_space():
     """sqrt(m g l / J_O), and with a spring about its pivot (an auxiliary state) sqrt((m g l + c) / J_O)."""
     mass, arm, inertia = 1.3, 0.4, 0.05
@@ -269,6 +270,7 @@ def test_a_body_on_springs_against_a_hand_written_eigenproblem():
     np.testing.assert_allclose(frequencies(moved), np.sqrt(squares) / TURN, rtol=1e-8)
 
 
+@pytest.mark.thorough
 def test_frequencies_agree_with_the_motion():
     """After a small tap in equilibrium the slider moves as the eigenvalue says."""
     mechanism = crank_and_slider()

@@ -78,6 +78,7 @@ def test_a_balanced_pose_is_left_alone():
     assert uqmbd.static_equilibrium(mechanism)["angle"] == pytest.approx(-np.pi / 2, abs=1e-12)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("free", [0.4, 15.0, -21.0])
 @pytest.mark.parametrize("spatial", [False, True])
 def test_a_torsion_spring_counts_the_turns_on_the_way(free, spatial):
@@ -141,6 +142,7 @@ def slider_energy(angle, k, free, r=0.15, length=0.35):
     return G * (2 * 0.5 * r + 1 * 0.5 * r) * np.sin(angle) + k / 2 * (1 - x - free) ** 2
 
 
+@pytest.mark.thorough
 def test_a_slider_crank_rests_where_its_energy_is_least():
     """Random stiffness, many realisations at once, against a minimisation of the energy over the crank angle."""
     stiffness = uqmbd.RandomVariable("stiffness", chaospy.Uniform(50, 150), units="N/m")
@@ -161,6 +163,7 @@ def test_a_slider_crank_rests_where_its_energy_is_least():
     np.testing.assert_allclose(alone.q[0], found.q[4], rtol=0, atol=1e-13)
 
 
+@pytest.mark.thorough
 def test_equilibrium_does_not_depend_on_where_the_mechanism_stands():
     """Moved by metres and turned by 1.1 rad, gravity with it."""
     here = uqmbd.static_equilibrium(slider_crank(100, 0.6))
@@ -209,6 +212,7 @@ def test_what_is_free_to_move_stays_where_it_is():
         uqmbd.static_equilibrium(mechanism)
 
 
+@pytest.mark.thorough
 def test_a_body_that_nothing_holds_is_named_and_does_not_disturb_others():
     """Without stiffness one realisation falls for ever."""
     stiffness = uqmbd.RandomVariable("stiffness", chaospy.Uniform(0, 100), units="N/m")
@@ -223,6 +227,7 @@ def test_a_body_that_nothing_holds_is_named_and_does_not_disturb_others():
     np.testing.assert_allclose(found.q[[0, 2], 3], [-2 * G / 50, -2 * G / 100], atol=1e-12)
 
 
+@pytest.mark.thorough
 def test_a_ball_joint_lets_a_rod_hang():
     """Three free turns, one of them without any stiffness."""
     mechanism = uqmbd.Mechanism("rod", uqmbd.Spatial(gravity=(0, 0, -G)))

@@ -95,6 +95,7 @@ def test_in_the_plane_and_at_the_ground():
     np.testing.assert_allclose([float(x) for x in joint.axis_j], (s, c), atol=1e-15)
 
 
+@pytest.mark.thorough
 def test_a_four_bar_moves_alike(observe_four_bar):
     """A loop of four hinges: the same motion to rounding, given either way."""
     drawn, by_hand = (observe_four_bar(at) for at in (True, False))

@@ -106,6 +106,7 @@ def test_convergence_at_a_kink():
     np.testing.assert_allclose(node["statistics/sobol_first"][:, 0, 0], [1, 0], atol=1e-3)
 
 
+@pytest.mark.thorough
 def test_adaptive_step():
     """A jump of height 1 and a slope: the threshold is met, and moments and indices are those of the closed form."""
     study = resting(lambda x, y: sympy.Piecewise((1.0, x > 0.25), (0.0, True)) + y / 4, U, U)
@@ -162,6 +163,7 @@ def test_workers_and_resuming(method, tmp_path):
     np.testing.assert_array_equal(resumed["chaos"]["coefficients"], alone["chaos"]["coefficients"])
 
 
+@pytest.mark.thorough
 def test_detection():
     """A plain chaos at a jump names output and input, and proposes elements; smooth responses raise no suspicion."""
     jump = resting(lambda x, y: sympy.Piecewise((1.0, x > 0.1), (0.0, True)) + y / 4, U, U)
@@ -175,6 +177,7 @@ def test_detection():
     assert chaos(swing().propagate(Galerkin(order=3))).discontinuities() == (None,)
 
 
+@pytest.mark.thorough
 def test_limits_and_options():
     """An unmet threshold is said, and so are options that cannot be used."""
     study = resting(lambda x: sympy.Piecewise((1.0, x > 0.3), (0.0, True)), U)

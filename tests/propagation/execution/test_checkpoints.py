@@ -103,6 +103,7 @@ def test_damage_is_noticed_or_does_no_harm(count: int, tmp_path: Path) -> None:
     assert restored is not None and same(restored, whole)
 
 
+@pytest.mark.thorough
 def test_what_lies_there_instead_of_a_chunk_is_computed_again(tmp_path: Path) -> None:
     """A folder, nothing at all, a pickle, another archive."""
     whole = swing().run()["monte-carlo/samples"]["response"].values.tobytes()
@@ -140,6 +141,7 @@ def test_error_of_a_method_is_not_that_of_its_executor(tmp_path: Path) -> None:
         swing().run(Failing(), folder=tmp_path)
 
 
+@pytest.mark.thorough
 def test_resumed_run_costs_what_it_cost_to_compute(tmp_path: Path) -> None:
     """The wall time counts what an interrupted run has spent; the executor takes 0.3 s for each of four chunks."""
     with pytest.raises(IntegrationError):

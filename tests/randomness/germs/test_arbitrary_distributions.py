@@ -62,6 +62,7 @@ def density_of(case, x):
     return CUT_WEIBULL.pdf((1 - x) / 2) / 2
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("case", CASES.values(), ids=CASES)
 def test_orthonormal_through_order_10(case):
     distribution, _, breaks = case
@@ -102,6 +103,7 @@ def test_quantiles_from_the_table_are_those_of_scipy(case):
     assert joint.means[0] == pytest.approx(law.mean(), abs=1e-9 * spread)
 
 
+@pytest.mark.thorough
 def test_a_kernel_density():
     """Silverman's or any other bandwidth: the density that chaospy tells, integrated."""
     samples = np.random.default_rng(4).normal(size=30) ** 3

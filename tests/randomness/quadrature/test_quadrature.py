@@ -61,6 +61,7 @@ def test_exactness_of_gauss_tensors(counts):
     check_exactness(space, rule)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("growth", ["slow", "linear"])
 @pytest.mark.parametrize("level", [0, 1, 2, 3])
 def test_exactness_of_smolyak_with_gauss(growth, level):
@@ -72,6 +73,7 @@ def test_exactness_of_smolyak_with_gauss(growth, level):
     check_exactness(space, rule)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("level", [0, 1, 2, 3])
 def test_exactness_of_clenshaw_curtis(level):
     space = space_of(chaospy.Uniform(), chaospy.Uniform(2, 3))

@@ -101,6 +101,7 @@ def test_rosenblatt_of_conditional_distributions():
     assert np.array_equal(copied.to_inputs(rule.nodes), x)
 
 
+@pytest.mark.thorough
 def test_both_transforms_sample_the_same_joint_as_monte_carlo():
     joint = JointInput.of(
         uqmbd.random_vector(["a", "b"], chaospy.Clayton(chaospy.J(chaospy.Uniform(), chaospy.Normal(1, 2)), 2))

@@ -25,6 +25,7 @@ def result():
     return study.run()
 
 
+@pytest.mark.thorough
 def test_a_surrogate_is_drawn_beside_samples(result):
     """The curve of the chaos is that of the normal distribution; the far tails do not stretch the axis."""
     figure = report.histograms(result, "ratio", [0.4])

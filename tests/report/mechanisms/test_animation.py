@@ -78,6 +78,7 @@ def test_making_poses_leaves_the_mechanism_as_it_was(study):
     assert list(study.run(only=["monte-carlo"])["monte-carlo/statistics"]["output"].values) == ["rim"]
 
 
+@pytest.mark.thorough
 def test_spatial_points_turn_as_rotation_matrices_say():
     """The quaternions of the dataset against a rotation matrix of SciPy."""
     from scipy.spatial.transform import Rotation
@@ -92,6 +93,7 @@ def test_spatial_points_turn_as_rotation_matrices_say():
     assert data.sizes["realisation"] == 1  # nothing is random
 
 
+@pytest.mark.thorough
 def test_gif_shows_every_time(data, tmp_path):
     path = animate(data, tmp_path / "new" / "wheel.gif", seconds=1.2)
     pictures = []
@@ -162,6 +164,7 @@ def test_mistakes_in_files(data, tmp_path, monkeypatch):
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.thorough
 def test_a_film_is_handed_to_ffmpeg(data, tmp_path, monkeypatch):
     """A stand-in for ffmpeg counts the pictures that it is given."""
     program = tmp_path / "ffmpeg"
@@ -194,11 +197,13 @@ def test_report_moves_from_the_stored_file_alone(study, tmp_path):
     assert "prefers-reduced-motion" in page and 'href="#motion"' in page
 
 
+@pytest.mark.thorough
 def test_report_without_motion_has_no_such_section(study, tmp_path):
     page = write_report(study.run(only=["monte-carlo"]), tmp_path / "report.html").read_text(encoding="utf-8")
     assert 'id="motion"' not in page
 
 
+@pytest.mark.thorough
 def test_what_cannot_be_drawn_is_a_note(study, tmp_path):
     tree = study.run(only=["monte-carlo"])
     tree["motion"] = xr.DataTree(xr.Dataset({"nothing": 1}))

@@ -77,6 +77,7 @@ def boxes(figure):
     return {text.get_text(): text.get_window_extent(renderer) for text in figure.texts}
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("make", [crank, spatial])
 def test_names_are_there_and_cover_neither_each_other_nor_the_edge(make):
     """By the extents that Matplotlib measures, not those that the placing estimates."""
@@ -131,6 +132,7 @@ def test_scale_is_equal_and_in_metres():
     np.testing.assert_allclose(drawn, expected, atol=2.5)
 
 
+@pytest.mark.thorough
 def test_symbols_follow_from_what_components_say():
     """Joints by what their constraints hold together, forces by their parameters; a stranger by its points."""
     made = crank()
@@ -158,6 +160,7 @@ def test_symbols_follow_from_what_components_say():
     assert len(report.mechanism(driven).axes) == 1
 
 
+@pytest.mark.thorough
 def test_observed_points_are_read_back_from_outputs():
     """``body.point(local)[k]`` gives `local` again, in every space; what is no point of one body gives nothing."""
     rng = np.random.default_rng(1)

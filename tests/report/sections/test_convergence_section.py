@@ -88,6 +88,7 @@ def test_errors_against_the_closed_form(tree: xr.DataTree) -> None:
     assert found["std_error_l2"].values[1, 1, 0] < found["std_error_l2"].values[1, 0, 0]
 
 
+@pytest.mark.thorough
 def test_the_report_shows_it(tree: xr.DataTree, tmp_path: Path) -> None:
     """Curves, words and a table of all levels."""
     text = report.write_report(tree, tmp_path / "r.html", folder=tmp_path / "figures").read_text(encoding="utf-8")
@@ -126,6 +127,7 @@ class Breaking(uqmbd.Propagator):
         raise RuntimeError("out of paper")
 
 
+@pytest.mark.thorough
 def test_failure_keeps_the_other_results(tmp_path: Path) -> None:
     """A warning, a note in the report, and all else as ever."""
     one = study(convergence={"propagators": Breaking(), "order": [1, 2]})
@@ -160,6 +162,7 @@ class Told:
         """Nothing."""
 
 
+@pytest.mark.thorough
 def test_an_interrupted_run_goes_on(tmp_path: Path) -> None:
     """Chunks of methods and of levels are kept apart and used again: the result is that of a run in one go."""
     growth = {"propagators": MonteCarlo(seed=3), "samples": [30, 90], "reference": "monte-carlo"}

@@ -57,6 +57,7 @@ def test_products_are_counted_exactly() -> None:
         assert (len(table.pairs), table.matrix.nnz) == (pairs, nonzeros)
 
 
+@pytest.mark.thorough
 def test_memory_does_not_grow_with_outputs_and_times() -> None:
     """286 terms of 10 inputs of order 3: blocks of some 20 MB, whatever the number of outputs and times."""
     large(4, 1, 1).kurtosis.item(0)  # what is imported late is no memory of the statistics

@@ -85,6 +85,7 @@ def test_total_index_by_pick_and_freeze(chaos: PolynomialChaos) -> None:
         np.testing.assert_allclose(chaos.sobol_first[k], alone, atol=0.04)
 
 
+@pytest.mark.thorough
 def test_quantiles_and_density_of_a_normal() -> None:
     """A linear function of a normal has its quantiles and density, whatever the blocks."""
     space = GermSpace.of(JointInput.of([RandomVariable("x", chaospy.Normal(0, 1))]))

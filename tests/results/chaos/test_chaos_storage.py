@@ -63,6 +63,7 @@ assert not foreign, foreign
 """
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", ["results.nc", pytest.param("results.zarr", marks=pytest.mark.thorough)])
 def test_round_trip(chaos: PolynomialChaos, name: str, tmp_path: Path) -> None:
     """All data and names come back exactly; another process gets the same without mechanism and chaospy."""

@@ -73,6 +73,7 @@ def test_what_does_not_vary_keeps_its_moments(dear):
     assert (flat.skewness[0, 1], flat.kurtosis[0, 1]) == (0.0, 3.0)
 
 
+@pytest.mark.thorough
 def test_attributes_say_what_is_of_samples(dear, tmp_path):
     statistics = made([0, 1], 2, 3, 1).statistics()
     for name in ("skewness", "kurtosis"):

@@ -58,6 +58,7 @@ CUTS = ((0, 0), (1, 1), (2, 0), (0, 1), (3, 1))
 """A partition that is no grid: neighbours end at different places."""
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("distributions", [(U, U), (U, N), (chaospy.Gamma(2), chaospy.Triangle(0, 0.3, 1))])
 def test_a_polynomial_is_what_it_is_without_elements(distributions):
     """Split or not, a polynomial of the germs has the same moments, Sobol' indices and values."""
@@ -104,6 +105,7 @@ def test_step_and_interaction():
     np.testing.assert_allclose(chaos.sobol_second[0, 1, 0], 0.8, atol=1e-12)
 
 
+@pytest.mark.thorough
 def test_indices_by_numerical_integration():
     """On a partition that is no grid, with any coefficients, indices are those of nested midpoint sums."""
     space, rng = space_of(U, U, U), np.random.default_rng(5)

@@ -100,6 +100,7 @@ def kinds(nodes: list[xr.DataTree], reference: str, method: str) -> list[str]:
     return results.compare(nodes, reference).sel({"method": method})["verdict_kind"].values.tolist()
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("repetitions", "most"), [(20, 1), pytest.param(100, 5, marks=pytest.mark.thorough)])
 def test_methods_that_agree_are_not_said_to_differ(exact: xr.DataTree, repetitions: int, most: int) -> None:
     """In seeded repetitions with three methods a false alarm in any output at any time is rarer than 5 %."""
@@ -163,6 +164,7 @@ def test_a_wrong_standard_deviation_is_named(exact: xr.DataTree) -> None:
         assert all(14 <= int(t.removeprefix("differs: standard deviation too small by ")[:2]) <= 31 for t in text), text
 
 
+@pytest.mark.thorough
 def test_an_order_that_is_too_low_is_named(exact: xr.DataTree) -> None:
     """With its own verification or without: by the difference, and by the terms that are missing."""
     for verify in (8, 0):
@@ -186,6 +188,7 @@ def test_too_few_samples_are_named(exact: xr.DataTree) -> None:
     assert results.choose_reference({"mc": sampled("mc", 12, 1), "exact": exact}) == "exact"
 
 
+@pytest.mark.thorough
 def test_recommendation(exact: xr.DataTree) -> None:
     """The cheapest of those that agree; what is said of the others are the reasons not to take them."""
     nodes = [sampled("monte-carlo", 1000, 1), projected("fine", 5), projected("low", 1), projected("off", 5, shift=0.5)]

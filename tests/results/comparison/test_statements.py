@@ -105,6 +105,7 @@ def synthetic(label, mean, std, *, error=None, cost=100, wall_time=1.0, integrat
     return results.propagator_node(label, statistics, propagator="p", realisations=cost, wall_time=wall_time)
 
 
+@pytest.mark.thorough
 @settings(max_examples=20, deadline=None)
 @given(
     size=st.floats(1e-6, 1e6),
@@ -152,6 +153,7 @@ def test_where_nothing_varies_no_method_is_recommended() -> None:
     assert lead == ("No output varies beyond the integration error: one realisation tells as much as any method.",)
 
 
+@pytest.mark.thorough
 @settings(max_examples=8, deadline=None)
 @given(noise=st.floats(0.5, 2.0), change=st.floats(-1, 1), seed=st.integers(0, 1000))
 def test_equal_runs_are_the_same(noise: float, change: float, seed: int) -> None:

@@ -77,6 +77,7 @@ def test_failed_samples_are_left_out() -> None:
     )
 
 
+@pytest.mark.thorough
 def test_blocks_change_nothing() -> None:
     """More times than fit a block give what few give; outputs without times are served as well."""
     response, _ = normal_samples(101)

@@ -138,6 +138,7 @@ def test_running_statistics_are_those_of_the_first_samples() -> None:
         running_statistics([1.0, 2.0, 3.0], [4])
 
 
+@pytest.mark.thorough
 def test_replicate_statistics_are_honest() -> None:
     """With all replicates the estimates are those of all samples, and 95 % of the intervals hold the truth."""
     rng = np.random.default_rng(3)

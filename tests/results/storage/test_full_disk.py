@@ -51,6 +51,7 @@ for limit in map(int, sys.argv[3:]):
 """
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("ending", [".nc", pytest.param(".zarr", marks=pytest.mark.thorough), "-samples.nc"])
 def test_limit_on_files_is_told_and_leaves_what_was_there(ending: str, tmp_path: Path) -> None:
     (tmp_path / "unfinished").mkdir()
@@ -84,6 +85,7 @@ def test_full_disk_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> N
     assert os.listdir(tmp_path) == []
 
 
+@pytest.mark.thorough
 def test_writes_of_zarr_that_are_under_way_when_another_fails_leave_nothing(tmp_path: Path, monkeypatch) -> None:
     """Those that go on later would make the removed folder again."""
     local = pytest.importorskip("zarr.storage").LocalStore
