@@ -86,7 +86,8 @@ def check_component(
     """
     _check_declaration(component)
     unknown = sorted(set(given or ()) - set(component.parameters()))
-    assert not unknown, f"given names {unknown[0]!r}, which is no parameter of {component.signature()}."
+    usage = f"{component.__name__}{component.signature()}"
+    assert not unknown, f"given names {unknown[0]!r}, which is no parameter of {usage}."
     for space in component.spaces if spaces is None else spaces:
         rng = np.random.default_rng([seed, zlib.crc32(f"{component.__name__} {space.__name__}".encode())])
         for number, case in enumerate(cases(component, space, given or {}, rng)):
