@@ -6,6 +6,7 @@ import chaospy
 import sympy
 
 import uqmbd
+from uqmbd_drivers import RotationDriver
 from uqmbd_joints import Prismatic, Revolute, Spherical
 from uqmbd_springs import PointForce, SpringDamper, Torque
 
@@ -77,4 +78,20 @@ def oscillator(stiffness, damping=0.0, mass=1.0, velocity=None):
     body = mechanism.body("body", mass=mass, position=(1, 0), velocity=velocity)
     mechanism.add(SpringDamper("spring", mechanism.ground, body, (0, 0), (0, 0), stiffness, damping))
     mechanism.output("x", body.position[0], units="m")
+    return mechanism
+
+
+def driven_slider_crank(rod_length):
+    """Crank 0.15 m that turns at 2 rad/s from 0; a shorter rod does not let it pass."""
+    mechanism = uqmbd.Mechanism("slider_crank", uqmbd.Planar())
+    ground = mechanism.ground
+    crank = mechanism.body("crank", mass=1, inertia=0.01)
+    rod = mechanism.body("rod", mass=1, inertia=0.01, position=(0.15, 0))
+    slider = mechanism.body("slider", mass=1, inertia=0.01, position=(0.15 + rod_length, 0))
+    mechanism.add(Revolute("A", ground, crank, (0, 0), (0, 0)))
+    mechanism.add(Revolute("B", crank, rod, (0.15, 0), (0, 0)))
+    mechanism.add(Revolute("C", rod, slider, (rod_length, 0), (0, 0)))
+    mechanism.add(Prismatic("D", ground, slider, (0, 0), (0, 0), (1, 0), (1, 0)))
+    mechanism.add(RotationDriver("drive", ground, crank, 2 * uqmbd.t))
+    mechanism.output("x", slider.position[0], units="m")
     return mechanism

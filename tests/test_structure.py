@@ -142,6 +142,18 @@ def test_a_folder_is_imported_through_its_face_only():
     assert not wrong, "\n".join(wrong)
 
 
+def test_plugins_import_what_is_public_only():
+    public = {"uqmbd", "uqmbd.results", "uqmbd.report", "uqmbd.testing", "uqmbd.typing"}
+    wrong = [
+        f"{name}:{line} imports {other}"
+        for name, others in IMPORTS.items()
+        if not name.startswith("uqmbd.")
+        for other, line in others
+        if other.startswith("uqmbd.") and other not in public
+    ]
+    assert not wrong, "\n".join(wrong)
+
+
 def test_no_folder_is_crowded():
     counts = {package: 0 for package in PACKAGES}
     for name in MODULES:

@@ -1,4 +1,7 @@
-"""Types of arrays, by what they hold; the docstrings of what takes or returns them tell their shapes."""
+"""Types of arrays, by what they hold; the docstrings of what takes or returns them tell their shapes.
+
+This module is public, for plugins as well.
+"""
 
 from __future__ import annotations
 

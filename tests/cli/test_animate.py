@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import sys
 import textwrap
-import warnings
 
 import pytest
 import xarray as xr
 from PIL import Image
 
 import uqmbd
-from uqmbd.cli import main
 
 SCRIPT = """
     import chaospy
@@ -26,21 +23,10 @@ SCRIPT = """
 
 
 @pytest.fixture
-def cli(monkeypatch, tmp_path, capsys):
-    """Run the command line in a folder with a script; return status, output and errors."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(sys, "path", list(sys.path))
+def cli(command_line, tmp_path):
+    """Run the command line in a folder with a script."""
     (tmp_path / "falling_stone.py").write_text(textwrap.dedent(SCRIPT))
-
-    def run(*words):
-        with pytest.raises(SystemExit) as left, warnings.catch_warnings():
-            warnings.simplefilter("default", UserWarning)
-            main(list(words))
-        captured = capsys.readouterr()
-        return left.value.code, captured.out, captured.err
-
-    yield run
-    sys.modules.pop("falling_stone", None)
+    return command_line
 
 
 @pytest.mark.thorough

@@ -22,7 +22,7 @@ from rich.console import Console
 import uqmbd
 import uqmbd.report
 from uqmbd import plugins, results
-from uqmbd.cli import main, progress, tables
+from uqmbd.cli import progress, tables
 from uqmbd.cli.check import _equations, _show_apart
 from uqmbd.cli.settings import apply_settings, parse_value
 from uqmbd_joints import Revolute
@@ -111,25 +111,13 @@ class Unmade:
 
 
 @pytest.fixture
-def cli(monkeypatch, tmp_path, capsys):
-    """Run the command line in an empty folder with fakes for what takes long; return status, output and errors."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(sys, "path", list(sys.path))
+def cli(command_line, monkeypatch):
+    """Run the command line in an empty folder with fakes for what takes long."""
     monkeypatch.setattr("uqmbd.propagation.script.Study", FakeStudy)
     monkeypatch.setattr(plugins.registry, "registered", lambda: plugins.load([]))
     monkeypatch.setitem(sys.modules, "fakes", sys.modules[__name__])
     monkeypatch.setattr(uqmbd.report, "write_report", fake_report, raising=False)
-
-    def run(*words):
-        # In the tests warnings are errors; users see them as text.
-        with pytest.raises(SystemExit) as left, warnings.catch_warnings():
-            warnings.simplefilter("default", UserWarning)
-            main(list(words))
-        captured = capsys.readouterr()
-        return left.value.code, captured.out, captured.err
-
-    yield run
-    sys.modules.pop("my_study", None)
+    return command_line
 
 
 @pytest.fixture

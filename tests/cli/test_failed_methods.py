@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import json
-import sys
 import textwrap
-import warnings
 
 import pytest
 
 import uqmbd.report
 from uqmbd import results
-from uqmbd.cli import main
 
 SCRIPT = """
     import chaospy, numpy as np, uqmbd
@@ -40,21 +37,14 @@ REASONS = {"broken": "RuntimeError: no <licence> found", "unfit": "it cannot do 
 
 
 @pytest.fixture
-def cli(monkeypatch, tmp_path, capsys):
-    """Run the command line in an empty folder, on a study with methods; return status, output and errors."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(sys, "path", list(sys.path))
+def cli(command_line, tmp_path):
+    """Run the command line in a folder with a study of these methods."""
 
     def run(*words, methods="Unfit(), MonteCarlo(samples=8, seed=1), Broken(), Collocation(order=1, verify=0)"):
         (tmp_path / "fall.py").write_text(textwrap.dedent(SCRIPT.replace("{methods}", methods)))
-        with pytest.raises(SystemExit) as left, warnings.catch_warnings():
-            warnings.simplefilter("default", UserWarning)
-            main(list(words))
-        captured = capsys.readouterr()
-        return left.value.code, captured.out, captured.err
+        return command_line(*words)
 
-    yield run
-    sys.modules.pop("fall", None)
+    return run
 
 
 @pytest.mark.thorough

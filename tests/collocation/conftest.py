@@ -11,8 +11,8 @@ import pytest
 
 import uqmbd
 from uqmbd.results import PolynomialChaos
-from uqmbd_drivers import RotationDriver
-from uqmbd_joints import Prismatic, Revolute
+
+from ..mechanisms import driven_slider_crank
 
 
 def resting_body(function, *distributions, times=(0.0, 1.0), **outputs):
@@ -24,22 +24,6 @@ def resting_body(function, *distributions, times=(0.0, 1.0), **outputs):
         # the position is zero: an output is made of what a body does
         mechanism.output(name, one(*inputs) + 0 * body.position[0])
     return uqmbd.Study("resting", mechanism, times)
-
-
-def locking_slider_crank(rod_length):
-    """Crank 0.15 m that turns at 2 rad/s from 0; a shorter rod does not let it pass."""
-    mechanism = uqmbd.Mechanism("slider_crank", uqmbd.Planar())
-    ground = mechanism.ground
-    crank = mechanism.body("crank", mass=1, inertia=0.01)
-    rod = mechanism.body("rod", mass=1, inertia=0.01, position=(0.15, 0))
-    slider = mechanism.body("slider", mass=1, inertia=0.01, position=(0.15 + rod_length, 0))
-    mechanism.add(Revolute("A", ground, crank, (0, 0), (0, 0)))
-    mechanism.add(Revolute("B", crank, rod, (0.15, 0), (0, 0)))
-    mechanism.add(Revolute("C", rod, slider, (rod_length, 0), (0, 0)))
-    mechanism.add(Prismatic("D", ground, slider, (0, 0), (0, 0), (1, 0), (1, 0)))
-    mechanism.add(RotationDriver("drive", ground, crank, 2 * uqmbd.t))
-    mechanism.output("x", slider.position[0], units="m")
-    return uqmbd.Study("locking", mechanism, np.linspace(0, np.pi / 2, 9))
 
 
 class Inline(Executor):
@@ -69,7 +53,8 @@ def locking():
     """A slider-crank of which rods below 0.15 m lock: the study for a distribution of the rod's length."""
 
     def make(low, high):
-        return locking_slider_crank(uqmbd.RandomVariable("rod_length", chaospy.Uniform(low, high), units="m"))
+        length = uqmbd.RandomVariable("rod_length", chaospy.Uniform(low, high), units="m")
+        return uqmbd.Study("locking", driven_slider_crank(length), np.linspace(0, np.pi / 2, 9))
 
     return make
 

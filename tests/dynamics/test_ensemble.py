@@ -10,25 +10,11 @@ import sympy
 import uqmbd
 from uqmbd.dynamics.equations.kernels import compilations
 from uqmbd_drivers import RotationDriver
-from uqmbd_joints import Distance, Prismatic, Revolute
+from uqmbd_joints import Distance, Revolute
 from uqmbd_montecarlo import MonteCarlo
 from uqmbd_springs import SpringDamper
 
-
-def driven_slider_crank(rod_length):
-    """Crank 0.15 m that turns at 2 rad/s from 0; the rod may be too short to let it pass."""
-    mechanism = uqmbd.Mechanism("slider_crank", uqmbd.Planar())
-    ground = mechanism.ground
-    crank = mechanism.body("crank", mass=1, inertia=0.01)
-    rod = mechanism.body("rod", mass=1, inertia=0.01, position=(0.15, 0))
-    slider = mechanism.body("slider", mass=1, inertia=0.01, position=(0.15 + rod_length, 0))
-    mechanism.add(Revolute("A", ground, crank, (0, 0), (0, 0)))
-    mechanism.add(Revolute("B", crank, rod, (0.15, 0), (0, 0)))
-    mechanism.add(Revolute("C", rod, slider, (rod_length, 0), (0, 0)))
-    mechanism.add(Prismatic("D", ground, slider, (0, 0), (0, 0), (1, 0), (1, 0)))
-    mechanism.add(RotationDriver("drive", ground, crank, 2 * uqmbd.t))
-    mechanism.output("x", slider.position[0], units="m")
-    return mechanism
+from ..mechanisms import driven_slider_crank
 
 
 @pytest.mark.thorough

@@ -60,7 +60,7 @@ def run_study(
         Continue an unfinished run in the folder.
     """
     # before the work, not after it: whatever is wrong with the report should cost no hours
-    import uqmbd.report  # noqa: F401
+    import uqmbd.report  # noqa: F401 - an import that fails is to fail here
 
     begin = time.monotonic()
     study = load_study(script)

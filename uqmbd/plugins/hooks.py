@@ -17,15 +17,15 @@ class _Hooks:
     """What a plugin may offer: each hook returns a sequence of classes, which may be empty."""
 
     @_hookspec
-    def uqmbd_components(self) -> Sequence[type]:  # type: ignore[empty-body]
+    def uqmbd_components(self) -> Sequence[type]:  # type: ignore[empty-body]  # a specification
         """Offer joints, drivers, springs: subclasses of `uqmbd.Component`, known by the name of the class."""
 
     @_hookspec
-    def uqmbd_propagators(self) -> Sequence[type]:  # type: ignore[empty-body]
+    def uqmbd_propagators(self) -> Sequence[type]:  # type: ignore[empty-body]  # a specification
         """Offer subclasses of `uqmbd.Propagator`, known by their class attribute ``name``."""
 
     @_hookspec
-    def uqmbd_integrators(self) -> Sequence[type]:  # type: ignore[empty-body]
+    def uqmbd_integrators(self) -> Sequence[type]:  # type: ignore[empty-body]  # a specification
         """Offer time integrators, classes as `uqmbd.Integrator` says, known by their class attribute ``name``.
 
         The class has a method ``integrate(ensemble, times, rtol)``, which returns `uqmbd.Trajectories`.  What more it
@@ -34,14 +34,14 @@ class _Hooks:
         """
 
     @_hookspec
-    def uqmbd_designs(self) -> Sequence[type]:  # type: ignore[empty-body]
+    def uqmbd_designs(self) -> Sequence[type]:  # type: ignore[empty-body]  # a specification
         """Offer sampling designs, classes as `uqmbd.SamplingDesign` says, known by their class attribute ``name``.
 
         The core registers its own by this hook.
         """
 
     @_hookspec
-    def uqmbd_report_sections(self) -> Sequence[type]:  # type: ignore[empty-body]
+    def uqmbd_report_sections(self) -> Sequence[type]:  # type: ignore[empty-body]  # a specification
         """Offer sections of the HTML report, as `uqmbd.report.Section` says, made without arguments."""
 
 

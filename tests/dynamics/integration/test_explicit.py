@@ -12,9 +12,10 @@ from uqmbd.dynamics.integration import batched
 from uqmbd.dynamics.linear import unrolled
 from uqmbd.dynamics.linear.elimination import plan
 from uqmbd.dynamics.linear.unrolled import residual_kernel, unroll
-from uqmbd_drivers import RotationDriver
 from uqmbd_joints import Prismatic, Revolute
 from uqmbd_springs import PointForce, SpringDamper, Torque
+
+from ...mechanisms import driven_slider_crank
 
 TIMES = np.linspace(0, 2, 41)
 
@@ -212,17 +213,7 @@ def test_the_bits_of_a_stack_do_not_depend_on_what_ran_before():
 def test_a_realisation_that_cannot_go_on_fails_alone():
     """A crank that is driven into a pose beyond the rod's reach."""
     length = uqmbd.RandomVariable("length", chaospy.Uniform(0.1, 0.4), units="m")
-    mechanism = uqmbd.Mechanism("locked", uqmbd.Planar())
-    ground = mechanism.ground
-    crank = mechanism.body("crank", mass=1, inertia=0.01)
-    rod = mechanism.body("rod", mass=1, inertia=0.01, position=(0.15, 0))
-    slider = mechanism.body("slider", mass=1, inertia=0.01, position=(0.15 + length, 0))
-    mechanism.add(Revolute("A", ground, crank, (0, 0), (0, 0)))
-    mechanism.add(Revolute("B", crank, rod, (0.15, 0), (0, 0)))
-    mechanism.add(Revolute("C", rod, slider, (length, 0), (0, 0)))
-    mechanism.add(Prismatic("D", ground, slider, (0, 0), (0, 0), (1, 0), (1, 0)))
-    mechanism.add(RotationDriver("drive", ground, crank, 2 * uqmbd.t))
-    mechanism.output("x", slider.position[0], units="m")
+    mechanism = driven_slider_crank(length)
     values = np.linspace(0.2, 0.4, 12)
     values[5] = 0.12
     x, found = run(mechanism, values)
