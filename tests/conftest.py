@@ -13,7 +13,7 @@ import uqmbd
 from uqmbd.cli import main
 from uqmbd.dynamics import Ensemble, build, integrate
 
-from .mechanisms import oscillator, pendulum, slider_crank, spatial_pendulum
+from .mechanisms import oscillator, pendulum, rolling_wheel, sleigh, slider_crank, spatial_pendulum
 
 
 @pytest.fixture(scope="session")
@@ -121,6 +121,8 @@ def mechanisms():
         "pendulum": pendulum,
         "slider_crank": slider_crank,
         "spatial_pendulum": spatial_pendulum,
+        "sleigh": sleigh,
+        "rolling_wheel": rolling_wheel,
         "oscillator": oscillator,
     }
 

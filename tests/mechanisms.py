@@ -7,7 +7,7 @@ import sympy
 
 import uqmbd
 from uqmbd_drivers import RotationDriver
-from uqmbd_joints import Prismatic, Revolute, Spherical
+from uqmbd_joints import Prismatic, Revolute, RollingWheel, Skate, Spherical
 from uqmbd_springs import PointForce, SpringDamper, Torque
 
 
@@ -69,6 +69,30 @@ def spatial_pendulum():
     mechanism.add(Spherical("ball", mechanism.ground, body, (0, 0, 0), (0, -length / 2, 0)))
     mechanism.output("y", body.position[1], units="m")
     mechanism.output("z", body.position[2], units="m")
+    return mechanism
+
+
+def sleigh():
+    """Chaplygin's sleigh, seen from above: a blade behind the centre of mass, of random distance and mass."""
+    length, mass = random_length_and_mass(0.3)
+    mechanism = uqmbd.Mechanism("sleigh", uqmbd.Planar())
+    body = mechanism.body(
+        "sleigh", mass=mass, inertia=0.1 * mass, com=(length, 0), velocity=(1, 0), angular_velocity=1.0
+    )
+    mechanism.add(Skate("blade", mechanism.ground, body, (0, 0), (1, 0)))
+    mechanism.output("x", body.position[0], units="m")
+    mechanism.output("y", body.position[1], units="m")
+    return mechanism
+
+
+def rolling_wheel():
+    """A wheel of random radius and mass rolls down a line."""
+    length, mass = random_length_and_mass(0.5)
+    mechanism = uqmbd.Mechanism("wheel", uqmbd.Planar(gravity=(3, -9)))
+    wheel = mechanism.body("wheel", mass=mass, inertia=mass * length**2 / 2, position=(0, length))
+    mechanism.add(RollingWheel("road", mechanism.ground, wheel, (0, 0), (0, 0), (0, 1), radius=length))
+    mechanism.output("x", wheel.position[0], units="m")
+    mechanism.output("spoke", wheel.direction((1, 0))[1])
     return mechanism
 
 

@@ -39,6 +39,7 @@ from .mechanism import Separation as Separation
 from .mechanism import Spatial as Spatial
 from .mechanism import Translational as Translational
 from .mechanism import Upright as Upright
+from .mechanism import VelocityConstraint as VelocityConstraint
 from .mechanism import VirtualWork as VirtualWork
 from .mechanism import aligned as aligned
 from .mechanism import at_equilibrium as at_equilibrium

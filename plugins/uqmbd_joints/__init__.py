@@ -13,6 +13,7 @@ from uqmbd_joints.primitives import Dot1, Dot2, Parallel2
 from uqmbd_joints.prismatic import Prismatic
 from uqmbd_joints.revolute import Revolute
 from uqmbd_joints.revolute_spherical import RevoluteSpherical
+from uqmbd_joints.rolling import RollingSphere, RollingWheel, Skate
 from uqmbd_joints.screw import Screw
 from uqmbd_joints.spherical import Spherical
 from uqmbd_joints.universal import Universal
@@ -32,7 +33,10 @@ __all__ = [
     "RackAndPinion",
     "Revolute",
     "RevoluteSpherical",
+    "RollingSphere",
+    "RollingWheel",
     "Screw",
+    "Skate",
     "Spherical",
     "Universal",
 ]
@@ -56,7 +60,10 @@ def uqmbd_components() -> list[type[uqmbd.Component]]:
         RackAndPinion,
         Revolute,
         RevoluteSpherical,
+        RollingSphere,
+        RollingWheel,
         Screw,
+        Skate,
         Spherical,
         Universal,
     ]

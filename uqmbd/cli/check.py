@@ -56,7 +56,7 @@ def show_check(script: Path, figure: Path | None = None) -> None:
     screen.print(f"  start       {STARTS[_start(study)]}")
     screen.print(f"  coordinates {found.coordinates}")
     screen.print(f"  equations   {_equations(found)}")
-    screen.print(f"  mobility    {found.mobility} degree{'' if found.mobility == 1 else 's'} of freedom")
+    screen.print(f"  mobility    {_mobility(found)}")
     if found.redundant:
         redundant = ", ".join(found.redundant)
         screen.print(f"  redundant   {redundant} (follow from the others, and are left out)", markup=False)
@@ -81,6 +81,20 @@ def _require_integrator(study: Study) -> None:
     integrator = getattr(study, "integrator", "auto")
     if integrator != "auto":
         require_for(build(study.mechanism, float(study.times[0])), integrator, f"study {study.name!r}")
+
+
+def _mobility(found: Any) -> str:
+    """Count the degrees of freedom, those of velocities where equations that bind velocities alone leave fewer.
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace
+    >>> _mobility(SimpleNamespace(mobility=3, velocity_mobility=2))
+    '3 degrees of freedom of the positions, 2 of the velocities'
+    """
+    of_velocities = getattr(found, "velocity_mobility", found.mobility)
+    text = f"{found.mobility} degree{'' if found.mobility == 1 else 's'} of freedom"
+    return text if of_velocities == found.mobility else f"{text} of the positions, {of_velocities} of the velocities"
 
 
 def _equations(found: Any) -> str:

@@ -115,6 +115,7 @@ def _kinematics(mechanism: Mechanism, time: float) -> tuple[Model, list[Instance
     size, n = mechanism.space.size, mechanism.space.size * len(order)
     equations = tuple(f"{i.component.name}: {label}" for i in instances for label in i.type.labels)
     owners = tuple(i.component.name for i in instances for _ in i.type.labels)
+    nonholonomic = np.flatnonzero([not holonomic for i in instances for holonomic in i.type.holonomic])
     norms = np.flatnonzero([i.type.owns for i in instances for _ in i.type.labels])
     cosines = tuple(f"{i.component.name}: {label}" for i in instances for label in i.type.cosine_labels)
 
@@ -150,6 +151,7 @@ def _kinematics(mechanism: Mechanism, time: float) -> tuple[Model, list[Instance
         kept=every,
         frozen=none,
         active=every,
+        nonholonomic=nonholonomic,
     )
     kinds = ("position", "velocity", "initial", "acceleration", "energy")
     model = Model(
@@ -183,9 +185,10 @@ def _kinematics(mechanism: Mechanism, time: float) -> tuple[Model, list[Instance
     q, messages = positions(model, parameters[:, drawn], time, parameters)
     if messages[0]:
         raise AssemblyError(f"mechanism {mechanism.name!r} cannot be assembled: {messages[0]}")
-    still = np.zeros((1, layout.states))
-    gradient = model.evaluate("position", state_arguments(time, q, still, np.zeros_like(q)), parameters)["phi_q"][0]
-    kept, _ = independent_rows(gradient, model.norms)
+    state = state_arguments(time, q, np.zeros((1, layout.states)), np.zeros_like(q))
+    gradient = model.evaluate("position", state, parameters)["phi_q"][0]
+    gradient[nonholonomic] = model.evaluate("velocity", state, parameters)["d"][0][nonholonomic]
+    kept, _ = independent_rows(gradient, model.norms, nonholonomic)
     frozen, holding = _frozen(model, instances, kept, gradient)
     active = np.setdiff1d(kept, holding)
     return replace(model, layout=replace(layout, kept=kept, frozen=frozen, active=active)), instances
@@ -315,7 +318,7 @@ def build(mechanism: Mechanism, time: float = 0.0, *, fuse: bool | None = None) 
     )
     parameters = model.parameters(mechanism.inputs.means[None, :])
     drawn = parameters[:, model.drawn]
-    q, _ = positions(model, drawn, time, parameters, layout.kept)
+    q, _ = positions(model, drawn, time, parameters, layout.kept_holonomic)
     notices = (
         *moved_bodies(mechanism, model, drawn[0], q[0]),
         *deep_contacts(mechanism, model, instances, q[0], parameters[0]),

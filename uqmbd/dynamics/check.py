@@ -25,7 +25,8 @@ class Check:
     bodies : tuple of str
     components : tuple of (name, type, number of constraint equations)
     coordinates, equations, rank, mobility : int
-        Equations include the unit norm of each quaternion; ``mobility = coordinates - rank``.
+        Equations include the unit norm of each quaternion; the mobility is the number of degrees of freedom of the
+        positions: ``mobility = coordinates - rank`` of the equations of positions.
     redundant : tuple of str
         Equations that follow from the others.
     not_unique : tuple of str
@@ -55,6 +56,11 @@ class Check:
     unit_lengths: int = 0
     apart: tuple[tuple[str, ...], ...] = ()
     moved: tuple[Move, ...] = ()
+    velocity_equations: int = 0
+    """As many of the equations bind velocities alone (`VelocityConstraint`)."""
+    velocity_mobility: int = 0
+    """Degrees of freedom of the velocities, ``coordinates - rank`` of all equations: fewer than those of the positions
+    where equations bind velocities alone."""
 
 
 @checked
@@ -100,13 +106,15 @@ def check(mechanism: Mechanism, time: float = 0.0) -> Check:
         equations=layout.constraints,
         rank=layout.rank,
         redundant=tuple(model.equations[k] for k in redundant),
-        mobility=layout.coordinates - layout.rank,
+        mobility=layout.coordinates - len(layout.kept_holonomic),
         not_unique=reactions_not_unique(mechanism, time) if len(redundant) else (),
         inputs=tuple((v.name, v.description, v.units) for v in inputs.variables),
         unused_inputs=tuple(n for n in inputs.names if n not in used),
         unit_lengths=len(model.norms),
         apart=_apart(mechanism),
         moved=_moved(mechanism, model, time),
+        velocity_equations=len(layout.nonholonomic),
+        velocity_mobility=layout.coordinates - layout.rank,
     )
 
 
@@ -114,7 +122,7 @@ def _moved(mechanism: Mechanism, model: Model, time: float) -> tuple[Move, ...]:
     """Return the bodies that assembly moved noticeably, at the means."""
     parameters = model.parameters(mechanism.inputs.means[None, :])
     drawn = parameters[:, model.drawn]
-    q, _ = positions(model, drawn, time, parameters, model.layout.kept)
+    q, _ = positions(model, drawn, time, parameters, model.layout.kept_holonomic)
     limit = max(0.01 * size_of(mechanism), 1e-9)
     return tuple(m for m in moves(model, drawn[0], q[0]) if m.distance > limit or m.turn > np.radians(1))
 

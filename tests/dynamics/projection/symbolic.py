@@ -9,6 +9,9 @@ The dissertation's way, for small mechanisms and low orders, as a proof that the
 3. the Euler-Lagrange equations in the coefficients are taken, ``d/dt dL/dv_j - dL/dq_j + dC/dq_j - dW/d(dq_j) = 0``,
    and the constraints ``dC/d(lambda_j) = 0`` with their rates.
 
+Constraints between velocities alone, ``a . v + b = 0``, hold as ``E[(a . v + b) psi_j] = 0``.  Their reactions enter by
+their virtual work, ``-E[lambda . (a . dq)]`` (Lagrange and d'Alembert).
+
 No quadrature and no equation of motion of a realisation enters.
 """
 
@@ -76,7 +79,8 @@ class VariationalWork:
                 "which the symbolic route does not know; use uqmbd.ProjectedEnsemble."
             )
         self.degrees = [tuple(map(int, row)) for row in multi_index]
-        self.n, self.m, self.P = len(self.terms.coordinates), len(self.terms.constraints), len(self.degrees)
+        self.n, self.P, self.holonomic = len(self.terms.coordinates), len(self.degrees), len(self.terms.constraints)
+        self.m = self.holonomic + len(self.terms.velocity_constraints)  # those between velocities alone behind others
         self._germs(mechanism)
         widths = [*(self.n * self.P,) * 4, self.m * self.P]
         self.first = dict(zip(LETTERS, np.cumsum([0, *widths[:-1]]).tolist(), strict=True))
@@ -167,7 +171,23 @@ class VariationalWork:
     @cached_property
     def averaged_constraints(self) -> Sum:
         """``E[lambda . Phi]``."""
-        return self._sum([x * phi for x, phi in zip(self.multipliers, self.terms.constraints, strict=True)])
+        return self._sum([x * phi for x, phi in zip(self.multipliers, self.terms.constraints, strict=False)])
+
+    @cached_property
+    def averaged_velocity_constraints(self) -> Sum:
+        """``E[lambda . (a . v + b)]``."""
+        own = self.multipliers[self.holonomic :]
+        return self._sum([x * psi for x, psi in zip(own, self.terms.velocity_constraints, strict=True)])
+
+    @cached_property
+    def averaged_holding_work(self) -> Sum:
+        """``E[lambda . (a . dq)]``: minus the virtual work of reactions between velocities."""
+        own, rates = (
+            self.multipliers[self.holonomic :],
+            list(zip(self.terms.velocities, self.displacements, strict=True)),
+        )
+        pairs = zip(own, self.terms.velocity_constraints, strict=True)
+        return self._sum([x * sympy.Add(*(psi.diff(v) * d for v, d in rates)) for x, psi in pairs])
 
     @cached_property
     def averaged_work(self) -> Sum:
@@ -202,8 +222,9 @@ class VariationalWork:
     def _equations(self) -> dict[str, Compiled]:
         """Euler-Lagrange equations, constraint forces, constraints and their rates: rows (polynomial, symbol)."""
         lagrangian, work = gradient(self.averaged_lagrangian), gradient(self.averaged_work)
-        constraints = gradient(self.averaged_constraints)
-        rows: dict[str, list[Sum]] = {"motion": [], "holding": [], "phi": [], "psi": []}
+        constraints, sliding = gradient(self.averaged_constraints), gradient(self.averaged_holding_work)
+        velocities = gradient(self.averaged_velocity_constraints)
+        rows: dict[str, list[Sum]] = {"motion": [], "holding": [], "sliding": [], "phi": [], "psi": []}
         for j, k in product(range(self.P), range(self.n)):
             q, v, d = (self._variable(letter, k, j) for letter in "qvd")
             motion: Sum = defaultdict(lambda: sympy.QQ(0))
@@ -213,10 +234,13 @@ class VariationalWork:
                     motion[monomial] += sign * factor
             rows["motion"].append(motion)
             rows["holding"].append(constraints.get(q, {}))
+            rows["sliding"].append(sliding.get(d, {}))
         for j, k in product(range(self.P), range(self.m)):
             phi = constraints.get(self._variable("l", k, j), {})
             rows["phi"].append(phi)
-            rows["psi"].append(self._flow(phi))
+            rows["psi"].append(
+                velocities.get(self._variable("l", k, j), {}) if k >= self.holonomic else self._flow(phi)
+            )
         return {name: Compiled.of(entries, self.time + 1) for name, entries in rows.items()}
 
     def residual(
@@ -231,12 +255,13 @@ class VariationalWork:
         q, v, q_rate, v_rate : array, shape (P, coordinate)
             Coefficients of all coordinates and velocities, and their rates.
         lam, mu : array, shape (P, constraint)
-            Coefficients of all multipliers, of the constraints and of their rates.
+            Coefficients of all multipliers, of the constraints and of their rates; of those between velocities last.
 
         Returns
         -------
         q, v, l, m : array
-            ``q' - v + D^T mu``, ``M v' + h - Q + D^T lambda``, ``Phi`` and its rate, projected.
+            ``q' - v + D^T mu``, ``M v' + h - Q + D^T lambda``, ``Phi`` and its rate, projected.  Constraints between
+            velocities have no ``Phi`` and no part in ``D^T mu``; ``mu`` stands in its place.
         """
         norms, rows = self.norms[:, None], self._equations
         still = np.zeros_like(q)
@@ -249,10 +274,12 @@ class VariationalWork:
             found: Array = rows[name](at).reshape(self.P, -1) / norms
             return found
 
+        phi = shaped("phi", values)
+        phi[:, self.holonomic :] = mu[:, self.holonomic :]
         return (
             q_rate - v + shaped("holding", held),
-            shaped("motion", values) + shaped("holding", values),
-            shaped("phi", values),
+            shaped("motion", values) + shaped("holding", values) + shaped("sliding", values),
+            phi,
             shaped("psi", values),
         )
 
@@ -280,7 +307,10 @@ class VariationalWork:
             x[:, where[letter]] for x, letter in ((y, "q"), (y, "v"), (rates, "q"), (rates, "v"))
         )
         lam, mu = (np.zeros((self.P, self.m)) for _ in range(2))
-        lam[:, layout.active], mu[:, layout.active] = y[:, where["l"]], y[:, where["m"]]
+        # equations of positions first
+        order = np.argsort(np.isin(np.arange(self.m), layout.nonholonomic), kind="stable")
+        active = np.argsort(order)[layout.active]
+        lam[:, active], mu[:, active] = y[:, where["l"]], y[:, where["m"]]
         found = self.residual(time, q, v, lam, mu, q_rate, v_rate)
-        chosen = (free, free, layout.active, layout.active)
+        chosen = (free, free, active, active)
         return np.concatenate([x[:, k] for x, k in zip(found, chosen, strict=True)], axis=1)

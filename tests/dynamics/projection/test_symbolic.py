@@ -24,6 +24,10 @@ from .symbolic import VariationalWork
         ("slider_crank", {"torque": 0.1}, 1),
         ("slider_crank", {"torque": 0.1}, 2),
         ("spatial_pendulum", {}, 1),
+        ("sleigh", {}, 1),
+        ("sleigh", {}, 2),
+        ("rolling_wheel", {}, 1),
+        ("rolling_wheel", {}, 2),
         pytest.param("spatial_pendulum", {}, 2, marks=pytest.mark.slow),
     ],
 )

@@ -83,7 +83,7 @@ def _scales(gradient: Array) -> Array:
 def positions(
     model: Model, drawn: Array, time: float, parameters: Array, rows: Index | None = None
 ) -> tuple[Array, list[str]]:
-    """Move drawn poses as little as closes all constraints.
+    """Move drawn poses as little as closes all constraints of positions.
 
     Parameters
     ----------
@@ -227,15 +227,17 @@ def _largest_owners(model: Model, worst: Array) -> str:
     return f"joint {ranked[0]!r}" + (f" (together with {', '.join(others)})" if others else "")
 
 
-def independent_rows(gradient: Array, first: Index) -> tuple[Index, Index]:
+def independent_rows(gradient: Array, first: Index, last: Index | None = None) -> tuple[Index, Index]:
     """Split equations into independent and redundant ones.
 
     Parameters
     ----------
     gradient : array, shape (equation, coordinate)
-        ``Phi_q`` at an assembled pose.
+        ``Phi_q`` at an assembled pose; of equations between velocities ``D``.
     first : array of int
         Equations that are kept before all others (unit quaternions).
+    last : array of int, optional
+        Equations that are kept behind all others (those between velocities): they never stand for one of positions.
 
     Returns
     -------
@@ -243,6 +245,12 @@ def independent_rows(gradient: Array, first: Index) -> tuple[Index, Index]:
         Sorted.
     """
     m = len(gradient)
+    if last is not None and len(last):
+        early = np.setdiff1d(np.arange(m), last)
+        held = early[independent_rows(gradient[early], np.searchsorted(early, first))[0]]
+        some = np.union1d(held, last)
+        found = some[independent_rows(gradient[some], np.searchsorted(some, held))[0]]
+        return found, np.setdiff1d(np.arange(m), found)
     if m == 0:
         return np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
     norm = np.linalg.norm(gradient, axis=1)
@@ -337,7 +345,8 @@ def assemble(model: Model, all_parameters: Array, time: float) -> Start:
     drawn = all_parameters[:, model.drawn]
     bad: NDArray[np.bool_] = np.asarray(~(np.abs(all_parameters) <= LARGEST).all(axis=1))
     safe = np.where(bad[:, None], np.nan_to_num(all_parameters, nan=1.0, posinf=1.0, neginf=1.0), all_parameters)
-    q, messages = positions(model, np.where(bad[:, None], np.nan_to_num(drawn), drawn), time, safe, layout.kept)
+    poses = np.where(bad[:, None], np.nan_to_num(drawn), drawn)
+    q, messages = positions(model, poses, time, safe, layout.kept_holonomic)
     s = model.evaluate("initial", state_arguments(time, q, np.zeros((count, layout.states)), np.zeros_like(q)), safe)[
         "s"
     ]

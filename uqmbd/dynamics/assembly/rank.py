@@ -173,10 +173,14 @@ def violated(
     flat, values = states.reshape(-1, width), np.zeros((count * number, layout.constraints))
     for first in range(0, len(flat), BLOCK):
         part = np.arange(first, min(first + BLOCK, len(flat)))
-        arguments = state_arguments(times[part % number], flat[part])
-        values[part] = model.evaluate("drift", arguments, parameters[part // number])["phi"]
+        found = model.evaluate("drift", state_arguments(times[part % number], flat[part]), parameters[part // number])
+        values[part] = found["phi"]
+        values[np.ix_(part, layout.nonholonomic)] = found["psi"][:, layout.nonholonomic]
     values[:, layout.kept] = 0.0
-    allowed = min(COARSE, max(FINE, VIOLATION * rtol)) * min(1.0, model.length)
+    share = min(COARSE, max(FINE, VIOLATION * rtol))
+    allowed = np.full((count, 1, layout.constraints), share * min(1.0, model.length))
+    speed = np.nanmax(np.abs(states[..., layout.velocities :]), axis=(1, 2), initial=0.0)
+    allowed[:, 0, layout.nonholonomic] = share * np.maximum(speed, 1e-3 * min(1.0, model.length))[:, None]
     off = np.abs(values).reshape(count, number, -1) > allowed * lengths[:, None]
     texts: dict[int, tuple[int, str]] = {}
     for k in np.flatnonzero(off.any(axis=(1, 2))).tolist():

@@ -14,7 +14,13 @@ from typing import Any
 
 import sympy
 
-from uqmbd.dynamics.equations.expressions import TIME, plain, require_derivatives, settled_expression
+from uqmbd.dynamics.equations.expressions import (
+    TIME,
+    plain,
+    require_derivatives,
+    require_velocities,
+    settled_expression,
+)
 from uqmbd.errors import StudyError
 from uqmbd.mechanism import (
     Auxiliary,
@@ -31,6 +37,7 @@ from uqmbd.mechanism import (
     Space,
     StateSymbol,
     Upright,
+    VelocityConstraint,
     VirtualWork,
     flatten,
     t,
@@ -70,6 +77,7 @@ class BlockType:
     potential: sympy.Expr
     work: tuple[tuple[sympy.Expr, sympy.Expr], ...]
     constraints: tuple[sympy.Expr, ...]
+    holonomic: tuple[bool, ...]  # of each constraint: whether it is one of positions, or else of velocities alone
     labels: tuple[str, ...]
     rates: tuple[sympy.Expr, ...]
     initial: tuple[sympy.Expr, ...]
@@ -121,6 +129,7 @@ class BlockType:
             self.owns,
             self.parameters,
             len(self.states),
+            *(k for k, holonomic in enumerate(self.holonomic) if not holonomic),
             sympy.srepr(
                 sympy.Tuple(
                     self.kinetic, self.potential, *(x for w in self.work for x in w), sympy.S.Zero, *self.constraints,
@@ -248,7 +257,10 @@ def _block(
     quantities = tuple((named[symbol], kind, settled(e)) for symbol, (kind, e) in local.quantities.items())
 
     velocities, coordinates = set(v), set(q) | set(local.states.values())
+    accelerations: set[sympy.Basic] = set()
     for symbol, kind, e in quantities:
+        if e.free_symbols & (velocities if kind == "rate" else accelerations):
+            accelerations.add(symbol)
         if kind == "rate" or e.free_symbols & velocities:
             velocities.add(symbol)
         if e.free_symbols & coordinates:
@@ -257,6 +269,7 @@ def _block(
     potential: sympy.Expr = sympy.S.Zero
     work: list[tuple[sympy.Expr, sympy.Expr]] = []
     constraints: list[sympy.Expr] = []
+    holonomic: list[bool] = []
     labels: list[str] = []
     rates: dict[sympy.Symbol, tuple[sympy.Expr, sympy.Expr]] = {}
     uprights: list[tuple[sympy.Expr, str]] = []
@@ -283,12 +296,13 @@ def _block(
                             "the work of a force on a point is VirtualWork(force, body.point_velocity(point))."
                         )
                 work += pairs
-            case Constraint(equations, label):
+            case Constraint(equations, label) | VelocityConstraint(equations, label):
                 parts = [settled(e) for e in flatten(equations)]
                 names = ["x", "y", "z"] if len(parts) in (2, 3) else [str(k + 1) for k in range(len(parts))]
                 word = label or "equation"
                 labels += [word] if len(parts) == 1 else [f"{word} {x}" for x in names[: len(parts)]]
                 constraints += parts
+                holonomic += [isinstance(term, Constraint)] * len(parts)
             case Auxiliary(state, rate, initial):
                 rates[state] = (settled(rate), settled(initial))
             case Event():
@@ -300,26 +314,28 @@ def _block(
             case _:
                 raise StudyError(
                     f"{where}: terms() yielded {term!r}; expected Kinetic, Potential, VirtualWork, "
-                    "Constraint, Auxiliary, Event, Upright or Separation."
+                    "Constraint, VelocityConstraint, Auxiliary, Event, Upright or Separation."
                 )
     for state, symbol in local.states.items():
         if symbol not in rates:
             raise StudyError(f"{where}: the state {state!r} is used but no Auxiliary term gives its rate.")
-    for e in (*constraints, potential):
+    at_rest = [e for e, h in zip(constraints, holonomic, strict=True) if h]
+    for e in (*at_rest, potential):
         if moving := e.free_symbols & velocities:
             what = "a potential energy" if e is potential else f"the constraint {e} = 0"
             raise StudyError(
                 f"{where}: {what} contains a velocity ({min(map(str, moving))}); constraints are equations, and "
-                "potentials energies, of positions, states and time. What depends on velocities is a VirtualWork."
+                "potentials energies, of positions, states and time. What depends on velocities is a VirtualWork; an "
+                "equation that binds velocities, and is linear in them, is a VelocityConstraint."
             )
-    clash = [e for e in constraints if not e.free_symbols & coordinates]
+    clash = [e for e in at_rest if not e.free_symbols & coordinates]
     if clash:
         raise StudyError(f"{where}: the constraint {clash[0]} = 0 contains no coordinate of a body.")
     changing = {*velocities, *coordinates}
     require_derivatives(where, [kinetic, potential, *(x for pair in work for x in pair)], changing)
     require_derivatives(where, [*constraints, *(rate for rate, _ in rates.values())], changing | {TIME})
     on, sign = (kinds[-1], 1) if kinds[-1] >= 0 else (kinds[0], -1)
-    return BlockType(
+    block = BlockType(
         name=type(component).__name__,
         space=space,
         bodies=len(bodies),
@@ -330,6 +346,7 @@ def _block(
         potential=potential,
         work=tuple(work),
         constraints=tuple(constraints),
+        holonomic=tuple(holonomic),
         labels=tuple(labels),
         rates=tuple(rates[s][0] for s in local.states.values()),
         initial=tuple(rates[s][1] for s in local.states.values()),
@@ -342,6 +359,9 @@ def _block(
         reaction_on=on,
         reaction_sign=sign,
     )
+    for e in (e for e, h in zip(constraints, holonomic, strict=True) if not h):
+        require_velocities(where, e, block.whole(e), set(v), accelerations)
+    return block
 
 
 def _event(where: str, event: Event, settled: Callable[[Any], sympy.Expr], velocities: set[sympy.Symbol]) -> EventType:

@@ -11,6 +11,9 @@ constraints and stays right where a constraint or a potential contains an auxili
     0 = M v' + h - Q + D^T lambda
     0 = Phi
     0 = psi
+
+A constraint between velocities alone states ``psi`` itself.  It has no ``Phi``, and no part in ``D^T mu``: the row of
+its ``Phi`` is ``0 = mu``.
 """
 
 from __future__ import annotations
@@ -65,7 +68,9 @@ class Derived:
         convert = self._converter()
         self.kinetic, self.potential = convert(block.kinetic), convert(block.potential)
         self.work = [(convert(f), convert(w)) for f, w in block.work]
-        self.phi = [convert(e) for e in block.constraints]
+        self.stated = [convert(e) for e in block.constraints]
+        self.holonomic = block.holonomic
+        self.phi = [e if h else se.Integer(0) for e, h in zip(self.stated, self.holonomic, strict=True)]
         self.g = [convert(e) for e in block.rates]
         self.s0 = [convert(e) for e in block.initial]
         self.cosines = [convert(e) for e in block.cosines]
@@ -112,7 +117,7 @@ class Derived:
             for x, dx in zip(q, v, strict=True)
         ]
         self.force = [f + w - h for f, w, h in zip(self.potential_force, self.work_force, inertial, strict=True)]
-        self.psi = [flow(e, accelerate=False) for e in self.phi]
+        self.psi = [flow(e, accelerate=False) if h else e for e, h in zip(self.stated, self.holonomic, strict=True)]
         self.d = [[_diff(e, x) for x in v] for e in self.psi]
         self.gamma = [-flow(e, accelerate=False) for e in self.psi]
         self.bias = [[flow(w, accelerate=False) for w in directions] for _, directions, *_ in self.events]
@@ -125,8 +130,9 @@ class Derived:
         """Rows of the stabilised index-2 form."""
         e: list[Any] = []
         targets: list[tuple[Any, ...]] = []
+        stabilising = [x if h else se.Integer(0) for x, h in zip(self.m, self.holonomic, strict=True)]
         for k in range(len(self.q)):
-            row = self.constraint_force(self.m, k)
+            row = self.constraint_force(stabilising, k)
             e.append(self.qd[k] - self.v[k] + row if self.block.owns else row)
             targets.append(("q", k))
         for k, g in enumerate(self.g):
@@ -137,7 +143,7 @@ class Derived:
             e.append(inertia - self.force[k] + self.constraint_force(self.l, k))
             targets.append(("v", k))
         for k, (phi, psi) in enumerate(zip(self.phi, self.psi, strict=True)):
-            e += [phi, psi]
+            e += [phi if self.holonomic[k] else self.m[k], psi]
             targets += [("l", k), ("m", k)]
         return _nonzero(e, targets)
 

@@ -21,7 +21,7 @@ from uqmbd.mechanism import (
 )
 from uqmbd.randomness import RandomVariable
 
-__all__ = ["TIME", "plain", "require_derivatives", "settled_expression"]
+__all__ = ["TIME", "plain", "require_derivatives", "require_velocities", "settled_expression"]
 
 TIME = sympy.Symbol("_t", real=True)
 """Time in blocks."""
@@ -173,3 +173,40 @@ def require_derivatives(where: str, expressions: list[sympy.Expr], changing: set
                     f"{where}: a force, an energy or a constraint contains {kind}(...) of what moves, and {kind} has "
                     "no derivative that can be computed; write it piecewise, or smooth it."
                 )
+
+
+def require_velocities(
+    where: str,
+    stated: sympy.Expr,
+    whole: sympy.Expr,
+    velocities: set[sympy.Symbol],
+    accelerations: set[sympy.Basic],
+) -> None:
+    """Raise where an equation between velocities contains none, or is not linear in them, or contains accelerations.
+
+    Parameters
+    ----------
+    where : str
+        What the equation belongs to, for the message.
+    stated, whole : expression
+        As it is stated, and with what named quantities stand for.
+    velocities, accelerations : set of symbols
+        Velocities of the bodies, and named quantities that are rates of velocities.
+    """
+    if not whole.free_symbols & velocities:
+        raise StudyError(
+            f"{where}: the velocity constraint {stated} = 0 contains no velocity; an equation of "
+            "positions is a Constraint."
+        )
+    if stated.free_symbols & accelerations:
+        raise StudyError(
+            f"{where}: the velocity constraint {stated} = 0 contains the rate of a velocity; expected an equation "
+            "between velocities."
+        )
+    for velocity in sorted(whole.free_symbols & velocities, key=str):
+        slope = whole.diff(velocity)
+        if slope.free_symbols & velocities and sympy.expand(slope).free_symbols & velocities:
+            raise StudyError(
+                f"{where}: the velocity constraint {stated} = 0 is not linear in the velocities; expected "
+                "a(q, t) . v + b(q, t) = 0. What depends on velocities in another way is a VirtualWork."
+            )

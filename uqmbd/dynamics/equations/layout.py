@@ -71,6 +71,8 @@ class Layout:
         unknowns of the integration.
     active : array of int
         Kept equations without those that freeze a coordinate: the ones with multipliers in ``y``.
+    nonholonomic : array of int
+        Equations between velocities, of which there is none between positions.
     """
 
     coordinates: int
@@ -79,6 +81,7 @@ class Layout:
     kept: Index
     frozen: Index
     active: Index
+    nonholonomic: Index
 
     @property
     def width(self) -> int:
@@ -101,6 +104,11 @@ class Layout:
     def rank(self) -> int:
         """Number of independent constraint equations."""
         return len(self.kept)
+
+    @cached_property
+    def kept_holonomic(self) -> Index:
+        """Independent equations of positions."""
+        return np.setdiff1d(self.kept, self.nonholonomic)
 
     @cached_property
     def free(self) -> Index:

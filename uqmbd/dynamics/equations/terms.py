@@ -28,11 +28,15 @@ class MechanismTerms:
     work : tuple of (force, velocity)
         Generalised forces are ``sum of force * d velocity / d v_i``.
     constraints : tuple of expressions
-        Zero; in the order of an ensemble's equations.
+        Zero; in the order of an ensemble's equations of positions.
     equations : tuple of str
         Their names.
     states, rates, initial : tuple of symbols, of expressions, of expressions
         Auxiliary differential states, ``state' = rate``, and where they start.
+    velocity_constraints : tuple of expressions
+        Zero, linear in the velocities; in the order of an ensemble's equations between velocities alone.
+    velocity_equations : tuple of str
+        Their names.
     """
 
     coordinates: tuple[sympy.Symbol, ...]
@@ -45,6 +49,8 @@ class MechanismTerms:
     states: tuple[sympy.Symbol, ...] = ()
     rates: tuple[sympy.Expr, ...] = ()
     initial: tuple[sympy.Expr, ...] = ()
+    velocity_constraints: tuple[sympy.Expr, ...] = ()
+    velocity_equations: tuple[str, ...] = ()
 
 
 def mechanism_terms(mechanism: Mechanism) -> MechanismTerms:
@@ -78,6 +84,8 @@ def mechanism_terms(mechanism: Mechanism) -> MechanismTerms:
     work: list[tuple[sympy.Expr, sympy.Expr]] = []
     constraints: list[sympy.Expr] = []
     equations: list[str] = []
+    velocity_constraints: list[sympy.Expr] = []
+    velocity_equations: list[str] = []
     states: list[sympy.Symbol] = []
     rates: list[sympy.Expr] = []
     initial: list[sympy.Expr] = []
@@ -90,8 +98,9 @@ def mechanism_terms(mechanism: Mechanism) -> MechanismTerms:
         if block.potential != 0:
             potential.append(whole(block.potential).xreplace(known))
         work += [(whole(f).xreplace(known), whole(w).xreplace(known)) for f, w in block.work]
-        constraints += [whole(e).xreplace(known) for e in block.constraints]
-        equations += [f"{instance.component.name}: {label}" for label in block.labels]
+        for e, label, holonomic in zip(block.constraints, block.labels, block.holonomic, strict=True):
+            (constraints if holonomic else velocity_constraints).append(whole(e).xreplace(known))
+            (equations if holonomic else velocity_equations).append(f"{instance.component.name}: {label}")
         states += own
         rates += [whole(e).xreplace(known) for e in block.rates]
         initial += [whole(e).xreplace(known) for e in block.initial]
@@ -107,6 +116,8 @@ def mechanism_terms(mechanism: Mechanism) -> MechanismTerms:
         tuple(states),
         tuple(rates),
         tuple(initial),
+        tuple(velocity_constraints),
+        tuple(velocity_equations),
     )
 
 

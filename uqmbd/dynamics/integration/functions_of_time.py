@@ -107,7 +107,8 @@ def timed(instances: list[Instance], inputs: tuple[RandomVariable, ...]) -> Time
         guards = [event.guard for event in instance.type.events]
         whole = [e for x in (*instance.type.expressions, *guards) for e in _of_time(x)]
         # a corner of what is prescribed is a jump of its speed
-        rates = [e.diff(TIME) for x in instance.type.constraints for e in _of_time(x) if e.has(sympy.Piecewise)]
+        positions = [x for x, h in zip(instance.type.constraints, instance.type.holonomic, strict=True) if h]
+        rates = [e.diff(TIME) for x in positions for e in _of_time(x) if e.has(sympy.Piecewise)]
         for e in (*whole, *rates):
             if not _even(e):
                 found[e.xreplace({**values, TIME: t})] = None

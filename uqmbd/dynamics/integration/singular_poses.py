@@ -63,8 +63,8 @@ def repivoted(model: Model, q: Array, s: Array, time: float, parameters: Array) 
     """
     layout = model.layout
     first = np.union1d(model.norms, np.setdiff1d(layout.kept, layout.active)).astype(np.int64)
-    kept, _ = independent_rows(gradient(model, q, s, time, parameters), first)
-    if len(kept) != layout.rank:
+    kept, _ = independent_rows(gradient(model, q, s, time, parameters), first, layout.nonholonomic)
+    if len(kept) != layout.rank or len(np.setdiff1d(kept, layout.nonholonomic)) != len(layout.kept_holonomic):
         return model
     new = replace(model, layout=replace(layout, kept=kept, active=np.intersect1d(kept, layout.active)))
     key = (model.digest, kept.tobytes())

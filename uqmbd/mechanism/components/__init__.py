@@ -16,6 +16,7 @@ from uqmbd.mechanism.components.component import (
     Separation,
     Term,
     Upright,
+    VelocityConstraint,
     VirtualWork,
     flatten,
 )
@@ -40,6 +41,7 @@ __all__ = [
     "Separation",
     "Term",
     "Upright",
+    "VelocityConstraint",
     "VirtualWork",
     "counted_angle",
     "flatten",

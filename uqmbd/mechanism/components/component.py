@@ -24,6 +24,7 @@ from uqmbd.mechanism.components.terms import (
     Separation,
     Term,
     Upright,
+    VelocityConstraint,
     VirtualWork,
 )
 from uqmbd.mechanism.components.world_pose import KEYWORDS, replaced
@@ -45,14 +46,15 @@ __all__ = [
     "Separation",
     "Term",
     "Upright",
+    "VelocityConstraint",
     "VirtualWork",
     "flatten",
 ]
 
 
 SYMBOLS = (
-    "ball", "coil", "contact", "cylinder", "damper", "driver", "force", "hinge", "line", "plane", "rod", "slide",
-    "spring", "torque", "universal", "weld",
+    "ball", "coil", "contact", "cylinder", "damper", "driver", "force", "hinge", "line", "plane", "rod", "skate",
+    "slide", "spring", "torque", "universal", "weld", "wheel",
 )  # fmt: skip
 """How figures can draw a component."""
 

@@ -17,6 +17,7 @@ __all__ = [
     "Separation",
     "Term",
     "Upright",
+    "VelocityConstraint",
     "VirtualWork",
 ]
 
@@ -50,12 +51,57 @@ class VirtualWork:
 class Constraint:
     """Holonomic equations ``phi(q, t) = 0``.
 
+    What binds velocities alone is a `VelocityConstraint`.
+
     Parameters
     ----------
     equations : expression, or vector of them
         Polynomials in the coordinates wherever the geometry allows.
     label : str
         What they hold together ("point", "axis"), for messages; numbered where there are several.
+    """
+
+    equations: Any
+    label: str = ""
+
+
+@dataclass(frozen=True)
+class VelocityConstraint:
+    """Equations ``a(q, t) . v + b(q, t) = 0`` between velocities: nonholonomic constraints.
+
+    Of wheels that roll, skates and knife edges, whose equations are no derivatives of equations of positions.  They
+    hold at the level of velocities: initial velocities satisfy them, impacts keep them, and positions are not
+    assembled by them.  Their reactions do no work where ``b`` is zero (Lagrange and d'Alembert; Neimark and Fufaev,
+    Dynamics of Nonholonomic Systems, 1972).
+
+    Parameters
+    ----------
+    equations : expression, or vector of them
+        In coordinates, velocities, states and time, linear in the velocities; m/s, or rad/s.
+    label : str
+        What they hold together ("rolling", "blade"), for messages; numbered where there are several.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        When the mechanism is built: an equation contains no velocity, or is not linear in the velocities.
+
+    Examples
+    --------
+    A knife edge under the origin of a body, seen from above: no velocity across its x axis.
+
+    >>> import uqmbd
+    >>> class Edge(uqmbd.Component):
+    ...     bodies = ("body",)
+    ...     spaces = (uqmbd.Planar,)
+    ...     def terms(self, p):
+    ...         yield uqmbd.VelocityConstraint(p.body.direction((0, 1)).dot(p.body.velocity), "edge")
+    >>> mechanism = uqmbd.Mechanism("sleigh", uqmbd.Planar())
+    >>> sleigh = mechanism.body("sleigh", mass=1, inertia=0.1)
+    >>> edge = mechanism.add(Edge("edge", sleigh))
+    >>> found = uqmbd.check(mechanism)
+    >>> found.mobility, found.velocity_mobility
+    (3, 2)
     """
 
     equations: Any
@@ -156,4 +202,4 @@ class Separation:
     reach: Any = 0
 
 
-Term = Kinetic | Potential | VirtualWork | Constraint | Auxiliary | Upright | Event | Separation
+Term = Kinetic | Potential | VirtualWork | Constraint | VelocityConstraint | Auxiliary | Upright | Event | Separation

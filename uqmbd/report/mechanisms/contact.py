@@ -43,7 +43,7 @@ def extremes(points: Array, radius: float) -> Array:
 
 def draw_contact(
     pen: Pen, places: Sequence[Array], radii: Sequence[float], colours: Sequence[Any], normal: Array | None,
-    reaches: Sequence[tuple[float, float]],
+    reaches: Sequence[tuple[float, float]], turning: Array | None = None,
 ) -> None:  # fmt: skip
     """Draw what may touch.
 
@@ -61,8 +61,10 @@ def draw_contact(
         Of the plane, towards the other body.
     reaches : sequence of (low, high)
         How far the plane is shown from its point along each vector of `across`, m.
+    turning : array, optional
+        Axis of the circles in space, where they are wheels.
     """
     if normal is not None:
         pen.ground(places[0], normal, across(normal), reaches)
     for place, radius, colour in list(zip(places, radii, colours, strict=True))[normal is not None :]:
-        pen.circle(place, radius, colour)
+        pen.circle(place, radius, colour, turning)

@@ -23,6 +23,9 @@ __all__ = ["Sketch", "world"]
 POINTLIKE = ("hinge", "ball", "universal", "weld", "rod", "spring", "damper", "")
 """Symbols whose point on the ground is shown as held by it."""
 
+ON_GROUND = ("contact", "wheel")
+"""Symbols of what lies or rolls on a plane, whose normal is its first direction."""
+
 CLOSED = ("hinge", "ball", "universal", "weld")
 """Symbols of joints that hold two points together."""
 
@@ -177,7 +180,7 @@ class Sketch:
         found = [points[..., self.placed, :].reshape(-1, points.shape[-1])]
         found += [extremes(points[..., k, :], radius) for k, radius in enumerate(self.radii) if radius > 0]
         for part in self.parts:
-            if part.symbol == "contact" and part.directions and len(part.points) > 1:
+            if part.symbol in ON_GROUND and part.directions and len(part.points) > 1:
                 origin, last, normal = (
                     points[..., k, :] for k in (part.points[0], part.points[-1], part.directions[0])
                 )
@@ -198,7 +201,7 @@ class Sketch:
                 low, high = (float(along.min()), float(along.max())) if len(along) else (0.0, 0.0)
                 # the origin of a guide is on it, unless it is far away
                 found[part.name] = (min(low, 0.0), max(high, 0.0)) if min(abs(low), abs(high)) < 1.0 else (low, high)
-            if part.symbol == "contact" and len(part.points) > 1 and part.directions:
+            if part.symbol in ON_GROUND and len(part.points) > 1 and part.directions:
                 offset = points[:, part.points[-1]] - points[:, part.points[0]]
                 axes = [across(normal) for normal in points[:, part.directions[0]]]
                 for number in range(points.shape[-1] - 1):
@@ -268,13 +271,14 @@ class Sketch:
         if self.data.attrs.get("note") and part.symbol in CLOSED and first is not None and last is not None:
             pen.gap(first, last)
         match part.symbol:
-            case "contact" if first is not None:
+            case "contact" | "wheel" if first is not None:
                 shown = [(low, high) for name, (low, high) in reaches.items() if name.startswith(f"{part.name}/")]
                 radii, colours = (
                     [self.radii[k] for k in part.points],
                     [self.colour(self.owners[k]) for k in part.points],
                 )
-                draw_contact(pen, places, radii, colours, axis if shown else None, shown)
+                turning = axes[1] if part.symbol == "wheel" and len(axes) > 1 else None
+                draw_contact(pen, places, radii, colours, axis if shown else None, shown, turning)
             case "hinge" if last is not None:
                 pen.hinge(last, axis)
             case "ball" if last is not None:
@@ -290,6 +294,8 @@ class Sketch:
             case "line" if first is not None and last is not None and axis is not None:
                 pen.line(first, axis, reaches.get(part.name, (0.0, 0.0)))
                 pen.dot(last)
+            case "skate" if last is not None and axis is not None:
+                pen.blade(last, axis)
             case "plane" if first is not None and last is not None and axis is not None:
                 pen.plane(first, axis, last)
                 pen.dot(last)
@@ -327,9 +333,9 @@ class Sketch:
             found.append(Label(_short(body), middle, 9.0, self.colour(body), bold=True))
         for part in self.parts:
             where = [points[part.anchor]] if part.anchor is not None else [points[k] for k in part.ends]
-            if part.symbol in ("rod", "spring", "damper", "contact", "driver", "") and len(part.points) > 1:
+            if part.symbol in ("rod", "spring", "damper", "contact", "wheel", "driver", "") and len(part.points) > 1:
                 where = [points[part.points[0]], points[part.points[-1]]]
-                if part.symbol == "contact" and part.directions:
+                if part.symbol in ON_GROUND and part.directions:
                     where = [foot(where[0], points[part.directions[0]], where[1])]
             if where:
                 found.append(Label(_short(part.name), canvas.project(np.mean(where, axis=0)), 8.0, "0.25"))

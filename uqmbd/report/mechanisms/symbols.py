@@ -202,13 +202,20 @@ class Pen:
         corners = np.array([first[0] + second[0], first[1] + second[0], first[1] + second[1], first[0] + second[1]])
         self._add(self.canvas.project(corners), "0.5", "0.9", 0.8, closed=True, order=0.6, alpha=0.6)
 
-    def circle(self, point: Array, radius: float, colour: Any) -> None:
-        """Draw a circle or sphere of a radius, m; a dot where that is too small to be seen."""
+    def blade(self, point: Array, axis: Array) -> None:
+        """Draw the blade of a skate: a short thick line along its axis."""
+        step = 0.22 * self.canvas.unit * axis / np.linalg.norm(axis)
+        self._add(self.canvas.project(np.array([point - step, point + step])), DARK, None, 3.2, order=4.1)
+
+    def circle(self, point: Array, radius: float, colour: Any, axis: Array | None = None) -> None:
+        """Draw a circle or sphere of a radius, m, in space with an axis a disc; a dot where it is too small to see."""
         inches = radius / self.canvas.unit
         if inches < 0.6 * RADIUS:
             self.dot(point)
             return
         line = self.canvas.project(point) + inches * _circle(97)
+        if self.canvas.spatial and axis is not None:
+            line = self.canvas.project(point + radius * _ring(axis))
         self._add(line, colour, None, 1.3, closed=True, order=3.2)
         self._add(line, "none", colour, 0.0, closed=True, order=1.5, alpha=0.15)
 

@@ -192,12 +192,15 @@ class Loads:
     gradient : array, shape (m, n)
         ``d psi / d v`` of its constraints: reactions are combinations of its rows.
     violation : array, shape (m,)
-        Constraints.
+        Constraints of positions; zero for those between velocities alone.
+    rate : array, shape (m,)
+        Their rates, and constraints between velocities.
     """
 
     force: Array
     gradient: Array
     violation: Array
+    rate: Array
 
 
 def _loads_kernel(instance: Instance) -> Kernel:
@@ -206,16 +209,18 @@ def _loads_kernel(instance: Instance) -> Kernel:
     def make() -> Kernel:
         arguments = [x for *_, x in derived.arguments("initial")] + derived.p
         force = [a + b for a, b in zip(derived.potential_force, derived.work_force, strict=True)]
-        return compile_kernel(arguments, [*force, *(x for row in derived.d for x in row), *derived.phi])
+        rows = [x for row in derived.d for x in row]
+        return compile_kernel(arguments, [*force, *rows, *derived.phi, *derived.psi])
 
-    result: Kernel = cached(("loads", instance.type.digest), make)
+    result: Kernel = cached(("loads and rates", instance.type.digest), make)
     return result
 
 
 def _loads(instance: Instance, q: Array, s: Array, v: Array, time: float, parameters: Array) -> Loads:
     n, m = instance.type.coordinates, len(instance.type.constraints)
     found = _loads_kernel(instance)(np.concatenate([q, s, v, [time], parameters])[None, :])[0]
-    return Loads(found[:n], found[n : n + m * n].reshape(m, n), found[n + m * n :])
+    gradient, violation, rate = np.split(found[n:], [m * n, m * n + m])
+    return Loads(found[:n], gradient.reshape(m, n), violation, rate)
 
 
 def _check_mechanics(bench: Bench, rng: np.random.Generator) -> None:
@@ -243,6 +248,11 @@ def _check_mechanics(bench: Bench, rng: np.random.Generator) -> None:
         )
         assert abs(there.violation).max(initial=0) < 1e-7, (
             f"{bench.title}: its constraints are violated when everything is moved and turned as a whole."
+        )
+        error = abs(there.rate - here.rate).max(initial=0)
+        assert error < 1e-7 * (1 + abs(here.rate).max(initial=0)), (
+            f"{bench.title}: its constraints between velocities change by {error:.2g} when everything is moved and "
+            "turned as a whole."
         )
 
 

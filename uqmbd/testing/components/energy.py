@@ -20,13 +20,15 @@ STEP = 1e-5
 def is_timeless(derived: Derived) -> bool:
     """Return whether time is in no potential and no constraint, nor a state that changes at rest, which is a clock.
 
-    A drive of given speed has such a state; it may do work, as may what depends on time.
+    A drive of given speed has such a state, or a constraint between velocities that does not hold at rest; it may do
+    work, as may what depends on time.
     """
-    if any(derived.t in e.free_symbols for e in (derived.potential, *derived.phi, *derived.g)):
+    between = [e for e, holonomic in zip(derived.psi, derived.holonomic, strict=True) if not holonomic]
+    if any(derived.t in e.free_symbols for e in (derived.potential, *derived.phi, *between, *derived.g)):
         return False
     rng = np.random.default_rng(0)
     at_rest: dict[Any, float] = dict.fromkeys(derived.v, 0)
-    for rate in derived.g:
+    for rate in (*derived.g, *between):
         e = rate.subs(at_rest)
         values = {x: rng.uniform(0.1, 0.9) for x in sorted(e.free_symbols, key=str)}
         if abs(float(e.subs(values))) > 1e-12:
@@ -72,7 +74,7 @@ def check_energy(bench: Bench, rng: np.random.Generator) -> None:
     rest = here[:, 1 + m + len(derived.s) :]
     powers = {"a potential": (rest[:, :n] * v).sum(axis=1) + change[:, 0]}
     gradient = rest[:, n:].reshape(len(rest), m, n)
-    for k in range(m):
+    for k in (k for k in range(m) if derived.holonomic[k]):
         powers[f"constraint {k}"] = change[:, 1 + k] - (gradient[:, k] * v).sum(axis=1)
     for what, power in powers.items():
         worst = abs(power).max()

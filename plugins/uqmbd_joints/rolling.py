@@ -1,0 +1,175 @@
+"""Wheels and spheres that roll without slipping, and skates: constraints between velocities."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import sympy
+
+import uqmbd
+
+__all__ = ["RollingSphere", "RollingWheel", "Skate"]
+
+
+class RollingWheel(uqmbd.Component):
+    """A wheel of body j, a thin disc with a sharp rim, rolls without slipping on a plane fixed in body i.
+
+    Its rim touches the plane, and may lean; the material of both bodies has one velocity where they meet.  In the plane
+    it rolls on a line.  It neither lifts off nor slips: `reaction_force`, which acts on the wheel where it touches the
+    plane, tells whether it would.  A disc that comes to lie flat is in a singular pose.
+
+    In space the equations are polynomials: with the height ``h`` of the centre over the plane, its unit normal ``n``
+    and the axis ``a``, ``h^2 = R^2 (1 - (n . a)^2)``, and the point of contact is ``-(R^2 / h) (n - (n . a) a)`` from
+    the centre [1]_.
+
+    References
+    ----------
+    .. [1] J. I. Neimark, N. A. Fufaev, Dynamics of Nonholonomic Systems, American Mathematical Society 1972, chapter 3.
+
+    Examples
+    --------
+    >>> RollingWheel.signature()
+    '(name, body_i, body_j, point_i, point_j, normal_i, axis_j, radius)'
+    """
+
+    symbol = "wheel"
+    spaces = (uqmbd.Spatial, uqmbd.Planar)
+    drawn_by = ()
+    point_i = uqmbd.Parameter("m", "a point of the plane, frame of body i", kind="point", body="body_i")
+    point_j = uqmbd.Parameter("m", "centre of the wheel, frame of body j", kind="point", body="body_j")
+    normal_i = uqmbd.Parameter(
+        "1", "normal of the plane towards the wheel, frame of body i", kind="axis", body="body_i"
+    )
+    axis_j = uqmbd.Parameter(
+        "1", "axis of the wheel, frame of body j (left out in the plane)", kind="turning_axis", body="body_j"
+    )
+    radius = uqmbd.Parameter("m", "radius of the wheel", minimum=0, exclusive=True, about="point_j")
+
+    def prepare(self) -> dict[str, Any]:
+        """Find the directions of the plane."""
+        return _directions(self.normal_i)
+
+    def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.Constraint | uqmbd.VelocityConstraint | uqmbd.Upright]:
+        """Yield the geometry, and that it does not slip."""
+        i, j = p.body_i, p.body_j
+        normal, centre = i.direction(p.normal_i), j.point(p.point_j)
+        height = normal.dot(centre - i.point(p.point_i))
+        if p.space.dimension == 2:
+            yield uqmbd.Constraint(height - p.radius, "contact")
+            foot = centre - p.radius * normal
+            yield uqmbd.VelocityConstraint(i.direction(p.along).dot(_slip(p, foot)), "rolling")
+            return
+        axis = j.direction(p.axis_j)
+        lean = normal.dot(axis)
+        yield uqmbd.Upright(height / p.radius, "wheel on the side of the normal")
+        yield uqmbd.Constraint(height**2 - p.radius**2 * (1 - lean**2), "contact")
+        turning = (j.angular_velocity - i.angular_velocity).cross(normal - lean * axis)
+        slip = height / p.radius * _slip(p, centre) - p.radius * turning
+        directions = [i.direction(x) for x in (p.along, p.across)]
+        yield uqmbd.VelocityConstraint(sympy.Matrix([d.dot(slip) for d in directions]), "rolling")
+
+    def reaction_point(self, p: uqmbd.Local) -> sympy.Matrix:
+        """World position of the point of contact."""
+        normal, centre = p.body_i.direction(p.normal_i), p.body_j.point(p.point_j)
+        if p.space.dimension == 2:
+            return centre - p.radius * normal
+        axis = p.body_j.direction(p.axis_j)
+        height = normal.dot(centre - p.body_i.point(p.point_i))
+        return centre - p.radius**2 / height * (normal - normal.dot(axis) * axis)
+
+
+class RollingSphere(uqmbd.Component):
+    """A sphere of body j rolls without slipping on a plane fixed in body i; it may spin about the normal.
+
+    It neither lifts off nor slips: `reaction_force`, which acts on the sphere where it touches the plane, tells whether
+    it would.
+
+    Examples
+    --------
+    >>> RollingSphere.signature()
+    '(name, body_i, body_j, point_i, point_j, normal_i, radius)'
+    """
+
+    symbol = "contact"
+    spaces = (uqmbd.Spatial,)
+    drawn_by = ()
+    point_i = uqmbd.Parameter("m", "a point of the plane, frame of body i", kind="point", body="body_i")
+    point_j = uqmbd.Parameter("m", "centre of the sphere, frame of body j", kind="point", body="body_j")
+    normal_i = uqmbd.Parameter(
+        "1", "normal of the plane towards the sphere, frame of body i", kind="axis", body="body_i"
+    )
+    radius = uqmbd.Parameter("m", "radius of the sphere", minimum=0, exclusive=True, about="point_j")
+
+    def prepare(self) -> dict[str, Any]:
+        """Find the directions of the plane."""
+        return _directions(self.normal_i)
+
+    def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.Constraint | uqmbd.VelocityConstraint | uqmbd.Upright]:
+        """Yield the geometry, and that it does not slip."""
+        normal = p.body_i.direction(p.normal_i)
+        height = normal.dot(p.body_j.point(p.point_j) - p.body_i.point(p.point_i))
+        yield uqmbd.Constraint(height - p.radius, "contact")
+        slip = _slip(p, self.reaction_point(p))
+        directions = [p.body_i.direction(x) for x in (p.along, p.across)]
+        yield uqmbd.VelocityConstraint(sympy.Matrix([d.dot(slip) for d in directions]), "rolling")
+
+    def reaction_point(self, p: uqmbd.Local) -> sympy.Matrix:
+        """World position of the point of contact."""
+        return p.body_j.point(p.point_j) - p.radius * p.body_i.direction(p.normal_i)
+
+
+class Skate(uqmbd.Component):
+    """A blade at a point of body j glides along its own axis over a plane of body i, and not across: a knife edge.
+
+    Across is perpendicular to the axis and to the normal of the plane.  One equation between velocities; what keeps the
+    blade on the plane is another component (`PointOnPlane`).  In the plane, seen from above, there is no normal.
+    `reaction_force` acts across, on body j, at the blade.
+
+    Examples
+    --------
+    >>> Skate.signature()
+    '(name, body_i, body_j, point_j, axis_j, normal_i)'
+    """
+
+    symbol = "skate"
+    spaces = (uqmbd.Spatial, uqmbd.Planar)
+    drawn_by = ()
+    point_j = uqmbd.Parameter("m", "place of the blade, frame of body j", kind="point", body="body_j")
+    axis_j = uqmbd.Parameter("1", "direction of the blade, frame of body j", kind="axis", body="body_j")
+    normal_i = uqmbd.Parameter(
+        "1", "normal of the plane, frame of body i (left out in the plane)", kind="turning_axis", body="body_i"
+    )
+
+    def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.VelocityConstraint]:
+        """Yield that it does not move across."""
+        axis = p.body_j.direction(p.axis_j)
+        if p.space.dimension == 2:
+            across = sympy.Matrix([-axis[1], axis[0]])
+        else:
+            across = p.body_i.direction(p.normal_i).cross(axis)
+        yield uqmbd.VelocityConstraint(across.dot(_slip(p, p.body_j.point(p.point_j))), "blade")
+
+    def reaction_point(self, p: uqmbd.Local) -> sympy.Matrix:
+        """World position of the blade."""
+        return p.body_j.point(p.point_j)
+
+
+def _directions(normal: Any) -> dict[str, Any]:
+    """Find unit vectors that are perpendicular to a normal, and to each other."""
+    if len(normal) == 2:
+        return {"along": (normal[1], -normal[0])}
+    along, across = uqmbd.perpendiculars(normal)
+    return {"along": along, "across": across}
+
+
+def _slip(p: uqmbd.Local, point: sympy.Matrix) -> sympy.Matrix:
+    """Velocity of the material of body j at a world point, relative to that of body i there."""
+    return _velocity(p.body_j, point) - _velocity(p.body_i, point)
+
+
+def _velocity(frame: uqmbd.Frame, point: sympy.Matrix) -> sympy.Matrix:
+    arm, w = point - frame.position, frame.angular_velocity
+    if frame.space.dimension == 2:
+        return frame.velocity + w[0] * sympy.Matrix([-arm[1], arm[0]])
+    return frame.velocity + w.cross(arm)
