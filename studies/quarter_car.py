@@ -16,7 +16,6 @@ import sympy
 import uqmbd
 from uqmbd_collocation import Collocation
 from uqmbd_galerkin import Galerkin
-from uqmbd_joints import PointOnPlane
 from uqmbd_montecarlo import MonteCarlo
 from uqmbd_springs import RadialTyre, SpringDamper
 
@@ -56,22 +55,18 @@ for k, (frequency, value) in enumerate(modes):
     coefficient = uqmbd.RandomVariable(f"road_{k + 1}", chaospy.Normal(0, 1), units="1")
     road += coefficient * float(np.sqrt(value) / size) * wave(frequency * place)
 
-mechanism = uqmbd.Mechanism("quarter_car", uqmbd.Translational(gravity=(0.0, -9.81)))
-wheel = mechanism.body("wheel", mass=40, position=(0, 0.3))
-body = mechanism.body("body", mass=300, position=(0, 0.8))
-for name, moving in (("wheel_guide", wheel), ("body_guide", body)):
-    mechanism.add(PointOnPlane(name, mechanism.ground, moving, (0, 0), (0, 0), axis_i=(1, 0)))
-mechanism.add(
-    SpringDamper("suspension", wheel, body, (0, 0), (0, 0), stiffness=20_000, damping=1_200, free_length=0.65)
-)
+mechanism = uqmbd.Mechanism("quarter_car", uqmbd.Line(gravity=-9.81))
+wheel = mechanism.body("wheel", mass=40, position=0.3)
+body = mechanism.body("body", mass=300, position=0.8)
+mechanism.add(SpringDamper("suspension", wheel, body, 0, 0, stiffness=20_000, damping=1_200, free_length=0.65))
 tyre = mechanism.add(
-    RadialTyre("tyre", mechanism.ground, wheel, (0, 0), road=road, radius=0.32, stiffness=180_000, damping=100)
+    RadialTyre("tyre", mechanism.ground, wheel, 0, road=road, radius=0.32, stiffness=180_000, damping=100)
 )
 
-mechanism.output("body_height", body.position[1], units="m")
-mechanism.output("body_acceleration", body.acceleration[1], units="m/s^2")
-mechanism.output("suspension_travel", body.position[1] - wheel.position[1], units="m")
-mechanism.output("tyre_force", tyre.reaction_force[1], units="N")
+mechanism.output("body_height", body.position, units="m")
+mechanism.output("body_acceleration", body.acceleration, units="m/s^2")
+mechanism.output("suspension_travel", body.position - wheel.position, units="m")
+mechanism.output("tyre_force", tyre.reaction_force, units="N")
 
 study = uqmbd.Study(
     "quarter_car",

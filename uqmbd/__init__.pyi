@@ -30,6 +30,7 @@ from .mechanism import Event as Event
 from .mechanism import Frame as Frame
 from .mechanism import Impact as Impact
 from .mechanism import Kinetic as Kinetic
+from .mechanism import Line as Line
 from .mechanism import Local as Local
 from .mechanism import Mechanism as Mechanism
 from .mechanism import Parameter as Parameter

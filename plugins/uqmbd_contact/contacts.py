@@ -26,8 +26,10 @@ class _Contact(uqmbd.Component):
         "1", "exponent of hunt-crossley", default=sympy.Rational(3, 2), minimum=0, exclusive=True
     )
     damping = uqmbd.Parameter("s/m, N s/m", "D of hunt-crossley, c of kelvin-voigt", default=0, minimum=0)
-    friction = uqmbd.Parameter("1", "coefficient of friction", default=0, minimum=0)
-    slow = uqmbd.Parameter("m/s", "speed below which friction is viscous", default=1e-3, minimum=0, exclusive=True)
+    friction = uqmbd.Parameter("1", "coefficient of friction", default=0, minimum=0, dimensions=2)
+    slow = uqmbd.Parameter(
+        "m/s", "speed below which friction is viscous", default=1e-3, minimum=0, exclusive=True, dimensions=2
+    )
 
     meeting: ClassVar[Callable[..., Meeting]]
 
@@ -46,6 +48,8 @@ class _Contact(uqmbd.Component):
         state = {x: getattr(p, x.name) for x in NUMBERS} | {depth: -meeting.gap, depth_rate: -opening, speed: speed}
         force = p.let("normal force", uqmbd.law_at(p, law.normal, state, what="force"))
         yield uqmbd.VirtualWork(force, opening)
+        if p.space.dimension == 1:  # nothing slides across the normal
+            return
         coefficient = uqmbd.law_at(p, law.friction, state, what="coefficient")
         if coefficient != 0:
             sliding = meeting.relative - meeting.normal.dot(meeting.relative) * meeting.normal

@@ -46,6 +46,7 @@ class OnPlane(uqmbd.Component):
     """Geometry of a sphere of body j on a plane of body i."""
 
     symbol = "contact"
+    spaces = (*uqmbd.Component.spaces, uqmbd.Line)
     drawn_by = ()
     point_i = uqmbd.Parameter("m", "a point of the plane, frame of body i", kind="point", body="body_i")
     point_j = uqmbd.Parameter("m", "centre of the sphere, frame of body j", kind="point", body="body_j")
@@ -61,21 +62,29 @@ class OnPlane(uqmbd.Component):
 
 
 class OnSphere(uqmbd.Component):
-    """Geometry of two spheres."""
+    """Geometry of two spheres; on a line, of two segments, which stay on the side on which they are drawn."""
 
     symbol = "contact"
+    spaces = (*uqmbd.Component.spaces, uqmbd.Line)
     drawn_by = ()
     point_i = uqmbd.Parameter("m", "centre of the sphere, frame of body i", kind="point", body="body_i")
     point_j = uqmbd.Parameter("m", "centre of the sphere, frame of body j", kind="point", body="body_j")
     radius_i = uqmbd.Parameter("m", "radius of the sphere of body i", minimum=0, about="point_i")
     radius_j = uqmbd.Parameter("m", "radius of the sphere of body j", minimum=0, about="point_j")
 
+    def prepare(self) -> dict[str, Any]:
+        """Take from the drawing on which side they are on a line."""
+        return {"side": self.drawn_side()} if len(self.point_i) == 1 else {}
+
     def meeting(self, p: uqmbd.Local) -> Meeting:
         """Return where they meet: the point of sphere i towards the centre of sphere j."""
         first = p.let("centre i", p.body_i.point(p.point_i))
         offset = p.let("offset", p.body_j.point(p.point_j) - first)
-        between = p.let("distance", sympy.sqrt(offset.dot(offset)))
-        normal = p.let("normal", offset / between)
+        if p.space.dimension == 1:
+            between, normal = p.let("distance", p.side * offset[0]), sympy.Matrix([p.side])
+        else:
+            between = p.let("distance", sympy.sqrt(offset.dot(offset)))
+            normal = p.let("normal", offset / between)
         gap = p.let("gap", between - p.radius_i - p.radius_j)
         smaller = sympy.Min(p.radius_i, p.radius_j)
         return Meeting(gap, normal, _relative(p, first + p.radius_i * normal), reach=smaller)
@@ -113,6 +122,7 @@ class InBearing(uqmbd.Component):
     """Geometry of a circle of body j inside a slightly larger one of body i; in space, of a ball in a socket."""
 
     symbol = "contact"
+    spaces = (*uqmbd.Component.spaces, uqmbd.Line)
     point_i = uqmbd.Parameter("m", "centre of the bearing, frame of body i", kind="point", body="body_i")
     point_j = uqmbd.Parameter("m", "centre of the journal, frame of body j", kind="point", body="body_j")
     radius = uqmbd.Parameter("m", "radius of the journal", minimum=0, about="point_j")
@@ -130,7 +140,7 @@ class InBearing(uqmbd.Component):
 
 
 def tangents(p: uqmbd.Local, meeting: Meeting) -> tuple[sympy.Matrix, ...]:
-    """Return unit vectors along the surface, world axes: one in the plane, two in space."""
+    """Return unit vectors along the surface, world axes: one in the plane, two in space, none on a line."""
     if meeting.fixed_i is not None:  # they turn with body i
         return tuple(p.let("tangent", p.body_i.direction(x)) for x in _across(meeting.fixed_i))
     return tuple(p.let("tangent", x) for x in _across(meeting.normal))
@@ -155,6 +165,8 @@ def _velocity(frame: uqmbd.Frame, point: sympy.Matrix) -> sympy.Matrix:
 def _across(normal: sympy.Matrix) -> tuple[sympy.Matrix, ...]:
     """Return unit vectors that are perpendicular to a unit vector and to each other."""
     normal = sympy.Matrix(normal)
+    if len(normal) == 1:
+        return ()
     if len(normal) == 2:
         return (sympy.Matrix([normal[1], -normal[0]]),)
     # Duff et al., Journal of Computer Graphics Techniques 6 (2017) no. 1: continuous but for a half-plane's edge

@@ -15,7 +15,7 @@ class _Impact(uqmbd.Component):
     """What all impacts share."""
 
     restitution = uqmbd.Parameter("1", "coefficient of restitution, 0 to 1", default=1, minimum=0, maximum=1)
-    friction = uqmbd.Parameter("1", "coefficient of friction", default=0, minimum=0)
+    friction = uqmbd.Parameter("1", "coefficient of friction", default=0, minimum=0, dimensions=2)
 
     meeting: ClassVar[Callable[..., Meeting]]
 

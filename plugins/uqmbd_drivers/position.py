@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
 import uqmbd
 
@@ -19,6 +20,7 @@ class PositionDriver(uqmbd.Component):
     """
 
     symbol = "driver"
+    spaces = (*uqmbd.Component.spaces, uqmbd.Line)
     point_i = uqmbd.Parameter("m", "where the displacement is zero, frame of body i", kind="point", body="body_i")
     point_j = uqmbd.Parameter("m", "the driven point, frame of body j", kind="point", body="body_j")
     axis_i = uqmbd.Parameter("1", "direction, frame of body i", kind="axis", body="body_i")
@@ -33,6 +35,8 @@ class PositionDriver(uqmbd.Component):
 class DistanceDriver(uqmbd.Component):
     """The distance of two points follows a function of time that never vanishes.
 
+    On a line point j stays on the side of point i on which it is drawn.
+
     Examples
     --------
     >>> DistanceDriver.signature()
@@ -40,12 +44,18 @@ class DistanceDriver(uqmbd.Component):
     """
 
     symbol = "driver"
+    spaces = (*uqmbd.Component.spaces, uqmbd.Line)
     drawn_by = ()
     point_i = uqmbd.Parameter("m", "one end, frame of body i", kind="point", body="body_i")
     point_j = uqmbd.Parameter("m", "other end, frame of body j", kind="point", body="body_j")
     length = uqmbd.Parameter("m", "distance, an expression in uqmbd.t", minimum=0, exclusive=True)
 
+    def prepare(self) -> dict[str, Any]:
+        """Take from the drawing on which side the points are on a line."""
+        return {"side": self.drawn_side()} if len(self.point_i) == 1 else {}
+
     def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.Constraint]:
         """Yield the geometry."""
         offset = p.body_j.point(p.point_j) - p.body_i.point(p.point_i)
-        yield uqmbd.Constraint(offset.dot(offset) - p.length**2, "length")
+        line = p.space.dimension == 1
+        yield uqmbd.Constraint(p.side * offset[0] - p.length if line else offset.dot(offset) - p.length**2, "length")

@@ -48,6 +48,7 @@ class LinearSpeedDriver(uqmbd.Component):
     """
 
     symbol = "driver"
+    spaces = (*uqmbd.Component.spaces, uqmbd.Line)
     point_i = uqmbd.Parameter("m", "a point to measure from, frame of body i", kind="point", body="body_i")
     point_j = uqmbd.Parameter("m", "the driven point, frame of body j", kind="point", body="body_j")
     axis_i = uqmbd.Parameter("1", "direction, frame of body i", kind="axis", body="body_i")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
 import uqmbd
 
@@ -12,6 +13,8 @@ __all__ = ["Distance"]
 class Distance(uqmbd.Component):
     """A massless rod: two points keep their distance.  Spherical at both ends; in the plane revolute at both.
 
+    On a line point j stays on the side of point i on which it is drawn.
+
     Examples
     --------
     >>> Distance.signature()
@@ -19,12 +22,18 @@ class Distance(uqmbd.Component):
     """
 
     symbol = "rod"
+    spaces = (*uqmbd.Component.spaces, uqmbd.Line)
     drawn_by = ()
     point_i = uqmbd.Parameter("m", "end of the rod, frame of body i", kind="point", body="body_i")
     point_j = uqmbd.Parameter("m", "end of the rod, frame of body j", kind="point", body="body_j")
     length = uqmbd.Parameter("m", "length of the rod", minimum=0, exclusive=True)
 
+    def prepare(self) -> dict[str, Any]:
+        """Take from the drawing on which side the points are on a line."""
+        return {"side": self.drawn_side()} if len(self.point_i) == 1 else {}
+
     def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.Constraint]:
         """Yield the geometry."""
         offset = p.body_j.point(p.point_j) - p.body_i.point(p.point_i)
-        yield uqmbd.Constraint(offset.dot(offset) - p.length**2, "length")
+        line = p.space.dimension == 1
+        yield uqmbd.Constraint(p.side * offset[0] - p.length if line else offset.dot(offset) - p.length**2, "length")

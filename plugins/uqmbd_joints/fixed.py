@@ -22,6 +22,7 @@ class Fixed(uqmbd.Component):
     """
 
     symbol = "weld"
+    spaces = (*uqmbd.Component.spaces, uqmbd.Line)
     point_i = uqmbd.Parameter("m", "joint point, frame of body i", kind="point", body="body_i")
     point_j = uqmbd.Parameter("m", "joint point, frame of body j", kind="point", body="body_j")
     rotation = uqmbd.Parameter(

@@ -23,7 +23,9 @@ class NonlinearSpringDamper(uqmbd.Component):
     """A force along the line between two points, by any law of length and rate; positive pulls the points together.
 
     The law is an expression in ``uqmbd_springs.length`` and ``uqmbd_springs.rate``; random variables and `uqmbd.t` may
-    enter it.
+    enter it.  On a line the length is counted towards the side on which point j is drawn, and is negative where the
+    ends have passed each other; ends that are drawn at one place need a law that is odd: that changes its sign with
+    length and rate.
 
     Examples
     --------
@@ -34,18 +36,24 @@ class NonlinearSpringDamper(uqmbd.Component):
     """
 
     symbol = "spring"
+    spaces = (*uqmbd.Component.spaces, uqmbd.Line)
     drawn_by = ()
     point_i = uqmbd.Parameter("m", "end, frame of body i", kind="point", body="body_i")
     point_j = uqmbd.Parameter("m", "end, frame of body j", kind="point", body="body_j")
     law = uqmbd.Parameter("N", "tension", kind="option", example=3 * (length - 0.4) ** 3 + rate * sympy.Abs(rate) / 5)
 
     def prepare(self) -> dict[str, Any]:
-        """Give the coefficients of the law to each realisation."""
-        return uqmbd.law_values(self.law, length, rate, package="uqmbd_springs")
+        """Give the coefficients of the law to each realisation; on a line, take the side from the drawing."""
+        found = uqmbd.law_values(self.law, length, rate, package="uqmbd_springs")
+        return {**found, "side": self.drawn_side(either=_is_odd(self.law))} if len(self.point_i) == 1 else found
 
     def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.VirtualWork]:
         """Yield its virtual work."""
         d = p.body_j.point(p.point_j) - p.body_i.point(p.point_i)
+        if p.space.dimension == 1:
+            speed = p.side * (p.body_j.point_velocity(p.point_j) - p.body_i.point_velocity(p.point_i))[0]
+            yield uqmbd.VirtualWork(-uqmbd.law_at(p, p.law, {length: p.side * d[0], rate: speed}), speed)
+            return
         size = sympy.sqrt(d.dot(d) + sympy.Float(1e-18))
         speed = d.dot(p.body_j.point_velocity(p.point_j) - p.body_i.point_velocity(p.point_i)) / size
         yield uqmbd.VirtualWork(-uqmbd.law_at(p, p.law, {length: size, rate: speed}), speed)
@@ -82,3 +90,9 @@ class NonlinearTorsionSpringDamper(uqmbd.Component):
         angle = p.state("angle")
         yield uqmbd.Auxiliary(angle, speed, start)
         yield uqmbd.VirtualWork(-uqmbd.law_at(p, p.law, {length: angle, rate: speed}), speed)
+
+
+def _is_odd(law: Any) -> bool:
+    """Tell whether a law changes its sign with length and rate, so that it does not matter which end is ahead."""
+    value = sympy.sympify(law)
+    return bool(sympy.expand(value + value.subs({length: -length, rate: -rate}, simultaneous=True)) == 0)

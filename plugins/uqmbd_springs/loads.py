@@ -24,6 +24,7 @@ class PointForce(uqmbd.Component):
     """
 
     symbol = "force"
+    spaces = (*uqmbd.Component.spaces, uqmbd.Line)
     bodies = ("body",)
     point = uqmbd.Parameter("m", "where it acts, body frame", kind="point")
     force = uqmbd.Parameter("N", "the force, world axes", kind="vector")
@@ -62,6 +63,7 @@ class Gravity(uqmbd.Component):
     """
 
     symbol = "force"
+    spaces = (*uqmbd.Component.spaces, uqmbd.Line)
     bodies = ("body",)
     acceleration = uqmbd.Parameter("m/s^2", "acceleration of free fall to be added, world axes", kind="vector")
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
 import sympy
 
@@ -14,7 +15,9 @@ __all__ = ["SpringDamper"]
 class SpringDamper(uqmbd.Component):
     """A linear spring and damper along the line between two points.
 
-    The length is ``sqrt(d . d + (1e-9 m)^2)``, so that a start at zero length is defined.
+    The length is ``sqrt(d . d + (1e-9 m)^2)``, so that a start at zero length is defined.  On a line it is counted
+    towards the side on which point j is drawn, is negative where the ends have passed each other, and the force stays
+    linear there; ends that are drawn at one place need ``free_length=0``.
 
     Examples
     --------
@@ -23,6 +26,7 @@ class SpringDamper(uqmbd.Component):
     """
 
     symbol = "spring"
+    spaces = (*uqmbd.Component.spaces, uqmbd.Line)
     drawn_by = ()
     point_i = uqmbd.Parameter("m", "end, frame of body i", kind="point", body="body_i")
     point_j = uqmbd.Parameter("m", "end, frame of body j", kind="point", body="body_j")
@@ -30,12 +34,21 @@ class SpringDamper(uqmbd.Component):
     damping = uqmbd.Parameter("N s/m", "damper rate", default=0)
     free_length = uqmbd.Parameter("m", "length without force; negative: wound with initial tension", default=0)
 
+    def prepare(self) -> dict[str, Any]:
+        """Take from the drawing on which side the ends are on a line."""
+        return (
+            {"side": self.drawn_side(either=bool(sympy.sympify(self.free_length).is_zero))}
+            if len(self.point_i) == 1
+            else {}
+        )
+
     def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.Potential | uqmbd.VirtualWork]:
         """Yield energy and dissipation."""
         d = p.body_j.point(p.point_j) - p.body_i.point(p.point_i)
-        length = sympy.sqrt(d.dot(d) + sympy.Float(1e-18))
+        length = p.side * d[0] if p.space.dimension == 1 else sympy.sqrt(d.dot(d) + sympy.Float(1e-18))
         # without a free length the energy is a polynomial: no root
         yield uqmbd.Potential(p.stiffness * (d.dot(d) if p.free_length == 0 else (length - p.free_length) ** 2) / 2)
         if p.damping != 0:
-            rate = d.dot(p.body_j.point_velocity(p.point_j) - p.body_i.point_velocity(p.point_i)) / length
+            speed = p.body_j.point_velocity(p.point_j) - p.body_i.point_velocity(p.point_i)
+            rate = p.side * speed[0] if p.space.dimension == 1 else d.dot(speed) / length
             yield uqmbd.VirtualWork(-p.damping * rate, rate)

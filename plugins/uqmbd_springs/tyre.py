@@ -20,6 +20,7 @@ class RoadFollower(uqmbd.Component):
 
     The road lies in body i: forward is its first axis, up its last one.  Its profile is an expression in
     ``uqmbd_springs.distance``, the forward coordinate of the point, or in `uqmbd.t`; random variables may enter it.
+    On a line, which goes up, the distance stays zero: a road that passes below is a function of `uqmbd.t`.
 
     Examples
     --------
@@ -27,6 +28,7 @@ class RoadFollower(uqmbd.Component):
     '(name, body_i, body_j, point, road, height=0)'
     """
 
+    spaces = (*uqmbd.Component.spaces, uqmbd.Line)
     point = uqmbd.Parameter("m", "the point, frame of body j", kind="point", body="body_j")
     road = uqmbd.Parameter("m", "height of the road", kind="option", example=ROAD)
     height = uqmbd.Parameter("m", "height of the point above the road: the radius of a wheel", default=0)
@@ -37,7 +39,7 @@ class RoadFollower(uqmbd.Component):
 
     def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.Constraint]:
         """Yield the geometry."""
-        place = p.let("place", p.body_i.rotation.T * (p.body_j.point(p.point) - p.body_i.position))
+        place = _place(p)
         road = uqmbd.law_at(p, p.road, {distance: place[0]}, what="road")
         yield uqmbd.Constraint(place[-1] - p.height - road, "road")
 
@@ -61,6 +63,7 @@ class RadialTyre(uqmbd.Component):
     """
 
     symbol = "contact"
+    spaces = (*uqmbd.Component.spaces, uqmbd.Line)
     point = uqmbd.Parameter("m", "centre of the wheel, frame of body j", kind="point", body="body_j")
     road = uqmbd.Parameter("m", "height of the road", kind="option", example=ROAD)
     radius = uqmbd.Parameter("m", "radius of the wheel without load", minimum=0, about="point")
@@ -75,10 +78,17 @@ class RadialTyre(uqmbd.Component):
 
     def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.VirtualWork]:
         """Yield its virtual work."""
-        place = p.let("place", p.body_i.rotation.T * (p.body_j.point(p.point) - p.body_i.position))
+        place = _place(p)
         road = uqmbd.law_at(p, p.road, {distance: place[0]}, what="road")
         compression = p.let("compression", road + p.radius - place[-1])
         rate = p.rate_of(compression)
         contact = (1 + compression / sympy.sqrt(compression**2 + p.transition**2)) / 2
         load = p.let("load", p.stiffness * compression + p.damping * contact * rate)
         yield uqmbd.VirtualWork(-(load + sympy.sqrt(load**2 + (p.stiffness * p.transition) ** 2)) / 2, rate)
+
+
+def _place(p: uqmbd.Local) -> sympy.Matrix:
+    """Where the point is in body i: forward first, up last; on a line it goes nowhere."""
+    place = p.body_i.rotation.T * (p.body_j.point(p.point) - p.body_i.position)
+    found: sympy.Matrix = p.let("place", [0, place[0]] if p.space.dimension == 1 else place)
+    return found

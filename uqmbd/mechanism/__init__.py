@@ -46,6 +46,7 @@ from uqmbd.mechanism.expressions import (
 from uqmbd.mechanism.forgotten import forgotten
 from uqmbd.mechanism.geometry import (
     Frame,
+    Line,
     Planar,
     Space,
     Spatial,
@@ -77,6 +78,7 @@ __all__ = [
     "Impact",
     "Kinetic",
     "LARGEST",
+    "Line",
     "Local",
     "Mechanism",
     "MotionSymbol",

@@ -33,7 +33,7 @@ class Mechanism:
     ----------
     name : str
         What appears in data and reports.
-    space : Spatial, Planar or Translational
+    space : Spatial, Planar, Translational or Line
         What the bodies move in, with the gravity.
 
     Examples
@@ -54,7 +54,7 @@ class Mechanism:
         if not isinstance(space, Space):
             raise StudyError(
                 f"mechanism {name!r}: the space is {shown(space)}; expected uqmbd.Spatial(gravity=(0, 0, -9.81)), "
-                "uqmbd.Planar(gravity=(0, -9.81)) or uqmbd.Translational(...), called."
+                "uqmbd.Planar(gravity=(0, -9.81)), uqmbd.Translational(...) or uqmbd.Line(gravity=-9.81), called."
             )
         require_known(self, f"mechanism {name!r}: gravity", space.gravity, "law")
         self.space = space

@@ -29,7 +29,16 @@ from uqmbd.mechanism.components.terms import (
 )
 from uqmbd.mechanism.components.world_pose import KEYWORDS, replaced
 from uqmbd.mechanism.expressions import EventTime, flatten
-from uqmbd.mechanism.geometry import Frame, NamedFrame, Planar, Space, Spatial, Translational, relative_quaternion
+from uqmbd.mechanism.geometry import (
+    Frame,
+    NamedFrame,
+    Planar,
+    Space,
+    Spatial,
+    Translational,
+    nominal,
+    relative_quaternion,
+)
 from uqmbd.names import check_name, checked, did_you_mean
 
 __all__ = [
@@ -57,6 +66,9 @@ SYMBOLS = (
     "slide", "spring", "torque", "universal", "weld", "wheel",
 )  # fmt: skip
 """How figures can draw a component."""
+
+APART = 1e-12
+"""Distance of two points on a line, relative to their places (m), up to which they are at one place."""
 
 
 class Component:
@@ -255,8 +267,13 @@ class Component:
     def reaction_moment(self) -> Any:
         """Moment exerted on body j by body i about the component's point on body i, world axes, N m.
 
-        A column of three symbols; in the plane one symbol, as angular velocities are.
+        A column of three symbols; in the plane one symbol, as angular velocities are.  On a line there is none.
         """
+        if self._space().dimension == 1:
+            raise AttributeError(
+                f"{type(self).__name__} {self.name!r} has no .reaction_moment: there are no moments on a line; "
+                "use .reaction_force."
+            )
         if self._space().dimension == 2:
             return PlaneReaction(self, "reaction_moment", 0)
         return sympy.Matrix([ReactionSymbol(self, "reaction_moment", k) for k in range(3)])
@@ -299,6 +316,31 @@ class Component:
         attached = self.attached[body]
         pose = getattr(attached, "pose", None)
         return Frame(self._space(), attached.q if pose is None else pose.q)
+
+    def drawn_side(self, *, either: bool = False) -> int:
+        """Tell on which side of `point_i` the point `point_j` is drawn on a line, for `prepare`.
+
+        Parameters
+        ----------
+        either : bool
+            Whether it is 1 where both are drawn at one place; else that is an error.
+
+        Returns
+        -------
+        int
+            1 ahead of it, -1 behind it, at the means of the random variables.
+        """
+        i, j = (self.drawn_frame(key) for key in ("body_i", "body_j"))
+        ends = [nominal(x) for x in (i.point(self.values["point_i"])[0], j.point(self.values["point_j"])[0])]
+        offset = ends[1] - ends[0]
+        if abs(offset) > APART * max(1.0, *map(abs, ends)):
+            return 1 if offset > 0 else -1
+        if either:
+            return 1
+        raise StudyError(
+            f"point_i and point_j are drawn at one place, {ends[0]:g} m, so that it is open which of them is ahead of "
+            "the other on the line; draw them apart, by position= of the bodies or by the points."
+        )
 
     def drawn_displacement(self) -> sympy.Expr:
         """Displacement of `point_j` from `point_i` along `axis_i` in the drawn pose, for `prepare`."""

@@ -58,6 +58,9 @@ class Parameter:
         the points of the last body.
     axes : str
         Axes of a vector or a moment: ``world`` or ``body``.
+    dimensions : int
+        How many the space must have for it to make sense, as friction across a normal takes two; in spaces of fewer it
+        stays at its default, and another value is an error.
 
     Examples
     --------
@@ -80,8 +83,14 @@ class Parameter:
     body: str = field(default="", kw_only=True)
     about: str = field(default="", kw_only=True)
     axes: Literal["world", "body"] = field(default="world", kw_only=True)
+    dimensions: int = field(default=1, kw_only=True)
 
     def __post_init__(self) -> None:
+        if self.dimensions > 1 and self.required:
+            raise StudyError(
+                f"Parameter({self.units!r}, {self.description!r}): it makes sense from dimensions={self.dimensions} on "
+                "and has no default for spaces of fewer; give it one."
+            )
         if not self.minimum < self.maximum:
             raise StudyError(
                 f"Parameter({self.units!r}, {self.description!r}): its range is from minimum={self.minimum!r} to "
@@ -143,6 +152,10 @@ class Parameter:
         if self.exclusive:
             return self.minimum < value < self.maximum
         return self.minimum <= value <= self.maximum
+
+    def fits(self, space: Space) -> bool:
+        """Whether the parameter makes sense in a space."""
+        return space.dimension >= self.dimensions
 
     def size(self, space: Space) -> int:
         """Return how many numbers the parameter has in a space."""

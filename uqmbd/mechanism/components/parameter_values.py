@@ -67,6 +67,11 @@ def settle(where: str, component: Component, space: Space) -> dict[str, Any]:
 def _value(where: str, key: str, parameter: Parameter, value: Any, space: Space, *, stated: bool) -> Any:
     size = parameter.size(space)
     hint = ", ".join(filter(None, (parameter.description, parameter.units)))
+    if stated and not parameter.fits(space) and not (isinstance(value, (int, float)) and value == parameter.default):
+        raise StudyError(
+            f"{where}: {key} is {shown(value)}; it has no effect in {type(space).__name__} space, which has "
+            f"{space.dimension} dimension{'s' * (space.dimension != 1)}, so leave it out ({hint})."
+        )
     if parameter.kind == "option":
         if not parameter.offers(value):
             listed = ", ".join(x.__name__ if isinstance(x, type) else repr(x) for x in parameter.choices)

@@ -14,10 +14,11 @@ from uqmbd.mechanism.geometry.quaternions import (
     smallest_rotation,
     unit,
 )
-from uqmbd.mechanism.geometry.space import Planar, Space, Spatial, Translational
+from uqmbd.mechanism.geometry.space import Line, Planar, Space, Spatial, Translational
 
 __all__ = [
     "Frame",
+    "Line",
     "NamedFrame",
     "Planar",
     "Space",

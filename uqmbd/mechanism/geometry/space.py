@@ -1,4 +1,4 @@
-"""The three spaces: which coordinates a body has, and how they rotate a vector.
+"""The spaces: which coordinates a body has, and how they rotate a vector.
 
 Rotations are unit quaternions, scalar first, from the body to the world; in the plane the half-angle pair
 ``(cos(theta/2), sin(theta/2))``.  Nothing here takes a trigonometric function of a coordinate.
@@ -16,7 +16,7 @@ import sympy
 from uqmbd.mechanism.expressions import numbers
 from uqmbd.names import check_arguments
 
-__all__ = ["Planar", "Space", "Spatial", "Translational"]
+__all__ = ["Line", "Planar", "Space", "Spatial", "Translational"]
 
 
 @dataclass(frozen=True)
@@ -26,10 +26,10 @@ class Space:
     Parameters
     ----------
     gravity : sequence of numbers or expressions
-        Acceleration of free fall, world axes, m/s^2.
+        Acceleration of free fall, world axes, m/s^2; on a line one number.
     """
 
-    gravity: Sequence[Any] | None = None
+    gravity: Any = None
 
     name: ClassVar[str]
     dimension: ClassVar[int]
@@ -43,7 +43,8 @@ class Space:
 
     def __post_init__(self) -> None:
         gravity = (0.0,) * self.dimension if self.gravity is None else self.gravity
-        hint = f"world axes, m/s^2, e.g. {(0.0,) * (self.dimension - 1) + (-9.81,)}"
+        example = -9.81 if self.dimension == 1 else (0.0,) * (self.dimension - 1) + (-9.81,)
+        hint = f"world axes, m/s^2, e.g. {example}"
         entries = numbers(type(self).__name__, "gravity", gravity, self.dimension, hint)
         object.__setattr__(self, "gravity", tuple(entries))
 
@@ -167,6 +168,53 @@ class Translational(Space):
     def rotation(self, e: Sequence[Any]) -> sympy.Matrix:
         """Nothing turns: the identity."""
         return sympy.eye(2)
+
+    def angular_velocity(self, e: Sequence[Any], rate: Sequence[Any]) -> sympy.Matrix:
+        """Nothing turns: zero."""
+        return sympy.zeros(1, 1)
+
+    def body_angular_velocity(self, e: Sequence[Any], rate: Sequence[Any]) -> sympy.Matrix:
+        """Nothing turns: zero."""
+        return sympy.zeros(1, 1)
+
+    def moment(self, e: Sequence[Any], force: Sequence[Any]) -> sympy.Matrix:
+        """Nothing turns: zero."""
+        return sympy.zeros(1, 1)
+
+
+@dataclass(frozen=True)
+class Line(Space):
+    """One direction, for point masses that slide: ``q = (x,)``.
+
+    Points, positions, velocities, forces and the gravity are single numbers (or sequences of one); an axis is ``1`` or
+    ``-1``.  ``body.position`` is a column of one.  What makes sense on a line says so in its `Component.spaces`.
+
+    Two points have a side there: which of them is ahead of the other as drawn.  Lengths of springs, distances and gaps
+    of spheres are counted towards that side, become negative where the points pass each other, and have no kink there.
+
+    Parameters
+    ----------
+    gravity : number or expression
+        Acceleration of free fall along the line, m/s^2.
+
+    Examples
+    --------
+    >>> import uqmbd
+    >>> mechanism = uqmbd.Mechanism("fall", uqmbd.Line(gravity=-10))
+    >>> stone = mechanism.body("stone", mass=1, position=20, velocity=1)
+    >>> mechanism.output("height", stone.position, units="m")
+    >>> round(float(uqmbd.simulate(mechanism, [0, 1])["height"][-1]), 6)
+    16.0
+    """
+
+    name: ClassVar[str] = "line"
+    dimension: ClassVar[int] = 1
+    coordinates: ClassVar[tuple[str, ...]] = ("x",)
+    turns: ClassVar[bool] = False
+
+    def rotation(self, e: Sequence[Any]) -> sympy.Matrix:
+        """Nothing turns: the identity."""
+        return sympy.eye(1)
 
     def angular_velocity(self, e: Sequence[Any], rate: Sequence[Any]) -> sympy.Matrix:
         """Nothing turns: zero."""

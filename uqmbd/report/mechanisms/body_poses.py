@@ -210,13 +210,17 @@ def _dataset(
     from uqmbd.results.schema import fixed_width
 
     space, inputs = mechanism.space, mechanism.inputs
-    d = space.dimension
+    d, coordinates = space.dimension, list(space.coordinates)
     pose = q.reshape(*q.shape[:2], len(mechanism.bodies), space.size).copy()
     if space.turns:
         pose[..., d:] /= np.linalg.norm(pose[..., d:], axis=-1, keepdims=True)
     marks = skeleton(mechanism, float(np.asarray(times)[0]))
     local = ParameterMap.of([x for mark in marks for x in mark.local], inputs.variables)(values)
     components = list(mechanism.components.values())
+    local = local.reshape(len(values), len(marks), d)
+    if d == 1:  # drawn in the plane: upright where there is gravity, else from left to right
+        d, coordinates, upright = 2, ["x", "y"], not space.gravity[0].is_zero
+        pose, local = (np.stack([0 * x, x] if upright else [x, 0 * x], axis=-1)[..., 0, :] for x in (pose, local))
     roles = {
         "point_kind": [m.kind for m in marks],
         "point_body": [m.body for m in marks],
@@ -234,7 +238,7 @@ def _dataset(
             pose.astype(np.float32),
             {"comment": "position of the body frame's origin, m, and unit quaternion, body to world, scalar first"},
         ),
-        "local": (("realisation", "point", "axis"), local.reshape(len(values), len(marks), d), {"units": "m"}),
+        "local": (("realisation", "point", "axis"), local, {"units": "m"}),
     }
     if any(mark.radius != 0 for mark in marks):
         radii = ParameterMap.of([mark.radius for mark in marks], inputs.variables)(values)
@@ -245,7 +249,7 @@ def _dataset(
     coords: dict[str, Any] = {
         "time": ("time", np.asarray(times, dtype=float), {"units": "s"}),
         "body": list(mechanism.bodies),
-        "coordinate": list(space.coordinates),
+        "coordinate": coordinates,
         "axis": list("xyz"[:d]),
     }
     if components:

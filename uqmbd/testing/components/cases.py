@@ -54,7 +54,7 @@ def cases(
     rng : numpy.random.Generator
         For poses and values.
     """
-    declared, chosen = component.parameters(), set(given)
+    declared, chosen = _declared(component, space), set(given)
     given = {k: p.example for k, p in declared.items() if p.example is not None} | dict(given)
     everything = set(declared)
     yield _case("between bodies", component, space, given, everything, rng, turning=True)
@@ -83,7 +83,7 @@ def moving_case(
     component, space, given, rng
         As for `cases`.
     """
-    declared = component.parameters()
+    declared = _declared(component, space)
     given = {k: p.example for k, p in declared.items() if p.example is not None} | dict(given)
     numeric = [k for k, p in declared.items() if p.kind not in ("option", "rotation") and k not in given]
     numeric = [k for k in numeric if declared[k].size(space())][:2]
@@ -109,6 +109,11 @@ def name_of(component: type[Component], space: type[Space]) -> str:
     return f"{component.__name__} in {space.__name__} space"
 
 
+def _declared(component: type[Component], space: type[Space]) -> dict[str, Parameter]:
+    """Return the parameters that make sense in a space."""
+    return {key: parameter for key, parameter in component.parameters().items() if parameter.fits(space())}
+
+
 def _case(
     title: str,
     component: type[Component],
@@ -127,7 +132,7 @@ def _case(
     ]
     values = {
         key: given[key] if key in given else _value(parameter, mechanism.space, rng, turning=turning, moving=moving)
-        for key, parameter in component.parameters().items()
+        for key, parameter in _declared(component, space).items()
         if key in given or key in wanted
     }
     made = component("trial", **_arguments(component, bodies, values))
