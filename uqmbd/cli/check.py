@@ -54,6 +54,8 @@ def show_check(script: Path, figure: Path | None = None) -> None:
     times = f"{len(study.times)}, from {study.times[0]:g} s to {study.times[-1]:g} s" if many else "none"
     screen.print(f"  times       {times}")
     screen.print(f"  start       {STARTS[_start(study)]}")
+    for condition, kind in getattr(found, "conditions", ()):
+        screen.print(f"  condition   {condition} ({kind}, at the start only)", markup=False)
     screen.print(f"  coordinates {found.coordinates}")
     screen.print(f"  equations   {_equations(found)}")
     screen.print(f"  mobility    {_mobility(found)}")

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import sympy
 
-from uqmbd.dynamics.assembly import independent_rows, not_unique, positions, reaction_symbols
+from uqmbd.dynamics.assembly import independent_rows, not_unique, positions, reaction_symbols, require_conditions
 from uqmbd.dynamics.equations import (
     FUSED_LIMIT,
     TIME,
@@ -21,9 +21,11 @@ from uqmbd.dynamics.equations import (
     Statement,
     angle_counters,
     break_times,
+    compiled_conditions,
     compiled_evaluator,
     csc_pattern,
     derive,
+    inputs_of_conditions,
     instances_of,
     limits_of,
     output_map,
@@ -140,6 +142,9 @@ def _kinematics(mechanism: Mechanism, time: float) -> tuple[Model, list[Instance
                 expressions += stated
     breaks = np.arange(len(expressions), len(expressions) + len(_breaks(instances)))
     expressions += _breaks(instances)
+    of_conditions = inputs_of_conditions(mechanism)
+    conditioned = np.arange(len(expressions), len(expressions) + len(of_conditions))
+    expressions += of_conditions
     limits, tensors = limits_of(mechanism, expressions)
 
     none = np.zeros(0, dtype=np.int64)
@@ -153,7 +158,7 @@ def _kinematics(mechanism: Mechanism, time: float) -> tuple[Model, list[Instance
         active=every,
         nonholonomic=nonholonomic,
     )
-    kinds = ("position", "velocity", "initial", "acceleration", "energy")
+    kinds = ["position", "velocity", "initial", "acceleration", "energy", *(["drift"] if mechanism.conditions else [])]
     model = Model(
         name=mechanism.name,
         time=time,
@@ -191,7 +196,14 @@ def _kinematics(mechanism: Mechanism, time: float) -> tuple[Model, list[Instance
     kept, _ = independent_rows(gradient, model.norms, nonholonomic)
     frozen, holding = _frozen(model, instances, kept, gradient)
     active = np.setdiff1d(kept, holding)
-    return replace(model, layout=replace(layout, kept=kept, frozen=frozen, active=active)), instances
+    model = replace(model, layout=replace(layout, kept=kept, frozen=frozen, active=active))
+    if mechanism.conditions:
+        places = place(instances, order)
+        sizes = (layout.coordinates, layout.states, layout.constraints)
+        conditions = compiled_conditions(mechanism, instances, places, order, sizes, conditioned)
+        model = replace(model, conditions=conditions)
+        require_conditions(f"mechanism {mechanism.name!r}", model, time, parameters)
+    return model, instances
 
 
 def _frozen(model: Model, instances: list[Instance], kept: Index, gradient: Array) -> tuple[Index, Index]:
@@ -319,8 +331,9 @@ def build(mechanism: Mechanism, time: float = 0.0, *, fuse: bool | None = None) 
     parameters = model.parameters(mechanism.inputs.means[None, :])
     drawn = parameters[:, model.drawn]
     q, _ = positions(model, drawn, time, parameters, layout.kept_holonomic)
+    unconditioned, _ = positions(replace(model, conditions=None), drawn, time, parameters, layout.kept_holonomic)
     notices = (
-        *moved_bodies(mechanism, model, drawn[0], q[0]),
+        *moved_bodies(mechanism, model, drawn[0], unconditioned[0]),
         *deep_contacts(mechanism, model, instances, q[0], parameters[0]),
     )
     model = replace(model, notices=notices)
@@ -370,6 +383,8 @@ def _digest(mechanism: Mechanism, instances: list[Instance]) -> str:
         text.update(f"{output.name} {sympy.srepr(output.expression)}".encode())
     for body in mechanism.bodies.values():
         text.update(f"{body.name} {body.pose}".encode())
+    for condition in mechanism.conditions.values():
+        text.update(sympy.srepr(condition.residual).encode())
     return text.hexdigest()
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -41,6 +41,8 @@ class Check:
     moved : tuple of Move
         Bodies that assembly moved by more than 1 % of the size of the mechanism from where they were drawn, or turned
         by more than 1 degree.
+    conditions : tuple of (condition, kind)
+        What holds at the start only, of ``position`` or ``velocity``.
     """
 
     bodies: tuple[str, ...]
@@ -61,6 +63,7 @@ class Check:
     velocity_mobility: int = 0
     """Degrees of freedom of the velocities, ``coordinates - rank`` of all equations: fewer than those of the positions
     where equations bind velocities alone."""
+    conditions: tuple[tuple[str, str], ...] = ()
 
 
 @checked
@@ -115,6 +118,7 @@ def check(mechanism: Mechanism, time: float = 0.0) -> Check:
         moved=_moved(mechanism, model, time),
         velocity_equations=len(layout.nonholonomic),
         velocity_mobility=layout.coordinates - layout.rank,
+        conditions=tuple((name, c.kind) for name, c in mechanism.conditions.items()),
     )
 
 
@@ -122,7 +126,8 @@ def _moved(mechanism: Mechanism, model: Model, time: float) -> tuple[Move, ...]:
     """Return the bodies that assembly moved noticeably, at the means."""
     parameters = model.parameters(mechanism.inputs.means[None, :])
     drawn = parameters[:, model.drawn]
-    q, _ = positions(model, drawn, time, parameters, model.layout.kept_holonomic)
+    # what start conditions move is meant
+    q, _ = positions(replace(model, conditions=None), drawn, time, parameters, model.layout.kept_holonomic)
     limit = max(0.01 * size_of(mechanism), 1e-9)
     return tuple(m for m in moves(model, drawn[0], q[0]) if m.distance > limit or m.turn > np.radians(1))
 

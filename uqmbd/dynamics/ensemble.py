@@ -52,7 +52,7 @@ class Ensemble:
             return self._given_start
         if self.model.start_at == "equilibrium":
             # stated velocities belong to the equilibrium, not to the drawn pose
-            drawn = assemble(replace(self.model, statements=()), self.parameters, self.model.time)
+            drawn = assemble(replace(self.model, statements=(), conditions=None), self.parameters, self.model.time)
             return equilibrium_start(Ensemble(self.model, self.values, start=drawn))
         return assemble(self.model, self.parameters, self.model.time)
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from uqmbd.dynamics.equations import Instance, Model
 from uqmbd.mechanism import Mechanism, flatten
+from uqmbd.randomness import RandomVariable
 
 __all__ = ["not_finite"]
 
@@ -93,4 +94,6 @@ def _origin(
     for tensor in model.tensors:
         if k in tensor.index:
             return f"body {tensor.body!r}", ("its inertia", "inertia"), expression
+    if isinstance(expression, RandomVariable):
+        return f"mechanism {mechanism.name!r}", ("a number in a start condition", str(expression)), expression
     return f"mechanism {mechanism.name!r}", ("a time at which a force or a driver changes", "time"), expression

@@ -63,6 +63,7 @@ from uqmbd.mechanism.inertia import is_tensor_of_body
 from uqmbd.mechanism.mechanism import Mechanism
 from uqmbd.mechanism.output import Output
 from uqmbd.mechanism.skeleton import skeleton
+from uqmbd.mechanism.start import StartCondition
 
 __all__ = [
     "AtEquilibrium",
@@ -91,6 +92,7 @@ __all__ = [
     "Separation",
     "Space",
     "Spatial",
+    "StartCondition",
     "StateSymbol",
     "Translational",
     "Upright",

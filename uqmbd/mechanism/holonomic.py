@@ -10,9 +10,10 @@ from uqmbd.mechanism.components import Component, Constraint, Local, Potential, 
 from uqmbd.mechanism.expressions import t
 from uqmbd.mechanism.geometry import Frame, Space
 
-__all__ = ["require_holonomic"]
+__all__ = ["RATES", "require_holonomic"]
 
 RATES = ("v", "angular_velocity")
+"""Quantities of bodies that are velocities."""
 
 
 def require_holonomic(where: str, component: Component, space: Space) -> None:

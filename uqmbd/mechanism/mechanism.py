@@ -16,7 +16,8 @@ from uqmbd.mechanism.geometry import Space
 from uqmbd.mechanism.holonomic import require_holonomic
 from uqmbd.mechanism.inertia import inertia_entries, mass_number, orientation
 from uqmbd.mechanism.output import TURNS, Output, recorded
-from uqmbd.mechanism.scope import require_known
+from uqmbd.mechanism.scope import require_bodies, require_known
+from uqmbd.mechanism.start import StartCondition, start_condition
 from uqmbd.names import check_name, check_units, checked
 from uqmbd.randomness import JointInput, RandomVariable
 
@@ -62,6 +63,8 @@ class Mechanism:
         self.outputs: dict[str, Output] = {}
         self.scalars: dict[str, Output] = {}
         """Outputs without a time."""
+        self.conditions: dict[str, StartCondition] = {}
+        """What holds at the start."""
         self._memory: dict[Hashable, tuple[tuple[int, ...], Any]] = {}
 
     @checked
@@ -195,7 +198,7 @@ class Mechanism:
             )
         left_out = [role for role in component.grounded if component.attached[role] is None]
         component.attached.update(dict.fromkeys(left_out, self.ground))
-        self._require_bodies(where, component)
+        require_bodies(self, where, component)
         for key, value in settle(where, component, self.space).items():
             declared = component.parameters().get(key)
             if declared is None or declared.kind != "option":
@@ -275,6 +278,48 @@ class Mechanism:
             return
         self.outputs[name] = Output(name, value, units, TURNS[units] if angle else 0.0)
 
+    @checked
+    def start(self, condition: Any, value: Any = None) -> None:
+        """State what holds where every realisation starts, and only there.
+
+        Conditions of positions are closed together with the joints: from the drawn pose the mechanism is moved until
+        they hold, and what they leave open moves as little as possible.  Angles are followed on the way, so that any
+        number of turns may be given; joints and springs that count turns count these.  Conditions of velocities, which
+        have to be linear in them, are solved together with the velocities that bodies state.
+
+        Parameters
+        ----------
+        condition : SymPy expression, or equation
+            In positions, points and angles, or in velocities, of bodies of this mechanism.  An equation is
+            ``sympy.Eq(expression, value)``; Python compares the sides of ``==`` at once.
+        value : number or SymPy expression
+            What the expression is at the start, in its units; random variables may occur.
+
+        Raises
+        ------
+        uqmbd.StudyError
+            If it is no equation of such quantities, or was stated already.  That it cannot be met, or follows from the
+            others, is told where the mechanism is assembled.
+
+        Examples
+        --------
+        >>> import uqmbd
+        >>> from uqmbd_joints import Revolute
+        >>> mechanism = uqmbd.Mechanism("pendulum", uqmbd.Planar(gravity=(0, -9.81)))
+        >>> rod = mechanism.body("rod", mass=1, inertia=1 / 12, position=(0.5, 0))
+        >>> pivot = mechanism.add(Revolute("pivot", mechanism.ground, rod, (0, 0), (-0.5, 0)))
+        >>> mechanism.start(rod.angle, -0.4)
+        >>> mechanism.start(rod.angular_velocity, 2.0)
+        >>> mechanism.output("tip", rod.point((0.5, 0))[1], units="m")
+        >>> round(float(uqmbd.simulate(mechanism, [0, 1])["tip"][0]), 6)
+        -0.389418
+        """
+        found = start_condition(self, condition, value)
+        if any(found.residual == other.residual for other in self.conditions.values()):
+            raise StudyError(f"mechanism {self.name!r}: start condition {found.text} is stated twice.")
+        number = len(self.conditions) + 1
+        self.conditions[f"{found.text} ({number})" if found.text in self.conditions else found.text] = found
+
     def remembered(self, key: Hashable, make: Callable[[], T]) -> T:
         """Return what `make` made when `key` was last asked for, unless the mechanism has grown since.
 
@@ -285,7 +330,8 @@ class Mechanism:
         make : callable
             Makes it.
         """
-        revision = (len(self.bodies), len(self.components), len(self.outputs), len(self.scalars))
+        counts = (len(self.bodies), len(self.components), len(self.outputs), len(self.scalars))
+        revision = (*counts, len(self.conditions))
         known = self._memory.get(key)
         if known is None or known[0] != revision:
             known = (revision, make())
@@ -310,7 +356,7 @@ class Mechanism:
         """Return the random variables that enter the motion: all but those that outputs alone contain."""
         values: list[Any] = [value for c in self.all_components() for value in c.values.values()]
         values += [part for b in self.bodies.values() for part in (b.pose.q, b.pose.velocity, b.pose.angular_velocity)]
-        values.append(self.space.gravity)
+        values += [self.space.gravity, *(c.residual for c in self.conditions.values())]
         return frozenset(variable for value in values for variable in random_variables(value))
 
     def _used(self) -> set[RandomVariable]:
@@ -325,36 +371,6 @@ class Mechanism:
             kind = "body" if isinstance(taken, Body) else type(taken).__name__
             raise StudyError(
                 f"{where}: the name is taken by {kind} {name!r}; bodies and components need names of their own."
-            )
-
-    def _require_bodies(self, where: str, component: Component) -> None:
-        """Raise unless a component is attached to bodies of this mechanism, each once, and not to the ground alone."""
-        known = f"The bodies of {self.name!r} are: {', '.join(['ground', *self.bodies])}."
-        roles: dict[str, str] = {}
-        for role, body in component.attached.items():
-            if isinstance(body, Ground) and body is not self.ground:
-                raise StudyError(
-                    f"{where}: {role} is the ground of another mechanism; use the ground of {self.name!r}."
-                )
-            if isinstance(body, Body) and self.bodies.get(body.name) is not body:
-                raise StudyError(f"{where}: {role} is body {body.name!r} of another mechanism. {known}")
-            if not isinstance(body, (Body, Ground)):
-                raise StudyError(
-                    f"{where}: {role} is {shown(body)}, which is no body; "
-                    f"give what mechanism.body(...) returned, or mechanism.ground. {known}"
-                )
-            if isinstance(body, Body) and body.name in roles:
-                raise StudyError(
-                    f"{where}: {roles[body.name]} and {role} are the same body {body.name!r}; "
-                    "it can act between two different bodies, or a body and the ground."
-                )
-            roles[body.name] = role
-        if component.attached and all(body is self.ground for body in component.attached.values()):
-            named = " and ".join(component.attached)
-            verb = "is" if len(component.attached) == 1 else "are"
-            raise StudyError(
-                f"{where}: {named} {verb} the ground, which does not move, so that it has no effect; "
-                f"at least one must be a body. {known}"
             )
 
     def _repr_html_(self) -> str | None:

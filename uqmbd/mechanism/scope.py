@@ -8,15 +8,17 @@ from typing import Any, Literal, Protocol
 import sympy
 
 from uqmbd.errors import StudyError
-from uqmbd.mechanism.body import Body, StateSymbol
+from uqmbd.mechanism.body import Body, Ground, StateSymbol
 from uqmbd.mechanism.components import Component, Loaded, ReactionSymbol
-from uqmbd.mechanism.expressions import ScalarSymbol, flatten, is_scalar, t, unknown_symbol
+from uqmbd.mechanism.expressions import ScalarSymbol, flatten, is_scalar, shown, t, unknown_symbol
 from uqmbd.randomness import RandomVariable
 
-__all__ = ["Scope", "require_known"]
+__all__ = ["Described", "Scope", "require_bodies", "require_known"]
 
-Scope = Literal["number", "law", "output"]
-"""A number knows random variables; a law time, positions and velocities as well; an output everything."""
+Scope = Literal["number", "law", "start", "output"]
+"""A number knows random variables; a law time, positions and velocities as well; an output everything.
+
+A start condition knows what a law does, and angles; what it may not contain is told by its own words."""
 
 
 class Described(Protocol):
@@ -25,6 +27,7 @@ class Described(Protocol):
     name: str
     bodies: dict[str, Body]
     components: dict[str, Component]
+    ground: Ground
 
 
 LAW_QUANTITIES = ("q", "v", "angular_velocity")
@@ -41,7 +44,7 @@ def require_known(mechanism: Described, where: str, value: Any, scope: Scope) ->
         What the value belongs to, for the message.
     value : object
         An expression, or a vector of them; anything else has no symbols.
-    scope : {"number", "law", "output"}
+    scope : {"number", "law", "start", "output"}
         What kind of place it is.
 
     Raises
@@ -49,7 +52,7 @@ def require_known(mechanism: Described, where: str, value: Any, scope: Scope) ->
     uqmbd.StudyError
         Naming the symbol, and what may stand there.
     """
-    for part in flatten(value) if scope != "output" else ():
+    for part in flatten(value) if scope in ("number", "law") else ():
         if is_scalar(part):
             raise StudyError(
                 f"{where}: it contains {part}, which is computed from the mechanism; it can only be an output."
@@ -65,6 +68,37 @@ def require_known(mechanism: Described, where: str, value: Any, scope: Scope) ->
         elif symbol != t:
             raise StudyError(f"{where}: it contains {unknown_symbol(symbol)}")
         _require_scope(where, symbol, scope)
+
+
+def require_bodies(mechanism: Described, where: str, component: Component) -> None:
+    """Raise unless a component is attached to bodies of this mechanism, each once, and not to the ground alone."""
+    known = f"The bodies of {mechanism.name!r} are: {', '.join(['ground', *mechanism.bodies])}."
+    roles: dict[str, str] = {}
+    for role, body in component.attached.items():
+        if isinstance(body, Ground) and body is not mechanism.ground:
+            raise StudyError(
+                f"{where}: {role} is the ground of another mechanism; use the ground of {mechanism.name!r}."
+            )
+        if isinstance(body, Body) and mechanism.bodies.get(body.name) is not body:
+            raise StudyError(f"{where}: {role} is body {body.name!r} of another mechanism. {known}")
+        if not isinstance(body, (Body, Ground)):
+            raise StudyError(
+                f"{where}: {role} is {shown(body)}, which is no body; "
+                f"give what mechanism.body(...) returned, or mechanism.ground. {known}"
+            )
+        if isinstance(body, Body) and body.name in roles:
+            raise StudyError(
+                f"{where}: {roles[body.name]} and {role} are the same body {body.name!r}; "
+                "it can act between two different bodies, or a body and the ground."
+            )
+        roles[body.name] = role
+    if component.attached and all(body is mechanism.ground for body in component.attached.values()):
+        named = " and ".join(component.attached)
+        verb = "is" if len(component.attached) == 1 else "are"
+        raise StudyError(
+            f"{where}: {named} {verb} the ground, which does not move, so that it has no effect; "
+            f"at least one must be a body. {known}"
+        )
 
 
 def _require_scope(where: str, symbol: sympy.Symbol, scope: Scope) -> None:

@@ -37,6 +37,12 @@ def observed_model(mechanism: Mechanism, time: float, start: str = "drawn") -> M
     means = mechanism.inputs.means
     model = mechanism.remembered(("model", time), lambda: referenced(build(mechanism, time), means))
     if start != "drawn":
+        posed = [name for name, condition in mechanism.conditions.items() if not condition.of_velocities]
+        if posed:
+            raise StudyError(
+                f"mechanism {mechanism.name!r}: start condition {posed[0]} says where the bodies are, and so does "
+                "start='equilibrium'; leave one of them out. Conditions of velocities may stay."
+            )
         built = model
         model = mechanism.remembered(("model", time, start), lambda: referenced(replace(built, start_at=start), means))
     if missing := forgotten(mechanism):

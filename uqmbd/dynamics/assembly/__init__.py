@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from uqmbd.dynamics.assembly.assembly import Start, assemble, independent_rows, positions, velocities
 from uqmbd.dynamics.assembly.rank import Rank, dead_end, gradient, gradient_lengths, named, rank_along, violated
+from uqmbd.dynamics.assembly.start_check import require_conditions
 from uqmbd.dynamics.assembly.undefined import ahead
 from uqmbd.dynamics.assembly.uniqueness import not_unique, reaction_symbols
 
@@ -21,6 +22,7 @@ __all__ = [
     "positions",
     "rank_along",
     "reaction_symbols",
+    "require_conditions",
     "velocities",
     "violated",
 ]

@@ -12,13 +12,15 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
+from uqmbd.dynamics.assembly.conditions import met
+from uqmbd.dynamics.assembly.least_norm import least_norm
 from uqmbd.dynamics.assembly.undefined import REMEDY, undefined
 from uqmbd.dynamics.equations import Model, impossible, state_arguments
 from uqmbd.dynamics.linear import RANK_TOLERANCE, accelerations
 from uqmbd.mechanism import LARGEST
 from uqmbd.typing import Array, Index
 
-__all__ = ["Start", "assemble", "independent_rows", "positions", "velocities"]
+__all__ = ["Start", "assemble", "independent_rows", "placed", "positions", "statement_rows", "velocities"]
 
 
 POSITION_TOLERANCE = 1e-12
@@ -83,7 +85,7 @@ def _scales(gradient: Array) -> Array:
 def positions(
     model: Model, drawn: Array, time: float, parameters: Array, rows: Index | None = None
 ) -> tuple[Array, list[str]]:
-    """Move drawn poses as little as closes all constraints of positions.
+    """Move drawn poses as little as closes all constraints of positions, then until the start conditions hold.
 
     Parameters
     ----------
@@ -105,6 +107,30 @@ def positions(
     messages : list of str
         Reason of failure of each realisation, or empty.
     """
+    if model.conditions is None or not len(model.conditions.positions):
+        return _closed(model, drawn, time, parameters, rows)
+    q, _, messages = placed(model, drawn, time, parameters, rows)
+    return q, messages
+
+
+def placed(
+    model: Model, drawn: Array, time: float, parameters: Array, rows: Index | None
+) -> tuple[Array, Array, list[str]]:
+    """Poses of `positions`, the auxiliary states there, and messages."""
+    q, messages = _closed(model, drawn, time, parameters, rows)
+    s = model.evaluate(
+        "initial", state_arguments(time, q, np.zeros((len(q), model.layout.states)), np.zeros_like(q)), parameters
+    )["s"]
+    good = np.flatnonzero([not m for m in messages])
+    if model.conditions is not None and len(model.conditions.positions) and len(good):
+        q[good], s[good], found = met(model, q[good], s[good], time, parameters[good], rows)
+        for k, message in zip(good.tolist(), found, strict=True):
+            messages[k] = message
+    return q, s, messages
+
+
+def _closed(model: Model, drawn: Array, time: float, parameters: Array, rows: Index | None) -> tuple[Array, list[str]]:
+    """Move drawn poses as little as closes all constraints."""
     count, n = drawn.shape
     free = np.setdiff1d(np.arange(n), model.held)
     q = drawn.copy()
@@ -122,7 +148,7 @@ def positions(
         a = (now["phi_q"][todo] / scale[todo][:, :, None])[:, used][:, :, free]
         r = residual[todo][:, used]
         move = np.zeros((len(todo), n))
-        move[:, free] = -_least_norm(a, r, truncate=rows is None)
+        move[:, free] = -least_norm(a, r, truncate=rows is None)
         # no body turns by more than about 0.6 rad in one iteration: beyond, the linearisation means nothing
         largest = (
             np.abs(move[:, quaternions.ravel()]).max(axis=1, initial=0.0) if quaternions.size else np.zeros(len(todo))
@@ -155,24 +181,6 @@ def positions(
         active[still] = False
         active[todo[moved < 1e-16 * size]] = False
     return q, _position_messages(model, now, residual, size)
-
-
-def _least_norm(a: Array, r: Array, *, truncate: bool) -> Array:
-    """Least-squares solution of smallest norm of ``a x = r``, for each realisation."""
-    if not truncate:
-        gram = a @ a.transpose(0, 2, 1)
-        try:
-            y = np.linalg.solve(gram, r[:, :, None])
-            x: Array = (a.transpose(0, 2, 1) @ y)[:, :, 0]
-            if np.all(np.isfinite(x)):
-                return x
-        except np.linalg.LinAlgError:
-            pass
-    usable: NDArray[np.bool_] = np.asarray(np.isfinite(a).all(axis=(1, 2)))
-    inverse = np.linalg.pinv(np.where(usable[:, None, None], a, 0.0), rcond=RANK_TOLERANCE)
-    result: Array = (inverse @ r[:, :, None])[:, :, 0]
-    result[~usable] = np.nan
-    return result
 
 
 def _normalised(q: Array, quaternions: Index, step: Array, held: Index) -> Array:
@@ -281,28 +289,28 @@ def velocities(
     found = model.evaluate("velocity", state_arguments(time, q, s, np.zeros_like(q)), parameters)
     count, n = q.shape
     a, b = found["d"], -found["phi_t"]
-    if not model.statements:
+    conditions = model.conditions
+    stated_rates = conditions is not None and len(conditions.velocities) > 0
+    if not model.statements and not stated_rates:
         if not np.any(b):
             return np.zeros_like(q), [""] * count
         kept = model.layout.kept
-        return _least_norm(a[:, kept], b[:, kept], truncate=False), [""] * count
-    rows, values, names = [a], [b], list(model.equations)
+        return least_norm(a[:, kept], b[:, kept], truncate=False), [""] * count
+    rows, values, names = [a, *statement_rows(model, q)], [b], list(model.equations)
     for statement in model.statements:
         stated = all_parameters[:, statement.parameters]
-        if statement.quantity == "velocity":
-            block = np.zeros((count, len(statement.coordinates), n))
-            block[:, np.arange(len(statement.coordinates)), statement.coordinates] = 1.0
-        else:
-            block = np.zeros((count, stated.shape[1], n))
-            block[:, :, statement.coordinates] = _body_rate(q[:, statement.coordinates])
-        rows.append(block)
         values.append(stated)
         names += [f"{statement.quantity} of body {statement.body}"] * stated.shape[1]
+    if conditions is not None and stated_rates:
+        value, _, slope = conditions(q, s, time, all_parameters)
+        rows.append(slope[:, conditions.velocities])
+        values.append(-value[:, conditions.velocities])
+        names += [f"start condition {conditions.names[k]}" for k in conditions.velocities]
     a, b = np.concatenate(rows, axis=1), np.concatenate(values, axis=1)
     scale = np.linalg.norm(a, axis=2)
     scale = np.where(scale > 1e-12, scale, 1.0)
     a, b = a / scale[:, :, None], b / scale
-    v = _least_norm(a, b, truncate=True)
+    v = least_norm(a, b, truncate=True)
     error = np.abs((a @ v[:, :, None])[:, :, 0] - b)
     limit = 1e-8 * np.maximum(1.0, np.abs(b).max(axis=1, initial=0.0))
     messages = []
@@ -311,9 +319,7 @@ def velocities(
             messages.append("")
             continue
         guilty = list(dict.fromkeys(names[i] for i in np.argsort(-error[k]) if error[k, i] > 0.05 * error[k].max()))
-        statements = [g for g in guilty if g not in model.equations] or sorted(
-            {f"{s.quantity} of body {s.body}" for s in model.statements}
-        )
+        statements = [g for g in guilty if g not in model.equations] or sorted(set(names[len(model.equations) :]))
         of_components = {model.equations[i] for i in model.of_components(np.arange(len(model.equations)))}
         joints = [g for g in guilty if g in of_components]
         messages.append(
@@ -326,6 +332,22 @@ def velocities(
             + f" (by {error[k].max():.3g}). State fewer of them, or consistent ones."
         )
     return v, messages
+
+
+def statement_rows(model: Model, q: Array) -> list[Array]:
+    """Gradients of the stated velocities of bodies by the velocities, (K, number, n) of each statement."""
+    count, n = q.shape
+    found = []
+    for statement in model.statements:
+        number = len(statement.coordinates)
+        if statement.quantity == "velocity":
+            block = np.zeros((count, number, n))
+            block[:, np.arange(number), statement.coordinates] = 1.0
+        else:
+            block = np.zeros((count, len(statement.parameters), n))
+            block[:, :, statement.coordinates] = _body_rate(q[:, statement.coordinates])
+        found.append(block)
+    return found
 
 
 def _body_rate(e: Array) -> Array:
@@ -345,11 +367,8 @@ def assemble(model: Model, all_parameters: Array, time: float) -> Start:
     drawn = all_parameters[:, model.drawn]
     bad: NDArray[np.bool_] = np.asarray(~(np.abs(all_parameters) <= LARGEST).all(axis=1))
     safe = np.where(bad[:, None], np.nan_to_num(all_parameters, nan=1.0, posinf=1.0, neginf=1.0), all_parameters)
-    poses = np.where(bad[:, None], np.nan_to_num(drawn), drawn)
-    q, messages = positions(model, poses, time, safe, layout.kept_holonomic)
-    s = model.evaluate("initial", state_arguments(time, q, np.zeros((count, layout.states)), np.zeros_like(q)), safe)[
-        "s"
-    ]
+    drawn = np.where(bad[:, None], np.nan_to_num(drawn), drawn)
+    q, s, messages = placed(model, drawn, time, safe, layout.kept_holonomic)
     v, contradictions = velocities(model, q, s, time, safe, safe)
     forbidden = impossible(model.limits, model.tensors, safe)
     messages = [

@@ -20,9 +20,11 @@ from uqmbd.dynamics.equations.model import (
 )
 from uqmbd.dynamics.equations.outputs import OutputMap, angle_counters, output_map
 from uqmbd.dynamics.equations.parameters import ParameterMap
+from uqmbd.dynamics.equations.start_conditions import Conditions, compiled_conditions, inputs_of_conditions
 from uqmbd.dynamics.equations.terms import MechanismTerms, mechanism_terms
 
 __all__ = [
+    "Conditions",
     "Derived",
     "Evaluator",
     "FUSED_LIMIT",
@@ -40,10 +42,12 @@ __all__ = [
     "break_times",
     "cached",
     "compile_kernel",
+    "compiled_conditions",
     "csc_pattern",
     "derive",
     "compiled_evaluator",
     "impossible",
+    "inputs_of_conditions",
     "instances_of",
     "limits_of",
     "mechanism_terms",

@@ -56,8 +56,8 @@ class Model:
     norms : array of int
         Equations that give a body's quaternion unit length, which every mechanism has.
     parameters : ParameterMap
-        All parameters of all instances, then the drawn pose, statements, break times, and random numbers that have a
-        range.
+        All parameters of all instances, then the drawn pose, statements, break times, random variables of start
+        conditions, and random numbers that have a range.
     limits : tuple of Limit
         Parameters that have a range.
     tensors : tuple of Tensor
@@ -107,6 +107,8 @@ class Model:
     """Longest step of any integrator, s."""
     added_breaks: tuple[float, ...] = ()
     """Times at which integrations start anew besides those that the equations have, s."""
+    conditions: Any = field(default=None, repr=False)
+    """What holds at the start only, `uqmbd.dynamics.equations.start_conditions.Conditions`, or None."""
     start_at: str = "drawn"
     """Where realisations start: ``drawn`` (as assembled from the drawn pose) or ``equilibrium``."""
 

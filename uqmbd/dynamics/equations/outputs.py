@@ -53,10 +53,14 @@ class AngleCounter(Component):
 
 
 def angle_counters(mechanism: Mechanism) -> list[Component]:
-    """Make a counter for every body whose angle is an output."""
+    """Make a counter for every body whose angle is an output, or is given at the start."""
     owners: dict[str, Body] = {}
+    seen: list[sympy.Expr] = []
     for output in (*mechanism.outputs.values(), *mechanism.scalars.values()):
-        for symbol in output.expression.free_symbols:
+        seen.append(output.expression)
+    seen += [condition.residual for condition in mechanism.conditions.values()]
+    for expression in seen:
+        for symbol in expression.free_symbols:
             if isinstance(symbol, StateSymbol) and symbol.quantity == "angle":
                 owners[symbol.owner.name] = symbol.owner
     counters: list[Component] = []
@@ -150,6 +154,8 @@ def output_map(
     order: dict[str, int],
     inputs: Sequence[RandomVariable],
     sizes: tuple[int, int, int],
+    *,
+    gradients: bool = False,
 ) -> OutputMap:
     """Compile outputs.
 
@@ -165,6 +171,9 @@ def output_map(
         Columns of the inputs.
     sizes : tuple
         Numbers of coordinates, auxiliary states and constraint equations.
+    gradients : bool
+        Whether the kernel gives the derivatives of each output with respect to coordinates, then to velocities,
+        behind the values.
     """
     n, k, m = sizes
     start = {"q": 0, "s": n, "v": n + k, "a": 2 * n + k, "l": 3 * n + k, "t": 3 * n + k + m}
@@ -218,6 +227,9 @@ def output_map(
             for h, (kind, s) in holders.items()
         }
         expressions = [se.sympify(e).xreplace(swap) for e in local]
+        if gradients:
+            places = [se.Symbol(column(letter, i)) for letter in "qv" for i in range(n)]
+            expressions += [derivative for e in expressions for derivative in _gradient(e, places)]
         names = {str(s) for e in expressions for s in e.free_symbols}
         needed = sorted(int(x[2:]) for x in names if x.startswith("_g"))
         late = any(x.startswith("_y") and start["a"] <= int(x[2:]) < start["t"] for x in names)
@@ -227,12 +239,23 @@ def output_map(
         kernel = compile_kernel(arguments, expressions)
         return kernel, np.array(needed, dtype=np.int64), late or bool(pushes), np.array(pushes, dtype=np.int64)
 
-    key = ("outputs with contacts", width, len(inputs), layout, wanted, sympy.srepr(sympy.Tuple(*local)))
+    kind = "outputs with gradients" if gradients else "outputs with contacts"
+    key = (kind, width, len(inputs), layout, wanted, sympy.srepr(sympy.Tuple(*local)))
     kernel, needed, late, pushes = cached(key, make)
     turns = np.array([o.turn for o in outputs], dtype=float)
     counted = np.array([_counted(o.expression) for o in outputs], dtype=bool)
     names, units = tuple(o.name for o in outputs), tuple(o.units for o in outputs)
     return OutputMap(names, units, late, kernel, needed, turns, counted, np.zeros(len(outputs)), directions=pushes)
+
+
+def _gradient(expression: Any, symbols: list[Any]) -> list[Any]:
+    """Differentiate an expression; numbers of turns (`floor`) are constant."""
+    import symengine as se
+
+    held = {e: se.Symbol(f"_turns{k}") for k, e in enumerate(se.sympify(expression).atoms(se.floor))}
+    back = {symbol: e for e, symbol in held.items()}
+    still = expression.xreplace(held)
+    return [still.diff(x).xreplace(back) for x in symbols]
 
 
 def _counted(expression: sympy.Expr) -> bool:

@@ -1,0 +1,220 @@
+"""Start conditions: assembled poses are moved until what a user states of positions and angles holds.
+
+The way follows the constraints.  Each step is the smallest change that meets the conditions and the constraints to
+first order (Gauss-Newton); it is bounded, and the constraints are closed again before it counts.  So no joint jumps to
+a mirror image on the way, and angles can be followed over any number of turns.
+
+Auxiliary states that count angles follow as well: the value that their component states at a pose is known up to whole
+turns, and the turns are those that were made on the way.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from uqmbd.dynamics.assembly.least_norm import least_norm
+from uqmbd.dynamics.equations import Conditions, Model, state_arguments
+from uqmbd.typing import Array, Index, Mask
+
+__all__ = ["met"]
+
+
+STEPS = 3000
+TURN = 0.2
+"""Largest change of a quaternion's entry in one step."""
+
+CLOSED = 1e-12
+"""Constraints and conditions hold to this, m or rad, per size of the mechanism."""
+
+
+def met(
+    model: Model, q: Array, s: Array, time: float, parameters: Array, rows: Index | None
+) -> tuple[Array, Array, list[str]]:
+    """Move assembled poses until the conditions of positions hold.
+
+    Parameters
+    ----------
+    model : Model
+        With conditions.
+    q, s : array, shape (K, ...)
+        Assembled poses, and the auxiliary states there.
+    time : float
+        Initial time.
+    parameters : array, shape (K, parameter)
+        Of each realisation.
+    rows : array of int, optional
+        Independent equations; all, if left out.
+
+    Returns
+    -------
+    q, s : array, shape (K, ...)
+        Poses, and the auxiliary states there.
+    messages : list of str
+        Why a condition does not hold, or empty.
+    """
+    search = _Search(model, q, s, time, parameters, rows)
+    search.run()
+    return search.q, search.s, search.messages()
+
+
+class _Search:
+    """The iteration for K realisations."""
+
+    def __init__(self, model: Model, q: Array, s: Array, time: float, parameters: Array, rows: Index | None) -> None:
+        assert model.conditions is not None
+        self.model, self.time, self.parameters = model, time, parameters
+        self.conditions: Conditions = model.conditions
+        self.which = self.conditions.positions
+        every = np.arange(model.layout.constraints)
+        self.rows = np.setdiff1d(every, model.layout.nonholonomic) if rows is None else rows
+        self.free = np.setdiff1d(np.arange(q.shape[1]), model.held)
+        self.turning = model.quaternions().ravel()
+        self.size = max(1.0, float(np.abs(q[:, : model.dimension]).max(initial=0.0)))
+        self.q, self.s = q.copy(), s.copy()
+        self.follows = self._following()
+
+    def run(self) -> None:
+        """Go until the conditions hold, or no step comes nearer."""
+        active = np.arange(len(self.q))
+        for _ in range(STEPS):
+            gap, slope, _ = self._gaps(active, self.q[active], self.s[active])
+            left = np.abs(gap).max(axis=1, initial=0.0) > CLOSED * self.size
+            active, gap, slope = active[left], gap[left], slope[left]
+            if not len(active):
+                return
+            phi, d = self._constraints(active, self.q[active], self.s[active])
+            a = np.concatenate([d[:, self.rows], slope], axis=1)[:, :, self.free]
+            r = np.concatenate([phi[:, self.rows], gap], axis=1)
+            move = np.zeros_like(self.q[active])
+            move[:, self.free] = -least_norm(a, r, truncate=True)
+            largest = np.abs(move[:, self.turning]).max(axis=1, initial=0.0)
+            move /= np.maximum(1.0, largest / TURN)[:, None]
+            active = active[self._advance(active, move, np.linalg.norm(gap, axis=1))]
+
+    def _advance(self, active: Index, move: Array, before: Array) -> Mask:
+        """Take steps, shortened where needed; tell which came nearer."""
+        moved: Mask = np.zeros(len(active), dtype=bool)
+        pending = np.arange(len(active))
+        for halving in range(16):
+            k = active[pending]
+            step = 0.5**halving * move[pending]
+            q, s, closed = self._closed(k, self.q[k] + step)
+            gap, _, _ = self._gaps(k, q, s)
+            after = np.linalg.norm(gap, axis=1)
+            good = closed & (after < before[pending] * (1 - 1e-4 * 0.5**halving))
+            self.q[k[good]], self.s[k[good]] = q[good], s[good]
+            moved[pending[good]] = True
+            pending = pending[~good]
+            if not len(pending):
+                break
+        return moved
+
+    def _gaps(self, members: Index, q: Array, s: Array) -> tuple[Array, Array, Array]:
+        """Residuals over the lengths of their gradients, these gradients, and the lengths."""
+        value, slope, _ = self.conditions(q, s, self.time, self.parameters[members])
+        value, slope = value[:, self.which], slope[:, self.which]
+        length = np.linalg.norm(slope[:, :, self.free], axis=2)
+        length = np.where(length > 1e-9, length, 1.0)
+        return value / length, slope / length[:, :, None], length
+
+    def _constraints(self, members: Index, q: Array, s: Array) -> tuple[Array, Array]:
+        """Constraints (K, m) over the lengths of their gradients, and these gradients (K, m, n)."""
+        arguments, parameters = state_arguments(self.time, q, s, np.zeros_like(q)), self.parameters[members]
+        phi = self.model.evaluate("drift", arguments, parameters)["phi"]
+        d = self.model.evaluate("velocity", arguments, parameters)["d"]
+        length = np.linalg.norm(d, axis=2)
+        length = np.where(length > 1e-9, length, 1.0)
+        return phi / length, d / length[:, :, None]
+
+    def _closed(self, members: Index, q: Array) -> tuple[Array, Array, Mask]:
+        """Close the constraints by the smallest change; the auxiliary states there, and where that worked."""
+        q, s = q.copy(), self._carried(members, q)
+        for _ in range(10):
+            phi, d = self._constraints(members, q, s)
+            if not (np.abs(phi).max(axis=1, initial=0.0) > 0.1 * CLOSED * self.size).any():
+                break
+            q[:, self.free] -= least_norm(d[:, self.rows][:, :, self.free], phi[:, self.rows], truncate=True)
+            s = self._carried(members, q)
+        phi, _ = self._constraints(members, q, s)
+        fine: Mask = np.isfinite(q).all(axis=1) & (np.abs(phi).max(axis=1, initial=0.0) <= 1e-9 * self.size)
+        cosines = self.model.evaluate(
+            "position", state_arguments(self.time, q, s, np.zeros_like(q)), self.parameters[members]
+        )["cos"]
+        if cosines.shape[1]:
+            fine &= cosines.min(axis=1) > 0
+        return q, s, fine
+
+    def _stated(self, members: Index, q: Array) -> Array:
+        """Auxiliary states as components state them at a pose."""
+        arguments = state_arguments(self.time, q, np.zeros((len(q), self.model.layout.states)), np.zeros_like(q))
+        return self.model.evaluate("initial", arguments, self.parameters[members])["s"]
+
+    def _change(self, members: Index, q: Array, s: Array, move: Array) -> Array:
+        """Change of the auxiliary states along a small move, by their rates."""
+        rates = []
+        for v in (move, np.zeros_like(move)):
+            values = self.model.evaluators["acceleration"](
+                state_arguments(self.time, q, s, v), self.parameters[members]
+            )
+            rates.append(self.model.result("acceleration", "s", values))
+        return np.asarray(rates[0] - rates[1])
+
+    def _carried(self, members: Index, q: Array) -> Array:
+        """Auxiliary states after a step."""
+        s = self._stated(members, q)
+        if not self.follows.any():
+            return s
+        move = q - self.q[members]
+        expected = self.s[members] + self._change(members, self.q[members] + move / 2, self.s[members], move)
+        turns = 2 * np.pi * np.round((expected - s) / (2 * np.pi))
+        return np.where(self.follows & np.isfinite(turns), s + turns, s)
+
+    def _following(self) -> Mask:
+        """Which auxiliary states change with the pose as their initial values do, up to whole turns."""
+        follows: Mask = np.ones(self.s.shape[1], dtype=bool)
+        if not len(follows) or not len(self.q):
+            return follows
+        some, random = np.arange(min(len(self.q), 1)), np.random.default_rng(0)
+        q, s, h = self.q[some], self.s[some], 1e-5
+        for _ in range(2):
+            # within the constraints: elsewhere angles mean nothing
+            d = self._constraints(some, q, s)[1][:, self.rows]
+            direction = random.standard_normal(q.shape)
+            direction -= least_norm(d, (d @ direction[:, :, None])[:, :, 0], truncate=True)
+            change = self._stated(some, q + h * direction) - self._stated(some, q - h * direction)
+            change = (change - 2 * np.pi * np.round(change / (2 * np.pi))) / (2 * h)
+            rate = self._change(some, q, s, direction)
+            follows &= (np.abs(change - rate) <= 1e-4 * (1 + np.abs(rate))).all(axis=0)
+        return follows
+
+    def messages(self) -> list[str]:
+        """Say of each realisation which condition does not hold."""
+        every = np.arange(len(self.q))
+        gap, _, length = self._gaps(every, self.q, self.s)
+        found = []
+        for k, (row, scale) in enumerate(zip(gap, length, strict=True)):
+            if np.abs(row).max(initial=0.0) <= 1e-9 * self.size:
+                found.append("")
+                continue
+            worst = int(np.nanargmax(np.where(np.isfinite(row), np.abs(row), np.inf)))
+            if self._still(k, worst):
+                why = (
+                    "No motion that the joints and drivers allow changes it there: they hold it, or it is at its "
+                    "largest or smallest, and more than one way leads on; then draw the bodies on the side meant."
+                )
+            else:
+                why = "Does another condition hold it elsewhere, or is it out of reach? Draw the bodies closer to it."
+            found.append(
+                f"start condition {self.conditions.names[self.which[worst]]} is not met: left minus right is "
+                f"{row[worst] * scale[worst]:.3g} in the nearest pose that was found. {why}"
+            )
+        return found
+
+    def _still(self, k: int, condition: int) -> bool:
+        """Whether no motion within the constraints changes a condition of a realisation."""
+        one = np.array([k])
+        q, s = self.q[one], self.s[one]
+        d = self._constraints(one, q, s)[1][:, self.rows][:, :, self.free]
+        slope = self._gaps(one, q, s)[1][:, condition, self.free]
+        within = slope - least_norm(d, (d @ slope[:, :, None])[:, :, 0], truncate=True)
+        return bool(np.linalg.norm(within) < 1e-6)

@@ -1,0 +1,82 @@
+"""Whether start conditions can be met, and say something that does not hold anyway."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.linalg
+
+from uqmbd.dynamics.assembly.assembly import placed, statement_rows, velocities
+from uqmbd.dynamics.equations import Model, state_arguments
+from uqmbd.errors import AssemblyError, StudyError
+from uqmbd.typing import Array
+
+__all__ = ["require_conditions"]
+
+
+DEPENDENT = 1e-6
+"""Part of a condition's gradient that is left by the others, below which it depends on them."""
+
+
+def require_conditions(where: str, model: Model, time: float, parameters: Array) -> None:
+    """Raise where start conditions cannot be met at the means, or follow from what holds already.
+
+    Parameters
+    ----------
+    where : str
+        What the mechanism is called in messages.
+    model : Model
+        With conditions.
+    time : float
+        Initial time.
+    parameters : array, shape (1, parameter)
+        At the means.
+
+    Raises
+    ------
+    uqmbd.AssemblyError, uqmbd.StudyError
+    """
+    conditions = model.conditions
+    q, s, messages = placed(model, parameters[:, model.drawn], time, parameters, model.layout.kept_holonomic)
+    if messages[0]:
+        raise AssemblyError(f"{where} cannot start: {messages[0]}")
+    _, by_q, by_v = conditions(q, s, time, parameters)
+    v, contradictions = velocities(model, q, s, time, parameters, parameters)
+    if contradictions[0]:
+        raise AssemblyError(f"{where} cannot start: {contradictions[0]}")
+    geometric = model.evaluate("position", state_arguments(time, q, s, v), parameters)["phi_q"][0]
+    moving = model.evaluate("velocity", state_arguments(time, q, s, v), parameters)["d"][0]
+    free = np.setdiff1d(np.arange(q.shape[1]), model.held)
+    stated = [np.zeros((0, q.shape[1])), *(x[0] for x in statement_rows(model, q))]
+    cases = (
+        (conditions.positions, geometric[:, free], by_q[0][:, free]),
+        (conditions.velocities, np.concatenate([moving, *stated]), by_v[0]),
+    )
+    for which, held, rows in cases:
+        k = _dependent(held, rows[which])
+        if k >= 0:
+            raise StudyError(
+                f"{where}: start condition {conditions.names[which[k]]} holds already: at the means of the inputs it "
+                "follows from joints, drivers, stated velocities or the conditions before it, or what it is of does "
+                "not change where the mechanism starts. Leave it out, or give another quantity."
+            )
+
+
+def _dependent(held: Array, conditions: Array) -> int:
+    """Find the first condition whose gradient depends on those of constraints and of the conditions before; -1: none.
+
+    Parameters
+    ----------
+    held : array, shape (m, n)
+        Gradients of constraints.
+    conditions : array, shape (c, n)
+        Those of conditions.
+    """
+    basis = scipy.linalg.orth(held.T) if len(held) else np.zeros((conditions.shape[1], 0))
+    for k, row in enumerate(conditions):
+        length = np.linalg.norm(row)
+        rest = row - basis @ (basis.T @ row)
+        rest -= basis @ (basis.T @ rest)
+        if not np.linalg.norm(rest) > DEPENDENT * max(float(length), 1e-9):
+            return k
+        basis = np.column_stack([basis, rest / np.linalg.norm(rest)])
+    return -1

@@ -1,0 +1,115 @@
+"""Start conditions: what positions and velocities have to satisfy where a motion begins, and only there."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import sympy
+
+from uqmbd.errors import StudyError
+from uqmbd.mechanism.body import StateSymbol
+from uqmbd.mechanism.components import ReactionSymbol
+from uqmbd.mechanism.expressions import flatten, is_scalar, numbers, random_variables, shown
+from uqmbd.mechanism.holonomic import RATES
+from uqmbd.mechanism.output import recorded
+from uqmbd.mechanism.scope import Described, require_known
+
+__all__ = ["StartCondition", "start_condition"]
+
+
+USAGE = "write mechanism.start(expression, value), or mechanism.start(sympy.Eq(expression, value))"
+LONG = 60
+"""Characters of a condition that messages show."""
+
+
+@dataclass(frozen=True)
+class StartCondition:
+    """``expression = value`` at the start of every realisation.
+
+    Attributes
+    ----------
+    text : str
+        What it is called in messages.
+    residual : expression
+        Zero where it is met.
+    of_velocities : bool
+        Whether it is one of velocities (linear in them), else of positions.
+    """
+
+    text: str
+    residual: sympy.Expr
+    of_velocities: bool
+
+    @property
+    def kind(self) -> str:
+        """What it is a condition of."""
+        return "velocity" if self.of_velocities else "position"
+
+
+def start_condition(mechanism: Described, condition: Any, value: Any) -> StartCondition:
+    """Make a condition of what a user gave, or say what is wrong with it."""
+    where = f"mechanism {mechanism.name!r}: start"
+    left, right = _sides(where, condition, value)
+    text = f"{_short(left)} = {_short(right)}"
+    where = f"mechanism {mechanism.name!r}: start condition {text}"
+    for side in (left, right):
+        late = sorted((s for s in side.free_symbols if _late(s)), key=str)
+        if late or is_scalar(side):
+            raise StudyError(
+                f"{where}: it contains {late[0] if late else side}, which follows from how the mechanism starts; a "
+                "start condition may contain positions, angles, velocities, angular velocities and random variables."
+            )
+        require_known(mechanism, where, side, "start")
+    residual = left - right
+    states = {s for s in residual.free_symbols if isinstance(s, sympy.Symbol) and not random_variables(s)}
+    rates = [s for s in states if _is_rate(s)]
+    if not any(isinstance(s, StateSymbol) for s in states):
+        raise StudyError(
+            f"{where}: it contains neither a position nor a velocity, so that nothing depends on it; "
+            "give e.g. body.angle, body.position[0] or body.velocity[0] as the expression."
+        )
+    if rates and any(sympy.diff(residual, a).free_symbols & set(rates) for a in rates):
+        raise StudyError(f"{where}: it is not linear in the velocities; expected one that is, as body.velocity[0] - 3.")
+    return StartCondition(text, residual, bool(rates))
+
+
+def _sides(where: str, condition: Any, value: Any) -> tuple[sympy.Expr, sympy.Expr]:
+    """Return left and right side."""
+    if isinstance(condition, (bool, sympy.logic.boolalg.BooleanAtom)):
+        given = "" if value is None else f" and {shown(value)}"
+        raise StudyError(
+            f"{where} was given {bool(condition)}{given}: Python compares the two sides of == at once, and leaves no "
+            f"equation; {USAGE}."
+        )
+    if isinstance(condition, sympy.Equality):
+        if value is not None:
+            raise StudyError(f"{where} was given an equation and the value {shown(value)} as well; {USAGE}.")
+        left, right = condition.lhs, condition.rhs
+    elif isinstance(condition, sympy.logic.boolalg.Boolean) and not isinstance(condition, sympy.Expr):
+        raise StudyError(f"{where} was given {shown(condition)}; expected an equation: {USAGE}.")
+    else:
+        if value is None:
+            raise StudyError(f"{where} was given {shown(condition)} without a value; {USAGE}.")
+        left, right = condition, value
+    expression = recorded(where, left)
+    if len(flatten(right)) != 1:
+        raise StudyError(
+            f"{where}: the value is {shown(right)}; expected one number, or expression in random variables."
+        )
+    return expression, numbers(where, "the value", right, 1, "or an expression in random variables")[0]
+
+
+def _late(symbol: sympy.Basic) -> bool:
+    return isinstance(symbol, ReactionSymbol) or (
+        isinstance(symbol, StateSymbol) and symbol.quantity in ("a", "angular_acceleration")
+    )
+
+
+def _is_rate(symbol: sympy.Basic) -> bool:
+    return isinstance(symbol, StateSymbol) and symbol.quantity in RATES
+
+
+def _short(expression: sympy.Expr) -> str:
+    text = sympy.sstr(expression, full_prec=False)
+    return text if len(text) <= LONG else f"{text[: LONG - 3]}..."
