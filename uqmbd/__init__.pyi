@@ -26,6 +26,7 @@ from .errors import UqmbdError as UqmbdError
 from .mechanism import Auxiliary as Auxiliary
 from .mechanism import Component as Component
 from .mechanism import Constraint as Constraint
+from .mechanism import Controller as Controller
 from .mechanism import Event as Event
 from .mechanism import Frame as Frame
 from .mechanism import Impact as Impact

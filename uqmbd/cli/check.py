@@ -72,6 +72,7 @@ def show_check(script: Path, figure: Path | None = None) -> None:
         _show_frequencies(screen, study)
     _show_apart(screen, found)
     _show_components(screen, found.components)
+    _show_controllers(screen, getattr(found, "controllers", ()))
     _show_inputs(screen, found.inputs, found.unused_inputs)
     _show_propagators(screen, study)
 
@@ -179,6 +180,15 @@ def _show_components(screen: Console, components: tuple[tuple[str, str, int], ..
         table.add_row(Text(name), Text(kind), str(equations))
     screen.print()
     screen.print(table if components else "No components: every body moves freely.")
+
+
+def _show_controllers(screen: Console, controllers: tuple[tuple[str, str, str, str], ...]) -> None:
+    table = plain_table("controller", "samples", "measures", "commands")
+    for controller in controllers:
+        table.add_row(*map(Text, controller))
+    if controllers:
+        screen.print()
+        screen.print(table)
 
 
 def _show_inputs(screen: Console, inputs: tuple[tuple[str, str, str], ...], unused: tuple[str, ...]) -> None:

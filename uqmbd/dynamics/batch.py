@@ -8,7 +8,19 @@ from uqmbd.dynamics.assembly import Start
 from uqmbd.dynamics.equations import Model
 from uqmbd.typing import Array, Index
 
-__all__ = ["Batch"]
+__all__ = ["Batch", "Sampler"]
+
+
+class Sampler(Protocol):
+    """Samples of controllers in one integration: `uqmbd.dynamics.control.Sampling`."""
+
+    times: Array
+
+    def after(self, number: int, states: Array, members: Index) -> tuple[Array, dict[int, str]]:
+        """States right after an instant."""
+
+    def jumps(self, time: float, states: Array, members: Index) -> tuple[Array, dict[int, str]]:
+        """Find how velocities jump where speeds are commanded."""
 
 
 class Batch(Protocol):
@@ -36,6 +48,9 @@ class Batch(Protocol):
 
     def select(self, members: Index) -> Batch:
         """Make the batch of some realisations."""
+
+    def sampling(self, times: Array) -> Sampler | None:
+        """Make the samples of its controllers over output times; None: it has none."""
 
     def pack(self, q: Array, s: Array, v: Array, multipliers: Array) -> Array:
         """Unknowns ``y`` of states."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import warnings
 from dataclasses import replace
 from typing import Any
@@ -11,6 +10,8 @@ import numpy as np
 import sympy
 
 from uqmbd.dynamics.assembly import independent_rows, not_unique, positions, reaction_symbols, require_conditions
+from uqmbd.dynamics.control import loops_of, require_controllers, unused_commands
+from uqmbd.dynamics.digest import digest_of
 from uqmbd.dynamics.equations import (
     FUSED_LIMIT,
     TIME,
@@ -38,7 +39,7 @@ from uqmbd.dynamics.notices import deep_contacts, moved_bodies, size_of
 from uqmbd.dynamics.statics import scalar_map
 from uqmbd.dynamics.undefined_parameter import not_finite
 from uqmbd.errors import AssemblyError, RedundantConstraintWarning, StudyError
-from uqmbd.mechanism import Mechanism, Output
+from uqmbd.mechanism import Component, HeldStates, Mechanism, Output
 from uqmbd.typing import Array, Index
 
 __all__ = ["build", "kinematic_model"]
@@ -76,8 +77,14 @@ def kinematic_model(mechanism: Mechanism, time: float = 0.0) -> Model:
 
 def constraining(mechanism: Mechanism) -> tuple[str, ...]:
     """Name the components that state constraints, whether the mechanism can be assembled or not."""
-    instances = instances_of([*mechanism.all_components(), *angle_counters(mechanism)], mechanism.space)
+    instances = instances_of(_all(mechanism), mechanism.space)
     return tuple(i.component.name for i in instances if i.type.labels)
+
+
+def _all(mechanism: Mechanism) -> list[Component]:
+    """Everything that has terms: bodies, components, counters of turns, and what controllers hold."""
+    held = [HeldStates(controller) for controller in mechanism.controllers.values()]
+    return [*mechanism.all_components(), *angle_counters(mechanism), *held]
 
 
 def reactions_not_unique(mechanism: Mechanism, time: float = 0.0) -> tuple[str, ...]:
@@ -111,7 +118,8 @@ def _places(mechanism: Mechanism, layout: Layout, instances: list[Instance]) -> 
 def _kinematics(mechanism: Mechanism, time: float) -> tuple[Model, list[Instance]]:
     if not mechanism.bodies:
         raise StudyError(f"mechanism {mechanism.name!r} has no bodies; add one with mechanism.body(...).")
-    instances = instances_of([*mechanism.all_components(), *angle_counters(mechanism)], mechanism.space)
+    require_controllers(mechanism)
+    instances = instances_of(_all(mechanism), mechanism.space)
     order = {name: k for k, name in enumerate(mechanism.bodies)}
     inputs = mechanism.inputs
     size, n = mechanism.space.size, mechanism.space.size * len(order)
@@ -157,6 +165,7 @@ def _kinematics(mechanism: Mechanism, time: float) -> tuple[Model, list[Instance
         frozen=none,
         active=every,
         nonholonomic=nonholonomic,
+        held=sum(len(i.type.states) for i in instances if isinstance(i.component, HeldStates)),
     )
     kinds = ["position", "velocity", "initial", "acceleration", "energy", *(["drift"] if mechanism.conditions else [])]
     model = Model(
@@ -315,16 +324,18 @@ def build(mechanism: Mechanism, time: float = 0.0, *, fuse: bool | None = None) 
         small = kind != "jacobian" or _length(instances) <= FUSED_LENGTH
         evaluators[kind] = compiled_evaluator(kind, instances, order, layout, blocks, fuse=fuse and small)
     places = _places(mechanism, layout, instances)
-    outputs = output_map(list(mechanism.outputs.values()), *places)
+    outputs, controls = output_map(list(mechanism.outputs.values()), *places), loops_of(mechanism, *places)
     model = replace(
         model,
         rough=any(_corners(i) for i in instances),
-        digest=_digest(mechanism, instances),
+        digest=digest_of(mechanism, instances, [loop.digest for loop in controls]),
         evaluators=evaluators,
         events=events,
         prescribed=_prescribed(mechanism, model),
         timed=timed(instances, mechanism.inputs.variables),
         outputs=outputs,
+        controls=controls,
+        speeds_commanded=any(i.held and i.type.constraints for i in instances),
         scalars=scalar_map(list(mechanism.scalars.values()), *places),
         pattern=csc_pattern(evaluators["jacobian"], layout.unknowns),
     )
@@ -335,6 +346,7 @@ def build(mechanism: Mechanism, time: float = 0.0, *, fuse: bool | None = None) 
     notices = (
         *moved_bodies(mechanism, model, drawn[0], unconditioned[0]),
         *deep_contacts(mechanism, model, instances, q[0], parameters[0]),
+        *unused_commands(mechanism),
     )
     model = replace(model, notices=notices)
     model = replace(model, system=index1_system(model, _typical(model, q, time, parameters)))
@@ -371,21 +383,6 @@ def _length(instances: list[Instance]) -> int:
                 waiting += e.args
         seen[block.digest] = len(known)
     return sum(seen.get(i.type.digest, 0) for i in instances)
-
-
-def _digest(mechanism: Mechanism, instances: list[Instance]) -> str:
-    """Hash everything that the motion and the outputs depend on, as symbols."""
-    text = hashlib.sha256()
-    for i in instances:
-        text.update(repr((i.type.digest, i.component.name, [b.name for b in i.bodies])).encode())
-        text.update(str(i.parameters).encode())
-    for output in (*mechanism.outputs.values(), *mechanism.scalars.values()):
-        text.update(f"{output.name} {sympy.srepr(output.expression)}".encode())
-    for body in mechanism.bodies.values():
-        text.update(f"{body.name} {body.pose}".encode())
-    for condition in mechanism.conditions.values():
-        text.update(sympy.srepr(condition.residual).encode())
-    return text.hexdigest()
 
 
 def _typical(model: Model, q: Array, time: float, parameters: Array) -> Array:

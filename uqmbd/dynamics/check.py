@@ -10,7 +10,7 @@ from uqmbd.dynamics.assembly import positions
 from uqmbd.dynamics.build import kinematic_model, reactions_not_unique
 from uqmbd.dynamics.equations import Model
 from uqmbd.dynamics.notices import Move, moves, size_of
-from uqmbd.mechanism import Mechanism
+from uqmbd.mechanism import Controller, Mechanism
 from uqmbd.names import checked
 
 __all__ = ["Check", "check"]
@@ -43,6 +43,8 @@ class Check:
         by more than 1 degree.
     conditions : tuple of (condition, kind)
         What holds at the start only, of ``position`` or ``velocity``.
+    controllers : tuple of (name, timing, measured, commands)
+        What each samples and commands, in words.
     """
 
     bodies: tuple[str, ...]
@@ -64,6 +66,7 @@ class Check:
     """Degrees of freedom of the velocities, ``coordinates - rank`` of all equations: fewer than those of the positions
     where equations bind velocities alone."""
     conditions: tuple[tuple[str, str], ...] = ()
+    controllers: tuple[tuple[str, str, str, str], ...] = ()
 
 
 @checked
@@ -119,6 +122,19 @@ def check(mechanism: Mechanism, time: float = 0.0) -> Check:
         velocity_equations=len(layout.nonholonomic),
         velocity_mobility=layout.coordinates - layout.rank,
         conditions=tuple((name, c.kind) for name, c in mechanism.conditions.items()),
+        controllers=tuple(_controller(c) for c in mechanism.controllers.values()),
+    )
+
+
+def _controller(controller: Controller) -> tuple[str, str, str, str]:
+    """Return the name of a controller, its timing, what it measures, and what it commands."""
+    delay = f", commands act {controller.delay:g} s later" if controller.delay else ""
+    commands = [f"{name} ({units})" if units else name for name, units in controller.commands.items()]
+    return (
+        controller.name,
+        f"{controller.rate:g} Hz{delay}",
+        ", ".join(map(str, controller.measured)),
+        ", ".join(commands),
     )
 
 

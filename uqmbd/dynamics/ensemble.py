@@ -10,6 +10,7 @@ import numpy as np
 
 from uqmbd.dynamics.assembly import Start, assemble
 from uqmbd.dynamics.contact import ContactEvaluator, event_times, impact
+from uqmbd.dynamics.control import Sampling
 from uqmbd.dynamics.equations import Model
 from uqmbd.dynamics.integration import Leg, pace
 from uqmbd.dynamics.linear import accelerations, excess
@@ -78,6 +79,23 @@ class Ensemble:
             Legs of the integration, one after the other: until when nothing jumps, s, and the longest step, s.
         """
         return pace(self, np.asarray(times, dtype=float), rtol)
+
+    def sampling(self, times: Array) -> Sampling | None:
+        """Make the samples of the controllers in one integration, for integrators that declare ``sampled``.
+
+        Parameters
+        ----------
+        times : array, shape (T,)
+            Output times, s.
+
+        Returns
+        -------
+        Sampling or None
+            None: the mechanism has no controllers.  Its ``times`` (N,) are those at which states change;
+            ``after(number, states, members)`` gives the states right after one of them, and reasons of those who
+            cannot go on; ``jumps(time, states, members)`` how velocities follow speeds that are commanded.
+        """
+        return Sampling(self, times) if self.model.controls else None
 
     def select(self, members: Index) -> Ensemble:
         """Make the ensemble of some realisations."""

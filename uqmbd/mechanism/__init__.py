@@ -24,6 +24,7 @@ from uqmbd.mechanism.components import (
     law_values,
     range_text,
 )
+from uqmbd.mechanism.controller import Controller, HeldStates, HeldSymbol
 from uqmbd.mechanism.expressions import (
     LARGEST,
     WITHOUT_DERIVATIVE,
@@ -72,10 +73,13 @@ __all__ = [
     "BodyTerms",
     "Component",
     "Constraint",
+    "Controller",
     "Event",
     "EventTime",
     "Frame",
     "Ground",
+    "HeldStates",
+    "HeldSymbol",
     "Impact",
     "Kinetic",
     "LARGEST",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Callable, Hashable, Sequence, Sized
 from typing import Any, TypeVar
 
 import sympy
@@ -11,6 +11,7 @@ from uqmbd.display import html_of
 from uqmbd.errors import StudyError
 from uqmbd.mechanism.body import Body, BodyTerms, Ground, Pose
 from uqmbd.mechanism.components import Component, settle
+from uqmbd.mechanism.controller import Controller
 from uqmbd.mechanism.expressions import check_scalar, is_scalar, numbers, random_variables, shown
 from uqmbd.mechanism.geometry import Space
 from uqmbd.mechanism.holonomic import require_holonomic
@@ -23,7 +24,7 @@ from uqmbd.randomness import JointInput, RandomVariable
 
 __all__ = ["Mechanism"]
 
-C = TypeVar("C", bound=Component)
+C = TypeVar("C", bound=Component | Controller)
 T = TypeVar("T")
 
 
@@ -52,6 +53,7 @@ class Mechanism:
         self.name = check_name(name, "mechanism")
         self.bodies: dict[str, Body] = {}
         self.components: dict[str, Component] = {}
+        self.controllers: dict[str, Controller] = {}
         if not isinstance(space, Space):
             raise StudyError(
                 f"mechanism {name!r}: the space is {shown(space)}; expected uqmbd.Spatial(gravity=(0, 0, -9.81)), "
@@ -156,16 +158,16 @@ class Mechanism:
 
     @checked
     def add(self, component: C) -> C:
-        """Add a joint, driver, spring or force.
+        """Add a joint, driver, spring, force or controller.
 
         Parameters
         ----------
-        component : Component
+        component : Component or Controller
             Its bodies must be of this mechanism (or `ground`).
 
         Returns
         -------
-        Component
+        Component or Controller
             The same object, so that its reactions can be made outputs.
 
         Raises
@@ -174,6 +176,9 @@ class Mechanism:
             If its name is taken, a body is unknown, or a parameter has the wrong dimension.
         """
         given: Any = component
+        if isinstance(given, Controller):
+            self._control(given)
+            return component
         if isinstance(given, type) and issubclass(given, Component):
             raise StudyError(
                 f"mechanism {self.name!r}: add() was given the class {given.__name__}; "
@@ -330,8 +335,8 @@ class Mechanism:
         make : callable
             Makes it.
         """
-        counts = (len(self.bodies), len(self.components), len(self.outputs), len(self.scalars))
-        revision = (*counts, len(self.conditions))
+        parts: tuple[Sized, ...] = (self.bodies, self.components, self.controllers, self.outputs, self.scalars)
+        revision = tuple(map(len, (*parts, self.conditions)))
         known = self._memory.get(key)
         if known is None or known[0] != revision:
             known = (revision, make())
@@ -357,6 +362,7 @@ class Mechanism:
         values: list[Any] = [value for c in self.all_components() for value in c.values.values()]
         values += [part for b in self.bodies.values() for part in (b.pose.q, b.pose.velocity, b.pose.angular_velocity)]
         values += [self.space.gravity, *(c.residual for c in self.conditions.values())]
+        values += [number for controller in self.controllers.values() for number in controller.numbers]
         return frozenset(variable for value in values for variable in random_variables(value))
 
     def _used(self) -> set[RandomVariable]:
@@ -366,12 +372,22 @@ class Mechanism:
     def _require_free(self, name: str, where: str) -> None:
         if name == "ground":
             raise StudyError(f"{where}: that name belongs to the ground; choose another.")
-        taken = self.bodies.get(name) or self.components.get(name)
+        taken = self.bodies.get(name) or self.components.get(name) or self.controllers.get(name)
         if taken is not None:
             kind = "body" if isinstance(taken, Body) else type(taken).__name__
             raise StudyError(
                 f"{where}: the name is taken by {kind} {name!r}; bodies and components need names of their own."
             )
+
+    def _control(self, controller: Controller) -> None:
+        """Add a controller; what its names of outputs mean is looked up when the equations are made."""
+        if self.controllers.get(controller.name) is controller:
+            raise StudyError(f"{controller.where}: it has been added to mechanism {self.name!r} already.")
+        self._require_free(controller.name, controller.where)
+        for k, entry in enumerate(controller.measured):
+            if not isinstance(entry, str):
+                require_known(self, f"{controller.where}: measured[{k}]", entry, "output")
+        self.controllers[controller.name] = controller
 
     def _repr_html_(self) -> str | None:
         """Tables and a picture, for notebooks."""

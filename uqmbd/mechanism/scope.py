@@ -10,6 +10,7 @@ import sympy
 from uqmbd.errors import StudyError
 from uqmbd.mechanism.body import Body, Ground, StateSymbol
 from uqmbd.mechanism.components import Component, Loaded, ReactionSymbol
+from uqmbd.mechanism.controller import Controller, HeldSymbol
 from uqmbd.mechanism.expressions import ScalarSymbol, flatten, is_scalar, shown, t, unknown_symbol
 from uqmbd.randomness import RandomVariable
 
@@ -28,6 +29,7 @@ class Described(Protocol):
     bodies: dict[str, Body]
     components: dict[str, Component]
     ground: Ground
+    controllers: dict[str, Controller]
 
 
 LAW_QUANTITIES = ("q", "v", "angular_velocity")
@@ -65,6 +67,16 @@ def require_known(mechanism: Described, where: str, value: Any, scope: Scope) ->
             _require_member(mechanism.bodies, symbol.owner, mechanism, f"{where}: it contains {symbol}")
         elif isinstance(symbol, ReactionSymbol):
             _require_member(mechanism.components, symbol.component, mechanism, f"{where}: it contains {symbol}")
+        elif isinstance(symbol, HeldSymbol):
+            # it may be added later
+            known = mechanism.controllers.get(symbol.owner.name)
+            if known is not None and known is not symbol.owner:
+                raise StudyError(
+                    f"{where}: it contains {symbol}, but the controller {symbol.owner.name!r} of mechanism "
+                    f"{mechanism.name!r} is another one."
+                )
+            if scope == "start":
+                raise StudyError(f"{where}: it contains {symbol}, and controllers command nothing before the start.")
         elif symbol != t:
             raise StudyError(f"{where}: it contains {unknown_symbol(symbol)}")
         _require_scope(where, symbol, scope)

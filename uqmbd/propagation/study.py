@@ -372,4 +372,5 @@ class Study:
 def _parts(mechanism: Mechanism) -> dict[str, str]:
     """Bodies, and components with their types, as JSON: `uqmbd compare` tells which only one of two mechanisms has."""
     components = {c.name: type(c).__name__ for c in mechanism.components.values()}
+    components |= {c.name: type(c).__name__ for c in mechanism.controllers.values()}
     return {"parts": json.dumps({"bodies": list(mechanism.bodies), "components": components})}

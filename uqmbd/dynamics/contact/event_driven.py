@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from uqmbd.dynamics.batch import Batch
+from uqmbd.dynamics.batch import Batch, Sampler
 from uqmbd.dynamics.contact.chatter import Chatter
 from uqmbd.dynamics.contact.evaluator import ContactEvaluator, Contacts
 from uqmbd.dynamics.contact.event_location import Guard
@@ -78,6 +78,7 @@ class EventDrivenMotion:
     pieces: list[MotionPiece] = field(default_factory=list)
     records: list[EventRecord] = field(default_factory=list)
     message: str = ""
+    last: Array | None = None
     steps: int = 0
     evaluations: int = 0
 
@@ -118,21 +119,40 @@ class EventDrivenMotion:
         if overlapping := [k for k in self.guards.bodies if contacts.guard[0, k] < 0]:
             z[: self.n] += onto_contacts(contacts, dict.fromkeys(overlapping, "slip"))[0][0]
         z = self._settle(now, z)
-        for stop in [*(leg.end for leg in self.legs[:-1] if leg.jumps), end]:
+        jumping = {leg.end for leg in self.legs[:-1] if leg.jumps}
+        sampling = self.ensemble.sampling(self.times)
+        sampled = {} if sampling is None else {time: k for k, time in enumerate(sampling.times.tolist())}
+        for stop in [*sorted((jumping | sampled.keys()) - {now, end}), end]:
             self.guards.inside = (now + instant(now), np.inf)
             z = self._cross(now, z)
+            if sampling is not None and now in sampled:
+                z = self._sampled(sampling, sampled[now], now, z)
             while now < stop and not self.message:
                 now, z = self._piece(now, z, stop)
+        if sampling is not None and end in sampled and not self.message:
+            self.last = self._sampled(sampling, sampled[end], end, z)
+
+    def _sampled(self, sampling: Sampler, number: int, now: float, z: Array) -> Array:
+        """State right after a sample of a controller."""
+        one = np.zeros(1, dtype=np.int64)
+        states, reasons = sampling.after(number, z[None], one)
+        change, more = sampling.jumps(now, states, one)
+        self.message = reasons.get(0) or more.get(0) or self.message
+        return self._pushed(now, states[0], change[0])
 
     def _cross(self, now: float, z: Array) -> Array:
-        """State right after a time at which prescribed speeds may jump; contacts that this presses together hold."""
+        """State right after a time at which prescribed speeds may jump."""
         change, reasons = speed_jumps(self.model, z[None], now, self.ensemble.block, self.rtol)
         if reasons:
             self.message = reasons[0]
+        return self._pushed(now, z, change[0])
+
+    def _pushed(self, now: float, z: Array, change: Array) -> Array:
+        """State after a jump of velocities that speeds impose; contacts that this presses together hold."""
         if self.message or not np.any(change):
             return z
         z = z.copy()
-        z[self.velocities :] += change[0]
+        z[self.velocities :] += change
         contacts = self.guards.contacts(now, z)
         closed = [
             k for k in self.guards.bodies if k in self.lasting.modes or contacts.guard[0, k] <= CLOSED * self.length
@@ -155,6 +175,8 @@ class EventDrivenMotion:
             mine = np.flatnonzero((which == k) & (self.times <= piece.end + 1e-14 * max(1.0, abs(piece.end))))
             if len(mine):
                 found[mine] = self._on(self.times[mine], piece(self.times[mine]), piece.modes)
+        if self.last is not None:
+            found[-1] = self.last
         return found
 
     def observed(self, times: Array, piece: MotionPiece) -> Array:

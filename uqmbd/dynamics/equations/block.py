@@ -30,6 +30,7 @@ from uqmbd.mechanism import (
     Constraint,
     Event,
     Frame,
+    HeldSymbol,
     Kinetic,
     Local,
     Potential,
@@ -89,6 +90,7 @@ class BlockType:
     gaps: tuple[tuple[sympy.Expr, sympy.Expr], ...]  # gap at the start, and the depth that is much
     reaction_on: int  # local body that the reaction acts on; its sign is in `reaction_sign`
     reaction_sign: int
+    held: int = 0  # commands and states of controllers that its parameters contain, ``_h``
 
     @property
     def coordinates(self) -> int:
@@ -123,7 +125,7 @@ class BlockType:
     @cached_property
     def digest(self) -> str:
         """Hash of everything that the derivation depends on."""
-        parts = (
+        parts: tuple[Any, ...] = (
             self.space.name,
             self.bodies,
             self.owns,
@@ -139,6 +141,8 @@ class BlockType:
                 )
             ),
         )  # fmt: skip
+        if self.held:
+            parts = (*parts, self.held)
         return hashlib.sha256(repr(parts).encode()).hexdigest()
 
 
@@ -151,6 +155,8 @@ class Instance:
     bodies: tuple[Body, ...]
     parameters: tuple[sympy.Expr, ...]
     """Values of the local parameters, expressions in random variables."""
+    held: tuple[HeldSymbol, ...] = ()
+    """Commands and states of controllers that they contain."""
 
 
 def instances_of(components: list[Component], space: Space) -> list[Instance]:
@@ -173,20 +179,31 @@ def _instance(component: Component, space: Space, known: dict[Any, BlockType]) -
             for symbol in sorted(getattr(part, "free_symbols", ()), key=str):
                 if isinstance(symbol, StateSymbol) and symbol.owner not in bodies:
                     bodies.append(symbol.owner)
-    values, parameters, pattern = _localise(component, bodies, space)
+    held = _held(component)
+    values, parameters, pattern = _localise(component, bodies, space, held)
     kinds = tuple(bodies.index(b) if isinstance(b, Body) else -1 for b in component.attached.values())
     key = (type(component), space.name, kinds, len(bodies), pattern)
     if key not in known:
-        known[key] = _block(component, space, bodies, kinds, values, len(parameters))
-    return Instance(component, known[key], tuple(bodies), tuple(parameters))
+        known[key] = _block(component, space, bodies, kinds, values, len(parameters), len(held))
+    return Instance(component, known[key], tuple(bodies), tuple(parameters), held)
+
+
+def _held(component: Component) -> tuple[HeldSymbol, ...]:
+    """Commands and states of controllers that parameters of a component contain, each once."""
+    found: dict[HeldSymbol, None] = {}
+    for value in component.values.values():
+        for part in flatten(value):
+            symbols = sorted(getattr(part, "free_symbols", ()), key=str)
+            found |= dict.fromkeys(s for s in symbols if isinstance(s, HeldSymbol))
+    return tuple(found)
 
 
 def _localise(
-    component: Component, bodies: list[Body], space: Space
+    component: Component, bodies: list[Body], space: Space, held: tuple[HeldSymbol, ...]
 ) -> tuple[dict[str, Any], list[sympy.Expr], tuple[Any, ...]]:
     """Replace numbers by parameter symbols; keep zeros, ones, options and functions of time or state."""
     parameters: list[sympy.Expr] = []
-    local: dict[sympy.Basic, sympy.Expr] = {t: TIME}
+    local: dict[sympy.Basic, sympy.Expr] = {t: TIME, **dict(zip(held, _symbols("h", len(held)), strict=True))}
     for b, body in enumerate(bodies):
         for letter, symbols in (("q", body.q), ("v", body.v)):
             for k, symbol in enumerate(symbols):
@@ -240,6 +257,7 @@ def _block(
     kinds: tuple[int, ...],
     values: Mapping[str, Any],
     parameters: int,
+    held: int,
 ) -> BlockType:
     n = space.size
     q, v = _symbols("q", n * len(bodies)), _symbols("v", n * len(bodies))
@@ -249,7 +267,7 @@ def _block(
     terms, point = component.stated(local)
     named = {symbol: sympy.Symbol(f"_u{k}", real=True) for k, symbol in enumerate(local.quantities)}
     where = f"{type(component).__name__} {component.name!r}"
-    known = {*q, *v, *local.states.values(), *_symbols("p", parameters), *named.values(), TIME}
+    known = {*q, *v, *local.states.values(), *_symbols("p", parameters), *_symbols("h", held), *named.values(), TIME}
 
     def settled(expression: Any) -> sympy.Expr:
         return settled_expression(where, component, expression, named, known)
@@ -258,6 +276,7 @@ def _block(
 
     velocities, coordinates = set(v), set(q) | set(local.states.values())
     accelerations: set[sympy.Basic] = set()
+    commands = set(_symbols("h", held))
     for symbol, kind, e in quantities:
         if e.free_symbols & (velocities if kind == "rate" else accelerations):
             accelerations.add(symbol)
@@ -265,6 +284,8 @@ def _block(
             velocities.add(symbol)
         if e.free_symbols & coordinates:
             coordinates.add(symbol)
+        if e.free_symbols & commands:
+            commands.add(symbol)
     kinetic: sympy.Expr = sympy.S.Zero
     potential: sympy.Expr = sympy.S.Zero
     work: list[tuple[sympy.Expr, sympy.Expr]] = []
@@ -328,13 +349,22 @@ def _block(
                 "potentials energies, of positions, states and time. What depends on velocities is a VirtualWork; an "
                 "equation that binds velocities, and is linear in them, is a VelocityConstraint."
             )
+    guards = [event.guard for event in events]
     clash = [e for e in at_rest if not e.free_symbols & coordinates]
     if clash:
         raise StudyError(f"{where}: the constraint {clash[0]} = 0 contains no coordinate of a body.")
+    for what, parts in (("its constraint", at_rest), ("its kinetic energy", [kinetic]), ("its event", guards)):
+        if any(e.free_symbols & commands for e in parts):
+            raise StudyError(
+                f"{where}: {what} contains a command of a controller, which jumps at every sample, and positions and "
+                "masses cannot jump. A command can be a force, a torque, a stiffness or a damping, or the speed of a "
+                "driver of speed."
+            )
     changing = {*velocities, *coordinates}
     require_derivatives(where, [kinetic, potential, *(x for pair in work for x in pair)], changing)
     require_derivatives(where, [*constraints, *(rate for rate, _ in rates.values())], changing | {TIME})
-    on, sign = (kinds[-1], 1) if kinds[-1] >= 0 else (kinds[0], -1)
+    ends = kinds or (-1,)
+    on, sign = (ends[-1], 1) if ends[-1] >= 0 else (ends[0], -1)
     block = BlockType(
         name=type(component).__name__,
         space=space,
@@ -358,6 +388,7 @@ def _block(
         gaps=tuple(gaps),
         reaction_on=on,
         reaction_sign=sign,
+        held=held,
     )
     for e in (e for e, h in zip(constraints, holonomic, strict=True) if not h):
         require_velocities(where, e, block.whole(e), set(v), accelerations)

@@ -63,6 +63,7 @@ class Derived:
         self.s, self.sd = _symbols("s", k), _symbols("r", k)
         self.l, self.m = _symbols("l", m), _symbols("m", m)
         self.p = _symbols("p", block.parameters)
+        self.h = _symbols("h", block.held)
         self.f = _symbols("f", sum(len(e.directions) for e in block.events))
         self.t, self.c = se.Symbol("_t"), se.Symbol("_c")
         convert = self._converter()
@@ -266,7 +267,7 @@ class Derived:
             "t": [self.t], "c": [self.c],
         }  # fmt: skip
         names = argument_names(kind, len(self.q), len(self.s), len(self.l))
-        return [(letter, k, symbols[letter][k]) for letter, k in names]
+        return [*((letter, k, symbols[letter][k]) for letter, k in names), *(("h", k, x) for k, x in enumerate(self.h))]
 
 
 @lru_cache(maxsize=256)

@@ -202,8 +202,10 @@ def typed(
         if not local:
             continue
         arguments = argument_names(kind, block.coordinates, len(block.states), len(block.constraints))
+        arguments += [("h", k) for k in range(block.held)]
         gather = [
-            [zero if (g := places[i].letters[x][k]) < 0 else columns[x, int(g)] for x, k in arguments] for i in indices
+            [zero if (g := places[i].letters[x][k]) < 0 else columns[_letter(x), int(g)] for x, k in arguments]
+            for i in indices
         ]
         parameters = [places[i].parameters for i in indices]
         groups.append(
@@ -215,6 +217,11 @@ def typed(
         )
         targets += [_globalise(x, places[i], kind) for i in indices for x in local]
     return Evaluator(*_order(targets, groups))
+
+
+def _letter(letter: str) -> str:
+    """Letter of a local argument among those of the mechanism: what controllers hold are auxiliary states of theirs."""
+    return "s" if letter == "h" else letter
 
 
 def _zero_column(columns: dict[tuple[str, int], int]) -> int:
@@ -253,7 +260,7 @@ def fused(
         for block, place in zip(blocks, places, strict=True):
             derived = derive(block)
             swap = {
-                symbol: se.Integer(0) if (g := place.letters[x][k]) < 0 else names[columns[x, int(g)]]
+                symbol: se.Integer(0) if (g := place.letters[x][k]) < 0 else names[columns[_letter(x), int(g)]]
                 for x, k, symbol in derived.arguments(kind)
             }
             swap |= {x: se.Symbol(f"_g{int(k)}") for x, k in zip(derived.p, place.parameters, strict=True)}

@@ -82,6 +82,8 @@ class Layout:
     frozen: Index
     active: Index
     nonholonomic: Index
+    held: int = 0
+    """How many of the auxiliary states are what controllers hold from one sample to the next."""
 
     @property
     def width(self) -> int:

@@ -16,6 +16,7 @@ from uqmbd.dynamics.equations.evaluator import Evaluator, Placement, fused, type
 from uqmbd.dynamics.equations.layout import RESULTS, Kind, Layout
 from uqmbd.dynamics.equations.limits import Limit, Tensor
 from uqmbd.dynamics.equations.parameters import ParameterMap
+from uqmbd.mechanism import Controller, HeldStates
 from uqmbd.typing import Array, Index
 
 __all__ = ["FUSED_LIMIT", "Model", "Statement"]
@@ -109,6 +110,10 @@ class Model:
     """Times at which integrations start anew besides those that the equations have, s."""
     conditions: Any = field(default=None, repr=False)
     """What holds at the start only, `uqmbd.dynamics.equations.start_conditions.Conditions`, or None."""
+    controls: tuple[Any, ...] = ()
+    """Controllers, each a `uqmbd.dynamics.control.Loop`."""
+    speeds_commanded: bool = False
+    """Whether a command is a speed that a constraint prescribes."""
     start_at: str = "drawn"
     """Where realisations start: ``drawn`` (as assembled from the drawn pose) or ``equilibrium``."""
 
@@ -190,6 +195,7 @@ def place(instances: list[Instance], order: dict[str, int], kept: Index | None =
     kept = np.arange(total) if kept is None else kept
     number[kept] = np.arange(len(kept))
     rows = states = cosines = parameters = events = directions = 0
+    holders = _holders(instances)
     placements = []
     for instance in instances:
         block = instance.type
@@ -200,6 +206,7 @@ def place(instances: list[Instance], order: dict[str, int], kept: Index | None =
         multipliers = number[row]
         one = np.zeros(1, dtype=np.int64)
         along = sum(len(e.directions) for e in block.events)
+        held = {"h": np.array([holders[h.owner] + h.index for h in instance.held])} if instance.held else {}
         placements.append(
             Placement(
                 {
@@ -218,6 +225,7 @@ def place(instances: list[Instance], order: dict[str, int], kept: Index | None =
                     "cos": np.arange(cosines, cosines + len(block.cosines)),
                     "event": np.arange(events, events + len(block.events)),
                     "direction": np.arange(directions, directions + along),
+                    **held,
                 },  # fmt: skip
                 np.arange(parameters, parameters + block.parameters),
             )
@@ -226,6 +234,17 @@ def place(instances: list[Instance], order: dict[str, int], kept: Index | None =
         cosines, parameters = cosines + len(block.cosines), parameters + block.parameters
         events, directions = events + len(block.events), directions + along
     return placements
+
+
+def _holders(instances: list[Instance]) -> dict[Controller, int]:
+    """First auxiliary state of each controller."""
+    found: dict[Controller, int] = {}
+    states = 0
+    for instance in instances:
+        if isinstance(instance.component, HeldStates):
+            found[instance.component.controller] = states
+        states += len(instance.type.states)
+    return found
 
 
 def residual_places(places: list[Placement], layout: Layout) -> list[Placement]:
@@ -245,6 +264,8 @@ def residual_places(places: list[Placement], layout: Layout) -> list[Placement]:
         for letter in "qsvlm":
             index = letters[letter]
             letters[letter] = np.where(index < 0, -1, index + slices[letter].start)
+        if "h" in letters:
+            letters["h"] = letters["h"] + slices["s"].start
         letters["q"] = np.where(letters["q"] < 0, held[p.letters["q"]], letters["q"])
         result.append(Placement(letters, p.parameters, layout.unknowns))
     return result

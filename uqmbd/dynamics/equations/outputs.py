@@ -20,6 +20,8 @@ from uqmbd.mechanism import (
     Auxiliary,
     Body,
     Component,
+    HeldStates,
+    HeldSymbol,
     Local,
     Mechanism,
     Output,
@@ -59,6 +61,7 @@ def angle_counters(mechanism: Mechanism) -> list[Component]:
     for output in (*mechanism.outputs.values(), *mechanism.scalars.values()):
         seen.append(output.expression)
     seen += [condition.residual for condition in mechanism.conditions.values()]
+    seen += [x for c in mechanism.controllers.values() for x in c.measured if not isinstance(x, str)]
     for expression in seen:
         for symbol in expression.free_symbols:
             if isinstance(symbol, StateSymbol) and symbol.quantity == "angle":
@@ -191,6 +194,8 @@ def output_map(
             holder = f"_R{len(holders)}"
             holders[holder] = ("reaction", symbol)
             symbols[symbol] = sympy.Symbol(holder, real=True)
+        elif isinstance(symbol, HeldSymbol):
+            symbols[symbol] = sympy.Symbol(column("s", _held(symbol, instances, places)), real=True)
         elif isinstance(symbol, StateSymbol):
             if symbol.quantity in ("kinetic_energy", "potential_energy"):
                 holder = f"_R{len(holders)}"
@@ -282,6 +287,14 @@ def _angle(
             raw = 2 * sympy.atan2(e1, e0)
             return raw + 4 * sympy.pi * sympy.floor((counted - raw) / (4 * sympy.pi) + sympy.Rational(1, 2))
     raise StudyError(f"the angle of body {body.name!r} is not counted; record it with mechanism.output(...).")
+
+
+def _held(symbol: HeldSymbol, instances: list[Instance], places: list[Placement]) -> int:
+    """Return the number of what a controller holds among the auxiliary states."""
+    for instance, place in zip(instances, places, strict=True):
+        if isinstance(instance.component, HeldStates) and instance.component.controller is symbol.owner:
+            return int(place.letters["s"][symbol.index])
+    raise StudyError(f"{symbol}: the controller {symbol.owner.name!r} was not added; call mechanism.add(...) first.")
 
 
 def _uses(instance: Instance, holders: dict[str, tuple[str, Any]]) -> bool:

@@ -132,6 +132,7 @@ def _globals(instance: Instance, states: list[sympy.Symbol]) -> dict[sympy.Basic
         "v": [x for body in instance.bodies for x in body.v],
         "s": states,
         "p": list(instance.parameters),
+        "h": list(instance.held),
     }
     known: dict[sympy.Basic, sympy.Expr] = {TIME: t}
     for letter, values in lists.items():

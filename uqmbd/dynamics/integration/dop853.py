@@ -93,7 +93,7 @@ class BatchEquations:
         self.auxiliary = None if found is None else (found[1][0] + self.n, found[0])
         self.kernel = self.motion.fused_kernel
         self.evaluations, self.coupled = 0, False
-        self.moving = layout.width - 2 * len(layout.frozen)
+        self.moving = layout.width - 2 * len(layout.frozen) - layout.held
         self._allocate(block)
 
     def _allocate(self, block: Array) -> None:

@@ -41,7 +41,7 @@ class Dop853:
     """
 
     name = "dop853"
-    events = projected = segments = paced = watched = delegates = True
+    events = projected = segments = paced = watched = delegates = sampled = True
 
     stack: int = STACK
 
@@ -140,7 +140,7 @@ class Auto:
     """
 
     name = "auto"
-    events = projected = segments = paced = watched = delegates = True
+    events = projected = segments = paced = watched = delegates = sampled = True
     linear_solvers = LINEAR_SOLVERS
 
     stack: int = STACK

@@ -18,6 +18,7 @@ WORDS: Mapping[Capability, str] = {
     "events": "follow impacts and other events",
     "projected": "integrate projected equations",
     "paced": "bound its steps, or start anew where it is told to",
+    "sampled": "sample controllers across impacts",
     "segments": "integrate from event to event, one segment after the other",
 }
 

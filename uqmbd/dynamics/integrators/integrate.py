@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
 from uqmbd.dynamics.ensemble import Ensemble
 from uqmbd.dynamics.integration import Trajectories
 from uqmbd.dynamics.integrators.capabilities import require_for
 from uqmbd.dynamics.integrators.checked import checked
+from uqmbd.dynamics.integrators.protocol import declares
 from uqmbd.dynamics.integrators.registry import integrator_class
+from uqmbd.dynamics.integrators.sampled import trajectories_in_samples
 from uqmbd.errors import StudyError
 from uqmbd.typing import Array
 
@@ -50,7 +54,10 @@ def integrate(ensemble: Ensemble, times: Array, rtol: float = 1e-6, method: str 
     def solve(ensemble: Ensemble, times: Array, rtol: float) -> Trajectories:
         return _valid(integrator.integrate(ensemble, times, rtol), method, ensemble, times)
 
-    return checked(solve, ensemble, times, rtol)
+    model = ensemble.model
+    if not model.controls or (model.events and declares(integrator_class(method), "sampled")):
+        return checked(solve, ensemble, times, rtol)
+    return checked(partial(trajectories_in_samples, solve), ensemble, times, rtol)
 
 
 def _valid(found: object, name: str, ensemble: Ensemble, times: Array) -> Trajectories:

@@ -11,6 +11,7 @@ from uqmbd.dynamics.integration import position_jumps
 from uqmbd.dynamics.integrators.capabilities import require, require_for
 from uqmbd.dynamics.integrators.protocol import declares
 from uqmbd.dynamics.integrators.registry import integrator_class
+from uqmbd.dynamics.integrators.sampled import projected_in_samples
 from uqmbd.dynamics.projection import LINEAR_SOLVERS, ProjectedTrajectories, Projection, Watch, projected_off
 from uqmbd.errors import StudyError
 from uqmbd.typing import Array
@@ -80,7 +81,16 @@ class ProjectedEnsemble(Projection):
             state = np.full((self.terms, len(times), self.model.layout.width), np.nan)
             state[:, 0] = self.start.state
             return ProjectedTrajectories(times, state, f"at node {node} {text}", "none", {})
-        found = self._solved(times, rtol, integrator, linear_solver, watch)
+        if self.model.controls and not any(directions for *_, directions in self.model.events):
+
+            def solve(projected: Projection, times: Array, rtol: float) -> ProjectedTrajectories:
+                return _solved(projected, times, rtol, integrator, linear_solver, None)
+
+            found = projected_in_samples(solve, self, times, rtol, watch)
+        else:
+            if self.model.controls:
+                require(integrator, "sampled", where, "controllers")
+            found = _solved(self, times, rtol, integrator, linear_solver, watch)
         first, text = projected_off(self, times, found.coefficients, rtol)
         if found.message or not text:
             return found
@@ -88,24 +98,25 @@ class ProjectedEnsemble(Projection):
         coefficients[:, max(1, first) :] = np.nan
         return replace(found, coefficients=coefficients, message=text)
 
-    def _solved(
-        self, times: Array, rtol: float, name: str, linear_solver: str, watch: Watch | None
-    ) -> ProjectedTrajectories:
-        """Let an integrator integrate, with those options that it declares."""
-        cls: Any = integrator_class(name)
-        options: dict[str, Any] = {}
-        if getattr(cls, "linear_solvers", ()):
-            options["linear_solver"] = linear_solver
-        if declares(cls, "watched"):
-            options["watch"] = watch
-        found = cls().integrate_projected(self, times, rtol, **options)
-        shape = (self.terms, len(times), self.model.layout.width)
-        if not isinstance(found, ProjectedTrajectories) or np.shape(found.coefficients) != shape:
-            what = f"a {type(found).__name__}"
-            if isinstance(found, ProjectedTrajectories):
-                what = f"coefficients of shape {np.shape(found.coefficients)}"
-            raise StudyError(
-                f"the integrator {name!r}: its method integrate_projected returned {what}; expected "
-                f"uqmbd.ProjectedTrajectories with coefficients of shape {shape}."
-            )
-        return found if declares(cls, "delegates") else replace(found, integrator=name)
+
+def _solved(
+    projected: Projection, times: Array, rtol: float, name: str, linear_solver: str, watch: Watch | None
+) -> ProjectedTrajectories:
+    """Let an integrator integrate, with those options that it declares."""
+    cls: Any = integrator_class(name)
+    options: dict[str, Any] = {}
+    if getattr(cls, "linear_solvers", ()):
+        options["linear_solver"] = linear_solver
+    if declares(cls, "watched"):
+        options["watch"] = watch
+    found = cls().integrate_projected(projected, times, rtol, **options)
+    shape = (projected.terms, len(times), projected.model.layout.width)
+    if not isinstance(found, ProjectedTrajectories) or np.shape(found.coefficients) != shape:
+        what = f"a {type(found).__name__}"
+        if isinstance(found, ProjectedTrajectories):
+            what = f"coefficients of shape {np.shape(found.coefficients)}"
+        raise StudyError(
+            f"the integrator {name!r}: its method integrate_projected returned {what}; expected "
+            f"uqmbd.ProjectedTrajectories with coefficients of shape {shape}."
+        )
+    return found if declares(cls, "delegates") else replace(found, integrator=name)

@@ -10,7 +10,7 @@ from uqmbd.typing import Array
 
 __all__ = ["Capability", "Integrator", "declares"]
 
-Capability = Literal["events", "projected", "segments", "paced", "watched", "delegates"]
+Capability = Literal["events", "projected", "segments", "paced", "watched", "delegates", "sampled"]
 
 
 class Integrator(Protocol):
@@ -33,6 +33,10 @@ class Integrator(Protocol):
         from the present time on, and returns true where it is to stop, or None.
     ``delegates = True``
         It may leave realisations to ``dop853`` or ``ida``, and names those in its counters.
+
+    ``sampled = True``
+        Where a mechanism has events, it samples controllers itself, by ``ensemble.sampling``; of one that does not,
+        and of mechanisms without events, ``integrate`` and ``integrate_projected`` are called from sample to sample.
 
     ``linear_solvers``, a tuple of names, says that ``integrate_projected`` takes ``linear_solver=``.
 

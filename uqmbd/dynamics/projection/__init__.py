@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from uqmbd.dynamics.projection.constraint_check import projected_off
 from uqmbd.dynamics.projection.dop853 import integrate_batched
-from uqmbd.dynamics.projection.ensemble import Projection
+from uqmbd.dynamics.projection.ensemble import ProjectedStart, Projection
 from uqmbd.dynamics.projection.ida import LINEAR_SOLVERS, LinearSolver, implicit
 from uqmbd.dynamics.projection.trajectories import ProjectedTrajectories, Watch
 
 __all__ = [
     "LINEAR_SOLVERS",
     "LinearSolver",
+    "ProjectedStart",
     "ProjectedTrajectories",
     "Projection",
     "Watch",

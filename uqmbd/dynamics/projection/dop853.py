@@ -24,7 +24,7 @@ class ProjectedEquations:
         self.projected, self.tolerance = projected, SOLVED * rtol
         self.n, self.velocities, self.width = layout.coordinates, layout.velocities, layout.width
         self.coupled, self.evaluations = True, 0
-        self.moving = layout.width - 2 * len(layout.frozen)
+        self.moving = layout.width - 2 * len(layout.frozen) - layout.held
         self.motion, self.drift = model.evaluators["acceleration"], model.evaluators["drift"]
         self.solver = projected.coupled
         block = projected.ensemble.block

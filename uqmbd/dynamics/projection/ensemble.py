@@ -11,6 +11,7 @@ They are the Euler-Lagrange equations of the averaged Lagrangian with averaged v
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -195,7 +196,17 @@ class Projection:
         jump = speed_jumps(self.model, nodal, time, self.ensemble.block, rtol)[0]
         if not np.any(jump):
             return np.zeros((self.terms, self.model.layout.coordinates))
-        return -self._excess(state, time + instant(time))[1]
+        return self.follow(state, time + instant(time))
+
+    def follow(self, state: Array, time: float) -> Array:
+        """Change of the coefficients of velocities (P, coordinate) by which they follow the constraints at a time."""
+        return -self._excess(state, time)[1]
+
+    def continued(self, ensemble: Ensemble, start: ProjectedStart) -> Projection:
+        """Make the same projection of an ensemble at a later time, with coefficients to start from."""
+        other = copy(self)
+        other.__dict__.update(ensemble=ensemble, model=ensemble.model, start=start, coupled=self.coupled)
+        return other
 
     def _values(self, state: Array, time: float) -> Array:
         return self.model.evaluators["acceleration"](state_arguments(time, self.psi @ state), self.ensemble.block)

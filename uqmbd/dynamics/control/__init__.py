@@ -1,0 +1,8 @@
+"""Sampled controllers: when they are called, with what, and what becomes of their commands."""
+
+from __future__ import annotations
+
+from uqmbd.dynamics.control.loop import Loop, loops_of, require_controllers, unused_commands
+from uqmbd.dynamics.control.sampling import Sampling
+
+__all__ = ["Loop", "Sampling", "loops_of", "require_controllers", "unused_commands"]

@@ -1,0 +1,151 @@
+"""Calls of the functions of controllers: what they return is looked at before anybody believes it."""
+
+from __future__ import annotations
+
+import traceback
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from uqmbd.dynamics.control.loop import Loop
+from uqmbd.errors import StudyError
+from uqmbd.typing import Array
+
+__all__ = ["called", "failures", "require_same"]
+
+
+SAME = 1e-9
+"""Difference of what a function returns for a part of its group, over the largest value, that is rounding."""
+
+
+def called(loop: Loop, time: float, measured: Array, state: Array, about: str = "") -> tuple[Array, Array]:
+    """Call the function of a controller.
+
+    Parameters
+    ----------
+    loop : Loop
+    time : float
+        s.
+    measured : array, shape (M, measured)
+    state : array, shape (M, state)
+    about : str
+        What more to say of the call in messages.
+
+    Returns
+    -------
+    commands : array, shape (M, command)
+    state : array, shape (M, state)
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If it raises, or its result has another shape.
+    """
+    count, where = len(measured), f"Controller {loop.name!r}"
+    given = (time, measured.copy(), state.copy()) if loop.states else (time, measured.copy())
+    try:
+        found = loop.shipped.function(*given)
+    except Exception as error:
+        shapes = f"measured of shape {measured.shape}" + (f" and state of shape {state.shape}" if loop.states else "")
+        raise StudyError(
+            f"{where}: its function raised {type(error).__name__}: {error}{_place(error)}, at t = {time:.6g} s with "
+            f"{shapes}{about}. It is called as function(time, measured{', state' * bool(loop.states)}), with a row for "
+            "each realisation of a group."
+        ) from error
+    if not loop.states:
+        return _columns(where, "commands", found, loop.commands, count, time, about), np.zeros((count, 0))
+    if not (isinstance(found, (tuple, list)) and len(found) == 2):
+        raise StudyError(
+            f"{where}: its function returned {_told(found)} at t = {time:.6g} s; expected the pair (commands, state), "
+            f"as the controller has the state{'s' * (len(loop.states) > 1)} {', '.join(map(repr, loop.states))}."
+        )
+    return (
+        _columns(where, "commands", found[0], loop.commands, count, time, about),
+        _columns(where, "the new state", found[1], loop.states, count, time, about),
+    )
+
+
+def failures(
+    loop: Loop, time: float, measured: Array, commands: Array, state: Array, low: Array, high: Array
+) -> dict[int, str]:
+    """Say which realisations (rows) cannot go on after a call, and why."""
+    found: dict[int, str] = {}
+    for what, names, values in (("state", loop.states, state), ("command", loop.commands, commands)):
+        for row in np.flatnonzero(~np.isfinite(values).all(axis=1)).tolist():
+            k = int(np.argmin(np.isfinite(values[row])))
+            seen = ", ".join(f"{n} = {x:.6g}" for n, x in zip(loop.measure.names, measured[row], strict=True))
+            found[row] = (
+                f"Controller {loop.name!r}: its {what} {names[k]!r} is {values[row, k]:g} at t = {time:.6g} s, where "
+                f"it measures {seen}"
+            )
+    for row in np.flatnonzero(~(low <= high).all(axis=1)).tolist():
+        k = int(np.argmin(low[row] <= high[row]))
+        found[row] = (
+            f"Controller {loop.name!r}: the limits of {loop.commands[k]!r} are {low[row, k]:.6g} and "
+            f"{high[row, k]:.6g}; the first must be the smaller one"
+        )
+    return found
+
+
+def require_same(loop: Loop, time: float, whole: Any, part: Any, count: int) -> None:
+    """Raise unless a function returned for a part of a group what it returned for the group."""
+    for what, one, other in zip(("commands", "state"), whole, part, strict=True):
+        scale = np.maximum(np.abs(one), np.abs(other)).max(initial=0.0)
+        with np.errstate(invalid="ignore"):
+            differs = np.abs(one - other) > SAME * scale
+        differs |= np.isnan(one) != np.isnan(other)
+        if differs.any():
+            row, k = np.argwhere(differs)[0]
+            group = (
+                f"with the other {count - 1} realisations of its group, and {other[row, k]:.6g} with a part of them"
+                if count > 1
+                else f"first, and {other[row, k]:.6g} when it is called again with the same arguments"
+            )
+            raise StudyError(
+                f"Controller {loop.name!r}: for the same realisation at t = {time:.6g} s its function returns the "
+                f"{what} {one[row, k]:.6g} {group}. Each row of the result may depend on that row of measured and "
+                "state alone: no means over realisations, no random numbers, and nothing remembered but the state."
+            )
+
+
+def _columns(where: str, what: str, value: Any, names: tuple[str, ...], count: int, time: float, about: str) -> Array:
+    """Return a result as an array (count, names)."""
+    width = len(names)
+    expected = f"expected an array of shape {(count, width)}, (realisation, {', '.join(names)})"
+    if width == 1:
+        expected += f", or of shape {(count,)}, or a number"
+    else:
+        expected += f", or a tuple of {width} entries of shape {(count,)}"
+    try:
+        if isinstance(value, tuple) and len(value) == width:
+            columns = [np.asarray(x, dtype=float) for x in value]
+            if all(x.shape in ((), (count,)) for x in columns):
+                return np.column_stack([np.broadcast_to(x, (count,)) for x in columns])
+        array = np.asarray(value, dtype=float)
+    except (TypeError, ValueError):
+        raise StudyError(
+            f"{where}: its function returned as {what} {_told(value)} at t = {time:.6g} s{about}; {expected}."
+        ) from None
+    if array.shape == (count, width):
+        return array.copy()
+    if array.shape == () or (width == 1 and array.shape == (count,)):
+        return np.broadcast_to(array.reshape(-1, 1), (count, width)).copy()
+    raise StudyError(
+        f"{where}: its function returned {what} of shape {array.shape} at t = {time:.6g} s{about}; {expected}."
+    )
+
+
+def _told(value: Any) -> str:
+    if isinstance(value, np.ndarray):
+        return f"an array of shape {value.shape}"
+    if isinstance(value, (tuple, list)):
+        return f"a {type(value).__name__} of {len(value)}"
+    text = repr(value)
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
+def _place(error: BaseException) -> str:
+    """File and line in which an error came up, as a part of a sentence."""
+    frames = traceback.extract_tb(error.__traceback__)[1:]
+    return f" ({Path(frames[-1].filename).name}, line {frames[-1].lineno})" if frames else ""

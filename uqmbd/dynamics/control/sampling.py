@@ -1,0 +1,203 @@
+"""The samples of one integration: when they are, and what the states are right after them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from uqmbd.dynamics.batch import Batch
+from uqmbd.dynamics.control.calls import called, failures, require_same
+from uqmbd.dynamics.control.loop import Loop
+from uqmbd.dynamics.equations import state_arguments
+from uqmbd.dynamics.linear import impulses
+from uqmbd.dynamics.observation import observe
+from uqmbd.errors import StudyError
+from uqmbd.typing import Array, Index
+
+__all__ = ["Sampling"]
+
+
+MOST = 1_000_000
+"""Samples of an integration that are taken for a mistake of units."""
+NEAR = 1e-12
+"""Time, over the larger of 1 s and the time itself, within which two instants are one."""
+FELT = 1e-14
+"""Speed by which a constraint is left, in the units of its equation, that is rounding."""
+CONTRADICTION = 1e-6
+"""Speed, over that of the jump, that is left after an impulse where equations contradict each other."""
+
+
+@dataclass
+class _Instant:
+    """What happens at one time: commands that act (loop, number of the sample), and loops that are sampled."""
+
+    time: float
+    acting: list[tuple[int, int]] = field(default_factory=list)
+    sampled: list[tuple[int, int]] = field(default_factory=list)
+
+
+class Sampling:
+    """Samples of the controllers of a batch, from one time to another, both included.
+
+    Parameters
+    ----------
+    batch : Batch
+        K realisations, whose model has controllers.
+    times : array, shape (T,)
+        Output times, s; samples that differ from one by rounding are at it.
+
+    Attributes
+    ----------
+    times : array, shape (N,)
+        At which something is sampled, or commands begin to act, s; ascending.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If there are more samples than anybody can mean.
+    """
+
+    def __init__(self, batch: Batch, times: Array) -> None:
+        self.batch, self.loops = batch, batch.model.controls
+        self.bounds = [loop.bounds(batch.values) for loop in self.loops]
+        self.near = NEAR * max(1.0, float(np.abs(times).max()))
+        self.instants = _instants(self.loops, times, self.near)
+        self.times = np.array([instant.time for instant in self.instants])
+        self.waiting: dict[tuple[int, int], tuple[Array, Index]] = {}
+
+    def after(self, number: int, states: Array, members: Index) -> tuple[Array, dict[int, str]]:
+        """States right after an instant; instants are to be passed in their order.
+
+        Parameters
+        ----------
+        number : int
+            Of the instant, among `times`.
+        states : array, shape (M, width)
+            Right before.
+        members : array of int, shape (M,)
+            Which realisations of the batch these are.
+
+        Returns
+        -------
+        states : array, shape (M, width)
+        reasons : dict of int to str
+            By row: why a realisation cannot go on.
+
+        Raises
+        ------
+        uqmbd.StudyError
+            If a function raises, or returns what is of another shape, or depends on the group.
+        """
+        instant, held = self.instants[number], self.batch.model.layout.coordinates
+        before, states, reasons = states, states.copy(), dict[int, str]()
+        measured = [self._measured(self.loops[k], instant.time, before, members) for k, _ in instant.sampled]
+        self._act(instant.acting, states, members)
+        for (k, sample), seen in zip(instant.sampled, measured, strict=True):
+            loop = self.loops[k]
+            memory = held + loop.held[len(loop.commands) :]
+            commands, state = self._called(loop, sample, instant.time, seen, before[:, memory])
+            states[:, memory] = state
+            low, high = (bound[members] for bound in self.bounds[k])
+            told = failures(loop, instant.time, seen, commands, state, low, high)
+            reasons = told | reasons
+            self.waiting[k, sample] = np.clip(commands, low, high), members
+            if loop.delay <= self.near:
+                self._act([(k, sample)], states, members)
+        return states, reasons
+
+    def _act(self, acting: Sequence[tuple[int, int]], states: Array, members: Index) -> None:
+        """Let commands that were waiting act."""
+        for k, sample in acting:
+            commands, owners = self.waiting.pop((k, sample))
+            where = self.batch.model.layout.coordinates + self.loops[k].held[: len(self.loops[k].commands)]
+            # who has failed since does not come back
+            states[:, where] = commands[np.searchsorted(owners, members)]
+
+    def _measured(self, loop: Loop, time: float, states: Array, members: Index) -> Array:
+        """Measure, shape (M, measured)."""
+        return observe(self.batch, loop.measure, states, np.full(len(states), time), members)
+
+    def _called(self, loop: Loop, sample: int, time: float, measured: Array, state: Array) -> tuple[Array, Array]:
+        """Call the function of a controller: commands (M, command) and new states (M, state)."""
+        found, count = called(loop, time, measured, state), len(measured)
+        if count and sample & (sample - 1) == 0:  # 0, 1, 2, 4, 8, ...: often enough, and cheap
+            half = np.arange(count)[:: -2 if count > 1 else 1]
+            part = called(loop, time, measured[half], state[half], f", called again for {len(half)} of {count}")
+            require_same(loop, time, [x[half] for x in found], part, count)
+        return found
+
+    def jumps(self, time: float, states: Array, members: Index) -> tuple[Array, dict[int, str]]:
+        """Find how velocities jump where speeds are commanded: an impulse, by which they follow.
+
+        Parameters
+        ----------
+        time : float
+            s.
+        states : array, shape (M, width)
+            Right after the commands have changed.
+        members : array of int, shape (M,)
+            Which realisations of the batch these are.
+
+        Returns
+        -------
+        change : array, shape (M, coordinate)
+            Of the velocities.
+        reasons : dict of int to str
+            By row: why a realisation cannot go on.
+        """
+        model, block = self.batch.model, self.batch.block[members]
+        change = np.zeros((len(states), model.layout.coordinates))
+        if not model.speeds_commanded or not len(states):
+            return change, {}
+        off = self._off(states, time, members)
+        some = np.flatnonzero(off > FELT)
+        if not len(some):
+            return change, {}
+        change[some] = impulses(model, states[some], time, block[some])
+        moved = states[some].copy()
+        moved[:, model.layout.velocities :] += change[some]
+        left = self._off(moved, time, members[some])
+        reasons = {
+            int(some[k]): f"a commanded speed jumps at t = {time:.6g} s, and other constraints contradict it"
+            for k in np.flatnonzero(~(left <= CONTRADICTION * off[some]))
+        }
+        return change, reasons
+
+    def _off(self, states: Array, time: float, members: Index) -> Array:
+        """Largest rate at which each state (M, width) leaves the constraints."""
+        found = self.batch.model.evaluate("drift", state_arguments(time, states), self.batch.block[members])["psi"]
+        return np.asarray(np.abs(found).max(axis=1, initial=0.0))
+
+
+def _instants(loops: Sequence[Loop], times: Array, near: float) -> list[_Instant]:
+    """Lay out all that happens, in the order of time."""
+    begin, end = float(times[0]), float(times[-1])
+    happening: list[tuple[float, bool, int, int]] = []
+    for k, loop in enumerate(loops):
+        count = (end - begin) * loop.rate
+        if count > MOST:
+            raise StudyError(
+                f"Controller {loop.name!r}: a rate of {loop.rate:g} Hz over {end - begin:g} s makes {count:.3g} "
+                f"samples; at most {MOST:g} are computed. The rate is in samples per second, and times are in s."
+            )
+        for sample in range(int(np.floor(count * (1 + NEAR) + NEAR)) + 1):
+            at = begin + sample / loop.rate
+            happening.append((at, False, k, sample))
+            if loop.delay > near and at + loop.delay <= end + near:
+                happening.append((at + loop.delay, True, k, sample))
+    found: list[_Instant] = []
+    for at, acts, k, sample in sorted(happening):
+        nearest = float(times[np.argmin(np.abs(times - at))]) if len(times) < 2 else _nearest(times, at)
+        at = nearest if abs(nearest - at) <= near else at
+        if not found or at - found[-1].time > near:
+            found.append(_Instant(at))
+        (found[-1].acting if acts else found[-1].sampled).append((k, sample))
+    return found
+
+
+def _nearest(times: Array, at: float) -> float:
+    right = int(np.clip(np.searchsorted(times, at), 1, len(times) - 1))
+    pair = times[right - 1 : right + 1]
+    return float(pair[np.argmin(np.abs(pair - at))])

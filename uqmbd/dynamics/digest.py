@@ -1,0 +1,32 @@
+"""What two models have in common if they are one: a hash of all that the motion and the outputs depend on."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable
+
+import sympy
+
+from uqmbd.dynamics.equations import Instance
+from uqmbd.mechanism import Mechanism
+
+__all__ = ["digest_of"]
+
+
+def digest_of(mechanism: Mechanism, instances: list[Instance], controllers: Iterable[str]) -> str:
+    """Hash everything that the motion and the outputs depend on, as symbols, with what controllers say of themselves."""
+    text = hashlib.sha256()
+    for i in instances:
+        text.update(repr((i.type.digest, i.component.name, [b.name for b in i.bodies])).encode())
+        text.update(str(i.parameters).encode())
+        if i.held:
+            text.update(str(i.held).encode())
+    for output in (*mechanism.outputs.values(), *mechanism.scalars.values()):
+        text.update(f"{output.name} {sympy.srepr(output.expression)}".encode())
+    for body in mechanism.bodies.values():
+        text.update(f"{body.name} {body.pose}".encode())
+    for condition in mechanism.conditions.values():
+        text.update(sympy.srepr(condition.residual).encode())
+    for controller in controllers:
+        text.update(controller.encode())
+    return text.hexdigest()

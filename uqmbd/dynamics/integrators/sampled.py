@@ -1,0 +1,194 @@
+"""Integration from sample to sample: any integrator, between the instants at which controllers change something."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from uqmbd.dynamics.assembly import Start
+from uqmbd.dynamics.control import Sampling
+from uqmbd.dynamics.ensemble import Ensemble
+from uqmbd.dynamics.integration import Counters, Trajectories
+from uqmbd.dynamics.linear import accelerations
+from uqmbd.dynamics.projection import ProjectedStart, ProjectedTrajectories, Projection, Watch
+from uqmbd.typing import Array, Index
+
+__all__ = ["projected_in_samples", "stretches", "trajectories_in_samples"]
+
+Method = Callable[[Ensemble, Array, float], Trajectories]
+ProjectedMethod = Callable[[Projection, Array, float], ProjectedTrajectories]
+
+WATCHED = 20
+"""How often who watches a projected integration is asked."""
+
+
+def stretches(sampling: Sampling, times: Array) -> list[Array]:
+    """Return the times of the integrations between instants: beginnings, output times within, and ends."""
+    edges = [*sampling.times.tolist(), float(times[-1])]
+    return [
+        np.array([begin, *times[(times > begin) & (times < end)], end])
+        for begin, end in zip(edges[:-1], edges[1:], strict=True)
+    ]
+
+
+def trajectories_in_samples(method: Method, ensemble: Ensemble, times: Array, rtol: float) -> Trajectories:
+    """Integrate an ensemble with controllers by a method that knows nothing of them.
+
+    Parameters
+    ----------
+    method : callable
+        From an ensemble, output times and a relative tolerance to trajectories.
+    ensemble : Ensemble
+        K realisations.
+    times : array, shape (T,)
+        Output times, s.
+    rtol : float
+        Relative tolerance.
+
+    Returns
+    -------
+    Trajectories
+        At an output time that is a sample: right after it.
+    """
+    start, width, velocities = ensemble.start, ensemble.model.layout.width, ensemble.model.layout.velocities
+    sampling = Sampling(ensemble, times)
+    states = np.full((len(ensemble), len(times), width), np.nan)
+    messages, counters, notes = list(start.messages), Counters(), list[str]()
+    happened: dict[int, dict[str, list[float]]] = {}
+    alive, now = np.flatnonzero(start.ok), start.state[start.ok]
+    for number, grid in enumerate(stretches(sampling, times)):
+        begin = float(grid[0])
+        now, reasons = sampling.after(number, now, alive)
+        change, more = sampling.jumps(begin, now, alive)
+        now[:, velocities:] += change
+        for row, reason in (more | reasons).items():
+            messages[alive[row]] = reason
+        going = np.array([not messages[k] for k in alive], dtype=bool)
+        alive, now = alive[going], now[going]
+        if not len(alive):
+            break
+        at = np.flatnonzero(times == begin)
+        states[np.ix_(alive, at)] = now[:, None]
+        if len(grid) < 2 or grid[-1] <= begin:
+            break
+        part = _continued(ensemble, alive, begin, now)
+        for row, message in zip(alive.tolist(), part.start.messages, strict=True):
+            messages[row] = message
+        found = method(part, grid, rtol)
+        inside = np.flatnonzero((times > begin) & (times <= grid[-1]))
+        states[np.ix_(alive, inside)] = found.states[:, 1 : 1 + len(inside)]
+        counters = _joined(counters, found.counters)
+        notes += [note for note in found.notes if note not in notes]
+        _note(happened, found.scalars, alive, begin if number else -np.inf)
+        for row, message in zip(alive.tolist(), found.messages, strict=True):
+            messages[row] = message
+        going = np.array([not messages[k] for k in alive], dtype=bool)
+        alive, now = alive[going], found.states[going, -1]
+    return Trajectories(times, states, tuple(messages), counters, _times_of(happened, len(ensemble)), tuple(notes))
+
+
+def projected_in_samples(
+    method: ProjectedMethod, projected: Projection, times: Array, rtol: float, watch: Watch | None = None
+) -> ProjectedTrajectories:
+    """Integrate coefficients, with controllers at the nodes, by a method that knows nothing of them.
+
+    The function of a controller is called with what is measured at the nodes; its commands and states there are
+    projected like everything else that moves.
+
+    Parameters
+    ----------
+    method : callable
+        From a projected ensemble, output times and a relative tolerance to coefficients.
+    projected : Projection
+        At its start.
+    times : array, shape (T,)
+        Output times, s.
+    rtol : float
+        Relative tolerance.
+    watch : callable, optional
+        Asked now and then with the coefficients so far.
+    """
+    ensemble, layout = projected.ensemble, projected.model.layout
+    sampling, every = Sampling(ensemble, times), np.arange(len(projected.ensemble))
+    coefficients = np.full((projected.terms, len(times), layout.width), np.nan)
+    now, message, integrator, asked = projected.start.state.copy(), "", "none", 0
+    counters: dict[str, Any] = {}
+    for number, grid in enumerate(stretches(sampling, times)):
+        begin = float(grid[0])
+        nodal = projected.psi @ now
+        after, reasons = sampling.after(number, nodal, every)
+        held = slice(layout.velocities - layout.states, layout.velocities)
+        # what has not changed stays as it is, to the bit
+        changed = (after[:, held] != nodal[:, held]).any(axis=0)
+        now[:, held][:, changed] = projected.adjoint @ after[:, held][:, changed]
+        if np.any(sampling.jumps(begin, projected.psi @ now, every)[0]):
+            now[:, layout.velocities :] += projected.follow(now, begin)
+        if reasons:
+            node, text = next(iter(reasons.items()))
+            message = f"at node {node} {text}"
+            break
+        coefficients[:, times == begin] = now[:, None]
+        if grid[-1] <= begin:
+            break
+        found = method(_continued_projection(projected, begin, now), grid, rtol)
+        inside = np.flatnonzero((times > begin) & (times <= grid[-1]))
+        coefficients[:, inside] = found.coefficients[:, 1 : 1 + len(inside)]
+        integrator = found.integrator if found.integrator != "none" else integrator
+        counters = {
+            key: counters.get(key, 0) + x if isinstance(x, (int, float)) else x
+            for key, x in {**dict.fromkeys(counters, 0), **found.counters}.items()
+        }
+        now, message = found.coefficients[:, -1].copy(), found.message
+        if message:
+            break
+        if watch is not None and len(inside) and inside[-1] * WATCHED // len(times) > asked:
+            asked = int(inside[-1]) * WATCHED // len(times)
+            if watch(coefficients):
+                break
+    return ProjectedTrajectories(times, coefficients, message, integrator, counters)
+
+
+def _continued(ensemble: Ensemble, members: Index, time: float, states: Array) -> Ensemble:
+    """Make the ensemble of some realisations that starts at a time in given states (M, width)."""
+    model = replace(ensemble.model, time=time)
+    q, s, v = model.layout.split(states)
+    a, multipliers, rates = accelerations(model, q, s, v, time, ensemble.block[members])
+    lost = np.asarray(~np.isfinite(a).all(axis=1)).tolist()
+    messages = tuple(f"the accelerations are not determined at t = {time:.6g} s" if x else "" for x in lost)
+    return Ensemble(model, ensemble.values[members], start=Start(q, s, v, a, rates, multipliers, messages))
+
+
+def _continued_projection(projected: Projection, time: float, state: Array) -> Projection:
+    """Make the projected ensemble that starts at a time with given coefficients (P, width)."""
+    ensemble = _continued(projected.ensemble, np.arange(len(projected.ensemble)), time, projected.psi @ state)
+    a, multipliers, _ = projected.accelerations(state, time)
+    return projected.continued(ensemble, ProjectedStart(state, a, multipliers, 0))
+
+
+def _joined(one: Counters, other: Counters) -> Counters:
+    """Counters of one integration after the other, of the same realisations."""
+    by = {key: max(getattr(one, key), getattr(other, key)) for key in ("by_dop853", "by_ida")}
+    return replace(one + other, **by)
+
+
+def _note(
+    happened: dict[int, dict[str, list[float]]], scalars: Mapping[str, Array], members: Index, since: float
+) -> None:
+    """Collect times of events of one stretch; what is in contact where it begins has not come into contact there."""
+    for name, times in scalars.items():
+        for row, time in zip(members.tolist(), times.tolist(), strict=True):
+            if np.isfinite(time) and time > since:
+                happened.setdefault(row, {}).setdefault(name.rpartition(" ")[0], []).append(time)
+
+
+def _times_of(happened: Mapping[int, Mapping[str, list[float]]], count: int) -> dict[str, Array]:
+    """Name the times of all events, counted over the stretches."""
+    found: dict[str, Array] = {}
+    for row, events in happened.items():
+        for name, times in events.items():
+            for number, time in enumerate(sorted(times), start=1):
+                found.setdefault(f"{name} {number}", np.full(count, np.nan))[row] = time
+    return found

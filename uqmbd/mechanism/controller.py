@@ -1,0 +1,322 @@
+"""Sampled controllers: functions of numbers that are called at sample times, and the commands that they give."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import sympy
+
+from uqmbd.errors import StudyError
+from uqmbd.mechanism.components import Auxiliary, Component, Local
+from uqmbd.mechanism.expressions import flatten, numbers, shown
+from uqmbd.names import check_name, check_units, checked, did_you_mean
+from uqmbd.randomness import RandomVariable, Symbolic
+
+__all__ = ["Controller", "HeldStates", "HeldSymbol"]
+
+Number = Any
+"""A number, or an expression in random variables."""
+
+
+class HeldSymbol(Symbolic, sympy.Symbol):
+    """A command, or a state, of a controller: constant from one sample to the next.
+
+    Attributes
+    ----------
+    owner : Controller
+    index : int
+        Among the commands and then the states of its controller.
+    """
+
+    owner: Controller
+    index: int
+
+    def __new__(cls, owner: Controller, index: int, name: str) -> HeldSymbol:
+        """Name it, and remember what it stands for."""
+        self: HeldSymbol = sympy.Symbol.__xnew__(cls, name, real=True)
+        self.owner, self.index = owner, index
+        return self
+
+    def __init__(self, *args: Any) -> None:
+        """Accept the arguments of ``__new__``."""
+
+    def _hashable_content(self) -> tuple[Any, ...]:
+        return (*super()._hashable_content(), id(self.owner))
+
+
+class Controller:
+    """A sampled controller: a Python function of measured outputs that is called `rate` times a second.
+
+    It is added by `Mechanism.add`.  Its commands (`command`) are symbols for the parameters of components that take
+    laws, such as the torque of ``Torque`` or the speed of ``SpeedDriver``, also inside expressions, and for outputs.
+    They are held from one sample to the next (zero-order hold), so they are constants to the equations of motion.
+
+    The function is called once per sample for a group of realisations: ``function(time, measured, state)``, without
+    `state` where the controller has none, with
+
+    - `time`: time of the sample, s, a float: the start of the study and every ``1 / rate`` after it, up to and with the
+      last output time;
+    - `measured`: array, shape (realisation, measured), in the order of `measured`; as they are right before the sample;
+    - `state`: array, shape (realisation, state), in the order of `state`.
+
+    It returns the commands, an array of shape (realisation, commanded), or with a state the pair of the commands and
+    the new state, of shape (realisation, state).  A single command may be a row of shape (realisation,), and a number
+    holds for all realisations; a state likewise.
+
+    Which realisations make up a group is not promised, so each row of the result must depend on the same row of the
+    arguments alone, and on nothing else that changes: what is to be remembered is the `state`.  That is tried out, at
+    some of the samples, by a second call with a part of the group; a function that mixes realisations, draws random
+    numbers or remembers something itself is an error.
+
+    Parameters
+    ----------
+    name : str
+        Unique among bodies, components and controllers.
+    measured : sequence
+        Names of outputs of the mechanism, or scalar expressions such as outputs consist of.
+    commanded : sequence of str, or mapping of str to str
+        Names of the commands; a mapping gives their units, which `uqmbd check` shows.
+    rate : float
+        Samples per second, Hz.
+    function : callable
+        See above; defined in a module or a script, or anything that can be sent to worker processes.
+    state : sequence, or mapping of str to number, optional
+        Values at the start of the states, each realisation's own, numbers or expressions in random variables; a mapping
+        names them.
+    delay : float
+        Time from a sample until its commands act, s; any, also of more than a sample.
+    limits : pair, or mapping of str to pair, optional
+        Smallest and largest value of each command, numbers or expressions in random variables; None: no limit.  A pair
+        is that of every command.
+    initial : number, or mapping of str to number
+        Values of the commands before the first ones act, and wherever nothing moves: in static equilibrium and in the
+        linearisation about it; numbers or expressions in random variables.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If an argument cannot be used.
+
+    Notes
+    -----
+    Where an output time is a sample, commands, states, accelerations and reactions there are those right after it.
+    A realisation whose command or state is not finite fails, with a status and a message; the others go on.  A result
+    of a wrong shape, or an exception, ends the method.  References: zero-order hold and sampled systems in
+    K. J. Astrom, B. Wittenmark, Computer-Controlled Systems, 3rd ed., Prentice Hall 1997, chapter 2.
+
+    Examples
+    --------
+    A mass that a sampled PD controller pulls to x = 1 m:
+
+    >>> import numpy as np, uqmbd
+    >>> from uqmbd_springs import PointForce
+    >>> mechanism = uqmbd.Mechanism("cart", uqmbd.Translational())
+    >>> cart = mechanism.body("cart", mass=2)
+    >>> def pd(time, measured):
+    ...     position, speed = measured.T
+    ...     return 8 * (1 - position) - 8 * speed
+    >>> controller = uqmbd.Controller(
+    ...     measured=[cart.position[0], cart.velocity[0]], commanded={"force": "N"}, rate=50, function=pd,
+    ...     limits=(-5, 5),
+    ... )
+    >>> motor = mechanism.add(PointForce("motor", cart, (0, 0), (controller.command("force"), 0)))
+    >>> controller = mechanism.add(controller)
+    >>> mechanism.output("x", cart.position[0], units="m")
+    >>> mechanism.output("force", controller.command("force"), units="N")
+    >>> found = uqmbd.simulate(mechanism, [0, 1, 5])
+    >>> [round(float(value), 3) for value in found["x"]], float(found["force"][0])
+    ([0.0, 0.546, 0.999], 5.0)
+    """
+
+    @checked
+    def __init__(
+        self,
+        name: str = "controller",
+        measured: Sequence[Any] = (),
+        commanded: Sequence[str] | Mapping[str, str] = (),
+        rate: float = 100.0,
+        function: Callable[..., Any] | None = None,
+        state: Sequence[Number] | Mapping[str, Number] | None = None,
+        delay: float = 0.0,
+        limits: Any = None,
+        initial: Number | Mapping[str, Number] = 0.0,
+    ) -> None:
+        self.name = check_name(name, "Controller")
+        where = self.where = f"Controller {name!r}"
+        self.measured = _measured(where, measured)
+        names = [commanded] if isinstance(commanded, str) else commanded
+        if not isinstance(names, (Mapping, Sequence)) or not names:
+            raise StudyError(
+                f"{where}: commanded is {shown(commanded)}; expected the names of its commands, e.g. ['torque'], or "
+                "a mapping from names to units, e.g. {'torque': 'N m'}."
+            )
+        units = names if isinstance(names, Mapping) else dict.fromkeys(names, "")
+        if len(units) != len(names):
+            raise StudyError(f"{where}: commanded is {shown(commanded)}, where a name occurs twice.")
+        self.commands = {check_name(k, f"{where}: command"): check_units(u, f"{where}: {k}") for k, u in units.items()}
+        self.rate = _positive(where, "rate", rate, "samples per second, Hz")
+        self.delay = _number(where, "delay", delay, "s")
+        if self.delay < 0:
+            raise StudyError(f"{where}: delay is {self.delay:g}; expected a time of 0 s or more.")
+        if not callable(function) or isinstance(function, type):
+            raise StudyError(
+                f"{where}: function is {shown(function)}; expected a function of (time, measured), or of (time, "
+                "measured, state), that returns the commands."
+            )
+        self.function: Callable[..., Any] = function
+        entries = dict(state) if isinstance(state, Mapping) else {str(k): x for k, x in enumerate(flatten_state(state))}
+        self.states: dict[str, sympy.Expr] = {
+            check_name(k, f"{where}: state"): _value(where, f"state {k!r}", x) for k, x in entries.items()
+        }
+        self.initial = {k: sympy.S.Zero for k in self.commands} | _by_command(
+            where, "initial", initial, self.commands, lambda key, x: _value(where, key, x)
+        )
+        none = (-sympy.oo, sympy.oo)
+        given = {} if limits is None else _by_command(where, "limits", limits, self.commands, _pair(where))
+        self.limits = {k: given.get(k, none) for k in self.commands}
+
+    def command(self, name: str | None = None) -> sympy.Symbol:
+        """Return the symbol of a command, for parameters of components and for outputs.
+
+        Parameters
+        ----------
+        name : str, optional
+            May be left out where there is only one.
+        """
+        names = list(self.commands)
+        if name is None and len(names) == 1:
+            name = names[0]
+        return self._symbol(name, names, 0, "command")
+
+    def state(self, name: str | int) -> sympy.Symbol:
+        """Return the symbol of a state, for outputs.
+
+        Parameters
+        ----------
+        name : str or int
+            Its name, or its number where states have no names.
+        """
+        return self._symbol(str(name), list(self.states), len(self.commands), "state")
+
+    @property
+    def values(self) -> tuple[sympy.Expr, ...]:
+        """Values at the start of all commands, then of all states."""
+        return (*self.initial.values(), *self.states.values())
+
+    @property
+    def numbers(self) -> list[Any]:
+        """Everything that random variables may enter."""
+        return [*self.values, *flatten(list(self.limits.values())), *self.measured]
+
+    def _symbol(self, name: str | None, names: list[str], first: int, what: str) -> sympy.Symbol:
+        if name not in names:
+            listed = ", ".join(map(repr, names)) or "none"
+            near = did_you_mean(name, names) if isinstance(name, str) else ""
+            raise StudyError(f"{self.where}: there is no {what} {name!r}{near or '.'} There are: {listed}.")
+        return HeldSymbol(self, first + names.index(name), f"{self.name}.{name}")
+
+    def __repr__(self) -> str:
+        return f"<Controller {self.name!r}: {', '.join(self.commands)}; {self.rate:g} Hz>"
+
+
+class HeldStates(Component):
+    """What a controller holds between samples, as auxiliary states whose rates vanish."""
+
+    bodies = ()
+    offered = True
+
+    def __init__(self, controller: Controller) -> None:
+        super().__init__(controller.name)
+        self.controller = controller
+        self.values = {"start": controller.values}
+
+    def terms(self, p: Local) -> list[Auxiliary]:
+        """Hold every command and every state."""
+        return [Auxiliary(p.state(str(k)), 0, x) for k, x in enumerate(p.start)]
+
+    def reaction_point(self, p: Local) -> sympy.Matrix:
+        """There is none."""
+        return sympy.zeros(p.space.dimension, 1)
+
+
+def flatten_state(state: Any) -> list[Any]:
+    """Return the values of states that have no names."""
+    return [] if state is None else flatten(state)
+
+
+def _measured(where: str, measured: Any) -> tuple[Any, ...]:
+    if isinstance(measured, str) or not (isinstance(measured, Sequence) or hasattr(measured, "tolist")):
+        raise StudyError(
+            f"{where}: measured is {shown(measured)}; expected a sequence of names of outputs, or of scalar "
+            "expressions such as body.position[0]."
+        )
+    found = flatten(list(measured))
+    if not found:
+        raise StudyError(f"{where}: measured is empty; expected names of outputs, or scalar expressions.")
+    kept: list[Any] = []
+    for k, x in enumerate(found):
+        if isinstance(x, str):
+            kept.append(x)
+        else:
+            kept.append(numbers(where, f"measured[{k}]", x, 1, "a scalar expression, or the name of an output")[0])
+    return tuple(kept)
+
+
+def _number(where: str, key: str, value: Any, units: str) -> float:
+    entry = numbers(where, key, value, 1, units)[0]
+    if not entry.is_number:
+        raise StudyError(f"{where}: {key} is {shown(value)}; expected a number ({units}), without random variables.")
+    return float(entry)
+
+
+def _positive(where: str, key: str, value: Any, units: str) -> float:
+    found = _number(where, key, value, units)
+    if not (found > 0 and math.isfinite(found)):
+        raise StudyError(f"{where}: {key} is {found:g}; expected a positive number ({units}).")
+    return found
+
+
+def _value(where: str, key: str, value: Any) -> sympy.Expr:
+    entry = numbers(where, key, value, 1)[0]
+    strange = sorted((s for s in entry.free_symbols if not isinstance(s, RandomVariable)), key=str)
+    if strange:
+        raise StudyError(
+            f"{where}: {key} is {shown(value)}, with {strange[0]} in it; expected a number, or an expression in random "
+            "variables."
+        )
+    return entry
+
+
+def _pair(where: str) -> Callable[[str, Any], tuple[sympy.Expr, sympy.Expr]]:
+    def checked_pair(key: str, value: Any) -> tuple[sympy.Expr, sympy.Expr]:
+        pair = list(value) if isinstance(value, (tuple, list)) or hasattr(value, "tolist") else []
+        if len(pair) != 2:
+            raise StudyError(f"{where}: {key} is {shown(value)}; expected a pair (smallest, largest), or None.")
+        low, high = (
+            bound if x is None or _infinite(x) else _value(where, key, x)
+            for x, bound in zip(pair, (-sympy.oo, sympy.oo), strict=True)
+        )
+        if low.is_number and high.is_number and not low < high:
+            raise StudyError(f"{where}: {key} is {shown(value)}; expected (smallest, largest) with smallest < largest.")
+        return low, high
+
+    return checked_pair
+
+
+def _infinite(value: Any) -> bool:
+    return value in (sympy.oo, -sympy.oo) or (isinstance(value, float) and math.isinf(value))
+
+
+def _by_command(
+    where: str, key: str, value: Any, commands: Mapping[str, str], settled: Callable[[str, Any], Any]
+) -> dict[str, Any]:
+    """Values of an argument by command: one for all, or a mapping."""
+    if not isinstance(value, Mapping):
+        return {name: settled(key, value) for name in commands}
+    for name in value:
+        if name not in commands:
+            listed = ", ".join(map(repr, commands))
+            raise StudyError(f"{where}: {key} names {name!r}, which is no command; there are: {listed}.")
+    return {name: settled(f"{key}[{name!r}]", x) for name, x in value.items() if x is not None}
