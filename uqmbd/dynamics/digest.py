@@ -14,7 +14,7 @@ __all__ = ["digest_of"]
 
 
 def digest_of(mechanism: Mechanism, instances: list[Instance], controllers: Iterable[str]) -> str:
-    """Hash everything that the motion and the outputs depend on, as symbols, with what controllers say of themselves."""
+    """Hash all that the motion and the outputs depend on, as symbols, with what controllers say of themselves."""
     text = hashlib.sha256()
     for i in instances:
         text.update(repr((i.type.digest, i.component.name, [b.name for b in i.bodies])).encode())
