@@ -57,6 +57,7 @@ from .mechanism import perpendiculars as perpendiculars
 from .mechanism import quaternion_product as quaternion_product
 from .mechanism import relative_quaternion as relative_quaternion
 from .mechanism import smallest_rotation as smallest_rotation
+from .mechanism import spline as spline
 from .mechanism import step as step
 from .mechanism import t as t
 from .plugins import hookimpl as hookimpl

@@ -39,7 +39,7 @@ from uqmbd.dynamics.notices import deep_contacts, moved_bodies, size_of
 from uqmbd.dynamics.statics import scalar_map
 from uqmbd.dynamics.undefined_parameter import not_finite
 from uqmbd.errors import AssemblyError, RedundantConstraintWarning, StudyError
-from uqmbd.mechanism import Component, HeldStates, Mechanism, Output
+from uqmbd.mechanism import Component, HeldStates, Mechanism, Output, Spline
 from uqmbd.typing import Array, Index
 
 __all__ = ["build", "kinematic_model"]
@@ -252,7 +252,7 @@ def _breaks(instances: list[Instance]) -> list[sympy.Expr]:
     found: list[sympy.Expr] = []
     for instance in instances:
         block = instance.type
-        timed = [e for e in block.expressions if e.has(sympy.Piecewise) and (e.has(TIME) or block.quantities)]
+        timed = [e for e in block.expressions if e.has(sympy.Piecewise, Spline) and (e.has(TIME) or block.quantities)]
         values = {sympy.Symbol(f"_p{k}", real=True): p for k, p in enumerate(instance.parameters)}
         for root in break_times(timed, TIME, block.whole):
             value = root.xreplace(values)
@@ -266,6 +266,7 @@ def _corners(instance: Instance) -> bool:
     block = instance.type
     kinds = (sympy.Piecewise, sympy.Max, sympy.Min, sympy.Abs, sympy.sign, sympy.Heaviside)
     corners = [x for e in block.expressions if e.has(*kinds) for x in e.atoms(*kinds)]
+    corners += [x for e in block.expressions for x in e.atoms(Spline) if x.table.corners]
     moving = {"_q", "_v", "_s"}
     named = {
         s for s, kind, e in block.quantities if kind == "rate" or any(x.name[:2] in moving for x in e.free_symbols)

@@ -21,6 +21,7 @@ from uqmbd.dynamics.equations.model import (
 from uqmbd.dynamics.equations.outputs import OutputMap, angle_counters, output_map
 from uqmbd.dynamics.equations.parameters import ParameterMap
 from uqmbd.dynamics.equations.start_conditions import Conditions, compiled_conditions, inputs_of_conditions
+from uqmbd.dynamics.equations.tables import Tables
 from uqmbd.dynamics.equations.terms import MechanismTerms, mechanism_terms
 
 __all__ = [
@@ -38,6 +39,7 @@ __all__ = [
     "Placement",
     "Statement",
     "TIME",
+    "Tables",
     "angle_counters",
     "break_times",
     "cached",

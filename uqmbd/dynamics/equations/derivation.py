@@ -18,7 +18,7 @@ its ``Phi`` is ``0 = mu``.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -26,7 +26,9 @@ from typing import Any
 import symengine as se
 
 from uqmbd.dynamics.equations.block import BlockType
+from uqmbd.dynamics.equations.kernels import Kernel, compile_kernel
 from uqmbd.dynamics.equations.layout import Kind, argument_names
+from uqmbd.dynamics.equations.tables import Tables
 
 __all__ = ["Derived", "Equations", "derive"]
 
@@ -59,6 +61,7 @@ class Derived:
     def __init__(self, block: BlockType) -> None:
         n, m, k = block.coordinates, len(block.constraints), len(block.states)
         self.block = block
+        self.tables = Tables()
         self.q, self.v, self.a, self.qd = (_symbols(x, n) for x in ("q", "v", "a", "d"))
         self.s, self.sd = _symbols("s", k), _symbols("r", k)
         self.l, self.m = _symbols("l", m), _symbols("m", m)
@@ -66,7 +69,7 @@ class Derived:
         self.h = _symbols("h", block.held)
         self.f = _symbols("f", sum(len(e.directions) for e in block.events))
         self.t, self.c = se.Symbol("_t"), se.Symbol("_c")
-        convert = self._converter()
+        convert = self.converted = self._converter()
         self.kinetic, self.potential = convert(block.kinetic), convert(block.potential)
         self.work = [(convert(f), convert(w)) for f, w in block.work]
         self.stated = [convert(e) for e in block.constraints]
@@ -89,7 +92,7 @@ class Derived:
         known: dict[Any, Any] = {}
 
         def convert(e: Any) -> Any:
-            return se.sympify(e).xreplace(known) if known else se.sympify(e)
+            return self.tables.converted(e, known)
 
         for symbol, kind, expression in self.block.quantities:
             e = convert(expression)
@@ -178,14 +181,14 @@ class Derived:
     def position(self) -> Equations:
         """``Phi`` and ``Phi_q`` with auxiliary states at their initial values, and the cosines of `Upright`."""
         start = dict(zip(self.s, self.s0, strict=True))
-        phi = [x.subs(start) for x in self.phi] if start else self.phi
+        phi = [self.tables.substituted(x, start) for x in self.phi] if start else self.phi
         e = list(phi)
         targets: list[tuple[Any, ...]] = [("phi", k) for k in range(len(phi))]
         for i, x in enumerate(phi):
             e += [_diff(x, y) for y in self.q]
             targets += [("phi_q", i, k) for k in range(len(self.q))]
         kept = _nonzero(e, targets)
-        cosines = [x.subs(start) if start else x for x in self.cosines]
+        cosines = [self.tables.substituted(x, start) if start else x for x in self.cosines]
         return Equations(kept.expressions + cosines, kept.targets + [("cos", k) for k in range(len(cosines))])
 
     def initial(self) -> Equations:
@@ -195,10 +198,10 @@ class Derived:
     def velocity(self) -> Equations:
         """``D`` and ``psi`` at rest, which is ``Phi_t``."""
         rest = dict.fromkeys(self.v, se.Integer(0))
-        e = [x.subs(rest) for x in self.psi]
+        e = [self.tables.substituted(x, rest) for x in self.psi]
         targets: list[tuple[Any, ...]] = [("phi_t", i) for i in range(len(e))]
         for i, row in enumerate(self.d):
-            e += [x.subs(rest) for x in row]
+            e += [self.tables.substituted(x, rest) for x in row]
             targets += [("d", i, k) for k in range(len(row))]
         return _nonzero(e, targets)
 
@@ -245,20 +248,28 @@ class Derived:
         return _nonzero([self.kinetic, self.potential], [("energy", 0), ("energy", 1)])
 
     def generalised_force(self) -> list[Any]:
-        """Return what the block exerts on its coordinates: constraints, potentials, virtual work, lasting contacts."""
+        """Return what the block exerts on its coordinates: constraints, potentials, virtual work, lasting contacts.
+
+        With applications of tables, as those of `equations`.
+        """
         directions = [w for _, along, *_ in self.events for w in along]
-        return [
+        forces = [
             -self.constraint_force(self.l, k)
             + self.potential_force[k]
             + self.work_force[k]
             + _sum(_diff(w, x) * f for w, f in zip(directions, self.f, strict=True))
             for k, x in enumerate(self.v)
         ]
+        return self.tables.applied(forces)
 
     def equations(self, kind: Kind) -> Equations:
-        """Return the expressions of one kind."""
-        result: Equations = getattr(self, kind)()
-        return result
+        """Return the expressions of one kind, with applications of tables in them."""
+        found: Equations = getattr(self, kind)()
+        return Equations(self.tables.applied(found.expressions), found.targets)
+
+    def kernel(self, arguments: Sequence[Any], expressions: Sequence[Any]) -> Kernel:
+        """Compile expressions of this block."""
+        return compile_kernel(arguments, self.tables.applied(expressions), tables=self.tables.known)
 
     def arguments(self, kind: Kind) -> list[tuple[str, int, Any]]:
         """State arguments of a kind, without parameters: (letter, index, symbol)."""

@@ -17,6 +17,7 @@ from uqmbd.dynamics.equations.block import BlockType
 from uqmbd.dynamics.equations.derivation import derive
 from uqmbd.dynamics.equations.kernels import Kernel, cached, compile_kernel, replaced
 from uqmbd.dynamics.equations.layout import RESULTS, Kind, argument_names
+from uqmbd.mechanism import SplineTable
 from uqmbd.typing import Array, Index
 
 __all__ = ["Evaluator", "Placement", "fused", "typed"]
@@ -170,7 +171,7 @@ def _type_kernel(block: BlockType, kind: Kind) -> tuple[Kernel, list[tuple[Any, 
         derived = derive(block)
         equations = derived.equations(kind)
         arguments = [x for *_, x in derived.arguments(kind)] + derived.p
-        return compile_kernel(arguments, equations.expressions), equations.targets
+        return derived.kernel(arguments, equations.expressions), equations.targets
 
     result: tuple[Kernel, list[tuple[Any, ...]]] = cached(("typed", kind, block.digest), make)
     return result
@@ -257,6 +258,7 @@ def fused(
 
         names = {column: se.Symbol(f"_y{column}") for column in columns.values()}
         sums: dict[tuple[Any, ...], list[Any]] = {}
+        tables: dict[str, SplineTable] = {}
         for block, place in zip(blocks, places, strict=True):
             derived = derive(block)
             swap = {
@@ -265,6 +267,7 @@ def fused(
             }
             swap |= {x: se.Symbol(f"_g{int(k)}") for x, k in zip(derived.p, place.parameters, strict=True)}
             equations = derived.equations(kind)
+            tables |= derived.tables.known
             swapped = replaced(equations.expressions, swap)
             for e, local in zip(swapped, equations.targets, strict=True):
                 target = _globalise(local, place, kind)
@@ -274,7 +277,8 @@ def fused(
         arguments = [names.get(k, se.Symbol(f"_y{k}")) for k in range(width)]
         arguments += [se.Symbol(f"_g{k}") for k in range(parameters)]
         level = 2 if width <= OPTIMISED_WIDTH else 0
-        return compile_kernel(arguments, [se.Add(*sums[x]) for x in targets], opt_level=level), targets
+        expressions = [se.Add(*sums[x]) for x in targets]
+        return compile_kernel(arguments, expressions, tables=tables, opt_level=level), targets
 
     kernel, targets = cached(("fused", kind, parameters, sorted(columns.items()), layout), make)
     group = _Group(kernel, np.arange(width)[None, :], np.arange(parameters)[None, :], whole=True)

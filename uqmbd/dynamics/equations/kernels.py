@@ -7,7 +7,7 @@ import hashlib
 import os
 import pickle
 import platform
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -15,6 +15,8 @@ from typing import Any
 import numpy as np
 
 from uqmbd.dynamics.equations.store import Store
+from uqmbd.dynamics.equations.tables import tabulated
+from uqmbd.mechanism import SplineTable
 from uqmbd.typing import Array
 from uqmbd.version import __version__
 
@@ -75,19 +77,47 @@ class Kernel:
         return out
 
 
-def compile_kernel(arguments: Sequence[Any], expressions: Sequence[Any], *, opt_level: int = 0) -> Kernel:
+def compile_kernel(
+    arguments: Sequence[Any],
+    expressions: Sequence[Any],
+    *,
+    tables: Mapping[str, SplineTable] | None = None,
+    opt_level: int = 0,
+) -> Kernel:
     """Compile SymEngine expressions in SymEngine symbols.
 
-    SymEngine's derivatives may hold sums with terms that are not collected, from which its search for common
-    subexpressions loses terms.  So expressions are rebuilt first, and the kernel is compared with a plain evaluation.
+    Parameters
+    ----------
+    arguments, expressions : sequence
+        In SymEngine.
+    tables : mapping, optional
+        Those that are looked up in the expressions, by the names of the functions that do so.
+    opt_level : int
+        Of LLVM.
     """
     if not expressions:
         return Kernel(None, len(arguments), 0)
     import symengine as se
 
-    compilations[0] += 1
     # LLVM wants at least one argument
     symbols = list(arguments) or [se.Symbol("_none")]
+
+    def compiled(symbols: Sequence[Any], expressions: Sequence[Any]) -> Any:
+        return _compiled(symbols, expressions, opt_level)
+
+    function = tabulated(symbols, expressions, tables or {}, compiled) or compiled(symbols, expressions)
+    return Kernel(function, len(symbols), len(expressions))
+
+
+def _compiled(symbols: Sequence[Any], expressions: Sequence[Any], opt_level: int) -> Any:
+    """Compile expressions.
+
+    SymEngine's derivatives may hold sums with terms that are not collected, from which its search for common
+    subexpressions loses terms.  So expressions are rebuilt first, and the kernel is compared with a plain evaluation.
+    """
+    import symengine as se
+
+    compilations[0] += 1
     nothing = {se.Symbol("_nothing"): se.Symbol("_nowhere")}
     rebuilt = replaced(expressions, nothing)
     function = se.Lambdify(symbols, rebuilt, backend="llvm", cse=True, opt_level=opt_level)
@@ -97,7 +127,7 @@ def compile_kernel(arguments: Sequence[Any], expressions: Sequence[Any], *, opt_
         same = expected is not None and np.allclose(function(point), expected, rtol=1e-9, atol=1e-12, equal_nan=True)
     if not same:
         function = se.Lambdify(symbols, rebuilt, backend="llvm", cse=False, opt_level=opt_level)
-    return Kernel(function, len(symbols), len(expressions))
+    return function
 
 
 def replaced(expressions: Sequence[Any], known: dict[Any, Any]) -> Sequence[Any]:

@@ -16,7 +16,7 @@ from uqmbd.dynamics.equations.evaluator import Evaluator, Placement, fused, type
 from uqmbd.dynamics.equations.layout import RESULTS, Kind, Layout
 from uqmbd.dynamics.equations.limits import Limit, Tensor
 from uqmbd.dynamics.equations.parameters import ParameterMap
-from uqmbd.mechanism import Controller, HeldStates
+from uqmbd.mechanism import Controller, HeldStates, Spline
 from uqmbd.typing import Array, Index
 
 __all__ = ["FUSED_LIMIT", "Model", "Statement"]
@@ -306,12 +306,14 @@ def break_times(
 ) -> list[sympy.Expr]:
     """Find the times at which expressions may change branch: roots of conditions that are linear in time.
 
-    `whole` inserts what named quantities in a condition stand for.
+    Those at which a spline ends are such.  `whole` inserts what named quantities in a condition stand for.
     """
     found: list[sympy.Expr] = []
     for e in expressions:
-        for condition in sorted(e.atoms(sympy.core.relational.Relational), key=str):
-            difference = whole(condition.lhs - condition.rhs)
+        conditions = [x.lhs - x.rhs for x in sorted(e.atoms(sympy.core.relational.Relational), key=str)]
+        conditions += [x.argument - end for x in sorted(e.atoms(Spline), key=str) for end in x.table.breaks]
+        for condition in conditions:
+            difference = whole(condition)
             slope = difference.diff(time)
             if slope != 0 and not slope.has(time):
                 root = -difference.subs(time, 0) / slope

@@ -15,6 +15,7 @@ from uqmbd.dynamics.equations.derivation import derive
 from uqmbd.dynamics.equations.evaluator import Placement
 from uqmbd.dynamics.equations.expressions import plain
 from uqmbd.dynamics.equations.kernels import Kernel, cached, compile_kernel
+from uqmbd.dynamics.equations.tables import Tables
 from uqmbd.errors import StudyError
 from uqmbd.mechanism import (
     Auxiliary,
@@ -231,17 +232,23 @@ def output_map(
             se.Symbol(h): _reaction(used, s, column) if kind == "reaction" else _energy(used, kind, column)
             for h, (kind, s) in holders.items()
         }
-        expressions = [se.sympify(e).xreplace(swap) for e in local]
+        tables = Tables()
+        expressions = [tables.converted(e).xreplace(swap) for e in local]
         if gradients:
             places = [se.Symbol(column(letter, i)) for letter in "qv" for i in range(n)]
             expressions += [derivative for e in expressions for derivative in _gradient(e, places)]
+        # arguments of tables hold no inserted symbol yet
+        expressions = [e.xreplace(swap) for e in tables.applied(expressions)]
+        known = dict(tables.known)
+        for instance, _ in used:
+            known |= derive(instance.type).tables.known
         names = {str(s) for e in expressions for s in e.free_symbols}
         needed = sorted(int(x[2:]) for x in names if x.startswith("_g"))
         late = any(x.startswith("_y") and start["a"] <= int(x[2:]) < start["t"] for x in names)
         pushes = sorted(int(x[2:]) for x in names if x.startswith("_w"))
         arguments = [se.Symbol(f"_y{c}") for c in range(width)] + [se.Symbol(f"_x{c}") for c in range(len(inputs))]
         arguments += [se.Symbol(f"_g{c}") for c in needed] + [se.Symbol(f"_w{c}") for c in pushes]
-        kernel = compile_kernel(arguments, expressions)
+        kernel = compile_kernel(arguments, expressions, tables=known)
         return kernel, np.array(needed, dtype=np.int64), late or bool(pushes), np.array(pushes, dtype=np.int64)
 
     kind = "outputs with gradients" if gradients else "outputs with contacts"
@@ -332,7 +339,8 @@ def _reaction(used: list[tuple[Instance, Placement]], symbol: Any, column: Any) 
         extra = arm.cross(force) if d == 3 else sympy.Matrix([arm[0] * force[1] - arm[1] * force[0]])
         e = (moment + extra)[symbol.index]
     loads = {se.Symbol(f"_Q{i}"): x for i, x in enumerate(derived.generalised_force())}
-    return (se.sympify(block.reaction_sign * e).xreplace(loads)).xreplace(_global(instance, place, column))
+    acting = derived.tables.applied([derived.converted(block.reaction_sign * e).xreplace(loads)])[0]
+    return acting.xreplace(_global(instance, place, column))
 
 
 def _energy(used: list[tuple[Instance, Placement]], kind: str, column: Any) -> Any:
@@ -341,7 +349,6 @@ def _energy(used: list[tuple[Instance, Placement]], kind: str, column: Any) -> A
     total = se.Integer(0)
     for instance, place in used:
         derived = derive(instance.type)
-        total = total + (derived.kinetic if kind == "kinetic_energy" else derived.potential).xreplace(
-            _global(instance, place, column)
-        )
+        energy = derived.tables.applied([derived.kinetic if kind == "kinetic_energy" else derived.potential])[0]
+        total = total + energy.xreplace(_global(instance, place, column))
     return total

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from uqmbd.dynamics.equations.expressions import plain
 from uqmbd.dynamics.equations.kernels import Kernel, cached, compile_kernel
+from uqmbd.dynamics.equations.tables import Tables
 from uqmbd.typing import Array
 
 __all__ = ["ParameterMap"]
@@ -52,7 +53,9 @@ class ParameterMap:
             import symengine as se
 
             arguments: list[Any] = [se.Symbol(f"_x{i}") for i in range(len(inputs))]
-            return compile_kernel(arguments, [se.sympify(e) for e in local])
+            tables = Tables()
+            expressions = tables.applied([tables.converted(e) for e in local])
+            return compile_kernel(arguments, expressions, tables=tables.known)
 
         kernel = cached(("parameters", len(inputs), sympy.srepr(sympy.Tuple(*local))), make) if local else make()
         return cls(constants, np.array(random, dtype=np.int64), kernel)

@@ -19,7 +19,7 @@ import sympy
 from numpy.typing import NDArray
 
 from uqmbd.dynamics.equations import TIME, Instance, ParameterMap
-from uqmbd.mechanism import t
+from uqmbd.mechanism import Spline, t
 from uqmbd.randomness import RandomVariable
 from uqmbd.typing import Array, Index
 
@@ -108,7 +108,7 @@ def timed(instances: list[Instance], inputs: tuple[RandomVariable, ...]) -> Time
         whole = [e for x in (*instance.type.expressions, *guards) for e in _of_time(x)]
         # a corner of what is prescribed is a jump of its speed
         positions = [x for x, h in zip(instance.type.constraints, instance.type.holonomic, strict=True) if h]
-        rates = [e.diff(TIME) for x in positions for e in _of_time(x) if e.has(sympy.Piecewise)]
+        rates = [e.diff(TIME) for x in positions for e in _of_time(x) if e.has(sympy.Piecewise, Spline)]
         for e in (*whole, *rates):
             if not _even(e):
                 found[e.xreplace({**values, TIME: t})] = None

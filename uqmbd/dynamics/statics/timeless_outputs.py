@@ -10,7 +10,17 @@ import numpy as np
 import sympy
 
 from uqmbd.dynamics.batch import Batch
-from uqmbd.dynamics.equations import Instance, Kernel, OutputMap, Placement, cached, compile_kernel, output_map, plain
+from uqmbd.dynamics.equations import (
+    Instance,
+    Kernel,
+    OutputMap,
+    Placement,
+    Tables,
+    cached,
+    compile_kernel,
+    output_map,
+    plain,
+)
 from uqmbd.dynamics.integration import Trajectories
 from uqmbd.dynamics.observation import observe_along
 from uqmbd.dynamics.statics.equilibrium import static_equilibria
@@ -145,7 +155,9 @@ def scalar_map(
         import symengine as se
 
         names = [f"{letter}{k}" for letter in ("_m", "_n", "_e", "_x") for k in range(len(dict(swaps)[letter]))]
-        return compile_kernel([se.Symbol(name) for name in names], [se.sympify(e) for e in local])
+        tables = Tables()
+        expressions = tables.applied([tables.converted(e) for e in local])
+        return compile_kernel([se.Symbol(name) for name in names], expressions, tables=tables.known)
 
     counts = [len(old) for _, old in swaps]
     kernel = cached(("scalars", counts, sympy.srepr(sympy.Tuple(*local))), make)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from uqmbd.mechanism.expressions.computable import WITHOUT_DERIVATIVE, foreign_part, told
+from uqmbd.mechanism.expressions.spline import Spline, spline
+from uqmbd.mechanism.expressions.spline_table import LOOKED_UP, SplineTable, polynomial
 from uqmbd.mechanism.expressions.time import step, t
 from uqmbd.mechanism.expressions.timeless import (
     AtEquilibrium,
@@ -23,7 +25,10 @@ __all__ = [
     "EventTime",
     "LARGEST",
     "MotionSymbol",
+    "LOOKED_UP",
     "ScalarSymbol",
+    "Spline",
+    "SplineTable",
     "WITHOUT_DERIVATIVE",
     "at_equilibrium",
     "check_scalar",
@@ -34,8 +39,10 @@ __all__ = [
     "foreign_part",
     "is_scalar",
     "numbers",
+    "polynomial",
     "random_variables",
     "shown",
+    "spline",
     "step",
     "t",
     "told",

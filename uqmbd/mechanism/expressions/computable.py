@@ -9,7 +9,16 @@ from sympy.core.function import AppliedUndef
 from sympy.core.numbers import ImaginaryUnit
 from sympy.logic.boolalg import BooleanAtom, BooleanFunction
 
-__all__ = ["FUNCTIONS", "UNEVALUATED", "WITHOUT_DERIVATIVE", "OwnFunction", "Placeholder", "foreign_part", "told"]
+__all__ = [
+    "FUNCTIONS",
+    "UNEVALUATED",
+    "WITHOUT_DERIVATIVE",
+    "FunctionData",
+    "OwnFunction",
+    "Placeholder",
+    "foreign_part",
+    "told",
+]
 
 FUNCTIONS: tuple[type[sympy.Basic], ...] = (
     sympy.sin, sympy.cos, sympy.tan, sympy.cot, sympy.sec, sympy.csc,
@@ -30,7 +39,11 @@ class Placeholder:
 
 
 class OwnFunction(sympy.Function):
-    """Base of functions that SymPy does not have, and that write themselves out in those that it has (`doit`)."""
+    """Base of functions that SymPy does not have: they write themselves out in those that it has, or have a table."""
+
+
+class FunctionData(sympy.AtomicExpr):
+    """Base of atoms that are no numbers, but what an `OwnFunction` is computed from."""
 
 
 _OPERATIONS: tuple[type[sympy.Basic], ...] = (
@@ -44,7 +57,7 @@ UNEVALUATED: tuple[type[sympy.Basic], ...] = (
 """What SymPy writes down without computing it."""
 
 
-_KNOWN: tuple[Any, ...] = (*_OPERATIONS, *FUNCTIONS, OwnFunction, Placeholder)
+_KNOWN: tuple[Any, ...] = (*_OPERATIONS, *FUNCTIONS, OwnFunction, FunctionData, Placeholder)
 
 
 def foreign_part(expression: Any) -> sympy.Basic | None:
@@ -95,8 +108,8 @@ def told(part: sympy.Basic) -> str:
             "through samples, or a state of a component of your own, whose rate is known)."
         )
     if isinstance(part, sympy.Function):
-        return (
-            f"it contains {text}, and {kind} cannot be computed; write it with the functions that can: "
-            f"{', '.join(sorted(f.__name__ for f in (*FUNCTIONS, *OwnFunction.__subclasses__())))}."
-        )
+        # a class of its own is written in small letters
+        names = {f.__name__ for f in FUNCTIONS} | {f.__name__.lower() for f in OwnFunction.__subclasses__()}
+        listed = ", ".join(sorted(names))
+        return f"it contains {text}, and {kind} cannot be computed; write it with the functions that can: {listed}."
     return f"it contains {text}, which is a {kind} and no number."

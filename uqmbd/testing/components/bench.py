@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from uqmbd.dynamics import Instance, Kernel, ParameterMap, cached, compile_kernel, derive, instances_of
+from uqmbd.dynamics import Instance, Kernel, ParameterMap, cached, derive, instances_of
 from uqmbd.mechanism import Space
 from uqmbd.testing.components.cases import Case
 from uqmbd.testing.components.motion import random_unit
@@ -60,7 +60,7 @@ class Bench:
         def make() -> tuple[Kernel, list[Any]]:
             equations = derived.equations(kind)
             arguments = [x for *_, x in derived.arguments(kind)] + derived.p
-            return compile_kernel(arguments, equations.expressions), equations.targets
+            return derived.kernel(arguments, equations.expressions), equations.targets
 
         result: tuple[Kernel, list[Any]] = cached(("check", kind, self.instance.type.digest), make)
         return result

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from uqmbd.dynamics import Instance, Kernel, cached, compile_kernel, derive
+from uqmbd.dynamics import Instance, Kernel, cached, derive
 from uqmbd.mechanism import Component, Space
 from uqmbd.propagation import Propagator
 from uqmbd.testing.components.bench import REALISATIONS, Bench, random_coordinates
@@ -210,7 +210,7 @@ def _loads_kernel(instance: Instance) -> Kernel:
         arguments = [x for *_, x in derived.arguments("initial")] + derived.p
         force = [a + b for a, b in zip(derived.potential_force, derived.work_force, strict=True)]
         rows = [x for row in derived.d for x in row]
-        return compile_kernel(arguments, [*force, *rows, *derived.phi, *derived.psi])
+        return derived.kernel(arguments, [*force, *rows, *derived.phi, *derived.psi])
 
     result: Kernel = cached(("loads and rates", instance.type.digest), make)
     return result

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from uqmbd.dynamics import Derived, Instance, Kernel, cached, compile_kernel, derive
+from uqmbd.dynamics import Derived, Instance, Kernel, cached, derive
 from uqmbd.testing.components.bench import Bench
 from uqmbd.typing import Array
 
@@ -92,7 +92,7 @@ def _kernel(instance: Instance) -> Kernel:
     def make() -> Kernel:
         arguments = [x for *_, x in derived.arguments("initial")] + derived.p
         rows = [x for row in derived.d for x in row]
-        return compile_kernel(arguments, [derived.potential, *derived.phi, *derived.g, *derived.potential_force, *rows])
+        return derived.kernel(arguments, [derived.potential, *derived.phi, *derived.g, *derived.potential_force, *rows])
 
     result: Kernel = cached(("energy balance", instance.type.digest), make)
     return result

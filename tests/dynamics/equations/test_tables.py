@@ -1,0 +1,88 @@
+"""Tables in equations of motion: against piecewise integration, closed forms, and the same function as a formula."""
+
+import chaospy
+import numpy as np
+import pytest
+import sympy
+from scipy.integrate import solve_ivp
+from scipy.interpolate import CubicSpline
+
+import uqmbd
+from uqmbd.dynamics.equations import ParameterMap, kernels
+from uqmbd_joints import PointOnPlane
+from uqmbd_springs import PointForce, SpringDamper
+
+MASS, STIFFNESS, DAMPING = 2.0, 50.0, 0.3
+
+
+def oscillator(force):
+    """A body on a spring along x, with a force on it."""
+    mechanism = uqmbd.Mechanism("oscillator", uqmbd.Translational(gravity=(0, 0)))
+    body = mechanism.body("body", mass=MASS)
+    mechanism.add(PointOnPlane("guide", mechanism.ground, body, (0, 0), (0, 0), axis_i=(0, 1)))
+    mechanism.add(
+        SpringDamper("spring", mechanism.ground, body, (-1, 0), (0, 0), STIFFNESS, damping=DAMPING, free_length=1)
+    )
+    mechanism.add(PointForce("force", body, (0, 0), (force, 0)))
+    mechanism.output("x", body.position[0], units="m")
+    mechanism.output("force", force, units="N")
+    return mechanism
+
+
+def piecewise(force, knots, times):
+    """Integrate from knot to knot, where the force is one cubic: SciPy at the tightest tolerance that it has."""
+    state, found = np.zeros(2), [0.0]
+    for begin, end in zip(times[:-1], times[1:], strict=True):
+        stops = [begin, *knots[(knots > begin) & (knots < end)], end]
+        for a, b in zip(stops[:-1], stops[1:], strict=True):
+            rate = lambda t, z: [z[1], (force(t) - STIFFNESS * z[0] - DAMPING * z[1]) / MASS]  # noqa: E731
+            state = solve_ivp(rate, (a, b), state, method="DOP853", rtol=1e-13, atol=1e-16).y[:, -1]
+        found.append(state[0])
+    return np.array(found)
+
+
+def noisy_force():
+    knots = np.linspace(0, 3, 28)
+    return knots, np.random.default_rng(3).normal(size=28) * 3
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("integrator", ["dop853", "ida"])
+def test_a_tabulated_force_is_integrated_as_piecewise_cubics_are(integrator):
+    """A force that is noise at its 28 knots, at a tight tolerance."""
+    knots, values = noisy_force()
+    force, times = CubicSpline(knots, values), np.linspace(0, 3, 16)
+    data = uqmbd.simulate(oscillator(uqmbd.spline(knots, values)), times, rtol=1e-8, integrator=integrator)
+    expected = piecewise(force, knots, times)
+    np.testing.assert_allclose(data["force"], force(times), rtol=1e-13, atol=1e-13)
+    assert np.abs(data["x"] - expected).max() < 3e-8 * np.abs(expected).max()
+
+
+@pytest.mark.thorough
+def test_tables_compile_as_formulas_do(tmp_path, monkeypatch):
+    """As many kernels with 3,000 knots as with 28, and two more at most than without a table."""
+    counts = []
+    for force in (sympy.sin(uqmbd.t), *(uqmbd.spline(np.linspace(0, 9, n), np.ones(n)) for n in (28, 3000))):
+        monkeypatch.setenv("UQMBD_CACHE", str(tmp_path / str(len(counts))))
+        before = kernels.compilations[0]
+        uqmbd.simulate(oscillator(force), [0, 0.1], check=False)
+        counts.append(kernels.compilations[0] - before)
+    assert counts[1] == counts[2] <= counts[0] + 2
+
+
+def test_tables_of_tables_and_of_parameters():
+    """A spline of a spline, one of a random variable, and one with random values: what is inserted by hand."""
+    a = uqmbd.RandomVariable("a", chaospy.Uniform(0, 1))
+    profile = uqmbd.spline([0, 0.4, 1], [0.1, 0.9, a + a**2])
+    other = uqmbd.spline([0, 0.3, 0.7, 1], [1, 0, 2, 1], periodic=True)
+    expressions = [profile(a), other(3 * a), profile(other(a) / 2) + other(a), profile.diff(uqmbd.t)(a) * other(3 * a)]
+    values = np.linspace(0.01, 0.99, 7)[:, None]
+    found = ParameterMap.of(expressions, [a])(values)
+    expected = [[float(e.subs(a, x)) for e in expressions] for x in values[:, 0]]
+    np.testing.assert_allclose(found, expected, rtol=1e-12)
+
+
+def test_what_is_no_number_stays_none():
+    a = uqmbd.RandomVariable("a", chaospy.Uniform(0, 1))
+    profile = uqmbd.spline([0, 0.4, 1], [0.1, 0.9, 0.1], periodic=True)
+    assert np.isnan(ParameterMap.of([profile(1 / a)], [a])(np.array([[0.0], [0.5]]))[:, 0]).tolist() == [True, False]

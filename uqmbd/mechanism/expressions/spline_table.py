@@ -1,0 +1,184 @@
+"""The table of a spline: its knots and values, and what is looked up in it."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+from functools import cached_property, lru_cache
+from typing import Any
+
+import numpy as np
+
+from uqmbd.mechanism.expressions.computable import FunctionData
+from uqmbd.typing import Array
+
+__all__ = ["LOOKED_UP", "SplineTable", "polynomial", "table_of"]
+
+
+BOUNDARY = {"not-a-knot": "not-a-knot", "natural": "natural", "flat": "clamped", "periodic": "periodic"}
+"""Conditions at the ends as SciPy calls them."""
+SLIVER = 1e-12
+"""Length beside the ends, over that of the table, that is rounding and belongs to the table."""
+LOOKED_UP = 5
+"""Numbers of an interval: where it begins, and the coefficients of the cubic from there, constant first."""
+
+
+class SplineTable(FunctionData):
+    """Knots and values of a spline: an atom of expressions, equal to another one with the same numbers.
+
+    Attributes
+    ----------
+    knots : array, shape (n,)
+        Ascending.
+    values : array, shape (n, 1 + M)
+        A constant, and the factors of the terms of the spline.
+    ends : str
+        ``not-a-knot``, ``natural``, ``flat`` or ``periodic``.
+    beyond : str
+        ``constant`` or ``linear``; of a period it says nothing.
+    """
+
+    knots: Array
+    values: Array
+    ends: str
+    beyond: str
+    digest: str
+
+    def __new__(cls, knots: Array, values: Array, ends: str, beyond: str) -> SplineTable:
+        """Keep copies of the numbers."""
+        self: SplineTable = super().__new__(cls)
+        self.knots = np.array(knots, dtype=float)
+        self.values = np.array(values, dtype=float)
+        self.ends, self.beyond = ends, beyond
+        about = repr((self.values.shape, ends, beyond)).encode()
+        self.digest = hashlib.sha256(about + self.knots.tobytes() + self.values.tobytes()).hexdigest()
+        return self
+
+    def _hashable_content(self) -> tuple[Any, ...]:
+        return (self.digest,)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return (SplineTable, (self.knots, self.values, self.ends, self.beyond))
+
+    @property
+    def name(self) -> str:
+        """Name of the function that looks it up; the same for the same numbers."""
+        return f"_table{self.digest[:24]}"
+
+    @cached_property
+    def rows(self) -> Array:
+        """What is looked up, shape (n + 1, 1 + M, LOOKED_UP): below the table, in its intervals, beyond."""
+        from scipy.interpolate import CubicSpline
+
+        x, y = self.knots, self.values
+        cubic = np.asarray(CubicSpline(x, y, bc_type=BOUNDARY[self.ends]).c)  # (4, n - 1, 1 + M)
+        rows = np.zeros((len(x) + 1, y.shape[1], LOOKED_UP))
+        rows[1:-1, :, 1:] = np.moveaxis(cubic[::-1], 0, -1)
+        rows[:, 0, 0] = np.concatenate([x[:1], x])
+        rows[0, :, 1], rows[-1, :, 1] = y[0], y[-1]
+        if self.beyond == "linear":
+            rows[0, :, 2] = rows[1, :, 2]
+            h = x[-1] - x[-2]
+            rows[-1, :, 2] = rows[-2, :, 2] + h * (2 * rows[-2, :, 3] + 3 * h * rows[-2, :, 4])
+        return rows
+
+    @cached_property
+    def _edges(self) -> Array:
+        """Return where the intervals begin; the ends themselves belong to the table."""
+        edges = self.knots.copy()
+        sliver = SLIVER * (edges[-1] - edges[0])
+        edges[0], edges[-1] = edges[0] - sliver, np.nextafter(edges[-1] + sliver, np.inf)
+        return edges
+
+    @property
+    def breaks(self) -> tuple[float, ...]:
+        """Ends at which the slope or the curvature jumps."""
+        if self.ends == "periodic" or (self.ends == "natural" and self.beyond == "linear"):
+            return ()
+        return float(self.knots[0]), float(self.knots[-1])
+
+    @property
+    def corners(self) -> tuple[float, ...]:
+        """Ends at which the slope jumps."""
+        return () if self.ends == "flat" or self.beyond == "linear" else self.breaks
+
+    def look_up(self, x: Array, terms: Array | None = None) -> Array:
+        """Look up the interval of each argument.
+
+        Parameters
+        ----------
+        x : array, shape (K,)
+            Arguments.
+        terms : array, shape (K, M), optional
+            What the factors belong to; none where there are none.
+
+        Returns
+        -------
+        array, shape (K, LOOKED_UP)
+            Where the interval begins, and the coefficients of the cubic from there.
+        """
+        if self.ends == "periodic":
+            first, period = self.knots[0], self.knots[-1] - self.knots[0]
+            with np.errstate(invalid="ignore"):
+                turns = np.floor((x - first) / period) * period
+                which = np.clip(self._edges.searchsorted(x - turns, "right"), 1, len(self.knots) - 1)
+        else:
+            turns, which = None, self._edges.searchsorted(x, "right")
+        if terms is None:
+            found: Array = self.rows[which, 0]
+        else:
+            some = self.rows[which]
+            found = some[:, 0] + np.einsum("km,kmc->kc", terms, some[:, 1:])
+        if turns is not None:
+            found[:, 0] += turns
+        return found
+
+    def value(self, x: Array, order: int, terms: Array | None = None) -> Array:
+        """Values of the spline, or of a derivative of it, shape (K,); arguments as for `look_up`."""
+        knot, c0, c1, c2, c3 = self.look_up(np.asarray(x, dtype=float), terms).T
+        result: Array = polynomial(order, x - knot, c0, c1, c2, c3)
+        return result
+
+    def folded(self, terms: dict[int, float]) -> SplineTable:
+        """Make the table in which some terms are numbers."""
+        values = self.values.copy()
+        for k, number in terms.items():
+            values[:, 0] += number * values[:, 1 + k]
+        return SplineTable(self.knots, np.delete(values, [1 + k for k in terms], axis=1), self.ends, self.beyond)
+
+    def _sympystr(self, printer: Any) -> str:
+        return f"table{self.digest}"
+
+    def _sympyrepr(self, printer: Any) -> str:
+        return f"SplineTable({self.digest!r})"
+
+    def _latex(self, printer: Any) -> str:
+        return r"\mathrm{table}"
+
+    def _text(self, printer: Any) -> str:
+        """Write it as a text in the source of a function, for `sympy.lambdify`."""
+        numbers = base64.b64encode(np.column_stack([self.knots, self.values]).tobytes()).decode()
+        return repr(f"{len(self.knots)} {self.ends} {self.beyond} {numbers}")
+
+    _pythoncode = _numpycode = _scipycode = _mpmathcode = _lambdacode = _text
+
+
+@lru_cache(maxsize=64)
+def table_of(text: str) -> SplineTable:
+    """Read what `SplineTable` writes for `sympy.lambdify`."""
+    count, ends, beyond, rest = text.split(" ")
+    stored = np.frombuffer(base64.b64decode(rest)).reshape(int(count), -1)
+    return SplineTable(stored[:, 0], stored[:, 1:], ends, beyond)
+
+
+def polynomial(order: int, offset: Any, c0: Any, c1: Any, c2: Any, c3: Any) -> Any:
+    """Return a cubic, or a derivative of it, in an offset: of numbers, arrays or expressions."""
+    match order:
+        case 0:
+            return ((c3 * offset + c2) * offset + c1) * offset + c0
+        case 1:
+            return (3 * c3 * offset + 2 * c2) * offset + c1
+        case 2:
+            return 6 * c3 * offset + 2 * c2
+        case _:
+            return 6 * c3
