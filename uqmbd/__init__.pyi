@@ -30,6 +30,8 @@ from .mechanism import Controller as Controller
 from .mechanism import Event as Event
 from .mechanism import Frame as Frame
 from .mechanism import Impact as Impact
+from .mechanism import JointAngle as JointAngle
+from .mechanism import JointDisplacement as JointDisplacement
 from .mechanism import Kinetic as Kinetic
 from .mechanism import Line as Line
 from .mechanism import Local as Local

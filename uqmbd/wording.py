@@ -1,8 +1,10 @@
-"""Numbers, durations and counts as people read them."""
+"""Numbers, durations, counts and places in files as people read them."""
 
 from __future__ import annotations
 
 import math
+import traceback
+from pathlib import Path
 
 __all__ = [
     "format_count",
@@ -13,6 +15,7 @@ __all__ = [
     "format_quantity",
     "format_share",
     "minus",
+    "place_of",
 ]
 
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -154,3 +157,9 @@ def format_share(share: float) -> str:
 def minus(text: str) -> str:
     """Write minus signs as such, not as hyphens."""
     return text.replace("-", "−")
+
+
+def place_of(error: BaseException) -> str:
+    """File and line in which an error came up, as a part of a sentence."""
+    frames = traceback.extract_tb(error.__traceback__)[1:]
+    return f" ({Path(frames[-1].filename).name}, line {frames[-1].lineno})" if frames else ""

@@ -29,6 +29,10 @@ class Cylindrical(Parallel2):
         frame_i, frame_j = uqmbd.joint_frames(self.axis_i, self.axis_j)
         return {**super().prepare(), "frame_i": frame_i, "frame_j": frame_j}
 
+    def motion(self) -> dict[str, Any]:
+        """Tell the angle, as a hinge does, and the displacement."""
+        return {"angle": self.joint_angle(), "displacement": self.joint_displacement("sliding_speed")}
+
     def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.Constraint | uqmbd.Auxiliary]:
         """Yield the geometry."""
         yield from super().terms(p)

@@ -47,6 +47,10 @@ class Gear(uqmbd.Component):
                 )
         return {f"drawn_{x}": self.drawn_quaternion("carrier", f"body_{x}") for x in "ij"}
 
+    def motion(self) -> dict[str, Any]:
+        """Tell the angles of both gears relative to the carrier, zero as drawn."""
+        return {f"angle_{x}": self.joint_angle("carrier", f"body_{x}", drawn=True, speed=f"speed_{x}") for x in "ij"}
+
     def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.Constraint | uqmbd.Auxiliary]:
         """Yield the geometry."""
         first, turns_i = uqmbd.counted_angle(p, "angle_i", p.carrier, p.body_i, p.drawn_i, p.axis_i)
@@ -82,6 +86,10 @@ class RackAndPinion(uqmbd.Component):
     def prepare(self) -> dict[str, Any]:
         """Take turn and place to start from out of the drawing."""
         return {"drawn": self.drawn_quaternion(), "start": self.drawn_displacement()}
+
+    def motion(self) -> dict[str, Any]:
+        """Tell the angle of the pinion, zero as drawn, and the displacement of its centre from the rack's point."""
+        return {"angle": self.joint_angle(drawn=True), "displacement": self.joint_displacement("sliding_speed")}
 
     def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.Constraint | uqmbd.Auxiliary]:
         """Yield the geometry."""

@@ -73,6 +73,10 @@ class Parallel2(uqmbd.Component):
             return {"normals": [*uqmbd.perpendiculars(self.axis_i)[0], *uqmbd.perpendiculars(self.axis_i)[1]]}
         return {"normals": [-self.axis_i[1], self.axis_i[0]]}
 
+    def motion(self) -> dict[str, Any]:
+        """Tell the displacement of the point from that of body i."""
+        return {"displacement": self.joint_displacement()}
+
     def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.Constraint | uqmbd.Auxiliary]:
         """Yield the geometry."""
         d = p.space.dimension

@@ -37,6 +37,10 @@ class Prismatic(uqmbd.Component):
             normals = [-self.axis_i[1], self.axis_i[0]]
         return {"normals": normals, "turn": uqmbd.aligned(self.drawn_quaternion(), self.axis_i, self.axis_j)}
 
+    def motion(self) -> dict[str, Any]:
+        """Tell the displacement of the point from that of body i."""
+        return {"displacement": self.joint_displacement()}
+
     def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.Constraint]:
         """Yield the geometry."""
         i, j, d = p.body_i, p.body_j, p.space.dimension

@@ -42,6 +42,10 @@ class Revolute(uqmbd.Component):
         frame_i, frame_j = uqmbd.joint_frames(self.axis_i, self.axis_j)
         return {"frame_i": frame_i, "frame_j": frame_j}
 
+    def motion(self) -> dict[str, Any]:
+        """Tell the angle: zero where the joint frames coincide, any number of turns."""
+        return {"angle": self.joint_angle()}
+
     def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.Constraint]:
         """Yield the geometry."""
         i, j = p.body_i, p.body_j

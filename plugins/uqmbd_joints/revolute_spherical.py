@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
+
+import sympy
 
 import uqmbd
 
@@ -27,6 +30,15 @@ class RevoluteSpherical(uqmbd.Component):
     point_j = uqmbd.Parameter("m", "ball, frame of body j", kind="point", body="body_j")
     axis_i = uqmbd.Parameter("1", "axis of the hinge, frame of body i", kind="axis", body="body_i")
     length = uqmbd.Parameter("m", "length of the link", minimum=0, exclusive=True)
+
+    def motion(self) -> dict[str, Any]:
+        """Tell the angle of the link about the hinge on body i, zero as drawn."""
+        i, j = self.attached["body_i"], self.attached["body_j"]
+        drawn_i, drawn_j = self.drawn_frame("body_i"), self.drawn_frame("body_j")
+        link = drawn_i.rotation.T * (drawn_j.point(self.point_j) - drawn_i.point(self.point_i))
+        offset = j.point(self.point_j) - i.point(self.point_i)
+        across = sympy.Matrix(self.axis_i).cross(link)
+        return {"angle": uqmbd.JointAngle(i.direction(link).dot(offset), i.direction(across).dot(offset))}
 
     def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.Constraint]:
         """Yield the geometry."""

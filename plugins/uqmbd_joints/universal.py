@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
+
+import sympy
 
 import uqmbd
 
@@ -25,6 +28,26 @@ class Universal(uqmbd.Component):
     point_j = uqmbd.Parameter("m", "centre of the cross, frame of body j", kind="point", body="body_j")
     axis_i = uqmbd.Parameter("1", "axis of the cross in body i, its frame", kind="axis", body="body_i")
     axis_j = uqmbd.Parameter("1", "axis of the cross in body j, its frame", kind="axis", body="body_j")
+
+    def motion(self) -> dict[str, Any]:
+        """Tell the angles of the cross in body i about `axis_i`, and of body j on the cross about `axis_j`.
+
+        Both are zero as drawn.
+        """
+        i, j = self.attached["body_i"], self.attached["body_j"]
+        drawn_i, drawn_j = self.drawn_frame("body_i"), self.drawn_frame("body_j")
+        axis_i, axis_j = sympy.Matrix(self.axis_i), sympy.Matrix(self.axis_j)
+        in_i = drawn_i.rotation.T * drawn_j.direction(axis_j)
+        in_j = drawn_j.rotation.T * drawn_i.direction(axis_i)
+        to_i, to_j = i.direction(axis_i), j.direction(axis_j)
+        return {
+            "angle_i": uqmbd.JointAngle(
+                i.direction(in_i).dot(to_j), i.direction(axis_i.cross(in_i)).dot(to_j), speed="speed_i"
+            ),
+            "angle_j": uqmbd.JointAngle(
+                j.direction(in_j).dot(to_i), -j.direction(axis_j.cross(in_j)).dot(to_i), speed="speed_j"
+            ),
+        }
 
     def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.Constraint]:
         """Yield the geometry."""

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from uqmbd.mechanism.body import Body, BodyTerms, Ground, StateSymbol
 from uqmbd.mechanism.components import (
+    AngleSymbol,
     Auxiliary,
     Component,
     Constraint,
     Event,
     Impact,
+    JointAngle,
+    JointDisplacement,
     Kinetic,
     Local,
     Parameter,
@@ -18,6 +21,7 @@ from uqmbd.mechanism.components import (
     Upright,
     VelocityConstraint,
     VirtualWork,
+    angles_in,
     counted_angle,
     half_angle,
     law_at,
@@ -72,6 +76,7 @@ from uqmbd.mechanism.skeleton import skeleton
 from uqmbd.mechanism.start import StartCondition
 
 __all__ = [
+    "AngleSymbol",
     "AtEquilibrium",
     "Auxiliary",
     "Body",
@@ -86,6 +91,8 @@ __all__ = [
     "HeldStates",
     "HeldSymbol",
     "Impact",
+    "JointAngle",
+    "JointDisplacement",
     "Kinetic",
     "LARGEST",
     "Line",
@@ -109,6 +116,7 @@ __all__ = [
     "VirtualWork",
     "WITHOUT_DERIVATIVE",
     "aligned",
+    "angles_in",
     "at_equilibrium",
     "counted_angle",
     "damping_ratio",

@@ -8,7 +8,17 @@ from typing import Any
 
 import sympy
 
-from uqmbd.mechanism.components import Component, Constraint, Kinetic, Local, Parameter, Potential, Term
+from uqmbd.mechanism.components import (
+    AngleSymbol,
+    Component,
+    Constraint,
+    JointAngle,
+    Kinetic,
+    Local,
+    Parameter,
+    Potential,
+    Term,
+)
 from uqmbd.mechanism.geometry import Frame, NamedFrame, Space
 from uqmbd.randomness import Symbolic
 
@@ -16,7 +26,7 @@ __all__ = ["Body", "Ground", "StateSymbol"]
 
 
 class StateSymbol(Symbolic, sympy.Symbol):
-    """A coordinate, rate or acceleration of a body, or its unwrapped angle, in output expressions."""
+    """A coordinate, rate or acceleration of a body in output expressions."""
 
     owner: Any
     quantity: str
@@ -88,12 +98,15 @@ class Body(NamedFrame):
 
     @property
     def angle(self) -> sympy.Symbol:
-        """Angle in the plane, rad, counted over any number of turns."""
+        """Angle in the plane, rad, counted over any number of turns; for outputs, parameters and laws."""
         if self.space.dimension != 2 or not self.space.turns:
             raise AttributeError(
                 f"body {self.name!r} has no .angle: only bodies in Planar space do; use .quaternion or .rotation."
             )
-        return StateSymbol(self, "angle", 0, f"{self.name}.angle")
+        cosine, sine = self.quaternion
+        rate = self.space.angular_velocity(self.quaternion, self.quaternion_rate)[0]
+        angle = JointAngle(cosine, sine, half=True, signed=True, near=self.pose.angle, rate=rate)
+        return AngleSymbol(self, f"{self.name}.angle", angle)
 
     @property
     def angular_velocity(self) -> Any:

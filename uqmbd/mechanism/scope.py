@@ -9,7 +9,7 @@ import sympy
 
 from uqmbd.errors import StudyError
 from uqmbd.mechanism.body import Body, Ground, StateSymbol
-from uqmbd.mechanism.components import Component, Loaded, ReactionSymbol
+from uqmbd.mechanism.components import AngleSymbol, Component, Loaded, ReactionSymbol
 from uqmbd.mechanism.controller import Controller, HeldSymbol
 from uqmbd.mechanism.expressions import ScalarSymbol, flatten, is_scalar, shown, t, unknown_symbol
 from uqmbd.randomness import RandomVariable
@@ -17,9 +17,9 @@ from uqmbd.randomness import RandomVariable
 __all__ = ["Described", "Scope", "require_bodies", "require_known"]
 
 Scope = Literal["number", "law", "start", "output"]
-"""A number knows random variables; a law time, positions and velocities as well; an output everything.
+"""A number knows random variables; a law time, positions, angles and velocities as well; an output everything.
 
-A start condition knows what a law does, and angles; what it may not contain is told by its own words."""
+A start condition knows what a law does; what it may not contain is told by its own words."""
 
 
 class Described(Protocol):
@@ -65,6 +65,9 @@ def require_known(mechanism: Described, where: str, value: Any, scope: Scope) ->
             continue
         if isinstance(symbol, StateSymbol):
             _require_member(mechanism.bodies, symbol.owner, mechanism, f"{where}: it contains {symbol}")
+        elif isinstance(symbol, AngleSymbol):
+            members = mechanism.bodies if isinstance(symbol.owner, Body) else mechanism.components
+            _require_member(members, symbol.owner, mechanism, f"{where}: it contains {symbol}")
         elif isinstance(symbol, ReactionSymbol):
             _require_member(mechanism.components, symbol.component, mechanism, f"{where}: it contains {symbol}")
         elif isinstance(symbol, HeldSymbol):
@@ -124,8 +127,8 @@ def _require_scope(where: str, symbol: sympy.Symbol, scope: Scope) -> None:
     )
     if scope == "law" and late:
         raise StudyError(
-            f"{where}: it depends on {symbol}; parameters may depend on random variables, positions, velocities, "
-            "angular velocities, and time."
+            f"{where}: it depends on {symbol}; parameters may depend on random variables, positions, "
+            "angles, velocities, angular velocities, and time."
         )
 
 

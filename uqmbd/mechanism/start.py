@@ -9,7 +9,7 @@ import sympy
 
 from uqmbd.errors import StudyError
 from uqmbd.mechanism.body import StateSymbol
-from uqmbd.mechanism.components import ReactionSymbol
+from uqmbd.mechanism.components import AngleSymbol, ReactionSymbol
 from uqmbd.mechanism.expressions import flatten, is_scalar, numbers, random_variables, shown
 from uqmbd.mechanism.holonomic import RATES
 from uqmbd.mechanism.output import recorded
@@ -64,10 +64,10 @@ def start_condition(mechanism: Described, condition: Any, value: Any) -> StartCo
     residual = left - right
     states = {s for s in residual.free_symbols if isinstance(s, sympy.Symbol) and not random_variables(s)}
     rates = [s for s in states if _is_rate(s)]
-    if not any(isinstance(s, StateSymbol) for s in states):
+    if not any(isinstance(s, (StateSymbol, AngleSymbol)) for s in states):
         raise StudyError(
             f"{where}: it contains neither a position nor a velocity, so that nothing depends on it; "
-            "give e.g. body.angle, body.position[0] or body.velocity[0] as the expression."
+            "give e.g. joint.angle, body.position[0] or body.velocity[0] as the expression."
         )
     if rates and any(sympy.diff(residual, a).free_symbols & set(rates) for a in rates):
         raise StudyError(f"{where}: it is not linear in the velocities; expected one that is, as body.velocity[0] - 3.")

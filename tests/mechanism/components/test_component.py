@@ -123,7 +123,6 @@ def test_arguments(plane, make, words):
         (lambda g, rod: Torque("T", rod, torque=(0, 0, 1)), ["torque has 3 numbers, expected 1 (the torque, N m)"]),
         (lambda g, rod: Prismatic("P", g, rod, (0, 0), (0, 0), (0, 0), (1, 0)), ["axis_i: the vector", "has no length"]),
         (lambda g, rod: PointForce("F", rod, (0, 0), (rod.acceleration[0], 0)), ["depends on rod.x''", "may depend on"]),
-        (lambda g, rod: PointForce("F", rod, (0, 0), (rod.angle, 0)), ["depends on rod.angle"]),
         (lambda g, rod: Revolute, ["given the class Revolute", "made as Revolute(name, body_i"]),
         (lambda g, rod: rod, ["add() was given <body 'rod'>", "expected a component"]),
         (lambda g, rod: None, ["add() was given None"]),

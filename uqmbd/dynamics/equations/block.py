@@ -7,16 +7,16 @@ Local symbols are plain SymPy symbols with fixed names, so that two instances of
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 import sympy
 
+from uqmbd.dynamics.equations.counted_angles import CountedAngle, count
 from uqmbd.dynamics.equations.expressions import (
     TIME,
-    plain,
     require_derivatives,
     require_velocities,
     settled_expression,
@@ -36,14 +36,11 @@ from uqmbd.mechanism import (
     Potential,
     Separation,
     Space,
-    StateSymbol,
     Upright,
     VelocityConstraint,
     VirtualWork,
     flatten,
-    t,
 )
-from uqmbd.randomness import RandomVariable
 
 __all__ = ["BlockType", "Instance", "instances_of"]
 
@@ -165,89 +162,15 @@ def instances_of(components: list[Component], space: Space) -> list[Instance]:
     return [_instance(component, space, known) for component in components]
 
 
-def _symbols(letter: str, count: int) -> list[sympy.Symbol]:
-    return [sympy.Symbol(f"_{letter}{k}", real=True) for k in range(count)]
-
-
 def _instance(component: Component, space: Space, known: dict[Any, BlockType]) -> Instance:
-    bodies: list[Body] = []
-    for body in component.attached.values():
-        if isinstance(body, Body) and body not in bodies:
-            bodies.append(body)
-    for value in component.values.values():
-        for part in flatten(value):
-            for symbol in sorted(getattr(part, "free_symbols", ()), key=str):
-                if isinstance(symbol, StateSymbol) and symbol.owner not in bodies:
-                    bodies.append(symbol.owner)
-    held = _held(component)
-    values, parameters, pattern = _localise(component, bodies, space, held)
+    bodies = bodies_of(component)
+    held = held_by(component)
+    values, counted, parameters, pattern = localise(component, bodies, space, held)
     kinds = tuple(bodies.index(b) if isinstance(b, Body) else -1 for b in component.attached.values())
     key = (type(component), space.name, kinds, len(bodies), pattern)
     if key not in known:
-        known[key] = _block(component, space, bodies, kinds, values, len(parameters), len(held))
+        known[key] = _block(component, space, bodies, kinds, values, counted, len(parameters), len(held))
     return Instance(component, known[key], tuple(bodies), tuple(parameters), held)
-
-
-def _held(component: Component) -> tuple[HeldSymbol, ...]:
-    """Commands and states of controllers that parameters of a component contain, each once."""
-    found: dict[HeldSymbol, None] = {}
-    for value in component.values.values():
-        for part in flatten(value):
-            symbols = sorted(getattr(part, "free_symbols", ()), key=str)
-            found |= dict.fromkeys(s for s in symbols if isinstance(s, HeldSymbol))
-    return tuple(found)
-
-
-def _localise(
-    component: Component, bodies: list[Body], space: Space, held: tuple[HeldSymbol, ...]
-) -> tuple[dict[str, Any], list[sympy.Expr], tuple[Any, ...]]:
-    """Replace numbers by parameter symbols; keep zeros, ones, options and functions of time or state."""
-    parameters: list[sympy.Expr] = []
-    local: dict[sympy.Basic, sympy.Expr] = {t: TIME, **dict(zip(held, _symbols("h", len(held)), strict=True))}
-    for b, body in enumerate(bodies):
-        for letter, symbols in (("q", body.q), ("v", body.v)):
-            for k, symbol in enumerate(symbols):
-                local[symbol] = sympy.Symbol(f"_{letter}{b * space.size + k}", real=True)
-
-    def symbol_for(expression: sympy.Expr) -> sympy.Symbol:
-        parameters.append(expression)
-        return sympy.Symbol(f"_p{len(parameters) - 1}", real=True)
-
-    def place(entry: Any) -> sympy.Expr:
-        entry = sympy.sympify(entry)
-        if entry.is_number:
-            number = float(entry)
-            return sympy.Integer(int(number)) if number in (0.0, 1.0) else symbol_for(entry)
-        foreign = [s for s in entry.free_symbols if not isinstance(s, RandomVariable)]
-        if not foreign:
-            return symbol_for(entry)
-        mapping = dict(local)
-        for symbol in sorted(entry.free_symbols, key=str):
-            if isinstance(symbol, RandomVariable):
-                mapping[symbol] = symbol_for(symbol)
-            elif isinstance(symbol, StateSymbol) and symbol not in mapping:
-                if symbol.quantity != "angular_velocity":
-                    raise StudyError(
-                        f"{type(component).__name__} {component.name!r}: a parameter depends on {symbol}; "
-                        "parameters may depend on positions, velocities and time."
-                    )
-                mapping[symbol] = symbol.owner.expand(symbol).xreplace(local)
-        return plain(entry).xreplace(mapping)
-
-    values: dict[str, Any] = {}
-    pattern: list[Any] = []
-    declared = component.parameters()
-    for name, value in component.values.items():
-        if value is None or (name in declared and declared[name].kind == "option"):
-            values[name] = value
-            pattern.append((name, repr(value) if not isinstance(value, tuple) else len(value)))
-            continue
-        if isinstance(value, tuple):
-            values[name] = sympy.Matrix([place(x) for x in value]) if value else ()
-        else:
-            values[name] = place(value)
-        pattern.append((name, tuple(values[name]) if isinstance(value, tuple) else values[name]))
-    return values, parameters, tuple(pattern)
 
 
 def _block(
@@ -256,18 +179,29 @@ def _block(
     bodies: list[Body],
     kinds: tuple[int, ...],
     values: Mapping[str, Any],
+    counted: Sequence[CountedAngle],
     parameters: int,
     held: int,
 ) -> BlockType:
     n = space.size
-    q, v = _symbols("q", n * len(bodies)), _symbols("v", n * len(bodies))
+    q, v = symbols_of("q", n * len(bodies)), symbols_of("v", n * len(bodies))
     moving = [Frame(space, q[n * b : n * b + n], v[n * b : n * b + n]) for b in range(len(bodies))]
     frames = {role: moving[k] if k >= 0 else Frame(space) for role, k in zip(component.attached, kinds, strict=True)}
     local = Local(space, frames, values, TIME)
+    turns = count(local, counted)
     terms, point = component.stated(local)
+    terms = [*turns, *terms]
     named = {symbol: sympy.Symbol(f"_u{k}", real=True) for k, symbol in enumerate(local.quantities)}
     where = f"{type(component).__name__} {component.name!r}"
-    known = {*q, *v, *local.states.values(), *_symbols("p", parameters), *_symbols("h", held), *named.values(), TIME}
+    known = {
+        *q,
+        *v,
+        *local.states.values(),
+        *symbols_of("p", parameters),
+        *symbols_of("h", held),
+        *named.values(),
+        TIME,
+    }
 
     def settled(expression: Any) -> sympy.Expr:
         return settled_expression(where, component, expression, named, known)
@@ -276,7 +210,7 @@ def _block(
 
     velocities, coordinates = set(v), set(q) | set(local.states.values())
     accelerations: set[sympy.Basic] = set()
-    commands = set(_symbols("h", held))
+    commands = set(symbols_of("h", held))
     for symbol, kind, e in quantities:
         if e.free_symbols & (velocities if kind == "rate" else accelerations):
             accelerations.add(symbol)

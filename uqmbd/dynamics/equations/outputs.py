@@ -18,17 +18,20 @@ from uqmbd.dynamics.equations.kernels import Kernel, cached, compile_kernel
 from uqmbd.dynamics.equations.tables import Tables
 from uqmbd.errors import StudyError
 from uqmbd.mechanism import (
+    AngleSymbol,
     Auxiliary,
     Body,
     Component,
     HeldStates,
     HeldSymbol,
+    JointAngle,
     Local,
     Mechanism,
     Output,
     Parameter,
     ReactionSymbol,
     StateSymbol,
+    angles_in,
     t,
 )
 from uqmbd.randomness import RandomVariable
@@ -38,39 +41,41 @@ __all__ = ["AngleCounter", "OutputMap", "angle_counters", "output_map"]
 
 
 class AngleCounter(Component):
-    """Counts the turns of a body in the plane: a state that integrates its angular velocity.
+    """Counts the turns of an angle that is an output: a state that integrates its rate.
 
     Its value only picks the branch of the angle; the angle itself comes from the coordinates.
     """
 
     bodies = ("body",)
     offered = True
-    drawn = Parameter("rad", "angle as drawn")
+    counts: AngleSymbol
+    cosine = Parameter("1", "cosine of the angle, or of half of it")
+    sine = Parameter("1", "sine of the angle, or of half of it")
+    rate = Parameter("rad/s", "its rate")
+    near = Parameter("rad", "angle near which it starts")
+    half = Parameter("", "whether they are those of half the angle", kind="option")
+    signed = Parameter("", "whether their sign means something", kind="option")
 
     def terms(self, p: Local) -> list[Auxiliary]:
         """Start at the angle of the assembled pose that is nearest to the drawn one."""
-        e = p.body.quaternion
-        raw = 2 * sympy.atan2(e[1], e[0])
-        start = raw + 4 * sympy.pi * sympy.floor((p.drawn - raw) / (4 * sympy.pi) + sympy.Rational(1, 2))
-        return [Auxiliary(p.state("angle"), p.body.angular_velocity[0], start)]
+        angle = JointAngle(p.cosine, p.sine, half=p.half, signed=p.signed)
+        return [Auxiliary(p.state("angle"), p.rate, angle.nearest(p.near, p.cosine, p.sine))]
 
 
 def angle_counters(mechanism: Mechanism) -> list[Component]:
-    """Make a counter for every body whose angle is an output, or is given at the start."""
-    owners: dict[str, Body] = {}
-    seen: list[sympy.Expr] = []
-    for output in (*mechanism.outputs.values(), *mechanism.scalars.values()):
-        seen.append(output.expression)
-    seen += [condition.residual for condition in mechanism.conditions.values()]
-    seen += [x for c in mechanism.controllers.values() for x in c.measured if not isinstance(x, str)]
-    for expression in seen:
-        for symbol in expression.free_symbols:
-            if isinstance(symbol, StateSymbol) and symbol.quantity == "angle":
-                owners[symbol.owner.name] = symbol.owner
+    """Make a counter for every angle in outputs, start conditions and what is measured: of bodies, then of joints."""
+    expressions = [output.expression for output in (*mechanism.outputs.values(), *mechanism.scalars.values())]
+    expressions += [condition.residual for condition in mechanism.conditions.values()]
+    expressions += [x for c in mechanism.controllers.values() for x in c.measured if not isinstance(x, str)]
     counters: list[Component] = []
-    for name in sorted(owners):
-        counter = AngleCounter(f"{name}.angle", owners[name], drawn=owners[name].pose.angle)
-        counter.values["drawn"] = owners[name].pose.angle
+    for symbol in sorted(angles_in(expressions), key=lambda x: (not isinstance(x.owner, Body), x.owner.name, str(x))):
+        angle = symbol.angle
+        body = min((x.owner for x in symbol.states if isinstance(x, StateSymbol)), key=lambda x: x.name)
+        counter = AngleCounter(str(symbol), body)
+        counter.counts = symbol
+        pair = {"cosine": angle.cosine, "sine": angle.sine, "rate": angle.rate}
+        counter.values = {key: angle.whole(x) for key, x in pair.items()}
+        counter.values |= {"near": sympy.sympify(angle.near), "half": angle.half, "signed": angle.signed}
         counters.append(counter)
     return counters
 
@@ -197,13 +202,13 @@ def output_map(
             symbols[symbol] = sympy.Symbol(holder, real=True)
         elif isinstance(symbol, HeldSymbol):
             symbols[symbol] = sympy.Symbol(column("s", _held(symbol, instances, places)), real=True)
+        elif isinstance(symbol, AngleSymbol):
+            symbols[symbol] = _angle(symbol, instances, places, order, column).xreplace(symbols)
         elif isinstance(symbol, StateSymbol):
             if symbol.quantity in ("kinetic_energy", "potential_energy"):
                 holder = f"_R{len(holders)}"
                 holders[holder] = (symbol.quantity, symbol)
                 symbols[symbol] = sympy.Symbol(holder, real=True)
-            elif symbol.quantity == "angle":
-                symbols[symbol] = _angle(symbol, instances, places, order, column)
             elif symbol.quantity in ("q", "v", "a"):
                 symbols[symbol] = _coordinate(symbol, order, column)
             else:
@@ -273,7 +278,7 @@ def _gradient(expression: Any, symbols: list[Any]) -> list[Any]:
 def _counted(expression: sympy.Expr) -> bool:
     """Whether an angle is a polynomial of angles that are counted, so that it cannot jump."""
     free = expression.free_symbols
-    angles = any(isinstance(s, StateSymbol) and s.quantity == "angle" for s in free)
+    angles = any(isinstance(s, AngleSymbol) for s in free)
     return angles and bool(expression.is_polynomial(*free))
 
 
@@ -283,17 +288,16 @@ def _coordinate(symbol: Any, order: dict[str, int], column: Any) -> sympy.Symbol
 
 
 def _angle(
-    symbol: Any, instances: list[Instance], places: list[Placement], order: dict[str, int], column: Any
+    symbol: AngleSymbol, instances: list[Instance], places: list[Placement], order: dict[str, int], column: Any
 ) -> sympy.Expr:
-    body = symbol.owner
-    first = order[body.name] * body.space.size + body.space.dimension
-    e0, e1 = (sympy.Symbol(column("q", first + i), real=True) for i in (0, 1))
+    """Angle in the turn that its counter tells, in coordinates, the counter's state, and random variables."""
+    swap = {s: _coordinate(s, order, column) for s in symbol.states}
+    cosine, sine = (symbol.angle.whole(x).xreplace(swap) for x in (symbol.angle.cosine, symbol.angle.sine))
     for instance, place in zip(instances, places, strict=True):
-        if isinstance(instance.component, AngleCounter) and instance.bodies[0] is body:
+        if isinstance(instance.component, AngleCounter) and instance.component.counts == symbol:
             counted = sympy.Symbol(column("s", int(place.letters["s"][0])), real=True)
-            raw = 2 * sympy.atan2(e1, e0)
-            return raw + 4 * sympy.pi * sympy.floor((counted - raw) / (4 * sympy.pi) + sympy.Rational(1, 2))
-    raise StudyError(f"the angle of body {body.name!r} is not counted; record it with mechanism.output(...).")
+            return symbol.angle.nearest(counted, cosine, sine)
+    raise StudyError(f"{symbol} is not counted; record it with mechanism.output(...).")
 
 
 def _held(symbol: HeldSymbol, instances: list[Instance], places: list[Placement]) -> int:

@@ -20,6 +20,7 @@ from uqmbd.mechanism.components.component import (
     VirtualWork,
     flatten,
 )
+from uqmbd.mechanism.components.joint_motion import AngleSymbol, JointAngle, JointDisplacement, angles_in
 from uqmbd.mechanism.components.parameter import range_text
 from uqmbd.mechanism.components.parameter_values import settle
 from uqmbd.mechanism.components.reaction import Loaded
@@ -27,11 +28,14 @@ from uqmbd.mechanism.components.turn_counting import counted_angle, half_angle
 from uqmbd.mechanism.components.user_law import law_at, law_values
 
 __all__ = [
+    "AngleSymbol",
     "Auxiliary",
     "Component",
     "Constraint",
     "Event",
     "Impact",
+    "JointAngle",
+    "JointDisplacement",
     "Kinetic",
     "Loaded",
     "Local",
@@ -43,6 +47,7 @@ __all__ = [
     "Upright",
     "VelocityConstraint",
     "VirtualWork",
+    "angles_in",
     "counted_angle",
     "flatten",
     "half_angle",

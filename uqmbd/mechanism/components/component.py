@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
-import inspect
-import traceback
 from collections.abc import Iterable, Mapping
-from pathlib import Path
 from typing import Any, ClassVar
 
 import sympy
 
 from uqmbd.errors import StudyError
-from uqmbd.mechanism.components.local import RESERVED, Local
+from uqmbd.mechanism.components.declaration import python_signature, require_declared
+from uqmbd.mechanism.components.joint_motion import (
+    JointAngle,
+    JointDisplacement,
+    angle_between,
+    angle_from_drawn,
+    told_motion,
+)
+from uqmbd.mechanism.components.local import Local
 from uqmbd.mechanism.components.parameter import Parameter
 from uqmbd.mechanism.components.reaction import PlaneReaction, ReactionSymbol
 from uqmbd.mechanism.components.terms import (
@@ -40,6 +45,7 @@ from uqmbd.mechanism.geometry import (
     relative_quaternion,
 )
 from uqmbd.names import check_name, checked, did_you_mean
+from uqmbd.wording import place_of
 
 __all__ = [
     "Auxiliary",
@@ -115,6 +121,8 @@ class Component:
     spaces: ClassVar[tuple[type[Space], ...]] = (Spatial, Planar, Translational)
     symbol: ClassVar[str] = ""
     """How figures draw it, one of `SYMBOLS`; empty: by the kinds of its parameters, and where it attaches."""
+    settled = False
+    """Whether it is a part of a mechanism, so that its parameters have values."""
     stating = False
     """Whether it is being asked for its terms."""
     offered = False
@@ -192,25 +200,9 @@ class Component:
         if cls.symbol and cls.symbol not in SYMBOLS:
             known = ", ".join(map(repr, SYMBOLS))
             raise StudyError(f"{cls.__name__}: symbol is {cls.symbol!r}; expected one of {known}.")
-        if hidden := sorted(RESERVED & cls.parameters().keys()):
-            raise StudyError(
-                f"{cls.__name__}: a parameter cannot be called {hidden[0]!r}: p.{hidden[0]} of terms() "
-                "is something else; take another name."
-            )
-        for name, parameter in cls.parameters().items():
-            points = tuple(key for key, other in cls.parameters().items() if other.kind == "point")
-            for word, stated, there in (("body", parameter.body, cls.bodies), ("about", parameter.about, points)):
-                if stated and stated not in there:
-                    expected = ", ".join(map(repr, there)) or "nothing: there is none"
-                    raise StudyError(f"{cls.__name__}: parameter {name!r}: {word} is {stated!r}; expected {expected}.")
-        kind = inspect.Parameter.POSITIONAL_OR_KEYWORD
-        parts = [inspect.Parameter(n, kind) for n in ("name", *cls.bodies) if n not in cls.grounded]
-        rest = sorted(cls.parameters().items(), key=lambda item: not item[1].required)
-        parts += [
-            inspect.Parameter(n, kind, default=inspect.Parameter.empty if p.required else p.default) for n, p in rest
-        ]
-        parts += [inspect.Parameter(n, inspect.Parameter.KEYWORD_ONLY, default=None) for n in cls.grounded]
-        cls.__signature__ = inspect.Signature(parts)  # type: ignore[attr-defined]  # what help() shows
+        require_declared(cls.__name__, cls.bodies, cls.parameters())
+        # what help() shows
+        cls.__signature__ = python_signature(cls.bodies, cls.grounded, cls.parameters())  # type: ignore[attr-defined]
 
     def prepare(self) -> Mapping[str, Any]:
         """Return further parameters, computed from the given ones (`self.point_i` and so on).
@@ -243,7 +235,7 @@ class Component:
         except Exception as error:
             raise StudyError(
                 f"{type(self).__name__} {self.name!r}: {method} raised {type(error).__name__}: {error}"
-                f"{_place_of(error)}. It is to yield terms (Kinetic, Potential, VirtualWork, Constraint, ...) that are "
+                f"{place_of(error)}. It is to yield terms (Kinetic, Potential, VirtualWork, Constraint, ...) that are "
                 "written in what p offers."
             ) from error
         finally:
@@ -256,6 +248,14 @@ class Component:
             local = p.__dict__["_names"].get("point_i", p.__dict__["_names"].get("point"))
             return first.position if local is None else first.point(local)
         raise TypeError(f"{self.bodies[0]} is no frame")
+
+    def motion(self) -> Mapping[str, JointAngle | JointDisplacement | None]:
+        """Return the motion that the component tells, by name: `joint.angle`, `joint.displacement`, and their speeds.
+
+        Written in the bodies (``self.attached["body_i"]``) and parameters; `joint_angle` and `joint_displacement` make
+        what most joints have.  None: the space does not have it.
+        """
+        return {}
 
     # -- outputs -----------------------------------------------------------------------------------------------------
     @property
@@ -301,6 +301,52 @@ class Component:
                 f"the number is {number!r}; events are counted from 1."
             )
         return EventTime(self, label, number)
+
+    def __getattr__(self, name: str) -> Any:
+        """Motion that the component tells: expressions for outputs, parameters and laws."""
+        if hasattr(type(self), name):  # a property that is not there in this space
+            return object.__getattribute__(self, name)
+        if name.startswith("_") or "values" not in self.__dict__:
+            raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}", name=name, obj=self)
+        return told_motion(self, name)
+
+    def joint_angle(
+        self, body_i: str = "body_i", body_j: str = "body_j", *, drawn: bool = False, speed: str = "speed"
+    ) -> JointAngle | None:
+        """Angle by which one body has turned relative to another about a common axis, for `motion`.
+
+        It is zero where the joint frames coincide (`uqmbd.joint_frames` of `axis_i` and `axis_j`; in the plane those
+        of the bodies), and starts in the turn in which the bodies are drawn: in the plane any one, in space within half
+        a turn of zero.
+
+        Parameters
+        ----------
+        body_i, body_j : str
+            Arguments that are the bodies; the axes are the parameters whose names end alike.
+        drawn : bool
+            Zero as drawn; of the axes only that of body j is needed.
+        speed : str
+            Name of the rate.
+
+        Returns
+        -------
+        JointAngle
+            None where nothing turns.
+        """
+        if not self._space().turns:
+            return None
+        i, j = self.attached[body_i], self.attached[body_j]
+        axes = [self.values.get(f"axis_{body.rsplit('_', 1)[-1]}", ()) for body in (body_i, body_j)]
+        start = self.drawn_quaternion(body_i, body_j)
+        if drawn:
+            return angle_from_drawn(i, j, axes[1], start, speed)
+        return angle_between(i, j, axes, start, self.drawn_angle(body_i, body_j), speed)
+
+    def joint_displacement(self, speed: str = "speed") -> JointDisplacement:
+        """Displacement of `point_j` from `point_i` along `axis_i`, for `motion`."""
+        i, j = (self.attached[key] for key in ("body_i", "body_j"))
+        point_i, point_j, axis_i = (self.values[key] for key in ("point_i", "point_j", "axis_i"))
+        return JointDisplacement(i.direction(axis_i).dot(j.point(point_j) - i.point(point_i)), speed)
 
     def drawn_quaternion(self, body_i: str = "body_i", body_j: str = "body_j") -> tuple[sympy.Expr, ...]:
         """Quaternion of one body relative to another in the drawn pose, ``conj(e_i) e_j``, for `prepare`."""
@@ -358,12 +404,6 @@ class Component:
     def __repr__(self) -> str:
         where = ", ".join(getattr(self.attached[b], "name", repr(self.attached[b])) for b in self.bodies)
         return f"<{type(self).__name__} {self.name!r}: {where}>"
-
-
-def _place_of(error: BaseException) -> str:
-    """File and line in which an error came up, as a part of a sentence."""
-    frames = traceback.extract_tb(error.__traceback__)[1:]
-    return f" ({Path(frames[-1].filename).name}, line {frames[-1].lineno})" if frames else ""
 
 
 def _drawn(body: Any) -> tuple[sympy.Expr, ...]:

@@ -13,7 +13,7 @@ from uqmbd.mechanism.geometry import Frame, Space
 
 __all__ = ["RESERVED", "Local", "Quantity"]
 
-RESERVED = frozenset({"let", "rate_of", "space", "state", "states", "time", "quantities"})
+RESERVED = frozenset({"insert", "let", "rate_of", "space", "state", "states", "time", "quantities"})
 """Names of `Local` that parameters would hide."""
 
 
@@ -63,6 +63,14 @@ class Local:
     def state(self, name: str) -> sympy.Symbol:
         """Return the symbol of an auxiliary differential state; yield `Auxiliary` for it as well."""
         return self.states.setdefault(name, sympy.Symbol(f"_s{len(self.states)}", real=True))
+
+    def insert(self, values: Mapping[sympy.Basic, sympy.Expr]) -> None:
+        """Insert what symbols in the values of parameters stand for."""
+        if values:
+            self._names = {
+                key: x.xreplace(values) if isinstance(x, (sympy.Basic, sympy.MatrixBase)) else x
+                for key, x in self._names.items()
+            }
 
     def let(self, name: str, expression: Any) -> Any:  # noqa: ANN401 - an expression, or a column of them
         """Name an intermediate quantity (a gap, a normal), so that what it stands for is derived and computed once.

@@ -61,6 +61,7 @@ def settle(where: str, component: Component, space: Space) -> dict[str, Any]:
         raise StudyError(f"{where}: {error}") from None
     for key, value in prepared.items():
         component.values[key] = _prepared(where, key, value)
+    component.settled = True
     return component.values
 
 

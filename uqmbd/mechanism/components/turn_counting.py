@@ -8,7 +8,7 @@ from typing import Any
 import sympy
 
 from uqmbd.mechanism.components.component import Auxiliary, Local
-from uqmbd.mechanism.geometry import Frame, relative_quaternion
+from uqmbd.mechanism.geometry import Frame, continued, relative_quaternion
 
 __all__ = ["counted_angle", "half_angle"]
 
@@ -81,7 +81,5 @@ def counted_angle(
     spin = body_j.angular_velocity - body_i.angular_velocity
     rate = spin[0] if p.space.dimension == 2 else spin.dot(body_j.direction(axis_j))
     counted = p.state(state)
-    c, s = sympy.cos(counted / 2), sympy.sin(counted / 2)
-    # the tangent does not know the sign of a quaternion, nor does the angle
-    angle = counted + 2 * sympy.atan((sine * c - cosine * s) / (cosine * c + sine * s))
+    angle = continued(counted, cosine, sine, half=True)
     return angle, Auxiliary(counted, rate, 2 * sympy.atan(sine / cosine))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from uqmbd.mechanism.geometry.angles import angle_at_start, continued
 from uqmbd.mechanism.geometry.frame import Frame, NamedFrame
 from uqmbd.mechanism.geometry.quaternions import (
     aligned,
@@ -25,6 +26,8 @@ __all__ = [
     "Spatial",
     "Translational",
     "aligned",
+    "angle_at_start",
+    "continued",
     "joint_frames",
     "nominal",
     "perpendiculars",

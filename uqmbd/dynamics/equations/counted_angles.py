@@ -1,0 +1,45 @@
+"""Angles in the parameters of a component: each is counted by a state of the component's own block."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import sympy
+
+from uqmbd.mechanism import Auxiliary, JointAngle, Local
+
+__all__ = ["CountedAngle", "count"]
+
+
+@dataclass(frozen=True)
+class CountedAngle:
+    """An angle that occurs in parameters of a component, in local symbols."""
+
+    symbol: sympy.Symbol
+    angle: JointAngle
+    cosine: sympy.Expr
+    sine: sympy.Expr
+    rate: sympy.Expr
+    near: sympy.Expr
+
+    @property
+    def pattern(self) -> tuple[Any, ...]:
+        """What makes it another one."""
+        return self.symbol, self.angle.half, self.angle.signed, self.cosine, self.sine, self.rate, self.near
+
+
+def count(local: Local, counted: Sequence[CountedAngle]) -> list[Auxiliary]:
+    """Insert counted angles into the values of a component, and return the terms of the states that count them.
+
+    Each component counts for itself, so that no block depends on states of another one.
+    """
+    swap: dict[sympy.Basic, sympy.Expr] = {}
+    terms: list[Auxiliary] = []
+    for k, x in enumerate(counted):
+        state = local.state(f"counted angle {k + 1}")
+        swap[x.symbol] = local.let(f"angle {k + 1}", x.angle.continued(state, x.cosine, x.sine))
+        terms.append(Auxiliary(state, x.rate, x.angle.at_start(x.cosine, x.sine, x.near)))
+    local.insert(swap)
+    return terms

@@ -1,0 +1,109 @@
+"""Values of a component's parameters in the local symbols of its block."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import sympy
+
+from uqmbd.dynamics.equations.counted_angles import CountedAngle
+from uqmbd.dynamics.equations.expressions import TIME, plain
+from uqmbd.errors import StudyError
+from uqmbd.mechanism import AngleSymbol, Body, Component, HeldSymbol, Space, StateSymbol, angles_in, flatten, t
+from uqmbd.randomness import RandomVariable
+
+__all__ = ["bodies_of", "held_by", "localise", "symbols_of"]
+
+
+def symbols_of(letter: str, count: int) -> list[sympy.Symbol]:
+    """Make local symbols of a letter."""
+    return [sympy.Symbol(f"_{letter}{k}", real=True) for k in range(count)]
+
+
+def bodies_of(component: Component) -> list[Body]:
+    """Return the bodies that a component is attached to, then those whose motion its parameters contain."""
+    bodies: list[Body] = []
+    for body in component.attached.values():
+        if isinstance(body, Body) and body not in bodies:
+            bodies.append(body)
+    for value in component.values.values():
+        for part in flatten(value):
+            for symbol in sorted(getattr(part, "free_symbols", ()), key=str):
+                moving = sorted(symbol.states, key=str) if isinstance(symbol, AngleSymbol) else [symbol]
+                for state in moving:
+                    if isinstance(state, StateSymbol) and state.owner not in bodies:
+                        bodies.append(state.owner)
+    return bodies
+
+
+def held_by(component: Component) -> tuple[HeldSymbol, ...]:
+    """Commands and states of controllers that parameters of a component contain, each once."""
+    found: dict[HeldSymbol, None] = {}
+    for value in component.values.values():
+        for part in flatten(value):
+            symbols = sorted(getattr(part, "free_symbols", ()), key=str)
+            found |= dict.fromkeys(s for s in symbols if isinstance(s, HeldSymbol))
+    return tuple(found)
+
+
+def localise(
+    component: Component, bodies: list[Body], space: Space, held: tuple[HeldSymbol, ...]
+) -> tuple[dict[str, Any], list[CountedAngle], list[sympy.Expr], tuple[Any, ...]]:
+    """Replace numbers by parameter symbols; keep zeros, ones, options and functions of time or state."""
+    parameters: list[sympy.Expr] = []
+    angles = angles_in(component.values.values())
+    local: dict[sympy.Basic, sympy.Expr] = {t: TIME, **dict(zip(held, symbols_of("h", len(held)), strict=True))}
+    local |= {symbol: sympy.Symbol(f"_a{k}", real=True) for k, symbol in enumerate(angles)}
+    for b, body in enumerate(bodies):
+        for letter, symbols in (("q", body.q), ("v", body.v)):
+            for k, symbol in enumerate(symbols):
+                local[symbol] = sympy.Symbol(f"_{letter}{b * space.size + k}", real=True)
+
+    def symbol_for(expression: sympy.Expr) -> sympy.Symbol:
+        parameters.append(expression)
+        return sympy.Symbol(f"_p{len(parameters) - 1}", real=True)
+
+    def place(entry: Any) -> sympy.Expr:
+        entry = sympy.sympify(entry)
+        if entry.is_number:
+            number = float(entry)
+            return sympy.Integer(int(number)) if number in (0.0, 1.0) else symbol_for(entry)
+        foreign = [s for s in entry.free_symbols if not isinstance(s, RandomVariable)]
+        if not foreign:
+            return symbol_for(entry)
+        mapping = dict(local)
+        for symbol in sorted(entry.free_symbols, key=str):
+            if isinstance(symbol, RandomVariable):
+                mapping[symbol] = symbol_for(symbol)
+            elif isinstance(symbol, StateSymbol) and symbol not in mapping:
+                if symbol.quantity != "angular_velocity":
+                    raise StudyError(
+                        f"{type(component).__name__} {component.name!r}: a parameter depends on {symbol}; "
+                        "parameters may depend on positions, velocities and time."
+                    )
+                mapping[symbol] = symbol.owner.expand(symbol).xreplace(local)
+        return plain(entry).xreplace(mapping)
+
+    values: dict[str, Any] = {}
+    pattern: list[Any] = []
+    declared = component.parameters()
+    for name, value in component.values.items():
+        if value is None or (name in declared and declared[name].kind == "option"):
+            values[name] = value
+            pattern.append((name, repr(value) if not isinstance(value, tuple) else len(value)))
+            continue
+        if isinstance(value, tuple):
+            values[name] = sympy.Matrix([place(x) for x in value]) if value else ()
+        else:
+            values[name] = place(value)
+        pattern.append((name, tuple(values[name]) if isinstance(value, tuple) else values[name]))
+    counted: list[CountedAngle] = []
+    for symbol in angles:
+        angle = symbol.angle
+        constants = {k: place(x) for k, x in angle.constants.items()}
+        cosine, sine, rate = (
+            place(sympy.sympify(x).xreplace(constants)) for x in (angle.cosine, angle.sine, angle.rate)
+        )
+        counted.append(CountedAngle(local[symbol], angle, cosine, sine, rate, place(angle.near)))
+        pattern.append(counted[-1].pattern)
+    return values, counted, parameters, tuple(pattern)

@@ -1,0 +1,358 @@
+"""The motion that components tell: angles counted over any number of turns, displacements, and their rates."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+import sympy
+
+from uqmbd.errors import StudyError
+from uqmbd.mechanism.expressions import flatten
+from uqmbd.mechanism.geometry import (
+    Frame,
+    NamedFrame,
+    angle_at_start,
+    continued,
+    joint_frames,
+    nominal,
+    quaternion_product,
+    relative_quaternion,
+)
+from uqmbd.randomness import RandomVariable, Symbolic
+from uqmbd.wording import place_of
+
+__all__ = [
+    "VOCABULARY",
+    "AngleSymbol",
+    "JointAngle",
+    "JointDisplacement",
+    "angle_between",
+    "angle_from_drawn",
+    "angles_in",
+    "in_words",
+    "motion_values",
+    "told_motion",
+]
+
+VOCABULARY = ("angle", "speed", "displacement", "sliding_speed")
+"""What joints with one angle and one displacement call them."""
+
+HALF_TURN = 1e-9
+"""Angle over a turn by which a joint that is drawn at half a turn may miss it by rounding: it starts at +pi."""
+
+
+@dataclass(frozen=True)
+class JointAngle:
+    """An angle between bodies, of which a pair of expressions says what it is up to whole turns.
+
+    Parameters
+    ----------
+    cosine, sine : expression
+        Of the angle, or of half of it, both times one positive number; in coordinates of the component's bodies (as
+        ``self.attached["body_i"].direction(...)`` has them) and random variables.
+    half : bool
+        Whether they are those of half the angle, as in quaternions.
+    signed : bool
+        Of half angles: whether their common sign means something, as in the plane, where it tells odd turns from even.
+    near : expression
+        The angle at the start is the one that is nearest to this, rad; a number, or an expression in random variables.
+    rate : expression, optional
+        Rate of the angle, rad/s, in coordinates and velocities; None: derived from cosine and sine.
+    speed : str
+        Name of the rate.
+    constants : mapping
+        Symbols in cosine, sine and rate that stand for expressions in random variables, which are computed once for
+        each realisation.
+
+    Examples
+    --------
+    The angle of a pin's body in a slot:
+
+    >>> import uqmbd
+    >>> class PinInSlot(uqmbd.Component):
+    ...     spaces = (uqmbd.Planar,)
+    ...     axis_i = uqmbd.Parameter("1", "direction of the slot, frame of body i", kind="axis")
+    ...     axis_j = uqmbd.Parameter("1", "direction on the pin's body, its frame", kind="axis")
+    ...     def motion(self):
+    ...         i, j = self.attached["body_i"], self.attached["body_j"]
+    ...         x, y = i.direction(self.axis_i), i.direction((-self.axis_i[1], self.axis_i[0]))
+    ...         pointer = j.direction(self.axis_j)
+    ...         return {"angle": uqmbd.JointAngle(x.dot(pointer), y.dot(pointer))}
+    ...     def terms(self, p):
+    ...         return []
+    >>> mechanism = uqmbd.Mechanism("slotted", uqmbd.Planar())
+    >>> body = mechanism.body("body", mass=1, inertia=1)
+    >>> pin = mechanism.add(PinInSlot("pin", mechanism.ground, body, (1, 0), (1, 0)))
+    >>> pin.angle
+    pin.angle
+    """
+
+    cosine: Any
+    sine: Any
+    half: bool = False
+    signed: bool = False
+    near: Any = 0
+    rate: Any = None
+    speed: str = "speed"
+    constants: Mapping[sympy.Symbol, Any] = field(default_factory=dict)
+
+    @property
+    def parts(self) -> int:
+        """How many times the angle of the pair the angle is."""
+        return 2 if self.half else 1
+
+    @property
+    def period(self) -> sympy.Expr:
+        """By how much the angle may change without the pair, rad."""
+        return 4 * sympy.pi if self.half and self.signed else 2 * sympy.pi
+
+    def at_start(self, cosine: Any, sine: Any, near: Any) -> sympy.Expr:
+        """Angle nearest to one, of values of cosine and sine; smooth beside it."""
+        return angle_at_start(cosine, sine, near, half=self.half, signed=self.signed)
+
+    def continued(self, counted: Any, cosine: Any, sine: Any) -> sympy.Expr:
+        """Angle nearest to a counted one, of values of cosine and sine; smooth, whatever the turn."""
+        return continued(counted, cosine, sine, half=self.half)
+
+    def nearest(self, angle: Any, cosine: Any, sine: Any) -> sympy.Expr:
+        """Angle nearest to another, of values of cosine and sine: the same by rounding, for values alone."""
+        raw = self.parts * sympy.atan2(sine, cosine)
+        return raw + self.period * sympy.floor((angle - raw) / self.period + sympy.Rational(1, 2))
+
+    def whole(self, expression: Any) -> sympy.Expr:
+        """Insert what the constants stand for."""
+        return sympy.sympify(expression).xreplace({k: sympy.sympify(x) for k, x in self.constants.items()})
+
+
+@dataclass(frozen=True)
+class JointDisplacement:
+    """A displacement between bodies.
+
+    Parameters
+    ----------
+    expression : expression
+        m, in coordinates of the component's bodies and random variables.
+    speed : str
+        Name of its rate.
+    """
+
+    expression: Any
+    speed: str = "speed"
+
+
+def angle_between(
+    i: Frame, j: Frame, axes: Sequence[Sequence[Any]], start: Sequence[Any], drawn: Any, speed: str
+) -> JointAngle:
+    """Angle of frame j relative to frame i about a common axis: zero where the joint frames coincide.
+
+    Parameters
+    ----------
+    i, j : Frame
+        Of the bodies.
+    axes : sequence
+        Unit vectors of the axis in both frames; empty in the plane.
+    start : sequence
+        Relative quaternion as drawn.
+    drawn : expression
+        The angle as drawn in the plane, rad; in space the turn at the start is that within half a turn of zero.
+    speed : str
+        Name of the rate.
+    """
+    if i.space.dimension == 2:
+        cosine, sine = relative_quaternion(i.quaternion, j.quaternion)
+        rate = sympy.sympify(_spin(j)[0] - _spin(i)[0])
+        return JointAngle(cosine, sine, half=True, signed=True, near=drawn, rate=rate, speed=speed)
+    frames = joint_frames(*axes)
+    turned = relative_quaternion(frames[0], quaternion_product(start, frames[1]))
+    c, s = (nominal(turned[k]) for k in (0, 3))
+    half_turns = math.atan2(s, c) / math.pi
+    near = 2 * math.pi * (half_turns - math.ceil(half_turns - 0.5 - HALF_TURN))
+    held = sympy.symbols("_k0:11", real=True)
+    r = relative_quaternion(i.attitude(held[:4]), j.attitude(held[4:8]))
+    rate = (_spin(j) - _spin(i)).dot(i.rotation * sympy.Matrix(held[8:]))
+    values = dict(zip(held, (*frames[0], *frames[1], *axes[0]), strict=True))
+    return JointAngle(r[0], r[3], half=True, near=near, rate=rate, speed=speed, constants=values)
+
+
+def angle_from_drawn(i: Frame, j: Frame, axis_j: Sequence[Any], start: Sequence[Any], speed: str) -> JointAngle:
+    """Angle by which frame j has turned relative to frame i about an axis fixed in frame j since it was drawn."""
+    held = sympy.symbols("_k0:7", real=True)
+    r = relative_quaternion(i.attitude(held[: len(start)]), j.quaternion)
+    spin = _spin(j) - _spin(i)
+    if i.space.dimension == 2:
+        constants = dict(zip(held, start, strict=False))
+        return JointAngle(r[0], r[1], half=True, signed=True, rate=spin[0], speed=speed, constants=constants)
+    sine, rate = sympy.Matrix(r[1:]).dot(sympy.Matrix(held[4:])), spin.dot(j.rotation * sympy.Matrix(held[4:]))
+    values = dict(zip(held, (*start, *axis_j), strict=True))
+    return JointAngle(r[0], sine, half=True, rate=rate, speed=speed, constants=values)
+
+
+def _spin(frame: Frame) -> sympy.Matrix:
+    """Angular velocity in coordinates, a column; that of a body in the plane is a symbol of its own."""
+    return frame.space.angular_velocity(frame.quaternion, frame.quaternion_rate)
+
+
+class AngleSymbol(Symbolic, sympy.Symbol):
+    """An angle that is counted over any number of turns, in outputs, parameters and laws.
+
+    `owner` is the body or the component that it is of, `angle` what it is.
+    """
+
+    owner: Any
+    angle: JointAngle
+
+    def __new__(cls, owner: Any, name: str, angle: JointAngle) -> AngleSymbol:
+        """Name it, and remember what it stands for."""
+        self: AngleSymbol = sympy.Symbol.__xnew__(cls, name, real=True)
+        self.owner, self.angle = owner, angle
+        return self
+
+    def __init__(self, *args: Any) -> None:
+        """Accept the arguments of ``__new__``."""
+
+    def _hashable_content(self) -> tuple[Any, ...]:
+        return (*super()._hashable_content(), id(self.owner))
+
+    @property
+    def states(self) -> set[sympy.Symbol]:
+        """Coordinates and velocities that the angle and its rate depend on."""
+        angle = self.angle
+        found = {s for x in (angle.cosine, angle.sine, angle.rate) for s in sympy.sympify(x).free_symbols}
+        return {s for s in found - set(angle.constants) if not isinstance(s, RandomVariable)}
+
+
+def angles_in(values: Iterable[Any]) -> list[AngleSymbol]:
+    """Return the counted angles that occur in values, by name."""
+    symbols = {s for value in values for part in flatten(value) for s in getattr(part, "free_symbols", ())}
+    return sorted((s for s in symbols if isinstance(s, AngleSymbol)), key=str)
+
+
+class Telling(Protocol):
+    """What tells its motion: a component."""
+
+    name: str
+    settled: bool
+
+    @property
+    def attached(self) -> Mapping[str, Any]: ...
+
+    def motion(self) -> Mapping[str, JointAngle | JointDisplacement | None]: ...
+
+
+def told_motion(component: Telling, name: str) -> sympy.Expr:
+    """Return the expression of that name which a component tells about its motion.
+
+    Raises
+    ------
+    AttributeError
+        If it tells none of that name; what it tells instead.
+    uqmbd.StudyError
+        If it has not been added to a mechanism, or its `motion` cannot be used.
+    """
+    kind = type(component).__name__
+    found: dict[str, tuple[sympy.Expr, str]] | None = vars(component).get("_told")
+    if found is None and component.settled:
+        where = f"{kind} {component.name!r}"
+        try:
+            motion = dict(component.motion())
+        except StudyError as error:
+            raise StudyError(f"{where}: {error}") from None
+        except Exception as error:
+            raise StudyError(
+                f"{where}: motion() raised {type(error).__name__}: {error}{place_of(error)}. It is to return "
+                "uqmbd.JointAngle and uqmbd.JointDisplacement by name."
+            ) from error
+        found = vars(component)["_told"] = motion_values(component, where, motion, component.attached.values())
+    if found is not None and name in found:
+        return found[name][0]
+    if name not in VOCABULARY:
+        raise AttributeError(f"{kind!r} object has no attribute {name!r}", name=name, obj=component)
+    if found is None:
+        raise StudyError(
+            f"{kind} {component.name!r}: .{name} is asked for before it was added to a mechanism; call "
+            "mechanism.add(...) with it first."
+        )
+    raise AttributeError(f"{kind} {component.name!r} has no .{name}: {in_words(found)}.")
+
+
+def motion_values(
+    owner: Telling,
+    where: str,
+    motion: Mapping[str, JointAngle | JointDisplacement | None],
+    frames: Iterable[NamedFrame],
+) -> dict[str, tuple[sympy.Expr, str]]:
+    """Return what a component tells about its motion: for each name an expression and its units.
+
+    Parameters
+    ----------
+    owner : Component
+        Whose motion it is.
+    where : str
+        What it is called in messages.
+    motion : mapping
+        From `Component.motion`.
+    frames : iterable of frames
+        The bodies that it is attached to.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If an expression contains what is neither a coordinate of one of the bodies nor random, or two names are one.
+    """
+    flow = {x: dx for frame in frames for x, dx in zip(frame.q, frame.v, strict=True) if x.is_Symbol}
+
+    def rate(expression: sympy.Expr) -> sympy.Expr:
+        return sympy.Add(*(expression.diff(x) * dx for x, dx in flow.items()))
+
+    def known(what: str, expression: Any, constants: Iterable[sympy.Symbol] = (), *, moving: bool = False) -> Any:
+        value = sympy.sympify(expression)
+        allowed = {*flow, *constants, *(flow.values() if moving else ())}
+        strangers = [s for s in value.free_symbols if s not in allowed and not isinstance(s, RandomVariable)]
+        if strangers:
+            raise StudyError(
+                f"{where}: motion(): {what} contains {min(map(str, strangers))}; expected coordinates of the bodies, "
+                f'as in self.attached["{next(iter(owner.attached), "body")}"].position, and random variables.'
+            )
+        return value
+
+    found: dict[str, tuple[sympy.Expr, str]] = {}
+
+    def put(name: str, value: sympy.Expr, units: str) -> None:
+        if name in found:
+            raise StudyError(f"{where}: motion() tells {name!r} twice; give each its own name, and its speed, too.")
+        found[name] = value, units
+
+    for name, told in motion.items():
+        if isinstance(told, JointAngle):
+            cosine, sine = (known(f"the angle {name!r}", x, told.constants) for x in (told.cosine, told.sine))
+            if told.rate is None:
+                turned = (cosine * rate(sine) - sine * rate(cosine)) / (cosine**2 + sine**2)
+                speed = told.parts * turned
+            else:
+                speed = known(f"the rate of {name!r}", told.rate, told.constants, moving=True)
+            angle = JointAngle(
+                cosine, sine, told.half, told.signed, sympy.sympify(told.near), speed, told.speed, told.constants
+            )
+            put(name, AngleSymbol(owner, f"{owner.name}.{name}", angle), "rad")
+            put(told.speed, told.whole(speed), "rad/s")
+        elif isinstance(told, JointDisplacement):
+            value = known(f"the displacement {name!r}", told.expression)
+            put(name, value, "m")
+            put(told.speed, rate(value), "m/s")
+        elif told is not None:
+            raise StudyError(
+                f"{where}: motion() returned {told!r} for {name!r}; expected uqmbd.JointAngle(cosine, sine) or "
+                "uqmbd.JointDisplacement(expression)."
+            )
+    return found
+
+
+def in_words(found: Mapping[str, tuple[sympy.Expr, str]]) -> str:
+    """Say what a component tells about its motion, as the end of a sentence."""
+    if not found:
+        return "it tells no motion"
+    words = [f".{name} ({units})" for name, (_, units) in found.items()]
+    return f"it has {' and '.join(filter(None, (', '.join(words[:-1]), words[-1])))}"
