@@ -21,6 +21,7 @@ from uqmbd.dynamics.equations.expressions import (
     require_velocities,
     settled_expression,
 )
+from uqmbd.dynamics.equations.local_values import bodies_of, held_by, localise, symbols_of
 from uqmbd.errors import StudyError
 from uqmbd.mechanism import (
     Auxiliary,
