@@ -28,7 +28,8 @@ def static_equilibrium(
     """Compute the static equilibrium: at the means of the random variables, or at given values.
 
     It is found from the drawn pose, downhill; a pose that is an unstable equilibrium exactly is left as it is.  Angles
-    that springs count follow the bodies on the way, any number of turns.
+    that springs count follow the bodies on the way, any number of turns.  Wheels roll on the way; where they may
+    come to rest in one place by one way and in another by another, it is an error.
 
     Parameters
     ----------

@@ -14,6 +14,10 @@ way, any number of turns.  Where the value that the component states for the sta
 it is recomputed at the new pose, up to whole turns, so that no error of the way remains.  States that relax take the
 value at which their rate vanishes; states that time alone drives keep their initial values.  A state that is known by
 its way alone is right to about 1e-7 of its change.
+
+Where constraints bind velocities alone, bodies roll on the way, and do not slip.  Such constraints have equilibria in
+families, and which one is found may depend on the way.  It is sought a second time by shorter steps, along another way:
+where that ends elsewhere, the realisation has failed.
 """
 
 from __future__ import annotations
@@ -22,7 +26,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from uqmbd.dynamics.assembly import Start, velocities
+from uqmbd.dynamics.assembly import Start, named, velocities
 from uqmbd.dynamics.batch import Batch
 from uqmbd.dynamics.linear import accelerations
 from uqmbd.dynamics.statics.rest_equations import Forces, RestEquations, apply, tangents
@@ -46,6 +50,12 @@ FLAT = 1e-11
 
 PARTS = 8
 """Parts of a step where auxiliary states are known by their way alone."""
+
+SHORTER = 0.5
+"""Steps of a second search, over those of the first, where bodies roll on the way."""
+
+ELSEWHERE = 1e-5
+"""Difference of two searches, over the size of the mechanism, that is none."""
 
 BALANCED = 1e-9
 """Force along a direction without stiffness, as a part of the largest on the way, that counts as none."""
@@ -116,6 +126,8 @@ def static_equilibria(ensemble: Batch) -> Equilibrium:
         members = good[first : first + BLOCK]
         search = _Search(ensemble.select(members))
         search.run()
+        if len(ensemble.model.layout.nonholonomic):
+            search.hold_against(_Search(ensemble.select(members), SHORTER))
         q[members], s[members] = search.rest.whole(search.every, search.q), search.s
         stable[members], steps[members] = search.stable, search.steps
         for member, message in zip(members, search.messages, strict=True):
@@ -126,8 +138,8 @@ def static_equilibria(ensemble: Batch) -> Equilibrium:
 class _Search:
     """The iteration for some realisations, and how far each of them is."""
 
-    def __init__(self, ensemble: Batch) -> None:
-        self.model, self.rest = ensemble.model, RestEquations(ensemble)
+    def __init__(self, ensemble: Batch, length: float = 1.0) -> None:
+        self.model, self.rest, self.length = ensemble.model, RestEquations(ensemble), length
         self.q, self.s = self.rest.coordinates(ensemble.start.q).copy(), ensemble.start.s.copy()
         count = len(self.q)
         self.every = np.arange(count)
@@ -140,7 +152,7 @@ class _Search:
         self.turning: Mask = np.isin(layout.free, quaternions)
         self.recomputed = self._follows_pose()
         carried = ~self.recomputed & ~self.rest.relaxing
-        self.parts = PARTS if carried.any() else 1
+        self.parts = PARTS if carried.any() or len(layout.nonholonomic) else 1
 
     def run(self) -> None:
         """Go to the equilibrium of each."""
@@ -157,9 +169,24 @@ class _Search:
         for k in active.tolist():
             self.messages[k] = self._unbalanced(k)
 
+    def hold_against(self, other: _Search) -> None:
+        """Compare with a search along another way: where that ends elsewhere, no equilibrium is determined."""
+        other.run()
+        apart = np.abs(self.q - other.q).max(axis=1, initial=0.0) / self.size
+        for k in np.flatnonzero(apart > ELSEWHERE).tolist():
+            if not self.messages[k]:
+                self.messages[k] = (
+                    "the drawn pose determines no static equilibrium: where the mechanism comes to rest depends on the "
+                    f"way there, as {named(self.model, self.model.layout.nonholonomic)} bind velocities alone. Draw it "
+                    "where it rests, hold it with a spring or a joint, or start as drawn."
+                )
+
     def _newton(self, active: Index, now: Forces) -> tuple[Array, Mask]:
         """Find the steps (K, n), and whether they are the last ones."""
-        multipliers = now.multipliers()
+        # reactions that bodies roll by do not turn the way that they go: it is downhill
+        multipliers = np.where(
+            np.isin(self.model.layout.active, self.model.layout.nonholonomic), 0.0, now.multipliers()
+        )
         found = self.rest.derivatives(active, self.q[active], self.s[active], multipliers)
         stiffness = found["vq"] + found["vs"] @ now.carry
         basis = tangents(now.gradient)
@@ -188,7 +215,7 @@ class _Search:
         self.stable[active] = (curvature >= -FLAT * scale[:, None]).all(axis=1)
         turn = np.abs(step[:, self.turning]).max(axis=1, initial=0.0) / TURN
         shift = np.abs(step[:, ~self.turning]).max(axis=1, initial=0.0) / self.size[active]
-        return step / np.maximum(1.0, np.maximum(turn, shift))[:, None], done
+        return self.length * step / np.maximum(1.0, np.maximum(turn, shift))[:, None], done
 
     def _advance(self, active: Index, now: Forces, step: Array, done: Mask) -> Mask:
         """Take the steps, shortened where needed; tell which could be taken."""
