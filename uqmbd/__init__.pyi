@@ -30,12 +30,16 @@ from .mechanism import Controller as Controller
 from .mechanism import Event as Event
 from .mechanism import Frame as Frame
 from .mechanism import Impact as Impact
+from .mechanism import ImportedJoint as ImportedJoint
+from .mechanism import ImportedMechanism as ImportedMechanism
 from .mechanism import JointAngle as JointAngle
 from .mechanism import JointDisplacement as JointDisplacement
 from .mechanism import Kinetic as Kinetic
 from .mechanism import Line as Line
 from .mechanism import Local as Local
 from .mechanism import Mechanism as Mechanism
+from .mechanism import Omission as Omission
+from .mechanism import Omissions as Omissions
 from .mechanism import Parameter as Parameter
 from .mechanism import Planar as Planar
 from .mechanism import Potential as Potential
@@ -50,6 +54,8 @@ from .mechanism import at_equilibrium as at_equilibrium
 from .mechanism import counted_angle as counted_angle
 from .mechanism import damping_ratio as damping_ratio
 from .mechanism import eigenfrequency as eigenfrequency
+from .mechanism import from_mjcf as from_mjcf
+from .mechanism import from_urdf as from_urdf
 from .mechanism import half_angle as half_angle
 from .mechanism import joint_frames as joint_frames
 from .mechanism import law_at as law_at

@@ -8,7 +8,8 @@ from uqmbd_springs.friction import RotationalFriction, SlidingFriction
 from uqmbd_springs.laws import NonlinearSpringDamper, NonlinearTorsionSpringDamper, length, rate
 from uqmbd_springs.loads import FollowerForce, Gravity, PointForce, Torque
 from uqmbd_springs.roads import distance, haversine_bump, sampled_road
-from uqmbd_springs.spring import SpringDamper
+from uqmbd_springs.rotors import RotorInertia, SlidingInertia
+from uqmbd_springs.spring import SlidingSpringDamper, SpringDamper
 from uqmbd_springs.torsion import TorsionSpringDamper
 from uqmbd_springs.tyre import RadialTyre, RoadFollower
 
@@ -22,7 +23,10 @@ __all__ = [
     "RadialTyre",
     "RoadFollower",
     "RotationalFriction",
+    "RotorInertia",
     "SlidingFriction",
+    "SlidingInertia",
+    "SlidingSpringDamper",
     "SpringDamper",
     "Torque",
     "TorsionSpringDamper",
@@ -47,7 +51,10 @@ def uqmbd_components() -> list[type[uqmbd.Component]]:
         RadialTyre,
         RoadFollower,
         RotationalFriction,
+        RotorInertia,
         SlidingFriction,
+        SlidingInertia,
+        SlidingSpringDamper,
         SpringDamper,
         Torque,
         TorsionSpringDamper,

@@ -1,4 +1,4 @@
-"""The spring-damper between two points."""
+"""Spring-dampers: along the line between two points, and along an axis."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import sympy
 
 import uqmbd
 
-__all__ = ["SpringDamper"]
+__all__ = ["SlidingSpringDamper", "SpringDamper"]
 
 
 class SpringDamper(uqmbd.Component):
@@ -52,3 +52,31 @@ class SpringDamper(uqmbd.Component):
             speed = p.body_j.point_velocity(p.point_j) - p.body_i.point_velocity(p.point_i)
             rate = p.side * speed[0] if p.space.dimension == 1 else d.dot(speed) / length
             yield uqmbd.VirtualWork(-p.damping * rate, rate)
+
+
+class SlidingSpringDamper(uqmbd.Component):
+    """A linear spring and damper along an axis fixed in body i, whose length has a sign: that of a prismatic joint.
+
+    Examples
+    --------
+    >>> SlidingSpringDamper.signature()
+    '(name, body_i, body_j, point_i, point_j, axis_i, stiffness, damping=0, free_displacement=0)'
+    """
+
+    symbol = "spring"
+    drawn_by = ("axis",)
+    point_i = uqmbd.Parameter("m", "where the displacement is zero, frame of body i", kind="point", body="body_i")
+    point_j = uqmbd.Parameter("m", "the point that slides, frame of body j", kind="point", body="body_j")
+    axis_i = uqmbd.Parameter("1", "direction, frame of body i", kind="axis", body="body_i")
+    stiffness = uqmbd.Parameter("N/m", "spring rate")
+    damping = uqmbd.Parameter("N s/m", "damper rate", default=0)
+    free_displacement = uqmbd.Parameter("m", "displacement without force", default=0)
+
+    def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.Potential | uqmbd.VirtualWork]:
+        """Yield energy and dissipation."""
+        offset = p.let("offset", p.body_j.point(p.point_j) - p.body_i.point(p.point_i))
+        displacement = p.let("axis", p.body_i.direction(p.axis_i)).dot(offset)
+        yield uqmbd.Potential(p.stiffness * (displacement - p.free_displacement) ** 2 / 2)
+        if p.damping != 0:
+            speed = p.rate_of(displacement)
+            yield uqmbd.VirtualWork(-p.damping * speed, speed)

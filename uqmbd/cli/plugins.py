@@ -40,7 +40,8 @@ def _show_table(found: Sequence[plugins.PluginInfo]) -> None:
     colours = {"loaded": "green", "incomplete": "yellow", "failed": "bold red", "disabled": "dim"}
     table = plain_table("plugin", "package", "version", "status", "offers")
     for info in found:
-        offered = (*info.components, *info.propagators, *info.integrators, *info.designs, *info.report_sections)
+        kinds = (info.components, info.propagators, info.integrators, info.designs, info.readers, info.report_sections)
+        offered = [name for names in kinds for name in names]
         table.add_row(
             Text(info.name),
             Text(info.distribution or "?"),

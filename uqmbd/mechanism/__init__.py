@@ -69,6 +69,14 @@ from uqmbd.mechanism.geometry import (
     relative_quaternion,
     smallest_rotation,
 )
+from uqmbd.mechanism.imported import (
+    ImportedJoint,
+    ImportedMechanism,
+    Omission,
+    Omissions,
+    from_mjcf,
+    from_urdf,
+)
 from uqmbd.mechanism.inertia import is_tensor_of_body
 from uqmbd.mechanism.mechanism import Mechanism
 from uqmbd.mechanism.output import Output
@@ -91,6 +99,8 @@ __all__ = [
     "HeldStates",
     "HeldSymbol",
     "Impact",
+    "ImportedJoint",
+    "ImportedMechanism",
     "JointAngle",
     "JointDisplacement",
     "Kinetic",
@@ -99,6 +109,8 @@ __all__ = [
     "Local",
     "Mechanism",
     "MotionSymbol",
+    "Omission",
+    "Omissions",
     "Output",
     "Parameter",
     "Planar",
@@ -125,6 +137,8 @@ __all__ = [
     "flatten",
     "foreign_part",
     "forgotten",
+    "from_mjcf",
+    "from_urdf",
     "half_angle",
     "is_tensor_of_body",
     "joint_frames",

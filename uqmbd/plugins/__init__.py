@@ -1,7 +1,7 @@
 """Plugins: the hooks that a plugin package may implement, and the manager that finds, loads and isolates the packages.
 
 A plugin package names a module (or an object) in the entry-point group ``uqmbd``, and that module implements any of
-five hooks, each of which returns classes::
+six hooks, each of which returns classes::
 
     import uqmbd
 
@@ -30,6 +30,7 @@ from uqmbd.plugins.registry import (
     owner,
     propagator,
     propagators,
+    reader,
     report_sections,
 )
 
@@ -50,6 +51,7 @@ __all__ = [
     "owner",
     "propagator",
     "propagators",
+    "reader",
     "registered_name",
     "report_sections",
 ]

@@ -41,6 +41,13 @@ class _Hooks:
         """
 
     @_hookspec
+    def uqmbd_readers(self) -> Sequence[type]:  # type: ignore[empty-body]  # a specification
+        """Offer readers of model files, known by their class attribute ``name``, the format, such as ``"urdf"``.
+
+        The class is made without arguments; its method ``read(path, **options)`` returns `uqmbd.ImportedMechanism`.
+        """
+
+    @_hookspec
     def uqmbd_report_sections(self) -> Sequence[type]:  # type: ignore[empty-body]  # a specification
         """Offer sections of the HTML report, as `uqmbd.report.Section` says, made without arguments."""
 
@@ -74,6 +81,7 @@ KINDS = {
         ("independent", "extendable"),
         ("random", "latin-hypercube", "sobol", "halton"),
     ),
+    "readers": Kind("uqmbd_readers", "reader of model files", None, True, "read"),
     "report_sections": Kind("uqmbd_report_sections", "report section", None, False, "render"),
 }
 

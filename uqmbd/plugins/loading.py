@@ -32,7 +32,7 @@ class PluginInfo:
         ``"incomplete"``: something that the plugin offers could not be used, the rest is there.
     hooks : tuple of str
         Hooks that the plugin implements.
-    components, propagators, integrators, designs, report_sections : tuple of str
+    components, propagators, integrators, designs, readers, report_sections : tuple of str
         Names that the plugin registered.
     errors : tuple of str
         Why the plugin, or a part of it, cannot be used.
@@ -47,6 +47,7 @@ class PluginInfo:
     propagators: tuple[str, ...] = ()
     integrators: tuple[str, ...] = ()
     designs: tuple[str, ...] = ()
+    readers: tuple[str, ...] = ()
     report_sections: tuple[str, ...] = ()
     errors: tuple[str, ...] = ()
 
@@ -98,7 +99,7 @@ def offered_by_core(implementation: object, kind: str) -> dict[str, type]:
     ----------
     implementation : object
         Implements the hook.
-    kind : {"components", "propagators", "integrators", "designs", "report_sections"}
+    kind : {"components", "propagators", "integrators", "designs", "readers", "report_sections"}
     """
     manager = plugin_manager()
     manager.register(implementation)

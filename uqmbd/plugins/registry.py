@@ -21,6 +21,7 @@ __all__ = [
     "owner",
     "propagator",
     "propagators",
+    "reader",
     "report_sections",
 ]
 
@@ -48,6 +49,11 @@ def designs() -> dict[str, type]:
     return dict(registered().classes["designs"])
 
 
+def reader(name: str) -> type:
+    """Return the reader of model files of this format; a `uqmbd.StudyError` lists those that are installed."""
+    return _find("readers", name)
+
+
 def report_sections() -> dict[str, type]:
     """Return the report sections that plugins offer by class name, in the order of registration."""
     return dict(registered().classes["report_sections"])
@@ -73,7 +79,7 @@ def owner(kind: str, name: str) -> str:
 
     Parameters
     ----------
-    kind : {"components", "propagators", "integrators", "designs", "report_sections"}
+    kind : {"components", "propagators", "integrators", "designs", "readers", "report_sections"}
     name : str
     """
     return next((info.title for info in installed() if name in getattr(info, kind)), "")

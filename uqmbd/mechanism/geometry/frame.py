@@ -80,6 +80,11 @@ class Frame:
         return sympy.Matrix(self.v[self.space.dimension :])
 
     @property
+    def quaternion_acceleration(self) -> sympy.Matrix:
+        """Second time derivative of the quaternion, a column (outputs only)."""
+        return sympy.Matrix(self._a[self.space.dimension :])
+
+    @property
     def rotation(self) -> sympy.Matrix:
         """Rotation matrix, body to world."""
         return self.space.rotation(self.quaternion)

@@ -1,0 +1,14 @@
+"""Readers of robots and linkages that others wrote: URDF and MJCF, parsed by MuJoCo (the extra ``mujoco``)."""
+
+from __future__ import annotations
+
+import uqmbd
+from uqmbd_models.readers import MJCF, URDF
+
+__all__ = ["MJCF", "URDF"]
+
+
+@uqmbd.hookimpl
+def uqmbd_readers() -> list[type]:
+    """Return the readers of this package."""
+    return [MJCF, URDF]

@@ -1,0 +1,228 @@
+"""From links and joints to a mechanism: bodies, joints, springs, friction, rotors, loops, outputs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import sympy
+
+import uqmbd
+from uqmbd_drivers import PositionDriver, RotationDriver
+from uqmbd_joints import Fixed, Prismatic, Revolute, Spherical
+from uqmbd_models.forces import add_forces
+from uqmbd_models.fusing import Fused, fuse
+from uqmbd_models.motion import PlacedJoint, place, position_of, speed_of, zero_angle
+from uqmbd_models.names import Names
+from uqmbd_models.tree import Coupling, Inertial, Loop, Tree
+from uqmbd_springs import Gravity
+
+__all__ = ["build"]
+
+NOTHING = Inertial(0.0, np.zeros(3), np.zeros((3, 3)))
+"""Of the bodies between the joints of one link."""
+
+NONE = 1e-18
+"""Moments of inertia, kg m^2, that are rounding: a cube of 10 micrograms has that."""
+
+
+@dataclass(frozen=True)
+class Built:
+    """A mechanism on the way, with the names that are taken and the body of each link."""
+
+    mechanism: uqmbd.ImportedMechanism
+    names: Names
+    bodies: dict[int, Any]
+
+
+def build(tree: Tree, *, fuse_all: bool, outputs: bool) -> uqmbd.ImportedMechanism:
+    """Make a mechanism of a model.
+
+    Parameters
+    ----------
+    tree : Tree
+        What the file says.
+    fuse_all : bool
+        Whether links that are fixed to others become one with them.
+    outputs : bool
+        Whether to record positions of joints and margins to their limits.
+    """
+    tree, fused = fuse(tree, every=fuse_all)
+    if len(tree.links) == 1:
+        raise uqmbd.StudyError(
+            f"{tree.source}: nothing in it can move; expected at least one joint with a moving link."
+        )
+    try:
+        return _built(tree, fused, fuse_all=fuse_all, outputs=outputs)
+    except uqmbd.StudyError as error:
+        raise uqmbd.StudyError(f"{tree.source}: {error} The number is that of the file; correct it there.") from None
+
+
+def _built(tree: Tree, fused: tuple[Fused, ...], *, fuse_all: bool, outputs: bool) -> uqmbd.ImportedMechanism:
+    space = uqmbd.Spatial(gravity=tuple(map(float, tree.gravity)))
+    mechanism = uqmbd.ImportedMechanism(Names().take(tree.name or "model"), space, tree.source, tree.read_by)
+    # the names of links and joints come first: what is made up gets out of their way
+    built = Built(mechanism, Names(), {0: mechanism.ground})
+    labels = {k: built.names.take(link.name, "link") for k, link in enumerate(tree.links) if k}
+    placed = place(tree, {k: built.names.take(joint.name, "joint") for k, joint in enumerate(tree.joints)})
+    by_link: dict[int, list[PlacedJoint]] = {k: [] for k in range(len(tree.links))}
+    for joint in placed.joints:
+        by_link[joint.joint.link].append(joint)
+    for k, link in enumerate(tree.links[1:], 1):
+        _add_link(built, tree, k, labels[k], by_link[k], placed.poses)
+        if link.compensation:
+            name = built.names.take(f"{labels[k]}_compensation")
+            mechanism.add(Gravity(name, built.bodies[k], tuple(map(float, -link.compensation * tree.gravity))))
+    for loop in tree.loops:
+        _close(built, loop)
+    for coupling in tree.couplings:
+        _couple(built, placed.joints, coupling)
+    _add_frames(built, fused)
+    mechanism.not_taken = uqmbd.Omissions([*tree.omissions, *_merged(fused, fuse_all)])
+    if outputs:
+        _record(built)
+    return mechanism
+
+
+def _add_link(built: Built, tree: Tree, k: int, name: str, joints: list[PlacedJoint], poses: Any) -> None:
+    """Add the body of a link, with bodies without mass between its joints, and what acts in the joints."""
+    mechanism, link = built.mechanism, tree.links[k]
+    parent = built.bodies[link.parent]
+    if not joints:
+        built.bodies[k] = body = _body(mechanism, name, link.inertial, poses[k])
+        point = tuple(map(float, link.position))
+        weld = Fixed(
+            built.names.take(f"{name}_weld"), parent, body, point, (0, 0, 0), tuple(map(float, link.quaternion))
+        )
+        mechanism.add(weld)
+        return
+    for n, joint in enumerate(joints):
+        if n == len(joints) - 1:
+            body = _body(mechanism, name, link.inertial, joint.pose)
+            built.bodies[k] = body
+        else:
+            between = built.names.take(f"{name}_after_{joint.name}")
+            body = _body(mechanism, between, NOTHING, joint.pose)
+        _join(built, joint, parent, body)
+        parent = body
+
+
+def _body(mechanism: Any, name: str, inertial: Inertial, pose: Any) -> Any:
+    """Add a body at its place; its velocity is stated where it moves at the start."""
+    tensor = (inertial.inertia + inertial.inertia.T) / 2
+    tensor[abs(tensor) < NONE] = 0.0
+    entries = [tensor[i, j] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
+    stated: dict[str, Any] = {}
+    if pose.moves:
+        stated = {"velocity": tuple(map(float, pose.velocity)), "angular_velocity": tuple(map(float, pose.spin))}
+    return mechanism.body(
+        name,
+        mass=float(inertial.mass),
+        inertia=tuple(map(float, entries)),
+        com=tuple(map(float, inertial.com)),
+        position=tuple(map(float, pose.position)),
+        quaternion=tuple(map(float, pose.quaternion)),
+        **stated,
+    )
+
+
+def _join(built: Built, placed: PlacedJoint, parent: Any, body: Any) -> None:
+    """Add a joint and what acts in it, and note it by its name."""
+    joint, mechanism = placed.joint, built.mechanism
+    points = {"point_i": placed.point_i, "point_j": placed.point_j}
+    axes = {"axis_i": placed.axis_i, "axis_j": placed.axis_j}
+    component: Any = None
+    if joint.kind == "hinge":
+        component = mechanism.add(Revolute(placed.name, parent, body, **points, **axes))
+    elif joint.kind == "slide":
+        component = mechanism.add(Prismatic(placed.name, parent, body, **points, **axes))
+    elif joint.kind == "ball":
+        component = mechanism.add(Spherical(placed.name, parent, body, **points))
+    add_forces(mechanism, built.names, placed, parent, body)
+    mechanism.joints[placed.name] = uqmbd.ImportedJoint(
+        placed.name,
+        joint.kind,
+        parent.name,
+        body.name,
+        component,
+        position_of(placed, parent, body),
+        speed_of(placed, parent, body),
+        tuple(map(float, joint.start)),
+        joint.limits,
+    )
+
+
+def _close(built: Built, loop: Loop) -> None:
+    """Close a loop; on the ground alone it closes nothing."""
+    i, j = built.bodies[loop.link_i], built.bodies[loop.link_j]
+    name = built.names.take(loop.name, "loop")
+    points = tuple(map(float, loop.point_i)), tuple(map(float, loop.point_j))
+    if loop.rotation is None:
+        built.mechanism.add(Spherical(name, i, j, *points))
+    else:
+        built.mechanism.add(Fixed(name, i, j, *points, rotation=tuple(map(float, loop.rotation))))
+
+
+def _couple(built: Built, joints: tuple[PlacedJoint, ...], coupling: Coupling) -> None:
+    """Let the position of a joint follow that of another one."""
+    by_name = {placed.joint.name: placed for placed in joints}
+    first = by_name[coupling.joint]
+    value: Any = sympy.Float(coupling.coefficients[0] + first.joint.reference[0])
+    if coupling.other is not None:
+        other = by_name[coupling.other]
+        moved = built.mechanism.joints[other.name].position - sympy.Float(other.joint.reference[0])
+        value += sum(sympy.Float(c) * moved**k for k, c in enumerate(coupling.coefficients) if k and c)
+    known = built.mechanism.joints[first.name]
+    i, j = (built.mechanism.bodies.get(name, built.mechanism.ground) for name in (known.parent, known.child))
+    name = built.names.take(coupling.name, "coupling")
+    axes = {"axis_i": first.axis_i, "axis_j": first.axis_j}
+    if first.joint.kind == "hinge":
+        driver: Any = RotationDriver(name, i, j, angle=value - sympy.Float(zero_angle(first)), **axes)
+    else:
+        points = {"point_i": first.point_i, "point_j": first.point_j}
+        driver = PositionDriver(
+            name, i, j, **points, axis_i=first.axis_i, displacement=value - sympy.Float(first.joint.reference[0])
+        )
+    built.mechanism.add(driver)
+
+
+def _add_frames(built: Built, fused: tuple[Fused, ...]) -> None:
+    """Name the frames of links that were merged with others."""
+    names = Names(built.mechanism.bodies)
+    for part in fused:
+        body = built.bodies[part.link]
+        offset, turn = tuple(map(float, part.position)), tuple(map(float, part.quaternion))
+        q = (*body.point(offset), *body.attitude(turn))
+        v = (*body.point_velocity(offset), *uqmbd.quaternion_product(body.quaternion_rate, turn))
+        a = (*body.point_acceleration(offset), *uqmbd.quaternion_product(body.quaternion_acceleration, turn))
+        built.mechanism.frames[names.take(part.name)] = uqmbd.Frame(built.mechanism.space, q, v, a)
+
+
+def _merged(fused: tuple[Fused, ...], every: bool) -> list[uqmbd.Omission]:
+    """Tell which links are no bodies of their own."""
+    grounded = tuple(part.name for part in fused if part.link == 0)
+    others = tuple(part.name for part in fused if part.link)
+    rows = []
+    if grounded:
+        rows.append(uqmbd.Omission("links fixed to the ground", grounded, "they do not move; in .frames by name"))
+    if others:
+        why = "merged with the bodies that they are fixed to; in .frames by name"
+        more = "" if not every else " (fuse=False keeps those with mass as bodies)"
+        rows.append(uqmbd.Omission("links without a joint", others, why + more))
+    return rows
+
+
+def _record(built: Built) -> None:
+    """Record the position of each joint, and how far it is from its limits."""
+    mechanism = built.mechanism
+    names = Names(mechanism.outputs)
+    for joint in mechanism.joints.values():
+        if joint.position is not None:
+            mechanism.output(names.take(joint.name), joint.position, units=joint.units)
+        if joint.margin is not None:
+            mechanism.output(names.take(f"{joint.name}.margin"), joint.margin, units=joint.units)
+        if joint.kind == "free":
+            body = mechanism.bodies[joint.child]
+            for axis, value in zip("xyz", body.position, strict=True):
+                mechanism.output(names.take(f"{joint.name}.{axis}"), value, units="m")

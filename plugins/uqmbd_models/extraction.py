@@ -1,0 +1,211 @@
+"""From a model that MuJoCo has compiled to plain numbers."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+import uqmbd
+from uqmbd_models.files import Loaded
+from uqmbd_models.rotations import inverse, matrix, product
+from uqmbd_models.tree import Array, Coupling, Inertial, Joint, Link, Loop, Tree
+
+__all__ = ["extract"]
+
+KINDS = {0: ("free", 7, 6), 1: ("ball", 4, 3), 2: ("slide", 1, 1), 3: ("hinge", 1, 1)}
+"""Kinds of joints by MuJoCo's number, with the numbers of their position and speed."""
+
+
+def extract(
+    loaded: Loaded,
+    keyframe: str | int | None = None,
+    couplings: Sequence[Coupling] = (),
+    omissions: Sequence[uqmbd.Omission] = (),
+) -> Tree:
+    """Compile a model and read it.
+
+    Parameters
+    ----------
+    loaded : Loaded
+        A parsed file.
+    keyframe : str or int, optional
+        Where to start from.
+    couplings, omissions : sequence
+        What is known besides.
+    """
+    try:
+        with warnings.catch_warnings(record=True) as told:
+            warnings.simplefilter("always")
+            model = loaded.spec.compile()
+    except Exception as error:  # its compiler raises errors of several types
+        raise loaded.error(error) from None
+    advice = tuple(dict.fromkeys(" ".join(str(warning.message).split()) for warning in told))
+    off = _switches(loaded, model)
+    links = _links(loaded, model)
+    joints = _joints(loaded, model, off, *_state(loaded, model, keyframe))
+    loops, coupled, rows = _equalities(loaded, model, off)
+    rows = [*loaded.omissions, *omissions, *rows, *_remarks(loaded, model, joints, off)]
+    rows += [uqmbd.Omission("warnings of MuJoCo", advice, "said as it compiled the model")] if advice else []
+    gravity = np.zeros(3) if "GRAVITY" in off else np.array(model.opt.gravity)
+    return Tree(
+        loaded.spec.modelname,
+        loaded.path,
+        f"MuJoCo {loaded.mujoco.__version__}",
+        gravity,
+        links,
+        joints,
+        loops,
+        (*coupled, *couplings),
+        tuple(rows),
+    )
+
+
+def _switches(loaded: Loaded, model: Any) -> set[str]:
+    """Names of what the file switches off."""
+    flags = loaded.mujoco.mjtDisableBit.__members__
+    off = {name.removeprefix("mjDSBL_") for name, bit in flags.items() if int(bit) & model.opt.disableflags}
+    if "PASSIVE" in off:  # the name of both in earlier versions
+        off |= {"SPRING", "DAMPER"}
+    return off | ({"EQUALITY", "FRICTIONLOSS", "LIMIT"} if "CONSTRAINT" in off else set())
+
+
+def _state(loaded: Loaded, model: Any, keyframe: str | int | None) -> tuple[Array, Array]:
+    """Position and speed at the start."""
+    if keyframe is None:
+        return np.array(model.qpos0), np.zeros(model.nv)
+    names = [model.key(k).name for k in range(model.nkey)]
+    if isinstance(keyframe, str) and keyframe in names:
+        number = names.index(keyframe)
+    elif isinstance(keyframe, int) and not isinstance(keyframe, bool) and 0 <= keyframe < len(names):
+        number = keyframe
+    else:
+        there = ", ".join(repr(name or k) for k, name in enumerate(names)) or "none"
+        raise uqmbd.StudyError(f"{loaded.path}: there is no keyframe {keyframe!r}; the file has: {there}.")
+    return np.array(model.key_qpos[number]), np.array(model.key_qvel[number])
+
+
+def _links(loaded: Loaded, model: Any) -> tuple[Link, ...]:
+    found = []
+    for k in range(model.nbody):
+        name = model.body(k).name
+        turn = matrix(model.body_iquat[k])
+        inertia = turn @ np.diag(model.body_inertia[k]) @ turn.T
+        compiled = Inertial(float(model.body_mass[k]), np.array(model.body_ipos[k]), inertia)
+        found.append(
+            Link(
+                name,
+                int(model.body_parentid[k]),
+                np.array(model.body_pos[k]),
+                np.array(model.body_quat[k]),
+                loaded.inertials.get(name, compiled),
+                float(model.body_gravcomp[k]),
+            )
+        )
+    return tuple(found)
+
+
+def _joints(loaded: Loaded, model: Any, off: set[str], position: Array, speed: Array) -> tuple[Joint, ...]:
+    found = []
+    for k in range(model.njnt):
+        kind, size, freedoms = KINDS[int(model.jnt_type[k])]
+        q, v = int(model.jnt_qposadr[k]), int(model.jnt_dofadr[k])
+        place = slice(q, q + size)
+        limited = bool(model.jnt_limited[k]) and "LIMIT" not in off
+        found.append(
+            Joint(
+                model.joint(k).name,
+                kind,
+                int(model.jnt_bodyid[k]),
+                np.array(model.jnt_pos[k]),
+                np.array(model.jnt_axis[k]),
+                np.array(model.qpos0[place]),
+                position[place],
+                speed[v : v + freedoms],
+                tuple(map(float, model.jnt_range[k])) if limited else None,  # type: ignore[arg-type]
+                0.0 if "SPRING" in off else float(model.jnt_stiffness[k]),
+                np.array(model.qpos_spring[place]),
+                0.0 if "DAMPER" in off else float(model.dof_damping[v]),
+                0.0 if "FRICTIONLOSS" in off else float(model.dof_frictionloss[v]),
+                float(model.dof_armature[v]),
+            )
+        )
+    return tuple(found)
+
+
+def _equalities(
+    loaded: Loaded, model: Any, off: set[str]
+) -> tuple[tuple[Loop, ...], tuple[Coupling, ...], list[uqmbd.Omission]]:
+    """Read equality constraints: loops and couplings; what is switched off is told."""
+    kinds = loaded.mujoco.mjtEq
+    loops: list[Loop] = []
+    couplings: list[Coupling] = []
+    left_out: list[str] = []
+    for k in range(model.neq):
+        words = {kinds.mjEQ_CONNECT: "connect", kinds.mjEQ_WELD: "weld", kinds.mjEQ_JOINT: "coupling"}
+        kind = kinds(int(model.eq_type[k]))
+        first, second = int(model.eq_obj1id[k]), int(model.eq_obj2id[k])
+        name = model.equality(k).name or f"{words[kind]}_{k + 1}"
+        if not model.eq_active0[k] or "EQUALITY" in off:
+            left_out.append(name)
+        elif kind == kinds.mjEQ_JOINT:
+            other = model.joint(second).name if second >= 0 else None
+            couplings.append(Coupling(name, model.joint(first).name, other, tuple(map(float, model.eq_data[k][:5]))))
+        else:
+            loops.append(_loop(loaded, model, k, name, kind == kinds.mjEQ_WELD))
+    rows = [uqmbd.Omission("equality constraints", tuple(left_out), "the file switches them off")] if left_out else []
+    return tuple(loops), tuple(couplings), rows
+
+
+def _loop(loaded: Loaded, model: Any, k: int, name: str, weld: bool) -> Loop:
+    """Read a loop: of bodies, or of sites."""
+    first, second, data = int(model.eq_obj1id[k]), int(model.eq_obj2id[k]), np.array(model.eq_data[k])
+    turned = weld and data[10] > 0
+    if int(model.eq_objtype[k]) == int(loaded.mujoco.mjtObj.mjOBJ_SITE):
+        i, j = (int(model.site_bodyid[x]) for x in (first, second))
+        points = np.array(model.site_pos[first]), np.array(model.site_pos[second])
+        rotation = product(model.site_quat[first], inverse(model.site_quat[second]))
+    else:
+        i, j = first, second
+        points = (data[3:6], data[:3]) if weld else (data[:3], data[3:6])
+        rotation = data[6:10]
+    return Loop(name, i, j, *points, rotation if turned else None)
+
+
+def _remarks(loaded: Loaded, model: Any, joints: Sequence[Joint], off: set[str]) -> list[uqmbd.Omission]:
+    """Tell what a mechanism does not have, and what it has in another form."""
+    rows: list[uqmbd.Omission] = []
+
+    def note(what: str, names: Sequence[str], why: str) -> None:
+        if names:
+            rows.append(uqmbd.Omission(what, tuple(names), why))
+
+    note("limits of joints", [j.name for j in joints if j.limits], "nothing stops there; their margins are outputs")
+    dry = [j.name for j in joints if j.friction]
+    note("dry friction", dry, "taken as smooth friction, which creeps where it should stick; see RotationalFriction")
+    springs = [j.name for j in joints if j.stiffness and j.kind in ("ball", "free")]
+    note("springs of rotation in space", springs, "no such spring here; of a free joint that of position is taken")
+    for field, what in (("jnt_stiffnesspoly", "springs"), ("jnt_springyield", "yielding springs")):
+        values = getattr(model, field, np.zeros(model.njnt))
+        curved = [j.name for j, row in zip(joints, values, strict=True) if np.any(row)]
+        note(f"nonlinear {what}", curved, "their linear part is taken")
+    damped = getattr(model, "dof_dampingpoly", np.zeros(model.nv))
+    dofs = model.jnt_dofadr
+    curved = [j.name for j, v in zip(joints, dofs, strict=True) if np.any(damped[v])]
+    note("nonlinear damping", curved, "its linear part is taken")
+    mocap = [model.body(k).name for k in range(model.nbody) if model.body_mocapid[k] >= 0]
+    note("bodies moved by hand (mocap)", mocap, "they are fixed to the ground; add drivers to move them")
+    medium = [name for name in ("density", "viscosity", "wind") if np.any(getattr(model.opt, name))]
+    note("forces of the medium", medium, "there is no fluid here")
+    compiler = loaded.spec.compiler
+    why = "the file asks for them: masses and inertia are those after them"
+    if loaded.inertials:
+        why = "the file asks MuJoCo for them; masses and inertia are left as the file states them"
+    bounds = [x for x in ("boundmass", "boundinertia", "settotalmass") if getattr(compiler, x) > 0]
+    bounds += ["balanceinertia"] if compiler.balanceinertia else []
+    note("changes by MuJoCo's compiler", bounds, why)
+    held = [model.equality(k).name or f"no. {k + 1}" for k in range(model.neq) if model.eq_active0[k]]
+    note("softness of constraints", [] if "EQUALITY" in off else held, "loops and couplings are rigid here")
+    return rows

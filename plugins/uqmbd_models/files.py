@@ -1,0 +1,254 @@
+"""Model files, parsed by MuJoCo: what is not needed is set aside before it compiles the model, and counted.
+
+Shapes are needed where inertia is to be computed from them, and nowhere else: without the others no mesh is looked for.
+"""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+
+import uqmbd
+from uqmbd_models.names import Names
+from uqmbd_models.tree import Inertial
+
+__all__ = ["Loaded", "load"]
+
+INSTALL = 'pip install "uqmbd[mujoco]"'
+
+ROOTS = {"urdf": "robot", "mjcf": "mujoco"}
+
+SET_ASIDE = {
+    "actuators": "add drivers or torques in their place",
+    "sensors": "record outputs in their place",
+    "tendons": "add springs or distances in their place",
+    "flexes": "bodies here are rigid",
+    "pairs": "contacts are not taken; add those of uqmbd_contact",
+    "excludes": "they concern contacts, which are not taken",
+    "skins": "they concern the looks",
+    "cameras": "they concern the looks",
+    "lights": "they concern the looks",
+    "tuples": "they concern nothing that moves",
+    "numerics": "they concern nothing that moves",
+    "texts": "they concern nothing that moves",
+    "plugins": "no code of others is run",
+}
+"""What is taken out of a model, and why; the names are those of lists of `mujoco.MjSpec`."""
+
+TITLES = {"pairs": "contact pairs", "excludes": "contact exclusions"}
+
+AUTO, NEVER = 2, 0
+"""Values of `inertiafromgeom`."""
+
+
+@dataclass(frozen=True)
+class Loaded:
+    """A parsed file.
+
+    Attributes
+    ----------
+    path : str
+    root : xml.etree.ElementTree.Element
+        The file as it is.
+    mujoco : module
+    spec : mujoco.MjSpec
+        What is compiled.
+    omissions : list of uqmbd.Omission
+        What was set aside.
+    inertials : dict of Inertial
+        Of links, by name, where they are not those of MuJoCo's compiler.
+    """
+
+    path: str
+    root: ElementTree.Element
+    mujoco: ModuleType
+    spec: Any
+    omissions: list[uqmbd.Omission] = field(default_factory=list)
+    inertials: dict[str, Inertial] = field(default_factory=dict)
+
+    def error(self, reason: object) -> uqmbd.StudyError:
+        """Return an error that names the file."""
+        text = " ".join(str(reason).split())
+        return uqmbd.StudyError(f"{self.path}: MuJoCo {self.mujoco.__version__} cannot use it: {text}")
+
+
+def load(path: str, form: str) -> Loaded:
+    """Parse a file, and set aside what is not taken.
+
+    Parameters
+    ----------
+    path : str
+        The file.
+    form : {"urdf", "mjcf"}
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If MuJoCo is not installed, or the file is none of this format.
+    """
+    root = _parsed(path, form)
+    mujoco = _mujoco(form)
+    try:
+        spec = _spec(mujoco, path, root)
+    except Exception as error:  # its parser raises errors of several types
+        raise Loaded(path, root, mujoco, None).error(error) from None
+    loaded = Loaded(path, root, mujoco, spec)
+    try:
+        _name(spec)
+        if form == "urdf":
+            _stand_in(spec)
+        _set_aside(loaded, form)
+    except (AttributeError, TypeError) as error:
+        raise uqmbd.StudyError(
+            f"from_{form} needs a later MuJoCo than {mujoco.__version__} ({error}): {INSTALL} --upgrade"
+        ) from None
+    return loaded
+
+
+def _mujoco(form: str) -> ModuleType:
+    try:
+        import mujoco
+    except ImportError as error:
+        reason = "" if (error.name or "").partition(".")[0] == "mujoco" else f" (it cannot be imported: {error})"
+        raise uqmbd.StudyError(f"from_{form} needs MuJoCo, which parses the file{reason}: {INSTALL}") from None
+    found: ModuleType = mujoco
+    if not hasattr(mujoco, "MjSpec"):
+        version = getattr(mujoco, "__version__", "this one")
+        raise uqmbd.StudyError(f"from_{form} needs a later MuJoCo than {version}: {INSTALL} --upgrade")
+    return found
+
+
+def _parsed(path: str, form: str) -> ElementTree.Element:
+    """Read the file as XML, or say what is wrong with it."""
+    where = f"from_{form}: {path}"
+    file = Path(path)
+    try:
+        if file.is_dir():
+            raise uqmbd.StudyError(f"{where} is a folder; expected a file, such as {file / ('robot.' + form)}.")
+        text = file.read_bytes()
+    except (OSError, ValueError) as error:
+        reason = "there is no such file" if isinstance(error, FileNotFoundError) else str(error)
+        raise uqmbd.StudyError(f"{where}: {reason}; expected the path of a {form.upper()} file.") from None
+    try:
+        root = ElementTree.fromstring(text)
+    except (ElementTree.ParseError, ValueError, LookupError) as error:
+        raise uqmbd.StudyError(f"{where} is no XML: {error}.") from None
+    if any("xacro" in str(x.tag) for x in root.iter()):
+        raise uqmbd.StudyError(f"{where} is a xacro template; expand it first: xacro FILE.xacro > FILE.urdf")
+    tag = root.tag.rpartition("}")[2]
+    if tag != ROOTS[form]:
+        other = next((known for known, name in ROOTS.items() if name == tag), None)
+        hint = f"; it is {other.upper()}: use uqmbd.from_{other}" if other else ""
+        raise uqmbd.StudyError(f"{where}: its root is <{tag}>, expected <{ROOTS[form]}>{hint}.")
+    return root
+
+
+def _spec(mujoco: ModuleType, path: str, root: ElementTree.Element) -> Any:
+    """Let MuJoCo parse; files with endings that it does not know as texts."""
+    if Path(path).suffix.lower() in (".xml", ".urdf"):
+        return mujoco.MjSpec.from_file(path)
+    return mujoco.MjSpec.from_string(ElementTree.tostring(root, encoding="unicode"))
+
+
+def _name(spec: Any) -> None:
+    """Give names to bodies and joints without."""
+    bodies = list(spec.bodies)
+    names = Names(body.name for body in bodies)
+    for k, body in enumerate(bodies):
+        if not body.name:
+            body.name = names.take(f"body_{k}")
+    joints = Names(joint.name for joint in spec.joints)
+    for body in bodies:
+        for joint in body.joints:
+            if not joint.name:
+                joint.name = joints.take(f"{body.name}_joint")
+
+
+def _stand_in(spec: Any) -> None:
+    """Let MuJoCo have a mass and inertia of every link: those of the file are read elsewhere, as they are."""
+    for body in list(spec.bodies)[1:]:
+        body.explicitinertial = True
+        body.mass = 1.0
+        body.ipos, body.iquat = np.zeros(3), np.array([1.0, 0, 0, 0])
+        body.fullinertia, body.inertia = np.full(6, np.nan), np.ones(3)
+
+
+def _set_aside(loaded: Loaded, form: str) -> None:
+    """Take out of a model what is not needed, and note it."""
+    spec = loaded.spec
+    if form == "urdf":
+        spec.compiler.inertiafromgeom = NEVER
+    spec.compiler.fusestatic = False
+    spec.compiler.discardvisual = False
+    equalities = loaded.mujoco.mjtEq
+    taken = {equalities.mjEQ_CONNECT, equalities.mjEQ_WELD, equalities.mjEQ_JOINT}
+    others = [equality for equality in spec.equalities if equality.type not in taken]
+    _drop(loaded, "equality constraints of tendons and flexible bodies", others, "what they hold is not taken either")
+    for group, why in SET_ASIDE.items():
+        _drop(loaded, TITLES.get(group, group), getattr(spec, group, ()), why)
+    for key in spec.keys:
+        key.act, key.ctrl = [], []
+    _shapes(loaded)
+
+
+def _drop(loaded: Loaded, what: str, elements: Iterable[Any], why: str) -> None:
+    """Delete elements of a model, and note them."""
+    found = list(elements)
+    if found:
+        names = tuple(getattr(x, "name", "") or f"no. {k}" for k, x in enumerate(found, 1))
+        loaded.omissions.append(uqmbd.Omission(what, names, why))
+    for element in found:
+        _delete(loaded.spec, element)
+
+
+def _delete(spec: Any, element: Any) -> None:
+    if hasattr(spec, "delete"):
+        spec.delete(element)
+    else:
+        element.delete()
+
+
+def _shapes(loaded: Loaded) -> None:
+    """Delete shapes that no inertia is computed from, and all that belongs to them only."""
+    spec = loaded.spec
+    always = spec.compiler.inertiafromgeom not in (AUTO, NEVER)
+    inferred: list[str] = []
+    colliding: list[str] = []
+    for body in spec.bodies:
+        geoms = list(body.geoms)
+        colliding += [geom.name or f"of {body.name}" for geom in geoms if geom.contype or geom.conaffinity]
+        needed = body.name != "world" and (always or not body.explicitinertial)
+        if geoms and needed and spec.compiler.inertiafromgeom != NEVER:
+            inferred.append(body.name)
+            for geom in geoms:
+                geom.material = ""
+            continue
+        for geom in geoms:
+            _delete(spec, geom)
+    used = {geom.meshname for geom in spec.geoms if geom.meshname}
+    for mesh in list(spec.meshes):
+        if mesh.name not in used and Path(mesh.file or "").stem not in used:
+            _delete(spec, mesh)
+        else:
+            mesh.material = ""
+    held = {name for equality in spec.equalities for name in (equality.name1, equality.name2)}
+    for site in list(spec.sites):
+        if site.name in held:
+            site.material = ""
+        else:
+            _delete(spec, site)
+    for group in ("hfields", "materials", "textures"):
+        for element in list(getattr(spec, group)):
+            _delete(spec, element)
+    if colliding:
+        why = "contacts are not taken; add those of uqmbd_contact"
+        loaded.omissions.append(uqmbd.Omission("shapes that collide", tuple(colliding), why))
+    if inferred:
+        why = "computed by MuJoCo from the density of their shapes, as the file does not state it"
+        loaded.omissions.append(uqmbd.Omission("masses and inertia", tuple(inferred), why))

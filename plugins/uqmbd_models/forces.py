@@ -1,0 +1,89 @@
+"""What acts in joints: springs, dampers, friction and rotors."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from uqmbd_models.motion import PlacedJoint, zero_angle
+from uqmbd_models.names import Names
+from uqmbd_springs import (
+    RotationalFriction,
+    RotorInertia,
+    SlidingFriction,
+    SlidingInertia,
+    SlidingSpringDamper,
+    SpringDamper,
+    TorsionSpringDamper,
+)
+
+__all__ = ["add_forces"]
+
+AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
+
+
+def add_forces(mechanism: Any, names: Names, placed: PlacedJoint, parent: Any, body: Any) -> None:
+    """Add spring, friction and rotor of a joint, of each of its freedoms.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    names : Names
+    placed : PlacedJoint
+    parent, body : Ground or Body
+        Which the joint lets move.
+    """
+    joint = placed.joint
+    if joint.kind == "hinge":
+        _turning(mechanism, names, placed, parent, body, "", placed.axis_i)
+        if joint.stiffness:
+            free = float(joint.rest[0]) - zero_angle(placed)
+            axes = {"axis_i": placed.axis_i, "axis_j": placed.axis_j}
+            spring = TorsionSpringDamper(
+                names.take(f"{placed.name}_spring"), parent, body, stiffness=joint.stiffness, free_angle=free, **axes
+            )
+            mechanism.add(spring)
+    elif joint.kind == "slide":
+        points = {"point_i": placed.point_i, "point_j": placed.point_j}
+        _sliding(mechanism, names, placed, parent, body, "", placed.axis_i, points)
+        if joint.stiffness:
+            free = float(joint.rest[0] - joint.reference[0])
+            spring_at = SlidingSpringDamper(
+                names.take(f"{placed.name}_spring"), parent, body, **points, axis_i=placed.axis_i,
+                stiffness=joint.stiffness, free_displacement=free,
+            )  # fmt: skip
+            mechanism.add(spring_at)
+    else:
+        for letter, axis in AXES.items():
+            # the speeds of a ball joint are counted along the axes of what it moves
+            _turning(mechanism, names, placed, body, parent, f"_{letter}", axis)
+        if joint.kind == "free":
+            points = {"point_i": (0.0,) * 3, "point_j": (0.0,) * 3}
+            for letter, axis in AXES.items():
+                _sliding(mechanism, names, placed, parent, body, f"_along_{letter}", axis, points)
+            if joint.stiffness:
+                rest = tuple(map(float, joint.rest[:3]))
+                name = names.take(f"{placed.name}_spring")
+                mechanism.add(SpringDamper(name, parent, body, rest, (0, 0, 0), stiffness=joint.stiffness))
+
+
+def _turning(mechanism: Any, names: Names, placed: PlacedJoint, i: Any, j: Any, letter: str, axis: Any) -> None:
+    """Add friction and rotor about an axis of body i."""
+    joint = placed.joint
+    if joint.damping or joint.friction:
+        name = names.take(f"{placed.name}_friction{letter}")
+        mechanism.add(RotationalFriction(name, i, j, joint.friction, damping=joint.damping, axis_i=axis))
+    if joint.inertia:
+        name = names.take(f"{placed.name}_rotor{letter}")
+        mechanism.add(RotorInertia(name, i, j, joint.inertia, axis_i=axis))
+
+
+def _sliding(mechanism: Any, names: Names, placed: Any, i: Any, j: Any, letter: str, axis: Any, points: Any) -> None:
+    """Add friction and inertia along an axis of body i."""
+    joint = placed.joint
+    if joint.damping or joint.friction:
+        name = names.take(f"{placed.name}_friction{letter}")
+        friction = SlidingFriction(name, i, j, **points, axis_i=axis, friction=joint.friction, damping=joint.damping)
+        mechanism.add(friction)
+    if joint.inertia:
+        name = names.take(f"{placed.name}_rotor{letter}")
+        mechanism.add(SlidingInertia(name, i, j, **points, axis_i=axis, mass=joint.inertia))

@@ -1,0 +1,160 @@
+"""Where joints put their links: poses and velocities at the start, and positions of joints as expressions."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import sympy
+
+import uqmbd
+from uqmbd_models.rotations import about, inverse, product, turned
+from uqmbd_models.tree import Array, Joint, Tree
+
+__all__ = ["Placed", "PlacedJoint", "Pose", "place", "position_of", "speed_of", "zero_angle"]
+
+
+@dataclass(frozen=True)
+class Pose:
+    """Place, orientation and velocity of a frame in the world; the spin in its own axes."""
+
+    position: Array
+    quaternion: Array
+    velocity: Array
+    spin: Array
+    moves: bool
+
+    def point(self, local: Any) -> Array:
+        """World position of a point of the frame."""
+        return self.position + turned(self.quaternion, local)
+
+
+@dataclass(frozen=True)
+class PlacedJoint:
+    """A joint between two frames: the parent, or what comes before it in the same link, and what it moves.
+
+    Attributes
+    ----------
+    name : str
+        In the mechanism.
+    joint : Joint
+    point_i, axis_i, point_j, axis_j : tuple of three numbers
+        In the frames of the two.
+    turn : array
+        Quaternion of the second frame relative to the first, where the joint is at its reference.
+    pose : Pose
+        Of the frame that it moves, at the start.
+    """
+
+    name: str
+    joint: Joint
+    point_i: tuple[float, ...]
+    axis_i: tuple[float, ...]
+    point_j: tuple[float, ...]
+    axis_j: tuple[float, ...]
+    turn: Array
+    pose: Pose
+
+
+@dataclass(frozen=True)
+class Placed:
+    """All joints in the order of the links, and the pose of each link."""
+
+    joints: tuple[PlacedJoint, ...]
+    poses: dict[int, Pose]
+
+
+def place(tree: Tree, names: dict[int, str]) -> Placed:
+    """Find where links are at the start.
+
+    Parameters
+    ----------
+    tree : Tree
+        A model.
+    names : dict
+        Of its joints in the mechanism, by their numbers.
+    """
+    zero, one = np.zeros(3), np.array([1.0, 0, 0, 0])
+    poses = {0: Pose(zero, one, zero, zero, False)}
+    moving = any(np.any(joint.speed) for joint in tree.joints)
+    found = []
+    for k, link in enumerate(tree.links[1:], 1):
+        pose, shift, turn = poses[link.parent], link.position, link.quaternion
+        joints = [(n, joint) for n, joint in enumerate(tree.joints) if joint.link == k]
+        for n, joint in joints:
+            ends = shift + turned(turn, joint.point), turned(turn, joint.axis)
+            pose = _moved(_carried(pose, shift, turn, moving), joint)
+            (point_i, axis_i), point_j, axis_j = map(_numbers, ends), _numbers(joint.point), _numbers(joint.axis)
+            found.append(PlacedJoint(names[n], joint, point_i, axis_i, point_j, axis_j, turn, pose))
+            shift, turn = zero, one
+        poses[k] = pose if joints else _carried(pose, shift, turn, moving)
+    return Placed(tuple(found), poses)
+
+
+def _carried(pose: Pose, shift: Array, turn: Array, moving: bool) -> Pose:
+    """Pose of a frame that is fixed in another one."""
+    velocity = pose.velocity + turned(pose.quaternion, np.cross(pose.spin, shift))
+    return Pose(pose.point(shift), product(pose.quaternion, turn), velocity, turned(inverse(turn), pose.spin), moving)
+
+
+def _moved(pose: Pose, joint: Joint) -> Pose:
+    """Pose of a frame after a joint has moved it away from where it is at the reference of the joint."""
+    if joint.kind == "free":
+        quaternion = joint.start[3:] / np.linalg.norm(joint.start[3:])
+        return Pose(joint.start[:3], quaternion, joint.speed[:3], joint.speed[3:], pose.moves)
+    if joint.kind == "slide":
+        way = turned(pose.quaternion, joint.axis)
+        position = pose.position + way * (joint.start[0] - joint.reference[0])
+        carried = np.cross(turned(pose.quaternion, pose.spin), position - pose.position)
+        return Pose(position, pose.quaternion, pose.velocity + carried + way * joint.speed[0], pose.spin, pose.moves)
+    anchor = pose.point(joint.point)
+    at_anchor = pose.velocity + turned(pose.quaternion, np.cross(pose.spin, joint.point))
+    if joint.kind == "hinge":
+        turn, speed = about(joint.axis, joint.start[0] - joint.reference[0]), joint.axis * joint.speed[0]
+    else:
+        turn, speed = joint.start / np.linalg.norm(joint.start), joint.speed
+    quaternion = product(pose.quaternion, turn)
+    spin = turned(inverse(turn), pose.spin) + speed
+    position = anchor - turned(quaternion, joint.point)
+    return Pose(position, quaternion, at_anchor - turned(quaternion, np.cross(spin, joint.point)), spin, pose.moves)
+
+
+def zero_angle(placed: PlacedJoint) -> float:
+    """Position of a hinge where the angle between the frames on its axes is zero, from which components count."""
+    return float(placed.joint.reference[0] - _angle_at_reference(placed))
+
+
+def _angle_at_reference(placed: PlacedJoint) -> float:
+    first, second = uqmbd.joint_frames(placed.axis_i, placed.axis_j)
+    f, s = (np.array([float(x) for x in frame]) for frame in (first, second))
+    r = product(inverse(f), product(placed.turn, s))
+    return float(2 * np.arctan2(r[3] * np.sign(r[0] or 1), abs(r[0])))
+
+
+def position_of(placed: PlacedJoint, parent: Any, body: Any) -> Any:
+    """Position of a joint as the file counts it, an expression; None of ball and free joints."""
+    if placed.joint.kind == "slide":
+        offset = body.point(placed.point_j) - parent.point(placed.point_i)
+        return parent.direction(placed.axis_i).dot(offset) + sympy.Float(placed.joint.reference[0])
+    if placed.joint.kind != "hinge":
+        return None
+    r = uqmbd.relative_quaternion(parent.attitude(_numbers(placed.turn)), body.quaternion)
+    sine = sympy.Matrix(r[1:]).dot(sympy.Matrix(placed.axis_j))
+    return 2 * sympy.atan2(sine, r[0]) + sympy.Float(placed.joint.reference[0])
+
+
+def speed_of(placed: PlacedJoint, parent: Any, body: Any) -> Any:
+    """Speed of a joint, an expression; None of ball and free joints."""
+    axis = parent.direction(placed.axis_i)
+    if placed.joint.kind == "slide":
+        offset = body.point(placed.point_j) - parent.point(placed.point_i)
+        rate = body.point_velocity(placed.point_j) - parent.point_velocity(placed.point_i)
+        return axis.dot(rate) + offset.dot(parent.angular_velocity.cross(axis))
+    if placed.joint.kind == "hinge":
+        return axis.dot(body.angular_velocity - parent.angular_velocity)
+    return None
+
+
+def _numbers(vector: Any) -> tuple[float, ...]:
+    return tuple(map(float, vector))

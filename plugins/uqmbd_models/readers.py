@@ -1,0 +1,41 @@
+"""The readers of uqmbd: URDF and MJCF."""
+
+from __future__ import annotations
+
+import uqmbd
+from uqmbd_models.building import build
+from uqmbd_models.extraction import extract
+from uqmbd_models.files import load
+from uqmbd_models.urdf import floating_base, links_without_mass, mimics, read_inertials, unread
+
+__all__ = ["MJCF", "URDF"]
+
+
+class URDF:
+    """Robots as the Unified Robot Description Format tells them."""
+
+    name = "urdf"
+
+    def read(
+        self, path: str, floating: bool = False, fuse: bool = True, outputs: bool = True
+    ) -> uqmbd.ImportedMechanism:
+        """Return the mechanism, see `uqmbd.from_urdf`."""
+        loaded = load(path, "urdf")
+        read_inertials(loaded)
+        if floating:
+            floating_base(loaded)
+        couplings, wrong = mimics(loaded)
+        tree = extract(loaded, couplings=couplings, omissions=[*links_without_mass(loaded), *unread(loaded), *wrong])
+        return build(tree, fuse_all=fuse, outputs=outputs)
+
+
+class MJCF:
+    """Models in the format of MuJoCo."""
+
+    name = "mjcf"
+
+    def read(
+        self, path: str, keyframe: str | int | None = None, fuse: bool = True, outputs: bool = True
+    ) -> uqmbd.ImportedMechanism:
+        """Return the mechanism, see `uqmbd.from_mjcf`."""
+        return build(extract(load(path, "mjcf"), keyframe=keyframe), fuse_all=fuse, outputs=outputs)

@@ -1,0 +1,129 @@
+"""What a model file says, in plain numbers: links, joints, couplings and loops, as the builder needs them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+import uqmbd
+
+__all__ = ["Array", "Coupling", "Inertial", "Joint", "Link", "Loop", "Tree"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Inertial:
+    """Mass, centre of mass in the frame of the link, and inertia about it in the axes of the link."""
+
+    mass: float
+    com: Array
+    inertia: Array
+
+
+@dataclass(frozen=True)
+class Link:
+    """A body.
+
+    Attributes
+    ----------
+    name : str
+    parent : int
+        Among the links; the ground is 0.
+    position, quaternion : array
+        Of its frame in that of its parent, where all joints are at their reference.
+    inertial : Inertial
+        kg, m, kg m^2.
+    compensation : float
+        As much of its weight is compensated, 1: all.
+    """
+
+    name: str
+    parent: int
+    position: Array
+    quaternion: Array
+    inertial: Inertial
+    compensation: float = 0.0
+
+
+@dataclass(frozen=True)
+class Joint:
+    """What lets a link move; several of one link follow each other.
+
+    Attributes
+    ----------
+    name : str
+    kind : {"hinge", "slide", "ball", "free"}
+    link : int
+        The link that moves.
+    point, axis : array, shape (3,)
+        In the frame of the link.
+    reference : array
+        Its position where the link is at its place in the parent: one number, a quaternion, or a pose.
+    start : array
+        Its position at the start, of the same form.
+    speed : array
+        Its speed at the start: 1, 3 or 6 numbers.
+    limits : tuple of two numbers, or None
+    stiffness, rest : float
+        Spring rate, and the position without force.
+    damping, friction, inertia : float
+        Viscous, of Coulomb, and of a rotor: of each of its freedoms.
+    """
+
+    name: str
+    kind: str
+    link: int
+    point: Array
+    axis: Array
+    reference: Array
+    start: Array
+    speed: Array
+    limits: tuple[float, float] | None = None
+    stiffness: float = 0.0
+    rest: Array = field(default_factory=lambda: np.zeros(1))
+    damping: float = 0.0
+    friction: float = 0.0
+    inertia: float = 0.0
+
+
+@dataclass(frozen=True)
+class Loop:
+    """Two points that coincide, of bodies which keep a relative rotation as well where there is one."""
+
+    name: str
+    link_i: int
+    link_j: int
+    point_i: Array
+    point_j: Array
+    rotation: Array | None = None
+
+
+@dataclass(frozen=True)
+class Coupling:
+    """A joint whose position is a polynomial in that of another one, or constant.
+
+    From their references on: ``q_1 = coefficients[0] + coefficients[1] q_2 + ...``.
+    """
+
+    name: str
+    joint: str
+    other: str | None
+    coefficients: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Tree:
+    """A model: links (the ground is the first), joints, loops, and what was not taken."""
+
+    name: str
+    source: str
+    read_by: str
+    gravity: Array
+    links: tuple[Link, ...]
+    joints: tuple[Joint, ...]
+    loops: tuple[Loop, ...]
+    couplings: tuple[Coupling, ...]
+    omissions: tuple[uqmbd.Omission, ...]

@@ -1,0 +1,57 @@
+"""Inertia of what turns or slides with a joint, at the ratio of a gear: it counts for the relative motion alone."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import uqmbd
+
+__all__ = ["RotorInertia", "SlidingInertia"]
+
+
+class RotorInertia(uqmbd.Component):
+    """Inertia of a rotor about the common axis of two bodies, as seen at the joint: energy ``inertia w^2 / 2``.
+
+    ``w`` is the speed at which body j turns relative to body i.  Behind a gear of the ratio n it is n^2 times the
+    inertia of the rotor itself; that the rotor also moves with the body that carries it is left out, as usual.
+
+    Examples
+    --------
+    >>> RotorInertia.signature()
+    '(name, body_i, body_j, inertia, axis_i)'
+    """
+
+    symbol = "coil"
+    spaces = (uqmbd.Spatial, uqmbd.Planar)
+    inertia = uqmbd.Parameter("kg m^2", "inertia at the joint: of the rotor, times the gear ratio squared", minimum=0)
+    axis_i = uqmbd.Parameter("1", "axis, frame of body i (left out in the plane)", kind="turning_axis", body="body_i")
+
+    def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.Kinetic]:
+        """Yield its energy."""
+        spin = p.body_j.angular_velocity - p.body_i.angular_velocity
+        speed = spin[0] if p.space.dimension == 2 else spin.dot(p.body_i.direction(p.axis_i))
+        yield uqmbd.Kinetic(p.inertia * speed**2 / 2)
+
+
+class SlidingInertia(uqmbd.Component):
+    """Mass that counts for the sliding of two bodies along an axis, as that of a motor behind a spindle does.
+
+    The energy is ``mass v^2 / 2`` with the speed ``v`` of a point of body j along an axis fixed in body i.
+
+    Examples
+    --------
+    >>> SlidingInertia.signature()
+    '(name, body_i, body_j, point_i, point_j, axis_i, mass)'
+    """
+
+    symbol = "spring"
+    point_i = uqmbd.Parameter("m", "a point of the axis, frame of body i", kind="point", body="body_i")
+    point_j = uqmbd.Parameter("m", "the point that slides, frame of body j", kind="point", body="body_j")
+    axis_i = uqmbd.Parameter("1", "direction, frame of body i", kind="axis", body="body_i")
+    mass = uqmbd.Parameter("kg", "mass at the joint", minimum=0)
+
+    def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.Kinetic]:
+        """Yield its energy."""
+        offset = p.let("offset", p.body_j.point(p.point_j) - p.body_i.point(p.point_i))
+        axis = p.let("axis", p.body_i.direction(p.axis_i))
+        yield uqmbd.Kinetic(p.mass * p.rate_of(axis.dot(offset)) ** 2 / 2)

@@ -1,0 +1,260 @@
+"""Mechanisms that are read from files of other programs, with what was not taken from them."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from html import escape
+from typing import Any
+
+import sympy
+
+from uqmbd.errors import StudyError
+from uqmbd.mechanism.components import Component
+from uqmbd.mechanism.expressions import shown
+from uqmbd.mechanism.geometry import Frame, Space
+from uqmbd.mechanism.mechanism import Mechanism
+from uqmbd.names import checked
+from uqmbd.plugins import reader
+
+__all__ = ["ImportedJoint", "ImportedMechanism", "Omission", "Omissions", "from_mjcf", "from_urdf"]
+
+NAMED = 4
+"""As many names of a row are shown."""
+
+
+@dataclass(frozen=True)
+class ImportedJoint:
+    """A joint of a model file.
+
+    Attributes
+    ----------
+    name : str
+        As in the file; made up where it has none there.
+    kind : {"hinge", "slide", "ball", "free"}
+        What it lets move.
+    parent, child : str
+        The bodies that it joins; ``ground`` is one.
+    component : Component or None
+        The joint of the mechanism; None where the body is free.
+    position : expression or None
+        Its angle, rad, or displacement, m, counted as the file counts it; None of a ball or free joint.
+    speed : expression or None
+        The rate of that.
+    start : tuple of float
+        Its position where the mechanism starts: one number, of a ball joint a quaternion, of a free one the position
+        and a quaternion.
+    limits : tuple of float, or None
+        Lowest and highest position, rad or m; of a ball joint zero and the largest angle.  They are told by the output
+        ``NAME.margin``, and hold nothing.
+    """
+
+    name: str
+    kind: str
+    parent: str
+    child: str
+    component: Component | None
+    position: sympy.Expr | None
+    speed: sympy.Expr | None
+    start: tuple[float, ...]
+    limits: tuple[float, float] | None
+
+    @property
+    def units(self) -> str:
+        """Units of `position`."""
+        return {"hinge": "rad", "slide": "m"}.get(self.kind, "")
+
+    @property
+    def margin(self) -> sympy.Expr | None:
+        """How far it is from the nearer one of its limits, negative beyond; None where it has none."""
+        if self.limits is None or self.position is None:
+            return None
+        low, high = self.limits
+        return sympy.Float((high - low) / 2) - sympy.Abs(self.position - sympy.Float((low + high) / 2))
+
+
+@dataclass(frozen=True)
+class Omission:
+    """What a file says and the mechanism does not, or says otherwise.
+
+    Attributes
+    ----------
+    what : str
+        The kind of it.
+    names : tuple of str
+        Which ones.
+    why : str
+        Why it was left out, or what became of it.
+    """
+
+    what: str
+    names: tuple[str, ...]
+    why: str
+
+    @property
+    def count(self) -> int:
+        """As many there are."""
+        return len(self.names)
+
+    @property
+    def listed(self) -> str:
+        """The first few names."""
+        some = ", ".join(self.names[:NAMED])
+        return some if self.count <= NAMED else f"{some} and {self.count - NAMED} more"
+
+
+class Omissions(Sequence[Omission]):
+    """A table of what was not taken from a file, which prints itself.
+
+    Examples
+    --------
+    >>> print(Omissions([Omission("actuators", ("motor", "brake"), "add drivers or torques")]))
+    2 actuators (motor, brake): add drivers or torques
+    """
+
+    def __init__(self, rows: Sequence[Omission]) -> None:
+        self.rows = tuple(rows)
+
+    def __getitem__(self, index: Any) -> Any:
+        return self.rows[index]
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    def __iter__(self) -> Iterator[Omission]:
+        return iter(self.rows)
+
+    def __str__(self) -> str:
+        lines = [f"{row.count} {row.what} ({row.listed}): {row.why}" for row in self.rows]
+        return "\n".join(lines) or "All was taken."
+
+    def __repr__(self) -> str:
+        return f"<{len(self)} rows of what was not taken>"
+
+    def _repr_html_(self) -> str:
+        lines = "".join(
+            f"<tr><td>{row.count}</td><td>{escape(row.what)}</td><td>{escape(row.listed)}</td>"
+            f"<td>{escape(row.why)}</td></tr>"
+            for row in self.rows
+        )
+        head = "<tr><th></th><th>not taken</th><th>which</th><th>why</th></tr>"
+        return f"<table>{head}{lines}</table>"
+
+
+class ImportedMechanism(Mechanism):
+    """A mechanism that was read from a file: one like any other, to which more may be added.
+
+    Parameters
+    ----------
+    name : str
+        As `Mechanism`.
+    space : Space
+        As `Mechanism`.
+    source : str
+        The file.
+    read_by : str
+        Who parsed it, with the version.
+
+    Attributes
+    ----------
+    joints : dict of ImportedJoint
+        The joints of the file, by name.
+    frames : dict of Frame
+        Links that are fixed to a body and have been merged with it, by name: their positions, rotations and velocities
+        are expressions for outputs, like those of a body.
+    not_taken : Omissions
+        What the file says and the mechanism does not, or otherwise; `print` it.
+    """
+
+    def __init__(self, name: str, space: Space, source: str = "", read_by: str = "") -> None:
+        super().__init__(name, space)
+        self.source = source
+        self.read_by = read_by
+        self.joints: dict[str, ImportedJoint] = {}
+        self.frames: dict[str, Frame] = {}
+        self.not_taken = Omissions(())
+
+
+@checked
+def from_urdf(
+    path: str | os.PathLike[str], *, floating: bool = False, fuse: bool = True, outputs: bool = True
+) -> ImportedMechanism:
+    """Read a robot from a URDF file: links, inertia, joints, limits, damping, friction, mimic joints.
+
+    The file is parsed by MuJoCo (``pip install "uqmbd[mujoco]"``); nothing in it is executed, and no mesh is needed.
+
+    Parameters
+    ----------
+    path : path
+        The file; a xacro template must be expanded first.
+    floating : bool
+        Whether the first link moves freely; else it is fixed to the ground.
+    fuse : bool
+        Whether links that are fixed to another become one body with it, whose mass, centre of mass and inertia are
+        those of both; else each is a body of its own, held by `uqmbd_joints.Fixed`.
+    outputs : bool
+        Whether to record each joint's position, and its margin to the nearer limit.
+
+    Returns
+    -------
+    ImportedMechanism
+        Its `not_taken` tells what was left out.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If MuJoCo is not installed, or the file cannot be read or used.
+
+    Notes
+    -----
+    A link without ``<inertial>`` has no mass, as URDF defines it; nothing is inferred from its shape.
+    """
+    return _read("urdf", path, floating=floating, fuse=fuse, outputs=outputs)
+
+
+@checked
+def from_mjcf(
+    path: str | os.PathLike[str], *, keyframe: str | int | None = None, fuse: bool = True, outputs: bool = True
+) -> ImportedMechanism:
+    """Read a mechanism from an MJCF file of MuJoCo: bodies, joints, springs, friction, rotor inertia, loops.
+
+    The file is parsed and compiled by MuJoCo (``pip install "uqmbd[mujoco]"``); nothing in it is executed.  Equality
+    constraints close loops; they are rigid here.
+
+    Parameters
+    ----------
+    path : path
+        The file.
+    keyframe : str or int, optional
+        Name or number of the keyframe to start from, with its velocities; None: the pose in which the model is written
+        (``qpos0``), at rest.
+    fuse : bool
+        Whether bodies without a joint become one with that to which they are fixed, see `from_urdf`.
+    outputs : bool
+        Whether to record each joint's position, and its margin to the nearer limit.
+
+    Returns
+    -------
+    ImportedMechanism
+        Its `not_taken` tells what was left out.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If MuJoCo is not installed, or the file cannot be read or used.
+    """
+    return _read("mjcf", path, keyframe=keyframe, fuse=fuse, outputs=outputs)
+
+
+def _read(form: str, path: Any, **options: Any) -> ImportedMechanism:
+    """Let the reader of a format do it."""
+    where = f"from_{form}"
+    if not isinstance(path, (str, os.PathLike)) or isinstance(os.fspath(path), bytes):
+        raise StudyError(f"{where}: path is {shown(path)}; expected the path of a file, a text or pathlib.Path.")
+    for key, value in options.items():
+        if key != "keyframe" and not isinstance(value, bool):
+            raise StudyError(f"{where}: {key} is {shown(value)}; expected True or False.")
+    found: Any = reader(form)()
+    read: ImportedMechanism = found.read(os.fspath(path), **options)
+    return read
