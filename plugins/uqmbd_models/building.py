@@ -13,7 +13,7 @@ from uqmbd_drivers import PositionDriver, RotationDriver
 from uqmbd_joints import Fixed, Prismatic, Revolute, Spherical
 from uqmbd_models.forces import add_forces
 from uqmbd_models.fusing import Fused, fuse
-from uqmbd_models.motion import PlacedJoint, place, position_of, speed_of, zero_angle
+from uqmbd_models.motion import PlacedJoint, place
 from uqmbd_models.names import Names
 from uqmbd_models.tree import Coupling, Inertial, Loop, Tree
 from uqmbd_springs import Gravity
@@ -139,18 +139,26 @@ def _join(built: Built, placed: PlacedJoint, parent: Any, body: Any) -> None:
         component = mechanism.add(Prismatic(placed.name, parent, body, **points, **axes))
     elif joint.kind == "ball":
         component = mechanism.add(Spherical(placed.name, parent, body, **points))
-    add_forces(mechanism, built.names, placed, parent, body)
+    zero = _zero(placed, component)
+    add_forces(mechanism, built.names, placed, parent, body, zero)
     mechanism.joints[placed.name] = uqmbd.ImportedJoint(
         placed.name,
         joint.kind,
         parent.name,
         body.name,
         component,
-        position_of(placed, parent, body),
-        speed_of(placed, parent, body),
+        None if zero is None else (component.angle if joint.kind == "hinge" else component.displacement) + zero,
+        None if zero is None else component.speed,
         tuple(map(float, joint.start)),
         joint.limits,
     )
+
+
+def _zero(placed: PlacedJoint, component: Any) -> float | None:
+    """Position of a hinge or slide, as the file counts it, where that of the component is zero; None of others."""
+    if placed.joint.kind == "hinge":
+        return float(placed.joint.start[0] - component.joint_angle().near)
+    return float(placed.joint.reference[0]) if placed.joint.kind == "slide" else None
 
 
 def _close(built: Built, loop: Loop) -> None:
@@ -178,7 +186,8 @@ def _couple(built: Built, joints: tuple[PlacedJoint, ...], coupling: Coupling) -
     name = built.names.take(coupling.name, "coupling")
     axes = {"axis_i": first.axis_i, "axis_j": first.axis_j}
     if first.joint.kind == "hinge":
-        driver: Any = RotationDriver(name, i, j, angle=value - sympy.Float(zero_angle(first)), **axes)
+        zero = sympy.Float(_zero(first, known.component))
+        driver: Any = RotationDriver(name, i, j, angle=value - zero, **axes)
     else:
         points = {"point_i": first.point_i, "point_j": first.point_j}
         driver = PositionDriver(

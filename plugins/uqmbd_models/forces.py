@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from uqmbd_models.motion import PlacedJoint, zero_angle
+from uqmbd_models.motion import PlacedJoint
 from uqmbd_models.names import Names
 from uqmbd_springs import (
     RotationalFriction,
@@ -21,7 +21,7 @@ __all__ = ["add_forces"]
 AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 
 
-def add_forces(mechanism: Any, names: Names, placed: PlacedJoint, parent: Any, body: Any) -> None:
+def add_forces(mechanism: Any, names: Names, placed: PlacedJoint, parent: Any, body: Any, zero: float | None) -> None:
     """Add spring, friction and rotor of a joint, of each of its freedoms.
 
     Parameters
@@ -31,12 +31,14 @@ def add_forces(mechanism: Any, names: Names, placed: PlacedJoint, parent: Any, b
     placed : PlacedJoint
     parent, body : Ground or Body
         Which the joint lets move.
+    zero : float or None
+        Position of a hinge or slide where that of the component is zero.
     """
     joint = placed.joint
     if joint.kind == "hinge":
         _turning(mechanism, names, placed, parent, body, "", placed.axis_i)
         if joint.stiffness:
-            free = float(joint.rest[0]) - zero_angle(placed)
+            free = float(joint.rest[0] - (zero or 0.0))
             axes = {"axis_i": placed.axis_i, "axis_j": placed.axis_j}
             spring = TorsionSpringDamper(
                 names.take(f"{placed.name}_spring"), parent, body, stiffness=joint.stiffness, free_angle=free, **axes
@@ -46,7 +48,7 @@ def add_forces(mechanism: Any, names: Names, placed: PlacedJoint, parent: Any, b
         points = {"point_i": placed.point_i, "point_j": placed.point_j}
         _sliding(mechanism, names, placed, parent, body, "", placed.axis_i, points)
         if joint.stiffness:
-            free = float(joint.rest[0] - joint.reference[0])
+            free = float(joint.rest[0] - (zero or 0.0))
             spring_at = SlidingSpringDamper(
                 names.take(f"{placed.name}_spring"), parent, body, **points, axis_i=placed.axis_i,
                 stiffness=joint.stiffness, free_displacement=free,

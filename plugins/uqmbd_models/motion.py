@@ -1,4 +1,4 @@
-"""Where joints put their links: poses and velocities at the start, and positions of joints as expressions."""
+"""Where joints put their links: poses and velocities at the start."""
 
 from __future__ import annotations
 
@@ -6,13 +6,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import sympy
 
-import uqmbd
 from uqmbd_models.rotations import about, inverse, product, turned
 from uqmbd_models.tree import Array, Joint, Tree
 
-__all__ = ["Placed", "PlacedJoint", "Pose", "place", "position_of", "speed_of", "zero_angle"]
+__all__ = ["Placed", "PlacedJoint", "Pose", "place"]
 
 
 @dataclass(frozen=True)
@@ -118,42 +116,6 @@ def _moved(pose: Pose, joint: Joint) -> Pose:
     spin = turned(inverse(turn), pose.spin) + speed
     position = anchor - turned(quaternion, joint.point)
     return Pose(position, quaternion, at_anchor - turned(quaternion, np.cross(spin, joint.point)), spin, pose.moves)
-
-
-def zero_angle(placed: PlacedJoint) -> float:
-    """Position of a hinge where the angle between the frames on its axes is zero, from which components count."""
-    return float(placed.joint.reference[0] - _angle_at_reference(placed))
-
-
-def _angle_at_reference(placed: PlacedJoint) -> float:
-    first, second = uqmbd.joint_frames(placed.axis_i, placed.axis_j)
-    f, s = (np.array([float(x) for x in frame]) for frame in (first, second))
-    r = product(inverse(f), product(placed.turn, s))
-    return float(2 * np.arctan2(r[3] * np.sign(r[0] or 1), abs(r[0])))
-
-
-def position_of(placed: PlacedJoint, parent: Any, body: Any) -> Any:
-    """Position of a joint as the file counts it, an expression; None of ball and free joints."""
-    if placed.joint.kind == "slide":
-        offset = body.point(placed.point_j) - parent.point(placed.point_i)
-        return parent.direction(placed.axis_i).dot(offset) + sympy.Float(placed.joint.reference[0])
-    if placed.joint.kind != "hinge":
-        return None
-    r = uqmbd.relative_quaternion(parent.attitude(_numbers(placed.turn)), body.quaternion)
-    sine = sympy.Matrix(r[1:]).dot(sympy.Matrix(placed.axis_j))
-    return 2 * sympy.atan2(sine, r[0]) + sympy.Float(placed.joint.reference[0])
-
-
-def speed_of(placed: PlacedJoint, parent: Any, body: Any) -> Any:
-    """Speed of a joint, an expression; None of ball and free joints."""
-    axis = parent.direction(placed.axis_i)
-    if placed.joint.kind == "slide":
-        offset = body.point(placed.point_j) - parent.point(placed.point_i)
-        rate = body.point_velocity(placed.point_j) - parent.point_velocity(placed.point_i)
-        return axis.dot(rate) + offset.dot(parent.angular_velocity.cross(axis))
-    if placed.joint.kind == "hinge":
-        return axis.dot(body.angular_velocity - parent.angular_velocity)
-    return None
 
 
 def _numbers(vector: Any) -> tuple[float, ...]:

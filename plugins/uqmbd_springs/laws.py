@@ -82,7 +82,8 @@ class NonlinearTorsionSpringDamper(uqmbd.Component):
         if not self.axis_i:
             return {**found, "drawn": self.drawn_angle()}
         frame_i, frame_j = uqmbd.joint_frames(self.axis_i, self.axis_j)
-        return {**found, "frame_i": frame_i, "frame_j": frame_j}
+        near = getattr(self.joint_angle(), "near", 0)
+        return {**found, "frame_i": frame_i, "frame_j": frame_j, "near": near}
 
     def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.Auxiliary | uqmbd.VirtualWork]:
         """Yield the counted angle and the virtual work."""

@@ -36,7 +36,8 @@ class TorsionSpringDamper(uqmbd.Component):
         if not self.axis_i:
             return {"drawn": self.drawn_angle()}
         frame_i, frame_j = uqmbd.joint_frames(self.axis_i, self.axis_j)
-        return {"frame_i": frame_i, "frame_j": frame_j}
+        near = getattr(self.joint_angle(), "near", 0)
+        return {"frame_i": frame_i, "frame_j": frame_j, "near": near}
 
     def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.Auxiliary | uqmbd.Potential | uqmbd.VirtualWork]:
         """Yield the counted angle, energy and dissipation."""
