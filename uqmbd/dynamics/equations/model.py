@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -116,6 +116,14 @@ class Model:
     """Whether a command is a speed that a constraint prescribes."""
     start_at: str = "drawn"
     """Where realisations start: ``drawn`` (as assembled from the drawn pose) or ``equilibrium``."""
+
+    def at(self, time: float) -> Model:
+        """Return the model with another initial time, s; what has been looked up stays known."""
+        other = replace(self, time=time)
+        for name in ("_places", "block_parameters", "counts"):
+            if name in self.__dict__:
+                other.__dict__[name] = self.__dict__[name]
+        return other
 
     @cached_property
     def block_parameters(self) -> int:
