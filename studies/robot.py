@@ -3,7 +3,7 @@
 Two links in a vertical plane carry a payload.  A computed-torque controller at 100 Hz measures the angles and speeds of
 both joints, and commands the torques of their motors, which act 4 ms later, at most 60 N m.  It knows the arm with its
 nominal masses, without friction (J. J. Craig, Introduction to Robotics, 3rd ed., Pearson 2005, section 10.4); what it
-does not know makes the tool miss its path.  The tool goes once round a circle of radius 0.1 m in 2 s, from rest to rest.
+does not know makes the tool miss its path: once round a circle of radius 0.1 m in 2 s, from rest to rest.
 """
 
 import chaospy

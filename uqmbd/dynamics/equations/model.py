@@ -117,9 +117,12 @@ class Model:
     start_at: str = "drawn"
     """Where realisations start: ``drawn`` (as assembled from the drawn pose) or ``equilibrium``."""
 
-    def at(self, time: float) -> Model:
-        """Return the model with another initial time, s; what has been looked up stays known."""
-        other = replace(self, time=time)
+    def between_samples(self, time: float) -> Model:
+        """Return the model with another initial time, s, and without controllers: what they command is constant.
+
+        What has been looked up stays known.
+        """
+        other = replace(self, time=time, controls=())
         for name in ("_places", "block_parameters", "counts"):
             if name in self.__dict__:
                 other.__dict__[name] = self.__dict__[name]

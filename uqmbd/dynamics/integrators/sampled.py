@@ -153,7 +153,7 @@ def projected_in_samples(
 
 def _continued(ensemble: Ensemble, members: Index, time: float, states: Array) -> Ensemble:
     """Make the ensemble of some realisations that starts at a time in given states (M, width)."""
-    model = ensemble.model.at(time)
+    model = ensemble.model.between_samples(time)
     q, s, v = model.layout.split(states)
     a, multipliers, rates = accelerations(model, q, s, v, time, ensemble.block[members])
     lost = np.asarray(~np.isfinite(a).all(axis=1)).tolist()
