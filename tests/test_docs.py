@@ -28,6 +28,19 @@ def test_the_example_runs_and_passes_its_check(page, tmp_path, monkeypatch):
         exec(compile(block, page.name, "exec"), package.__dict__)
 
 
+@pytest.mark.thorough
+@pytest.mark.parametrize("page", sorted((ROOT / "docs").glob("*.md")), ids=lambda page: page.stem)
+def test_the_examples_of_a_page_run(page, tmp_path, monkeypatch):
+    """And the study that they end in, if there is one."""
+    monkeypatch.chdir(tmp_path)
+    example = ModuleType("page_of_docs")
+    monkeypatch.setitem(sys.modules, "page_of_docs", example)
+    for block in re.findall(r"^```python\n(.*?)^```$", page.read_text(encoding="utf-8"), re.M | re.S):
+        exec(compile(block, page.name, "exec"), example.__dict__)
+    if hasattr(example, "study"):
+        assert "failed" not in example.study.run().attrs
+
+
 def test_every_path_that_the_page_on_changes_names_is_there():
     text = (ROOT / "docs" / "change.md").read_text(encoding="utf-8")
     paths = re.findall(r"`([\w-]+/[\w/.-]+)`", text)

@@ -127,7 +127,7 @@ class Controller:
     >>> mechanism.output("force", controller.command("force"), units="N")
     >>> found = uqmbd.simulate(mechanism, [0, 1, 5])
     >>> [round(float(value), 3) for value in found["x"]], float(found["force"][0])
-    ([0.0, 0.546, 0.999], 5.0)
+    ([0.0, 0.584, 0.999], 5.0)
     """
 
     @checked
