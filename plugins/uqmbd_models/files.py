@@ -184,6 +184,10 @@ def _set_aside(loaded: Loaded, form: str) -> None:
     spec = loaded.spec
     if form == "urdf":
         spec.compiler.inertiafromgeom = NEVER
+        for equality in list(
+            spec.equalities
+        ):  # later versions read mimic joints, earlier ones do not: they are read here
+            _delete(spec, equality)
     spec.compiler.fusestatic = False
     spec.compiler.discardvisual = False
     equalities = loaded.mujoco.mjtEq

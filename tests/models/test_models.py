@@ -119,3 +119,200 @@ def test_a_pendulum_with_a_rotor_spring_and_damper(mjcf):
 
     exact = solve_ivp(rate, (0, 2), (1.1, -2.0), t_eval=times, rtol=1e-11, atol=1e-12)
     np.testing.assert_allclose(found["pin"], exact.y[0], rtol=0, atol=1e-7)
+
+
+def test_a_four_bar_with_a_loop(mjcf):
+    """A parallelogram: (J1 + J3 + m1 r^2 + m3 r^2 + m2 l^2) q'' = g ((m1 + m3) r + m2 l) cos q."""
+    inertial = '<inertial pos="{}" mass="{}" diaginertia="{} {} {}"/>'
+    read = mjcf(
+        '<worldbody><body name="crank"><joint name="motor" axis="0 1 0"/>'
+        + inertial.format("0.2 0 0", 1, 0.01, 0.02, 0.015)
+        + '<body name="coupler" pos="0.4 0 0"><joint axis="0 1 0"/>'
+        + inertial.format("0 0 0.3", 2, 0.05, 0.06, 0.02)
+        + '<body name="rocker" pos="0 0 0.6"><joint axis="0 1 0"/>'
+        + inertial.format("-0.2 0 0", 1.5, 0.01, 0.03, 0.02)
+        + '</body></body></body></worldbody><equality><connect body1="rocker" anchor="-0.4 0 0"/></equality>'
+    )
+    times = np.linspace(0, 0.8, 17)
+    with pytest.warns(uqmbd.RedundantConstraintWarning):
+        found = uqmbd.simulate(read, times, rtol=1e-9, check=False)
+    whole = 0.02 + 1 * 0.2**2 + 0.03 + 1.5 * 0.2**2 + 2 * 0.4**2
+    arm = (1 + 1.5) * 0.2 + 2 * 0.4
+    exact = solve_ivp(
+        lambda t, y: (y[1], G * arm * np.cos(y[0]) / whole), (0, 0.8), (0, 0), t_eval=times, rtol=1e-11, atol=1e-12
+    )
+    np.testing.assert_allclose(found["motor"], exact.y[0], rtol=0, atol=1e-7)
+    assert "connect_1" in read.components and [row.what for row in read.not_taken] == ["softness of constraints"]
+
+
+def test_joints_that_follow_another_one(urdf):
+    """A finger that slides half as far as a wheel turns: (J + m r^2) q'' = -m g r, and starts at the offset."""
+    read = urdf(
+        '<link name="base"/>'
+        + link("wheel", 1, inertia=(0.1, 0.2, 0.1))
+        + link("finger", 2)
+        + joint("turn", "base", "wheel")
+        + joint("slide", "base", "finger", "prismatic", axis="0 0 1", more='<mimic joint="turn" multiplier="0.5"/>')
+    )
+    times = np.linspace(0, 2, 21)
+    found = uqmbd.simulate(read, times, rtol=1e-9, check=False)
+    rate = -2 * G * 0.5 / (0.2 + 2 * 0.25)
+    assert abs(rate) * 2 > 2 * np.pi  # more than two turns
+    np.testing.assert_allclose(found["turn"], rate * times**2 / 2, rtol=0, atol=1e-6)
+    np.testing.assert_allclose(found["slide"], rate * times**2 / 4, rtol=0, atol=1e-6)
+
+
+def test_a_polynomial_between_joints(mjcf):
+    """A slide whose displacement is a polynomial in that of another: energy is kept, and so is the polynomial."""
+    read = mjcf(
+        '<worldbody><body name="a"><joint name="first" type="slide" axis="0 0 1" ref="0.2"/>'
+        '<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/></body><body name="b" pos="1 0 0">'
+        '<joint name="second" type="slide" axis="1 0 0"/><inertial pos="0 0 0" mass="3" diaginertia="1 1 1"/></body>'
+        '</worldbody><equality><joint joint1="second" joint2="first" polycoef="0 0.5 -0.3 0.2"/></equality>'
+    )
+    times = np.linspace(0, 0.4, 9)
+    found = uqmbd.simulate(read, times, rtol=1e-9, check=False)
+    x, y = found["first"].values - 0.2, found["second"].values
+    np.testing.assert_allclose(y, 0.5 * x - 0.3 * x**2 + 0.2 * x**3, rtol=0, atol=1e-8)
+
+    def rate(t, s):
+        slope, bend = 0.5 - 0.6 * s[0] + 0.6 * s[0] ** 2, -0.6 + 1.2 * s[0]
+        return s[1], (-G - 3 * slope * bend * s[1] ** 2) / (1 + 3 * slope**2)
+
+    exact = solve_ivp(rate, (0, 0.4), (0, 0), t_eval=times, rtol=1e-11, atol=1e-12)
+    np.testing.assert_allclose(x, exact.y[0], rtol=0, atol=1e-7)
+
+
+def test_several_joints_of_one_body(mjcf):
+    """Slide, slide, hinge of one body in a plane are free motion there: a parabola, and a constant spin."""
+    read = mjcf(
+        '<worldbody><body name="disc" euler="0 20 0"><joint name="x" type="slide" axis="1 0 0"/>'
+        '<joint name="z" type="slide" axis="0 0 1"/><joint name="turn" axis="0 1 0" pos="0 0 0"/>'
+        '<inertial pos="0 0 0" mass="2" diaginertia="1 2 1"/></body></worldbody>'
+        '<keyframe><key qpos="0.1 0.2 0.3" qvel="1 2 9"/></keyframe>',
+        keyframe=0,
+    )
+    assert list(read.bodies) == ["disc_after_x", "disc_after_z", "disc"]
+    for k, axis in enumerate("xyz"):
+        read.output(f"p{axis}", read.bodies["disc"].position[k], units="m")
+    times = np.linspace(0, 1, 11)
+    found = uqmbd.simulate(read, times, rtol=1e-9, check=False)
+    tilt = np.deg2rad(20)
+    x, z = 0.1 + times, 0.2 + 2 * times
+    # gravity along the tilted axes
+    x, z = x + G * np.sin(tilt) * times**2 / 2, z - G * np.cos(tilt) * times**2 / 2
+    np.testing.assert_allclose(found["x"], x, rtol=0, atol=1e-8)
+    np.testing.assert_allclose(found["z"], z, rtol=0, atol=1e-8)
+    np.testing.assert_allclose(found["turn"], 0.3 + 9 * times, rtol=0, atol=1e-7)
+    np.testing.assert_allclose(found["px"], x * np.cos(tilt) + z * np.sin(tilt), rtol=0, atol=1e-8)
+
+
+def test_ball_and_free_joints(mjcf):
+    """A symmetric top on a free body and one on a ball joint turn steadily about an axis of inertia, damped."""
+    inertial = '<inertial pos="0 0 0" mass="2" diaginertia="0.3 0.3 0.5"/>'
+    read = mjcf(
+        '<option gravity="0 0 0"/><worldbody><body name="ball" pos="1 0 0">'
+        f'<joint name="socket" type="ball" damping="0.2" armature="0.1"/>{inertial}</body>'
+        f'<body name="free" pos="0 1 0"><freejoint name="base"/>{inertial}</body></worldbody>'
+        '<keyframe><key name="spin" qpos="1 0 0 0 0 1 0 1 0 0 0" qvel="0 0 4 0.5 0 0 0 0 3"/></keyframe>',
+        keyframe="spin",
+    )
+    assert {joint.kind for joint in read.joints.values()} == {"ball", "free"}
+    for name in ("ball", "free"):
+        read.output(f"{name}_speed", read.bodies[name].angular_velocity[2], units="rad/s")
+    times = np.linspace(0, 2, 11)
+    found = uqmbd.simulate(read, times, rtol=1e-9, check=False)
+    np.testing.assert_allclose(found["ball_speed"], 4 * np.exp(-0.2 / (0.5 + 0.1) * times), rtol=0, atol=1e-7)
+    np.testing.assert_allclose(found["free_speed"], 3, rtol=0, atol=1e-8)
+    np.testing.assert_allclose(found["base.x"], 0.5 * times, rtol=0, atol=1e-8)
+
+
+def test_a_rolled_up_spring_starts_in_the_turn_of_the_file(mjcf):
+    """A hinge drawn at half a turn and at three turns: k (q - rest) acts, not what is left of it after whole turns."""
+    for start in (np.pi, 6 * np.pi + 0.4):
+        read = mjcf(
+            '<option gravity="0 0 0"/><compiler angle="radian"/><worldbody><body><joint name="q" stiffness="2"/>'
+            '<inertial pos="0 0 0" mass="1" diaginertia="0.5 0.5 0.5"/></body></worldbody>'
+            f'<keyframe><key qpos="{start}"/></keyframe>',
+            keyframe=0,
+        )
+        times = np.linspace(0, 3, 13)
+        found = uqmbd.simulate(read, times, rtol=1e-9, check=False)
+        np.testing.assert_allclose(found["q"], start * np.cos(2 * times), rtol=0, atol=1e-6)
+
+
+def test_limits_are_margins_and_what_is_left_out_is_told(urdf):
+    limit = '<limit lower="-1" upper="0.5" effort="10" velocity="3"/><dynamics damping="0.1" friction="0.2"/>'
+    read = urdf(
+        link("base")
+        + link("arm", com="0.3 0 0")
+        + '<link name="tool"/>'
+        + joint("pin", "base", "arm", "revolute", more=limit)
+        + joint("flange", "arm", "tool", "fixed", xyz="0.6 0 0")
+        + '<transmission name="drive"/>'
+    )
+    told = {row.what: row.names for row in read.not_taken}
+    assert told["transmissions"] == ("drive",) and told["limits of joints"] == told["dry friction"] == ("pin",)
+    assert told["limits of effort and speed"] == ("pin",)
+    assert told["links fixed to the ground"] == ("base",) and told["links without a joint"] == ("tool",)
+    read.output("tool", read.frames["tool"].velocity[2], units="m/s")
+    read.output("down", read.frames["tool"].acceleration[2], units="m/s^2")
+    found = uqmbd.simulate(read, np.linspace(0, 0.2, 11), check=False)
+    q = found["pin"].values
+    np.testing.assert_allclose(found["pin.margin"], np.minimum(q + 1, 0.5 - q), rtol=0, atol=1e-12)
+    np.testing.assert_allclose(np.gradient(found["tool"].values, 0.02)[2:-2], found["down"][2:-2], rtol=0.02)
+
+
+def test_merged_links_move_as_those_that_are_held(urdf):
+    """fuse=False keeps fixed links as bodies; the motion is the same, also of a link that is turned in its frame."""
+    inside = (
+        '<link name="base"/>'
+        + link("arm", com="0.3 0 0", rpy="0.3 0.2 0.1", inertia=(0.01, 0.03, 0.025))
+        + link("hand", 0.5, "0.1 0.02 0", (0.002, 0.004, 0.003), rpy="1 0 0.5")
+        + joint("pin", "base", "arm", axis="0.6 0.8 0")
+        + joint("wrist", "arm", "hand", "fixed", xyz="0.6 0 0.1", rpy="0.4 0.5 0.6")
+    )
+    times = np.linspace(0, 1, 11)
+    one, two = urdf(inside), urdf(inside, fuse=False)
+    assert (list(one.bodies), list(two.bodies)) == (["arm"], ["arm", "hand"])
+    found = [uqmbd.simulate(x, times, rtol=1e-9, check=False)["pin"] for x in (one, two)]
+    np.testing.assert_allclose(*found, rtol=0, atol=1e-8)
+
+
+def test_a_floating_base_falls(urdf):
+    read = urdf(TWO.replace('<link name="base"/>', link("base")), floating=True)
+    assert list(read.bodies) == ["base", "upper", "lower"] and read.joints["base_free"].kind == "free"
+    found = uqmbd.simulate(read, np.linspace(0, 0.5, 6), check=False)
+    mass = [float(body.mass) for body in read.bodies.values()]
+    assert sum(mass) == pytest.approx(2.9)
+    assert float(found["base_free.z"][-1]) < -0.5
+
+
+def test_names_are_valid_and_each_once(mjcf):
+    body = '<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>'
+    read = mjcf(
+        f'<worldbody><body name="arm/time"><joint name="time"/>{body}<body name="same"><joint name="same"/>{body}'
+        f"<body><joint/>{body}</body></body></body></worldbody>"
+    )
+    assert list(read.bodies) == ["arm_time", "same", "body_3"]
+    assert list(read.joints) == ["time_joint", "same_joint", "body_3_joint"]
+
+
+def test_check_and_notebooks_tell_what_was_left_out(mjcf, tmp_path, capsys):
+    from uqmbd.cli.check import show_check
+    from uqmbd.report.notebook import mechanism_html
+
+    read = mjcf(
+        '<worldbody><body name="a"><joint name="q" axis="1 0 0" range="-10 10"/><geom name="shell" size="0.1"/></body>'
+        '</worldbody><actuator><motor name="drive" joint="q"/></actuator>'
+    )
+    assert "drive" in mechanism_html(read) and "nothing stops there" in mechanism_html(read)
+    script = tmp_path / "robot.py"
+    script.write_text(
+        "import uqmbd\nfrom uqmbd_models import MJCF\n"
+        f"study = uqmbd.Study('robot', MJCF().read({str(tmp_path / 'model.xml')!r}), times=[0, 0.1])\n"
+    )
+    show_check(script)
+    printed = " ".join(capsys.readouterr().out.split())
+    for part in ("actuators 1 drive", "shapes that collide 1 shell", "limits of joints 1 q", "by MuJoCo"):
+        assert part in printed, part

@@ -14,6 +14,7 @@ from uqmbd.cli.picture import draw_figure, require_format
 from uqmbd.cli.tables import console, plain_table
 from uqmbd.errors import StudyError
 from uqmbd.isolation import Isolated
+from uqmbd.mechanism import ImportedMechanism, Mechanism
 from uqmbd.propagation import Estimate, Propagator, load_study, obstacle_of
 
 if TYPE_CHECKING:
@@ -71,6 +72,7 @@ def show_check(script: Path, figure: Path | None = None) -> None:
     if found.mobility:
         _show_frequencies(screen, study)
     _show_apart(screen, found)
+    _show_omissions(screen, study.mechanism)
     _show_components(screen, found.components)
     _show_controllers(screen, getattr(found, "controllers", ()))
     _show_inputs(screen, found.inputs, found.unused_inputs)
@@ -133,6 +135,18 @@ def _show_apart(screen: Console, found: Any) -> None:
             every = ", ".join(map(repr, names))
             note = f"bodies {every} are connected with each other only: no component leads to the ground"
         screen.print(f"  note        {note}", markup=False)
+
+
+def _show_omissions(screen: Console, mechanism: Mechanism) -> None:
+    """Print what a mechanism that was read from a file does not have of it."""
+    if not isinstance(mechanism, ImportedMechanism):
+        return
+    screen.print(f"  read from   {mechanism.source}, by {mechanism.read_by}", markup=False)
+    table = plain_table("not taken, or changed", "count", "which", "why", right=1)
+    for row in mechanism.not_taken:
+        table.add_row(Text(row.what), str(row.count), Text(row.listed), Text(row.why))
+    screen.print()
+    screen.print(table if len(mechanism.not_taken) else "All that the file says was taken.")
 
 
 def _show_frequencies(screen: Console, study: Study) -> None:

@@ -110,7 +110,7 @@ class Omissions(Sequence[Omission]):
     Examples
     --------
     >>> print(Omissions([Omission("actuators", ("motor", "brake"), "add drivers or torques")]))
-    2 actuators (motor, brake): add drivers or torques
+    actuators, 2 (motor, brake): add drivers or torques
     """
 
     def __init__(self, rows: Sequence[Omission]) -> None:
@@ -126,7 +126,7 @@ class Omissions(Sequence[Omission]):
         return iter(self.rows)
 
     def __str__(self) -> str:
-        lines = [f"{row.count} {row.what} ({row.listed}): {row.why}" for row in self.rows]
+        lines = [f"{row.what}, {row.count} ({row.listed}): {row.why}" for row in self.rows]
         return "\n".join(lines) or "All was taken."
 
     def __repr__(self) -> str:

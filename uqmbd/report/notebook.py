@@ -115,6 +115,7 @@ def _tables(mechanism: Mechanism) -> str:
             _table("Components", ("name", "type", "between"), components),
             _table("Random inputs", ("name", "distribution", "units"), inputs),
             _table("Outputs", ("name", "units", "expression"), outputs),
+            _table("Not taken from the file, or changed", ("what", "count", "which", "why"), _omissions(mechanism)),
         )
     )
 
@@ -132,6 +133,11 @@ def _picture(mechanism: Mechanism) -> str:
     return (
         f'<img src="{made["source"]}" alt="{escape(made["alt"], quote=True)}" style="max-width:100%;background:#fff">'
     )
+
+
+def _omissions(mechanism: Mechanism) -> list[tuple[str, str, str, str]]:
+    """List what a mechanism that was read from a file does not have of it."""
+    return [(row.what, str(row.count), row.listed, row.why) for row in getattr(mechanism, "not_taken", ())]
 
 
 def _value(value: Any) -> str:

