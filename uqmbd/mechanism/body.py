@@ -130,12 +130,12 @@ class Body(NamedFrame):
     @property
     def mass(self) -> sympy.Expr:
         """The mass, kg: a number or an expression in random variables."""
-        return sympy.sympify(self.terms.values["mass"])
+        return sympy.sympify(self.terms.mass)
 
     @property
     def com(self) -> Sequence[Any]:
         """Centre of mass, body frame, m."""
-        com: Sequence[Any] = self.terms.values["com"]
+        com: Sequence[Any] = self.terms.com
         return com
 
     def __repr__(self) -> str:

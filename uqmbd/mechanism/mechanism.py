@@ -5,19 +5,18 @@ from __future__ import annotations
 from collections.abc import Callable, Hashable, Sequence, Sized
 from typing import Any, TypeVar
 
-import sympy
-
 from uqmbd.display import html_of
 from uqmbd.errors import StudyError
-from uqmbd.mechanism.body import Body, BodyTerms, Ground, Pose
+from uqmbd.mechanism.body import Body, Ground
 from uqmbd.mechanism.components import Component, settle
 from uqmbd.mechanism.controller import Controller
-from uqmbd.mechanism.expressions import check_scalar, is_scalar, numbers, random_variables, shown
+from uqmbd.mechanism.expressions import check_scalar, is_scalar, random_variables, shown
 from uqmbd.mechanism.geometry import Space
 from uqmbd.mechanism.holonomic import require_holonomic
-from uqmbd.mechanism.inertia import inertia_entries, mass_number, orientation
+from uqmbd.mechanism.new_body import new_body
 from uqmbd.mechanism.output import TURNS, Output, recorded
-from uqmbd.mechanism.scope import require_bodies, require_known
+from uqmbd.mechanism.randomise import randomise
+from uqmbd.mechanism.scope import require_bodies, require_component, require_known
 from uqmbd.mechanism.start import StartCondition, start_condition
 from uqmbd.names import check_name, check_units, checked
 from uqmbd.randomness import JointInput, RandomVariable
@@ -120,39 +119,11 @@ class Mechanism:
         """
         where = f"body {check_name(name, 'body')!r}"
         self._require_free(name, where)
-        space = self.space
-        d, origin = space.dimension, (0,) * space.dimension
-        turning = 3 if d == 3 else 1
-        if not isinstance(hold, bool):
-            raise StudyError(f"{where}: hold is {shown(hold)}; expected True or False.")
-        if angular_velocity is not None and not space.turns:
-            raise StudyError(
-                f"{where}: angular_velocity is given, but bodies in {type(space).__name__} space do not turn; "
-                "leave it out."
-            )
         stated = {
             "mass": mass, "inertia": inertia, "com": com, "position": position, "angle": angle, "rotation": rotation,
             "quaternion": quaternion, "velocity": velocity, "angular_velocity": angular_velocity,
         }  # fmt: skip
-        for key, value in stated.items():
-            require_known(self, f"{where}: {key}", value, "number")
-        moments = inertia_entries(where, space, inertia)
-        heavy = mass_number(where, mass)
-        turned = orientation(where, space, angle, quaternion, rotation)
-        pose = Pose(
-            q=(*numbers(where, "position", origin if position is None else position, d, "world axes, m"), *turned),
-            velocity=None if velocity is None else tuple(numbers(where, "velocity", velocity, d, "world axes, m/s")),
-            angular_velocity=None
-            if angular_velocity is None
-            else tuple(numbers(where, "angular_velocity", angular_velocity, turning, "body axes, rad/s")),
-            hold=hold,
-            angle=sympy.sympify(0 if angle is None else angle),
-        )
-        centre = numbers(where, "com", origin if com is None else com, d, "centre of mass, body frame, m")
-        terms = BodyTerms(name, self.ground, mass=heavy, com=centre, inertia=moments, gravity=space.gravity)
-        body = Body(name, space, terms, pose)
-        terms.attached = {"body": body}
-        settle(where, terms, space)
+        body = new_body(self, name, stated, hold)
         self.bodies[name] = body
         return body
 
@@ -179,37 +150,22 @@ class Mechanism:
         if isinstance(given, Controller):
             self._control(given)
             return component
-        if isinstance(given, type) and issubclass(given, Component):
-            raise StudyError(
-                f"mechanism {self.name!r}: add() was given the class {given.__name__}; "
-                f"give it an object, made as {given.__name__}{given.signature()}."
-            )
-        if not isinstance(component, Component):
-            raise StudyError(
-                f"mechanism {self.name!r}: add() was given {shown(component)}; "
-                "expected a component such as a joint, a spring or a force."
-            )
-        for body in component.attached.values():
-            getattr(body, "drafts", {}).pop(component.name, None)
-        where = f"{type(component).__name__} {component.name!r}"
-        if self.components.get(component.name) is component:
+        part = require_component(self, given)
+        for body in part.attached.values():
+            getattr(body, "drafts", {}).pop(part.name, None)
+        where = f"{type(part).__name__} {part.name!r}"
+        if self.components.get(part.name) is part:
             raise StudyError(f"{where}: it has been added to mechanism {self.name!r} already.")
-        self._require_free(component.name, where)
-        if not isinstance(self.space, component.spaces):
-            fitting = ", ".join(space.__name__ for space in component.spaces)
-            raise StudyError(
-                f"{where}: it makes no sense in {type(self.space).__name__} space, "
-                f"which mechanism {self.name!r} is in; it works in: {fitting}."
-            )
-        left_out = [role for role in component.grounded if component.attached[role] is None]
-        component.attached.update(dict.fromkeys(left_out, self.ground))
-        require_bodies(self, where, component)
-        for key, value in settle(where, component, self.space).items():
-            declared = component.parameters().get(key)
+        self._require_free(part.name, where)
+        left_out = [role for role in part.grounded if part.attached[role] is None]
+        part.attached.update(dict.fromkeys(left_out, self.ground))
+        require_bodies(self, where, part)
+        for key, value in settle(where, part, self.space).items():
+            declared = part.parameters().get(key)
             if declared is None or declared.kind != "option":
                 require_known(self, f"{where}: {key}", value, "law")
-        require_holonomic(where, component, self.space)
-        self.components[component.name] = component
+        require_holonomic(where, part, self.space)
+        self.components[part.name] = part
         return component
 
     @checked
@@ -325,8 +281,50 @@ class Mechanism:
         number = len(self.conditions) + 1
         self.conditions[f"{found.text} ({number})" if found.text in self.conditions else found.text] = found
 
+    @checked
+    def randomise(
+        self,
+        pattern: str | Sequence[str],
+        relative: float | None = None,
+        absolute: float | None = None,
+        distribution: Any = None,
+    ) -> list[RandomVariable]:
+        """Make numbers of bodies and components random, by the pattern of their names (``docs/randomise.md``).
+
+        Parameters
+        ----------
+        pattern : str or sequence of str
+            ``*``, ``?`` and ``[abc]`` stand for characters of ``BODY.mass``, ``BODY.com``, ``BODY.inertia``,
+            ``COMPONENT.parameter``, or an entry of a vector, as ``BODY.com.x``.
+        relative, absolute : float
+            Standard deviation, over the size of the number or in its units; the mean is the number itself.
+        distribution : str, chaospy distribution or function
+            ``"normal"``, ``"lognormal"``, ``"uniform"``; by default normal, in a range lognormal or beta.  Instead of
+            a standard deviation: a distribution of a factor, or a function from number to distribution.
+
+        Returns
+        -------
+        list of RandomVariable
+            Named like the numbers.  An inertia tensor has one for each principal second moment of mass.
+
+        Raises
+        ------
+        uqmbd.StudyError
+            If nothing matches, nothing of it can vary, or a distribution leaves the range of a number.
+
+        Examples
+        --------
+        >>> import uqmbd
+        >>> mechanism = uqmbd.Mechanism("fall", uqmbd.Line(gravity=-9.81))
+        >>> stone = mechanism.body("stone", mass=2)
+        >>> mechanism.randomise("*.mass", relative=0.02)
+        [stone.mass]
+        """
+        known = {variable.name for variable in self._used()}
+        return randomise(self, pattern, relative, absolute, distribution, known)
+
     def remembered(self, key: Hashable, make: Callable[[], T]) -> T:
-        """Return what `make` made when `key` was last asked for, unless the mechanism has grown since.
+        """Return what `make` made when `key` was last asked for, unless the mechanism has changed since.
 
         Parameters
         ----------
@@ -336,7 +334,7 @@ class Mechanism:
             Makes it.
         """
         parts: tuple[Sized, ...] = (self.bodies, self.components, self.controllers, self.outputs, self.scalars)
-        revision = tuple(map(len, (*parts, self.conditions)))
+        revision = (*map(len, (*parts, self.conditions)), sum(c.settled for c in self.all_components()))
         known = self._memory.get(key)
         if known is None or known[0] != revision:
             known = (revision, make())

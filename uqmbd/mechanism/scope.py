@@ -12,9 +12,10 @@ from uqmbd.mechanism.body import Body, Ground, StateSymbol
 from uqmbd.mechanism.components import AngleSymbol, Component, Loaded, ReactionSymbol
 from uqmbd.mechanism.controller import Controller, HeldSymbol
 from uqmbd.mechanism.expressions import ScalarSymbol, flatten, is_scalar, shown, t, unknown_symbol
+from uqmbd.mechanism.geometry import Space
 from uqmbd.randomness import RandomVariable
 
-__all__ = ["Described", "Scope", "require_bodies", "require_known"]
+__all__ = ["Described", "Scope", "require_bodies", "require_component", "require_known"]
 
 Scope = Literal["number", "law", "start", "output"]
 """A number knows random variables; a law time, positions, angles and velocities as well; an output everything.
@@ -29,6 +30,7 @@ class Described(Protocol):
     bodies: dict[str, Body]
     components: dict[str, Component]
     ground: Ground
+    space: Space
     controllers: dict[str, Controller]
 
 
@@ -83,6 +85,27 @@ def require_known(mechanism: Described, where: str, value: Any, scope: Scope) ->
         elif symbol != t:
             raise StudyError(f"{where}: it contains {unknown_symbol(symbol)}")
         _require_scope(where, symbol, scope)
+
+
+def require_component(mechanism: Described, given: Any) -> Component:
+    """Return what is to be added; raise unless it is a component that makes sense in the space of a mechanism."""
+    if isinstance(given, type) and issubclass(given, Component):
+        raise StudyError(
+            f"mechanism {mechanism.name!r}: add() was given the class {given.__name__}; "
+            f"give it an object, made as {given.__name__}{given.signature()}."
+        )
+    if not isinstance(given, Component):
+        raise StudyError(
+            f"mechanism {mechanism.name!r}: add() was given {shown(given)}; "
+            "expected a component such as a joint, a spring or a force."
+        )
+    if not isinstance(mechanism.space, given.spaces):
+        fitting = ", ".join(space.__name__ for space in given.spaces)
+        raise StudyError(
+            f"{type(given).__name__} {given.name!r}: it makes no sense in {type(mechanism.space).__name__} space, "
+            f"which mechanism {mechanism.name!r} is in; it works in: {fitting}."
+        )
+    return given
 
 
 def require_bodies(mechanism: Described, where: str, component: Component) -> None:

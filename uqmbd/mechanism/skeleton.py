@@ -72,8 +72,8 @@ def skeleton(mechanism: Mechanism, time: float = 0.0) -> list[Mark]:
     """
     found = [mark for component in mechanism.components.values() for mark in _marks(component, mechanism, time)]
     for body in mechanism.bodies.values():
-        if body.mass != 0:
-            found.append(Mark("com", body.name, "", "com", _points(list(body.com), time) or ()))
+        if body.terms.values["mass"] != 0:
+            found.append(Mark("com", body.name, "", "com", _points(list(body.terms.values["com"]), time) or ()))
     found += list(_observed(mechanism))
     bare = set(mechanism.bodies) - {m.body for m in found if m.kind != "direction" and m.local}
     origin = (sympy.S.Zero,) * mechanism.space.dimension

@@ -7,7 +7,6 @@ import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
-from functools import cached_property
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -177,9 +176,21 @@ class Study:
         other.propagators = self._checked(propagators)
         return other
 
-    @cached_property
+    @property
     def model(self) -> Model:
         """The compiled model (made when first needed), which the integrator of the study can integrate."""
+        about = (
+            self.name,
+            self.times.tobytes(),
+            self.start,
+            self.max_step,
+            tuple(self.breaks),
+            self.rtol,
+            self.integrator,
+        )
+        return self.mechanism.remembered(("study", *about), self._made)
+
+    def _made(self) -> Model:
         from uqmbd.dynamics import Ensemble, require_for
 
         if len(self.times) == 1:

@@ -6,6 +6,7 @@ The only place that imports chaospy.
 from __future__ import annotations
 
 from uqmbd.randomness.designs import Design, SamplingDesign, Seed, design_problem, sampling_design, sampling_designs
+from uqmbd.randomness.distributions import distribution_about, is_distribution, strays
 from uqmbd.randomness.existence import exists, moment_orders
 from uqmbd.randomness.germs import Germ, cumulated, truncated
 from uqmbd.randomness.index_sets import index_set
@@ -42,9 +43,11 @@ __all__ = [
     "clenshaw_curtis",
     "combination_coefficients",
     "design_problem",
+    "distribution_about",
     "gauss_tensor",
     "gram_error",
     "index_set",
+    "is_distribution",
     "located",
     "moment_orders",
     "monte_carlo_rule",
@@ -53,6 +56,7 @@ __all__ = [
     "sampling_designs",
     "smolyak",
     "sparse_rule",
+    "strays",
     "truncated",
     "uniform_variable",
 ]

@@ -98,7 +98,7 @@ def _tables(mechanism: Mechanism) -> str:
     import warnings
 
     bodies = [
-        (b.name, _value(b.mass), ", ".join(map(_value, b.pose.q[: b.space.dimension])))
+        (b.name, _value(b.terms.values["mass"]), ", ".join(map(_value, b.pose.q[: b.space.dimension])))
         for b in mechanism.bodies.values()
     ]
     components = [

@@ -103,9 +103,10 @@ def limits_of(mechanism: Mechanism, expressions: list[sympy.Expr]) -> tuple[tupl
         return len(expressions) - 1
 
     for body in mechanism.bodies.values():
-        if _random(body.mass):
-            limits.append(Limit(f"mass of body {body.name!r}", placed(body.mass), "kg"))
-        moments = [sympy.sympify(x) for x in body.terms.inertia or ()]
+        mass = sympy.sympify(body.terms.values["mass"])
+        if _random(mass):
+            limits.append(Limit(f"mass of body {body.name!r}", placed(mass), "kg"))
+        moments = [sympy.sympify(x) for x in body.terms.values["inertia"] or ()]
         if len(moments) == 1 and _random(moments[0]):
             limits.append(Limit(f"moment of inertia of body {body.name!r}", placed(moments[0]), "kg m^2"))
         if len(moments) == 6 and any(_random(x) for x in moments):

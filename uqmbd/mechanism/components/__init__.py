@@ -22,7 +22,7 @@ from uqmbd.mechanism.components.component import (
 )
 from uqmbd.mechanism.components.joint_motion import AngleSymbol, JointAngle, JointDisplacement, angles_in
 from uqmbd.mechanism.components.parameter import range_text
-from uqmbd.mechanism.components.parameter_values import settle
+from uqmbd.mechanism.components.parameter_values import settle, stated_in_bodies
 from uqmbd.mechanism.components.reaction import Loaded
 from uqmbd.mechanism.components.turn_counting import counted_angle, half_angle
 from uqmbd.mechanism.components.user_law import law_at, law_values
@@ -55,4 +55,5 @@ __all__ = [
     "law_values",
     "range_text",
     "settle",
+    "stated_in_bodies",
 ]

@@ -121,8 +121,8 @@ class Component:
     spaces: ClassVar[tuple[type[Space], ...]] = (Spatial, Planar, Translational)
     symbol: ClassVar[str] = ""
     """How figures draw it, one of `SYMBOLS`; empty: by the kinds of its parameters, and where it attaches."""
-    settled = False
-    """Whether it is a part of a mechanism, so that its parameters have values."""
+    settled = 0
+    """How often its parameters got values; 0: it is no part of a mechanism yet."""
     stating = False
     """Whether it is being asked for its terms."""
     offered = False
@@ -158,6 +158,8 @@ class Component:
         self.attached: dict[str, NamedFrame] = {key: given.pop(key, None) for key in roles}
         self.given = given
         self.values: dict[str, Any] = {}
+        self.read: set[str] = set()
+        """Parameters whose values were read, by anything but `prepare`."""
         if not self.offered:
             for body in self.attached.values():
                 getattr(body, "drafts", {})[name] = kind
@@ -345,6 +347,7 @@ class Component:
     def joint_displacement(self, speed: str = "speed") -> JointDisplacement:
         """Displacement of `point_j` from `point_i` along `axis_i`, for `motion`."""
         i, j = (self.attached[key] for key in ("body_i", "body_j"))
+        self.read |= {"point_i", "point_j"}
         point_i, point_j, axis_i = (self.values[key] for key in ("point_i", "point_j", "axis_i"))
         return JointDisplacement(i.direction(axis_i).dot(j.point(point_j) - i.point(point_i)), speed)
 

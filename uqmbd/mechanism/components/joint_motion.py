@@ -234,7 +234,7 @@ class Telling(Protocol):
     """What tells its motion: a component."""
 
     name: str
-    settled: bool
+    settled: int
 
     @property
     def attached(self) -> Mapping[str, Any]: ...

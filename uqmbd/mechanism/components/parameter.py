@@ -21,6 +21,7 @@ class _Owner(Protocol):
 
     stating: bool
     values: dict[str, Any]
+    read: set[str]
 
 
 @dataclass(frozen=True)
@@ -119,6 +120,7 @@ class Parameter:
                 f"terms() uses self.{self.name}; write p.{self.name}: the terms of one type of component are stated "
                 "once, in symbols, for all its objects and values."
             )
+        instance.read.add(self.name)
         return instance.values[self.name]
 
     @property

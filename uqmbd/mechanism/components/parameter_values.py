@@ -13,7 +13,7 @@ from uqmbd.mechanism.expressions import flatten, numbers, shown
 from uqmbd.mechanism.geometry import Space, nominal, quaternion_of_matrix, unit
 from uqmbd.randomness import RandomVariable
 
-__all__ = ["settle"]
+__all__ = ["settle", "stated_in_bodies"]
 
 
 def settle(where: str, component: Component, space: Space) -> dict[str, Any]:
@@ -55,14 +55,32 @@ def settle(where: str, component: Component, space: Space) -> dict[str, Any]:
         except StudyError as error:
             # helpers on axes and rotations do not know whom they work for
             raise StudyError(str(error) if str(error).startswith(where) else f"{where}: {key}: {error}") from None
+    known = [(x, set(x.read)) for x in (component, *_holders(component))]
     try:
         prepared = dict(component.prepare())
     except StudyError as error:
         raise StudyError(f"{where}: {error}") from None
+    for holder, read in known:  # what `prepare` reads is computed again whenever it changes
+        holder.read = read
     for key, value in prepared.items():
         component.values[key] = _prepared(where, key, value)
-    component.settled = True
+    component.settled += 1
+    vars(component).pop("_told", None)  # what it tells of its motion holds the values that it had
     return component.values
+
+
+def _holders(component: Component) -> list[Component]:
+    """Return what holds the numbers of the bodies that a component is attached to."""
+    return [
+        terms for body in component.attached.values() if isinstance(terms := getattr(body, "terms", None), Component)
+    ]
+
+
+def stated_in_bodies(component: Component, key: str) -> None:
+    """Where a parameter was given by a pose in the world, state it, and what goes with it, in the frames of bodies."""
+    for word in [word for word in component.world_pose if key in replaced(type(component), word)]:
+        component.given.update({name: component.values[name] for name in replaced(type(component), word)})
+        del component.world_pose[word]
 
 
 def _value(where: str, key: str, parameter: Parameter, value: Any, space: Space, *, stated: bool) -> Any:

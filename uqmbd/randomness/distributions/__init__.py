@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from uqmbd.randomness.distributions.about import distribution_about, is_distribution, strays
 from uqmbd.randomness.distributions.decomposed import Law, is_dependent
 from uqmbd.randomness.distributions.sound import flaw_of
 from uqmbd.randomness.distributions.tails import FEWEST, Tail, heaviest_tail, tail_of
@@ -10,8 +11,11 @@ __all__ = [
     "FEWEST",
     "Law",
     "Tail",
+    "distribution_about",
     "flaw_of",
     "heaviest_tail",
     "is_dependent",
+    "is_distribution",
+    "strays",
     "tail_of",
 ]

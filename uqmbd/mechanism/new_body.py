@@ -1,0 +1,70 @@
+"""A body made of what its user states of it, checked."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import sympy
+
+from uqmbd.errors import StudyError
+from uqmbd.mechanism.body import Body, BodyTerms, Pose
+from uqmbd.mechanism.components import settle
+from uqmbd.mechanism.expressions import numbers, shown
+from uqmbd.mechanism.inertia import inertia_entries, mass_number, orientation
+from uqmbd.mechanism.scope import Described, require_known
+
+__all__ = ["new_body"]
+
+
+def new_body(mechanism: Described, name: str, stated: Mapping[str, Any], hold: Any) -> Body:
+    """Return a body of a mechanism, which is not added to it yet.
+
+    Parameters
+    ----------
+    mechanism : Described
+        Whose space it moves in.
+    name : str
+        Checked.
+    stated : mapping
+        Its numbers by name, see `Mechanism.body`; None: left out.
+    hold : bool
+        See there.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If a value is missing, of the wrong dimension, or physically impossible.
+    """
+    where, space, d = f"body {name!r}", mechanism.space, mechanism.space.dimension
+    if not isinstance(hold, bool):
+        raise StudyError(f"{where}: hold is {shown(hold)}; expected True or False.")
+    if stated["angular_velocity"] is not None and not space.turns:
+        raise StudyError(
+            f"{where}: angular_velocity is given, but bodies in {type(space).__name__} space do not turn; leave it out."
+        )
+    for key, value in stated.items():
+        require_known(mechanism, f"{where}: {key}", value, "number")
+    moments = inertia_entries(where, space, stated["inertia"])
+    heavy = mass_number(where, stated["mass"])
+    angle = stated["angle"]
+    turned = orientation(where, space, angle, stated["quaternion"], stated["rotation"])
+
+    def vector(key: str, size: int, hint: str, default: Any = None) -> tuple[sympy.Expr, ...] | None:
+        value = default if stated[key] is None else stated[key]
+        return None if value is None else tuple(numbers(where, key, value, size, hint))
+
+    origin = (0,) * d
+    pose = Pose(
+        q=(*(vector("position", d, "world axes, m", origin) or ()), *turned),
+        velocity=vector("velocity", d, "world axes, m/s"),
+        angular_velocity=vector("angular_velocity", 3 if d == 3 else 1, "body axes, rad/s"),
+        hold=hold,
+        angle=sympy.sympify(0 if angle is None else angle),
+    )
+    centre = vector("com", d, "centre of mass, body frame, m", origin)
+    terms = BodyTerms(name, mechanism.ground, mass=heavy, com=centre, inertia=moments, gravity=space.gravity)
+    body = Body(name, space, terms, pose)
+    terms.attached = {"body": body}
+    settle(where, terms, space)
+    return body

@@ -1,0 +1,329 @@
+"""Numbers of a mechanism that is there already become random, chosen by the pattern of their names."""
+
+from __future__ import annotations
+
+import fnmatch
+import math
+import warnings
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import sympy
+
+from uqmbd.errors import StudyError, StudyWarning
+from uqmbd.mechanism.components import Component, range_text, settle, stated_in_bodies
+from uqmbd.mechanism.expressions import shown
+from uqmbd.mechanism.scope import Described
+from uqmbd.names import did_you_mean
+from uqmbd.randomness import RandomVariable, distribution_about, is_distribution, strays
+
+__all__ = ["randomise"]
+
+KINDS = ("scalar", "point", "vector", "moment")
+"""Parameters that are numbers; axes and rotations are directions, options no numbers."""
+
+ROUNDING = 1e-12
+LISTED = 40
+"""Names that a message lists."""
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A number, a vector or an inertia of a body or a component, and what its values may be."""
+
+    owner: str
+    key: str
+    holder: Component
+    units: str
+    minimum: float = -math.inf
+    maximum: float = math.inf
+    stated: bool = True
+
+    @property
+    def name(self) -> str:
+        """``OWNER.quantity``."""
+        return f"{self.owner}.{self.key}"
+
+    @property
+    def entries(self) -> list[sympy.Expr]:
+        """Its values, one for each number."""
+        value = self.holder.values[self.key]
+        return [sympy.sympify(x) for x in (value if isinstance(value, (tuple, list)) else [value])]
+
+    @property
+    def tensor(self) -> bool:
+        """Whether it is an inertia tensor in space."""
+        return self.key == "inertia" and len(self.entries) == 6
+
+    def names(self) -> list[str]:
+        """Names of its numbers: that of a vector with the axes; an inertia tensor is one."""
+        count = 1 if self.tensor else len(self.entries)
+        return [self.name] if count == 1 else [f"{self.name}.{'xyz'[k]}" for k in range(count)]
+
+
+@dataclass
+class Law:
+    """How a number varies: by a standard deviation, by a distribution of a factor, or by one that is made for it."""
+
+    where: str
+    relative: float | None
+    absolute: float | None
+    distribution: Any
+    left: list[str] = field(default_factory=list)
+
+    @property
+    def scales(self) -> bool:
+        """Whether what is zero stays zero."""
+        return self.absolute is None and not self.made
+
+    @property
+    def made(self) -> bool:
+        """Whether a function makes the distribution of each number."""
+        return callable(self.distribution) and not is_distribution(self.distribution)
+
+    def of(self, name: str, value: float, minimum: float, maximum: float) -> Any:
+        """Return the distribution of a number, or say what cannot be."""
+        if self.made or is_distribution(self.distribution):
+            found = self.distribution(value) if self.made else value * self.distribution
+            if not is_distribution(found):
+                raise StudyError(
+                    f"{self.where}: distribution({value:g}), of {name}, is {shown(found)}; expected a chaospy "
+                    "distribution of the number."
+                )
+            if strays(found, minimum, maximum):
+                raise StudyError(
+                    f"{self.where}: {name} is {value:g}, and {found} reaches beyond {_ends(minimum, maximum)}."
+                )
+            return found
+        std = self.absolute if self.absolute is not None else (self.relative or 0.0) * abs(value)
+        try:
+            return distribution_about(value, std, self.distribution or "", minimum, maximum)
+        except StudyError as error:
+            raise StudyError(
+                f"{self.where}: {name} is {value:g}, and has to be {_ends(minimum, maximum)}: {error}. Take a smaller "
+                "deviation, or give distribution= as a chaospy distribution of the factor by which it is multiplied."
+            ) from None
+
+    def variable(self, name: str, value: float, units: str, minimum: float, maximum: float) -> RandomVariable:
+        """Return the random variable of a number."""
+        return RandomVariable(name, self.of(name, value, minimum, maximum), units)
+
+
+def randomise(
+    mechanism: Described, pattern: str | Sequence[str], relative: Any, absolute: Any, distribution: Any, known: set[str]
+) -> list[RandomVariable]:
+    """Make numbers random; see `Mechanism.randomise`.
+
+    Parameters
+    ----------
+    mechanism : Described
+        Its bodies and components are changed.
+    pattern, relative, absolute, distribution
+        As given.
+    known : set of str
+        Names of the random variables that there are.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If nothing matches or can vary, or a distribution does not fit.
+    """
+    where = f"mechanism {mechanism.name!r}: randomise({pattern!r})"
+    law = _law(where, relative, absolute, distribution)
+    chosen = _chosen(where, mechanism, pattern)
+    changes: list[tuple[Quantity, Any]] = []
+    found: list[RandomVariable] = []
+    for quantity, indices in chosen:
+        new, variables = (_tensor if quantity.tensor else _numbers)(quantity, indices, law)
+        for variable in variables:
+            if variable.name in known:
+                raise StudyError(
+                    f"{where}: there is a random variable {variable.name!r} already, which is another one; rename it."
+                )
+        if variables:
+            changes.append((quantity, new))
+            found += variables
+    if not found:
+        raise StudyError(f"{where}: nothing of what it matches can vary: {'; '.join(law.left) or 'all is zero'}.")
+    _warn(where, law, changes)
+    _settle(mechanism, changes)
+    return found
+
+
+def _law(where: str, relative: Any, absolute: Any, distribution: Any) -> Law:
+    """Check how numbers are to vary."""
+    own = is_distribution(distribution) or callable(distribution)
+    if isinstance(distribution, type) or not (own or distribution in (None, "normal", "lognormal", "uniform")):
+        raise StudyError(
+            f"{where}: distribution is {shown(distribution)}; expected 'normal', 'lognormal', 'uniform', a chaospy "
+            "distribution of the factor by which each number is multiplied, such as chaospy.Uniform(0.9, 1.1), or a "
+            "function that makes the distribution of a number."
+        )
+    given = {"relative": relative, "absolute": absolute}
+    stated = [key for key, value in given.items() if value is not None]
+    if len(stated) != (0 if own else 1):
+        raise StudyError(
+            f"{where}: {' and '.join(stated) or 'no standard deviation'} "
+            f"{'are' if len(stated) > 1 else 'is'} given; expected "
+            + ("neither relative= nor absolute=: distribution= says it all." if own else "relative= or absolute=.")
+        )
+    for key in stated:
+        value = given[key]
+        number = isinstance(value, (int, float, np.number)) and not isinstance(value, bool)
+        if not number or not 0 < float(value) < math.inf:
+            raise StudyError(f"{where}: {key} is {shown(value)}; expected a standard deviation, more than 0.")
+        given[key] = float(value)
+    return Law(where, given["relative"], given["absolute"], distribution)
+
+
+def _quantities(mechanism: Described) -> Iterator[Quantity]:
+    """Yield what may become random: inertia of bodies, and numbers of components."""
+    for body in mechanism.bodies.values():
+        yield Quantity(body.name, "mass", body.terms, "kg", minimum=0)
+        yield Quantity(body.name, "com", body.terms, "m", stated=False)
+        if body.terms.values["inertia"]:
+            yield Quantity(body.name, "inertia", body.terms, "kg m^2", minimum=0)
+    for component in mechanism.components.values():
+        for key, p in component.parameters().items():
+            if p.kind in KINDS and component.values.get(key) not in (None, ()) and p.fits(mechanism.space):
+                stated = key in component.given
+                yield Quantity(component.name, key, component, p.units, p.minimum, p.maximum, stated)
+
+
+def _chosen(where: str, mechanism: Described, pattern: Any) -> list[tuple[Quantity, list[int]]]:
+    """Return what patterns match, and which of its numbers."""
+    patterns = [pattern] if isinstance(pattern, str) else pattern
+    if not isinstance(patterns, Sequence) or not patterns or not all(isinstance(x, str) for x in patterns):
+        raise StudyError(f"{where}: expected a pattern such as '*.mass' or 'arm.com', or a list of them.")
+    quantities = list(_quantities(mechanism))
+    indices: dict[int, set[int]] = {}
+    for one in patterns:
+        hits = 0
+        for k, quantity in enumerate(quantities):
+            names = quantity.names()
+            whole = _matches(quantity.name, one)
+            picked = {i for i, name in enumerate(names) if whole or _matches(name, one)}
+            hits += len(picked)
+            if picked:
+                indices.setdefault(k, set()).update(picked)
+        if not hits:
+            names = [quantity.name for quantity in quantities]
+            listed = ", ".join(names[:LISTED]) + (f" and {len(names) - LISTED} more" if len(names) > LISTED else "")
+            raise StudyError(
+                f"{where}: nothing is called {one!r}{did_you_mean(one, names) or '.'} "
+                f"There are: {listed or 'no numbers at all'}."
+            )
+    return [(quantities[k], sorted(found)) for k, found in sorted(indices.items())]
+
+
+def _ends(minimum: float, maximum: float) -> str:
+    return range_text(minimum, maximum) if math.isfinite(minimum) or math.isfinite(maximum) else "any number"
+
+
+def _matches(name: str, pattern: str) -> bool:
+    return name == pattern or fnmatch.fnmatchcase(name, pattern)
+
+
+def _numbers(quantity: Quantity, indices: list[int], law: Law) -> tuple[Any, list[RandomVariable]]:
+    """Return the new value of a scalar or a vector, and its random variables."""
+    entries, names = quantity.entries, quantity.names()
+    variables: list[RandomVariable] = []
+    zero = True
+    for k in indices:
+        value = entries[k]
+        if value.free_symbols:
+            zero = False
+            law.left.append(f"{names[k]} {_reason(value)}")
+            continue
+        if law.scales and float(value) == 0:
+            continue
+        zero = False
+        variable = law.variable(names[k], float(value), quantity.units, quantity.minimum, quantity.maximum)
+        variables.append(variable)
+        entries[k] = variable
+    if zero and quantity.stated:
+        law.left.append(f"{quantity.name} is zero")
+    value = quantity.holder.values[quantity.key]
+    return (tuple(entries) if isinstance(value, (tuple, list)) else entries[0]), variables
+
+
+def _tensor(quantity: Quantity, indices: list[int], law: Law) -> tuple[Any, list[RandomVariable]]:
+    """Return an inertia tensor whose second moments of mass, along its principal axes, are multiplied by factors.
+
+    With the second moments ``S`` the tensor is ``trace(S) I - S``: that of a body whatever the factors, if positive.
+    """
+    entries = quantity.entries
+    if any(x.free_symbols for x in entries):
+        law.left.append(f"{quantity.name} {_reason(next(x for x in entries if x.free_symbols))}")
+        return entries, []
+    if law.absolute is not None:
+        raise StudyError(
+            f"{law.where}: {quantity.name} is an inertia tensor, which absolute= cannot vary without making it that of "
+            "no body; give relative=."
+        )
+    xx, yy, zz, xy, xz, yz = map(float, entries)
+    matrix = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    if not matrix.any():
+        law.left.append(f"{quantity.name} is zero")
+        return entries, []
+    if not any((xy, xz, yz)):
+        moments, axes, marks = np.array([xx, yy, zz]), np.eye(3), "xyz"
+    else:
+        (moments, axes), marks = np.linalg.eigh(matrix), "123"
+    second = moments.sum() / 2 - moments
+
+    def factor(name: str) -> RandomVariable:
+        return law.variable(name, 1.0, "1", 0.0, math.inf)
+
+    if second.min() < -ROUNDING * second.max():  # rounded numbers of a flat body: as possible as they were
+        one = factor(quantity.name)
+        return tuple(x * one for x in entries), [one]
+    factors = {k: factor(f"{quantity.name}.{marks[k]}") for k in range(3) if second[k] > ROUNDING * second.max()}
+    s = sympy.zeros(3, 3)
+    for k, one in factors.items():
+        s += one * sympy.Matrix(3, 3, [sympy.Float(second[k] * a * b) for a in axes[:, k] for b in axes[:, k]])
+    j = sympy.eye(3) * s.trace() - s
+    return (j[0, 0], j[1, 1], j[2, 2], j[0, 1], j[0, 2], j[1, 2]), list(factors.values())
+
+
+def _reason(value: sympy.Expr) -> str:
+    """Say why an expression is left as it is."""
+    symbols = sorted(value.free_symbols, key=str)
+    if all(isinstance(s, RandomVariable) for s in symbols):
+        return f"is random already ({', '.join(map(str, symbols))})"
+    return f"is no plain number ({shown(value)})"
+
+
+def _warn(where: str, law: Law, changes: Sequence[tuple[Quantity, Any]]) -> None:
+    """Tell what is left as it is, and of what the old number may have gone elsewhere."""
+    if law.left:
+        warnings.warn(f"{where}: left as it is: {'; '.join(law.left)}.", StudyWarning, stacklevel=5)
+    read = [quantity.name for quantity, _ in changes if quantity.key in quantity.holder.read]
+    if read:
+        warnings.warn(
+            f"{where}: {', '.join(read)} had been read before; an expression that was made of it holds the old "
+            "number. Call randomise first, and read it then: it is the random variable.",
+            StudyWarning,
+            stacklevel=5,
+        )
+
+
+def _settle(mechanism: Described, changes: Sequence[tuple[Quantity, Any]]) -> None:
+    """Put new values in, and let all components compute again what they made of the old ones; all or nothing."""
+    holders: list[tuple[str, Component]] = [(f"body {x.name!r}", x.terms) for x in mechanism.bodies.values()]
+    holders += [(f"{type(x).__name__} {x.name!r}", x) for x in mechanism.components.values()]
+    before: list[tuple[Component, Mapping[str, Any], Mapping[str, Any], Mapping[str, Any]]] = [
+        (x, dict(x.given), dict(x.values), dict(x.world_pose)) for _, x in holders
+    ]
+    try:
+        for quantity, value in changes:
+            stated_in_bodies(quantity.holder, quantity.key)
+            quantity.holder.given[quantity.key] = value
+        for where, holder in holders:
+            settle(where, holder, mechanism.space)
+    except Exception:
+        for holder, given, values, world_pose in before:
+            holder.given, holder.values, holder.world_pose = dict(given), dict(values), dict(world_pose)
+        raise

@@ -1,0 +1,109 @@
+"""A distribution about a number, of a given standard deviation, that stays within the range of the number."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from uqmbd.errors import StudyError
+
+if TYPE_CHECKING:
+    import chaospy
+
+__all__ = ["KINDS", "distribution_about", "is_distribution", "strays"]
+
+KINDS = ("normal", "lognormal", "uniform")
+
+RARE = 1e-9
+"""Probability that may lie outside of a range: none of it is ever sampled."""
+
+
+def distribution_about(
+    mean: float, std: float, kind: str = "", minimum: float = -math.inf, maximum: float = math.inf
+) -> chaospy.Distribution:
+    """Return a distribution of given mean and standard deviation.
+
+    Parameters
+    ----------
+    mean, std : float
+        Of the number; the standard deviation is positive.
+    kind : str
+        One of `KINDS`.  Empty: normal where the number has no range; where it has one end, lognormal counted from
+        there; where it has two, a beta distribution between them.
+    minimum, maximum : float
+        Range of the number.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If no such distribution stays within the range; the message is a part of a sentence.
+
+    Examples
+    --------
+    >>> import chaospy
+    >>> found = distribution_about(2.0, 0.1, minimum=0)
+    >>> [round(float(x), 9) for x in (chaospy.E(found), chaospy.Std(found), found.lower >= 0)]
+    [2.0, 0.1, 1.0]
+    """
+    import chaospy
+
+    low, high = mean - minimum, maximum - mean
+    if kind == "uniform":
+        half = math.sqrt(3) * std
+        if half > min(low, high):
+            raise StudyError(f"a uniform distribution reaches from {mean - half:g} to {mean + half:g}")
+        return chaospy.Uniform(mean - half, mean + half)
+    bounded = math.isfinite(low), math.isfinite(high)
+    if kind == "normal" or (not kind and not any(bounded)):
+        found = chaospy.Normal(mean, std)
+        if strays(found, minimum, maximum):
+            raise StudyError(f"a normal distribution with a standard deviation of {std:g} reaches beyond its range")
+        return found
+    if kind == "lognormal" and not any(bounded):  # away from zero, on the side of the number
+        low, high, bounded = mean, -mean, (mean > 0, mean < 0)
+    if min(low, high) <= 0 and not (kind == "lognormal" and max(low, high) > 0 and not all(bounded)):
+        raise StudyError("it is at the end of its range, so that it cannot vary to both sides")
+    if not kind and all(bounded):
+        share, spread = low / (low + high), std / (low + high)
+        shape = share * (1 - share) / spread**2 - 1
+        alpha, beta = share * shape, (1 - share) * shape
+        if min(alpha, beta) < 1:
+            raise StudyError(f"no distribution with a single peak and a standard deviation of {std:g} fits in there")
+        return chaospy.Beta(alpha, beta, minimum, maximum)
+    size = low if bounded[0] else high
+    variance = math.log1p((std / size) ** 2)
+    spread = chaospy.LogNormal(math.log(size) - variance / 2, math.sqrt(variance))
+    found = (mean - size) + spread if bounded[0] else (mean + size) - spread
+    found = spread if bounded[0] and mean == size else found
+    if strays(found, minimum, maximum):
+        raise StudyError("a lognormal distribution reaches beyond its range")
+    return found
+
+
+def strays(distribution: chaospy.Distribution, minimum: float, maximum: float) -> bool:
+    """Tell whether a distribution puts more than a billionth of its probability beyond either end of a range.
+
+    Examples
+    --------
+    >>> import chaospy
+    >>> strays(chaospy.Normal(1, 0.1), 0, 2), strays(chaospy.Normal(1, 0.5), 0, 2)
+    (False, True)
+    """
+    import numpy as np
+
+    ends = np.ravel(distribution.inv(np.array([RARE, 1 - RARE])))
+    return bool(ends.min() < minimum or ends.max() > maximum)
+
+
+def is_distribution(value: object) -> bool:
+    """Tell whether a value is a distribution of chaospy of one dimension.
+
+    Examples
+    --------
+    >>> import chaospy
+    >>> is_distribution(chaospy.Normal(1, 0.1)), is_distribution(chaospy.Normal), is_distribution("normal")
+    (True, False, False)
+    """
+    import chaospy
+
+    return isinstance(value, chaospy.Distribution) and len(value) == 1
