@@ -80,6 +80,7 @@ def test_every_coefficient_and_distance_of_the_installed_components_has_a_range(
         "Screw.pitch",
         "RackAndPinion.radius",
         "SpringDamper.free_length",
+        "SlidingSpringDamper.free_displacement",
         "RoadFollower.height",
         "PositionDriver.displacement",
     }
