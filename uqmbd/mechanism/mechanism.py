@@ -323,6 +323,11 @@ class Mechanism:
         known = {variable.name for variable in self._used()}
         return randomise(self, pattern, relative, absolute, distribution, known)
 
+    def revision(self) -> tuple[int, ...]:
+        """Return numbers that change whenever something is added, or parameters get other values."""
+        parts: tuple[Sized, ...] = (self.bodies, self.components, self.controllers, self.outputs, self.scalars)
+        return (*map(len, (*parts, self.conditions)), sum(c.settled for c in self.all_components()))
+
     def remembered(self, key: Hashable, make: Callable[[], T]) -> T:
         """Return what `make` made when `key` was last asked for, unless the mechanism has changed since.
 
@@ -333,8 +338,7 @@ class Mechanism:
         make : callable
             Makes it.
         """
-        parts: tuple[Sized, ...] = (self.bodies, self.components, self.controllers, self.outputs, self.scalars)
-        revision = (*map(len, (*parts, self.conditions)), sum(c.settled for c in self.all_components()))
+        revision = self.revision()
         known = self._memory.get(key)
         if known is None or known[0] != revision:
             known = (revision, make())

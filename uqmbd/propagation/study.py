@@ -137,6 +137,7 @@ class Study:
         self.breaks = check_breaks(breaks, f"study {name!r}")
         self.report_times = check_report_times(report_times, self.times, f"study {name!r}")
         self.propagators = self._checked(propagators)
+        self._compiled: tuple[tuple[int, ...], Model] | None = None
         self.convergence: Mapping[str, Any] | None = None
         if convergence is not None:
             self.convergence = check_convergence_of(self, convergence)
@@ -179,16 +180,10 @@ class Study:
     @property
     def model(self) -> Model:
         """The compiled model (made when first needed), which the integrator of the study can integrate."""
-        about = (
-            self.name,
-            self.times.tobytes(),
-            self.start,
-            self.max_step,
-            tuple(self.breaks),
-            self.rtol,
-            self.integrator,
-        )
-        return self.mechanism.remembered(("study", *about), self._made)
+        revision = self.mechanism.revision()
+        if self._compiled is None or self._compiled[0] != revision:
+            self._compiled = revision, self._made()
+        return self._compiled[1]
 
     def _made(self) -> Model:
         from uqmbd.dynamics import Ensemble, require_for
