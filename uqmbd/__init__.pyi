@@ -51,6 +51,7 @@ from .mechanism import VelocityConstraint as VelocityConstraint
 from .mechanism import VirtualWork as VirtualWork
 from .mechanism import aligned as aligned
 from .mechanism import at_equilibrium as at_equilibrium
+from .mechanism import at_steady as at_steady
 from .mechanism import counted_angle as counted_angle
 from .mechanism import damping_ratio as damping_ratio
 from .mechanism import eigenfrequency as eigenfrequency

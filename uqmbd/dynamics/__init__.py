@@ -37,7 +37,16 @@ from uqmbd.dynamics.integrators import (
     require_for,
 )
 from uqmbd.dynamics.projection import ProjectedTrajectories
-from uqmbd.dynamics.statics import Equilibrium, Modes, ScalarValues, linearise, scalars_of, static_equilibria
+from uqmbd.dynamics.statics import (
+    Equilibrium,
+    Modes,
+    ScalarValues,
+    linearise,
+    linearise_steady,
+    scalars_of,
+    static_equilibria,
+    steady_motions,
+)
 
 __all__ = [
     "Capability",
@@ -74,6 +83,7 @@ __all__ = [
     "integrators",
     "kinematic_model",
     "linearise",
+    "linearise_steady",
     "mechanism_terms",
     "off_constraints",
     "position_jumps",
@@ -83,4 +93,5 @@ __all__ = [
     "require_for",
     "scalars_of",
     "static_equilibria",
+    "steady_motions",
 ]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import replace
+from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -185,6 +186,7 @@ def _kinematics(mechanism: Mechanism, time: float) -> tuple[Model, list[Instance
         statements=tuple(statements),
         held=np.array(held, dtype=np.int64),
         breaks=breaks,
+        links=_links(instances, order),
         length=size_of(mechanism) or 1.0,
         limits=limits,
         tensors=tensors,
@@ -213,6 +215,17 @@ def _kinematics(mechanism: Mechanism, time: float) -> tuple[Model, list[Instance
         model = replace(model, conditions=conditions)
         require_conditions(f"mechanism {mechanism.name!r}", model, time, parameters)
     return model, instances
+
+
+def _links(instances: list[Instance], order: dict[str, int]) -> tuple[tuple[int, int], ...]:
+    """Pairs of bodies that components connect, by number; -1 is the ground."""
+    found: set[tuple[int, int]] = set()
+    for instance in instances:
+        numbers = sorted(
+            {order.get(str(getattr(body, "name", "")), -1) for body in instance.component.attached.values()}
+        )
+        found |= set(combinations(numbers, 2))
+    return tuple(sorted(found))
 
 
 def _frozen(model: Model, instances: list[Instance], kept: Index, gradient: Array) -> tuple[Index, Index]:

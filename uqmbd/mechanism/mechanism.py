@@ -191,7 +191,7 @@ class Mechanism:
         expression : SymPy expression
             In positions, velocities, accelerations, reactions, random variables and `uqmbd.t`; or, for an output that
             has one value per realisation and no time, in `uqmbd.eigenfrequency`, `uqmbd.damping_ratio`,
-            `uqmbd.at_equilibrium` and random variables.
+            `uqmbd.at_equilibrium`, `uqmbd.at_steady` and random variables.
         units : str
             Its units.
         angle : bool

@@ -85,7 +85,7 @@ def eigenfrequencies(
 ) -> xr.Dataset:
     """Compute eigenfrequencies and damping of small motions: at the means of the random variables, or at given values.
 
-    Drivers hold still.
+    About a pose at rest drivers hold still, about a steady motion they go on.
 
     Parameters
     ----------
@@ -93,8 +93,9 @@ def eigenfrequencies(
         Outputs are not needed.
     values : mapping, optional
         Values of random variables by name; the others are at their means.
-    at : {"equilibrium", "start"}
-        About the static equilibrium, or about the drawn pose, assembled, at rest.
+    at : {"equilibrium", "start", "steady"}
+        About the static equilibrium; about the drawn pose, assembled, at rest; or about the steady motion that is found
+        from there (see `uqmbd.at_steady`, and `uqmbd.eigenfrequency` for the frame from which it is seen).
     time : float
         At which drivers and loads are held, s.
 
@@ -111,7 +112,7 @@ def eigenfrequencies(
     uqmbd.StudyError
         If something cannot be used.
     uqmbd.AssemblyError
-        If there is no assembly, or no equilibrium.
+        If there is no assembly, or no equilibrium or steady motion.
 
     Examples
     --------
@@ -125,16 +126,20 @@ def eigenfrequencies(
     """
     import xarray as xr
 
-    from uqmbd.dynamics import Ensemble, linearise
+    from uqmbd.dynamics import Ensemble, linearise, linearise_steady, steady_motions
 
     where = f"eigenfrequencies {_named(mechanism, 'eigenfrequencies')!r}"
-    if at not in ("equilibrium", "start"):
-        raise StudyError(f"{where}: at is {at!r}; expected 'equilibrium' or 'start'.")
+    if at not in ("equilibrium", "start", "steady"):
+        raise StudyError(f"{where}: at is {at!r}; expected 'equilibrium', 'start' or 'steady'.")
     point = input_point(where, mechanism, values)
     ensemble = Ensemble(_any_model(mechanism, _moment(time, where)), np.array([list(point.values())]))
     if at == "equilibrium":
         found = _found(mechanism, ensemble)
         modes = linearise(ensemble, found.q, found.s)
+    elif at == "steady":
+        modes, messages = linearise_steady(ensemble, steady_motions(ensemble))
+        if messages[0]:
+            raise AssemblyError(f"mechanism {mechanism.name!r}: {messages[0]}")
     else:
         start = ensemble.start
         if start.messages[0]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from uqmbd.dynamics.assembly.assembly import Start, assemble, independent_rows, positions, velocities
+from uqmbd.dynamics.assembly.assembly import Start, assemble, independent_rows, positions, statement_rows, velocities
 from uqmbd.dynamics.assembly.rank import Rank, dead_end, gradient, gradient_lengths, named, rank_along, violated
 from uqmbd.dynamics.assembly.start_check import require_conditions
 from uqmbd.dynamics.assembly.undefined import ahead
@@ -23,6 +23,7 @@ __all__ = [
     "rank_along",
     "reaction_symbols",
     "require_conditions",
+    "statement_rows",
     "velocities",
     "violated",
 ]

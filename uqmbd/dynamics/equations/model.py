@@ -114,6 +114,8 @@ class Model:
     """Controllers, each a `uqmbd.dynamics.control.Loop`."""
     speeds_commanded: bool = False
     """Whether a command is a speed that a constraint prescribes."""
+    links: tuple[tuple[int, int], ...] = ()
+    """Pairs of bodies that components connect, by number; -1, the first of a pair: the ground."""
     start_at: str = "drawn"
     """Where realisations start: ``drawn`` (as assembled from the drawn pose) or ``equilibrium``."""
 

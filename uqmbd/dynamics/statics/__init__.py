@@ -4,15 +4,20 @@ from __future__ import annotations
 
 from uqmbd.dynamics.statics.equilibrium import Equilibrium, equilibrium_start, static_equilibria
 from uqmbd.dynamics.statics.modes import Modes, linearise
+from uqmbd.dynamics.statics.steady_modes import linearise_steady
+from uqmbd.dynamics.statics.steady_motion import SteadyMotions, steady_motions
 from uqmbd.dynamics.statics.timeless_outputs import ScalarValues, scalar_map, scalars_of
 
 __all__ = [
     "Equilibrium",
     "Modes",
     "ScalarValues",
+    "SteadyMotions",
     "equilibrium_start",
     "linearise",
+    "linearise_steady",
     "scalar_map",
     "scalars_of",
     "static_equilibria",
+    "steady_motions",
 ]

@@ -15,6 +15,7 @@ balanced are taken to be balanced by constant forces.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,7 +26,7 @@ from uqmbd.dynamics.batch import Batch
 from uqmbd.dynamics.statics.rest_equations import RestEquations, apply, tangents
 from uqmbd.typing import Array
 
-__all__ = ["Modes", "linearise"]
+__all__ = ["Modes", "gathered", "linearise", "sorted_values", "zeros_of"]
 
 
 ZERO = 1e-11
@@ -92,7 +93,12 @@ def linearise(ensemble: Batch, q: Array, s: Array) -> Modes:
         else np.zeros(0, dtype=complex)
         for k in every
     ]
-    result = np.full((len(q), max(map(len, each), default=0)), complex(np.nan, np.nan))
+    return gathered(each)
+
+
+def gathered(each: Sequence[NDArray[np.complex128]]) -> Modes:
+    """Put the eigenvalues of realisations into one array."""
+    result = np.full((len(each), max(map(len, each), default=0)), complex(np.nan, np.nan))
     for k, values in enumerate(each):
         result[k, : len(values)] = values
     return Modes(result)
@@ -130,11 +136,11 @@ def _eigenvalues(blocks: dict[str, Array], mass: Array, basis: Array) -> NDArray
         shape = unit @ modes
         squares[np.abs(squares) <= ZERO * largest * np.einsum("ij,ij->j", shape, shape)] = 0.0
         roots = np.sqrt(np.abs(squares))
-        return _sorted(np.concatenate([1j * roots[squares >= 0], roots[squares < 0], -roots[squares < 0]]))
+        return sorted_values(np.concatenate([1j * roots[squares >= 0], roots[squares < 0], -roots[squares < 0]]))
     n, r = len(k), int(own.sum())
     static = np.block([[k, f], [-a, -e]])
     first = np.block([[c, np.zeros((n, r))], [-b, np.eye(r)]])
-    zeros, twice = _zeros(static, first, ZERO * largest)
+    zeros, twice = zeros_of(static, first, ZERO * largest)
     k, c, f, a, b = unit.T @ k @ unit, unit.T @ c @ unit, unit.T @ f, a @ unit, b @ unit
     top = np.hstack([np.zeros((n, n)), np.eye(n), np.zeros((n, r))])
     matrix = np.vstack([top, np.hstack([-k, -c, -f]), np.hstack([a, b, e])])
@@ -142,10 +148,10 @@ def _eigenvalues(blocks: dict[str, Array], mass: Array, basis: Array) -> NDArray
     values = values[np.argsort(np.abs(values))][zeros + twice :]
     real = np.abs(values.imag) <= 1e-9 * np.abs(values)
     kept = np.concatenate([values[real].real.astype(complex), values[~real & (values.imag > 0)]])
-    return _sorted(np.concatenate([np.zeros(zeros, dtype=complex), kept]))
+    return sorted_values(np.concatenate([np.zeros(zeros, dtype=complex), kept]))
 
 
-def _zeros(static: Array, first: Array, noise: float) -> tuple[int, int]:
+def zeros_of(static: Array, first: Array, noise: float) -> tuple[int, int]:
     """Count modes at zero, and those of them that are double eigenvalues (bodies that move on undamped)."""
     left, values, right = np.linalg.svd(static)
     none = values <= max(noise, 1e-13 * float(values[:1].max(initial=0.0)))
@@ -156,6 +162,7 @@ def _zeros(static: Array, first: Array, noise: float) -> tuple[int, int]:
     return int(none.sum()), int(none.sum()) - rank
 
 
-def _sorted(values: NDArray[np.complex128]) -> NDArray[np.complex128]:
+def sorted_values(values: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    """Sort eigenvalues by their size."""
     size = np.round(np.abs(values), 12)  # a growing mode behind the decaying one of the same size
     return np.asarray(values[np.lexsort((values.real, size))], dtype=complex)

@@ -1,4 +1,4 @@
-"""Outputs without a time: modes about a pose at rest, values at static equilibrium, and what an integration yields."""
+"""Outputs without a time: modes about rest or steady motion, values there, and what an integration yields."""
 
 from __future__ import annotations
 
@@ -22,11 +22,13 @@ from uqmbd.dynamics.equations import (
     plain,
 )
 from uqmbd.dynamics.integration import Trajectories
-from uqmbd.dynamics.observation import observe_along
+from uqmbd.dynamics.observation import observe, observe_along
 from uqmbd.dynamics.statics.equilibrium import static_equilibria
 from uqmbd.dynamics.statics.modes import Modes, linearise
+from uqmbd.dynamics.statics.steady_modes import linearise_steady
+from uqmbd.dynamics.statics.steady_motion import PHASES, SteadyMotions, steady_motions
 from uqmbd.errors import StudyError
-from uqmbd.mechanism import AtEquilibrium, EventTime, MotionSymbol, Output, ScalarSymbol
+from uqmbd.mechanism import AtEquilibrium, AtSteady, EventTime, MotionSymbol, Output, ScalarSymbol
 from uqmbd.names import did_you_mean
 from uqmbd.randomness import RandomVariable
 from uqmbd.status import Status
@@ -37,6 +39,9 @@ __all__ = ["ScalarMap", "ScalarValues", "scalar_map", "scalars_of"]
 
 LASTING = ("rest", "lift-off", "stick", "slip")
 """Labels of what happens in a contact that lasts."""
+
+CHANGES = 1e-5
+"""Part of a value by which it may change in a steady motion, to rounding and what Newton's method leaves."""
 
 
 @dataclass(frozen=True)
@@ -81,8 +86,10 @@ class ScalarMap:
         What is needed of an integration, by name.
     resting : OutputMap
         Expressions that are evaluated at static equilibrium.
+    steady : OutputMap
+        Expressions that are evaluated in steady motion.
     kernel : Kernel
-        Of ``(modal, motion, resting, inputs)``.
+        Of ``(modal, motion, resting, steady, inputs)``.
     events : frozenset of str
         Those of `motion` that are times of events.
     """
@@ -92,6 +99,7 @@ class ScalarMap:
     modal: tuple[tuple[str, int, str], ...]
     motion: tuple[str, ...]
     resting: OutputMap
+    steady: OutputMap
     kernel: Kernel
     events: frozenset[str] = frozenset()
 
@@ -114,6 +122,11 @@ class ScalarMap:
     def needs_equilibrium(self) -> bool:
         """Whether the static equilibrium must be found."""
         return bool(self.resting.names) or any(pose == "equilibrium" for *_, pose in self.modal)
+
+    @property
+    def needs_steady_motion(self) -> bool:
+        """Whether the steady motion must be found."""
+        return bool(self.steady.names) or any(pose == "steady" for *_, pose in self.modal)
 
 
 def scalar_map(
@@ -141,11 +154,16 @@ def scalar_map(
     for symbol in motion:
         if isinstance(symbol, EventTime):
             _require_event(symbol, outputs, instances)
-    held = sorted({e for o in outputs for e in o.expression.atoms(AtEquilibrium)}, key=str)
-    inner = [Output(f"_e{k}", e.args[0], "") for k, e in enumerate(held)]
-    resting = output_map(inner, instances, places, order, inputs, sizes)
+    held, going = (
+        sorted({e for o in outputs for e in o.expression.atoms(kind)}, key=str) for kind in (AtEquilibrium, AtSteady)
+    )
+    resting, steady = (
+        output_map([Output(str(e), e.args[0], "") for e in part], instances, places, order, inputs, sizes)
+        for part in (held, going)
+    )
     # whole expressions first, for their symbols are states
-    swaps: list[tuple[Any, list[Any]]] = [("_e", list(held)), ("_m", modal), ("_n", motion), ("_x", list(inputs))]
+    swaps: list[tuple[Any, list[Any]]] = [("_e", held), ("_s", going), ("_m", modal), ("_n", motion)]
+    swaps.append(("_x", list(inputs)))
     local = [plain(o.expression) for o in outputs]
     for letter, old in swaps:
         new = {e: sympy.Symbol(f"{letter}{k}", real=True) for k, e in enumerate(old)}
@@ -154,7 +172,7 @@ def scalar_map(
     def make() -> Kernel:
         import symengine as se
 
-        names = [f"{letter}{k}" for letter in ("_m", "_n", "_e", "_x") for k in range(len(dict(swaps)[letter]))]
+        names = [f"{letter}{k}" for letter in ("_m", "_n", "_e", "_s", "_x") for k in range(len(dict(swaps)[letter]))]
         tables = Tables()
         expressions = tables.applied([tables.converted(e) for e in local])
         return compile_kernel([se.Symbol(name) for name in names], expressions, tables=tables.known)
@@ -167,6 +185,7 @@ def scalar_map(
         tuple((s.quantity, s.number, s.at) for s in modal),
         tuple(str(s) for s in motion),
         resting,
+        steady,
         kernel,
         frozenset(str(s) for s in motion if isinstance(s, EventTime)),
     )
@@ -191,8 +210,8 @@ def _require_event(symbol: EventTime, outputs: Sequence[Output], instances: Sequ
 def scalars_of(ensemble: Batch, trajectories: Trajectories | None = None) -> ScalarValues:
     """Evaluate the outputs without a time of every realisation.
 
-    Poses are those of the realisations' own start, and the static equilibria that are found from there; time is held
-    at the initial one.
+    Poses are those of the realisations' own start, and the static equilibria and steady motions that are found from
+    there; time is held at the initial one, except in steady motions.
 
     Parameters
     ----------
@@ -212,7 +231,8 @@ def scalars_of(ensemble: Batch, trajectories: Trajectories | None = None) -> Sca
     start = ensemble.start
     messages = list(start.messages)
     status = np.where(start.ok, Status.OK, Status.ASSEMBLY_FAILED)
-    columns = np.full((count, len(seen.modal) + len(seen.motion) + len(seen.resting.names)), np.nan)
+    ends = np.cumsum([len(seen.modal), len(seen.motion), len(seen.resting.names), len(seen.steady.names)])
+    columns = np.full((count, int(ends[-1])), np.nan)
 
     def fail(members: Index, reasons: Sequence[str], kind: Status = Status.OTHER) -> None:
         for k, reason in zip(members.tolist(), reasons, strict=True):
@@ -224,10 +244,19 @@ def scalars_of(ensemble: Batch, trajectories: Trajectories | None = None) -> Sca
         found = static_equilibria(ensemble)
         fail(np.arange(count), found.messages)
         poses["equilibrium"] = (found.q, found.s)
+    going = None
+    if seen.needs_steady_motion:
+        going = steady_motions(ensemble)
+        fail(np.arange(count), going.messages)
     for pose in sorted({pose for *_, pose in seen.modal}):
         good = np.flatnonzero(status == Status.OK)
-        q, s = (x[good] for x in poses[pose])
-        modes = linearise(ensemble.select(good), q, s) if len(good) else Modes(np.zeros((0, 0), dtype=complex))
+        modes = Modes(np.zeros((0, 0), dtype=complex))
+        if pose == "steady" and going is not None:
+            modes, reasons = linearise_steady(ensemble.select(good), going.select(good))
+            fail(good, reasons)
+        elif len(good):
+            q, s = (x[good] for x in poses[pose])
+            modes = linearise(ensemble.select(good), q, s)
         for column, (quantity, number, at) in enumerate(seen.modal):
             if at == pose:
                 columns[good, column], reasons = _of_mode(modes, quantity, number)
@@ -243,7 +272,12 @@ def scalars_of(ensemble: Batch, trajectories: Trajectories | None = None) -> Sca
     good = np.flatnonzero(status == Status.OK)
     if seen.resting.names and len(good):
         q, s = (x[good] for x in poses["equilibrium"])
-        columns[good, len(seen.modal) + len(seen.motion) :] = _at_rest(ensemble.select(good), seen.resting, q, s)
+        columns[good, ends[1] : ends[2]] = _at_rest(ensemble.select(good), seen.resting, q, s)
+    good = np.flatnonzero(status == Status.OK)
+    if seen.steady.names and going is not None and len(good):
+        columns[good, ends[2] :], reasons = _in_motion(ensemble.select(good), seen.steady, going.select(good))
+        fail(good, reasons)
+    good = np.flatnonzero(status == Status.OK)
     values = np.full((count, len(seen.names)), np.nan)
     if len(good):
         with np.errstate(all="ignore"):
@@ -283,3 +317,27 @@ def _at_rest(ensemble: Batch, resting: OutputMap, q: Array, s: Array) -> Array:
     """Evaluate expressions in poses at rest, shape (K, expression)."""
     states = np.concatenate([q, s, np.zeros_like(q)], axis=1)
     return observe_along(ensemble, resting, np.array([ensemble.model.time]), states[:, None, :])[:, :, 0]
+
+
+def _in_motion(ensemble: Batch, steady: OutputMap, motions: SteadyMotions) -> tuple[Array, list[str]]:
+    """Evaluate expressions in steady motions, shape (K, expression), and say which of them change on the way."""
+    values, reasons = np.full((len(ensemble), len(steady.names)), np.nan), [""] * len(ensemble)
+    for k, screws in enumerate(motions.screws):
+        if screws is None:
+            continue
+        after = np.array(PHASES) / (screws.fastest or 1.0)
+        found = [screws.at(x) for x in after.tolist()]
+        states = np.array([np.concatenate([q, s, v]) for q, v, _, s, _ in found])
+        seen = observe(
+            ensemble.select(np.array([k])), steady, states, ensemble.model.time + after, np.zeros(len(after), dtype=int)
+        )
+        values[k] = seen[0]
+        change = np.ptp(seen, axis=0)
+        moving = change > CHANGES * np.maximum(np.abs(seen).max(axis=0), 1e-3)
+        if moving.any():
+            i = int(np.argmax(moving))
+            reasons[k] = (
+                f"{steady.names[i]} changes while the mechanism goes on steadily, by {change[i]:.3g} or more; take "
+                "what stays the same, such as an angle between bodies, a height, or the norm of a vector"
+            )
+    return values, reasons

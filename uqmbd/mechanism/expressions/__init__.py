@@ -8,10 +8,12 @@ from uqmbd.mechanism.expressions.spline_table import LOOKED_UP, SplineTable, pol
 from uqmbd.mechanism.expressions.time import step, t
 from uqmbd.mechanism.expressions.timeless import (
     AtEquilibrium,
+    AtSteady,
     EventTime,
     MotionSymbol,
     ScalarSymbol,
     at_equilibrium,
+    at_steady,
     check_scalar,
     damping_ratio,
     eigenfrequency,
@@ -22,6 +24,7 @@ from uqmbd.mechanism.expressions.user_values import LARGEST, flatten, numbers, r
 
 __all__ = [
     "AtEquilibrium",
+    "AtSteady",
     "EventTime",
     "LARGEST",
     "MotionSymbol",
@@ -31,6 +34,7 @@ __all__ = [
     "SplineTable",
     "WITHOUT_DERIVATIVE",
     "at_equilibrium",
+    "at_steady",
     "check_scalar",
     "damping_ratio",
     "eigenfrequency",

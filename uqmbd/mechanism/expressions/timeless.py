@@ -1,9 +1,9 @@
-"""Quantities without a time in output expressions: frequencies and damping of modes, values at static equilibrium."""
+"""Quantities without a time in output expressions: frequencies and damping of modes, values at rest and in motion."""
 
 from __future__ import annotations
 
 import operator
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import sympy
 
@@ -16,17 +16,20 @@ from uqmbd.randomness import RandomVariable, Symbolic
 
 __all__ = [
     "AtEquilibrium",
+    "AtSteady",
     "EventTime",
     "MotionSymbol",
     "ScalarSymbol",
     "at_equilibrium",
+    "at_steady",
     "check_scalar",
     "damping_ratio",
     "eigenfrequency",
     "is_scalar",
 ]
 
-At = Literal["equilibrium", "start"]
+At = Literal["equilibrium", "start", "steady"]
+AT: tuple[At, ...] = get_args(At)
 
 
 class ScalarSymbol(Symbolic, sympy.Symbol):
@@ -93,6 +96,13 @@ class AtEquilibrium(Placeholder, sympy.Function):
     is_real = True
 
 
+class AtSteady(Placeholder, sympy.Function):
+    """The value of an expression in the steady motion of a realisation."""
+
+    nargs = 1
+    is_real = True
+
+
 @checked
 def eigenfrequency(number: int, at: At = "equilibrium") -> sympy.Expr:
     """Return the natural frequency of a mode, in Hz, for use in an output.
@@ -111,10 +121,13 @@ def eigenfrequency(number: int, at: At = "equilibrium") -> sympy.Expr:
     ----------
     number : int
         Of the mode, from 1.
-    at : {"equilibrium", "start"}
+    at : {"equilibrium", "start", "steady"}
         About which pose, at rest, with time held at the first output time: ``equilibrium``: the realisation's own
         static equilibrium, found from where it starts (a realisation without one has failed); ``start``: the pose in
         which it starts, which is the assembled drawing, or the equilibrium with ``Study(start="equilibrium")``.
+        ``steady``: about the steady motion (see `uqmbd.at_steady`), in which drivers go on.  Frequencies are seen from
+        the world wherever the coefficients of small motions are constant there (a rotor in its bearings), else from
+        the frame that turns with the bodies (a pendulum on a turning shaft).
 
     Raises
     ------
@@ -145,8 +158,8 @@ def damping_ratio(number: int, at: At = "equilibrium") -> sympy.Expr:
     ----------
     number : int
         Of the mode, from 1.
-    at : {"equilibrium", "start"}
-        About which pose.
+    at : {"equilibrium", "start", "steady"}
+        About which pose, or motion.
 
     Raises
     ------
@@ -189,6 +202,54 @@ def at_equilibrium(expression: Any) -> sympy.Expr:
     >>> round(float(uqmbd.simulate(mechanism, [0, 1])["sag"]), 9)
     0.2
     """
+    found: sympy.Expr = AtEquilibrium(_inner("at_equilibrium", expression))
+    return found
+
+
+@checked
+def at_steady(expression: Any) -> sympy.Expr:
+    """Return the value of an expression in the steady motion of a realisation, for use in an output.
+
+    In a steady motion drivers go on at constant speeds and the mechanism keeps its shape: a governor turns at the
+    angle at which its balls stay.  That shape is found from where the realisation starts, by Newton's method, with the
+    speeds of drivers, stated velocities and start conditions of velocities held; it may be an unstable one.  What else
+    moves, moves with its carrier.  A start that is a steady motion with its stated velocities, as the precession of a
+    top, is taken as it is.  A realisation without a steady motion has failed, with the reason; so has one in which the
+    expression changes on the way.  An output with it has one value per realisation and no time.
+
+    Parameters
+    ----------
+    expression : SymPy expression
+        In whatever an output may contain, of what stays the same: relative angles, heights, speeds, sizes of reactions.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If it is no single expression, or contains a quantity without a time already.
+
+    Examples
+    --------
+    >>> import uqmbd
+    >>> from uqmbd_drivers import RotationDriver
+    >>> from uqmbd_springs import SpringDamper
+    >>> from uqmbd_joints import PointOnLine, Revolute
+    >>> mechanism = uqmbd.Mechanism("turntable", uqmbd.Planar())
+    >>> table = mechanism.body("table", mass=1, inertia=1)
+    >>> ball = mechanism.body("ball", mass=1, inertia=1, position=(1, 0))
+    >>> driver = mechanism.add(RotationDriver("motor", mechanism.ground, table, angle=2 * uqmbd.t))
+    >>> groove = mechanism.add(PointOnLine("groove", table, ball, (0, 0), (0, 0), axis_i=(1, 0)))
+    >>> axle = mechanism.add(Revolute("axle", mechanism.ground, table, (0, 0), (0, 0)))
+    >>> spring = mechanism.add(SpringDamper("spring", table, ball, (0, 0), (0, 0), stiffness=9, free_length=1))
+    >>> mechanism.output("radius", uqmbd.at_steady(ball.position.norm()), units="m")
+    >>> round(float(uqmbd.simulate(mechanism, [0, 1])["radius"]), 6)
+    1.8
+    """
+    found: sympy.Expr = AtSteady(_inner("at_steady", expression))
+    return found
+
+
+def _inner(function: str, expression: Any) -> sympy.Expr:
+    """Return what a value at rest, or in steady motion, is of."""
     parts = flatten(expression)
     try:
         value = sympy.sympify(parts[0], strict=True) if len(parts) == 1 else None
@@ -196,16 +257,15 @@ def at_equilibrium(expression: Any) -> sympy.Expr:
         value = None
     if not isinstance(value, sympy.Expr):
         raise StudyError(
-            f"at_equilibrium was given {shown(expression)}; expected one expression, e.g. "
-            "uqmbd.at_equilibrium(body.position[0])."
+            f"{function} was given {shown(expression)}; expected one expression, e.g. "
+            f"uqmbd.{function}(body.position[0])."
         )
     if is_scalar(value):
         raise StudyError(
-            f"at_equilibrium was given {shown(value)}, which holds a quantity without a time already; take "
-            "at_equilibrium of positions and reactions only, and combine the results."
+            f"{function} was given {shown(value)}, which holds a quantity without a time already; take "
+            f"{function} of positions and reactions only, and combine the results."
         )
-    found: sympy.Expr = AtEquilibrium(value)
-    return found
+    return value
 
 
 def is_scalar(value: Any) -> bool:
@@ -216,12 +276,12 @@ def is_scalar(value: Any) -> bool:
     >>> is_scalar(2 * eigenfrequency(1)), is_scalar(sympy.pi)
     (True, False)
     """
-    return isinstance(value, sympy.Basic) and value.has(ScalarSymbol, AtEquilibrium)
+    return isinstance(value, sympy.Basic) and value.has(ScalarSymbol, AtEquilibrium, AtSteady)
 
 
 def check_scalar(where: str, value: sympy.Expr) -> None:
     """Raise unless an expression with a quantity without a time contains nothing that changes with time."""
-    held = {e: sympy.Dummy() for e in value.atoms(AtEquilibrium)}
+    held = {e: sympy.Dummy() for e in value.atoms(AtEquilibrium, AtSteady)}
     outside = value.xreplace(held).free_symbols - set(held.values())
     moving = sorted((s for s in outside if not isinstance(s, (ScalarSymbol, RandomVariable))), key=str)
     if not moving:
@@ -229,7 +289,8 @@ def check_scalar(where: str, value: sympy.Expr) -> None:
     named = "time" if moving[0] == t else str(moving[0])
     raise StudyError(
         f"{where}: it mixes {named}, which changes while the mechanism moves, with a quantity that a realisation has "
-        f"once. Write uqmbd.at_equilibrium({moving[0]}) for the value at rest, or declare two outputs."
+        f"once. Write uqmbd.at_equilibrium({moving[0]}) for the value at rest, or "
+        f"uqmbd.at_steady({moving[0]}) for that in steady motion, or declare two outputs."
     )
 
 
@@ -243,7 +304,7 @@ def _modal(function: str, quantity: str, number: Any, at: Any) -> sympy.Expr:
             f"{function}: the number of the mode is {shown(number)}; expected 1 for the lowest frequency above zero, "
             "2 for the next, ..."
         )
-    if not isinstance(at, str) or at not in ("equilibrium", "start"):
-        raise StudyError(f"{function}: at is {shown(at)}; expected 'equilibrium' or 'start'.")
-    pose = "" if at == "equilibrium" else ", start"
+    if not isinstance(at, str) or at not in AT:
+        raise StudyError(f"{function}: at is {shown(at)}; expected 'equilibrium', 'start' or 'steady'.")
+    pose = "" if at == "equilibrium" else f", {at}"
     return ScalarSymbol(f"{function}({count}{pose})", quantity, count, at)

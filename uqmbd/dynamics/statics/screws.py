@@ -1,0 +1,213 @@
+"""How bodies go on in a steady motion: each turns with a frame of constant angular velocity, and spins in it.
+
+With the angular velocity ``W`` of the frame of a body and its spin ``sigma = R^T (omega - W)``, which is constant in
+the body, its rotation is ``exp(W t) R exp(sigma t)``; the velocity of its origin turns with a frame of angular velocity
+``U``.  The frames follow from velocities, accelerations and, where these leave a choice, the frames of other bodies.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import expm
+
+from uqmbd.dynamics.equations import Model
+from uqmbd.dynamics.linear import accelerations
+from uqmbd.typing import Array
+
+__all__ = ["Screws", "cross_matrix", "left_product", "screws_of"]
+
+
+SAME = 1e-6
+"""Part of an acceleration that counts as none."""
+
+
+def cross_matrix(x: Array) -> Array:
+    """Matrix of ``x ×``."""
+    return np.array([[0, -x[2], x[1]], [x[2], 0, -x[0]], [-x[1], x[0], 0]])
+
+
+def left_product(x: Array) -> Array:
+    """Matrix of the product of quaternions ``(0, x) e``, by ``e``."""
+    a, b, c = x
+    return np.array([[0, -a, -b, -c], [a, 0, -c, b], [b, c, 0, -a], [c, -b, a, 0]])
+
+
+def _right_product(x: Array) -> Array:
+    a, b, c = x
+    return np.array([[0, -a, -b, -c], [a, 0, c, -b], [b, -c, 0, a], [c, b, -a, 0]])
+
+
+@dataclass(frozen=True)
+class Screws:
+    """The steady motion of one realisation.
+
+    Attributes
+    ----------
+    model : Model
+        Of the realisation.
+    places, quaternions, velocities : array, shape (body, 3) or (body, 4)
+        At the initial time, as in space.
+    turning, spin, moving : array, shape (body, 3)
+        Angular velocities ``W`` of frames (world axes), spins (body axes), and ``U``.
+    s, rates : array, shape (state,)
+        Auxiliary states, and their constant rates.
+    """
+
+    model: Model
+    places: Array
+    quaternions: Array
+    velocities: Array
+    turning: Array
+    spin: Array
+    moving: Array
+    s: Array
+    rates: Array
+
+    @property
+    def fastest(self) -> float:
+        """Largest angular velocity, rad/s."""
+        every = np.concatenate([self.turning, self.spin, self.moving])
+        return float(np.linalg.norm(every, axis=1).max(initial=0.0))
+
+    @property
+    def frames(self) -> list[Array]:
+        """Angular velocities of frames that may see constant coefficients; at rest first."""
+        found = [np.zeros(3)]
+        every = np.concatenate([self.turning, self.moving, self.turning + self._spins()])
+        limit = 1e-7 * max(self.fastest, 1e-12)
+        for x in every if self.model.dimension > 1 else ():
+            if all(np.linalg.norm(x - y) > limit for y in found):
+                found.append(x)
+        return found
+
+    def _spins(self) -> Array:
+        """Spins in world axes, of bodies that spin about the axis of their frame only: elsewhere no frame has them."""
+        found = np.zeros_like(self.spin)
+        for b, (e, w, x) in enumerate(zip(self.quaternions, self.turning, self.spin, strict=True)):
+            spin = _rotation(e) @ x
+            if np.linalg.norm(np.cross(w, spin)) <= 1e-9 * max(self.fastest, 1e-12) ** 2:
+                found[b] = spin
+        return found
+
+    def attitudes(self, after: float) -> tuple[Array, Array, Array]:
+        """Quaternions of the bodies, and their first and second rates, at a time after the initial one."""
+        found = []
+        for e, w, x in zip(self.quaternions, self.turning, self.spin, strict=True):
+            left, right = left_product(w) / 2, _right_product(x) / 2
+            now = expm(after * left) @ expm(after * right) @ e
+            rate = left @ now + right @ now
+            found.append((now, rate, left @ rate + right @ rate))
+        a, b, c = (np.array(x).reshape(-1, 4) for x in zip(*found, strict=True))
+        return a, b, c
+
+    def at(self, after: float) -> tuple[Array, Array, Array, Array, Array]:
+        """Coordinates, velocities, accelerations, auxiliary states and their rates, at a time after the initial one."""
+        r, v, a = [], [], []
+        for place, speed, u in zip(self.places, self.velocities, self.moving, strict=True):
+            turn = np.zeros((6, 6))  # of (integral of the velocity, velocity)
+            turn[:3, 3:], turn[3:, 3:] = np.eye(3), cross_matrix(u)
+            moved = expm(after * turn) @ np.concatenate([np.zeros(3), speed])
+            r.append(place + moved[:3])
+            v.append(moved[3:])
+            a.append(np.cross(u, moved[3:]))
+        e = self.attitudes(after)
+        parts = [self._flat(np.array(x), y) for x, y in zip((r, v, a), e, strict=True)]
+        return parts[0], parts[1], parts[2], self.s + after * self.rates, self.rates
+
+    def _flat(self, places: Array, quaternions: Array) -> Array:
+        d, size = self.model.dimension, self.model.size
+        columns = [places[:, :d]]
+        if size > d:
+            columns.append(quaternions[:, [0, 3]] if d == 2 else quaternions)
+        return np.concatenate(columns, axis=1).ravel()
+
+
+def _rotation(e: Array) -> Array:
+    a, x = e[0], e[1:]
+    found: Array = (a * a - x @ x) * np.eye(3) + 2 * np.outer(x, x) + 2 * a * cross_matrix(x)
+    return found
+
+
+def _spatial(model: Model, x: Array, quaternion: float) -> tuple[Array, Array]:
+    """Coordinates, or their rates, as in space: of places (body, 3) and quaternions (body, 4)."""
+    d, size = model.dimension, model.size
+    parts = x.reshape(-1, size)
+    places, e = np.zeros((len(parts), 3)), np.zeros((len(parts), 4))
+    places[:, :d] = parts[:, :d]
+    if size == d:
+        e[:, 0] = quaternion
+    else:
+        e[:, [0, 3] if d == 2 else slice(None)] = parts[:, d:]
+    return places, e
+
+
+def _angular(e: Array, rates: Array) -> Array:
+    """Vector parts of ``2 rates e*``."""
+    conjugate = e * np.array([1, -1, -1, -1])
+    vector = rates[:, :1] * conjugate[:, 1:] + conjugate[:, :1] * rates[:, 1:]
+    return np.asarray(2 * (vector + np.cross(rates[:, 1:], conjugate[:, 1:])))
+
+
+def screws_of(model: Model, q: Array, s: Array, v: Array, parameters: Array) -> Screws | str:
+    """Find how the bodies of one realisation go on if the motion is steady; or say why it is not."""
+    row = parameters[None]
+
+    def motion(x: Array, y: Array, z: Array, time: float) -> tuple[Array, Array, Array, Array, Array, Array, Array]:
+        a, _, rates = (f[0] for f in accelerations(model, x[None], y[None], z[None], time, row))
+        places, e = _spatial(model, x, 1.0)
+        velocity, e1 = _spatial(model, z, 0.0)
+        acceleration, e2 = _spatial(model, a, 0.0)
+        omega = _angular(e, e1)
+        # the square of a rate is a number: it has no part in the vector
+        return velocity, acceleration, omega, _angular(e, e2), a, rates, e
+
+    velocity, acceleration, omega, alpha, a, rates, e = motion(q, s, v, model.time)
+    if not np.isfinite(a).all():
+        return "its accelerations are not determined there"
+    fastest = max(float(np.linalg.norm(omega, axis=1).max(initial=0.0)), 1e-3)
+    h = 3e-3 / fastest
+
+    def jerk(part: float) -> tuple[Array, Array]:
+        t = part * h
+        found = motion(q + t * v + t * t / 2 * a, s + t * rates, v + t * a, model.time + t)
+        return found[1], found[3]
+
+    # the rate at the middle of any curve through the state with its rates, by differences of order 4
+    ends = [jerk(x) for x in (-2.0, -1.0, 1.0, 2.0)]
+    jerks, snaps = ((x - 8 * y + 8 * z - w) / (12 * h) for x, y, z, w in zip(*ends, strict=True))
+    known = [np.zeros(3), *omega]
+    turning = [_frame(w, b, c, known, fastest) for w, b, c in zip(omega, alpha, snaps, strict=True)]
+    known += [x for x in turning if x is not None]
+    moving = [_frame(w, b, c, known, fastest) for w, b, c in zip(velocity, acceleration, jerks, strict=True)]
+    for name, x, y in zip(model.bodies, turning, moving, strict=True):
+        if x is None or y is None:
+            what = "angular velocity" if x is None else "velocity"
+            return f"the {what} of body {name!r} changes in size, or does not turn about a fixed axis"
+    frames, paths = np.array(turning).reshape(-1, 3), np.array(moving).reshape(-1, 3)
+    spin = np.array([_rotation(x).T @ (w - f) for x, w, f in zip(e, omega, frames, strict=True)]).reshape(-1, 3)
+    places, _ = _spatial(model, q, 1.0)
+    return Screws(model, places, e, velocity, frames, spin, paths, s, rates)
+
+
+def _frame(x: Array, rate: Array, second: Array, known: list[Array], fastest: float) -> Array | None:
+    """Angular velocity of a frame in which a vector is constant whose rates are known; None: there is none.
+
+    One of the `known` ones if there is one that fits, the slowest first.
+    """
+    size = float(np.linalg.norm(x))
+    noise = SAME * max(size, 1e-9) * fastest
+    fitting = [w for w in known if np.linalg.norm(np.cross(w, x) - rate) <= noise]
+    # what is constant is not turned
+    fitting = [w for w in fitting if np.linalg.norm(np.cross(w, rate) - second) <= 1e3 * noise * fastest]
+    if fitting:
+        return min(fitting, key=lambda w: float(np.linalg.norm(w)))
+    if abs(float(rate @ x)) > 1e2 * noise * max(size, 1e-9) or size == 0:
+        return None
+    # W x X = X' leaves the part along X open; W x X' = X'' gives it
+    across = np.cross(x, rate) / size**2
+    unit = x / size
+    along = np.cross(unit, rate)
+    part = float(along @ (second - np.cross(across, rate)) / max(float(along @ along), 1e-300))
+    return np.asarray(across + part * unit)

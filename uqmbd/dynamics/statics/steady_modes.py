@@ -1,0 +1,299 @@
+"""Eigenvalues of small motions about a steady motion, in frames in which their coefficients are constant.
+
+Small changes of position and attitude of each body are written in axes that turn with a frame of constant angular
+velocity: ``dq = S(t) x``.  Within the constraints ``x = N y``, and to first order::
+
+    M y'' + C y' + K y + F s = 0
+    M = N^T S^T m S N
+    C = N^T S^T (2 m S' + c S) N
+    K = N^T S^T (m S'' + c S' + k S) N
+
+where ``m``, ``c`` and ``k`` are exact derivatives of the equations of motion, those of the inertia and of the
+constraint forces included.  In which frames ``N``, ``M``, ``C`` and ``K`` do not change is not assumed but found out:
+they are evaluated at several times of the motion.  Tried are the world, the frames that bodies turn with, and frames
+that differ from body to body, in this order; the first in which all is constant is taken.  Where there is none there
+are no eigenvalues.
+
+Constraints between velocities take part of the rates away: ``y' = Z u + P y``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import islice, product
+
+import numpy as np
+import scipy.linalg
+from numpy.typing import NDArray
+from scipy.linalg import expm
+
+from uqmbd.dynamics.batch import Batch
+from uqmbd.dynamics.linear import accelerations
+from uqmbd.dynamics.statics.modes import Modes, gathered, sorted_values, zeros_of
+from uqmbd.dynamics.statics.screws import Screws, cross_matrix, left_product
+from uqmbd.dynamics.statics.steady_motion import PHASES, SteadyMotions
+from uqmbd.typing import Array
+
+__all__ = ["linearise_steady"]
+
+
+CONSTANT = 1e-5
+"""Part of a coefficient by which it may change."""
+
+NOISE = 1e-7
+"""Stiffness, as a part of the largest one, that is no stiffness but rounding."""
+
+CHOICES = 300
+"""Choices of frames that are tried."""
+
+CHANGING = (
+    "the coefficients of small motions about the steady motion change with time, in whatever frame they are seen "
+    "(as those of an uneven rotor in uneven bearings do), so that it has no eigenvalues; make either side even, or "
+    "simulate it"
+)
+
+
+@dataclass(frozen=True)
+class _Instant:
+    """Exact derivatives of the equations at one time of a steady motion, and how its bodies stand."""
+
+    after: float
+    blocks: dict[str, Array]
+    mass: Array
+    gradient: Array  # of the kept equations of positions, by all coordinates
+    attitudes: tuple[Array, Array, Array]
+
+
+def linearise_steady(ensemble: Batch, motions: SteadyMotions) -> tuple[Modes, list[str]]:
+    """Linearise each realisation of an ensemble about its steady motion.
+
+    Parameters
+    ----------
+    ensemble : Batch
+        K realisations.
+    motions : SteadyMotions
+        Of each.
+
+    Returns
+    -------
+    modes : Modes
+        NaN where there are none.
+    messages : list of str
+        Why there are none, or empty.
+    """
+    found: list[NDArray[np.complex128]] = []
+    messages = list(motions.messages)
+    for k, screws in enumerate(motions.screws):
+        values: NDArray[np.complex128] | str = np.zeros(0, dtype=complex)
+        if screws is not None:
+            values = _eigenvalues(ensemble.select(np.array([k])), screws)
+        if isinstance(values, str):
+            messages[k] = messages[k] or values
+            values = np.zeros(0, dtype=complex)
+        found.append(values)
+    return gathered(found), messages
+
+
+def _eigenvalues(one: Batch, screws: Screws) -> NDArray[np.complex128] | str:
+    """Eigenvalues of one realisation, one of each pair, sorted; or why there are none."""
+    fastest = screws.fastest
+    instants = [_instant(one, screws, phase / fastest if fastest > 0 else phase) for phase in PHASES]
+    carried = _carried(one, screws, instants[0])
+    frames = screws.frames
+    still = _moves(one, instants[0], [frames[0]] * len(one.model.bodies))
+    free = [b for b in range(len(one.model.bodies)) if still[b]]
+    if not free:
+        return np.zeros(0, dtype=complex)
+    tried: list[list[int]] = [[i] * len(free) for i in range(len(frames))]
+    tried += [list(x) for x in islice(product(range(len(frames)), repeat=len(free)), CHOICES)]
+    for choice in tried:
+        chosen = [frames[0]] * len(one.model.bodies)
+        for b, i in zip(free, choice, strict=True):
+            chosen[b] = frames[i]
+        pencil = _constant(one, instants, chosen, carried)
+        if pencil is not None:
+            return _solved(*pencil)
+    return CHANGING
+
+
+def _instant(one: Batch, screws: Screws, after: float) -> _Instant:
+    model = one.model
+    layout, time = model.layout, model.time + after
+    q, v, a, s, rates = screws.at(after)
+    q1, v1, a1, s1, rates1 = (np.ascontiguousarray(x)[None] for x in (q, v, a, s, rates))
+    _, multipliers, _ = accelerations(model, q1, s1, v1, time, one.block)
+    y, yp = one.pack(q1, s1, v1, multipliers), one.pack(v1, rates1, a1, np.zeros_like(multipliers))
+    rows, pointers = model.pattern
+    n = layout.unknowns
+    columns = np.repeat(np.arange(n), np.diff(pointers))
+    whole = np.zeros((2, n, n))
+    for c in (0, 1):
+        whole[c, rows, columns] = one.jacobian(time, y, yp, float(c))[0]
+    part = layout.slices
+    blocks = {i + k: whole[0][part[i], part[k]] for i in "vsm" for k in "qsv"}
+    mass = (whole[1] - whole[0])[part["v"], part["v"]]
+    gradient = model.evaluate("velocity", _arguments(time, q, s), one.parameters)["d"][0][layout.kept_holonomic]
+    return _Instant(after, blocks, mass, gradient, screws.attitudes(after))
+
+
+def _arguments(time: float, q: Array, s: Array) -> Array:
+    return np.concatenate([q, s, np.zeros_like(q), [time, 0.0]])[None]
+
+
+def _carried(one: Batch, screws: Screws, start: _Instant) -> NDArray[np.bool_]:
+    """Which auxiliary states only follow the bodies: their value is one of the pose, up to whole turns."""
+    model = one.model
+    carried: NDArray[np.bool_] = ~((start.blocks["sq"] != 0).any(axis=1) | (start.blocks["ss"] != 0).any(axis=1))
+    if carried.all():
+        return carried
+    q, _, _, s, _ = screws.at(0.0)
+    tangent = scipy.linalg.null_space(start.gradient)
+    h, follows = 1e-5, np.ones(len(s), dtype=bool)
+    for direction in tangent.T:
+        stated = [
+            model.evaluate("initial", _arguments(model.time, q + x * direction, s), one.parameters)["s"][0]
+            for x in (h, -h)
+        ]
+        change = stated[0] - stated[1]
+        change = (change - 2 * np.pi * np.round(change / (2 * np.pi))) / (2 * h)
+        rate = -start.blocks["sv"] @ direction[model.layout.free]
+        follows &= np.abs(change - rate) <= 1e-4 * (1 + np.abs(rate))
+    found: NDArray[np.bool_] = carried | (follows & ~(start.blocks["ss"] != 0).any(axis=1))
+    return found
+
+
+def _seen(one: Batch, instant: _Instant, frames: list[Array]) -> tuple[Array, Array, Array]:
+    """``S`` and its first and second rates at one time, (n, column)."""
+    model = one.model
+    d, size = model.dimension, model.size
+    axes = np.eye(3)[:, :d]
+    turns = np.eye(3)[:, [2]] if d == 2 else np.eye(3)
+    parts: tuple[list[Array], list[Array], list[Array]] = ([], [], [])
+    for w, e, e1, e2 in zip(frames, *instant.attitudes, strict=True):
+        omega = cross_matrix(w)
+        r = expm(instant.after * omega)
+        rates = [r, omega @ r, omega @ omega @ r]
+        blocks = [np.zeros((size, d + (turns.shape[1] if size > d else 0))) for _ in range(3)]
+        for block, x in zip(blocks, rates, strict=True):
+            block[:d, :d] = (x @ axes)[:d]
+        for column in range(turns.shape[1] if size > d else 0):
+            x, x1, x2 = (left_product(y @ turns[:, column]) / 2 for y in rates)
+            found = (x @ e, x1 @ e + x @ e1, x2 @ e + 2 * x1 @ e1 + x @ e2)
+            for block, y in zip(blocks, found, strict=True):
+                block[d:, d + column] = y[[0, 3]] if d == 2 else y
+        for part, block in zip(parts, blocks, strict=True):
+            part.append(block)
+    s, s1, s2 = (scipy.linalg.block_diag(*part) for part in parts)
+    return s, s1, s2
+
+
+def _moves(one: Batch, start: _Instant, frames: list[Array]) -> list[bool]:
+    """Which bodies have freedom to move."""
+    s, *_ = _seen(one, start, frames)
+    basis = scipy.linalg.null_space(start.gradient @ s, rcond=1e-9)
+    blocks = np.abs(basis).reshape(len(one.model.bodies), -1)
+    return [bool(x.max(initial=0.0) > 1e-9) for x in blocks]
+
+
+Pencil = tuple[dict[str, Array], float]
+
+
+def _constant(one: Batch, instants: list[_Instant], frames: list[Array], carried: NDArray[np.bool_]) -> Pencil | None:
+    """Coefficients, and their size, if they are the same at all times."""
+    basis: Array | None = None
+    first: dict[str, Array] = {}
+    sizes: dict[str, float] = {}
+    for instant in instants:
+        s, s1, s2 = _seen(one, instant, frames)
+        gradient = instant.gradient @ s
+        if basis is None:
+            basis = scipy.linalg.null_space(gradient, rcond=1e-9)
+        elif np.abs(gradient @ basis).max(initial=0.0) > CONSTANT * np.abs(gradient).max(initial=0.0):
+            return None
+        found, size = _coefficients(one, instant, s @ basis, s1 @ basis, s2 @ basis, carried)
+        if not first:
+            first, sizes = found, size
+            continue
+        if any(np.abs(x - first[name]).max(initial=0.0) > CONSTANT * sizes[name] for name, x in found.items()):
+            return None
+    return first, sizes["k"]
+
+
+def _coefficients(
+    one: Batch, instant: _Instant, t: Array, t1: Array, t2: Array, carried: NDArray[np.bool_]
+) -> tuple[dict[str, Array], dict[str, float]]:
+    """Coefficients for ``dq = t y``, and their sizes."""
+    layout = one.model.layout
+    x, x1, x2 = (y[layout.free] for y in (t, t1, t2))
+    b, own = instant.blocks, ~carried
+    carry = np.where(own[:, None], 0.0, -b["sv"])
+    k_whole = b["vq"] + b["vs"] @ carry
+    damping, inertia, stiffness = b["vv"] @ x, instant.mass @ x1, k_whole @ x
+    found = {
+        "m": x.T @ instant.mass @ x,
+        "c": x.T @ (2 * inertia + damping),
+        "k": x.T @ (instant.mass @ x2 + b["vv"] @ x1 + stiffness),
+        "f": x.T @ b["vs"][:, own],
+        "a": -(b["sq"][own] + b["ss"][np.ix_(own, carried)] @ carry[carried]) @ x - b["sv"][own] @ x1,
+        "b": -b["sv"][own] @ x,
+        "e": -b["ss"][np.ix_(own, own)],
+    }
+    parts = {
+        "m": [found["m"]],
+        "c": [x.T @ inertia, x.T @ damping],
+        "k": [x.T @ instant.mass @ x2, x.T @ b["vv"] @ x1, x.T @ stiffness],
+    }
+    rows = np.isin(layout.active, layout.nonholonomic)
+    n = x.shape[1]
+    found["z"], found["p"] = np.eye(n), np.zeros((n, n))
+    if rows.any():
+        rate = b["mv"][rows] @ x
+        place = b["mv"][rows] @ x1 + (b["mq"] + b["ms"] @ carry)[rows] @ x
+        inverse = np.linalg.pinv(rate, rcond=1e-9)
+        # projectors: a basis of the null space is not unique
+        found["z"], found["p"] = np.eye(n) - inverse @ rate, -inverse @ place
+    sizes: dict[str, float] = {}
+    for name, value in found.items():
+        sizes[name] = max(float(np.abs(y).max(initial=0.0)) for y in parts.get(name, [value]))
+    mass, stiff = max(sizes["m"], 1e-300), sizes["k"]
+    # rates are compared with those of the mechanism, not with their own size where they nearly vanish
+    speed = float(np.sqrt(stiff / mass))
+    sizes["c"] = max(sizes["c"], mass * speed)
+    for name, least in (("f", stiff), ("a", speed), ("b", 1.0), ("e", speed), ("z", 1.0), ("p", speed)):
+        sizes[name] = max(sizes[name], least, 1e-300)
+    return found, sizes
+
+
+def _solved(found: dict[str, Array], size: float) -> NDArray[np.complex128] | str:
+    """Eigenvalues, one of each pair, sorted."""
+    m, c, k, f, a, b, e = (found[name] for name in "mckfabe")
+    n, r = len(m), len(e)
+    values, directions = np.linalg.eigh(found["z"])
+    z, p = directions[:, values > 0.5], found["p"]
+    u = z.shape[1]
+    reduced = z.T @ m @ z
+    try:
+        np.linalg.cholesky((reduced + reduced.T) / 2)
+    except np.linalg.LinAlgError:
+        return "a mass is not positive"
+    zeros = twice = 0
+    if u == n:
+        static, first = np.block([[k, f], [-a, -e]]), np.block([[c, np.zeros((n, r))], [-b, np.eye(r)]])
+        zeros, twice = zeros_of(static, first, NOISE * size)
+    # y' = P y + Z u, and the forces along Z
+    right = -z.T @ np.hstack([m @ p @ p + c @ p + k, (m @ p + c) @ z, f])
+    matrix = np.vstack(
+        [
+            np.hstack([p, z, np.zeros((n, r))]),
+            np.linalg.solve(reduced, right),
+            np.hstack([a + b @ p, b @ z, e]),
+        ]
+    )
+    found_values = np.linalg.eigvals(matrix).astype(complex)
+    found_values = found_values[np.argsort(np.abs(found_values))]
+    if u < n:
+        zeros = int(np.sum(np.abs(found_values) <= 1e-5 * np.abs(found_values).max(initial=0.0)))
+    found_values = found_values[zeros + twice :]
+    real = np.abs(found_values.imag) <= 1e-9 * np.abs(found_values)
+    kept = np.concatenate([found_values[real].real.astype(complex), found_values[~real & (found_values.imag > 0)]])
+    return sorted_values(np.concatenate([np.zeros(zeros, dtype=complex), kept]))

@@ -1,0 +1,285 @@
+"""Steady motions of realisations: every body goes on as on a screw, and the mechanism keeps its shape.
+
+The pose is found by Newton's method: velocities follow from a pose by `steady_speeds`, accelerations from these along
+the motion, and the forces that are not balanced then, within the constraints, are to vanish.  What was found is
+accepted only where it is a steady motion to rounding: each body turns with a frame of constant angular velocity,
+
+    omega' = W x omega        r'' = U x r'
+
+and the poses that this gives at other times of the motion satisfy the constraints and the equations of motion, too.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+
+from uqmbd.dynamics.batch import Batch
+from uqmbd.dynamics.equations import Model, state_arguments
+from uqmbd.dynamics.linear import accelerations
+from uqmbd.dynamics.statics.rest_equations import apply
+from uqmbd.dynamics.statics.screws import Screws, screws_of
+from uqmbd.dynamics.statics.steady_speeds import ORDERS, flow, steady_speeds
+from uqmbd.typing import Array, Index
+
+__all__ = ["PHASES", "SteadyMotions", "steady_motions"]
+
+
+ITERATIONS = 25
+LONGEST = 0.2
+"""Largest change of a coordinate in one step, over the size of the mechanism."""
+
+BALANCED = 1e-9
+"""Force that is left, over the largest of forces and inertia, that counts as none."""
+
+SPAN = 3e-3
+"""Turn, rad, over which rates of velocities are taken."""
+
+PHASES = (0.0, 0.37, 1.13, 2.6)
+"""Turns of the fastest frame, rad, at which a steady motion is examined."""
+
+STEADY = 1e-6
+"""Part of the accelerations, and displacement over the size, by which a steady motion may be off."""
+
+
+CONTROLLED = (
+    "a sampled controller acts from sample to sample, which is no steady motion; let its law act continuously, as a "
+    "force of the components, or simulate it"
+)
+
+
+@dataclass(frozen=True)
+class SteadyMotions:
+    """Steady motions of K realisations.
+
+    Attributes
+    ----------
+    q, s, v : array, shape (K, ...)
+        Coordinates, auxiliary states and velocities at the initial time.
+    screws : tuple of Screws or None
+        How the bodies of each realisation go on; None where there is no steady motion.
+    messages : tuple of str
+        Empty where a steady motion was found, else the reason.
+    """
+
+    q: Array
+    s: Array
+    v: Array
+    screws: tuple[Screws | None, ...]
+    messages: tuple[str, ...]
+
+    def select(self, members: Index) -> SteadyMotions:
+        """Take those of some realisations."""
+        screws, messages = ([x[k] for k in members] for x in (self.screws, self.messages))
+        return SteadyMotions(self.q[members], self.s[members], self.v[members], tuple(screws), tuple(messages))
+
+
+def steady_motions(ensemble: Batch) -> SteadyMotions:
+    """Find the steady motion of every realisation, from where it starts.
+
+    A start that is steady itself, with the velocities that are stated, is taken as it is.
+
+    Parameters
+    ----------
+    ensemble : Batch
+        K realisations.
+    """
+    model, start = ensemble.model, ensemble.start
+    q, s, v = start.q.copy(), start.s.copy(), start.v.copy()
+    messages = list(start.messages)
+    screws: list[Screws | None] = [None] * len(q)
+    if model.controls:
+        return SteadyMotions(q, s, v, tuple(screws), tuple(m or CONTROLLED for m in messages))
+    reasons = dict.fromkeys(np.flatnonzero(start.ok).tolist(), "")
+    if model.statements or (model.conditions is not None and len(model.conditions.velocities)):
+        for k in list(reasons):
+            reasons[k] = _accept(ensemble, k, q, s, v, screws)
+    for order, downhill in product(ORDERS, (True, False)):
+        todo = np.array([k for k in reasons if screws[k] is None], dtype=np.int64)
+        if not len(todo):
+            break
+        found_q, found_s, found_v, left = _search(ensemble, todo, order, downhill=downhill)
+        for row, k in enumerate(todo.tolist()):
+            x, y, z = q.copy(), s.copy(), v.copy()
+            x[k], y[k], z[k] = found_q[row], found_s[row], found_v[row]
+            why = left[row] or _accept(ensemble, k, x, y, z, screws)
+            if screws[k] is not None:
+                q[k], s[k], v[k] = x[k], y[k], z[k]
+            reasons[k] = reasons[k] or why
+    for k, why in reasons.items():
+        if screws[k] is None:
+            messages[k] = f"no steady motion was found from where it starts: {why}"
+    return SteadyMotions(q, s, v, tuple(screws), tuple(messages))
+
+
+def _accept(ensemble: Batch, k: int, q: Array, s: Array, v: Array, screws: list[Screws | None]) -> str:
+    """Take a state of a realisation for a steady motion if it is one; else say what is not steady."""
+    found = screws_of(ensemble.model, q[k], s[k], v[k], ensemble.parameters[k])
+    if isinstance(found, str):
+        return found
+    why = _unsteady(ensemble.model, found, ensemble.parameters[k])
+    if not why:
+        screws[k] = found
+    return why
+
+
+def _unsteady(model: Model, screws: Screws, parameters: Array) -> str:
+    """Say what is wrong with a steady motion at other times; empty: nothing."""
+    layout, row = model.layout, parameters[None]
+    fastest = screws.fastest
+    for phase in PHASES:
+        after = phase / fastest if fastest > 0 else phase
+        time = model.time + after
+        q, v, a, s, rates = screws.at(after)
+        arguments = state_arguments(time, q[None], s[None], v[None])
+        drift = model.evaluate("drift", arguments, row)
+        open_ = np.abs(drift["phi"][0])[layout.kept]
+        if open_.max(initial=0.0) > STEADY * max(1.0, model.length):
+            i = int(layout.kept[np.argmax(open_)])
+            return f"it does not go on steadily: {model.equations[i]!r} would open {after:.3g} s later"
+        true, _, found = (x[0] for x in accelerations(model, q[None], s[None], v[None], time, row))
+        scale = max(float(np.abs(true).max(initial=0.0)), float(np.abs(a).max(initial=0.0)), 1e-6)
+        off = np.abs(true - a).reshape(len(model.bodies), -1).max(axis=1)
+        if not off.max(initial=0.0) <= STEADY * scale:
+            body = model.bodies[int(np.argmax(np.where(np.isfinite(off), off, np.inf)))]
+            later = f" {after:.3g} s later" if phase else ""
+            return f"body {body!r} is not in balance{later} while the mechanism keeps its shape"
+        if layout.states and not np.abs(found - rates).max() <= STEADY * max(1.0, float(np.abs(rates).max())):
+            return "a state of a component changes at a rate that is not constant"
+    return ""
+
+
+def _search(
+    ensemble: Batch, members: Index, order: tuple[str, ...], *, downhill: bool
+) -> tuple[Array, Array, Array, list[str]]:
+    """Find poses in balance, from those of the start: coordinates, auxiliary states, velocities, and messages.
+
+    Downhill the forces, those of the inertia included, do work on the way; else their size falls.
+    """
+    model, parameters = ensemble.model, ensemble.parameters[members]
+    q, s = ensemble.start.q[members].copy(), ensemble.start.s[members].copy()
+    messages = ["the forces do not balance however the pose is changed"] * len(members)
+    active = np.arange(len(members))
+    force, scale = _unbalanced(model, q, s, parameters, order)
+    for _ in range(ITERATIONS):
+        done = np.linalg.norm(force, axis=1) <= BALANCED * scale
+        for k in active[done].tolist():
+            messages[k] = ""
+        active, force, scale = active[~done], force[~done], scale[~done]
+        if not len(active):
+            break
+        step = _newton(model, q[active], s[active], parameters[active], order, force, downhill=downhill)
+        before, moved = np.linalg.norm(force, axis=1), np.zeros(len(active), dtype=bool)
+        for halving in range(12):
+            pending = np.flatnonzero(~moved)
+            some = active[pending]
+            x, y = _closed(model, q[some], s[some], 0.5**halving * step[pending], parameters[some])
+            there, size = _unbalanced(model, x, y, parameters[some], order)
+            after = np.linalg.norm(there, axis=1)
+            good = after < before[pending] * (0.5 if downhill else 1 - 1e-3 * 0.5**halving)
+            if downhill:
+                good |= np.einsum("kn,kn->k", there, step[pending]) >= 0
+            good = np.isfinite(x).all(axis=1) & (good | (after <= BALANCED * size))
+            q[some[good]], s[some[good]] = x[good], y[good]
+            force[pending[good]], scale[pending[good]] = there[good], size[good]
+            moved[pending[good]] = True
+            if moved.all():
+                break
+        active, force, scale = active[moved], force[moved], scale[moved]
+    return q, s, steady_speeds(model, q, s, model.time, parameters, order), messages
+
+
+def _pseudo(matrices: Array, smallest: float) -> Array:
+    """Pseudo-inverses, with a relative size below which singular values are none."""
+    return np.asarray(np.linalg.pinv(matrices, rcond=smallest), dtype=float)
+
+
+def _tangents(gradient: Array) -> Array:
+    """Projectors (K, n, n) onto the directions that constraints leave."""
+    return np.asarray(np.eye(gradient.shape[2]) - _pseudo(gradient, 1e-9) @ gradient)
+
+
+def _unbalanced(model: Model, q: Array, s: Array, parameters: Array, order: tuple[str, ...]) -> tuple[Array, Array]:
+    """Find the forces that are not balanced within the constraints, (K, n), and the sizes of forces and inertia."""
+    time, ends = model.time, []
+    v = steady_speeds(model, q, s, time, parameters, order)
+    h = SPAN / max(_fastest(model, q, v), 1e-3)
+    for part in (-2, -1, 1, 2):
+        x, y = flow(model, q, s, time, parameters, order, part * h)
+        ends.append(steady_speeds(model, x, y, time + part * h, parameters, order))
+    wanted = (ends[0] - 8 * ends[1] + 8 * ends[2] - ends[3]) / (12 * h)
+    found = model.evaluate("acceleration", state_arguments(time, q, s, v), parameters)
+    inertia = apply(found["mass"], wanted)
+    kept = found["d"][:, model.layout.kept]
+    force = apply(_tangents(kept), found["force"] - inertia)
+    scale = np.maximum(np.abs(found["force"]).max(axis=1), np.abs(inertia).max(axis=1))
+    return force, np.maximum(scale, 1e-12)
+
+
+def _fastest(model: Model, q: Array, v: Array) -> float:
+    """Largest angular velocity, or speed over the size of the mechanism, 1/s."""
+    rates = np.abs(v).reshape(len(v), -1, model.size)
+    turning = 2 * rates[:, :, model.dimension :].max(initial=0.0)
+    return float(max(turning, rates[:, :, : model.dimension].max(initial=0.0) / model.length))
+
+
+def _newton(
+    model: Model, q: Array, s: Array, parameters: Array, order: tuple[str, ...], force: Array, *, downhill: bool
+) -> Array:
+    """Find the steps of the coordinates (K, n) that balance the forces to first order."""
+    count, n = q.shape
+    found = model.evaluate("velocity", state_arguments(model.time, q, s, np.zeros_like(q)), parameters)
+    gradient = found["d"][:, model.layout.kept_holonomic]
+    values, directions = np.linalg.eigh(_tangents(gradient))
+    freedom = int(np.round(values.sum(axis=1)).max())
+    basis = directions[:, :, n - freedom :]
+    h = 1e-6 * max(1.0, model.length)
+    columns = []
+    for k in range(freedom):
+        ends = []
+        for sign in (1, -1):
+            x = q + sign * h * basis[:, :, k]
+            ends.append(_unbalanced(model, x, s + _counted(model, q, s, x, parameters), parameters, order)[0])
+        columns.append((ends[0] - ends[1]) / (2 * h))
+    if not columns:
+        return np.zeros_like(q)
+    jacobian = np.stack(columns, axis=2)
+    if downhill:
+        # directions of negative stiffness are taken with its absolute value, as in a search for a static equilibrium
+        reduced = basis.transpose(0, 2, 1) @ jacobian
+        values, modes = np.linalg.eigh(-(reduced + reduced.transpose(0, 2, 1)) / 2)
+        along = apply(modes.transpose(0, 2, 1), apply(basis.transpose(0, 2, 1), force))
+        least = 1e-7 * np.abs(values).max(axis=1, initial=0.0)[:, None]
+        amounts = np.where(np.abs(values) > least, along / np.where(values == 0, 1.0, np.abs(values)), 0.0)
+        step = apply(basis, apply(modes, amounts))
+    else:
+        step = -apply(basis, apply(_pseudo(jacobian, 1e-7), force))
+    largest = np.abs(step).max(axis=1, initial=0.0) / (LONGEST * max(1.0, model.length))
+    return np.asarray(step / np.maximum(1.0, largest)[:, None])
+
+
+def _counted(model: Model, q: Array, s: Array, moved: Array, parameters: Array) -> Array:
+    """Change of the auxiliary states with the pose, as components state them, up to whole turns."""
+    ends = [
+        model.evaluate("initial", state_arguments(model.time, x, np.zeros_like(s), np.zeros_like(x)), parameters)["s"]
+        for x in (q, moved)
+    ]
+    change = ends[1] - ends[0]
+    return np.asarray(change - 2 * np.pi * np.round(change / (2 * np.pi)))
+
+
+def _closed(model: Model, q: Array, s: Array, step: Array, parameters: Array) -> tuple[Array, Array]:
+    """Take steps, and close the constraints again by the least change; NaN where they do not close."""
+    x, y, kept = q + step, s, model.layout.kept_holonomic
+    for _ in range(12):
+        y = s + _counted(model, q, s, x, parameters)
+        arguments = state_arguments(model.time, x, y, np.zeros_like(x))
+        phi = model.evaluate("drift", arguments, parameters)["phi"][:, kept]
+        if not np.abs(phi).max(initial=0.0) > 1e-13 * max(1.0, model.length):
+            break
+        gradient = model.evaluate("velocity", arguments, parameters)["d"][:, kept]
+        x = x - apply(_pseudo(gradient, 1e-9), phi)
+    x[~(np.abs(phi).max(axis=1, initial=0.0) <= 1e-9 * max(1.0, model.length))] = np.nan
+    return x, y
