@@ -17,11 +17,11 @@ class RollingWheel(uqmbd.Component):
 
     Its rim touches the plane, and may lean; the material of both bodies has one velocity where they meet.  In the plane
     it rolls on a line.  It neither lifts off nor slips: `reaction_force`, which acts on the wheel where it touches the
-    plane, tells whether it would.  A disc that comes to lie flat is in a singular pose.
+    plane, tells whether it would.  A disc that comes to lie flat is in a singular pose: there its motion ends.
 
-    In space the equations are polynomials: with the height ``h`` of the centre over the plane, its unit normal ``n``
-    and the axis ``a``, ``h^2 = R^2 (1 - (n . a)^2)``, and the point of contact is ``-(R^2 / h) (n - (n . a) a)`` from
-    the centre [1]_.
+    With the height ``h`` of the centre over the plane, its unit normal ``n`` and the axis ``a`` of the wheel
+    ``h = R w``, where ``w = |n x a|``, and the point of contact is ``-R (n - (n . a) a) / w`` from the centre
+    [1]_.
 
     References
     ----------
@@ -50,7 +50,7 @@ class RollingWheel(uqmbd.Component):
         """Find the directions of the plane."""
         return _directions(self.normal_i)
 
-    def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.Constraint | uqmbd.VelocityConstraint | uqmbd.Upright]:
+    def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.Constraint | uqmbd.VelocityConstraint]:
         """Yield the geometry, and that it does not slip."""
         i, j = p.body_i, p.body_j
         normal, centre = i.direction(p.normal_i), j.point(p.point_j)
@@ -62,10 +62,11 @@ class RollingWheel(uqmbd.Component):
             return
         axis = j.direction(p.axis_j)
         lean = normal.dot(axis)
-        yield uqmbd.Upright(height / p.radius, "wheel on the side of the normal")
-        yield uqmbd.Constraint(height**2 - p.radius**2 * (1 - lean**2), "contact")
+        crossed = normal.cross(axis)
+        width = p.let("width", sympy.sqrt(crossed.dot(crossed)))
+        yield uqmbd.Constraint(height - p.radius * width, "contact")
         turning = (j.angular_velocity - i.angular_velocity).cross(normal - lean * axis)
-        slip = height / p.radius * _slip(p, centre) - p.radius * turning
+        slip = _slip(p, centre) - p.radius / width * turning
         directions = [i.direction(x) for x in (p.along, p.across)]
         yield uqmbd.VelocityConstraint(sympy.Matrix([d.dot(slip) for d in directions]), "rolling")
 
@@ -75,8 +76,8 @@ class RollingWheel(uqmbd.Component):
         if p.space.dimension == 2:
             return centre - p.radius * normal
         axis = p.body_j.direction(p.axis_j)
-        height = normal.dot(centre - p.body_i.point(p.point_i))
-        return centre - p.radius**2 / height * (normal - normal.dot(axis) * axis)
+        crossed = normal.cross(axis)
+        return centre - p.radius / sympy.sqrt(crossed.dot(crossed)) * (normal - normal.dot(axis) * axis)
 
 
 class RollingSphere(uqmbd.Component):
@@ -105,7 +106,7 @@ class RollingSphere(uqmbd.Component):
         """Find the directions of the plane."""
         return _directions(self.normal_i)
 
-    def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.Constraint | uqmbd.VelocityConstraint | uqmbd.Upright]:
+    def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.Constraint | uqmbd.VelocityConstraint]:
         """Yield the geometry, and that it does not slip."""
         normal = p.body_i.direction(p.normal_i)
         height = normal.dot(p.body_j.point(p.point_j) - p.body_i.point(p.point_i))
