@@ -11,16 +11,23 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 import uqmbd
+from uqmbd_collocation import Collocation
 from uqmbd_drivers import PositionDriver, RotationDriver
+from uqmbd_galerkin import Galerkin
 from uqmbd_joints import (
+    Cylindrical,
     Fixed,
+    Gear,
     Prismatic,
+    RackAndPinion,
     Revolute,
+    RevoluteSpherical,
+    Screw,
     Spherical,
     Universal,
 )
 from uqmbd_montecarlo import MonteCarlo
-from uqmbd_springs import Torque, TorsionSpringDamper
+from uqmbd_springs import PointForce, Torque, TorsionSpringDamper
 
 TILTED = (2 / 7, -3 / 7, 6 / 7)
 O2, O3 = (0, 0), (0, 0, 0)
@@ -167,6 +174,229 @@ def test_a_drawn_half_turn_is_one_angle_for_all_realisations():
     expected = samples["inputs"].sel(input="angle").values
     np.testing.assert_allclose(samples["response"].sel(output="angle").values[:, 0], expected, atol=1e-9)
     assert (expected > np.pi).any()
+
+
+BETA = np.pi / 6
+
+
+def shafts(speed):
+    """Case A5: two shafts at 30 degrees with a Cardan joint between them, the first one driven."""
+    mechanism = uqmbd.Mechanism("shafts", uqmbd.Spatial())
+    turn = (np.cos(BETA / 2), 0, -np.sin(BETA / 2), 0)
+    first = mechanism.body("first", 1, (1, 1, 1))
+    second = mechanism.body("second", 1, (1, 1, 1), quaternion=turn)
+    ground = mechanism.ground
+    one = mechanism.add(Revolute("one", ground, first, O3, O3, (1, 0, 0), (1, 0, 0)))
+    along = (np.cos(BETA), 0, np.sin(BETA))
+    two = mechanism.add(Cylindrical("two", ground, second, O3, O3, along, (1, 0, 0)))
+    # the cross arm of the first shaft starts in the plane of the shafts
+    cross = mechanism.add(Universal("cross", first, second, O3, O3, (0, 0, 1), (0, 1, 0)))
+    mechanism.add(RotationDriver("drive", ground, first, speed * uqmbd.t, (1, 0, 0), (1, 0, 0)))
+    return mechanism, one, two, cross
+
+
+@pytest.mark.thorough
+@pytest.mark.filterwarnings("ignore::uqmbd.RedundantConstraintWarning")
+def test_output_angle_of_a_cardan_joint(close):
+    """``tan(out) cos(beta) = tan(in)``, over 11 turns; the cross swings in both yokes as vectors turned by SciPy."""
+    mechanism, one, two, cross = shafts(10.0)
+    for name, value in {
+        "in": one.angle, "out": two.angle, "speed": two.speed, "slides": two.displacement,
+        "i": cross.angle_i, "j": cross.angle_j, "rate_i": cross.speed_i, "rate_j": cross.speed_j,
+    }.items():  # fmt: skip
+        mechanism.output(name, value)
+    fine = np.linspace(0.2, 0.2004, 5)
+    times = np.array([0, 0.05, 0.1, *fine, 0.3, 3.0, 7.0])
+    data = uqmbd.simulate(mechanism, times, rtol=1e-10)
+    turned = 10 * times
+    out = np.arctan2(np.sin(turned), np.cos(BETA) * np.cos(turned))
+    out += 2 * np.pi * np.round((turned - out) / (2 * np.pi))
+    close(data["in"], turned, relative=1e-8)
+    close(data["out"], out, relative=1e-8)
+    published = [11.547005383792516, 10.725274708395798, 9.34205239320907, 9.052163353137358, 11.470858549144744]
+    close(data["speed"][[0, 1, 2, 3, 8]], published, relative=1e-7)
+    close(data["slides"], np.zeros(len(times)), relative=1e-9)
+    first = Rotation.from_rotvec(np.outer(turned, [1, 0, 0]))
+    tilt = Rotation.from_quat([0, -np.sin(BETA / 2), 0, np.cos(BETA / 2)])
+    second = Rotation.from_rotvec(np.outer(out, tilt.apply([1, 0, 0]))) * tilt
+    arm = first.inv().apply(second.apply([0, 1, 0]))
+    swing = np.arctan2(np.cross([0, 1, 0], arm) @ [0, 0, 1], arm @ [0, 1, 0])
+    close(data["i"], swing, relative=1e-7, scale=1)
+    assert np.abs(data["i"]).max() > 0.3
+    start, back = tilt.inv().apply([0, 0, 1]), second.inv().apply(first.apply([0, 0, 1]))
+    close(data["j"], -np.arctan2(np.cross(start, back) @ [0, 1, 0], back @ start), relative=1e-7, scale=1)
+    for angle, rate in (("i", "rate_i"), ("j", "rate_j")):
+        values = data[angle].values[3:8]
+        slope = (values[0] - 8 * values[1] + 8 * values[3] - values[4]) / (12 * (fine[1] - fine[0]))
+        close(data[rate].values[5], slope, relative=1e-5, scale=10)
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("integrator", ["dop853", "ida"])
+@pytest.mark.parametrize("kind", ["Screw", "by law"])
+def test_a_screw_by_law(kind, integrator, close):
+    """A nut that falls along a tilted thread: ``a = g / (1 + J / (m h^2))``, many turns, as the screw and by a law."""
+    pitch, inertia, mass, g = 0.1, 0.0005, 2.0, 9.81
+    axis = np.array(TILTED)
+    mechanism = uqmbd.Mechanism("nut", uqmbd.Spatial(gravity=tuple(g * axis)))
+    nut = mechanism.body("nut", mass, (inertia,) * 3, velocity=O3, angular_velocity=O3)
+    arguments = (mechanism.ground, nut, O3, O3, TILTED, TILTED)
+    if kind == "Screw":
+        thread = mechanism.add(Screw("thread", *arguments, pitch))
+    else:
+        thread = mechanism.add(Cylindrical("thread", *arguments))
+        law = pitch * thread.angle / (2 * sympy.pi)
+        mechanism.add(PositionDriver("law", mechanism.ground, nut, O3, O3, TILTED, law))
+    for name in ("angle", "displacement", "speed", "sliding_speed"):
+        mechanism.output(name, getattr(thread, name))
+    times = np.linspace(0, 1.2, 4)
+    data = uqmbd.simulate(mechanism, times, integrator=integrator, rtol=1e-9)
+    h = pitch / (2 * np.pi)
+    way = 0.5 * g / (1 + inertia / (mass * h**2)) * times**2
+    close(data["displacement"], way, relative=1e-6)
+    close(data["angle"], way / h, relative=1e-6)
+    close(data["sliding_speed"], h * data["speed"], relative=1e-6)
+    assert way[-1] / pitch > 10
+
+
+@pytest.mark.thorough
+def test_gears_and_pinions(close):
+    """Gears turn in the ratio of their teeth, a pinion rolls its way, from the drawn pose on."""
+    mechanism = uqmbd.Mechanism("gears", uqmbd.Planar())
+    ground = mechanism.ground
+    first = mechanism.body("first", 1, 1, angle=0.4)
+    second = mechanism.body("second", 1, 1, position=(3, 0), angle=-1.3)
+    for body, place in ((first, O2), (second, (3, 0))):
+        mechanism.add(Revolute(f"axle_{body.name}", ground, body, place, O2))
+    gear = mechanism.add(Gear("gear", first, second, 2))
+    rack = mechanism.body("rack", 1, 1, position=(0, -1))
+    mechanism.add(Prismatic("guide", ground, rack, (0, -1), O2, (1, 0), (1, 0)))
+    pinion = mechanism.add(RackAndPinion("pinion", rack, first, O2, O2, (1, 0), radius=1))
+    mechanism.add(RotationDriver("drive", ground, first, 0.4 + 20 * uqmbd.t))
+    for name, value in {
+        "i": gear.angle_i, "j": gear.angle_j, "rate": gear.speed_j, "turned": pinion.angle,
+        "way": pinion.displacement, "sliding": pinion.sliding_speed,
+    }.items():  # fmt: skip
+        mechanism.output(name, value)
+    times = np.linspace(0, 2, 5)
+    data = uqmbd.simulate(mechanism, times)
+    close(data["i"], 20 * times, relative=1e-7)
+    close(data["j"], -10 * times, relative=1e-7)
+    close(data["rate"], np.full(5, -10.0), relative=1e-6)
+    close(data["turned"], 20 * times, relative=1e-7)
+    close(data["way"], 20 * times, relative=1e-7)
+    close(data["sliding"], np.full(5, 20.0), relative=1e-6)
+
+
+@pytest.mark.thorough
+def test_the_hinge_of_a_link(close):
+    """A massless link whose ball goes round three times: its angle about the hinge, from where it is drawn."""
+    mechanism = uqmbd.Mechanism("link", uqmbd.Spatial())
+    mass = mechanism.body("mass", 1, (1, 1, 1), position=(0.6, 0.8, 0), angular_velocity=O3, velocity=(-8, 6, 0))
+    link = mechanism.add(RevoluteSpherical("link", mechanism.ground, mass, O3, O3, (0, 0, 1), 1.0))
+    mechanism.output("angle", link.angle, units="rad")
+    mechanism.output("speed", link.speed, units="rad/s")
+    data = uqmbd.simulate(mechanism, [0, 1, 2], rtol=1e-9)
+    close(data["angle"], [0, 10, 20], relative=1e-7)
+    close(data["speed"], [10, 10, 10], relative=1e-7)
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("space", [uqmbd.Planar, uqmbd.Spatial])
+def test_every_method_and_equilibrium_and_modes(space):
+    """A random spring by a law about a tilted axis: closed form, its moments by quadrature; at rest; frequency."""
+    stiffness = uqmbd.RandomVariable("stiffness", chaospy.Uniform(2.0, 4.0), units="N m/rad")
+    inertia, speed, decay = 0.2, 60.0, 0.05
+
+    def load(mechanism, joint, wheel, axes):
+        mechanism.add(Torque("torque", wheel, torque_along(space, 1.5 - stiffness * joint.angle - 0.02 * joint.speed)))
+        mechanism.output("rest", uqmbd.at_equilibrium(joint.angle), units="rad")
+        mechanism.output("frequency", uqmbd.eigenfrequency(1), units="Hz")
+
+    def exact(k, times):
+        rate, offset = np.sqrt(k / inertia - decay**2), 0.3 - 1.5 / k
+        swing = offset * np.cos(rate * times) + (speed + decay * offset) / rate * np.sin(rate * times)
+        return 1.5 / k + np.exp(-decay * times) * swing
+
+    mechanism = hinged(space, speed, load, inertia=inertia)
+    times = np.linspace(0, 0.6, 4)
+    nodes, weights = np.polynomial.legendre.leggauss(12)
+    k, weights = 3 + nodes[:, None], weights[:, None] / 2
+    values = exact(k, times)
+    assert np.abs(values).max() > 2 * np.pi
+    mean = (weights * values).sum(0)
+    std = np.sqrt((weights * (values - mean) ** 2).sum(0))
+    methods = [Collocation(order=6), Galerkin(order=6), MonteCarlo(samples=20, seed=3)]
+    tree = uqmbd.Study("springs", mechanism, times, propagators=methods, rtol=1e-8).run()
+    for label in ("collocation", "galerkin"):
+        found = tree[f"{label}/statistics"].to_dataset().sel(output="angle")
+        np.testing.assert_allclose(found["mean"], mean, rtol=0, atol=2e-4 * std.max())
+        np.testing.assert_allclose(found["std"], std, rtol=0, atol=2e-4 * std.max())
+        alone = tree[f"{label}/scalars/statistics"].to_dataset()["mean"]
+        np.testing.assert_allclose(alone.sel(output="rest"), (weights * 1.5 / k).sum(), rtol=1e-4)
+        hertz = (weights * np.sqrt(k / inertia)).sum() / (2 * np.pi)
+        np.testing.assert_allclose(alone.sel(output="frequency"), hertz, rtol=1e-4)
+    samples = tree["monte-carlo/samples"]
+    expected = exact(samples["inputs"].values[:, :1], times)
+    np.testing.assert_allclose(samples["response"].sel(output="angle"), expected, rtol=0, atol=1e-5)
+
+
+@pytest.mark.thorough
+def test_random_axes(close):
+    """A hinge whose axis is random: the angle by a law and as an output is that about each realisation's own axis."""
+    tilt = uqmbd.RandomVariable("tilt", chaospy.Uniform(-0.4, 0.6), units="rad")
+    axis = (sympy.sin(tilt), 0, sympy.cos(tilt))
+    mechanism = uqmbd.Mechanism("tilted", uqmbd.Spatial())
+    spin = tuple(40 * x for x in axis)
+    wheel = mechanism.body("wheel", 1, (0.2, 0.2, 0.2), angular_velocity=spin)
+    joint = mechanism.add(Revolute("hinge", mechanism.ground, wheel, O3, O3, axis, axis))
+    mechanism.add(Torque("torque", wheel, tuple(-3 * joint.angle * x for x in axis)))
+    mechanism.output("angle", joint.angle, units="rad")
+    mechanism.output("lean", wheel.rotation[0, 1])
+    times = np.linspace(0, 1, 3)
+    methods = [MonteCarlo(samples=8, seed=1), Collocation(order=2), Galerkin(order=4)]
+    tree = uqmbd.Study("tilted", mechanism, times, propagators=methods, rtol=1e-9).run()
+    rate = np.sqrt(3 / 0.2)
+    expected = 40 / rate * np.sin(rate * times)
+    close(tree["monte-carlo/samples"]["response"].values[:, 0], np.tile(expected, (8, 1)), relative=1e-6)
+    for label in ("collocation", "galerkin"):
+        close(tree[f"{label}/statistics"]["mean"].values[0], expected, relative=1e-4)
+
+
+@pytest.mark.thorough
+def test_start_condition_of_a_joint(close):
+    """Angle and displacement between bodies in space are given at the start, more than a turn; so are their rates."""
+    mechanism = uqmbd.Mechanism("two", uqmbd.Spatial())
+    body = mechanism.body("body", 1, (1, 1, 1))
+    joint = mechanism.add(Cylindrical("joint", mechanism.ground, body, O3, O3, TILTED, TILTED))
+    for name in ("angle", "displacement", "speed", "sliding_speed"):
+        mechanism.output(name, getattr(joint, name))
+    mechanism.start(joint.angle, 7.5)
+    mechanism.start(joint.displacement, 0.3)
+    mechanism.start(joint.speed, 2.0)
+    mechanism.start(joint.sliding_speed, -0.4)
+    data = uqmbd.simulate(mechanism, [0, 1])
+    close(data["angle"], [7.5, 9.5], relative=1e-6)
+    close(data["displacement"], [0.3, -0.1], relative=1e-6)
+
+
+@pytest.mark.thorough
+def test_a_force_by_a_displacement(close):
+    """``m x'' = -k x - c x'`` by the displacement and speed of a slide on a turned line, in three spaces."""
+    for space, along in ((uqmbd.Translational(), (0.6, 0.8)), (uqmbd.Planar(), (0.6, 0.8)), (uqmbd.Spatial(), TILTED)):
+        mechanism = uqmbd.Mechanism("slide", space)
+        heavy = {"mass": 2.0} | ({} if not space.turns else {"inertia": 1 if space.dimension == 2 else (1, 1, 1)})
+        start = tuple(0.1 * x for x in along)
+        cart = mechanism.body("cart", position=start, **heavy)
+        zero = (0,) * space.dimension
+        slide = mechanism.add(Prismatic("slide", mechanism.ground, cart, zero, zero, along, along))
+        push = -50 * slide.displacement - 4 * slide.speed
+        mechanism.add(PointForce("push", cart, zero, tuple(push * x for x in along)))
+        mechanism.output("x", slide.displacement, units="m")
+        times = np.linspace(0, 1, 4)
+        decay, rate = 1.0, np.sqrt(25 - 1)
+        expected = 0.1 * np.exp(-decay * times) * (np.cos(rate * times) + decay / rate * np.sin(rate * times))
+        close(uqmbd.simulate(mechanism, times, rtol=1e-9)["x"], expected, relative=1e-6)
 
 
 def free(space, make, **pose):

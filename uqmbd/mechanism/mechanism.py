@@ -14,7 +14,7 @@ from uqmbd.mechanism.expressions import check_scalar, is_scalar, random_variable
 from uqmbd.mechanism.geometry import Space
 from uqmbd.mechanism.holonomic import require_holonomic
 from uqmbd.mechanism.new_body import new_body
-from uqmbd.mechanism.output import TURNS, Output, recorded
+from uqmbd.mechanism.output import TURNS, Output, drawn_over, recorded
 from uqmbd.mechanism.randomise import randomise
 from uqmbd.mechanism.scope import require_bodies, require_component, require_known
 from uqmbd.mechanism.start import StartCondition, start_condition
@@ -169,7 +169,7 @@ class Mechanism:
         return component
 
     @checked
-    def output(self, name: str, expression: Any, units: str = "", angle: bool = False) -> None:
+    def output(self, name: str, expression: Any, units: str = "", angle: bool = False, over: str | None = None) -> None:
         """Record a scalar expression at every time of a study.
 
         An angle that is known only up to whole turns, e.g. ``sympy.atan2(...)``, jumps by a turn, and where samples
@@ -180,9 +180,9 @@ class Mechanism:
         them stand ``circular_mean`` and ``circular_std``, those of the direction, to which turns do not matter.
 
         Turns are counted from one output time to the next: where an angle moves by half a turn or more between them,
-        its turns are lost, and nothing can tell; take more times.  ``body.angle`` (in the plane) and polynomials of it
-        are counted by the integration, whatever the times; there ``angle=True`` picks the turn of the start and adds
-        the circular statistics.
+        its turns are lost, and nothing can tell; take more times.  ``body.angle``, ``joint.angle`` and polynomials of
+        them are counted by the integration, whatever the times; there ``angle=True`` picks the turn of the start and
+        adds the circular statistics.
 
         Parameters
         ----------
@@ -196,6 +196,9 @@ class Mechanism:
             Its units.
         angle : bool
             Whether it is an angle, in ``rad`` or ``deg``, that is known only up to whole turns.
+        over : str, optional
+            Name of an output that is recorded already, over which reports draw this one as well as over time:
+            `uqmbd.report.over_output`.
 
         Raises
         ------
@@ -235,9 +238,12 @@ class Mechanism:
             check_scalar(where, value)
             if angle:
                 raise StudyError(f"{where}: it has no time over which to unwrap an angle; leave angle=True out.")
+            if over is not None:
+                raise StudyError(f"{where}: it has no time, and is no curve over another output; leave over= out.")
             self.scalars[name] = Output(name, value, units)
             return
-        self.outputs[name] = Output(name, value, units, TURNS[units] if angle else 0.0)
+        beside = "" if over is None else drawn_over(where, over, self.outputs, self.scalars)
+        self.outputs[name] = Output(name, value, units, TURNS[units] if angle else 0.0, beside)
 
     @checked
     def start(self, condition: Any, value: Any = None) -> None:

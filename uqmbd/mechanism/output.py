@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,8 +13,9 @@ from uqmbd.errors import StudyError
 from uqmbd.mechanism.components import Component
 from uqmbd.mechanism.expressions import flatten, numbers, shown
 from uqmbd.mechanism.geometry import Frame
+from uqmbd.names import did_you_mean
 
-__all__ = ["TURNS", "Output", "recorded"]
+__all__ = ["TURNS", "Output", "drawn_over", "recorded"]
 
 TURNS = {"rad": 2 * math.pi, "deg": 360.0}
 """Length of a turn in the units that an angle may have."""
@@ -21,12 +23,23 @@ TURNS = {"rad": 2 * math.pi, "deg": 360.0}
 
 @dataclass(frozen=True)
 class Output:
-    """A named scalar that a study records at every time; `turn`: length of a turn of an angle, else 0."""
+    """A named scalar that a study records at every time.
+
+    Attributes
+    ----------
+    name, units : str
+    expression : expression
+    turn : float
+        Length of a turn of an angle, else 0.
+    over : str
+        Name of the output over which it is drawn, too; empty: over time alone.
+    """
 
     name: str
     expression: sympy.Expr
     units: str
     turn: float = 0.0
+    over: str = ""
 
 
 def recorded(where: str, expression: Any) -> sympy.Expr:
@@ -55,3 +68,17 @@ def recorded(where: str, expression: Any) -> sympy.Expr:
             f"{where}: the expression has {len(parts)} components; record them one by one, e.g. body.position[0]."
         )
     return numbers(where, "the expression", expression, 1, "in quantities of bodies and components")[0]
+
+
+def drawn_over(where: str, over: Any, outputs: Mapping[str, Output], scalars: Mapping[str, Output]) -> str:
+    """Return the name of the output over which another one is to be drawn, or say why it cannot be."""
+    if isinstance(over, str) and over in outputs:
+        return over
+    if isinstance(over, str) and over in scalars:
+        raise StudyError(f"{where}: over={over!r} is an output without a time; nothing is a curve over one number.")
+    known = ", ".join(map(repr, outputs)) or "none so far"
+    near = did_you_mean(over, outputs) if isinstance(over, str) else ""
+    raise StudyError(
+        f"{where}: over is {shown(over)}{f'{near} Expected' if near else '; expected'} the name of an output that is "
+        f"recorded already, to be drawn over: {known}."
+    )

@@ -317,7 +317,9 @@ class Study:
 
     def _attributes(self) -> dict[str, Any]:
         """Return what the root of the results says of the study."""
-        shown = {"report_times": list(self.report_times)} if self.report_times else {}
+        shown: dict[str, Any] = {"report_times": list(self.report_times)} if self.report_times else {}
+        if over := {output.name: output.over for output in self.mechanism.outputs.values() if output.over}:
+            shown["over"] = json.dumps(over, ensure_ascii=False)
         about = {"rtol": self.rtol, "integrator": self.integrator, "start": self.start}
         steps = step_attributes(self.max_step, self.breaks)
         return {**about, **steps, **shown, **_parts(self.mechanism), **notices_attribute(self.model)}

@@ -162,6 +162,11 @@ class StudyResult:
         wanted = self.tree.attrs.get("report_times")
         return None if wanted is None else [float(t) for t in np.atleast_1d(wanted)]
 
+    @property
+    def over(self) -> dict[str, str]:
+        """Outputs that are drawn over other ones, and over which."""
+        return dict(pairs_of(self.tree.attrs.get("over")))
+
     @cached_property
     def comparison(self) -> xr.Dataset | None:
         """Differences and verdicts of two methods or more."""

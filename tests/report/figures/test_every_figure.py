@@ -30,6 +30,7 @@ def ball() -> uqmbd.Study:
     body = mechanism.body("ball", mass=1, position=(0, height), velocity=(0, 0))
     floor = mechanism.add(PlaneImpact("floor", mechanism.ground, body, (0, 0), (0, 0), (0, 1), restitution=0.8))
     mechanism.output("height", body.position[1], units="m")
+    mechanism.output("level", body.position[1] - 1, units="m", over="height")
     mechanism.output("first", floor.event_time("impact", 1), units="s")
     methods = [
         MonteCarlo(samples=60, seed=1),
@@ -77,6 +78,7 @@ CALLS: dict[str, Callable[[xr.DataTree, uqmbd.Study], Figure]] = {
     "order_convergence": lambda tree, study: report.order_convergence(
         {label: tree[label] for label in ("plain-1", "plain-2")}, "height"
     ),
+    "over_output": lambda tree, study: report.over_output(tree, "level", "height"),
     "poses": lambda tree, study: report.poses(tree["motion"].to_dataset()),
     "scalar_densities": lambda tree, study: report.scalar_densities(tree),
     "sobol_indices": lambda tree, study: report.sobol_indices(tree, "height"),

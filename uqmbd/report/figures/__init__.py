@@ -12,6 +12,7 @@ from uqmbd.report.figures.elements import elements_in_words, has_elements, split
 from uqmbd.report.figures.error_cost import error_cost
 from uqmbd.report.figures.event_times import event_times, events_in_words, has_events
 from uqmbd.report.figures.failures import ENOUGH, Reason, failure_inputs, failure_reasons, failure_words
+from uqmbd.report.figures.over_output import is_function, over_output
 from uqmbd.report.figures.over_time import bands, std_over_time, time_history_histogram
 from uqmbd.report.figures.sample_convergence import convergence, design_of
 from uqmbd.report.figures.selection import Results, Samples, automatic_times, label_of, runs_of
@@ -60,11 +61,13 @@ __all__ = [
     "horizon",
     "indices_of",
     "inputs",
+    "is_function",
     "label_of",
     "node_with_indices",
     "order_convergence",
     "order_of",
     "orders_of",
+    "over_output",
     "runs_of",
     "scalar_densities",
     "series",

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.figure import Figure
 
-__all__ = ["density", "histograms", "inputs"]
+__all__ = ["density", "histograms", "inputs", "of_surrogate"]
 
 _CELLS = 1000
 
@@ -185,11 +185,11 @@ def _responses(results: Results | Samples, output: str) -> dict[str, xr.DataArra
     for label, node in surrogates.items():
         # a general joint distribution cannot be sampled without its mechanism
         with contextlib.suppress(StudyError):
-            found[label] = _of_surrogate(node, output)
+            found[label] = of_surrogate(node, output)
     return found
 
 
-def _of_surrogate(node: xr.DataTree, output: str) -> xr.DataArray:
+def of_surrogate(node: xr.DataTree, output: str) -> xr.DataArray:
     """Sample a chaos: a response (sample, time)."""
     import xarray as xr
 

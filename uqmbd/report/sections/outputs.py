@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
+import xarray as xr
 
 from uqmbd.report import figures
 from uqmbd.report.drawing import image
@@ -96,6 +97,9 @@ def _output(result: StudyResult, name: str, whole: bool) -> Content:
             f"{name}-bands",
         )
     ]
+    over = result.over.get(name, "")
+    if over and all(over in method.histories for method in shown):
+        drawn.append(_over(holders, name, over))
     if not any(method.varies(name) for method in shown):
         return {
             "name": name,
@@ -165,6 +169,17 @@ def _output(result: StudyResult, name: str, whole: bool) -> Content:
         "words": " ".join(filter(None, words)),
         "numbers": numbers(first, name),
     }
+
+
+def _over(holders: Mapping[str, xr.DataTree], name: str, over: str) -> dict[str, str]:
+    caption = (
+        f"How it goes with {over}: the mean, and the bands in which 50 % and 95 % of the realisations lie, at each of "
+        "its values."
+        if all(figures.is_function(node, name, over) for node in holders.values())
+        else f"How it goes with {over}: each realisation is a curve that is run through in time."
+    )
+    described = f"{name} over {over}."
+    return image(lambda: figures.over_output(holders, name, over), described, caption, f"{name}-over-{over}")
 
 
 def _densities(result: StudyResult, labels: Sequence[str], name: str) -> dict[str, str]:
