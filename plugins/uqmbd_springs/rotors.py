@@ -45,6 +45,7 @@ class SlidingInertia(uqmbd.Component):
     """
 
     symbol = "spring"
+    spaces = (*uqmbd.Component.spaces, uqmbd.Line)
     point_i = uqmbd.Parameter("m", "a point of the axis, frame of body i", kind="point", body="body_i")
     point_j = uqmbd.Parameter("m", "the point that slides, frame of body j", kind="point", body="body_j")
     axis_i = uqmbd.Parameter("1", "direction, frame of body i", kind="axis", body="body_i")

@@ -64,6 +64,7 @@ class SlidingSpringDamper(uqmbd.Component):
     """
 
     symbol = "spring"
+    spaces = (*uqmbd.Component.spaces, uqmbd.Line)
     drawn_by = ("axis",)
     point_i = uqmbd.Parameter("m", "where the displacement is zero, frame of body i", kind="point", body="body_i")
     point_j = uqmbd.Parameter("m", "the point that slides, frame of body j", kind="point", body="body_j")
