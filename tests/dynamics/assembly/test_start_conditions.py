@@ -57,6 +57,29 @@ def test_turns_are_counted_by_what_counts_them():
     assert found["moment"] == pytest.approx(-2 * wound, abs=1e-10)
 
 
+def test_motions_of_joints_in_space():
+    """A joint's angle over several turns, its displacement, and speeds: against what they mean for points."""
+    mechanism = uqmbd.Mechanism("arm", uqmbd.Spatial(gravity=(0, 0, -9.81)))
+    a = mechanism.body("a", mass=1, inertia=(1, 1, 1), quaternion=(1, 0, 0, 0))
+    b = mechanism.body("b", mass=1, inertia=(1, 1, 1), position=(1, 0, 0), quaternion=(1, 0, 0, 0))
+    hinge = mechanism.add(Revolute("hinge", mechanism.ground, a, at=(0, 0, 0), axis=(0, 0, 1)))
+    slide = mechanism.add(Prismatic("slide", a, b, (0, 0, 0), (0, 0, 0), axis_i=(1, 0, 0), axis_j=(1, 0, 0)))
+    coil = TorsionSpringDamper("coil", mechanism.ground, a, stiffness=3, axis_i=(0, 0, 1), axis_j=(0, 0, 1))
+    mechanism.add(coil)
+    turned = -7 * np.pi + 0.4
+    mechanism.start(hinge.angle, turned)
+    mechanism.start(slide.displacement, 1.7)
+    mechanism.start(hinge.speed, 2.0)
+    mechanism.start(slide.speed, -0.5)
+    mechanism.output("angle", hinge.angle)
+    mechanism.output("moment", coil.reaction_moment[2])
+    for name, e in zip(("x", "y", "vx", "vy"), (*b.position[:2], *b.velocity[:2]), strict=True):
+        mechanism.output(name, e)
+    c, s = np.cos(turned), np.sin(turned)
+    expected = [turned, -3 * turned, 1.7 * c, 1.7 * s, -0.5 * c - 3.4 * s, -0.5 * s + 3.4 * c]
+    np.testing.assert_allclose(list(first(mechanism).values()), expected, atol=1e-9)
+
+
 @settings(max_examples=12, deadline=None, derandomize=True)
 @given(st.floats(-8, 8), st.floats(-8, 8), st.floats(-3, 3), st.floats(-3, 3))
 def test_two_angles_and_two_speeds_are_those_of_a_drawn_pose(angle, relative, speed, relative_speed):

@@ -234,6 +234,22 @@ def test_an_uneven_rotor_in_uneven_bearings_has_no_eigenvalues():
 
 
 @pytest.mark.thorough
+def test_a_stiffness_that_turns_slowly_is_seen_beside_a_fast_spin():
+    """A rotor on an uneven carrier that turns slowly, in uneven bearings: constant nowhere, though hardly changing."""
+    mechanism = uqmbd.Mechanism("slow", uqmbd.Planar())
+    table = mechanism.body("table", mass=1, inertia=1)
+    fast = mechanism.body("fast", mass=1, inertia=1)
+    ball = mechanism.body("ball", mass=1, inertia=1)
+    for name, body, speed in (("slow", table, 0.01), ("quick", fast, 1000.0)):
+        mechanism.add(Revolute(f"{name}_axle", mechanism.ground, body, (0, 0), (0, 0)))
+        mechanism.add(SpeedDriver(f"{name}_motor", mechanism.ground, body, speed=speed))
+    for name, carrier in (("ground", mechanism.ground), ("table", table)):
+        mechanism.add(Bushing(f"{name}_springs", carrier, ball, (0, 0), (0, 0), stiffness=(60, 40, 0)))
+    with pytest.raises(uqmbd.AssemblyError, match="change with time"):
+        uqmbd.eigenfrequencies(mechanism, at="steady")
+
+
+@pytest.mark.thorough
 def test_a_mass_on_springs_on_a_turntable():
     """Coriolis' and centrifugal forces: (l^2 + kx/m - W^2)(l^2 + ky/m - W^2) + 4 W^2 l^2 = 0."""
     m, kx, ky, kt, speed = 0.5, 60.0, 45.0, 2.0, 4.0

@@ -8,6 +8,7 @@ the body, its rotation is ``exp(W t) R exp(sigma t)``; the velocity of its origi
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 from scipy.linalg import expm
@@ -21,6 +22,15 @@ __all__ = ["Screws", "cross_matrix", "left_product", "screws_of"]
 
 SAME = 1e-6
 """Part of an acceleration that counts as none."""
+
+PHASES = (0.0, 0.37, 1.13, 2.6)
+"""Turns of a frame, rad, at which a steady motion is examined."""
+
+NONE = 1e-9
+"""Acceleration, m/s^2 or rad/s^2, that is none but rounding."""
+
+SLOW = 1e-6
+"""Angular velocity, rad/s, up to which nothing turns."""
 
 
 def cross_matrix(x: Array) -> Array:
@@ -70,6 +80,20 @@ class Screws:
         """Largest angular velocity, rad/s."""
         every = np.concatenate([self.turning, self.spin, self.moving])
         return float(np.linalg.norm(every, axis=1).max(initial=0.0))
+
+    @property
+    def times(self) -> list[float]:
+        """Times after the initial one at which a steady motion is examined, s.
+
+        At some angles that the fastest frame has turned by, and at those of the slowest turn of one frame in another.
+        """
+        vectors = [*self.frames, *self.spin]
+        turns = [float(np.linalg.norm(x - y)) for x, y in combinations(vectors, 2)]
+        speeds = [x for x in turns if x > max(SLOW, 1e-7 * self.fastest)]
+        if not speeds:
+            return list(PHASES)
+        found = [x / max(speeds) for x in PHASES]
+        return found + ([x / min(speeds) for x in PHASES[1:]] if 2 * min(speeds) < max(speeds) else [])
 
     @property
     def frames(self) -> list[Array]:
@@ -197,13 +221,13 @@ def _frame(x: Array, rate: Array, second: Array, known: list[Array], fastest: fl
     One of the `known` ones if there is one that fits, the slowest first.
     """
     size = float(np.linalg.norm(x))
-    noise = SAME * max(size, 1e-9) * fastest
+    noise = max(SAME * size * fastest, NONE)
     fitting = [w for w in known if np.linalg.norm(np.cross(w, x) - rate) <= noise]
     # what is constant is not turned
     fitting = [w for w in fitting if np.linalg.norm(np.cross(w, rate) - second) <= 1e3 * noise * fastest]
     if fitting:
         return min(fitting, key=lambda w: float(np.linalg.norm(w)))
-    if abs(float(rate @ x)) > 1e2 * noise * max(size, 1e-9) or size == 0:
+    if abs(float(rate @ x)) > 1e2 * noise * size or size <= 1e-9:
         return None
     # W x X = X' leaves the part along X open; W x X' = X'' gives it
     across = np.cross(x, rate) / size**2

@@ -31,7 +31,7 @@ from uqmbd.dynamics.batch import Batch
 from uqmbd.dynamics.linear import accelerations
 from uqmbd.dynamics.statics.modes import Modes, gathered, sorted_values, zeros_of
 from uqmbd.dynamics.statics.screws import Screws, cross_matrix, left_product
-from uqmbd.dynamics.statics.steady_motion import PHASES, SteadyMotions
+from uqmbd.dynamics.statics.steady_motion import SteadyMotions
 from uqmbd.typing import Array
 
 __all__ = ["linearise_steady"]
@@ -96,8 +96,7 @@ def linearise_steady(ensemble: Batch, motions: SteadyMotions) -> tuple[Modes, li
 
 def _eigenvalues(one: Batch, screws: Screws) -> NDArray[np.complex128] | str:
     """Eigenvalues of one realisation, one of each pair, sorted; or why there are none."""
-    fastest = screws.fastest
-    instants = [_instant(one, screws, phase / fastest if fastest > 0 else phase) for phase in PHASES]
+    instants = [_instant(one, screws, after) for after in screws.times]
     carried = _carried(one, screws, instants[0])
     frames = screws.frames
     still = _moves(one, instants[0], [frames[0]] * len(one.model.bodies))

@@ -24,7 +24,7 @@ from uqmbd.dynamics.statics.screws import Screws, screws_of
 from uqmbd.dynamics.statics.steady_speeds import ORDERS, flow, steady_speeds
 from uqmbd.typing import Array, Index
 
-__all__ = ["PHASES", "SteadyMotions", "steady_motions"]
+__all__ = ["SteadyMotions", "steady_motions"]
 
 
 ITERATIONS = 25
@@ -36,9 +36,6 @@ BALANCED = 1e-9
 
 SPAN = 3e-3
 """Turn, rad, over which rates of velocities are taken."""
-
-PHASES = (0.0, 0.37, 1.13, 2.6)
-"""Turns of the fastest frame, rad, at which a steady motion is examined."""
 
 STEADY = 1e-6
 """Part of the accelerations, and displacement over the size, by which a steady motion may be off."""
@@ -128,9 +125,7 @@ def _accept(ensemble: Batch, k: int, q: Array, s: Array, v: Array, screws: list[
 def _unsteady(model: Model, screws: Screws, parameters: Array) -> str:
     """Say what is wrong with a steady motion at other times; empty: nothing."""
     layout, row = model.layout, parameters[None]
-    fastest = screws.fastest
-    for phase in PHASES:
-        after = phase / fastest if fastest > 0 else phase
+    for after in screws.times:
         time = model.time + after
         q, v, a, s, rates = screws.at(after)
         arguments = state_arguments(time, q[None], s[None], v[None])
@@ -140,11 +135,11 @@ def _unsteady(model: Model, screws: Screws, parameters: Array) -> str:
             i = int(layout.kept[np.argmax(open_)])
             return f"it does not go on steadily: {model.equations[i]!r} would open {after:.3g} s later"
         true, _, found = (x[0] for x in accelerations(model, q[None], s[None], v[None], time, row))
-        scale = max(float(np.abs(true).max(initial=0.0)), float(np.abs(a).max(initial=0.0)), 1e-6)
+        scale = max(float(np.abs(true).max(initial=0.0)), float(np.abs(a).max(initial=0.0)), 1e-3)
         off = np.abs(true - a).reshape(len(model.bodies), -1).max(axis=1)
         if not off.max(initial=0.0) <= STEADY * scale:
             body = model.bodies[int(np.argmax(np.where(np.isfinite(off), off, np.inf)))]
-            later = f" {after:.3g} s later" if phase else ""
+            later = f" {after:.3g} s later" if after else ""
             return f"body {body!r} is not in balance{later} while the mechanism keeps its shape"
         if layout.states and not np.abs(found - rates).max() <= STEADY * max(1.0, float(np.abs(rates).max())):
             return "a state of a component changes at a rate that is not constant"

@@ -26,7 +26,7 @@ from uqmbd.dynamics.observation import observe, observe_along
 from uqmbd.dynamics.statics.equilibrium import static_equilibria
 from uqmbd.dynamics.statics.modes import Modes, linearise
 from uqmbd.dynamics.statics.steady_modes import linearise_steady
-from uqmbd.dynamics.statics.steady_motion import PHASES, SteadyMotions, steady_motions
+from uqmbd.dynamics.statics.steady_motion import SteadyMotions, steady_motions
 from uqmbd.errors import StudyError
 from uqmbd.mechanism import AtEquilibrium, AtSteady, EventTime, MotionSymbol, Output, ScalarSymbol
 from uqmbd.names import did_you_mean
@@ -325,7 +325,7 @@ def _in_motion(ensemble: Batch, steady: OutputMap, motions: SteadyMotions) -> tu
     for k, screws in enumerate(motions.screws):
         if screws is None:
             continue
-        after = np.array(PHASES) / (screws.fastest or 1.0)
+        after = np.array(screws.times)
         found = [screws.at(x) for x in after.tolist()]
         states = np.array([np.concatenate([q, s, v]) for q, v, _, s, _ in found])
         seen = observe(
