@@ -279,6 +279,8 @@ class Problem:
             If the integrator of the study cannot do so.
         """
         self.require("segments")
+        if self.model.controls:
+            self.require("sampled")
         begin, end = float(self.times[0]), float(self.times[-1])
         return event_histories(self.run, self._checked(values), (begin, end), self.rtol, points, least, self.integrator)
 

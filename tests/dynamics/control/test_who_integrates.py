@@ -12,6 +12,7 @@ import pytest
 import uqmbd
 from uqmbd import plugins
 from uqmbd.propagation.script import load_study
+from uqmbd.testing import check_integrator
 from uqmbd_collocation import Collocation
 from uqmbd_contact import PlaneImpact
 from uqmbd_galerkin import Galerkin
@@ -191,3 +192,11 @@ def test_another_function_is_another_model():
     assert len(digests) == 4
     again = uqmbd.Study("wheel", wheel(proportional), [0, 0.2]).problem(Collocation(order=1)).model.digest
     assert again in digests
+
+
+@pytest.mark.thorough
+def test_who_only_claims_to_sample_is_found_out(runge_kutta):
+    cls = plugins.registry.registered().classes["integrators"]["runge-kutta"]
+    claims = type("Claims", (cls,), {"name": "claims", "sampled": True})
+    with pytest.raises(AssertionError, match="sampled: driven ball: with .* the speed is 0 at t = 2 s"):
+        check_integrator(claims)

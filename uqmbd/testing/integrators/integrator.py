@@ -39,6 +39,7 @@ def check_integrator(
     - *counters*: they tell what the integration cost.
     - *paced*, if it is declared: the integration starts anew where forces jump, and keeps to the longest step.
     - *events*, if declared: a ball bounces in time, and the times of its impacts are told.
+    - *sampled*, if it is declared beside *events*: a controller that pushes the ball is sampled across its impacts.
     - *segments*, if declared: the segments of that motion are those between its impacts.
     - *projected*, if declared: coefficients are those of the motions at the nodes; *watched*: it stops when it is told.
 
@@ -78,6 +79,9 @@ def check_integrator(
             subject.right(form, "paced", subject.run(form, "paced"))
     if declares(integrator, "events"):
         _check_events(subject, closed_forms.ball())
+        if declares(integrator, "sampled"):
+            form = closed_forms.driven_ball()
+            subject.right(form, "sampled", subject.run(form, "sampled"))
     if declares(integrator, "segments"):
         _check_segments(subject, closed_forms.ball())
     if declares(integrator, "projected"):

@@ -11,7 +11,7 @@ import numpy as np
 import sympy
 
 from uqmbd.dynamics import Ensemble, Model, build
-from uqmbd.mechanism import Mechanism, Planar, Translational, t
+from uqmbd.mechanism import Controller, Mechanism, Planar, Translational, t
 from uqmbd.randomness import uniform_variable
 from uqmbd.testing.solutions.parts import Floor, Pin, Push, Spring, Strip
 from uqmbd.typing import Array
@@ -24,6 +24,8 @@ BOUNCE = 0.8
 """Coefficient of restitution."""
 MARK = 0.3
 """Height at which it is noted that the ball falls past, m."""
+SAMPLES, GAIN = 7.0, 2.0
+"""Samples per second of the controller that drives the ball, Hz, and its gain, N s/m."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -178,6 +180,32 @@ def ball() -> ClosedForm:
         return (y,)
 
     return _form(mechanism, [0, 0.3, 0.5, 0.9, 1.2, 1.7, 2.0], [0.9, 1.0, 25.0, 1.1], exact)
+
+
+@cache
+def driven_ball() -> ClosedForm:
+    """Let a sampled controller push the same ball along the floor, which knows nothing of its impacts."""
+    height = uniform_variable("height", 0.5, 50, "m")
+    mechanism = Mechanism("driven ball", Translational(gravity=(0, -GRAVITY)))
+    body = mechanism.body("ball", mass=1, position=(0, height))
+    loop = Controller("loop", measured=[body.velocity[0]], commanded=["force"], rate=SAMPLES, function=_to_one)
+    mechanism.add(loop)
+    mechanism.add(Floor("floor", body, restitution=BOUNCE, mark=MARK))
+    mechanism.add(Push("push", body, force=loop.command()))
+    mechanism.output("height", body.position[1], units="m")
+    mechanism.output("speed", body.velocity[0], units="m/s")
+
+    def exact(h: Array, at: Array) -> tuple[Array, ...]:
+        last = np.floor(at * SAMPLES + 1e-9)
+        left = (1 - GAIN / SAMPLES) ** last  # of the speed that is missing
+        return ball().exact(h, at)[:, 0], 1 - left * (1 - GAIN * (at - last / SAMPLES)) + 0 * h
+
+    return _form(mechanism, [0, 0.3, 0.5, 0.9, 1.2, 1.7, 2.0], [0.9, 1.0, 25.0, 1.1], exact)
+
+
+def _to_one(time: float, measured: Array) -> Array:
+    """Command a force that brings the speed to 1 m/s."""
+    return GAIN * (1 - measured)
 
 
 def impacts(heights: Array, end: float) -> Array:
