@@ -261,6 +261,22 @@ def test_a_rolling_disc_falls_below_its_critical_speed(ring, fast, close):
 
 
 @pytest.mark.thorough
+@pytest.mark.parametrize("fast", [False, True])
+def test_modes_about_a_disc_that_rolls_straight(fast):
+    """Linearised about the steady motion: the same growth, or frequency, and otherwise modes at zero."""
+    mass, radius = 1.5, 0.25
+    axial = mass * radius**2 / 2
+    p = np.sqrt(G / radius / 3) * (1.5 if fast else 0.7)
+    pull = mass * G * radius - axial * (axial + mass * radius**2) * p**2 / (axial / 2)
+    growth = np.sqrt(abs(pull / (axial / 2 + mass * radius**2)))
+    modes = uqmbd.eigenfrequencies(disc(0, 0, p), at="steady")
+    found = np.abs(modes["eigenvalue_imaginary" if fast else "eigenvalue_real"].values)
+    other = np.abs(modes["eigenvalue_real" if fast else "eigenvalue_imaginary"].values)
+    assert found.max() == pytest.approx(growth, rel=1e-6) and other.max() < 1e-6
+    assert np.sum(found > 1e-6) == (1 if fast else 2)
+
+
+@pytest.mark.thorough
 def test_a_wobbling_disc_keeps_its_energy(energy):
     mechanism = disc(0.6, 4.0, -3.0)
     times = np.linspace(0, 3, 31)

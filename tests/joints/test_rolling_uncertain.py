@@ -9,6 +9,7 @@ import sympy
 
 import uqmbd
 from uqmbd_collocation import Collocation
+from uqmbd_contact import PlaneImpact
 from uqmbd_galerkin import Galerkin
 from uqmbd_joints import RollingWheel
 from uqmbd_montecarlo import MonteCarlo
@@ -118,3 +119,38 @@ def test_an_uncertain_disc_by_galerkin_and_collocation(close):
     for other in found.values():
         close(other["mean"], first["mean"], relative=1e-5)
         close(other["std"], first["std"], relative=1e-3)
+
+
+@pytest.mark.slow
+def test_a_rolling_wheel_that_hits_a_wall_by_every_method(close):
+    """Its place after the impact, ``L - e v (t - L / v)``, of random speed and restitution: the moments by a Gauss rule."""
+    speed = uqmbd.RandomVariable("speed", chaospy.Uniform(1.8, 2.2), units="m/s")
+    restitution = uqmbd.RandomVariable("restitution", chaospy.Uniform(0.4, 0.6))
+    radius, way, time = 0.3, 1.0, 1.0
+    mechanism = uqmbd.Mechanism("wheel", uqmbd.Planar(gravity=(0, -G)))
+    wheel = mechanism.body("wheel", mass=2, inertia=0.05, position=(0, radius), velocity=(speed, 0))
+    mechanism.add(RollingWheel("road", mechanism.ground, wheel, (0, 0), (0, 0), (0, 1), radius=radius))
+    mechanism.add(
+        PlaneImpact(
+            "wall", mechanism.ground, wheel, (way + radius, 0), (0, 0), (-1, 0), radius=radius, restitution=restitution
+        )
+    )
+    mechanism.output("x", wheel.position[0], units="m")
+    mechanism.output("turning", wheel.angular_velocity[0], units="rad/s")
+    propagators = [
+        Collocation(order=4, verify=0),
+        Collocation(order=4, verify=2, alignment="events", label="aligned"),
+        Galerkin(order=4, verify=0, index_set="tensor"),
+        MonteCarlo(samples=300, seed=2, label="sampled"),
+    ]
+    study = uqmbd.Study("wheel", mechanism, [0, 0.2, time], propagators=propagators, rtol=1e-9)
+    tree = study.run(workers=2)
+    nodes, weights = np.polynomial.legendre.leggauss(10)
+    v, e, w = (2 + 0.2 * nodes)[:, None], (0.5 + 0.1 * nodes)[None, :], np.outer(weights, weights) / 4
+    for name, values in (("x", way - e * v * (time - way / v)), ("turning", e * v / radius)):
+        mean = np.sum(w * values)
+        std = np.sqrt(np.sum(w * (values - mean) ** 2))
+        for method, allowed in (("collocation", 1e-5), ("aligned", 2e-2), ("galerkin", 1e-5), ("sampled", 0.2)):
+            found = tree[f"{method}/statistics"].to_dataset().sel(output=name).isel(time=-1)
+            close(found["mean"], mean, relative=allowed, scale=std)
+            close(found["std"], std, relative=allowed)

@@ -18,7 +18,18 @@ from uqmbd.report.mechanisms.canvas import canvas_for
 from uqmbd.report.mechanisms.sketch import Sketch, world
 from uqmbd_contact import PlaneContact, PlaneImpact, SphereContact
 from uqmbd_drivers import PositionDriver, RotationDriver
-from uqmbd_joints import Cylindrical, Distance, Fixed, Parallel1, Prismatic, Revolute, Spherical, Universal
+from uqmbd_joints import (
+    Cylindrical,
+    Distance,
+    Fixed,
+    Parallel1,
+    Prismatic,
+    Revolute,
+    RollingWheel,
+    Skate,
+    Spherical,
+    Universal,
+)
 from uqmbd_springs import PointForce, RadialTyre, SpringDamper, Torque, TorsionSpringDamper, distance
 
 
@@ -277,3 +288,36 @@ def test_a_joint_that_is_open_is_a_red_line():
     drawn = canvas_for(points[sketch.placed])
     (line,) = (s.vertices for s in sketch.draw(drawn, points).shapes if s.edge == FAILED)
     np.testing.assert_allclose(line, drawn.project(np.array([[3, 0], [1, 0]])), atol=1e-9)
+
+
+def test_a_rolling_wheel_in_space_is_a_disc_about_its_axis():
+    """Its rim is what the page shows of a circle in the x-z plane, above the patch that it rolls on."""
+    made = uqmbd.Mechanism("disc", uqmbd.Spatial())
+    turned = (np.sqrt(0.5), np.sqrt(0.5), 0, 0)
+    disc = made.body("disc", mass=1, inertia=(0.1, 0.1, 0.2), position=(0.5, 0.2, 0.3), quaternion=turned)
+    made.add(RollingWheel("road", made.ground, disc, (0, 0, 0), (0, 0, 0), (0, 0, 1), (0, 0, 1), 0.3))
+    data = drawn_pose(made)
+    assert data["component_symbol"].values.tolist() == ["wheel"]
+    sketch, points = Sketch(data), world(data)[0, 0]
+    drawn = canvas_for(sketch.extent(points))
+    shapes = sketch.draw(drawn, points).shapes
+    rim = next(s.vertices for s in shapes if s.face is None and s.closed and len(s.vertices) > 20)
+    zero, x, z = drawn.project(np.array([[0, 0, 0], [1, 0, 0], [0, 0, 1.0]]))
+    centre = drawn.project(np.array([0.5, 0.2, 0.3]))
+    inside = np.linalg.solve(np.column_stack([x - zero, z - zero]), (rim - centre).T)
+    np.testing.assert_allclose(np.hypot(*inside), 0.3, rtol=1e-6)
+    low, high = sketch.reaches(points[None])["road/0"]
+    assert high - low > 0  # the patch reaches from its point to the wheel
+
+
+def test_a_skate_is_a_blade_along_its_axis():
+    made = uqmbd.Mechanism("sleigh", uqmbd.Planar())
+    body = made.body("body", mass=1, inertia=1, position=(1, 2), angle=np.pi / 2)
+    made.add(Skate("blade", made.ground, body, (0.5, 0), (1, 0)))
+    data = drawn_pose(made)
+    sketch, points = Sketch(data), world(data)[0, 0]
+    drawn = canvas_for(points[sketch.placed])
+    (blade,) = (s.vertices for s in sketch.draw(drawn, points).shapes if s.width == 3.2)
+    np.testing.assert_allclose(blade.mean(axis=0), drawn.project(np.array([1, 2.5])), atol=1e-9)
+    along = blade[1] - blade[0]
+    assert abs(along[0]) < 1e-9 < abs(along[1])
