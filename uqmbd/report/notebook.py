@@ -105,6 +105,10 @@ def _tables(mechanism: Mechanism) -> str:
         (c.name, type(c).__name__, ", ".join(str(getattr(c.attached[b], "name", "ground")) for b in c.bodies))
         for c in mechanism.components.values()
     ]
+    controllers = [
+        (c.name, f"{c.rate:g}", ", ".join(map(str, c.measured)), ", ".join(c.commands))
+        for c in mechanism.controllers.values()
+    ]
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         inputs = [(v.name, v.description, v.units) for v in mechanism.inputs.variables]
@@ -113,6 +117,7 @@ def _tables(mechanism: Mechanism) -> str:
         (
             _table("Bodies", ("name", "mass [kg]", "position as drawn [m]"), bodies),
             _table("Components", ("name", "type", "between"), components),
+            _table("Controllers", ("name", "rate [Hz]", "measures", "commands"), controllers),
             _table("Random inputs", ("name", "distribution", "units"), inputs),
             _table("Outputs", ("name", "units", "expression"), outputs),
             _table("Not taken from the file, or changed", ("what", "count", "which", "why"), _omissions(mechanism)),

@@ -41,7 +41,10 @@ class Shipped:
 
     def digest(self) -> str:
         """Hash of what the function does: of what is sent, and of the source of its module, where there is one."""
-        text = hashlib.sha256(self._packed())
+        try:
+            text = hashlib.sha256(self._packed())
+        except StudyError:  # of what cannot be sent nothing is kept that another run could take
+            text = hashlib.sha256(repr(self.function).encode())
         module = inspect.getmodule(self.function) or inspect.getmodule(type(self.function))
         try:
             text.update(inspect.getsource(module).encode() if module is not None else b"")
