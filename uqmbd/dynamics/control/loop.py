@@ -20,6 +20,8 @@ from uqmbd.typing import Array, Index
 
 __all__ = ["Loop", "loops_of", "require_controllers", "unused_commands"]
 
+LONGEST_NAME = 40
+"""Characters up to which a measured expression is its own name in messages."""
 UNLIMITED = 1e300
 """Stands for no limit."""
 
@@ -142,7 +144,7 @@ def unused_commands(mechanism: Mechanism) -> tuple[str, ...]:
 def _output(mechanism: Mechanism, controller: Controller, k: int, entry: Any) -> Output:
     """Return what an entry of `measured` is."""
     if not isinstance(entry, str):
-        return Output(f"measured[{k}]", entry, "")
+        return Output(text if len(text := str(entry)) <= LONGEST_NAME else f"measured[{k}]", entry, "")
     if entry in mechanism.outputs:
         return Output(entry, mechanism.outputs[entry].expression, mechanism.outputs[entry].units)
     if entry in mechanism.scalars:
