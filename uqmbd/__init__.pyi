@@ -1,5 +1,6 @@
 """The public names of uqmbd and the modules that define them: for type checkers, and for the lazy imports."""
 
+from . import laws as laws
 from . import report as report
 from . import results as results
 from . import testing as testing

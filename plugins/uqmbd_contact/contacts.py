@@ -8,6 +8,7 @@ from typing import Any, ClassVar
 import sympy
 
 import uqmbd
+from uqmbd.laws import law_at, law_values
 from uqmbd_contact.geometry import InBearing, Meeting, OnPlane, OnRoad, OnSphere
 from uqmbd_contact.laws import LAWS, NUMBERS, SYMBOLS, ContactLaw, depth, depth_rate, law_named, speed
 
@@ -36,8 +37,8 @@ class _Contact(uqmbd.Component):
     def prepare(self) -> dict[str, Any]:
         """Give what the law contains to each realisation."""
         law = law_named(self.law)
-        found = uqmbd.law_values(law.normal, *SYMBOLS, what="force")
-        return {**super().prepare(), **found, **uqmbd.law_values(law.friction, *SYMBOLS, what="coefficient")}
+        found = law_values(law.normal, *SYMBOLS, what="force")
+        return {**super().prepare(), **found, **law_values(law.friction, *SYMBOLS, what="coefficient")}
 
     def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.VirtualWork | uqmbd.Separation]:
         """Yield the gap at the start, and the virtual work of the normal force and of friction."""
@@ -46,11 +47,11 @@ class _Contact(uqmbd.Component):
         yield uqmbd.Separation(meeting.gap, meeting.reach)
         opening = p.rate_of(meeting.gap)
         state = {x: getattr(p, x.name) for x in NUMBERS} | {depth: -meeting.gap, depth_rate: -opening, speed: speed}
-        force = p.let("normal force", uqmbd.law_at(p, law.normal, state, what="force"))
+        force = p.let("normal force", law_at(p, law.normal, state, what="force"))
         yield uqmbd.VirtualWork(force, opening)
         if p.space.dimension == 1:  # nothing slides across the normal
             return
-        coefficient = uqmbd.law_at(p, law.friction, state, what="coefficient")
+        coefficient = law_at(p, law.friction, state, what="coefficient")
         if coefficient != 0:
             sliding = meeting.relative - meeting.normal.dot(meeting.relative) * meeting.normal
             sliding = p.let("sliding", sliding)

@@ -8,11 +8,9 @@ from typing import Any
 import sympy
 
 import uqmbd
+from uqmbd.laws import distance, law_at, law_values
 
 __all__ = ["InBearing", "Meeting", "OnPlane", "OnRoad", "OnSphere", "distance", "tangents"]
-
-distance = sympy.Symbol("distance", real=True)
-"""Distance along a road, m, in its profile: the same symbol as ``uqmbd_springs.distance``."""
 
 BUMP = sympy.sin(distance) / 4
 
@@ -99,14 +97,14 @@ class OnRoad(uqmbd.Component):
 
     def prepare(self) -> dict[str, Any]:
         """Give what the profile contains to each realisation."""
-        return uqmbd.law_values(self.road, distance, what="road", package="uqmbd_contact")
+        return law_values(self.road, distance, what="road", package="uqmbd_contact")
 
     def meeting(self, p: uqmbd.Local) -> Meeting:
         """Return where they meet: at the point; the gap is along the normal of the road below it."""
         frame = p.body_i
         point = p.let("point", p.body_j.point(p.point_j))
         place = p.let("place", frame.rotation.T * (point - frame.position))
-        height, slope = (uqmbd.law_at(p, p.road, {distance: place[0]}, what="road", by=x) for x in (None, distance))
+        height, slope = (law_at(p, p.road, {distance: place[0]}, what="road", by=x) for x in (None, distance))
         slope = p.let("slope", slope)
         steep = p.let("steepness", sympy.sqrt(1 + slope**2))
         gap = p.let("gap", (place[-1] - height) / steep)

@@ -9,6 +9,7 @@ import sympy
 from sympy.logic.boolalg import Boolean
 
 import uqmbd
+from uqmbd.laws import depth, depth_rate, law_values, speed
 
 __all__ = [
     "LAWS",
@@ -25,7 +26,6 @@ __all__ = [
     "stiffness",
 ]
 
-depth, depth_rate, speed = sympy.symbols("depth depth_rate speed", real=True)
 NUMBERS = stiffness, exponent, damping, friction = sympy.symbols("stiffness exponent damping friction", real=True)
 SYMBOLS = (depth, depth_rate, speed, *NUMBERS)
 
@@ -65,7 +65,7 @@ class ContactLaw:
 
     def __post_init__(self) -> None:
         for name in ("force", "friction"):
-            uqmbd.law_values(getattr(self, name), *SYMBOLS, what=name, package="uqmbd_contact")
+            law_values(getattr(self, name), *SYMBOLS, what=name, package="uqmbd_contact")
         if sympy.sympify(self.friction).is_negative:
             raise uqmbd.StudyError(f"friction is {self.friction}; expected a coefficient of friction, 0 or more.")
         condition = isinstance(self.acts, (bool, Boolean)) and not isinstance(self.acts, sympy.Expr)

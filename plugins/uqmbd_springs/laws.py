@@ -8,15 +8,10 @@ from typing import Any
 import sympy
 
 import uqmbd
+from uqmbd.laws import law_at, law_values, length, rate
 from uqmbd_springs.turning import turning
 
 __all__ = ["NonlinearSpringDamper", "NonlinearTorsionSpringDamper", "length", "rate"]
-
-length = sympy.Symbol("length", real=True)
-"""Length of a spring (m), or its angle (rad), in a law."""
-
-rate = sympy.Symbol("rate", real=True)
-"""Rate of the length (m/s), or of the angle (rad/s), in a law."""
 
 
 class NonlinearSpringDamper(uqmbd.Component):
@@ -44,7 +39,7 @@ class NonlinearSpringDamper(uqmbd.Component):
 
     def prepare(self) -> dict[str, Any]:
         """Give the coefficients of the law to each realisation; on a line, take the side from the drawing."""
-        found = uqmbd.law_values(self.law, length, rate, package="uqmbd_springs")
+        found = law_values(self.law, length, rate, package="uqmbd_springs")
         return {**found, "side": self.drawn_side(either=_is_odd(self.law))} if len(self.point_i) == 1 else found
 
     def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.VirtualWork]:
@@ -52,11 +47,11 @@ class NonlinearSpringDamper(uqmbd.Component):
         d = p.body_j.point(p.point_j) - p.body_i.point(p.point_i)
         if p.space.dimension == 1:
             speed = p.side * (p.body_j.point_velocity(p.point_j) - p.body_i.point_velocity(p.point_i))[0]
-            yield uqmbd.VirtualWork(-uqmbd.law_at(p, p.law, {length: p.side * d[0], rate: speed}), speed)
+            yield uqmbd.VirtualWork(-law_at(p, p.law, {length: p.side * d[0], rate: speed}), speed)
             return
         size = sympy.sqrt(d.dot(d) + sympy.Float(1e-18))
         speed = d.dot(p.body_j.point_velocity(p.point_j) - p.body_i.point_velocity(p.point_i)) / size
-        yield uqmbd.VirtualWork(-uqmbd.law_at(p, p.law, {length: size, rate: speed}), speed)
+        yield uqmbd.VirtualWork(-law_at(p, p.law, {length: size, rate: speed}), speed)
 
 
 class NonlinearTorsionSpringDamper(uqmbd.Component):
@@ -78,7 +73,7 @@ class NonlinearTorsionSpringDamper(uqmbd.Component):
 
     def prepare(self) -> dict[str, Any]:
         """Give the coefficients of the law to each realisation; lay a frame on each axis."""
-        found = uqmbd.law_values(self.law, length, rate, package="uqmbd_springs")
+        found = law_values(self.law, length, rate, package="uqmbd_springs")
         if not self.axis_i:
             return {**found, "drawn": self.drawn_angle()}
         frame_i, frame_j = uqmbd.joint_frames(self.axis_i, self.axis_j)
@@ -90,7 +85,7 @@ class NonlinearTorsionSpringDamper(uqmbd.Component):
         speed, start = turning(p)
         angle = p.state("angle")
         yield uqmbd.Auxiliary(angle, speed, start)
-        yield uqmbd.VirtualWork(-uqmbd.law_at(p, p.law, {length: angle, rate: speed}), speed)
+        yield uqmbd.VirtualWork(-law_at(p, p.law, {length: angle, rate: speed}), speed)
 
 
 def _is_odd(law: Any) -> bool:

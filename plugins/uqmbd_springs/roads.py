@@ -8,11 +8,9 @@ from typing import Any
 import sympy
 
 import uqmbd
+from uqmbd.laws import distance
 
 __all__ = ["distance", "haversine_bump", "sampled_road"]
-
-distance = sympy.Symbol("distance", real=True)
-"""Distance along a road, m, in its profile."""
 
 
 def haversine_bump(height: Any, length: Any, start: Any = 0, along: Any = distance) -> sympy.Expr:

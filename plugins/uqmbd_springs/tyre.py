@@ -8,6 +8,7 @@ from typing import Any
 import sympy
 
 import uqmbd
+from uqmbd.laws import law_at, law_values
 from uqmbd_springs.roads import distance, haversine_bump
 
 __all__ = ["RadialTyre", "RoadFollower"]
@@ -35,12 +36,12 @@ class RoadFollower(uqmbd.Component):
 
     def prepare(self) -> dict[str, Any]:
         """Give what the profile contains to each realisation."""
-        return uqmbd.law_values(self.road, distance, what="road", package="uqmbd_springs")
+        return law_values(self.road, distance, what="road", package="uqmbd_springs")
 
     def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.Constraint]:
         """Yield the geometry."""
         place = _place(p)
-        road = uqmbd.law_at(p, p.road, {distance: place[0]}, what="road")
+        road = law_at(p, p.road, {distance: place[0]}, what="road")
         yield uqmbd.Constraint(place[-1] - p.height - road, "road")
 
     def reaction_point(self, p: uqmbd.Local) -> sympy.Matrix:
@@ -79,7 +80,7 @@ class RadialTyre(uqmbd.Component):
     def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.VirtualWork]:
         """Yield its virtual work."""
         place = _place(p)
-        road = uqmbd.law_at(p, p.road, {distance: place[0]}, what="road")
+        road = law_at(p, p.road, {distance: place[0]}, what="road")
         compression = p.let("compression", road + p.radius - place[-1])
         rate = p.rate_of(compression)
         contact = (1 + compression / sympy.sqrt(compression**2 + p.transition**2)) / 2

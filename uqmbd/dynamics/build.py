@@ -34,7 +34,7 @@ from uqmbd.dynamics.equations import (
     place,
     state_arguments,
 )
-from uqmbd.dynamics.integration import Prescribed, prescribed_by, timed
+from uqmbd.dynamics.integration import Prescribed, prescribed_by, timed, timed_tables
 from uqmbd.dynamics.linear import index1_system, massless_direction
 from uqmbd.dynamics.notices import deep_contacts, moved_bodies, size_of
 from uqmbd.dynamics.statics import scalar_map
@@ -347,6 +347,7 @@ def build(mechanism: Mechanism, time: float = 0.0, *, fuse: bool | None = None) 
         events=events,
         prescribed=_prescribed(mechanism, model),
         timed=timed(instances, mechanism.inputs.variables),
+        tables=timed_tables(instances),
         outputs=outputs,
         controls=controls,
         speeds_commanded=any(i.held and i.type.constraints for i in instances),

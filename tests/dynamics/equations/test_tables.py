@@ -9,6 +9,7 @@ from scipy.interpolate import CubicSpline
 
 import uqmbd
 from uqmbd.dynamics.equations import ParameterMap, kernels
+from uqmbd.dynamics.integration.knots import TimedTable
 from uqmbd_joints import PointOnPlane
 from uqmbd_springs import PointForce, SpringDamper
 
@@ -52,10 +53,37 @@ def test_a_tabulated_force_is_integrated_as_piecewise_cubics_are(integrator):
     """A force that is noise at its 28 knots, at a tight tolerance."""
     knots, values = noisy_force()
     force, times = CubicSpline(knots, values), np.linspace(0, 3, 16)
-    data = uqmbd.simulate(oscillator(uqmbd.spline(knots, values)), times, rtol=1e-8, integrator=integrator)
+    data = uqmbd.simulate(oscillator(uqmbd.spline(knots, values)), times, rtol=1e-9, integrator=integrator)
     expected = piecewise(force, knots, times)
     np.testing.assert_allclose(data["force"], force(times), rtol=1e-13, atol=1e-13)
-    assert np.abs(data["x"] - expected).max() < 3e-8 * np.abs(expected).max()
+    assert np.abs(data["x"] - expected).max() < 2e-9 * np.abs(expected).max()
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize(("count", "rtol"), [(28, 1e-6), (300, 1e-6), (300, 1e-9), (900, 1e-9)])
+@pytest.mark.parametrize("integrator", ["dop853", "ida"])
+def test_samples_of_a_smooth_force_keep_the_tolerance(count, rtol, integrator):
+    """However many samples: within thrice the tolerance of the piecewise solution, which a step over knots is not."""
+    knots, times = np.linspace(0, 3, count), np.linspace(0, 3, 4)
+    values = 10 * np.sin(5 * knots) * np.cos(11 * knots**1.5)
+    expected = piecewise(CubicSpline(knots, values), knots, times)
+    mechanism = oscillator(uqmbd.spline(knots, values))
+    found = uqmbd.simulate(mechanism, times, rtol=rtol, integrator=integrator, check=False)["x"]
+    assert np.abs(found - expected).max() < 3 * rtol * np.abs(expected).max()
+
+
+@pytest.mark.parametrize(("periodic", "begin", "end"), [(False, 0.1, 9.0), (True, -3.0, 5.0)])
+def test_steps_end_at_knots_that_count(periodic, begin, end):
+    """All of a table that is rough, within the times; none of one that is a cubic, but for what closes it."""
+    knots = np.array([0, 0.5, 1.2, 2.0])
+    rough = uqmbd.spline(knots, [0, 1, -1, 0], periodic)
+    table = TimedTable(rough.table, 2.0, 0.5)
+    found = table.knots(begin, end, 1e-9)
+    if not periodic:  # not-a-knot: one cubic through four points
+        assert len(found) == 0
+        return
+    expected = (np.add.outer(2.0 * np.arange(-9, 9), knots[:-1]).ravel() - 0.5) / 2
+    assert found.tolist() == pytest.approx(sorted(expected[(expected > begin) & (expected < end)]))
 
 
 @pytest.mark.thorough

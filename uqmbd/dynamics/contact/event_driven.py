@@ -102,7 +102,7 @@ class EventDrivenMotion:
     def run(self) -> None:
         """Integrate to the last output time."""
         start = self.ensemble.start
-        self.legs = pace(self.ensemble, self.times, self.rtol)
+        self.legs = pace(self.ensemble, self.times, self.rtol, knots=True)
         begins = [float(self.times[0]), *(leg.end for leg in self.legs)]
         # whoever wants short steps gets as many as that takes
         self.most += int(sum((leg.end - t) / leg.longest for leg, t in zip(self.legs, begins, strict=False)))

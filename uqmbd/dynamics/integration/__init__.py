@@ -14,6 +14,7 @@ from uqmbd.dynamics.integration.constraint_check import (
 from uqmbd.dynamics.integration.dop853 import BatchEquations, integrate_by_dop853
 from uqmbd.dynamics.integration.functions_of_time import timed
 from uqmbd.dynamics.integration.ida import RELAXED, diagnosis, integrate_by_ida, step_limits, step_tolerance
+from uqmbd.dynamics.integration.knots import timed_tables
 from uqmbd.dynamics.integration.legs import Leg, longest_step, pace
 from uqmbd.dynamics.integration.prescribed import Prescribed, instant, position_jumps, prescribed_by
 from uqmbd.dynamics.integration.restarts import speed_jumps
@@ -57,4 +58,5 @@ __all__ = [
     "step_limits",
     "step_tolerance",
     "timed",
+    "timed_tables",
 ]

@@ -56,8 +56,9 @@ def integrate_by_dop853(ensemble: Batch, members: Index, times: Array, rtol: flo
         guard = SingularPoseWatcher(some.model, BatchEquations, rtol)
         longest = longest_step(some.model.rough, times)
         length = np.minimum(1.0, np.maximum(1e-3, np.abs(start.q).max(axis=1, initial=0.0)))
+        legs = pace(some, times, rtol, knots=True)
         stack = BatchedIntegration(
-            equations, start.state, times, pace(some, times, rtol), rtol, rtol * length[:, None], None, longest, guard
+            equations, start.state, times, legs, rtol, rtol * length[:, None], None, longest, guard
         )
         stack.run()
         states[part] = _projected(some, guard.models, times, stack.result, rtol)

@@ -40,8 +40,23 @@ class Leg(NamedTuple):
     jumps: bool = True
 
 
-def pace(ensemble: Batch, times: Array, rtol: float) -> tuple[Leg, ...]:
-    """Lay out the integration of a batch whose realisations share the steps, for output times (T,)."""
+def pace(ensemble: Batch, times: Array, rtol: float, *, knots: bool = False) -> tuple[Leg, ...]:
+    """Lay out the integration of a batch whose realisations share the steps, for output times (T,).
+
+    With `knots` legs end at those of tables over time, too, where nothing jumps that a method of variable order sees.
+    """
+    legs = _pace(ensemble, times, rtol)
+    if not knots or not ensemble.model.tables:
+        return legs
+    begin, end = float(times[0]), float(times[-1])
+    found = np.concatenate([x.knots(begin, end, rtol) for x in ensemble.model.tables])
+    ends = np.array([leg.end for leg in legs])
+    cuts = stops(found, np.array([begin, *ends]))
+    more = [Leg(cut, legs[int(np.searchsorted(ends, cut))].longest, jumps=False) for cut in cuts if cut not in ends]
+    return tuple(sorted((*legs, *more)))
+
+
+def _pace(ensemble: Batch, times: Array, rtol: float) -> tuple[Leg, ...]:
     model, breaks = ensemble.model, ensemble.breaks
     if model.timed is None:
         return legs_of(breaks, times, model.max_step)

@@ -76,7 +76,7 @@ def integrate_batched(
     size = float(np.abs(projected.ensemble.start.q).max(initial=0.0))
     floor = np.full((projected.terms, 1), rtol * min(1.0, max(1e-3, size)))
     run = BatchedIntegration(
-        equations, start.state, times, pace(projected.ensemble, times, rtol), rtol, floor, watch, longest
+        equations, start.state, times, pace(projected.ensemble, times, rtol, knots=True), rtol, floor, watch, longest
     )
     run.run()
     return run, equations

@@ -90,6 +90,21 @@ class SplineTable(FunctionData):
         edges[0], edges[-1] = edges[0] - sliver, np.nextafter(edges[-1] + sliver, np.inf)
         return edges
 
+    @cached_property
+    def deviations(self) -> Array:
+        """Deviation of the next interval from the cubic of the one before, at each knot, over the range of values."""
+        x = self.knots
+        cubic = self.rows[1:-1, :, 4]
+        before, after = cubic[:-1], cubic[1:]
+        inside = np.maximum(np.diff(x)[:-1], np.diff(x)[1:])[:, None] ** 3 * np.abs(after - before)
+        found = np.zeros((len(x), cubic.shape[1]))
+        found[1:-1] = inside
+        if self.ends == "periodic":
+            found[0] = max(x[1] - x[0], x[-1] - x[-2]) ** 3 * np.abs(cubic[0] - cubic[-1])
+        size = np.ptp(self.values, axis=0)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            return np.asarray(np.where(found > 0, found / size, 0.0).max(axis=1))
+
     @property
     def breaks(self) -> tuple[float, ...]:
         """Ends at which the slope or the curvature jumps."""
