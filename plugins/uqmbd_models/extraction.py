@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 import uqmbd
-from uqmbd_models.files import Loaded
+from uqmbd_models.files import Loaded, listening
 from uqmbd_models.rotations import inverse, matrix, product
 from uqmbd_models.tree import Array, Coupling, Inertial, Joint, Link, Loop, Tree
 
@@ -17,6 +16,13 @@ __all__ = ["extract"]
 
 KINDS = {0: ("free", 7, 6), 1: ("ball", 4, 3), 2: ("slide", 1, 1), 3: ("hinge", 1, 1)}
 """Kinds of joints by MuJoCo's number, with the numbers of their position and speed."""
+
+
+FIELDS = {
+    "body": ("pos", "quat", "mass", "inertia", "ipos", "iquat", "gravcomp"),
+    "jnt": ("pos", "axis", "range", "stiffness"),
+}
+"""What is read of bodies and joints and has to be finite."""
 
 
 def extract(
@@ -37,18 +43,18 @@ def extract(
         What is known besides.
     """
     try:
-        with warnings.catch_warnings(record=True) as told:
-            warnings.simplefilter("always")
+        with listening(loaded.mujoco) as told:
             model = loaded.spec.compile()
     except Exception as error:  # its compiler raises errors of several types
         raise loaded.error(error) from None
-    advice = tuple(dict.fromkeys(" ".join(str(warning.message).split()) for warning in told))
+    advice = tuple(dict.fromkeys([*loaded.advice, *told]))
     off = _switches(loaded, model)
+    _require_finite(loaded, model)
     links = _links(loaded, model)
     joints = _joints(loaded, model, off, *_state(loaded, model, keyframe))
     loops, coupled, rows = _equalities(loaded, model, off)
     rows = [*loaded.omissions, *omissions, *rows, *_remarks(loaded, model, joints, off)]
-    rows += [uqmbd.Omission("warnings of MuJoCo", advice, "said as it compiled the model")] if advice else []
+    rows += [uqmbd.Omission("warnings of MuJoCo", advice, "said as it read the file")] if advice else []
     gravity = np.zeros(3) if "GRAVITY" in off else np.array(model.opt.gravity)
     return Tree(
         loaded.spec.modelname,
@@ -61,6 +67,21 @@ def extract(
         (*coupled, *couplings),
         tuple(rows),
     )
+
+
+def _require_finite(loaded: Loaded, model: Any) -> None:
+    """Raise where a number of a body or joint is none."""
+    for group, count, name in (("body", model.nbody, model.body), ("jnt", model.njnt, model.joint)):
+        for field in FIELDS[group]:
+            values = np.reshape(getattr(model, f"{group}_{field}"), (count, -1)) if count else np.zeros((0, 1))
+            for k in np.flatnonzero(~np.isfinite(values).all(axis=1)):
+                what = f"{'body' if group == 'body' else 'joint'} {name(int(k)).name!r}"
+                raise uqmbd.StudyError(
+                    f"{loaded.path}: {what}: its {field} is {values[k].tolist()}; expected finite numbers."
+                )
+    for field in ("qpos0", "qpos_spring", "dof_damping", "dof_frictionloss", "dof_armature"):
+        if not np.isfinite(getattr(model, field)).all():
+            raise uqmbd.StudyError(f"{loaded.path}: {field} of MuJoCo's model is not finite; expected numbers.")
 
 
 def _switches(loaded: Loaded, model: Any) -> set[str]:

@@ -5,8 +5,10 @@ Shapes are needed where inertia is to be computed from them, and nowhere else: w
 
 from __future__ import annotations
 
+import warnings
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import ModuleType
@@ -18,7 +20,7 @@ import uqmbd
 from uqmbd_models.names import Names
 from uqmbd_models.tree import Inertial
 
-__all__ = ["Loaded", "load"]
+__all__ = ["Loaded", "listening", "load"]
 
 INSTALL = 'pip install "uqmbd[mujoco]"'
 
@@ -63,6 +65,8 @@ class Loaded:
         What was set aside.
     inertials : dict of Inertial
         Of links, by name, where they are not those of MuJoCo's compiler.
+    advice : list of str
+        What MuJoCo warned of as it parsed the file.
     """
 
     path: str
@@ -71,6 +75,7 @@ class Loaded:
     spec: Any
     omissions: list[uqmbd.Omission] = field(default_factory=list)
     inertials: dict[str, Inertial] = field(default_factory=dict)
+    advice: list[str] = field(default_factory=list)
 
     def error(self, reason: object) -> uqmbd.StudyError:
         """Return an error that names the file."""
@@ -95,10 +100,11 @@ def load(path: str, form: str) -> Loaded:
     root = _parsed(path, form)
     mujoco = _mujoco(form)
     try:
-        spec = _spec(mujoco, path, root)
+        with listening(mujoco) as told:
+            spec = _spec(mujoco, path, root)
     except Exception as error:  # its parser raises errors of several types
         raise Loaded(path, root, mujoco, None).error(error) from None
-    loaded = Loaded(path, root, mujoco, spec)
+    loaded = Loaded(path, root, mujoco, spec, advice=told)
     try:
         _name(spec)
         if form == "urdf":
@@ -109,6 +115,27 @@ def load(path: str, form: str) -> Loaded:
             f"from_{form} needs a later MuJoCo than {mujoco.__version__} ({error}): {INSTALL} --upgrade"
         ) from None
     return loaded
+
+
+@contextmanager
+def listening(mujoco: ModuleType) -> Iterator[list[str]]:
+    """Collect what MuJoCo warns of, which it would write to the terminal and to a file in the current folder."""
+    told: list[str] = []
+
+    def note(text: object) -> None:
+        told.append(" ".join((text.decode(errors="replace") if isinstance(text, bytes) else str(text)).split()))
+
+    before = mujoco.get_mju_user_warning()
+    mujoco.set_mju_user_warning(note)
+    try:
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            yield told
+        for warning in caught:
+            note(warning.message)
+    finally:
+        mujoco.set_mju_user_warning(before)
+        told[:] = dict.fromkeys(told)
 
 
 def _mujoco(form: str) -> ModuleType:

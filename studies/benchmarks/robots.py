@@ -31,11 +31,15 @@ from numpy.typing import NDArray
 
 import uqmbd
 from uqmbd.dynamics import Ensemble, build
+from uqmbd_collocation import Collocation
+from uqmbd_galerkin import Galerkin
 from uqmbd_models.building import build as build_mechanism
 from uqmbd_models.extraction import extract
 from uqmbd_models.files import load
 from uqmbd_models.tree import Tree
 from uqmbd_models.urdf import floating_base, mimics, read_inertials
+from uqmbd_montecarlo import MonteCarlo
+from uqmbd_springs import Torque
 
 Array = NDArray[np.float64]
 
@@ -43,6 +47,7 @@ SUITE = "dm_control/suite"
 GYM = "gymnasium/envs/mujoco/assets"
 ROBOTS = "cmeel.prefix/share/example-robot-data/robots"
 GRIPPERS = "robosuite/models/assets/grippers"
+JDOTV = "mujoco_warp/test_data/jdotv"
 
 
 @dataclass(frozen=True)
@@ -74,11 +79,13 @@ MODELS = (
     Robot("humanoid", "dm_control", SUITE, "humanoid.xml"),
     Robot("acrobot", "dm_control", SUITE, "acrobot.xml"),
     Robot("fish", "dm_control", SUITE, "fish.xml"),
-    Robot("manipulator (coupled joints)", "dm_control", SUITE, "manipulator.xml"),
+    Robot("manipulator", "dm_control", SUITE, "manipulator.xml"),
     Robot("ant", "gymnasium", GYM, "ant.xml"),
     Robot("pusher", "gymnasium", GYM, "pusher_v5.xml"),
-    Robot("xArm gripper (two loops, coupled)", "robosuite", GRIPPERS, "xarm7_gripper.xml"),
-    Robot("Robotiq gripper", "robosuite", GRIPPERS, "robotiq_gripper_140.xml"),
+    Robot("Robotiq gripper (coupled joints)", "robosuite", GRIPPERS, "robotiq_gripper_s.xml"),
+    Robot("four-bar, by connect", "genesis-world", "genesis/assets/xml", "four_bar_linkage.xml"),
+    Robot("loop in space, by connect", "mujoco-warp", JDOTV, "connect_3d.xml"),
+    Robot("loop in space, by weld", "mujoco-warp", JDOTV, "weld_3d.xml"),
 )
 
 
@@ -232,7 +239,7 @@ class MuJoCo:
         """Make a state on the constraints: free of limits, but within half a turn."""
         m, d = self.model, self.data
         for _ in range(100):
-            size = 0.8 if not self.equalities else 0.2
+            size = 0.8 if not self.equalities else 0.5
             start = np.array(m.qpos0)
             mujoco.mj_integratePos(m, start, rng.normal(scale=size, size=m.nv), 1.0)
             for _ in range(60):
@@ -338,10 +345,11 @@ class MuJoCo:
 def state_of(tree: Tree, model: Any, position: Array, speed: Array) -> Tree:
     """Put a model into a state of MuJoCo's."""
     joints = []
-    for joint in tree.joints:
-        known = model.joint(joint.name)
-        joints.append(dataclasses.replace(joint, start=position[_span(known.qposadr, len(joint.start))],
-                                          speed=speed[_span(known.dofadr, len(joint.speed))]))  # fmt: skip
+    for k, joint in enumerate(tree.joints):  # MuJoCo keeps the order of the file
+        q, v = (_span(first[k], len(part)) for first, part in (
+            (model.jnt_qposadr, joint.start), (model.jnt_dofadr, joint.speed),
+        ))  # fmt: skip
+        joints.append(dataclasses.replace(joint, start=position[q], speed=speed[v]))
     return dataclasses.replace(tree, joints=tuple(joints))
 
 
@@ -521,17 +529,48 @@ def unpacked(folder: Path, robot: Robot) -> Path:
     return file
 
 
+# -- studies -----------------------------------------------------------------------------------------------------------
+STUDIES: dict[str, tuple[tuple[str, ...], float, tuple[str, tuple[float, float, float]] | None]] = {
+    "double pendulum": (("*.mass",), 0.5, None),
+    "UR5": (("upper_arm_link.mass", "forearm_link.mass"), 0.3, None),
+    "four-bar, by connect": (("*.mass",), 1.0, ("link_2", (300.0, 0.0, 0.0))),
+}
+"""What is uncertain, by 2 %; for how long, s; and a torque on a body, N m, where nothing else moves it."""
+
+
+def studied(folder: Path, name: str) -> list[str]:
+    """Run a study with uncertain numbers by all methods, and lay their standard deviations side by side."""
+    robot = next(robot for robot in MODELS if robot.name == name)
+    patterns, end, torque = STUDIES[name]
+    mechanism = (uqmbd.from_urdf if robot.form == "urdf" else uqmbd.from_mjcf)(unpacked(folder, robot))
+    if torque is not None:
+        mechanism.add(Torque("torque", mechanism.bodies[torque[0]], torque[1]))
+    variables = [variable for pattern in patterns for variable in mechanism.randomise(pattern, relative=0.02)]
+    methods = [MonteCarlo(samples=300, sampling="latin-hypercube", seed=1), Collocation(order=2), Galerkin(order=2)]
+    tree = uqmbd.Study("overlay", mechanism, times=np.linspace(0, end, 11), propagators=methods).run()
+    spread = [tree[f"{method.node_name}/statistics"]["std"] for method in methods]
+    output = str(spread[1].output[int(spread[1].isel(time=-1).argmax())].values)
+    numbers = [f"{float(x.sel(output=output).isel(time=-1)):.3e}" for x in spread]
+    return ["| " + " | ".join([robot.name, ", ".join(patterns), str(len(variables)), output, *numbers]) + " |"]
+
+
 def main() -> None:
     """Compare the models, and print the table."""
     parser = argparse.ArgumentParser(description="Compare imported robots with MuJoCo and Pinocchio.")
     parser.add_argument("--folder", type=Path, default=Path("robots"), help="where packages are kept")
     parser.add_argument("--poses", type=int, default=3, help="random poses of each")
     parser.add_argument("--only", action="append", help="only models whose names contain this")
+    parser.add_argument("--studies", action="store_true", help="run studies with uncertain numbers instead")
     options = parser.parse_args()
     options.folder.mkdir(parents=True, exist_ok=True)
+    warnings.simplefilter("ignore", uqmbd.RedundantConstraintWarning)
+    if options.studies:
+        print("| model | uncertain | inputs | output | Monte Carlo | collocation | Galerkin |\n" + "|---" * 7 + "|")
+        for name in STUDIES:
+            print(*studied(options.folder, name), sep="\n", flush=True)
+        return
     heads = ("model", "package", "beside", "bodies", "speeds", "loops", "position", "rotation", "mass", "acceleration")
     print("|", " | ".join(heads), "|\n" + "|---" * len(heads) + "|")
-    warnings.simplefilter("ignore", uqmbd.RedundantConstraintWarning)
     for robot in MODELS:
         if options.only and not any(part in robot.name for part in options.only):
             continue

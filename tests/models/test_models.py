@@ -316,3 +316,12 @@ def test_check_and_notebooks_tell_what_was_left_out(mjcf, tmp_path, capsys):
     printed = " ".join(capsys.readouterr().out.split())
     for part in ("actuators 1 drive", "shapes that collide 1 shell", "limits of joints 1 q", "by MuJoCo"):
         assert part in printed, part
+
+
+def test_the_public_functions_find_the_readers(tmp_path):
+    path = tmp_path / "robot.urdf"
+    path.write_text(f'<robot name="robot">{TWO}</robot>', encoding="utf-8")
+    read = uqmbd.from_urdf(path)
+    assert isinstance(read, uqmbd.ImportedMechanism) and read.source == str(path) and read.read_by.startswith("MuJoCo")
+    variables = read.randomise("*.mass", relative=0.02)
+    assert sorted(map(str, variables)) == ["lower.mass", "upper.mass"]
