@@ -336,3 +336,11 @@ def test_a_component_that_cannot_take_it_leaves_all_as_it_was():
         mechanism.randomise(["arm.mass", "stubborn.size"], relative=0.1)
     assert len(mechanism.inputs) == 0
     assert mechanism.randomise("*.mass", relative=0.1)[0].mean == pytest.approx(2)
+
+
+def test_names_with_the_characters_of_patterns_are_met_as_they_are():
+    mechanism = uqmbd.Mechanism("m", uqmbd.Line())
+    for name in ("b[0]", "b0", "b.com"):
+        mechanism.body(name, mass=1)
+    assert [v.name for v in mechanism.randomise("b[0].mass", relative=0.1)] == ["b[0].mass"]
+    assert [v.name for v in mechanism.randomise("b.com.mass", relative=0.1)] == ["b.com.mass"]

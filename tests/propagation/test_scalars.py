@@ -464,7 +464,7 @@ def test_misuse_is_one_clear_message():
         mechanism.body("other", mass=uqmbd.eigenfrequency(1), inertia=1)
     with pytest.raises(uqmbd.StudyError, match="lowest frequency above zero"):
         uqmbd.eigenfrequency(0)
-    with pytest.raises(uqmbd.StudyError, match="expected 'equilibrium' or 'start'"):
+    with pytest.raises(uqmbd.StudyError, match="expected 'equilibrium', 'start' or 'steady'"):
         uqmbd.damping_ratio(1, at="drawn")
     with pytest.raises(uqmbd.StudyError, match="without a time already"):
         uqmbd.at_equilibrium(uqmbd.eigenfrequency(1))

@@ -201,10 +201,12 @@ def _chosen(where: str, mechanism: Described, pattern: Any) -> list[tuple[Quanti
     indices: dict[int, set[int]] = {}
     for one in patterns:
         hits = 0
+        exact = any(one in (quantity.name, *quantity.names()) for quantity in quantities)
+        matches = str.__eq__ if exact else fnmatch.fnmatchcase  # a name may hold characters of patterns
         for k, quantity in enumerate(quantities):
             names = quantity.names()
-            whole = _matches(quantity.name, one)
-            picked = {i for i, name in enumerate(names) if whole or _matches(name, one)}
+            whole = matches(quantity.name, one)
+            picked = {i for i, name in enumerate(names) if whole or matches(name, one)}
             hits += len(picked)
             if picked:
                 indices.setdefault(k, set()).update(picked)
@@ -220,10 +222,6 @@ def _chosen(where: str, mechanism: Described, pattern: Any) -> list[tuple[Quanti
 
 def _ends(minimum: float, maximum: float) -> str:
     return range_text(minimum, maximum) if math.isfinite(minimum) or math.isfinite(maximum) else "any number"
-
-
-def _matches(name: str, pattern: str) -> bool:
-    return name == pattern or fnmatch.fnmatchcase(name, pattern)
 
 
 def _numbers(quantity: Quantity, indices: list[int], law: Law) -> tuple[Any, list[RandomVariable]]:
