@@ -201,3 +201,30 @@ def test_who_only_claims_to_sample_is_found_out(runge_kutta):
     claims = type("Claims", (cls,), {"name": "claims", "sampled": True})
     with pytest.raises(AssertionError, match="sampled: driven ball: with .* the speed is 0 at t = 2 s"):
         check_integrator(claims)
+
+
+def soft(time, measured):
+    return 3 * (1 - measured[:, 0])
+
+
+@pytest.mark.slow
+def test_methods_agree_on_a_controlled_ball_that_bounces(monkeypatch):
+    """Galerkin at its nodes, collocation on elements, and a chaos that follows the impacts."""
+    monkeypatch.setitem(globals(), "lift", soft)
+    mechanism = ball()
+    mechanism.scalars.clear()
+    study = uqmbd.Study("ball", mechanism, np.linspace(0, 0.9, 10))
+    on_elements = {"order": 3, "elements": 4}
+    chaos, galerkin, aligned = (
+        study.propagate(method)["statistics"]
+        for method in (
+            Collocation(**on_elements, index_set="tensor"),
+            Galerkin(**on_elements),
+            Collocation(order=4, alignment="events"),
+        )
+    )
+    for name in ("mean", "std"):
+        np.testing.assert_allclose(galerkin[name], chaos[name], rtol=0, atol=1e-5)
+        np.testing.assert_allclose(
+            aligned[name].sel(output="height"), chaos[name].sel(output="height"), rtol=0, atol=2e-4
+        )
