@@ -255,3 +255,57 @@ def test_class_without_docstring():
     bare = type("Bare", (uqmbd.Component,), {"terms": Sound.terms})
     with pytest.raises(AssertionError, match="Bare has no docstring"):
         check_component(bare)
+
+
+class Needle(Base):
+    """A needle that tells its angle against north as if it were that between the bodies."""
+
+    spaces = (uqmbd.Planar,)
+
+    def motion(self):
+        x, y = self.attached["body_j"].direction((1, 0))
+        return {"angle": uqmbd.JointAngle(x, y)}
+
+    def terms(self, p):
+        yield uqmbd.Potential(self.offset(p).dot(self.offset(p)))
+
+
+class Tachometer(Needle):
+    """The angle between the bodies, with a rate that is that of one of them."""
+
+    def motion(self):
+        body = self.attached["body_j"]
+        cosine, sine = uqmbd.relative_quaternion(self.attached["body_i"].quaternion, body.quaternion)
+        rate = 2 * (body.q[2] * body.v[3] - body.q[3] * body.v[2])
+        return {"angle": uqmbd.JointAngle(cosine, sine, half=True, signed=True, rate=rate)}
+
+
+class Talker(Needle):
+    """What its motion says is no coordinate of its bodies."""
+
+    def motion(self):
+        return {"displacement": uqmbd.JointDisplacement(uqmbd.t)}
+
+
+class Sundial(Needle):
+    """The angle between the bodies, as it should be told."""
+
+    def motion(self):
+        return {"angle": self.joint_angle()}
+
+
+@pytest.mark.parametrize(
+    ("component", "words"),
+    [
+        (Needle, "its angle changes by"),
+        (Tachometer, "the rate that it tells of its angle is"),
+        (Talker, "displacement 'displacement' contains t; expected coordinates of the bodies"),
+    ],
+)
+def test_motion_that_is_told_wrongly_is_found(component, words):
+    with pytest.raises((AssertionError, uqmbd.StudyError), match=words):
+        check_component(component, propagators=())
+
+
+def test_motion_that_is_told_well_passes():
+    check_component(Sundial, propagators=())

@@ -27,6 +27,7 @@ from uqmbd.mechanism.components import (
     law_at,
     law_values,
     range_text,
+    told_by,
 )
 from uqmbd.mechanism.controller import Controller, HeldStates, HeldSymbol
 from uqmbd.mechanism.expressions import (
@@ -165,4 +166,5 @@ __all__ = [
     "step",
     "t",
     "told",
+    "told_by",
 ]

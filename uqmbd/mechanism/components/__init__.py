@@ -20,7 +20,7 @@ from uqmbd.mechanism.components.component import (
     VirtualWork,
     flatten,
 )
-from uqmbd.mechanism.components.joint_motion import AngleSymbol, JointAngle, JointDisplacement, angles_in
+from uqmbd.mechanism.components.joint_motion import AngleSymbol, JointAngle, JointDisplacement, angles_in, told_by
 from uqmbd.mechanism.components.parameter import range_text
 from uqmbd.mechanism.components.parameter_values import settle, stated_in_bodies
 from uqmbd.mechanism.components.reaction import Loaded
@@ -55,5 +55,6 @@ __all__ = [
     "law_values",
     "range_text",
     "settle",
+    "told_by",
     "stated_in_bodies",
 ]

@@ -34,6 +34,7 @@ __all__ = [
     "angles_in",
     "in_words",
     "motion_values",
+    "told_by",
     "told_motion",
 ]
 
@@ -178,16 +179,17 @@ def angle_between(
 
 
 def angle_from_drawn(i: Frame, j: Frame, axis_j: Sequence[Any], start: Sequence[Any], speed: str) -> JointAngle:
-    """Angle by which frame j has turned relative to frame i about an axis fixed in frame j since it was drawn."""
+    """Angle by which frame j has turned relative to frame i about an axis fixed in frame j since it was drawn.
+
+    Its rate is derived: what holds the axis in frame i are other joints, if any.
+    """
     held = sympy.symbols("_k0:7", real=True)
     r = relative_quaternion(i.attitude(held[: len(start)]), j.quaternion)
-    spin = _spin(j) - _spin(i)
     if i.space.dimension == 2:
         constants = dict(zip(held, start, strict=False))
-        return JointAngle(r[0], r[1], half=True, signed=True, rate=spin[0], speed=speed, constants=constants)
-    sine, rate = sympy.Matrix(r[1:]).dot(sympy.Matrix(held[4:])), spin.dot(j.rotation * sympy.Matrix(held[4:]))
-    values = dict(zip(held, (*start, *axis_j), strict=True))
-    return JointAngle(r[0], sine, half=True, rate=rate, speed=speed, constants=values)
+        return JointAngle(r[0], r[1], half=True, signed=True, speed=speed, constants=constants)
+    sine = sympy.Matrix(r[1:]).dot(sympy.Matrix(held[4:]))
+    return JointAngle(r[0], sine, half=True, speed=speed, constants=dict(zip(held, (*start, *axis_j), strict=True)))
 
 
 def _spin(frame: Frame) -> sympy.Matrix:
@@ -242,6 +244,30 @@ class Telling(Protocol):
     def motion(self) -> Mapping[str, JointAngle | JointDisplacement | None]: ...
 
 
+def told_by(component: Telling) -> dict[str, tuple[sympy.Expr, str]]:
+    """Return all that a component of a mechanism tells about its motion: expressions and their units by name.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If its `motion` cannot be used.
+    """
+    found: dict[str, tuple[sympy.Expr, str]] | None = vars(component).get("_told")
+    if found is None:
+        where = f"{type(component).__name__} {component.name!r}"
+        try:
+            motion = dict(component.motion())
+        except StudyError as error:
+            raise StudyError(f"{where}: {error}") from None
+        except Exception as error:
+            raise StudyError(
+                f"{where}: motion() raised {type(error).__name__}: {error}{place_of(error)}. It is to return "
+                "uqmbd.JointAngle and uqmbd.JointDisplacement by name."
+            ) from error
+        found = vars(component)["_told"] = motion_values(component, where, motion, component.attached.values())
+    return found
+
+
 def told_motion(component: Telling, name: str) -> sympy.Expr:
     """Return the expression of that name which a component tells about its motion.
 
@@ -253,24 +279,12 @@ def told_motion(component: Telling, name: str) -> sympy.Expr:
         If it has not been added to a mechanism, or its `motion` cannot be used.
     """
     kind = type(component).__name__
-    found: dict[str, tuple[sympy.Expr, str]] | None = vars(component).get("_told")
-    if found is None and component.settled:
-        where = f"{kind} {component.name!r}"
-        try:
-            motion = dict(component.motion())
-        except StudyError as error:
-            raise StudyError(f"{where}: {error}") from None
-        except Exception as error:
-            raise StudyError(
-                f"{where}: motion() raised {type(error).__name__}: {error}{place_of(error)}. It is to return "
-                "uqmbd.JointAngle and uqmbd.JointDisplacement by name."
-            ) from error
-        found = vars(component)["_told"] = motion_values(component, where, motion, component.attached.values())
-    if found is not None and name in found:
+    found = told_by(component) if component.settled else {}
+    if name in found:
         return found[name][0]
     if name not in VOCABULARY:
         raise AttributeError(f"{kind!r} object has no attribute {name!r}", name=name, obj=component)
-    if found is None:
+    if not component.settled:
         raise StudyError(
             f"{kind} {component.name!r}: .{name} is asked for before it was added to a mechanism; call "
             "mechanism.add(...) with it first."

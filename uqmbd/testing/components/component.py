@@ -18,6 +18,7 @@ from uqmbd.testing.components.energy import check_energy
 from uqmbd.testing.components.events import check_events
 from uqmbd.testing.components.methods import check_studies
 from uqmbd.testing.components.motion import displaced, random_turn, virtual_motions
+from uqmbd.testing.components.told_motion import check_told_motion
 from uqmbd.typing import Array
 
 __all__ = ["check_component"]
@@ -47,6 +48,8 @@ def check_component(
     - Events that make velocities jump: the speed of the impact is the rate of its gap, and impulses act between the
       bodies alone.
     - Potentials and constraints in which time does not appear neither make nor lose energy.
+    - The motion that it tells (`uqmbd.Component.motion`): rates are those of angles and displacements, which do not
+      depend on where the whole is.
     - Every installed propagator runs a study of a small mechanism with it, and they agree.
 
     Parameters
@@ -101,6 +104,8 @@ def check_component(
                 check_energy(bench, rng)
             if internal and case.free and len(component.bodies) > 1:
                 _check_mechanics(bench, rng)
+            if number == 0 and type(case.component).motion is not Component.motion:
+                _check_told(bench, np.random.default_rng(seed))
         check_studies(component, space, given or {}, rng, propagators, conservative=conservative)
 
 
@@ -249,11 +254,20 @@ def _check_mechanics(bench: Bench, rng: np.random.Generator) -> None:
         assert abs(there.violation).max(initial=0) < 1e-7, (
             f"{bench.title}: its constraints are violated when everything is moved and turned as a whole."
         )
-        error = abs(there.rate - here.rate).max(initial=0)
+        # rates of vectors turn with the whole; those that are zero stay so
+        allowed = v - np.linalg.lstsq(here.gradient, here.rate, rcond=1e-10)[0] if len(here.rate) else v
+        there = _loads(instance, displaced(space, turn, q, shift), s, displaced(space, turn, allowed), time, parameters)
+        error = abs(there.rate).max(initial=0)
         assert error < 1e-7 * (1 + abs(here.rate).max(initial=0)), (
-            f"{bench.title}: its constraints between velocities change by {error:.2g} when everything is moved and "
-            "turned as a whole."
+            f"{bench.title}: velocities that its constraints allow violate them by {error:.2g} when everything is "
+            "moved and turned as a whole."
         )
+
+
+def _check_told(bench: Bench, rng: np.random.Generator) -> None:
+    parameters = bench.parameters(bench.inputs)[0]
+    q, s, v, time = _feasible(bench, parameters, rng)
+    check_told_motion(bench, 0, q, v, _loads(bench.instance, q, s, v, time, parameters).gradient, rng)
 
 
 def _feasible(bench: Bench, parameters: Array, rng: np.random.Generator) -> tuple[Array, Array, Array, float]:

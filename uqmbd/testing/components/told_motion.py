@@ -1,0 +1,114 @@
+"""The motion that a component tells: rates are those of its expressions, and all is the same wherever the whole is."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+import sympy
+
+from uqmbd.mechanism import AngleSymbol, told_by
+from uqmbd.testing.components.bench import Bench
+from uqmbd.testing.components.motion import displaced, random_turn
+from uqmbd.typing import Array
+
+__all__ = ["check_told_motion"]
+
+STEP = 1e-5
+"""Of central differences, s."""
+
+
+class Told(NamedTuple):
+    """What is told of one motion: up to whole turns its value, its rate as told, and that of its value."""
+
+    name: str
+    value: float
+    told: float
+    derived: float
+    period: float
+
+
+def check_told_motion(bench: Bench, row: int, q: Array, v: Array, gradient: Array, rng: np.random.Generator) -> None:
+    """Check that rates are those of angles and displacements, and that neither depends on where the whole is.
+
+    Parameters
+    ----------
+    bench : Bench
+    row : int
+        Number of the realisation.
+    q, v : array
+        A state of the component's bodies at which its constraints hold.
+    gradient : array, shape (m, n)
+        Of the constraints.
+    rng : numpy.random.Generator
+        For the displacement.
+
+    Raises
+    ------
+    AssertionError
+        If something is wrong.
+    """
+    if not told_by(bench.case.component):
+        return
+    space = bench.case.mechanism.space
+    rows = gradient
+    if space.turns:
+        norms = np.zeros((len(bench.instance.bodies), len(q)))
+        for k in range(len(norms)):
+            part = slice(k * space.size + space.dimension, (k + 1) * space.size)
+            norms[k, part] = q[part]
+        rows = np.concatenate([gradient, norms])
+    v = v - np.linalg.lstsq(rows, rows @ v, rcond=1e-10)[0] if len(rows) else v
+    here = list(_values(bench, row, q, v))
+    turn, shift = random_turn(space, rng), rng.uniform(-1, 1, space.dimension)
+    there = list(_values(bench, row, displaced(space, turn, q, shift), displaced(space, turn, v)))
+    between = bench.case.free and len(bench.case.component.bodies) > 1
+    for one, other in zip(here, there, strict=True):
+        assert np.isfinite([one.value, one.told]).all(), f"{bench.title}: its {one.name} is no number: {one.value}."
+        error = abs(one.told - one.derived)
+        assert error < 1e-6 * (1 + abs(one.derived)), (
+            f"{bench.title}: the rate that it tells of its {one.name} is {one.told:.6g}, and its {one.name} changes at "
+            f"{one.derived:.6g}; leave rate= out, and it is derived."
+        )
+        change = other.value - one.value
+        change -= one.period * round(change / one.period) if one.period else 0.0
+        assert not between or abs(change) < 1e-6 * (1 + abs(one.value)), (
+            f"{bench.title}: its {one.name} changes by {change:.2g} when everything is moved and turned as a whole."
+        )
+
+
+def _values(bench: Bench, row: int, q: Array, v: Array) -> Iterator[Told]:
+    """Yield what is told, in numbers; rates of values by central differences."""
+    size = bench.case.mechanism.space.size
+    symbols = [x for body in bench.instance.bodies for x in (*body.q, *body.v)]
+    inputs = dict(zip(bench.case.mechanism.inputs.variables, map(sympy.Float, bench.inputs[row]), strict=True))
+
+    def function(e: Any, constants: Mapping[sympy.Symbol, Any] | None = None) -> Callable[[Array], float]:
+        known = {k: sympy.sympify(x).xreplace(inputs).evalf() for k, x in (constants or {}).items()}
+        compiled = sympy.lambdify(symbols, sympy.sympify(e).xreplace({**inputs, **known}))
+
+        def at(place: Array) -> float:
+            parts = zip(place.reshape(-1, size), v.reshape(-1, size), strict=True)
+            return float(compiled(*(x for pair in parts for part in pair for x in part)))
+
+        return at
+
+    def rate(f: Callable[[Array], float]) -> float:
+        return (f(q + STEP * v) - f(q - STEP * v)) / (2 * STEP)
+
+    found = told_by(bench.case.component)
+    for name, motion in bench.case.component.motion().items():
+        if motion is None:
+            continue
+        value = found[name][0]
+        if isinstance(value, AngleSymbol):
+            angle = value.angle
+            speed = function(angle.rate, angle.constants)(q)
+            cosine, sine = (function(x, angle.constants) for x in (angle.cosine, angle.sine))
+            c, s = cosine(q), sine(q)
+            derived = angle.parts * (c * rate(sine) - s * rate(cosine)) / (c**2 + s**2)
+            yield Told(name, angle.parts * float(np.arctan2(s, c)), speed, derived, 2 * np.pi)
+        else:
+            displacement = function(value)
+            yield Told(name, displacement(q), function(found[motion.speed][0])(q), rate(displacement), 0.0)
