@@ -11,7 +11,7 @@ import uqmbd
 from uqmbd_collocation import Collocation
 from uqmbd_drivers import RotationDriver, SpeedDriver
 from uqmbd_galerkin import Galerkin
-from uqmbd_joints import PointOnLine, Revolute, Spherical
+from uqmbd_joints import Distance, PointOnLine, Prismatic, Revolute, Spherical
 from uqmbd_montecarlo import MonteCarlo
 from uqmbd_springs import Bushing, RotationalFriction, SpringDamper, TorsionSpringDamper
 
@@ -366,3 +366,44 @@ def test_steady_motions_in_all_propagators():
     drawn = samples["inputs"].values[:, 0]
     found = samples["response"].sel(output="frequency").values
     np.testing.assert_allclose(found, np.sqrt(25 - (G / drawn) ** 2 / 25) / (2 * np.pi), rtol=1e-8)
+
+
+@pytest.mark.thorough
+def test_governor_with_a_collar():
+    """Lagrange's equation of Watt's governor: arms and links of one length, a collar that slides on the shaft."""
+    m, heavy, length, speed = 1.0, 2.0, 0.4, 11.0
+    mechanism, shaft, _, _ = shaft_and_arms([0.8, -0.8], length=length)
+    driven(mechanism, shaft, speed)
+    collar = mechanism.body(
+        "collar", mass=heavy, inertia=(1, 1, 1), position=(0, 0, -2 * length * np.cos(0.8)), quaternion=(1, 0, 0, 0)
+    )
+    mechanism.add(Prismatic("slide", shaft, collar, ORIGIN, ORIGIN, axis_i=UP, axis_j=UP))
+    for k in (0, 1):
+        arm = mechanism.bodies[f"arm{k}"]
+        mechanism.add(Distance(f"link{k}", arm, collar, (0, 0, -length), ORIGIN, length=length))
+    mechanism.output("lift", uqmbd.at_steady(collar.position[2]), units="m")
+    mechanism.output("frequency", uqmbd.eigenfrequency(1, at="steady"), units="Hz")
+    found = uqmbd.simulate(mechanism, [0, 1])
+    x = sympy.Symbol("x")
+    energy = -2 * (m + heavy) * G * length * sympy.cos(x) - m * length**2 * speed**2 * sympy.sin(x) ** 2
+    angle = np.arccos((m + heavy) * G / (m * length * speed**2))
+    inertia = 2 * m * length**2 + 4 * heavy * length**2 * np.sin(angle) ** 2
+    expected = np.sqrt(float(energy.diff(x, 2).subs(x, angle)) / inertia) / (2 * np.pi)
+    assert float(found["lift"]) == pytest.approx(-2 * length * np.cos(angle), rel=1e-7)
+    assert float(found["frequency"]) == pytest.approx(expected, rel=1e-7)
+
+
+@pytest.mark.parametrize("space", [uqmbd.Line(gravity=-G), uqmbd.Translational(gravity=(0, -G)), uqmbd.Planar()])
+def test_where_nothing_turns_the_steady_motion_is_rest(space):
+    mechanism = uqmbd.Mechanism("rest", space)
+    d = space.dimension
+    place = (0,) * (d - 1)
+    turning = {"inertia": 0.1} if space.turns else {}
+    mass = mechanism.body("mass", mass=2, position=(*place, -1.0), **turning)
+    spring = SpringDamper(
+        "spring", mechanism.ground, mass, (0,) * d, (0,) * d, stiffness=80, damping=3, free_length=0.5
+    )
+    mechanism.add(spring)
+    rest, steady = (uqmbd.eigenfrequencies(mechanism, at=at) for at in ("equilibrium", "steady"))
+    for name in ("frequency", "damping_ratio"):
+        np.testing.assert_allclose(steady[name], rest[name], rtol=1e-7, atol=1e-7)

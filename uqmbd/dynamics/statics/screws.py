@@ -26,7 +26,10 @@ SAME = 1e-6
 PHASES = (0.0, 0.37, 1.13, 2.6)
 """Turns of a frame, rad, at which a steady motion is examined."""
 
-NONE = 1e-9
+NONE = 1e-7
+"""Acceleration, as a part of the largest one, that is none but what Newton's method leaves."""
+
+LEAST = 1e-9
 """Acceleration, m/s^2 or rad/s^2, that is none but rounding."""
 
 SLOW = 1e-6
@@ -202,9 +205,15 @@ def screws_of(model: Model, q: Array, s: Array, v: Array, parameters: Array) -> 
     ends = [jerk(x) for x in (-2.0, -1.0, 1.0, 2.0)]
     jerks, snaps = ((x - 8 * y + 8 * z - w) / (12 * h) for x, y, z, w in zip(*ends, strict=True))
     known = [np.zeros(3), *omega]
-    turning = [_frame(w, b, c, known, fastest) for w, b, c in zip(omega, alpha, snaps, strict=True)]
+    angular = max(float(np.abs(alpha).max(initial=0.0)), float(np.abs(omega).max(initial=0.0)) * fastest)
+    floor = NONE * angular + LEAST
+    turning = [_frame(w, b, c, known, fastest, floor) for w, b, c in zip(omega, alpha, snaps, strict=True)]
     known += [x for x in turning if x is not None]
-    moving = [_frame(w, b, c, known, fastest) for w, b, c in zip(velocity, acceleration, jerks, strict=True)]
+    # points away from origins move with the angular velocities
+    linear = max(float(np.abs(acceleration).max(initial=0.0)), float(np.abs(velocity).max(initial=0.0)) * fastest)
+    largest = max(linear, angular * model.length)
+    floor = NONE * largest + LEAST
+    moving = [_frame(w, b, c, known, fastest, floor) for w, b, c in zip(velocity, acceleration, jerks, strict=True)]
     for name, x, y in zip(model.bodies, turning, moving, strict=True):
         if x is None or y is None:
             what = "angular velocity" if x is None else "velocity"
@@ -215,13 +224,13 @@ def screws_of(model: Model, q: Array, s: Array, v: Array, parameters: Array) -> 
     return Screws(model, places, e, velocity, frames, spin, paths, s, rates)
 
 
-def _frame(x: Array, rate: Array, second: Array, known: list[Array], fastest: float) -> Array | None:
+def _frame(x: Array, rate: Array, second: Array, known: list[Array], fastest: float, floor: float) -> Array | None:
     """Angular velocity of a frame in which a vector is constant whose rates are known; None: there is none.
 
     One of the `known` ones if there is one that fits, the slowest first.
     """
     size = float(np.linalg.norm(x))
-    noise = max(SAME * size * fastest, NONE)
+    noise = max(SAME * size * fastest, floor)
     fitting = [w for w in known if np.linalg.norm(np.cross(w, x) - rate) <= noise]
     # what is constant is not turned
     fitting = [w for w in fitting if np.linalg.norm(np.cross(w, rate) - second) <= 1e3 * noise * fastest]

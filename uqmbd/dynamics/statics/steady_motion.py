@@ -22,7 +22,7 @@ from uqmbd.dynamics.linear import accelerations
 from uqmbd.dynamics.statics.rest_equations import apply
 from uqmbd.dynamics.statics.screws import Screws, screws_of
 from uqmbd.dynamics.statics.steady_speeds import ORDERS, flow, steady_speeds
-from uqmbd.typing import Array, Index
+from uqmbd.typing import Array, Index, Mask
 
 __all__ = ["SteadyMotions", "steady_motions"]
 
@@ -33,6 +33,9 @@ LONGEST = 0.2
 
 BALANCED = 1e-9
 """Force that is left, over the largest of forces and inertia, that counts as none."""
+
+SMALL = 1e-11
+"""Step of a coordinate, over the size of the mechanism, that is none."""
 
 SPAN = 3e-3
 """Turn, rad, over which rates of velocities are taken."""
@@ -159,26 +162,31 @@ def _search(
     active = np.arange(len(members))
     force, scale = _unbalanced(model, q, s, parameters, order)
     for _ in range(ITERATIONS):
-        done = np.linalg.norm(force, axis=1) <= BALANCED * scale
-        for k in active[done].tolist():
-            messages[k] = ""
-        active, force, scale = active[~done], force[~done], scale[~done]
         if not len(active):
             break
         step = _newton(model, q[active], s[active], parameters[active], order, force, downhill=downhill)
+        done = np.linalg.norm(force, axis=1) <= BALANCED * scale
+        done |= np.abs(step).max(axis=1, initial=0.0) <= SMALL * max(1.0, model.length)
+        for k in active[done].tolist():
+            messages[k] = ""
+        active, force, scale, step = active[~done], force[~done], scale[~done], step[~done]
+        if not len(active):
+            break
         before, moved = np.linalg.norm(force, axis=1), np.zeros(len(active), dtype=bool)
         for halving in range(12):
             pending = np.flatnonzero(~moved)
             some = active[pending]
             x, y = _closed(model, q[some], s[some], 0.5**halving * step[pending], parameters[some])
+            closed: Mask = np.asarray(np.isfinite(x).all(axis=1))
+            x = np.where(closed[:, None], x, q[some])
             there, size = _unbalanced(model, x, y, parameters[some], order)
             after = np.linalg.norm(there, axis=1)
             good = after < before[pending] * (0.5 if downhill else 1 - 1e-3 * 0.5**halving)
             if downhill:
                 good |= np.einsum("kn,kn->k", there, step[pending]) >= 0
-            good = np.isfinite(x).all(axis=1) & (good | (after <= BALANCED * size))
+            good = closed & (good | (after <= BALANCED * size))
             q[some[good]], s[some[good]] = x[good], y[good]
-            force[pending[good]], scale[pending[good]] = there[good], size[good]
+            force[pending[good]], scale[pending[good]] = there[good], np.maximum(scale[pending[good]], size[good])
             moved[pending[good]] = True
             if moved.all():
                 break
@@ -276,5 +284,7 @@ def _closed(model: Model, q: Array, s: Array, step: Array, parameters: Array) ->
             break
         gradient = model.evaluate("velocity", arguments, parameters)["d"][:, kept]
         x = x - apply(_pseudo(gradient, 1e-9), phi)
-    x[~(np.abs(phi).max(axis=1, initial=0.0) <= 1e-9 * max(1.0, model.length))] = np.nan
+    open_ = ~(np.abs(phi).max(axis=1, initial=0.0) <= 1e-9 * max(1.0, model.length))
+    y[open_] = s[open_]
+    x[open_] = np.nan
     return x, y
