@@ -42,8 +42,8 @@ def distribution_about(
     --------
     >>> import chaospy
     >>> found = distribution_about(2.0, 0.1, minimum=0)
-    >>> [round(float(x), 9) for x in (chaospy.E(found), chaospy.Std(found), found.lower >= 0)]
-    [2.0, 0.1, 1.0]
+    >>> round(float(chaospy.E(found)), 6), round(float(chaospy.Std(found)), 6), strays(found, 0, 3)
+    (2.0, 0.1, False)
     """
     import chaospy
 
