@@ -142,7 +142,7 @@ def _show_omissions(screen: Console, mechanism: Mechanism) -> None:
     if not isinstance(mechanism, ImportedMechanism):
         return
     screen.print(f"  read from   {mechanism.source}, by {mechanism.read_by}", markup=False)
-    table = plain_table("not taken, or changed", "count", "which", "why", right=1)
+    table = plain_table("not taken, or changed", "count", "which", "why")
     for row in mechanism.not_taken:
         table.add_row(Text(row.what), str(row.count), Text(row.listed), Text(row.why))
     screen.print()
