@@ -136,7 +136,7 @@ def test_all_forms_of_an_inertia_tensor_mean_the_same(space):
     matrix = [[2.5, 0.1, 0.2], [0.1, 2, 0.3], [0.2, 0.3, 1]]
     forms = [matrix, np.array(matrix), sympy.Matrix(matrix), (2.5, 2, 1, 0.1, 0.2, 0.3)]
     bodies = [space.body(f"b{k}", mass=1, inertia=form) for k, form in enumerate(forms)]
-    entries = {tuple(map(float, body.terms.values["moments"])) for body in bodies}
+    entries = {tuple(map(float, body.terms.values["inertia"])) for body in bodies}
     assert entries == {(2.5, 2.0, 1.0, 0.1, 0.2, 0.3)}
 
 

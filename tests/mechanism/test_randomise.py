@@ -133,7 +133,7 @@ def test_every_inertia_is_that_of_a_body(second, e, relative, seed):
     for variable in found:
         assert variable.mean == pytest.approx(1, rel=1e-9)
         assert float(chaospy.Std(variable.distribution)) == pytest.approx(relative, rel=1e-5)
-    entries = body.terms.values["moments"]
+    entries = body.terms.values["inertia"]
     values = mechanism.inputs.from_uniform(np.random.default_rng(seed).random((20, len(found))))
     evaluate = sympy.lambdify(list(mechanism.inputs.variables), list(entries), "numpy")
     index = [[0, 3, 4], [3, 1, 5], [4, 5, 2]]
@@ -151,7 +151,7 @@ def test_rounded_flat_bodies_keep_their_proportions():
     body = mechanism.body("plate", mass=1, inertia=(0.333, 0.333, 0.668))
     (one,) = mechanism.randomise("*.inertia", relative=0.3)
     assert one.name == "plate.inertia"
-    assert [sympy.diff(x, one) for x in body.terms.values["moments"]] == [0.333, 0.333, 0.668, 0, 0, 0]
+    assert [sympy.diff(x, one) for x in body.terms.values["inertia"]] == [0.333, 0.333, 0.668, 0, 0, 0]
 
 
 def spatial():

@@ -149,12 +149,8 @@ class BodyTerms(Component):
     offered = True
     mass = Parameter("kg", "mass")
     com = Parameter("m", "centre of mass, body frame", kind="point")
-    inertia = Parameter("kg m^2", "inertia about the centre of mass, body axes", kind="option")
     gravity = Parameter("m/s^2", "acceleration of free fall", kind="vector")
-
-    def prepare(self) -> dict[str, Any]:
-        """Hand the inertia entries on as numbers: one in the plane, six in space."""
-        return {"moments": self.inertia} if self.inertia else {}
+    inertia = Parameter("kg m^2", "inertia about the centre of mass, body axes", kind="numbers")
 
     def terms(self, p: Local) -> list[Term]:
         """Kinetic energy through ``d/dt(A c)``, weight, unit norm."""
@@ -162,12 +158,10 @@ class BodyTerms(Component):
         energy = p.mass * v.dot(v) / 2
         terms: list[Term] = []
         if p.space.turns:
-            m = list(p.moments) if p.space.dimension == 3 else [p.moments[0]]
+            tensor = sympy.Matrix(p.inertia)
             if p.space.dimension == 3:
-                xx, yy, zz, xy, xz, yz = m
+                xx, yy, zz, xy, xz, yz = p.inertia
                 tensor = sympy.Matrix([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-            else:
-                tensor = sympy.Matrix([m])
             energy += (w.T * tensor * w)[0] / 2
             e = p.body.quaternion
             terms.append(Constraint(sum(x * x for x in e) - 1, "unit quaternion"))

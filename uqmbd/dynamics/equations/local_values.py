@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import sympy
@@ -90,7 +91,7 @@ def localise(
     for name, value in component.values.items():
         if value is None or (name in declared and declared[name].kind == "option"):
             values[name] = value
-            pattern.append((name, repr(value) if not isinstance(value, tuple) else len(value)))
+            pattern.append((name, _identity(value)))
             continue
         if isinstance(value, tuple):
             values[name] = sympy.Matrix([place(x) for x in value]) if value else ()
@@ -107,3 +108,17 @@ def localise(
         counted.append(CountedAngle(local[symbol], angle, cosine, sine, rate, place(angle.near)))
         pattern.append(counted[-1].pattern)
     return values, counted, parameters, tuple(pattern)
+
+
+def _identity(option: Any) -> Any:
+    """Return what tells an option from others: equal ones share the terms of a component, others never do.
+
+    Objects may look alike, and equal ones may differ (as 1 and True do): what is not plain data is itself alone.
+    """
+    if isinstance(option, (list, tuple)):
+        return type(option), *map(_identity, option)
+    if isinstance(option, Mapping):
+        return type(option), *((_identity(key), _identity(value)) for key, value in option.items())
+    if isinstance(option, (str, bytes, bool, int, float, complex, type, sympy.Basic)) or option is None:
+        return type(option), repr(option) if isinstance(option, float) else option
+    return type(option), id(option)

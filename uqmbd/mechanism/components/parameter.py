@@ -13,7 +13,7 @@ __all__ = ["Parameter", "range_text"]
 
 _REQUIRED: Any = type("Required", (), {"__repr__": lambda self: "required"})()
 
-Kind = Literal["scalar", "point", "axis", "turning_axis", "vector", "moment", "rotation", "option"]
+Kind = Literal["scalar", "point", "axis", "turning_axis", "vector", "moment", "rotation", "numbers", "option"]
 
 
 class _Owner(Protocol):
@@ -37,7 +37,8 @@ class Parameter:
     kind : str
         ``scalar``; ``point``, ``axis``, ``vector`` (as many numbers as the space has dimensions);
         ``turning_axis`` (three numbers in space, left out in the plane); ``moment`` (three numbers in space, one in the
-        plane); ``rotation`` (quaternion or matrix); ``option`` (anything that is no number, handed through as it is).
+        plane); ``rotation`` (quaternion or matrix); ``numbers`` (a row of as many as are given); ``option`` (anything
+        that is no number, handed through as it is).
     default : object
         Value when left out; required without it.
     choices : tuple
@@ -165,7 +166,7 @@ class Parameter:
             return space.dimension
         if self.kind in ("turning_axis", "moment"):
             return 3 if space.dimension == 3 else (1 if self.kind == "moment" else 0)
-        return 0 if self.kind == "option" else 1
+        return 0 if self.kind in ("option", "numbers") else 1
 
 
 def range_text(minimum: float, maximum: float, *, exclusive: bool = False) -> str:

@@ -107,7 +107,7 @@ def _value(where: str, key: str, parameter: Parameter, value: Any, space: Space,
         return None
     if parameter.kind == "rotation":
         return _rotation(where, key, value, space, hint)
-    entries = numbers(where, key, value, size, hint)
+    entries = numbers(where, key, value, size if parameter.kind != "numbers" else len(flatten(value)), hint)
     if parameter.ranged:
         _require_range(f"{where}: {key}", parameter, entries, hint)
     if parameter.kind in ("axis", "turning_axis"):

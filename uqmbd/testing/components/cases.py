@@ -85,7 +85,7 @@ def moving_case(
     """
     declared = _declared(component, space)
     given = {k: p.example for k, p in declared.items() if p.example is not None} | dict(given)
-    numeric = [k for k, p in declared.items() if p.kind not in ("option", "rotation") and k not in given]
+    numeric = [k for k, p in declared.items() if p.kind not in ("option", "numbers", "rotation") and k not in given]
     numeric = [k for k in numeric if declared[k].size(space())][:2]
     mechanism = Mechanism("trial", space(gravity=(0.0,) * (space().dimension - 1) + (-9.81,)))
     count = len(component.bodies)
@@ -162,10 +162,11 @@ def _value(
     """Return a random value of a declared kind that depends on a random variable; None: to be left out."""
     u: Any = uniform_variable(parameter.name, -spread, spread, parameter.units) if spread else sympy.Integer(0)
     size = parameter.size(space)
-    if parameter.kind == "option":
+    if parameter.kind in ("option", "numbers"):
         if parameter.required and not parameter.words:
+            what = "an option without choices" if parameter.kind == "option" else "a row of any number of numbers"
             raise AssertionError(
-                f"parameter {parameter.name!r} is an option without choices: nobody knows what to try; "
+                f"parameter {parameter.name!r} is {what}: nobody knows what to try; "
                 "declare it with example=..., or give its value to check_component."
             )
         return parameter.words[0] if parameter.required else None
