@@ -66,8 +66,8 @@ class Controller:
     holds for all realisations; a state likewise.
 
     Which realisations make up a group is not promised, so each row of the result must depend on the same row of the
-    arguments alone, and on nothing else that changes: what is to be remembered is the `state`.  That is tried out, at
-    some of the samples, by a second call with a part of the group; a function that mixes realisations, draws random
+    arguments alone, and on nothing else that changes: what is to be remembered is the `state`.  That is tried out by
+    further calls with parts of the group, single rows at each sample; a function that mixes realisations, draws random
     numbers or remembers something itself is an error.
 
     Parameters
@@ -176,6 +176,12 @@ class Controller:
         none = (-sympy.oo, sympy.oo)
         given = {} if limits is None else _by_command(where, "limits", limits, self.commands, _pair(where))
         self.limits = {k: given.get(k, none) for k in self.commands}
+        for key, (low, high) in self.limits.items():
+            first = self.initial[key]
+            if any(x.is_number and x.is_negative for x in (first - low, high - first)):
+                raise StudyError(
+                    f"{where}: the initial value of {key!r} is {first}, outside of its limits {low} to {high}."
+                )
 
     def command(self, name: str | None = None) -> sympy.Symbol:
         """Return the symbol of a command, for parameters of components and for outputs.

@@ -82,6 +82,46 @@ def test_a_function_that_mixes_realisations_is_refused():
         study.run()
 
 
+def any_is_fast(time, measured):
+    return np.zeros(len(measured)) if (measured[:, 1] > 0.13).any() else np.ones(len(measured))
+
+
+def all_are_fast(time, measured):
+    return np.full(len(measured), 0.0 if (measured[:, 1] > 0.13).all() else 1.0)
+
+
+@pytest.mark.parametrize("function", [any_is_fast, all_are_fast])
+@pytest.mark.parametrize("samples", [8, 60])
+def test_a_condition_on_any_or_all_of_a_group_is_refused(function, samples):
+    """The speeds of carts of 1 to 2 kg under 1 N pass 0.13 m/s from 0.13 to 0.26 s: only then the rows differ."""
+    mechanism = uqmbd.Mechanism("cart", uqmbd.Translational())
+    body = mechanism.body("cart", mass=MASS)
+    measured = [body.position[0], body.velocity[0], body.velocity[1]]
+    controller = mechanism.add(uqmbd.Controller(measured=measured, commanded=["f"], rate=33, function=function))
+    mechanism.add(PointForce("motor", body, (0, 0), (controller.command("f"), 0)))
+    mechanism.output("x", body.position[0], units="m")
+    study = uqmbd.Study("cart", mechanism, [0.0, 0.5], propagators=[MonteCarlo(samples=samples, seed=1)])
+    with pytest.raises(uqmbd.UqmbdError, match=r"with the other \d+ realisations"):
+        study.run()
+
+
+@pytest.mark.parametrize(
+    ("function", "told"),
+    [
+        (lambda time, measured: measured[:, 0] + 1j, "which is not real"),
+        (lambda time, measured: None, "a return is missing"),
+    ],
+)
+def test_commands_that_are_no_numbers_are_refused(function, told):
+    with pytest.raises(uqmbd.StudyError, match=told):
+        uqmbd.simulate(cart(function), TIMES)
+
+
+def test_an_initial_command_outside_of_its_limits_is_refused():
+    with pytest.raises(uqmbd.StudyError, match="is 10, outside of its limits -5 to 5"):
+        cart(limits=(-5, 5), initial=10)
+
+
 def sometimes_nan(time, measured):
     return np.where((measured[:, 1] > 1.5) & (time > 0.09), np.nan, 1.0)
 

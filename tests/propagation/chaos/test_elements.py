@@ -256,3 +256,26 @@ def test_only_the_guilty_input_is_split():
     stiffness = uqmbd.RandomVariable("stiffness", chaospy.Normal(1e5, 5e3), units="N/m")
     node = ball(stiffness, 1.3, 66).propagate(Collocation(order=2, elements=8))
     assert set(node["elements/split_germ"].values.tolist()) == {"drop"}
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("method", [Collocation, Galerkin], ids=lambda m: m.name)
+@pytest.mark.parametrize("elements", [4, "adaptive"])
+def test_an_output_that_is_always_zero_does_not_count(method, elements):
+    """With and without it the same elements are split, and nothing is warned of beside."""
+    found = []
+    for more in ((), ("x",)):
+        mechanism = uqmbd.Mechanism("falling", uqmbd.Translational(gravity=(0, -10)))
+        body = mechanism.body("body", mass=1, position=(0, 0.1 * (uqmbd.RandomVariable("h", U) + 2)))
+        mechanism.add(Floor("floor", body, 5000))
+        mechanism.output("z", body.position[1])
+        for name in more:
+            mechanism.output(name, body.position[0])
+        options = {"order": 2, "elements": elements, "index_set": "tensor", "verify": 2}
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", RuntimeWarning)
+            warnings.simplefilter("ignore", uqmbd.StudyWarning)
+            warnings.simplefilter("ignore", UserWarning)
+            node = uqmbd.Study("falling", mechanism, np.linspace(0, 0.5, 11), [method(**options)]).run()[method.name]
+        found.append(node["statistics"]["std"].sel(output="z").values)
+    assert found[0] == pytest.approx(found[1], rel=1e-12)

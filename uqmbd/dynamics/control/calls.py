@@ -117,6 +117,11 @@ def _columns(where: str, what: str, value: Any, names: tuple[str, ...], count: i
         expected += f", or of shape {(count,)}, or a number"
     else:
         expected += f", or a tuple of {width} entries of shape {(count,)}"
+    if value is None or np.iscomplexobj(value):
+        hint = "; a return is missing" if value is None else ", which is not real"
+        raise StudyError(
+            f"{where}: its function returned as {what} {_told(value)}{hint}, at t = {time:.6g} s{about}; {expected}."
+        )
     try:
         if isinstance(value, tuple) and len(value) == width:
             columns = [np.asarray(x, dtype=float) for x in value]

@@ -122,10 +122,9 @@ class Sampling:
     def _called(self, loop: Loop, sample: int, time: float, measured: Array, state: Array) -> tuple[Array, Array]:
         """Call the function of a controller: commands (M, command) and new states (M, state)."""
         found, count = called(loop, time, measured, state), len(measured)
-        if count and sample & (sample - 1) == 0:  # 0, 1, 2, 4, 8, ...: often enough, and cheap
-            half = np.arange(count)[:: -2 if count > 1 else 1]
-            part = called(loop, time, measured[half], state[half], f", called again for {len(half)} of {count}")
-            require_same(loop, time, [x[half] for x in found], part, count)
+        for part in _parts(sample, measured):
+            again = called(loop, time, measured[part], state[part], f", called again for {len(part)} of {count}")
+            require_same(loop, time, [x[part] for x in found], again, count)
         return found
 
     def jumps(self, time: float, states: Array, members: Index) -> tuple[Array, dict[int, str]]:
@@ -169,6 +168,20 @@ class Sampling:
         """Largest rate at which each state (M, width) leaves the constraints."""
         found = self.batch.model.evaluate("drift", state_arguments(time, states), self.batch.block[members])["psi"]
         return np.asarray(np.abs(found).max(axis=1, initial=0.0))
+
+
+def _parts(sample: int, measured: Array) -> list[Index]:
+    """Choose rows for which a function is called again: what it returns for them may not depend on the others.
+
+    Every second row at the samples 0, 1, 2, 4, 8, ...; and each time the rows that measure least and most of
+    something, each alone: a condition that asks for any or all of a group decides otherwise for one of them.
+    """
+    count = len(measured)
+    parts = [np.arange(count)[:: -2 if count > 1 else 1]] if count and sample & (sample - 1) == 0 else []
+    if count > 1:
+        column = measured[:, sample % measured.shape[1]]
+        parts += [np.array([k]) for k in dict.fromkeys((int(np.argmin(column)), int(np.argmax(column))))]
+    return parts
 
 
 def _instants(loops: Sequence[Loop], times: Array, near: float) -> list[_Instant]:

@@ -24,6 +24,9 @@ TOGETHER = 0.25
 """Elements whose contribution to the squared error is more than this part of the largest are split together."""
 
 
+ALWAYS_ZERO = 1e-140
+"""Largest size of an output, in its units, that is always zero."""
+
 LOST = 0.1
 """Error, over the local standard deviation, from which the guilty input is told by the local variance."""
 
@@ -225,7 +228,9 @@ def _contributions(parts: list[_Part], rtol: float) -> tuple[Array, Array]:
     centre = np.tensordot(probability, mean, axes=1)
     variance = np.tensordot(probability, std**2 + (mean - centre) ** 2, axes=1)
     # (O, T): relative to the largest standard deviation over time, or to what an integration can tell
-    scale = np.maximum(np.sqrt(variance.max(axis=1)), 100 * rtol * np.abs(centre).max(axis=1) + 1e-300)[:, None]
+    scale = np.maximum(np.sqrt(variance.max(axis=1)), 100 * rtol * np.abs(centre).max(axis=1) + 1e-300)
+    # an output that is always zero, as the force of a contact that is open, has no error: its square would be 0 / 0
+    scale = np.where(scale > ALWAYS_ZERO, scale, np.inf)[:, None]
     errors, blame = [], []
     for part in parts:
         chaos = part.chaos
