@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterable
+from dataclasses import fields
 
 import sympy
 
@@ -14,17 +15,21 @@ __all__ = ["digest_of"]
 
 
 def digest_of(mechanism: Mechanism, instances: list[Instance], controllers: Iterable[str]) -> str:
-    """Hash all that the motion and the outputs depend on, as symbols, with what controllers say of themselves."""
+    """Hash all that the motion and the outputs depend on, as symbols, with what controllers say of themselves.
+
+    Expressions are written by `sympy.srepr`: the text that people read leaves out tables, and digits of numbers.
+    """
     text = hashlib.sha256()
     for i in instances:
         text.update(repr((i.type.digest, i.component.name, [b.name for b in i.bodies])).encode())
-        text.update(str(i.parameters).encode())
+        text.update(sympy.srepr(i.parameters).encode())
         if i.held:
-            text.update(str(i.held).encode())
+            text.update(sympy.srepr(i.held).encode())
     for output in (*mechanism.outputs.values(), *mechanism.scalars.values()):
         text.update(f"{output.name} {sympy.srepr(output.expression)}".encode())
     for body in mechanism.bodies.values():
-        text.update(f"{body.name} {body.pose}".encode())
+        pose = tuple(getattr(body.pose, x.name) for x in fields(body.pose))
+        text.update(f"{body.name} {sympy.srepr(pose)}".encode())
     for condition in mechanism.conditions.values():
         text.update(sympy.srepr(condition.residual).encode())
     for controller in controllers:
