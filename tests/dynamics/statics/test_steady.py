@@ -9,11 +9,11 @@ import sympy
 
 import uqmbd
 from uqmbd_collocation import Collocation
-from uqmbd_drivers import RotationDriver, SpeedDriver
+from uqmbd_drivers import PositionDriver, RotationDriver, SpeedDriver
 from uqmbd_galerkin import Galerkin
 from uqmbd_joints import Distance, PointOnLine, Prismatic, Revolute, Spherical
 from uqmbd_montecarlo import MonteCarlo
-from uqmbd_springs import Bushing, RotationalFriction, SpringDamper, TorsionSpringDamper
+from uqmbd_springs import Bushing, PointForce, RotationalFriction, SpringDamper, TorsionSpringDamper
 
 G = 9.81
 UP, ACROSS, ORIGIN = (0, 0, 1), (0, 1, 0), (0, 0, 0)
@@ -407,3 +407,63 @@ def test_where_nothing_turns_the_steady_motion_is_rest(space):
     rest, steady = (uqmbd.eigenfrequencies(mechanism, at=at) for at in ("equilibrium", "steady"))
     for name in ("frequency", "damping_ratio"):
         np.testing.assert_allclose(steady[name], rest[name], rtol=1e-7, atol=1e-7)
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize(
+    "angle",
+    [5 * sympy.sin(uqmbd.t), 5 * uqmbd.t + uqmbd.t**3, 5 * uqmbd.t + sympy.sin(uqmbd.t), sympy.sin(uqmbd.t)],
+    ids=str,
+)
+def test_a_driver_whose_acceleration_is_none_at_the_start_only_is_named(angle):
+    mechanism, shaft, _, _ = shaft_and_arms([0.6])
+    mechanism.add(RotationDriver("motor", mechanism.ground, shaft, angle=angle, axis_i=UP, axis_j=UP))
+    with pytest.raises(uqmbd.AssemblyError, match=r"the speed of driver 'motor' is not constant: it is \d rad/s at"):
+        uqmbd.eigenfrequencies(mechanism, at="steady")
+
+
+RUN_UP = uqmbd.step(uqmbd.t, 0.5, 0, 1, 5)
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("speed", [5 * sympy.cos(uqmbd.t), 5 + uqmbd.t, 5 + uqmbd.t**2, RUN_UP], ids=str)
+def test_a_speed_that_changes_later_is_named(speed):
+    mechanism, shaft, _, _ = shaft_and_arms([0.6])
+    mechanism.add(SpeedDriver("motor", mechanism.ground, shaft, speed=speed, axis_j=UP))
+    with pytest.raises(uqmbd.AssemblyError, match=r"the speed of driver 'motor' is not constant: it is \d rad/s at"):
+        uqmbd.eigenfrequencies(mechanism, at="steady")
+
+
+@pytest.mark.thorough
+def test_a_speed_that_has_become_constant_is_steady():
+    mechanism, shaft, _, _ = shaft_and_arms([0.6])
+    mechanism.add(SpeedDriver("motor", mechanism.ground, shaft, speed=RUN_UP, axis_j=UP))
+    assert imaginary(mechanism, time=2.0) == pytest.approx([np.sqrt(25 - (G / 5) ** 2)], rel=1e-8)
+
+
+@pytest.mark.thorough
+def test_two_uneven_drivers_that_lead_along_a_circle_are_steady():
+    """A pendulum whose hinge goes round at r = 0.2 m: omega^2 = Omega^2 r / l, as on a turntable."""
+    mechanism = uqmbd.Mechanism("circle", uqmbd.Planar())
+    hub = mechanism.body("hub", mass=1, inertia=1, position=(0.2, 0))
+    blade = mechanism.body("blade", mass=1, inertia=0, com=(0.5, 0), position=(0.2, 0), angle=0.2)
+    along = {"east": ((1, 0), sympy.cos(3 * uqmbd.t)), "north": ((0, 1), sympy.sin(3 * uqmbd.t))}
+    for name, (axis, part) in along.items():
+        mechanism.add(PositionDriver(name, mechanism.ground, hub, (0, 0), (0, 0), axis_i=axis, displacement=0.2 * part))
+    mechanism.add(RotationDriver("turn", mechanism.ground, hub, angle=3 * uqmbd.t))
+    mechanism.add(Revolute("flap", hub, blade, (0, 0), (0, 0)))
+    assert imaginary(mechanism) == pytest.approx([3 * np.sqrt(0.2 / 0.5)], rel=1e-7)
+
+
+@pytest.mark.thorough
+def test_a_load_that_begins_later_is_told():
+    """Balance at the start, and a force from 6 s on."""
+    mechanism = uqmbd.Mechanism("load", uqmbd.Planar())
+    table = mechanism.body("table", mass=1, inertia=1)
+    ball = mechanism.body("ball", mass=2, inertia=0.1)
+    mechanism.add(Revolute("axle", mechanism.ground, table, (0, 0), (0, 0)))
+    mechanism.add(SpeedDriver("motor", mechanism.ground, table, speed=3))
+    mechanism.add(Bushing("springs", table, ball, (0, 0), (0, 0), stiffness=(60, 60, 5)))
+    mechanism.add(PointForce("push", ball, (0, 0), force=(uqmbd.step(uqmbd.t, 6, 0, 7, 4), 0)))
+    with pytest.raises(uqmbd.AssemblyError, match="a load changes with time: body 'ball' is not in balance"):
+        uqmbd.eigenfrequencies(mechanism, at="steady")

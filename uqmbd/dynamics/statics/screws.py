@@ -242,5 +242,7 @@ def _frame(x: Array, rate: Array, second: Array, known: list[Array], fastest: fl
     across = np.cross(x, rate) / size**2
     unit = x / size
     along = np.cross(unit, rate)
+    if np.linalg.norm(along) <= noise:  # it does not turn, and changes all the same
+        return None
     part = float(along @ (second - np.cross(across, rate)) / max(float(along @ along), 1e-300))
     return np.asarray(across + part * unit)

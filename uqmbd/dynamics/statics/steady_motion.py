@@ -21,6 +21,7 @@ from uqmbd.dynamics.equations import Model, state_arguments
 from uqmbd.dynamics.linear import accelerations
 from uqmbd.dynamics.statics.rest_equations import apply
 from uqmbd.dynamics.statics.screws import Screws, screws_of
+from uqmbd.dynamics.statics.steady_drivers import later_times, uneven_driver
 from uqmbd.dynamics.statics.steady_speeds import ORDERS, flow, steady_speeds
 from uqmbd.typing import Array, Index, Mask
 
@@ -110,7 +111,7 @@ def steady_motions(ensemble: Batch) -> SteadyMotions:
             reasons[k] = reasons[k] or why
     for k, why in reasons.items():
         if screws[k] is None:
-            messages[k] = f"no steady motion was found from where it starts: {why}"
+            messages[k] = f"no steady motion was found from where it starts: {uneven_driver(ensemble, k) or why}"
     return SteadyMotions(q, s, v, tuple(screws), tuple(messages))
 
 
@@ -128,6 +129,9 @@ def _accept(ensemble: Batch, k: int, q: Array, s: Array, v: Array, screws: list[
 def _unsteady(model: Model, screws: Screws, parameters: Array) -> str:
     """Say what is wrong with a steady motion at other times; empty: nothing."""
     layout, row = model.layout, parameters[None]
+    why = _changing(model, screws, parameters)
+    if why:
+        return why
     for after in screws.times:
         time = model.time + after
         q, v, a, s, rates = screws.at(after)
@@ -146,6 +150,39 @@ def _unsteady(model: Model, screws: Screws, parameters: Array) -> str:
             return f"body {body!r} is not in balance{later} while the mechanism keeps its shape"
         if layout.states and not np.abs(found - rates).max() <= STEADY * max(1.0, float(np.abs(rates).max())):
             return "a state of a component changes at a rate that is not constant"
+    return ""
+
+
+def _changing(model: Model, screws: Screws, parameters: Array) -> str:
+    """Say which driver or load does not let a steady motion go on later, when nothing turns fast; empty: none."""
+    after = later_times(model, parameters, screws.fastest)
+    times, rows = model.time + after, np.repeat(parameters[None], len(after), axis=0)
+    states = [screws.at(x) for x in after.tolist()]
+    q, v, a, s, _ = (np.array(x) for x in zip(*states, strict=True))
+    # what is off by rounding, or by what Newton's method leaves, grows with the turns
+    allowed = STEADY * (1 + screws.fastest * after)
+    found = model.evaluate("velocity", state_arguments(times, q, s, v), rows)
+    if "phi_t" in model.evaluators["velocity"].index:
+        kept = model.layout.kept
+        d, own = found["d"][:, kept], found["phi_t"][:, kept]
+        scale = np.maximum(np.abs(d * v[:, None, :]).max(axis=2, initial=0.0), np.abs(own)).max(axis=0, initial=0.0)
+        off = np.abs(apply(d, v) + own) > allowed[:, None] * np.maximum(scale, 1e-6)
+        off &= (own != 0).any(axis=0)
+        if off.any():
+            row, column = np.argwhere(off)[0]
+            return f"{model.equations[kept[column]]!r} wants another speed {after[row]:.3g} s later"
+    first = state_arguments(model.time, *(np.repeat(x[:1], len(after), axis=0) for x in (q, s, v)))
+    later = state_arguments(times, *(np.repeat(x[:1], len(after), axis=0) for x in (q, s, v)))
+    forces = [model.evaluate("acceleration", x, rows)["force"] for x in (first, later)]
+    if not (forces[0] != forces[1]).any():
+        return ""  # no load depends on time
+    true, _, _ = accelerations(model, q, s, v, times, rows)
+    scale = np.maximum(np.maximum(np.abs(true).max(axis=1, initial=0.0), np.abs(a).max(axis=1, initial=0.0)), 1e-3)
+    off = np.abs(true - a).reshape(len(after), len(model.bodies), -1).max(axis=2)
+    wrong = ~(off <= (allowed * scale)[:, None])
+    if wrong.any():
+        row, column = np.argwhere(wrong)[0]
+        return f"a load changes with time: body {model.bodies[column]!r} is not in balance {after[row]:.3g} s later"
     return ""
 
 
