@@ -102,6 +102,7 @@ class Controller:
     Notes
     -----
     Where an output time is a sample, commands, states, accelerations and reactions there are those right after it.
+    Where a prescribed speed jumps at a sample, the jump comes first: its controller measures the speed right after.
     A realisation whose command or state is not finite fails, with a status and a message; the others go on.  A result
     of a wrong shape, or an exception, ends the method.  References: zero-order hold and sampled systems in
     K. J. Astrom, B. Wittenmark, Computer-Controlled Systems, 3rd ed., Prentice Hall 1997, chapter 2.

@@ -129,11 +129,16 @@ class EventDrivenMotion:
                 z = self._sampled(sampling, sampled[now], now, z)
             while now < stop and not self.message:
                 now, z = self._piece(now, z, stop)
-        if sampling is not None and end in sampled and not self.message:
+            if self.message:
+                return
+        if sampling is not None and end in sampled:
+            z = self._cross(end, z)
             self.last = self._sampled(sampling, sampled[end], end, z)
 
     def _sampled(self, sampling: Sampler, number: int, now: float, z: Array) -> Array:
         """State right after a sample of a controller."""
+        if self.message:  # prescribed speeds that jump there cannot be followed
+            return z
         one = np.zeros(1, dtype=np.int64)
         states, reasons = sampling.after(number, z[None], one)
         change, more = sampling.jumps(now, states, one)

@@ -11,6 +11,7 @@ from uqmbd.dynamics.batch import Batch
 from uqmbd.dynamics.control.calls import called, failures, require_same
 from uqmbd.dynamics.control.loop import Loop
 from uqmbd.dynamics.equations import state_arguments
+from uqmbd.dynamics.integration import instant
 from uqmbd.dynamics.linear import impulses
 from uqmbd.dynamics.observation import observe
 from uqmbd.errors import StudyError
@@ -27,6 +28,8 @@ FELT = 1e-14
 """Speed by which a constraint is left, in the units of its equation, that is rounding."""
 CONTRADICTION = 1e-6
 """Speed, over that of the jump, that is left after an impulse where equations contradict each other."""
+ROUNDING = 1e-10
+"""Speed, over the largest, that is left after an impulse and is rounding."""
 
 
 @dataclass
@@ -127,7 +130,9 @@ class Sampling:
             require_same(loop, time, [x[part] for x in found], again, count)
         return found
 
-    def jumps(self, time: float, states: Array, members: Index) -> tuple[Array, dict[int, str]]:
+    def jumps(
+        self, time: float, states: Array, members: Index, before: Array | None = None
+    ) -> tuple[Array, dict[int, str]]:
         """Find how velocities jump where speeds are commanded: an impulse, by which they follow.
 
         Parameters
@@ -138,6 +143,9 @@ class Sampling:
             Right after the commands have changed.
         members : array of int, shape (M,)
             Which realisations of the batch these are.
+        before : array, shape (M, width), optional
+            Right before they have changed: by what speeds of a truncated expansion leave the constraints there, they
+            may after.
 
         Returns
         -------
@@ -154,19 +162,24 @@ class Sampling:
         some = np.flatnonzero(off > FELT)
         if not len(some):
             return change, {}
-        change[some] = impulses(model, states[some], time, block[some])
+        change[some] = impulses(model, states[some], time + instant(time), block[some])
         moved = states[some].copy()
         moved[:, model.layout.velocities :] += change[some]
         left = self._off(moved, time, members[some])
+        rounding = ROUNDING * np.maximum(1e-3, np.abs(states[some, model.layout.velocities :]).max(axis=1, initial=0.0))
+        least = np.maximum(CONTRADICTION * off[some], rounding)
+        if before is not None:
+            least = np.maximum(least, 10 * self._off(before[some], time, members[some]))
         reasons = {
             int(some[k]): f"a commanded speed jumps at t = {time:.6g} s, and other constraints contradict it"
-            for k in np.flatnonzero(~(left <= CONTRADICTION * off[some]))
+            for k in np.flatnonzero(~(left <= least))
         }
         return change, reasons
 
     def _off(self, states: Array, time: float, members: Index) -> Array:
-        """Largest rate at which each state (M, width) leaves the constraints."""
-        found = self.batch.model.evaluate("drift", state_arguments(time, states), self.batch.block[members])["psi"]
+        """Largest rate at which each state (M, width) leaves the constraints right after a time."""
+        after = state_arguments(time + instant(time), states)
+        found = self.batch.model.evaluate("drift", after, self.batch.block[members])["psi"]
         return np.asarray(np.abs(found).max(axis=1, initial=0.0))
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from uqmbd.dynamics.assembly import Start
 from uqmbd.dynamics.control import Sampling
 from uqmbd.dynamics.ensemble import Ensemble
-from uqmbd.dynamics.integration import Counters, Trajectories
+from uqmbd.dynamics.integration import Counters, Trajectories, instant, speed_jumps
 from uqmbd.dynamics.linear import accelerations
 from uqmbd.dynamics.projection import ProjectedStart, ProjectedTrajectories, Projection, Watch
 from uqmbd.typing import Array, Index
@@ -61,6 +61,15 @@ def trajectories_in_samples(method: Method, ensemble: Ensemble, times: Array, rt
     alive, now = np.flatnonzero(start.ok), start.state[start.ok]
     for number, grid in enumerate(stretches(sampling, times)):
         begin = float(grid[0])
+        # what is prescribed jumps first, and is seen by the controllers
+        change, reasons = speed_jumps(ensemble.model, now, begin, ensemble.block[alive], rtol)
+        now[:, velocities:] += change
+        for row, reason in reasons.items():
+            messages[alive[row]] = reason
+        going = np.array([not messages[k] for k in alive], dtype=bool)
+        alive, now = alive[going], now[going]
+        if not len(alive):
+            break
         now, reasons = sampling.after(number, now, alive)
         change, more = sampling.jumps(begin, now, alive)
         now[:, velocities:] += change
@@ -118,15 +127,17 @@ def projected_in_samples(
     counters: dict[str, Any] = {}
     for number, grid in enumerate(stretches(sampling, times)):
         begin = float(grid[0])
+        now[:, layout.velocities :] += projected.impulse(now, begin, rtol)
         nodal = projected.psi @ now
         after, reasons = sampling.after(number, nodal, every)
         held = slice(layout.velocities - layout.states, layout.velocities)
         # what has not changed stays as it is, to the bit
         changed = (after[:, held] != nodal[:, held]).any(axis=0)
         now[:, held][:, changed] = projected.adjoint @ after[:, held][:, changed]
-        if np.any(sampling.jumps(begin, projected.psi @ now, every)[0]):
-            now[:, layout.velocities :] += projected.follow(now, begin)
-        if reasons:
+        change, more = sampling.jumps(begin, after, every, nodal)
+        if not reasons and np.any(change):
+            now[:, layout.velocities :] += projected.follow(now, begin + instant(begin))
+        if reasons := more | reasons:
             node, text = next(iter(reasons.items()))
             message = f"at node {node} {text}"
             break
