@@ -135,6 +135,7 @@ def _joints(loaded: Loaded, model: Any, off: set[str], position: Array, speed: A
         q, v = int(model.jnt_qposadr[k]), int(model.jnt_dofadr[k])
         place = slice(q, q + size)
         limited = bool(model.jnt_limited[k]) and "LIMIT" not in off
+        damping, inertia = loaded.rotors.get(model.joint(k).name, (0.0, 0.0))
         found.append(
             Joint(
                 model.joint(k).name,
@@ -148,9 +149,9 @@ def _joints(loaded: Loaded, model: Any, off: set[str], position: Array, speed: A
                 tuple(map(float, model.jnt_range[k])) if limited else None,  # type: ignore[arg-type]
                 0.0 if "SPRING" in off else float(model.jnt_stiffness[k]),
                 np.array(model.qpos_spring[place]),
-                0.0 if "DAMPER" in off else float(model.dof_damping[v]),
+                0.0 if "DAMPER" in off else float(model.dof_damping[v]) + damping,
                 0.0 if "FRICTIONLOSS" in off else float(model.dof_frictionloss[v]),
-                float(model.dof_armature[v]),
+                float(model.dof_armature[v]) + inertia,
             )
         )
     return tuple(found)

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 import uqmbd
+from uqmbd_models.actuators import passive
 from uqmbd_models.names import Names
 from uqmbd_models.tree import Inertial
 
@@ -67,6 +68,8 @@ class Loaded:
         Of links, by name, where they are not those of MuJoCo's compiler.
     advice : list of str
         What MuJoCo warned of as it parsed the file.
+    rotors : dict of two numbers
+        Damping and inertia that actuators add to joints, by the names of these.
     """
 
     path: str
@@ -76,6 +79,7 @@ class Loaded:
     omissions: list[uqmbd.Omission] = field(default_factory=list)
     inertials: dict[str, Inertial] = field(default_factory=dict)
     advice: list[str] = field(default_factory=list)
+    rotors: dict[str, tuple[float, float]] = field(default_factory=dict)
 
     def error(self, reason: object) -> uqmbd.StudyError:
         """Return an error that names the file."""
@@ -114,6 +118,8 @@ def load(path: str, form: str) -> Loaded:
         raise uqmbd.StudyError(
             f"from_{form} needs a later MuJoCo than {mujoco.__version__} ({error}): {INSTALL} --upgrade"
         ) from None
+    except ValueError as error:  # such as repeated names
+        raise loaded.error(error) from None
     return loaded
 
 
@@ -221,8 +227,11 @@ def _set_aside(loaded: Loaded, form: str) -> None:
     taken = {equalities.mjEQ_CONNECT, equalities.mjEQ_WELD, equalities.mjEQ_JOINT}
     others = [equality for equality in spec.equalities if equality.type not in taken]
     _drop(loaded, "equality constraints of tendons and flexible bodies", others, "what they hold is not taken either")
+    rotors, rows = passive(loaded.mujoco, spec)
+    loaded.rotors.update(rotors)
     for group, why in SET_ASIDE.items():
         _drop(loaded, TITLES.get(group, group), getattr(spec, group, ()), why)
+        loaded.omissions.extend(rows if group == "actuators" else [])
     for key in spec.keys:
         key.act, key.ctrl = [], []
     _shapes(loaded)

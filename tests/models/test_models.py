@@ -121,6 +121,59 @@ def test_a_pendulum_with_a_rotor_spring_and_damper(mjcf):
     np.testing.assert_allclose(found["pin"], exact.y[0], rtol=0, atol=1e-7)
 
 
+def test_rotors_and_damping_of_actuators_act_through_their_gears(mjcf):
+    """(J + 0.1 + 9 * 0.5 + 0.2) q'' = -(0.3 + 9 * 2) q': in the joint, on a gear of 3, and from the parent."""
+    read = mjcf(
+        '<option gravity="0 0 0"/><worldbody><body><joint name="q" armature="0.1" '
+        'damping="0.3"/><inertial pos="0 0 0" mass="1" diaginertia="1 1 0.7"/></body></worldbody>'
+        '<tendon><fixed name="t"><joint joint="q" coef="1"/></fixed></tendon>'
+        '<actuator><motor joint="q" armature="0.5" damping="2" gear="3"/><motor jointinparent="q" armature="0.2"/>'
+        '<motor name="rope" tendon="t" armature="0.2" damping="5" gear="2"/>'
+        '<position name="servo" joint="q" kp="10" kv="3"/><position joint="q" kp="4" dampratio="1"/>'
+        '<general joint="q" biastype="affine" biasprm="1 0 0"/></actuator>'
+        '<keyframe><key qvel="2"/></keyframe>',
+        keyframe=0,
+    )
+    times = np.linspace(0, 0.5, 6)
+    rate = (0.3 + 9 * 2) / (0.7 + 0.1 + 9 * 0.5 + 0.2)
+    found = uqmbd.simulate(read, times, rtol=1e-9, check=False)
+    np.testing.assert_allclose(found["q"], 2 / rate * (1 - np.exp(-rate * times)), rtol=0, atol=1e-7)
+    told = {row.what: row.names for row in read.not_taken}
+    assert told["rotors and damping of actuators"] == ("rope (armature 0.2, damping 5, gear 2)",)
+    assert told["forces of actuators without control"] == (
+        "servo (kp 10, kv 3)",
+        "no. 5 (kp 4, dampratio 1)",
+        "no. 6 (force 1)",
+    )
+
+
+def test_what_actuators_add_is_that_of_mujoco(mjcf, tmp_path):
+    """Mass matrix and damping force of MuJoCo, of a hinge, a slide and a ball joint with geared motors."""
+    mujoco = pytest.importorskip("mujoco")
+    inertial = '<inertial pos="0 0 0" mass="2" diaginertia="0.3 0.4 0.5"/>'
+    read = mjcf(
+        f'<worldbody><body><joint name="a" armature="0.1"/>{inertial}</body><body pos="1 0 0"><joint name="b" type="slide"/>'
+        f'{inertial}</body><body pos="2 0 0"><joint name="c" type="ball" damping="0.2"/>{inertial}</body></worldbody><actuator>'
+        '<motor joint="a" armature="0.2" damping="0.7" gear="-4"/><motor joint="b" armature="0.3" gear="2 9"/>'
+        '<motor joint="c" armature="0.4" damping="0.6" gear="3 1 2"/></actuator>'
+    )
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "model.xml"))
+    if not hasattr(model, "actuator_armature"):
+        pytest.skip("an earlier MuJoCo, whose actuators have none")
+    data = mujoco.MjData(model)
+    data.qvel[:] = 1
+    mujoco.mj_forward(model, data)
+    mass = np.zeros((model.nv, model.nv))
+    mujoco.mj_fullM(model, data, mass)
+    added = np.diag(mass) - (0.5, 2, 0.3, 0.4, 0.5)
+    values = {name: component.values for name, component in read.components.items()}
+    inertia = [float(values[x]["inertia" if "b" not in x else "mass"]) for x in ("a_rotor", "b_rotor", "c_rotor_x")]
+    np.testing.assert_allclose(inertia, added[:3], rtol=1e-12)
+    damping = [float(values[x]["damping"]) for x in ("a_friction", "c_friction_x")]
+    np.testing.assert_allclose(damping, -data.qfrc_damper[[0, 2]], rtol=1e-12)
+    assert np.all(added > 0.1) and min(damping) > 1
+
+
 def test_a_four_bar_with_a_loop(mjcf):
     """A parallelogram: (J1 + J3 + m1 r^2 + m3 r^2 + m2 l^2) q'' = g ((m1 + m3) r + m2 l) cos q."""
     inertial = '<inertial pos="{}" mass="{}" diaginertia="{} {} {}"/>'
