@@ -48,10 +48,12 @@ def build(tree: Tree, *, fuse_all: bool, outputs: bool) -> uqmbd.ImportedMechani
     outputs : bool
         Whether to record positions of joints and margins to their limits.
     """
+    count = len(tree.links) - 1
     tree, fused = fuse(tree, every=fuse_all)
     if len(tree.links) == 1:
         raise uqmbd.StudyError(
-            f"{tree.source}: nothing in it can move; expected at least one joint with a moving link."
+            f"{tree.source}: nothing in it can move: none of its links, {count} beside the ground, has a joint that "
+            "lets it move; expected at least one (a robot that stands on nothing: from_urdf(path, floating=True))."
         )
     try:
         return _built(tree, fused, fuse_all=fuse_all, outputs=outputs)

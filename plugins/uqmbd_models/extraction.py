@@ -134,7 +134,9 @@ def _joints(loaded: Loaded, model: Any, off: set[str], position: Array, speed: A
         kind, size, freedoms = KINDS[int(model.jnt_type[k])]
         q, v = int(model.jnt_qposadr[k]), int(model.jnt_dofadr[k])
         place = slice(q, q + size)
-        limited = bool(model.jnt_limited[k]) and "LIMIT" not in off
+        limits = loaded.limits.get(model.joint(k).name)
+        if model.jnt_limited[k]:
+            limits = float(model.jnt_range[k][0]), float(model.jnt_range[k][1])
         damping, inertia = loaded.rotors.get(model.joint(k).name, (0.0, 0.0))
         found.append(
             Joint(
@@ -146,7 +148,7 @@ def _joints(loaded: Loaded, model: Any, off: set[str], position: Array, speed: A
                 np.array(model.qpos0[place]),
                 position[place],
                 speed[v : v + freedoms],
-                tuple(map(float, model.jnt_range[k])) if limited else None,  # type: ignore[arg-type]
+                None if "LIMIT" in off else limits,
                 0.0 if "SPRING" in off else float(model.jnt_stiffness[k]),
                 np.array(model.qpos_spring[place]),
                 0.0 if "DAMPER" in off else float(model.dof_damping[v]) + damping,

@@ -18,6 +18,7 @@ import numpy as np
 
 import uqmbd
 from uqmbd_models.actuators import passive
+from uqmbd_models.grammar import refuse
 from uqmbd_models.names import Names
 from uqmbd_models.tree import Inertial
 
@@ -70,6 +71,8 @@ class Loaded:
         What MuJoCo warned of as it parsed the file.
     rotors : dict of two numbers
         Damping and inertia that actuators add to joints, by the names of these.
+    limits : dict of two numbers
+        Of joints, by name, where the file states them and MuJoCo may leave them out.
     """
 
     path: str
@@ -80,6 +83,7 @@ class Loaded:
     inertials: dict[str, Inertial] = field(default_factory=dict)
     advice: list[str] = field(default_factory=list)
     rotors: dict[str, tuple[float, float]] = field(default_factory=dict)
+    limits: dict[str, tuple[float, float]] = field(default_factory=dict)
 
     def error(self, reason: object) -> uqmbd.StudyError:
         """Return an error that names the file."""
@@ -179,6 +183,8 @@ def _parsed(path: str, form: str) -> ElementTree.Element:
         other = next((known for known, name in ROOTS.items() if name == tag), None)
         hint = f"; it is {other.upper()}: use uqmbd.from_{other}" if other else ""
         raise uqmbd.StudyError(f"{where}: its root is <{tag}>, expected <{ROOTS[form]}>{hint}.")
+    if form == "urdf":
+        refuse(root, where)
     return root
 
 

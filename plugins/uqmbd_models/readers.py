@@ -6,6 +6,7 @@ import uqmbd
 from uqmbd_models.building import build
 from uqmbd_models.extraction import extract
 from uqmbd_models.files import load
+from uqmbd_models.grammar import limits, several_roots, unknown_words
 from uqmbd_models.urdf import floating_base, links_without_mass, mimics, read_inertials, unread
 
 __all__ = ["MJCF", "URDF"]
@@ -25,7 +26,11 @@ class URDF:
         if floating:
             floating_base(loaded)
         couplings, wrong = mimics(loaded)
-        tree = extract(loaded, couplings=couplings, omissions=[*links_without_mass(loaded), *unread(loaded), *wrong])
+        found, void = limits(loaded.root)
+        loaded.limits.update(found)
+        told = [*unknown_words(loaded.root), *void, *several_roots(loaded.root, floating)]
+        rows = [*links_without_mass(loaded), *unread(loaded), *wrong, *told]
+        tree = extract(loaded, couplings=couplings, omissions=rows)
         return build(tree, fuse_all=fuse, outputs=outputs)
 
 

@@ -169,3 +169,102 @@ def test_importing_uqmbd_does_not_import_mujoco():
     code = "import sys, uqmbd, uqmbd_models; uqmbd.from_urdf; print('mujoco' in sys.modules)"
     found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert found.stdout.strip() == "False"
+
+
+def told(path):
+    """What a URDF file says and its mechanism does not, by kind."""
+    return {row.what: row.names for row in URDF().read(str(path)).not_taken}
+
+
+def test_what_is_misspelt_in_a_urdf_is_told(tmp_path):
+    pytest.importorskip("mujoco", reason="the extra mujoco is not installed")
+    path = tmp_path / "robot.urdf"
+    path.write_text(ROBOT, encoding="utf-8")
+    assert "unknown elements and attributes" not in told(path)
+    changes = {
+        'damping="0.1"': 'dampng="0.1"',
+        '<origin xyz="0 0 1"/>': '<origin xzy="0 0 1"/><foo/><!-- a comment -->',
+        '<mass value="0.5"/>': '<mass value="0.5" unit="kg"/><com/>',
+        "</robot>": '<lnik name="z"/></robot>',
+    }
+    text = ROBOT
+    for old, new in changes.items():
+        assert old in text
+        text = text.replace(old, new)
+    path.write_text(text, encoding="utf-8")
+    assert set(told(path)["unknown elements and attributes"]) == {
+        "dampng of <dynamics> of joint 'pin'",
+        "xzy of <origin> of joint 'slide'",
+        "<foo> of joint 'slide'",
+        "unit of <mass> of link 'hand'",
+        "<com> in <inertial> of link 'hand'",
+        "<lnik> in <robot>",
+    }
+
+
+@pytest.mark.parametrize(
+    ("limits", "expected"),
+    [
+        ('lower="2" upper="-2"', ("pin (2 to -2)",)),
+        ('lower="0" upper="0"', ("pin (0 to 0)",)),
+        ("", ("pin (0 to 0)",)),
+        ('upper="1"', None),
+    ],
+)
+def test_limits_without_a_range_are_told(limits, expected, tmp_path):
+    pytest.importorskip("mujoco", reason="the extra mujoco is not installed")
+    path = tmp_path / "robot.urdf"
+    path.write_text(ROBOT.replace('lower="-1" upper="1"', limits), encoding="utf-8")
+    assert told(path).get("limits without a range") == expected
+    assert URDF().read(str(path)).joints["pin"].limits == (None if expected else (0, 1))
+
+
+BASE = '<link name="odom"/>'
+ARM = '<link name="{}"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>'
+HINGE = '<joint name="{}" type="{}"><parent link="{}"/><child link="{}"/></joint>'
+
+
+@pytest.mark.parametrize(
+    ("inside", "said"),
+    [
+        (
+            BASE + ARM.format("arm") + HINGE.format("f", "floating", "odom", "arm"),
+            "joint 'f' floats under link 'odom'; expected a floating joint under a link called world alone. Leave this joint "
+            "and link 'odom' out and use floating=True, or call that link world.",
+        ),
+        (BASE + 2 * ARM.format("arm"), "there are 2 links called 'arm'; expected each name once"),
+        (
+            BASE + ARM.format("a") + ARM.format("b") + HINGE.format("j", "continuous", "odom", "a") * 2,
+            "there are 2 joints called 'j'",
+        ),
+        (
+            BASE + ARM.format("arm").replace('"1"', '"${mass}"', 1) + HINGE.format("j", "continuous", "odom", "arm"),
+            "link 'arm': value is '${mass}', which xacro fills in; expand the template first: xacro FILE.xacro",
+        ),
+        (BASE + ARM.format("arm"), "nothing in it can move: none of its links, 2 beside the ground, has a joint"),
+    ],
+)
+def test_what_is_no_robot_is_refused_with_what_to_do(inside, said, tmp_path):
+    pytest.importorskip("mujoco", reason="the extra mujoco is not installed")
+    path = tmp_path / "robot.urdf"
+    path.write_text(f'<robot name="r">{inside}</robot>', encoding="utf-8")
+    with pytest.raises(uqmbd.StudyError, match=re.escape(said)):
+        URDF().read(str(path))
+
+
+def test_a_robot_in_pieces_is_told(tmp_path):
+    pytest.importorskip("mujoco", reason="the extra mujoco is not installed")
+    path = tmp_path / "robot.urdf"
+    pieces = BASE + ARM.format("arm") + ARM.format("loose") + HINGE.format("j", "continuous", "odom", "arm")
+    path.write_text(f'<robot name="r">{pieces}</robot>', encoding="utf-8")
+    assert told(path)["robots in pieces"] == ("odom", "loose")
+    path.write_text(f'<robot name="r">{pieces.replace(ARM.format("loose"), "")}</robot>', encoding="utf-8")
+    assert "robots in pieces" not in told(path)
+
+
+def test_a_name_that_is_there_twice_in_mjcf_is_refused(tmp_path):
+    pytest.importorskip("mujoco", reason="the extra mujoco is not installed")
+    path = tmp_path / "model.xml"
+    path.write_text(MODEL.replace('<joint name="s"', '<joint name="q"'), encoding="utf-8")
+    with pytest.raises(uqmbd.StudyError, match=r"model\.xml.*repeated name 'q'"):
+        MJCF().read(str(path))
