@@ -13,6 +13,7 @@ from uqmbd_drivers import PositionDriver, RotationDriver
 from uqmbd_joints import Fixed, Prismatic, Revolute, Spherical
 from uqmbd_models.forces import add_forces
 from uqmbd_models.fusing import Fused, fuse
+from uqmbd_models.gaps import gaps
 from uqmbd_models.motion import PlacedJoint, place
 from uqmbd_models.names import Names
 from uqmbd_models.tree import Coupling, Inertial, Loop, Tree
@@ -67,7 +68,7 @@ def _built(tree: Tree, fused: tuple[Fused, ...], *, fuse_all: bool, outputs: boo
     # the names of links and joints come first: what is made up gets out of their way
     built = Built(mechanism, Names(), {0: mechanism.ground})
     labels = {k: built.names.take(link.name, "link") for k, link in enumerate(tree.links) if k}
-    placed = place(tree, {k: built.names.take(joint.name, "joint") for k, joint in enumerate(tree.joints)})
+    placed = place(tree, built.names.take_all([joint.name for joint in tree.joints], "joint"))
     by_link: dict[int, list[PlacedJoint]] = {k: [] for k in range(len(tree.links))}
     for joint in placed.joints:
         by_link[joint.joint.link].append(joint)
@@ -81,7 +82,8 @@ def _built(tree: Tree, fused: tuple[Fused, ...], *, fuse_all: bool, outputs: boo
     for coupling in tree.couplings:
         _couple(built, placed.joints, coupling)
     _add_frames(built, fused)
-    mechanism.not_taken = uqmbd.Omissions([*tree.omissions, *_merged(fused, fuse_all)])
+    rows = [*tree.omissions, *gaps(tree, placed.poses), *_merged(fused, fuse_all)]
+    mechanism.not_taken = uqmbd.Omissions([*rows, *_renamed(built, tree, labels, placed.joints)])
     if outputs:
         _record(built)
     return mechanism
@@ -222,6 +224,16 @@ def _merged(fused: tuple[Fused, ...], every: bool) -> list[uqmbd.Omission]:
         more = "" if not every else " (fuse=False keeps those with mass as bodies)"
         rows.append(uqmbd.Omission("links without a joint", others, why + more))
     return rows
+
+
+def _renamed(built: Built, tree: Tree, labels: dict[int, str], joints: tuple[PlacedJoint, ...]) -> list[uqmbd.Omission]:
+    """Tell which names are not those of the file, and let joints be found by both."""
+    changed = [(placed.joint.name, placed.name) for placed in joints if placed.joint.name != placed.name]
+    built.mechanism.joints.renamed.update(changed)
+    names = [f"link {tree.links[k].name!r}: {label!r}" for k, label in labels.items() if tree.links[k].name != label]
+    names += [f"joint {old!r}: {new!r}" for old, new in changed]
+    why = "each name is there once here, without line breaks and slashes; these are the new ones"
+    return [uqmbd.Omission("names that changed", tuple(names), why)] if names else []
 
 
 def _record(built: Built) -> None:

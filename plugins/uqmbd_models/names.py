@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 __all__ = ["Names"]
 
@@ -35,3 +35,9 @@ class Names:
             number += 1
         self.taken.add(found)
         return found
+
+    def take_all(self, names: Sequence[str], suffix: str) -> dict[int, str]:
+        """Return the names by their number; those that are free first, so that none of them is changed for another."""
+        order = sorted(range(len(names)), key=lambda k: names[k] in self.taken)
+        found = {k: self.take(names[k], suffix) for k in order}
+        return {k: found[k] for k in range(len(names))}

@@ -344,3 +344,27 @@ def test_names_with_the_characters_of_patterns_are_met_as_they_are():
         mechanism.body(name, mass=1)
     assert [v.name for v in mechanism.randomise("b[0].mass", relative=0.1)] == ["b[0].mass"]
     assert [v.name for v in mechanism.randomise("b.com.mass", relative=0.1)] == ["b.com.mass"]
+
+
+def test_patterns_of_masses_and_inertia_mean_components_too_and_names_of_bodies_do_not():
+    """As the page says; `body.inertia` tells what became of that of a body."""
+    from uqmbd_springs import RotorInertia
+
+    mechanism = uqmbd.Mechanism("driven", uqmbd.Spatial())
+    arm = mechanism.body("arm", 1, (1, 2, 2.5))
+    mechanism.add(RotorInertia("rotor", mechanism.ground, arm, 0.2, axis_i=(0, 1, 0)))
+    only = mechanism.randomise([f"{name}.inertia" for name in mechanism.bodies], relative=0.01)
+    x, y, z = only
+    assert [str(v) for v in only] == ["arm.inertia.x", "arm.inertia.y", "arm.inertia.z"]
+    changed = [float(e.subs({x: 2, y: 1, z: 1})) for e in arm.inertia]
+    assert changed == pytest.approx([1, 3.75, 4.25, 0, 0, 0])  # twice the second moment 1.75
+    with pytest.warns(uqmbd.StudyWarning, match="arm.inertia is random already"):
+        assert [str(v) for v in mechanism.randomise("*.inertia", relative=0.01)] == ["rotor.inertia"]
+
+
+def test_inertia_of_a_body_is_read_like_its_mass():
+    flat = uqmbd.Mechanism("flat", uqmbd.Planar())
+    assert flat.body("disc", 1, 0.3).inertia == 0.3
+    stone = uqmbd.Mechanism("stone", uqmbd.Translational()).body("stone", mass=1)
+    with pytest.raises(AttributeError, match="point mass"):
+        _ = stone.inertia

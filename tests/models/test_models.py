@@ -351,6 +351,50 @@ def test_names_are_valid_and_each_once(mjcf):
     assert list(read.joints) == ["time_joint", "same_joint", "body_3_joint"]
 
 
+def test_names_that_change_are_told_and_joints_found_by_both(urdf, mjcf):
+    """A joint called like a link; the joint that has the longer name already keeps it."""
+    inside = link("base") + link("arm") + link("hand") + joint("arm", "base", "arm") + joint("arm_joint", "arm", "hand")
+    body = '<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>'
+    model = (
+        f'<worldbody><body name="arm"><joint name="arm"/>{body}<body name="hand"><joint name="arm_joint"/>{body}</body>'
+        "</body></worldbody>"
+    )
+    for read in (urdf(inside), mjcf(model)):
+        told = {row.what: row.names for row in read.not_taken}
+        assert told["names that changed"] == ("joint 'arm': 'arm_joint_2'",)
+        assert read.joints["arm"] is read.joints["arm_joint_2"] and read.joints["arm"].child == "arm"
+        assert read.joints["arm_joint"].child == "hand" and list(read.joints) == ["arm_joint_2", "arm_joint"]
+        with pytest.raises(KeyError, match="there is no joint 'am'"):
+            read.joints["am"]
+    assert not [row for row in urdf(TWO).not_taken if row.what == "names that changed"]
+
+
+def gaps_of(read):
+    """What does not hold at the start, by the names of constraints."""
+    rows = [row for row in read.not_taken if row.what == "constraints that do not hold at the start"]
+    return [name for row in rows for name in row.names]
+
+
+def test_constraints_that_do_not_hold_at_the_start_are_told(urdf, mjcf):
+    follows = '<mimic joint="shoulder" multiplier="-2" offset="{}"/>'
+    for offset, expected in ((0.2, ["elbow_mimic by 0.2 rad"]), (0, [])):
+        read = urdf(TWO.replace("</joint>", "{}</joint>").format("", follows.format(offset)))
+        assert gaps_of(read) == expected
+    inertial = '<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>'
+    model = (
+        f'<compiler angle="radian"/><worldbody><body name="a"><joint name="q" axis="0 1 0"/>{inertial}</body>'
+        f'<body name="b" pos="1 0 0"><joint name="s" type="slide" axis="1 0 0" ref="0.5"/>{inertial}</body></worldbody>'
+        '<equality><connect name="pin" body1="a" body2="b" anchor="0.3 0 0.4"/><weld name="glue" body1="a" body2="b"/>'
+        '<joint name="locked" joint1="s" polycoef="0.25"/></equality>'
+        '<keyframe><key qpos="0 0.5"/><key qpos="0.6 0.75"/></keyframe>'
+    )
+    assert gaps_of(mjcf(model, keyframe=0)) == ["locked by 0.25 m"]
+    # the point (0.3, 0, 0.4) turned about y by 0.6, and carried along x by 0.25
+    gap = np.hypot(0.3 * np.cos(0.6) + 0.4 * np.sin(0.6) - 0.55, -0.3 * np.sin(0.6) + 0.4 * np.cos(0.6) - 0.4)
+    glued = np.hypot(np.cos(0.6) - 1.25, np.sin(0.6))
+    assert gaps_of(mjcf(model, keyframe=1)) == [f"pin by {gap:.3g} m", f"glue by {glued:.3g} m", "glue by 0.6 rad"]
+
+
 def test_check_and_notebooks_tell_what_was_left_out(mjcf, tmp_path, capsys):
     from uqmbd.cli.check import show_check
     from uqmbd.report.notebook import mechanism_html

@@ -138,6 +138,14 @@ class Body(NamedFrame):
         com: Sequence[Any] = self.terms.com
         return com
 
+    @property
+    def inertia(self) -> Any:
+        """Inertia about the centre of mass, body axes, kg m^2: in the plane a number, in space ``(Ixx, ..., Iyz)``."""
+        entries = tuple(sympy.sympify(x) for x in self.terms.inertia or ())
+        if not entries:
+            raise AttributeError(f"body {self.name!r} has no .inertia: it is a point mass; use .mass.")
+        return entries[0] if len(entries) == 1 else entries
+
     def __repr__(self) -> str:
         return f"<body {self.name!r}>"
 

@@ -15,7 +15,7 @@ from uqmbd.mechanism.components import Component
 from uqmbd.mechanism.expressions import shown
 from uqmbd.mechanism.geometry import Frame, Space
 from uqmbd.mechanism.mechanism import Mechanism
-from uqmbd.names import checked
+from uqmbd.names import checked, did_you_mean
 from uqmbd.plugins import reader
 
 __all__ = ["ImportedJoint", "ImportedMechanism", "Omission", "Omissions", "from_mjcf", "from_urdf"]
@@ -31,7 +31,8 @@ class ImportedJoint:
     Attributes
     ----------
     name : str
-        As in the file; made up where it has none there.
+        As in the file; made up where it has none there, and longer where something else has it, see
+        `ImportedMechanism.joints`.
     kind : {"hinge", "slide", "ball", "free"}
         What it lets move.
     parent, child : str
@@ -43,7 +44,7 @@ class ImportedJoint:
     speed : expression or None
         The rate of that.
     start : tuple of float
-        Its position where the mechanism starts: one number, of a ball joint a quaternion, of a free one the position
+        Its position where the file lets it start: one number, of a ball joint a quaternion, of a free one the position
         and a quaternion.
     limits : tuple of float, or None
         Lowest and highest position, rad or m; of a ball joint zero and the largest angle.  They are told by the output
@@ -142,6 +143,29 @@ class Omissions(Sequence[Omission]):
         return f"<table>{head}{lines}</table>"
 
 
+class JointsByName(dict[str, ImportedJoint]):
+    """Joints by name, and by that of the file where they have another one here.
+
+    Examples
+    --------
+    >>> joints = JointsByName(elbow=None)
+    >>> joints["elbw"]
+    Traceback (most recent call last):
+    KeyError: "there is no joint 'elbw'; did you mean 'elbow'? There are: elbow."
+    """
+
+    def __init__(self, *given: Any, **named: Any) -> None:
+        super().__init__(*given, **named)
+        self.renamed: dict[str, str] = {}
+
+    def __missing__(self, name: str) -> ImportedJoint:
+        """Return the joint that the file calls so."""
+        if name in self.renamed:
+            return self[self.renamed[name]]
+        there = ", ".join(self) or "none"
+        raise KeyError(f"there is no joint {name!r}{did_you_mean(str(name), list(self)) or '.'} There are: {there}.")
+
+
 class ImportedMechanism(Mechanism):
     """A mechanism that was read from a file: one like any other, to which more may be added.
 
@@ -159,7 +183,8 @@ class ImportedMechanism(Mechanism):
     Attributes
     ----------
     joints : dict of ImportedJoint
-        The joints of the file, by name.
+        The joints of the file, by name; ``joints[name]`` also finds one by its name in the file where that is another,
+        as of a joint called like a link.
     frames : dict of Frame
         Links that are fixed to a body and have been merged with it, by name: their positions, rotations and velocities
         are expressions for outputs, like those of a body.
@@ -171,7 +196,7 @@ class ImportedMechanism(Mechanism):
         super().__init__(name, space)
         self.source = source
         self.read_by = read_by
-        self.joints: dict[str, ImportedJoint] = {}
+        self.joints = JointsByName()
         self.frames: dict[str, Frame] = {}
         self.not_taken = Omissions(())
 

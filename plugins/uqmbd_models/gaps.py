@@ -1,0 +1,49 @@
+"""Whether loops and couplings hold where the file lets the mechanism start."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+import uqmbd
+from uqmbd_models.motion import Pose
+from uqmbd_models.rotations import inverse, product
+from uqmbd_models.tree import Tree
+
+__all__ = ["gaps"]
+
+NONE = 1e-6
+"""Gaps, m or rad, that are rounding."""
+
+
+def gaps(tree: Tree, poses: dict[int, Pose]) -> list[uqmbd.Omission]:
+    """Tell the loops and couplings that do not hold at the start of the file, and by how much.
+
+    Parameters
+    ----------
+    tree : Tree
+        A model.
+    poses : dict of Pose
+        Of its links at the start.
+    """
+    found = tuple(f"{name} by {gap:.3g} {units}" for name, gap, units in _gaps(tree, poses) if gap > NONE)
+    why = "joints are moved until they hold: the mechanism starts elsewhere than the file says"
+    return [uqmbd.Omission("constraints that do not hold at the start", found, why)] if found else []
+
+
+def _gaps(tree: Tree, poses: dict[int, Pose]) -> Iterator[tuple[str, float, str]]:
+    """Yield name, size and units of what is open."""
+    for loop in tree.loops:
+        i, j = poses[loop.link_i], poses[loop.link_j]
+        yield loop.name, float(np.linalg.norm(i.point(loop.point_i) - j.point(loop.point_j))), "m"
+        if loop.rotation is not None:
+            wanted = product(i.quaternion, loop.rotation / np.linalg.norm(loop.rotation))
+            turn = product(inverse(wanted), j.quaternion)
+            yield loop.name, float(2 * np.arctan2(np.linalg.norm(turn[1:]), abs(turn[0]))), "rad"
+    moved = {joint.name: float(joint.start[0] - joint.reference[0]) for joint in tree.joints}
+    units = {joint.name: "rad" if joint.kind == "hinge" else "m" for joint in tree.joints}
+    for coupling in tree.couplings:
+        other = 0.0 if coupling.other is None else moved[coupling.other]
+        wanted_at = float(np.polynomial.polynomial.polyval(other, coupling.coefficients))
+        yield coupling.name, abs(moved[coupling.joint] - wanted_at), units[coupling.joint]
