@@ -75,7 +75,8 @@ class Controller:
     name : str
         Unique among bodies, components and controllers.
     measured : sequence
-        Names of outputs of the mechanism, or scalar expressions such as outputs consist of.
+        Names of outputs of the mechanism, but angles that are known up to whole turns only (``angle=True``), or scalar
+        expressions such as outputs consist of.
     commanded : sequence of str, or mapping of str to str
         Names of the commands; a mapping gives their units, which `uqmbd check` shows.
     rate : float

@@ -3,12 +3,13 @@
 import chaospy
 import numpy as np
 import pytest
+import sympy
 
 import uqmbd
 from uqmbd_drivers import RotationDriver
 from uqmbd_joints import Revolute
 from uqmbd_montecarlo import MonteCarlo
-from uqmbd_springs import PointForce, SpringDamper
+from uqmbd_springs import PointForce, SpringDamper, Torque
 
 MASS = uqmbd.RandomVariable("mass", chaospy.Uniform(1.0, 2.0), units="kg")
 TIMES = [0.0, 0.1, 0.2]
@@ -174,6 +175,21 @@ def test_what_is_measured_must_be_there():
     mechanism = cart(measured=["x", "f"], mass=1)
     mechanism.output("f", uqmbd.eigenfrequency(1), units="Hz")
     with pytest.raises(uqmbd.StudyError, match="'f', which has one value without a time"):
+        uqmbd.simulate(mechanism, TIMES)
+
+
+def test_an_angle_that_is_wrapped_is_not_measured_by_its_name():
+    """Results count its turns, and what the controller would see jumps by one."""
+    mechanism = uqmbd.Mechanism("wheel", uqmbd.Planar())
+    wheel = mechanism.body("wheel", mass=1, inertia=1, angular_velocity=7)
+    mechanism.output("wrapped", sympy.atan2(sympy.sin(wheel.angle), sympy.cos(wheel.angle)), units="rad", angle=True)
+    mechanism.output("counted", wheel.angle, units="rad")
+    controller = uqmbd.Controller(measured=["wrapped"], commanded=["torque"], rate=20, function=zero)
+    mechanism.add(controller)
+    mechanism.add(Torque("motor", wheel, controller.command()))
+    with pytest.raises(
+        uqmbd.StudyError, match=r"measured\[0\] is the output 'wrapped', an angle .*Measure joint.angle"
+    ):
         uqmbd.simulate(mechanism, TIMES)
 
 

@@ -98,9 +98,10 @@ def loops_of(
 
 
 def _digest(controller: Controller, measured: Sequence[Output], shipped: Shipped) -> str:
-    about = (controller.name, controller.rate, controller.delay, list(controller.commands), controller.states)
-    seen = [sympy.srepr(output.expression) for output in measured]
-    return hashlib.sha256(f"{about} {controller.limits} {seen} {shipped.digest()}".encode()).hexdigest()
+    about = (controller.name, controller.rate, controller.delay, list(controller.commands), list(controller.states))
+    # the text that people read leaves out tables, and digits of numbers
+    said = sympy.srepr((controller.values, tuple(controller.limits.values()), tuple(x.expression for x in measured)))
+    return hashlib.sha256(f"{about} {said} {shipped.digest()}".encode()).hexdigest()
 
 
 def require_controllers(mechanism: Mechanism) -> None:
@@ -145,6 +146,12 @@ def _output(mechanism: Mechanism, controller: Controller, k: int, entry: Any) ->
     """Return what an entry of `measured` is."""
     if not isinstance(entry, str):
         return Output(text if len(text := str(entry)) <= LONGEST_NAME else f"measured[{k}]", entry, "")
+    if entry in mechanism.outputs and mechanism.outputs[entry].turn:
+        raise StudyError(
+            f"{controller.where}: measured[{k}] is the output {entry!r}, an angle that is known only up to whole turns "
+            "(angle=True); its turns are counted in results, and a controller would see it jump by a turn. Measure "
+            "joint.angle or body.angle, which count turns, or the expression of the output itself, which does not."
+        )
     if entry in mechanism.outputs:
         return Output(entry, mechanism.outputs[entry].expression, mechanism.outputs[entry].units)
     if entry in mechanism.scalars:

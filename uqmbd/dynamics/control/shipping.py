@@ -6,9 +6,7 @@ value, by cloudpickle, which pickle cannot.
 
 from __future__ import annotations
 
-import hashlib
 import importlib.machinery
-import inspect
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -17,6 +15,7 @@ from typing import Any
 
 import cloudpickle
 
+from uqmbd.dynamics.control.fingerprint import fingerprint, parts
 from uqmbd.errors import StudyError
 
 __all__ = ["Shipped"]
@@ -40,29 +39,22 @@ class Shipped:
         return _unpacked, (self._packed(), self.owner)
 
     def digest(self) -> str:
-        """Hash of what the function does: of what is sent, and of the source of its module, where there is one."""
-        try:
-            text = hashlib.sha256(self._packed())
-        except StudyError:  # of what cannot be sent nothing is kept that another run could take
-            text = hashlib.sha256(repr(self.function).encode())
-        module = inspect.getmodule(self.function) or inspect.getmodule(type(self.function))
-        try:
-            text.update(inspect.getsource(module).encode() if module is not None else b"")
-        except (OSError, TypeError):  # a notebook, or compiled
-            text.update(getattr(getattr(self.function, "__code__", None), "co_code", b""))
-        return text.hexdigest()
+        """Hash of what the function does, the same in every process."""
+        return fingerprint(self.function)
 
     def _packed(self) -> bytes:
-        module = sys.modules.get(getattr(self.function, "__module__", None) or "")
+        modules = [
+            module for name in sorted(_modules(self.function))
+            if (module := sys.modules.get(name)) is not None and not _importable(module)
+        ]  # fmt: skip
         try:
-            if module is None or _importable(module):
-                packed: bytes = cloudpickle.dumps(self.function)
-                return packed
-            cloudpickle.register_pickle_by_value(module)
+            for module in modules:
+                cloudpickle.register_pickle_by_value(module)
             try:
-                packed = cloudpickle.dumps(self.function)
+                packed: bytes = cloudpickle.dumps(self.function)
             finally:
-                cloudpickle.unregister_pickle_by_value(module)
+                for module in modules:
+                    cloudpickle.unregister_pickle_by_value(module)
         except StudyError:
             raise
         except Exception as error:
@@ -72,6 +64,12 @@ class Shipped:
                 "open file or lock."
             ) from error
         return packed
+
+
+def _modules(function: Any) -> set[str]:
+    """Names of the modules of which a callable is put together."""
+    names = {getattr(part, "__module__", None) for part in parts(function)}
+    return {name for name in names if isinstance(name, str)}
 
 
 def _unpacked(packed: bytes, owner: str) -> Shipped:
