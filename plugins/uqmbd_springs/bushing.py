@@ -31,7 +31,10 @@ class Bushing(uqmbd.Component):
     point_i = uqmbd.Parameter("m", "where there is no force, frame of body i", kind="point", body="body_i")
     point_j = uqmbd.Parameter("m", "the same point, frame of body j", kind="point", body="body_j")
     stiffness = uqmbd.Parameter(
-        "N/m, N m/rad", "diagonal (3 + 3 numbers, in the plane 2 + 1) or symmetric matrix", kind="option", example=2.0
+        "N/m, N m/rad",
+        "diagonal (3 + 3 numbers, in the plane 2 + 1) or symmetric matrix; one number k: k N/m and k N m/rad",
+        kind="option",
+        example=2.0,
     )
     damping = uqmbd.Parameter("N s/m, N m s/rad", "alike; 0: none", kind="option", default=0)
 

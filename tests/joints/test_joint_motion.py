@@ -419,7 +419,7 @@ def test_what_a_joint_does_not_have_is_told():
     cross = free(space, lambda g, b: Universal("cross", g, b, O3, O3, (1, 0, 0), (0, 1, 0)))
     with pytest.raises(AttributeError, match=r"has no .angle: it has .angle_i \(rad\), .speed_i \(rad/s\), .angle_j"):
         cross.angle  # noqa: B018
-    with pytest.raises(AttributeError, match="'Universal' object has no attribute 'angel'"):
+    with pytest.raises(AttributeError, match="'Universal' object has no attribute 'angel'; did you mean 'angle_"):
         cross.angel  # noqa: B018
     massless = uqmbd.Mechanism("points", uqmbd.Translational())
     point = massless.body("point", 1)
@@ -439,6 +439,18 @@ def test_a_joint_tells_its_motion_once_it_is_added():
     stranger = other.body("stranger", 1, 1)
     with pytest.raises(uqmbd.StudyError, match=r"it contains joint.angle, but 'joint' was not added to mechanism"):
         other.add(Torque("torque", stranger, joint.angle))
+    other.add(Revolute("joint", other.ground, stranger, O2, O2))
+    with pytest.raises(
+        uqmbd.StudyError, match="Revolute 'joint' is not in mechanism 'other', .* the one given belongs to another"
+    ):
+        other.add(Torque("torque", stranger, joint.angle))
+    namesake = other.body("body", 1, 1)
+    with pytest.raises(
+        uqmbd.StudyError, match="body 'body' is not in mechanism 'other', .* the one given belongs to another"
+    ):
+        other.add(Torque("torque", namesake, body.angular_velocity))
+    with pytest.raises(uqmbd.StudyError, match=r"points somewhere, e\.g\. \(0, 1\)"):
+        other.add(PositionDriver("drive", other.ground, stranger, O2, O2, (0, 0), 1))
     with pytest.raises(uqmbd.StudyError, match=r"body 'odd': mass: it contains joint.angle, which changes while"):
         mechanism.body("odd", 1 + joint.angle**2, 1)
     with pytest.raises(uqmbd.StudyError, match="enters the constraint 'displacement'; there a number may depend on"):

@@ -140,3 +140,14 @@ def test_a_bushing_says_what_it_expects(given, message):
     body = mechanism.body("body", mass=1, inertia=(1, 1, 1))
     with pytest.raises(uqmbd.StudyError, match=message):
         mechanism.add(Bushing("mount", mechanism.ground, body, (0, 0, 0), (0, 0, 0), **given))
+
+
+def test_a_table_that_was_not_called_is_one_over_time_and_says_so(recwarn):
+    mechanism = uqmbd.Mechanism("spring", uqmbd.Translational())
+    mass = mechanism.body("mass", 2.0)
+    table = uqmbd.spline([1, 2, 3], [-5, 0, 5])
+    mechanism.add(NonlinearSpringDamper("called", mechanism.ground, mass, (-2, 0), (0, 0), law=table(length)))
+    mechanism.add(NonlinearSpringDamper("both", mechanism.ground, mass, (-2, 0), (0, 0), law=table * length))
+    assert not [w for w in recwarn if issubclass(w.category, uqmbd.StudyWarning)]
+    with pytest.warns(uqmbd.StudyWarning, match=r"call it: uqmbd\.spline\(\.\.\.\)\(uqmbd_springs\.length\)"):
+        mechanism.add(NonlinearSpringDamper("uncalled", mechanism.ground, mass, (-2, 0), (0, 0), law=table))

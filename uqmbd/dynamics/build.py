@@ -347,7 +347,7 @@ def build(mechanism: Mechanism, time: float = 0.0, *, fuse: bool | None = None) 
         events=events,
         prescribed=_prescribed(mechanism, model),
         timed=timed(instances, mechanism.inputs.variables),
-        tables=timed_tables(instances),
+        tables=timed_tables(instances, mechanism.inputs.variables),
         outputs=outputs,
         controls=controls,
         speeds_commanded=any(i.held and i.type.constraints for i in instances),

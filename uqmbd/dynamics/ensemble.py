@@ -64,7 +64,9 @@ class Ensemble:
         return np.concatenate([self.parameters[:, self.model.breaks], added], axis=1)
 
     def pace(self, times: Array, rtol: float = 1e-6) -> tuple[Leg, ...]:
-        """Lay out an integration: where it starts anew, and how long its steps may be, for every integrator alike.
+        """Lay out an integration: where steps end, and how long they may be, for every integrator alike.
+
+        Legs end at times at which something jumps, and at knots of tables over time that count at the tolerance.
 
         Parameters
         ----------
@@ -75,10 +77,11 @@ class Ensemble:
 
         Returns
         -------
-        tuple of (end, longest)
-            Legs of the integration, one after the other: until when nothing jumps, s, and the longest step, s.
+        tuple of (end, longest, jumps)
+            Legs of the integration, one after the other: until when all is smooth, s, the longest step, s, and whether
+            something may jump at the end; at a knot, where a third derivative jumps, nothing does.
         """
-        return pace(self, np.asarray(times, dtype=float), rtol)
+        return pace(self, np.asarray(times, dtype=float), rtol, knots=True)
 
     def sampling(self, times: Array) -> Sampling | None:
         """Make the samples of the controllers in one integration, for integrators that declare ``sampled``.

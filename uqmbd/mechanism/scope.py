@@ -158,6 +158,14 @@ def _require_scope(where: str, symbol: sympy.Symbol, scope: Scope) -> None:
 def _require_member(members: Mapping[str, Any], owner: Body | Loaded, mechanism: Described, what: str) -> None:
     if members.get(owner.name) is owner:
         return
+    # a component that was never added belongs to none
+    added = isinstance(owner, Body) or bool(getattr(owner, "settled", 0))
+    kind = "body" if isinstance(owner, Body) else type(owner).__name__
+    if owner.name in members and added:
+        raise StudyError(
+            f"{what}, but {kind} {owner.name!r} is not in mechanism {mechanism.name!r}, which has another one of that "
+            "name: the one given belongs to another mechanism."
+        )
     if not isinstance(owner, Body):
         raise StudyError(
             f"{what}, but {owner.name!r} was not added to mechanism {mechanism.name!r}; call mechanism.add(...) first."

@@ -69,7 +69,7 @@ def simulate(
     values : mapping, optional
         Values of random variables by name; the others are at their means.
     rtol : float
-        Relative tolerance.
+        Relative tolerance; 1e-6 if not given.
     integrator, start : str
         As for `Study`.
     check : bool

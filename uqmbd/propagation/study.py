@@ -65,7 +65,7 @@ class Study:
     propagators : sequence of Propagator
         Methods, each with a label of its own.
     rtol : float
-        Relative tolerance of the integration.
+        Relative tolerance of the integration; 1e-6 if not given.
     integrator : str
         ``auto``: explicit and fast, and implicit by IDA for realisations that are stiff and for large mechanisms;
         ``ida``: IDA for all; ``dop853``: explicit for all; or one that a plugin registers.

@@ -8,6 +8,7 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
 import uqmbd
+from uqmbd.dynamics import Ensemble, build, integrate
 from uqmbd.dynamics.equations import ParameterMap, kernels
 from uqmbd.dynamics.integration.knots import TimedTable
 from uqmbd_joints import PointOnPlane
@@ -70,6 +71,47 @@ def test_samples_of_a_smooth_force_keep_the_tolerance(count, rtol, integrator):
     mechanism = oscillator(uqmbd.spline(knots, values))
     found = uqmbd.simulate(mechanism, times, rtol=rtol, integrator=integrator, check=False)["x"]
     assert np.abs(found - expected).max() < 3 * rtol * np.abs(expected).max()
+
+
+def shifted(place):
+    """Argument of a table, a function of time with a random number in it, and what it is for a number."""
+    x = uqmbd.RandomVariable("x", chaospy.Uniform(0.9, 1.1), "1")
+    return {"slope": (uqmbd.t * x, lambda v: (v, 0.0)), "offset": (uqmbd.t + x - 0.9, lambda v: (1.0, v - 0.9))}[place]
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize(("count", "rtol"), [(3, 1e-9), (20, 1e-6)])
+@pytest.mark.parametrize("place", ["slope", "offset"])
+def test_a_table_over_random_times_keeps_the_tolerance(place, count, rtol):
+    """Realisations that share steps, with knots at times of their own, few and many: the antiderivative of SciPy."""
+    knots, times = np.linspace(0, 3, 301), np.linspace(0, 1.2, 4)
+    values = np.random.default_rng(0).normal(size=301)
+    argument, line = shifted(place)
+    mechanism = uqmbd.Mechanism("cart", uqmbd.Translational())
+    body = mechanism.body("body", mass=MASS, velocity=(1, 0))
+    mechanism.add(PointForce("force", body, (0, 0), (uqmbd.spline(knots, values)(argument), 0)))
+    mechanism.output("x", body.position[0], units="m")
+    shares = np.linspace(0.93, 1.07, count)
+    found = integrate(Ensemble(build(mechanism), shares[:, None]), times, rtol, "dop853").states[:, :, 0]
+    once, twice = (CubicSpline(knots, values).antiderivative(k) for k in (1, 2))
+    slope, offset = (np.array(x)[:, None] for x in zip(*map(line, shares), strict=True))
+    moved = twice(slope * times + offset) - twice(offset) - slope * times * once(offset)
+    expected = times + moved / (MASS * slope**2)
+    assert np.abs(found - expected).max() < 3 * rtol * np.abs(expected).max()
+
+
+def test_integrators_of_others_are_told_the_knots():
+    argument, line = shifted("slope")
+    knots, shares = np.array([0, 0.5, 1.2, 2.0]), [0.95, 1.05]
+    model = build(oscillator(uqmbd.spline(knots, [0, 1, -1, 0], ends="flat")(argument)))
+    legs = Ensemble(model, np.array(shares)[:, None]).pace(np.array([0, 1.8]), 1e-9)
+    expected = sorted(k / line(x)[0] for k in knots[1:-1] for x in shares)
+    found = [leg.end for leg in legs if not leg.jumps]
+    assert [min(found, key=lambda x: abs(x - k)) for k in expected] == pytest.approx(expected, rel=1e-12)
+    # of too many realisations all knots together: short steps instead
+    many = Ensemble(model, np.linspace(0.95, 1.05, 500)[:, None]).pace(np.array([0, 1.8]), 1e-5)
+    assert len(many) < 50
+    assert all(leg.longest < 0.25 for leg, before in zip(many[1:], many, strict=False) if 0.55 < before.end < 1.1)
 
 
 @pytest.mark.parametrize(("periodic", "begin", "end"), [(False, 0.1, 9.0), (True, -3.0, 5.0)])

@@ -37,9 +37,11 @@ def bound(terms, space=None, **body):
     ],
 )
 def test_what_is_no_equation_between_velocities_is_refused(equation, message):
-    mechanism, _ = bound(lambda p: [uqmbd.VelocityConstraint(equation(p))])
-    with pytest.raises(uqmbd.StudyError, match=message):
+    mechanism, _ = bound(lambda p: [uqmbd.VelocityConstraint(equation(p), "blade")])
+    with pytest.raises(uqmbd.StudyError, match=message) as error:
         uqmbd.check(mechanism)
+    assert "_v" not in str(error.value), "names that nobody but the program knows"
+    assert "has no derivative" in message or "'blade'" in str(error.value)
 
 
 def test_what_is_linear_after_expansion_is_taken():

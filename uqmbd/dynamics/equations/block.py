@@ -248,7 +248,7 @@ def _block(
                 for _, rate in pairs:
                     if rate.free_symbols and not rate.free_symbols & velocities:
                         raise StudyError(
-                            f"{where}: VirtualWork(force, velocity) is given {rate}, which contains no velocity; "
+                            f"{where}: VirtualWork(force, velocity) is given a velocity that contains none; "
                             "the work of a force on a point is VirtualWork(force, body.point_velocity(point))."
                         )
                 work += pairs
@@ -277,17 +277,19 @@ def _block(
             raise StudyError(f"{where}: the state {state!r} is used but no Auxiliary term gives its rate.")
     at_rest = [e for e, h in zip(constraints, holonomic, strict=True) if h]
     for e in (*at_rest, potential):
-        if moving := e.free_symbols & velocities:
-            what = "a potential energy" if e is potential else f"the constraint {e} = 0"
+        if e.free_symbols & velocities:
+            what = "a potential energy" if e is potential else f"the constraint {labels[constraints.index(e)]!r}"
             raise StudyError(
-                f"{where}: {what} contains a velocity ({min(map(str, moving))}); constraints are equations, and "
+                f"{where}: {what} contains a velocity; constraints are equations, and "
                 "potentials energies, of positions, states and time. What depends on velocities is a VirtualWork; an "
                 "equation that binds velocities, and is linear in them, is a VelocityConstraint."
             )
     guards = [event.guard for event in events]
     clash = [e for e in at_rest if not e.free_symbols & coordinates]
     if clash:
-        raise StudyError(f"{where}: the constraint {clash[0]} = 0 contains no coordinate of a body.")
+        raise StudyError(
+            f"{where}: the constraint {labels[constraints.index(clash[0])]!r} contains no coordinate of a body."
+        )
     for what, parts in (("its constraint", at_rest), ("its kinetic energy", [kinetic]), ("its event", guards)):
         if any(e.free_symbols & commands for e in parts):
             raise StudyError(
@@ -325,8 +327,8 @@ def _block(
         reaction_sign=sign,
         held=held,
     )
-    for e in (e for e, h in zip(constraints, holonomic, strict=True) if not h):
-        require_velocities(where, e, block.whole(e), set(v), accelerations)
+    for e, label in ((e, label) for e, h, label in zip(constraints, holonomic, labels, strict=True) if not h):
+        require_velocities(where, label, e, block.whole(e), set(v), accelerations)
     return block
 
 

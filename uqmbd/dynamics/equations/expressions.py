@@ -177,6 +177,7 @@ def require_derivatives(where: str, expressions: list[sympy.Expr], changing: set
 
 def require_velocities(
     where: str,
+    label: str,
     stated: sympy.Expr,
     whole: sympy.Expr,
     velocities: set[sympy.Symbol],
@@ -188,6 +189,8 @@ def require_velocities(
     ----------
     where : str
         What the equation belongs to, for the message.
+    label : str
+        Its label, for the message.
     stated, whole : expression
         As it is stated, and with what named quantities stand for.
     velocities, accelerations : set of symbols
@@ -195,18 +198,18 @@ def require_velocities(
     """
     if not whole.free_symbols & velocities:
         raise StudyError(
-            f"{where}: the velocity constraint {stated} = 0 contains no velocity; an equation of "
+            f"{where}: the velocity constraint {label!r} contains no velocity; an equation of "
             "positions is a Constraint."
         )
     if stated.free_symbols & accelerations:
         raise StudyError(
-            f"{where}: the velocity constraint {stated} = 0 contains the rate of a velocity; expected an equation "
+            f"{where}: the velocity constraint {label!r} contains the rate of a velocity; expected an equation "
             "between velocities."
         )
     for velocity in sorted(whole.free_symbols & velocities, key=str):
         slope = whole.diff(velocity)
         if slope.free_symbols & velocities and sympy.expand(slope).free_symbols & velocities:
             raise StudyError(
-                f"{where}: the velocity constraint {stated} = 0 is not linear in the velocities; expected "
+                f"{where}: the velocity constraint {label!r} is not linear in the velocities; expected "
                 "a(q, t) . v + b(q, t) = 0. What depends on velocities in another way is a VirtualWork."
             )

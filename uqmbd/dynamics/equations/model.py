@@ -102,8 +102,8 @@ class Model:
     """Functions of time that components with constraints are given, a `Prescribed`."""
     timed: Any = field(default=None, repr=False)
     """Functions of time that may be stepped over, `uqmbd.dynamics.integration.functions_of_time.Timed`."""
-    tables: tuple[Any, ...] = field(default=(), repr=False)
-    """Tables over time, each a `uqmbd.dynamics.integration.knots.TimedTable`."""
+    tables: Any = field(default=None, repr=False)
+    """Tables over time, a `uqmbd.dynamics.integration.knots.TimedTables`; None: it has none."""
     length: float = 1.0
     """Largest extent of the mechanism as drawn, m, at the means; 1 where none is known."""
     max_step: float = np.inf

@@ -3,30 +3,48 @@
 A spline is smooth but for its third derivative, which jumps at the knots.  Methods of variable order follow that; the
 error estimate of an explicit method of high order does not see it, as it does not lie at its stages: without further
 ado a force through 300 samples is integrated to 1e-6 at a tolerance of 1e-9.  So such steps end at the knots at which
-the jump counts.
+the jump counts.  Where realisations that share their steps have knots at times of their own, too many together, steps
+over knots are so short that the jump does not count.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import sympy
 
-from uqmbd.dynamics.equations import TIME, Instance
+from uqmbd.dynamics.equations import TIME, Instance, ParameterMap
 from uqmbd.mechanism import Spline, SplineTable
 from uqmbd.typing import Array
 
-__all__ = ["TimedTable", "timed_tables"]
+__all__ = ["Stretch", "TimedTable", "TimedTables", "timed_tables"]
 
 
 COUNTS = 100.0
 """Deviation from a cubic on an interval, over the tolerance and the size of the table, that counts."""
 
 
+class Stretch(NamedTuple):
+    """A stretch of time on which the knots of a table count.
+
+    Attributes
+    ----------
+    stops : array, shape (S,)
+        Times at which steps are to end, s.
+    longest : float
+        Longest step between the first and the last of them, s.
+    """
+
+    stops: Array
+    longest: float
+
+
 @dataclass(frozen=True)
 class TimedTable:
-    """A table whose argument is ``slope t + offset``, the same in all realisations."""
+    """A table whose argument is ``slope t + offset`` in a realisation."""
 
     table: SplineTable
     slope: float
@@ -36,6 +54,8 @@ class TimedTable:
         """Return the times between two others of knots that count, s."""
         table = self.table
         found = table.knots[table.deviations > COUNTS * rtol]
+        if not np.isfinite([self.slope, self.offset]).all() or self.slope == 0:
+            return np.zeros(0)
         if table.ends == "periodic" and len(found):
             period = table.knots[-1] - table.knots[0]
             reach = np.sort(np.array([begin, end]) * self.slope + self.offset)
@@ -44,17 +64,63 @@ class TimedTable:
         times: Array = (found - self.offset) / self.slope
         return times[(times > begin) & (times < end)]
 
+    def step(self, rtol: float) -> float:
+        """Return the length of a step, s, over any knot at which the jump does not count.
 
-def timed_tables(instances: list[Instance]) -> tuple[TimedTable, ...]:
-    """Find the tables over time in the equations of motion."""
-    found: dict[tuple[SplineTable, float, float], TimedTable] = {}
+        A step of the length h over a knot beside intervals of the length d sees the fourth power of h/d of the
+        deviation that one of the length d sees.
+        """
+        with np.errstate(divide="ignore"):
+            share = np.minimum(1.0, (COUNTS * rtol / self.table.deviations) ** 0.25)
+        widths = np.diff(self.table.knots)
+        nearest = np.minimum(np.append(widths, widths[-1]), np.insert(widths, 0, widths[0]))
+        return float((share * nearest)[share < 1].min(initial=np.inf) / abs(self.slope))
+
+
+@dataclass(frozen=True)
+class TimedTables:
+    """The tables over time of a model.
+
+    Attributes
+    ----------
+    tables : tuple of SplineTable
+        One for each argument that is linear in time.
+    lines : ParameterMap
+        From inputs to the slope and the offset of each argument, one after the other.
+    """
+
+    tables: tuple[SplineTable, ...]
+    lines: ParameterMap
+
+    def __len__(self) -> int:
+        """Return their number."""
+        return len(self.tables)
+
+    def stretches(self, values: Array, begin: float, end: float, rtol: float) -> Iterator[Stretch]:
+        """Yield where steps over the knots had best end, for inputs (K, input) of realisations that share them."""
+        lines = self.lines(values).reshape(len(values), len(self.tables), 2)
+        for k, table in enumerate(self.tables):
+            own = [TimedTable(table, *map(float, line)) for line in np.unique(lines[:, k], axis=0)]
+            stops = np.unique(np.concatenate([np.zeros(0), *(x.knots(begin, end, rtol) for x in own)]))
+            if not len(stops):
+                continue
+            step = min(x.step(rtol) for x in own if x.slope)
+            few = len(own) == 1 or len(stops) <= (stops[-1] - stops[0]) / step
+            yield Stretch(stops, np.inf) if few else Stretch(stops[[0, -1]], step)
+
+
+def timed_tables(instances: list[Instance], inputs: Sequence[sympy.Symbol]) -> TimedTables | None:
+    """Find the tables in the equations of motion whose arguments are linear in time; None if there are none."""
+    found: dict[tuple[SplineTable, sympy.Expr, sympy.Expr], None] = {}
     for instance in instances:
         values = {sympy.Symbol(f"_p{k}", real=True): p for k, p in enumerate(instance.parameters)}
         splines = {x for e in instance.type.expressions for x in e.atoms(Spline)}
         for x in sorted(splines, key=sympy.default_sort_key):
             argument = instance.type.whole(x.argument).xreplace(values)
             slope, offset = argument.diff(TIME), argument.subs(TIME, 0)
-            if slope.is_number and offset.is_number and slope != 0:
-                key = (x.table, float(slope), float(offset))
-                found[key] = TimedTable(*key)
-    return tuple(found.values())
+            if slope != 0 and slope.free_symbols | offset.free_symbols <= set(inputs):
+                found[x.table, slope, offset] = None
+    if not found:
+        return None
+    lines = [e for _, slope, offset in found for e in (slope, offset)]
+    return TimedTables(tuple(table for table, _, _ in found), ParameterMap.of(lines, inputs))

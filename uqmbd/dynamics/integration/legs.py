@@ -49,11 +49,19 @@ def pace(ensemble: Batch, times: Array, rtol: float, *, knots: bool = False) -> 
     if not knots or not ensemble.model.tables:
         return legs
     begin, end = float(times[0]), float(times[-1])
-    found = np.concatenate([x.knots(begin, end, rtol) for x in ensemble.model.tables])
+    found = list(ensemble.model.tables.stretches(ensemble.values, begin, end, rtol))
+    if not found:
+        return legs
     ends = np.array([leg.end for leg in legs])
-    cuts = stops(found, np.array([begin, *ends]))
+    cuts = stops(np.concatenate([x.stops for x in found]), np.array([begin, *ends]))
     more = [Leg(cut, legs[int(np.searchsorted(ends, cut))].longest, jumps=False) for cut in cuts if cut not in ends]
-    return tuple(sorted((*legs, *more)))
+    legs = tuple(sorted((*legs, *more)))
+    middle = 0.5 * (np.array([begin, *(leg.end for leg in legs[:-1])]) + np.array([leg.end for leg in legs]))
+    longest = np.array([leg.longest for leg in legs])
+    for x in found:
+        inside = (middle > x.stops[0]) & (middle < x.stops[-1])
+        longest[inside] = np.minimum(longest[inside], x.longest)
+    return tuple(Leg(leg.end, float(h), leg.jumps) for leg, h in zip(legs, longest, strict=True))
 
 
 def _pace(ensemble: Batch, times: Array, rtol: float) -> tuple[Leg, ...]:

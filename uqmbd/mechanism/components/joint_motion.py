@@ -21,6 +21,7 @@ from uqmbd.mechanism.geometry import (
     quaternion_product,
     relative_quaternion,
 )
+from uqmbd.names import did_you_mean
 from uqmbd.randomness import RandomVariable, Symbolic
 from uqmbd.wording import place_of
 
@@ -283,7 +284,8 @@ def told_motion(component: Telling, name: str) -> sympy.Expr:
     if name in found:
         return found[name][0]
     if name not in VOCABULARY:
-        raise AttributeError(f"{kind!r} object has no attribute {name!r}", name=name, obj=component)
+        near = did_you_mean(name, [*found, *dir(type(component)), *vars(component)])
+        raise AttributeError(f"{kind!r} object has no attribute {name!r}{near}", obj=component)
     if not component.settled:
         raise StudyError(
             f"{kind} {component.name!r}: .{name} is asked for before it was added to a mechanism; call "

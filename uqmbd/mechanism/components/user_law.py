@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping
 from typing import Any
 
 import sympy
 
-from uqmbd.errors import StudyError
+from uqmbd.errors import StudyError, StudyWarning
 from uqmbd.mechanism.components.local import Local
-from uqmbd.mechanism.expressions import t
+from uqmbd.mechanism.expressions import Spline, t
 
 __all__ = ["law_at", "law_values"]
 
@@ -34,6 +35,11 @@ def law_values(law: Any, *symbols: sympy.Symbol, what: str = "law", package: str
     ------
     uqmbd.StudyError
         If the law is no finite expression, or contains a symbol that nobody knows.
+
+    Warns
+    -----
+    uqmbd.StudyWarning
+        If the law is a table over time, with none of its symbols in it: most likely the table was not called.
 
     Examples
     --------
@@ -64,6 +70,13 @@ def law_values(law: Any, *symbols: sympy.Symbol, what: str = "law", package: str
     others = sorted(value.free_symbols - set(symbols), key=str)
     if strangers := [x for x in others if type(x) is sympy.Symbol and x != t]:
         raise StudyError(f"{what} is {law!r}, with the unknown symbol {str(strangers[0])!r} in it; {expected}.")
+    if not value.free_symbols & set(symbols) and any(x.argument == t for x in value.atoms(Spline)):
+        warnings.warn(
+            f"{what} is {law!r}, a table over time, with neither {' nor '.join(names)} in it; if it is one over "
+            f"{symbols[0]}, call it: uqmbd.spline(...)({names[0]}).",
+            StudyWarning,
+            stacklevel=4,
+        )
     return {f"{what}_{k}": symbol for k, symbol in enumerate(others)}
 
 
@@ -90,6 +103,9 @@ def law_at(
     by : sympy.Symbol, optional
         The derivative by this symbol instead of the law itself.
     """
-    known = {symbol: getattr(p, name) for name, symbol in law_values(law, *values, what=what).items()}
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", StudyWarning)  # `prepare` warned
+        beside = law_values(law, *values, what=what)
+    known = {symbol: getattr(p, name) for name, symbol in beside.items()}
     expression = sympy.sympify(law)
     return (expression if by is None else expression.diff(by)).xreplace(known | dict(values))

@@ -124,8 +124,8 @@ def spline(
     """Return the cubic spline through a table, as a function of `uqmbd.t`; called, of anything else.
 
     It is twice continuously differentiable, and enters every place where an expression does: prescribed motions,
-    forces, laws in a user's symbol, outputs.  The integration needs no restart at the knots, and neither the time that
-    it takes to compile nor, nearly, that to evaluate grows with their number.
+    forces, laws in a user's symbol, outputs.  Neither the time that it takes to compile nor, nearly, that to evaluate
+    grows with the number of knots.
 
     Parameters
     ----------
@@ -157,6 +157,11 @@ def spline(
 
     Notes
     -----
+    The third derivative jumps at the knots, which the error estimate of ``dop853`` does not see.  Where the argument is
+    linear in time, with random numbers or without, its steps end at the knots that count at the tolerance, or are short
+    there.  Where the argument is a state, such as the angle of a cam, the error estimate alone controls the steps: with
+    a table that is not smooth take a smaller `rtol`, or ``integrator="ida"``, whose estimate sees the knots.
+
     The coefficients of a spline are linear in its values, so that random values cost little more than numbers.  That of
     the ends ``not-a-knot`` is the default of `scipy.interpolate.CubicSpline` [1]_.
 

@@ -62,8 +62,9 @@ def unit(vector: Sequence[Any]) -> tuple[sympy.Expr, ...]:
     entries = [sympy.sympify(x) for x in vector]
     length = math.sqrt(sum(nominal(x) ** 2 for x in entries))
     if length < 1e-12:
+        example = (0,) * (len(entries) - 1) + (1,)
         raise StudyError(
-            f"the vector {tuple(vector)} has no length; give a vector that points somewhere, e.g. (0, 0, 1)."
+            f"the vector {tuple(vector)} has no length; give a vector that points somewhere, e.g. {example}."
         )
     if all(x.is_number for x in entries):
         return tuple(sympy.Float(float(x) / length) if x != 0 else sympy.S.Zero for x in entries)
