@@ -18,6 +18,10 @@ class RotationDriver(uqmbd.Component):
     With the relative quaternion ``r`` and the angle ``a`` it is ``r0 sin(a/2) - r3 cos(a/2) = 0``: the trigonometric
     functions are of time alone, there is no ``atan2``, and any number of turns may be made.
 
+    Angles of bodies and joints, and springs, count the turns that are made from the start on; they start within half a
+    turn of the drawn pose.  Where the driver starts further away (at 7 rad, drawn at 0) a `uqmbd.StudyWarning` says so:
+    draw the body there, or state ``mechanism.start(joint.angle, 7)`` as well, which counts the turns before.
+
     Examples
     --------
     >>> RotationDriver.signature()
@@ -25,6 +29,7 @@ class RotationDriver(uqmbd.Component):
     """
 
     symbol = "driver"
+    prescribed_angle = "angle"
     spaces = (uqmbd.Spatial, uqmbd.Planar)
     angle = uqmbd.Parameter("rad", "angle, an expression in uqmbd.t; zero where the two frames coincide")
     axis_i = uqmbd.Parameter("1", "axis, frame of body i (left out in the plane)", kind="turning_axis", body="body_i")

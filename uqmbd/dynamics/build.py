@@ -36,7 +36,7 @@ from uqmbd.dynamics.equations import (
 )
 from uqmbd.dynamics.integration import Prescribed, prescribed_by, timed, timed_tables
 from uqmbd.dynamics.linear import index1_system, massless_direction
-from uqmbd.dynamics.notices import deep_contacts, moved_bodies, size_of
+from uqmbd.dynamics.notices import deep_contacts, hidden_turns, moved_bodies, size_of
 from uqmbd.dynamics.statics import scalar_map
 from uqmbd.dynamics.undefined_parameter import not_finite
 from uqmbd.errors import AssemblyError, RedundantConstraintWarning, StudyError
@@ -187,6 +187,7 @@ def _kinematics(mechanism: Mechanism, time: float) -> tuple[Model, list[Instance
         held=np.array(held, dtype=np.int64),
         breaks=breaks,
         links=_links(instances, order),
+        turned=tuple(i.component.name for i in instances if i.component.prescribed_angle),
         length=size_of(mechanism) or 1.0,
         limits=limits,
         tensors=tensors,
@@ -360,6 +361,7 @@ def build(mechanism: Mechanism, time: float = 0.0, *, fuse: bool | None = None) 
     unconditioned, _ = positions(replace(model, conditions=None), drawn, time, parameters, layout.kept_holonomic)
     notices = (
         *moved_bodies(mechanism, model, drawn[0], unconditioned[0]),
+        *hidden_turns(mechanism, model),
         *deep_contacts(mechanism, model, instances, q[0], parameters[0]),
         *unused_commands(mechanism),
     )

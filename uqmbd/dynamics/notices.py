@@ -6,13 +6,24 @@ from dataclasses import dataclass
 
 import numpy as np
 import sympy
+from scipy.stats import qmc
 
-from uqmbd.dynamics.equations import TIME, Instance, Model
+from uqmbd.dynamics.equations import TIME, Instance, Model, ParameterMap, plain
 from uqmbd.errors import StudyError
-from uqmbd.mechanism import Frame, Mechanism, nominal, skeleton
+from uqmbd.mechanism import (
+    AngleSymbol,
+    Component,
+    Frame,
+    Mechanism,
+    joint_frames,
+    nominal,
+    relative_quaternion,
+    skeleton,
+    t,
+)
 from uqmbd.typing import Array
 
-__all__ = ["Move", "deep_contacts", "moved_bodies", "moves", "size_of"]
+__all__ = ["Move", "deep_contacts", "hidden_turns", "moved_bodies", "moves", "size_of"]
 
 
 FAR = 1.0
@@ -23,6 +34,9 @@ TURNED = np.pi / 4
 
 DEEP = 0.1
 """The same of the depth of a contact of points, in sizes of the mechanism."""
+
+REALISATIONS = 256
+"""Realisations that are looked at for angles of drivers that start more than half a turn from the drawn pose."""
 
 LEAST = 1.0
 """Mechanisms are taken to be this large at least, m."""
@@ -89,6 +103,52 @@ def moved_bodies(mechanism: Mechanism, model: Model, drawn: Array, assembled: Ar
         f"mechanism {mechanism.name!r}: assembly moved {bodies} {', '.join(map(str, far))} from where {were} drawn; is "
         "this the pose that is meant? Draw them closer to it (uqmbd check --figure shows the mechanism)",
     )
+
+
+def hidden_turns(mechanism: Mechanism, model: Model) -> tuple[str, ...]:
+    """Say which drivers start more than half a turn from the drawn pose, where angles are counted: a sentence each."""
+    stated = [x for c in mechanism.conditions.values() if not c.of_velocities for x in c.residual.free_symbols]
+    if any(isinstance(x, AngleSymbol) or getattr(x, "quantity", "") == "angle" for x in stated):
+        return ()  # the turns are chosen
+    seen = [x for o in mechanism.outputs.values() for x in o.expression.free_symbols]
+    if not (model.layout.states or any(isinstance(x, AngleSymbol) for x in seen)):
+        return ()
+    found = []
+    for component in mechanism.all_components():
+        name = component.prescribed_angle
+        if not name:
+            continue
+        starts = sympy.sympify(plain(component.values[name])).xreplace({t: sympy.Float(model.time)})
+        drawn = _drawn_angle(component)
+        inputs = mechanism.inputs
+        rows = inputs.means[None, :]
+        if len(inputs):
+            points = qmc.Halton(len(inputs), scramble=False).random(REALISATIONS + 1)[1:]
+            rows = np.concatenate([rows, inputs.from_uniform(points)])
+        angles, poses = ParameterMap.of([starts, plain(drawn)], list(inputs.variables))(rows).T
+        far = np.abs(angles - poses) > np.pi * (1 + 1e-9)
+        if not far.any():
+            continue
+        share = "" if far.all() else f" in {100 * far.mean():.2g} % of the realisations"
+        advice = "Draw the body there, or state" if model.dimension == 2 else "State"
+        found.append(
+            f"mechanism {mechanism.name!r}: driver {component.name!r} starts at {angles[far][0]:.4g} rad{share}, more "
+            f"than half a turn from the drawn pose, {poses[far][0]:.4g} rad; whole turns between them are not counted "
+            f"by angles of bodies and joints, and by springs. {advice} the turns by mechanism.start(joint.angle, "
+            "value), with the value at which the driver starts"
+        )
+    return tuple(found)
+
+
+def _drawn_angle(component: Component) -> sympy.Expr:
+    """Angle that two bodies are drawn at, as a driver of rotation understands it, rad; in space at the means."""
+    i, j = (component.drawn_frame(body) for body in ("body_i", "body_j"))
+    if i.space.dimension == 2:
+        return component.drawn_angle()
+    frames = joint_frames(component.values["axis_i"], component.values["axis_j"])
+    r = relative_quaternion(*(f.attitude(x) for f, x in zip((i, j), frames, strict=True)))
+    half = float(np.arctan2(float(nominal(r[-1])), float(nominal(r[0]))))
+    return sympy.Float((2 * half + np.pi) % (2 * np.pi) - np.pi)
 
 
 def deep_contacts(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import warnings
+
 import chaospy
 import numpy as np
 import pytest
@@ -328,3 +330,58 @@ def test_fixed_parts_have_nothing_to_choose():
     mechanism.start(part.angle, 0.1)
     with pytest.raises(uqmbd.AssemblyError, match="is not met"):
         uqmbd.check(mechanism)
+
+
+def wound(space, angle, stated=None, drawn=0.0):
+    """A body that a driver turns, on a torsion spring."""
+    mechanism = uqmbd.Mechanism("wound", space)
+    flat = space.dimension == 2
+    up = {} if flat else {"axis_i": (0, 0, 1), "axis_j": (0, 0, 1)}
+    pose = {"angle": drawn} if flat else {"quaternion": (1, 0, 0, 0)}
+    origin = (0,) * space.dimension
+    body = mechanism.body("body", mass=1, inertia=1 if flat else (1, 1, 1), **pose)
+    hinge = mechanism.add(Revolute("hinge", mechanism.ground, body, origin, origin, **up))
+    mechanism.add(RotationDriver("drive", mechanism.ground, body, angle=angle, **up))
+    spring = mechanism.add(TorsionSpringDamper("spring", mechanism.ground, body, stiffness=1, **up))
+    if stated is not None:
+        mechanism.start(hinge.angle, stated)
+    mechanism.output("angle", hinge.angle, units="rad")
+    mechanism.output("moment", spring.reaction_moment if flat else spring.reaction_moment[2], units="N m")
+    return mechanism
+
+
+@pytest.mark.thorough
+@pytest.mark.filterwarnings("ignore:.*assembly moved")
+@pytest.mark.parametrize("space", [uqmbd.Planar(), uqmbd.Spatial()], ids=["plane", "space"])
+def test_turns_that_a_driver_hides_are_told_and_may_be_stated(space):
+    with pytest.warns(
+        uqmbd.StudyWarning, match=r"driver 'drive' starts at 7 rad, more than half a turn from .*, 0 rad"
+    ):
+        found = uqmbd.simulate(wound(space, 7 + uqmbd.t), [0, 1e-3], check=False)
+    assert float(found["angle"][0]) == pytest.approx(7 - 2 * np.pi)
+    with warnings.catch_warnings():
+        warnings.filterwarnings("error", message=".*half a turn")
+        for value in (7, 4 * np.pi, -20.5):
+            found = first(wound(space, value + uqmbd.t, value))
+            assert found["angle"] == pytest.approx(value, abs=1e-9)
+            assert found["moment"] == pytest.approx(-value, abs=1e-9)
+        if space.dimension == 2:
+            assert first(wound(space, 7 + uqmbd.t, drawn=6.5))["angle"] == pytest.approx(7)
+        assert first(wound(space, 3 + uqmbd.t))["angle"] == pytest.approx(3)
+
+
+@pytest.mark.thorough
+@pytest.mark.filterwarnings("ignore:.*assembly moved")
+def test_a_random_angle_of_a_driver_beyond_half_a_turn():
+    """Uniform from 2.5 to 4: mean 3.25 and deviation 1.5 / sqrt(12), by all methods, where the turns are stated."""
+    angle = uqmbd.RandomVariable("angle", chaospy.Uniform(2.5, 4), units="rad")
+    methods = [Collocation(order=3), Galerkin(order=3), MonteCarlo(samples=64, seed=1, sampling="sobol")]
+    with pytest.warns(uqmbd.StudyWarning, match=r"driver 'drive' starts at 3.*in 57 % of the realisations"):
+        uqmbd.simulate(wound(uqmbd.Planar(), angle + uqmbd.t), [0, 1e-3], check=False)
+    tree = uqmbd.Study("s", wound(uqmbd.Planar(), angle + uqmbd.t, angle), times=[0, 0.1], propagators=methods).run()
+    for label in ("collocation", "galerkin"):
+        found = tree[f"{label}/statistics"].sel(output="angle")
+        np.testing.assert_allclose(found["mean"], [3.25, 3.35], atol=1e-5)
+        np.testing.assert_allclose(found["std"], 1.5 / np.sqrt(12), atol=1e-5)
+    samples = tree["monte-carlo/samples"]
+    np.testing.assert_allclose(samples["response"].sel(output="angle")[:, 0], samples["inputs"][:, 0], atol=1e-9)

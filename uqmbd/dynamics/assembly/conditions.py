@@ -20,6 +20,8 @@ __all__ = ["met"]
 
 
 STEPS = 3000
+"""Steps at most: some 150 turns from the drawn pose."""
+
 TURN = 0.2
 """Largest change of a quaternion's entry in one step."""
 
@@ -54,7 +56,31 @@ def met(
     """
     search = _Search(model, q, s, time, parameters, rows)
     search.run()
-    return search.q, search.s, search.messages()
+    messages = search.messages()
+    failed = np.flatnonzero([bool(m) for m in messages])
+    if len(failed) and model.turned and s.shape[1]:
+        found, closed = _wound(model, q[failed], s[failed], time, parameters[failed], search.rows)
+        left = found.messages()
+        for row, k in enumerate(failed.tolist()):
+            if closed[row] and not left[row]:
+                search.q[k], search.s[k], messages[k] = found.q[row], found.s[row], ""
+    return search.q, search.s, messages
+
+
+def _wound(model: Model, q: Array, s: Array, time: float, parameters: Array, rows: Index) -> tuple[_Search, Mask]:
+    """Search without what drivers prescribe, and with it from there: so whole turns that a driver hides are made.
+
+    Told as well is where the constraints close.
+    """
+    driven = [k for k, owner in enumerate(model.owners) if owner in model.turned]
+    loose = _Search(model, q, s, time, parameters, np.setdiff1d(rows, driven))
+    loose.closing = np.setdiff1d(loose.closing, driven)
+    loose.run()
+    found = _Search(model, loose.q, loose.s, time, parameters, rows)
+    every = np.arange(len(q))
+    found.q, found.s, closed = found._closed(every, loose.q)
+    found.run()
+    return found, closed
 
 
 class _Search:
@@ -67,6 +93,7 @@ class _Search:
         self.which = self.conditions.positions
         every = np.arange(model.layout.constraints)
         self.rows = np.setdiff1d(every, model.layout.nonholonomic) if rows is None else rows
+        self.closing = every
         self.free = np.setdiff1d(np.arange(q.shape[1]), model.held)
         self.turning = model.quaternions().ravel()
         self.size = max(1.0, float(np.abs(q[:, : model.dimension]).max(initial=0.0)))
@@ -131,12 +158,13 @@ class _Search:
         q, s = q.copy(), self._carried(members, q)
         for _ in range(10):
             phi, d = self._constraints(members, q, s)
-            if not (np.abs(phi).max(axis=1, initial=0.0) > 0.1 * CLOSED * self.size).any():
+            if not (np.abs(phi[:, self.closing]).max(axis=1, initial=0.0) > 0.1 * CLOSED * self.size).any():
                 break
             q[:, self.free] -= least_norm(d[:, self.rows][:, :, self.free], phi[:, self.rows], truncate=True)
             s = self._carried(members, q)
         phi, _ = self._constraints(members, q, s)
-        fine: Mask = np.isfinite(q).all(axis=1) & (np.abs(phi).max(axis=1, initial=0.0) <= 1e-9 * self.size)
+        off = np.abs(phi[:, self.closing]).max(axis=1, initial=0.0)
+        fine: Mask = np.isfinite(q).all(axis=1) & (off <= 1e-9 * self.size)
         cosines = self.model.evaluate(
             "position", state_arguments(self.time, q, s, np.zeros_like(q)), self.parameters[members]
         )["cos"]

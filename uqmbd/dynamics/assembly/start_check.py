@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import scipy.linalg
 
 from uqmbd.dynamics.assembly.assembly import placed, statement_rows, velocities
 from uqmbd.dynamics.equations import Model, state_arguments
 from uqmbd.errors import AssemblyError, StudyError
-from uqmbd.typing import Array
+from uqmbd.typing import Array, Index
 
 __all__ = ["require_conditions"]
 
@@ -48,7 +50,7 @@ def require_conditions(where: str, model: Model, time: float, parameters: Array)
     free = np.setdiff1d(np.arange(q.shape[1]), model.held)
     stated = [np.zeros((0, q.shape[1])), *(x[0] for x in statement_rows(model, q))]
     cases = (
-        (conditions.positions, geometric[:, free], by_q[0][:, free]),
+        (_chosen(model, time, parameters), geometric[:, free], by_q[0][:, free]),
         (conditions.velocities, np.concatenate([moving, *stated]), by_v[0]),
     )
     for which, held, rows in cases:
@@ -59,6 +61,23 @@ def require_conditions(where: str, model: Model, time: float, parameters: Array)
                 "follows from joints, drivers, stated velocities or the conditions before it, or what it is of does "
                 "not change where the mechanism starts. Leave it out, or give another quantity."
             )
+
+
+def _chosen(model: Model, time: float, parameters: Array) -> Index:
+    """Tell which conditions of positions choose among poses: not those that only count turns which a driver hides."""
+    conditions = model.conditions
+    which: Index = conditions.positions
+    if not len(which) or not model.turned:
+        return which
+    # as components state their angles where the drivers hold the bodies, without the conditions
+    q, s, _ = placed(
+        replace(model, conditions=None), parameters[:, model.drawn], time, parameters, model.layout.kept_holonomic
+    )
+    residual = conditions(q, s, time, parameters)[0][0, which]
+    turns = residual / (2 * np.pi)
+    whole = (np.abs(turns) > 0.5) & (np.abs(turns - np.round(turns)) < 1e-6)
+    # random ones may hide turns in some realisations only
+    return which[:0] if len(conditions.inputs) else which[~whole]
 
 
 def _dependent(held: Array, conditions: Array) -> int:

@@ -118,6 +118,8 @@ class Model:
     """Whether a command is a speed that a constraint prescribes."""
     links: tuple[tuple[int, int], ...] = ()
     """Pairs of bodies that components connect, by number; -1, the first of a pair: the ground."""
+    turned: tuple[str, ...] = ()
+    """Components that prescribe an angle, by name (`Component.prescribed_angle`)."""
     start_at: str = "drawn"
     """Where realisations start: ``drawn`` (as assembled from the drawn pose) or ``equilibrium``."""
 

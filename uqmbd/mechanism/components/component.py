@@ -121,6 +121,8 @@ class Component:
     spaces: ClassVar[tuple[type[Space], ...]] = (Spatial, Planar, Translational)
     symbol: ClassVar[str] = ""
     """How figures draw it, one of `SYMBOLS`; empty: by the kinds of its parameters, and where it attaches."""
+    prescribed_angle: ClassVar[str] = ""
+    """Parameter that is the angle of `body_j` relative to `body_i`, of a driver that counts turns."""
     settled = 0
     """How often its parameters got values; 0: it is no part of a mechanism yet."""
     stating = False
