@@ -73,3 +73,11 @@ def test_check_names_them(parts):
     mechanism.start(sympy.Eq(a.angular_velocity, 2 * b.angular_velocity))
     found = dict(uqmbd.check(mechanism).conditions)
     assert found == {"a.angle = 1": "position", "a.angular_velocity = 2*b.angular_velocity": "velocity"}
+
+
+def test_an_equation_of_sympy_that_is_always_or_never_true_is_named():
+    mechanism = uqmbd.Mechanism("eq", uqmbd.Planar())
+    body = mechanism.body("body", mass=1, inertia=1)
+    for right, told in ((body.angle, "sympy.Eq is True"), (body.angle + 1, "sympy.Eq is False")):
+        with pytest.raises(uqmbd.StudyError, match=told):
+            mechanism.start(sympy.Eq(body.angle, right))

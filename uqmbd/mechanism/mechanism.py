@@ -250,8 +250,9 @@ class Mechanism:
         """State what holds where every realisation starts, and only there.
 
         Conditions of positions are closed together with the joints: from the drawn pose the mechanism is moved until
-        they hold, and what they leave open moves as little as possible.  Angles are followed on the way, so that any
-        number of turns may be given; joints and springs that count turns count these.  Conditions of velocities, which
+        they hold, and what they leave open moves as little as possible.  Angles are followed on the way, so that
+        turns may be given, up to some 150; joints and springs that count turns count these, also where a driver of
+        rotation holds the body at this angle.  Conditions of velocities, which
         have to be linear in them, are solved together with the velocities that bodies state.
 
         Parameters

@@ -250,7 +250,7 @@ def test_what_a_driver_holds_elsewhere_is_refused():
     mechanism, rod = pendulum()
     mechanism.add(RotationDriver("drive", mechanism.ground, rod, angle=2 * uqmbd.t - 1))
     mechanism.start(rod.angle, 0.3)
-    with pytest.raises(uqmbd.AssemblyError, match=r"condition rod.angle = 0.3 is not met: .*is -1.3"):
+    with pytest.raises(uqmbd.AssemblyError, match=r"condition rod.angle = 0.3 is not met: .*is -1.3.*driver 'drive'"):
         uqmbd.check(mechanism)
 
 
@@ -283,7 +283,7 @@ def test_conditions_that_say_the_same_or_the_opposite_are_refused():
     mechanism, a, b = double_pendulum()
     mechanism.start(a.angle, 0.3)
     mechanism.start(a.point((0.5, 0))[1], 0.9)
-    with pytest.raises(uqmbd.AssemblyError, match="is not met"):
+    with pytest.raises(uqmbd.AssemblyError, match="is not met.*Does the condition .* hold it elsewhere"):
         uqmbd.check(mechanism)
 
 

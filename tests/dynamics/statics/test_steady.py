@@ -291,7 +291,7 @@ def test_what_goes_round_has_no_value_in_steady_motion():
     mechanism, shaft, _, _ = shaft_and_arms([0.9])
     driven(mechanism, shaft, 5.0)
     mechanism.output("x", uqmbd.at_steady(mechanism.bodies["arm0"].point((0, 0, -1))[0]), units="m")
-    with pytest.raises(uqmbd.UqmbdError, match="changes while the mechanism goes on steadily"):
+    with pytest.raises(uqmbd.UqmbdError, match=r"at_steady\(.*\) changes while the mechanism goes on steadily"):
         uqmbd.simulate(mechanism, [0, 1])
 
 
@@ -467,3 +467,12 @@ def test_a_load_that_begins_later_is_told():
     mechanism.add(PointForce("push", ball, (0, 0), force=(uqmbd.step(uqmbd.t, 6, 0, 7, 4), 0)))
     with pytest.raises(uqmbd.AssemblyError, match="a load changes with time: body 'ball' is not in balance"):
         uqmbd.eigenfrequencies(mechanism, at="steady")
+
+
+@pytest.mark.thorough
+def test_an_unstable_steady_motion_without_a_frequency_says_that_it_is_unstable():
+    mechanism, shaft, _, _ = shaft_and_arms([0.0])
+    driven(mechanism, shaft, 5.0)
+    mechanism.output("frequency", uqmbd.eigenfrequency(1, at="steady"), units="Hz")
+    with pytest.raises(uqmbd.UqmbdError, match="0 of its modes oscillate.*1 of its modes grow .* it is unstable there"):
+        uqmbd.simulate(mechanism, [0, 1])

@@ -225,18 +225,32 @@ class _Search:
                 found.append("")
                 continue
             worst = int(np.nanargmax(np.where(np.isfinite(row), np.abs(row), np.inf)))
+            others = [self.conditions.names[i] for i in self.which if i != self.which[worst]]
             if self._still(k, worst):
+                holding = self._drivers(k, worst)
+                by = f" (driver {', '.join(map(repr, holding))})" if holding else ""
                 why = (
-                    "No motion that the joints and drivers allow changes it there: they hold it, or it is at its "
+                    f"No motion that the joints and drivers allow changes it there: they hold it{by}, or it is at its "
                     "largest or smallest, and more than one way leads on; then draw the bodies on the side meant."
                 )
             else:
-                why = "Does another condition hold it elsewhere, or is it out of reach? Draw the bodies closer to it."
+                other = f"Does the condition {' or '.join(others)} hold it elsewhere, or is it" if others else "Is it"
+                why = f"{other} out of reach? Draw the bodies closer to it; angles are followed over some 150 turns."
             found.append(
                 f"start condition {self.conditions.names[self.which[worst]]} is not met: left minus right is "
                 f"{row[worst] * scale[worst]:.3g} in the nearest pose that was found. {why}"
             )
         return found
+
+    def _drivers(self, k: int, condition: int) -> list[str]:
+        """Name the drivers of a realisation without which a condition could be met."""
+        one = np.array([k])
+        d = self._constraints(one, self.q[one], self.s[one])[1][0][:, self.free]
+        slope = self._gaps(one, self.q[one], self.s[one])[1][0, condition, self.free]
+        parts = np.linalg.lstsq(d.T, slope, rcond=None)[0]
+        known = {*self.model.turned, *(self.model.prescribed.owners if self.model.prescribed is not None else ())}
+        owners = [owner for owner, x in zip(self.model.owners, parts, strict=True) if abs(x) > 1e-6]
+        return [x for x in dict.fromkeys(owners) if x in known]
 
     def _still(self, k: int, condition: int) -> bool:
         """Whether no motion within the constraints changes a condition of a realisation."""

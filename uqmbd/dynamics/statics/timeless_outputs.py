@@ -302,13 +302,18 @@ def _of_mode(modes: Modes, quantity: str, number: int) -> tuple[Array, list[str]
     chosen = swinging & (np.cumsum(swinging, axis=1) == number)
     values = np.where(chosen.any(axis=1), np.where(chosen, getattr(modes, quantity), 0.0).sum(axis=1), np.nan)
     known = swinging.sum(axis=1)
+    real, size = modes.eigenvalues.real, np.abs(modes.eigenvalues)
+    growing = ((modes.eigenvalues.imag == 0) & (real > 1e-6 * np.nanmax(size, axis=1, initial=0.0)[:, None])).sum(
+        axis=1
+    )
     words = {"frequency": "eigenfrequency", "damping_ratio": "damping ratio"}[quantity]
     reasons = [
         ""
         if n >= number
         else f"it has no {words} {number}: {n} of its modes oscillate; rigid-body modes, and modes that decay or grow "
         "without oscillation, have no number"
-        for n in known.tolist()
+        + (f"; {g} of its modes grow without oscillation, so that it is unstable there" if g else "")
+        for n, g in zip(known.tolist(), growing.tolist(), strict=True)
     ]
     return np.asarray(values), reasons
 
@@ -337,7 +342,8 @@ def _in_motion(ensemble: Batch, steady: OutputMap, motions: SteadyMotions) -> tu
         if moving.any():
             i = int(np.argmax(moving))
             reasons[k] = (
-                f"{steady.names[i]} changes while the mechanism goes on steadily, by {change[i]:.3g} or more; take "
-                "what stays the same, such as an angle between bodies, a height, or the norm of a vector"
+                f"{steady.names[i].replace('AtSteady', 'at_steady')} changes while the mechanism goes on steadily, by "
+                f"{change[i]:.3g} or more; take what stays the same, such as an angle between bodies, a height, or the "
+                "norm of a vector"
             )
     return values, reasons

@@ -214,8 +214,11 @@ def at_steady(expression: Any) -> sympy.Expr:
     angle at which its balls stay.  That shape is found from where the realisation starts, by Newton's method, with the
     speeds of drivers, stated velocities and start conditions of velocities held; it may be an unstable one.  What else
     moves, moves with its carrier.  A start that is a steady motion with its stated velocities, as the precession of a
-    top, is taken as it is.  A realisation without a steady motion has failed, with the reason; so has one in which the
-    expression changes on the way.  An output with it has one value per realisation and no time.
+    top, is taken as it is; the whirl of an unbalanced rotor, which nothing drives round, is found only from the pose
+    and the velocities of all bodies in it.  Speeds of drivers have to be constant from the start on, and loads, too:
+    what changes within 10 s or three turns is refused.  A realisation without a steady motion has failed, with the
+    reason; so has one in which the expression changes on the way.  An output with it has one value per realisation and
+    no time.
 
     Parameters
     ----------
