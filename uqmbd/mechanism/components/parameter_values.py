@@ -150,7 +150,7 @@ def _rotation(where: str, key: str, value: Any, space: Space, hint: str) -> tupl
 def _require_usable(where: str, key: str, value: Any) -> None:
     """Raise where expressions of an option hold what is no number, or cannot be computed."""
     for part in flatten(value):
-        if isinstance(part, (sympy.Expr, float, complex)):
+        if isinstance(part, (sympy.Expr, int, float, complex)) and not isinstance(part, bool):
             numbers(where, key, part, 1)
 
 
