@@ -284,7 +284,7 @@ def test_a_wobbling_disc_keeps_its_energy(energy):
     assert np.abs(total - total[0]).max() < 1e-5 * abs(total[0])
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_a_wheel_of_a_slipping_contact_tends_to_one_that_rolls(close):
     """Compliant contact with Coulomb friction that holds within a creep speed: the difference falls with that speed."""
     from uqmbd_contact import PlaneContact

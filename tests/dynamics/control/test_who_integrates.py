@@ -195,7 +195,7 @@ def test_another_function_is_another_model():
     assert again in digests
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_who_only_claims_to_sample_is_found_out(runge_kutta):
     cls = plugins.registry.registered().classes["integrators"]["runge-kutta"]
     claims = type("Claims", (cls,), {"name": "claims", "sampled": True})

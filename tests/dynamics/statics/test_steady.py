@@ -158,7 +158,7 @@ def test_nutation_of_a_top_in_steady_precession():
     assert imaginary(mechanism) == pytest.approx([nutation], rel=1e-6)
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_a_top_that_nutates_is_not_taken_for_steady():
     spin, _ = steady_top(1.7, 0.8)
     mechanism, body = top(1.2 * spin, 1.7, 0.8)
