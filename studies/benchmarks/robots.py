@@ -158,7 +158,9 @@ class Ours:
         for joint in self.mechanism.joints.values():
             parent, child = bodies[joint.parent], bodies[joint.child]
             if joint.kind in ("hinge", "slide"):
-                held = joint.component.values  # type: ignore[union-attr]
+                component = joint.component
+                assert component is not None, f"joint {joint.name!r} has no component"
+                held = component.values
                 axis = parent.direction(held["axis_i"])
                 if joint.kind == "hinge":
                     found.append(axis.dot(child.angular_velocity - parent.angular_velocity))

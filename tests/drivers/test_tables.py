@@ -15,7 +15,7 @@ from uqmbd_joints import PointOnLine, Revolute
 from uqmbd_montecarlo import MonteCarlo
 from uqmbd_springs import NonlinearSpringDamper, PointForce, Torque
 
-O = (0, 0)  # noqa: E741
+ORIGIN = (0, 0)
 RADIUS, ECCENTRICITY = 0.05, 0.012
 
 
@@ -33,11 +33,13 @@ def test_a_cam_by_points_lifts_as_the_eccentric_that_they_are_of(integrator):
     mechanism = uqmbd.Mechanism("cam", uqmbd.Planar(gravity=(0, 0)))
     ground = mechanism.ground
     cam = mechanism.body("cam", mass=1, inertia=0.01, angle=0.0)
-    hinge = mechanism.add(Revolute("hinge", ground, cam, O, O))
+    hinge = mechanism.add(Revolute("hinge", ground, cam, ORIGIN, ORIGIN))
     mechanism.add(RotationDriver("motor", ground, cam, angle=10 * uqmbd.t))
     follower = mechanism.body("follower", mass=0.2, inertia=0.01, position=(0, float(eccentric(0))), angle=0.0)
-    mechanism.add(PointOnLine("guide", ground, follower, O, O, axis_i=(0, 1)))
-    mechanism.add(PositionDriver("contact", ground, follower, O, O, axis_i=(0, 1), displacement=profile(hinge.angle)))
+    mechanism.add(PointOnLine("guide", ground, follower, ORIGIN, ORIGIN, axis_i=(0, 1)))
+    mechanism.add(
+        PositionDriver("contact", ground, follower, ORIGIN, ORIGIN, axis_i=(0, 1), displacement=profile(hinge.angle))
+    )
     mechanism.output("lift", follower.position[1], units="m")
     mechanism.output("speed", follower.velocity[1], units="m/s")
     times = np.linspace(0, 1.9, 39)
@@ -51,9 +53,9 @@ def test_a_cam_by_points_lifts_as_the_eccentric_that_they_are_of(integrator):
 def pulled(force, law):
     mechanism = uqmbd.Mechanism("pulled", uqmbd.Translational(gravity=(0, 0)))
     body = mechanism.body("body", mass=2.0, position=(1, 0))
-    mechanism.add(PointOnLine("guide", mechanism.ground, body, O, O, axis_i=(1, 0)))
-    mechanism.add(NonlinearSpringDamper("spring", mechanism.ground, body, O, O, law=law))
-    mechanism.add(PointForce("force", body, O, (force, 0)))
+    mechanism.add(PointOnLine("guide", mechanism.ground, body, ORIGIN, ORIGIN, axis_i=(1, 0)))
+    mechanism.add(NonlinearSpringDamper("spring", mechanism.ground, body, ORIGIN, ORIGIN, law=law))
+    mechanism.add(PointForce("force", body, ORIGIN, (force, 0)))
     mechanism.output("x", body.position[0], units="m")
     return mechanism
 
@@ -92,7 +94,7 @@ def test_a_torque_over_speed_against_scipy():
     curve = uqmbd.spline(speeds, torques)
     mechanism = uqmbd.Mechanism("motor", uqmbd.Planar(gravity=(0, 0)))
     rotor = mechanism.body("rotor", mass=1, inertia=0.1, angle=0.0, angular_velocity=0.5)
-    hinge = mechanism.add(Revolute("hinge", mechanism.ground, rotor, O, O))
+    hinge = mechanism.add(Revolute("hinge", mechanism.ground, rotor, ORIGIN, ORIGIN))
     mechanism.add(Torque("torque", rotor, curve(hinge.speed)))
     mechanism.output("speed", hinge.speed, units="rad/s")
     times = np.linspace(0, 2, 9)

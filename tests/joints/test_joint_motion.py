@@ -409,23 +409,23 @@ def test_what_a_joint_does_not_have_is_told():
     plane, space = uqmbd.Planar(), uqmbd.Spatial()
     slide = free(plane, lambda g, b: Prismatic("slide", g, b, O2, O2, (1, 0), (1, 0)))
     with pytest.raises(AttributeError, match=r"Prismatic 'slide' has no .angle: it has .displacement \(m\) and .speed"):
-        slide.angle  # noqa: B018
+        slide.angle  # noqa: B018 - asking is what raises
     weld = free(plane, lambda g, b: Fixed("weld", g, b, O2, O2))
     with pytest.raises(AttributeError, match=r"Fixed 'weld' has no .speed: it tells no motion"):
-        weld.speed  # noqa: B018
+        weld.speed  # noqa: B018 - asking is what raises
     ball = free(space, lambda g, b: Spherical("ball", g, b, O3, O3))
     with pytest.raises(AttributeError, match=r"has no .angle"):
-        ball.angle  # noqa: B018
+        ball.angle  # noqa: B018 - asking is what raises
     cross = free(space, lambda g, b: Universal("cross", g, b, O3, O3, (1, 0, 0), (0, 1, 0)))
     with pytest.raises(AttributeError, match=r"has no .angle: it has .angle_i \(rad\), .speed_i \(rad/s\), .angle_j"):
-        cross.angle  # noqa: B018
+        cross.angle  # noqa: B018 - asking is what raises
     with pytest.raises(AttributeError, match="'Universal' object has no attribute 'angel'; did you mean 'angle_"):
-        cross.angel  # noqa: B018
+        cross.angel  # noqa: B018 - asking is what raises
     massless = uqmbd.Mechanism("points", uqmbd.Translational())
     point = massless.body("point", 1)
     pin = massless.add(Revolute("pin", massless.ground, point, O2, O2))
     with pytest.raises(AttributeError, match="Revolute 'pin' has no .angle: it tells no motion"):
-        pin.angle  # noqa: B018
+        pin.angle  # noqa: B018 - asking is what raises
 
 
 def test_a_joint_tells_its_motion_once_it_is_added():
@@ -433,7 +433,7 @@ def test_a_joint_tells_its_motion_once_it_is_added():
     body = mechanism.body("body", 1, 1)
     joint = Revolute("joint", mechanism.ground, body, O2, O2)
     with pytest.raises(uqmbd.StudyError, match=r".angle is asked for before it was added to a mechanism"):
-        joint.angle  # noqa: B018
+        joint.angle  # noqa: B018 - asking is what raises
     mechanism.add(joint)
     other = uqmbd.Mechanism("other", uqmbd.Planar())
     stranger = other.body("stranger", 1, 1)

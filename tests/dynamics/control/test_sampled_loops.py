@@ -59,7 +59,10 @@ def arm_by_scipy(times, mass=1.0):
         if np.abs(times - now).min() < 1e-9:
             found.append([*x, command, integral])
         if k + 1 < len(instants):
-            rhs = lambda t, y, u=command: [y[1], (u - mass * 9.81 * 0.5 * np.cos(y[0])) / (mass / 3)]  # noqa: E731
+
+            def rhs(t, y, u=command):
+                return [y[1], (u - mass * 9.81 * 0.5 * np.cos(y[0])) / (mass / 3)]
+
             x = scipy.integrate.solve_ivp(rhs, (now, instants[k + 1]), x, "DOP853", rtol=1e-12, atol=1e-13).y[:, -1]
     return np.array(found).T
 

@@ -33,11 +33,14 @@ def oscillator(force):
 
 def piecewise(force, knots, times):
     """Integrate from knot to knot, where the force is one cubic: SciPy at the tightest tolerance that it has."""
+
+    def rate(t, z):
+        return [z[1], (force(t) - STIFFNESS * z[0] - DAMPING * z[1]) / MASS]
+
     state, found = np.zeros(2), [0.0]
     for begin, end in zip(times[:-1], times[1:], strict=True):
         stops = [begin, *knots[(knots > begin) & (knots < end)], end]
         for a, b in zip(stops[:-1], stops[1:], strict=True):
-            rate = lambda t, z: [z[1], (force(t) - STIFFNESS * z[0] - DAMPING * z[1]) / MASS]  # noqa: E731
             state = solve_ivp(rate, (a, b), state, method="DOP853", rtol=1e-13, atol=1e-16).y[:, -1]
         found.append(state[0])
     return np.array(found)

@@ -106,10 +106,11 @@ def test_counts_of_both_levels():
 
 def test_equations_of_both_kinds_that_depend_on_each_other():
     """The derivative of an equation of positions is redundant, and it is the one between velocities that is dropped."""
-    terms = lambda p: [  # noqa: E731
-        uqmbd.VelocityConstraint(p.body.velocity[1], "speed"),
-        uqmbd.Constraint(p.body.position[1] - 0.3, "place"),
-    ]
+
+    def terms(p):
+        yield uqmbd.VelocityConstraint(p.body.velocity[1], "speed")
+        yield uqmbd.Constraint(p.body.position[1] - 0.3, "place")
+
     mechanism, body = bound(terms, position=(0, 0.3), velocity=(1, 0))
     mechanism.output("y", body.position[1])
     found = uqmbd.check(mechanism)
@@ -122,10 +123,11 @@ def test_equations_of_both_kinds_that_depend_on_each_other():
 @pytest.mark.filterwarnings("ignore::uqmbd.RedundantConstraintWarning")
 def test_a_dropped_equation_between_velocities_that_contradicts_is_seen():
     """Redundant where it starts, but not later: the first wants ``x' = 0``, the second something else as y grows."""
-    terms = lambda p: [  # noqa: E731
-        uqmbd.VelocityConstraint(p.body.velocity[0], "first"),
-        uqmbd.VelocityConstraint(p.body.velocity[0] + p.body.position[1] ** 2 * p.body.velocity[1], "second"),
-    ]
+
+    def terms(p):
+        yield uqmbd.VelocityConstraint(p.body.velocity[0], "first")
+        yield uqmbd.VelocityConstraint(p.body.velocity[0] + p.body.position[1] ** 2 * p.body.velocity[1], "second")
+
     mechanism, body = bound(terms, velocity=(0, 1))
     mechanism.output("x", body.position[0])
     with pytest.raises(uqmbd.UqmbdError, match="bound: (first|second)"):
@@ -133,7 +135,9 @@ def test_a_dropped_equation_between_velocities_that_contradicts_is_seen():
 
 
 def test_stated_velocities_that_contradict_are_told():
-    terms = lambda p: [uqmbd.VelocityConstraint(p.body.velocity[0], "speed")]  # noqa: E731
+    def terms(p):
+        yield uqmbd.VelocityConstraint(p.body.velocity[0], "speed")
+
     mechanism, body = bound(terms, velocity=(1, 0))
     mechanism.output("x", body.position[0])
     with pytest.raises(uqmbd.AssemblyError, match="velocity of body body contradicts the constraint 'bound: speed'"):

@@ -206,7 +206,7 @@ class Component:
             raise StudyError(f"{cls.__name__}: symbol is {cls.symbol!r}; expected one of {known}.")
         require_declared(cls.__name__, cls.bodies, cls.parameters())
         # what help() shows
-        cls.__signature__ = python_signature(cls.bodies, cls.grounded, cls.parameters())  # type: ignore[attr-defined]
+        cls.__signature__ = python_signature(cls.bodies, cls.grounded, cls.parameters())  # type: ignore[attr-defined]  # for help()
 
     def prepare(self) -> Mapping[str, Any]:
         """Return further parameters, computed from the given ones (`self.point_i` and so on).

@@ -102,7 +102,7 @@ class Local:
         """
         return self._named("rate", expression, "rate")
 
-    def _named(self, name: str, expression: Any, kind: str) -> Any:  # noqa: ANN401
+    def _named(self, name: str, expression: Any, kind: str) -> Any:  # noqa: ANN401 - as for let and rate_of
         if isinstance(expression, (list, tuple, sympy.MatrixBase)):
             return sympy.Matrix([self._named(name, x, kind) for x in flatten(expression)])
         value = sympy.sympify(expression)

@@ -151,23 +151,14 @@ class Planar(Space):
 
 
 @dataclass(frozen=True)
-class Translational(Space):
-    """The plane without rotation, for point masses: ``q = (x, y)``.
+class _Turnless(Space):
+    """What spaces of point masses share."""
 
-    Examples
-    --------
-    >>> Translational(gravity=(0, -9.81)).turns
-    False
-    """
-
-    name: ClassVar[str] = "translational"
-    dimension: ClassVar[int] = 2
-    coordinates: ClassVar[tuple[str, ...]] = ("x", "y")
     turns: ClassVar[bool] = False
 
     def rotation(self, e: Sequence[Any]) -> sympy.Matrix:
         """Nothing turns: the identity."""
-        return sympy.eye(2)
+        return sympy.eye(self.dimension)
 
     def angular_velocity(self, e: Sequence[Any], rate: Sequence[Any]) -> sympy.Matrix:
         """Nothing turns: zero."""
@@ -183,7 +174,22 @@ class Translational(Space):
 
 
 @dataclass(frozen=True)
-class Line(Space):
+class Translational(_Turnless):
+    """The plane without rotation, for point masses: ``q = (x, y)``.
+
+    Examples
+    --------
+    >>> Translational(gravity=(0, -9.81)).turns
+    False
+    """
+
+    name: ClassVar[str] = "translational"
+    dimension: ClassVar[int] = 2
+    coordinates: ClassVar[tuple[str, ...]] = ("x", "y")
+
+
+@dataclass(frozen=True)
+class Line(_Turnless):
     """One direction, for point masses that slide: ``q = (x,)``.
 
     Points, positions, velocities, forces and the gravity are single numbers (or sequences of one); an axis is ``1`` or
@@ -210,20 +216,3 @@ class Line(Space):
     name: ClassVar[str] = "line"
     dimension: ClassVar[int] = 1
     coordinates: ClassVar[tuple[str, ...]] = ("x",)
-    turns: ClassVar[bool] = False
-
-    def rotation(self, e: Sequence[Any]) -> sympy.Matrix:
-        """Nothing turns: the identity."""
-        return sympy.eye(1)
-
-    def angular_velocity(self, e: Sequence[Any], rate: Sequence[Any]) -> sympy.Matrix:
-        """Nothing turns: zero."""
-        return sympy.zeros(1, 1)
-
-    def body_angular_velocity(self, e: Sequence[Any], rate: Sequence[Any]) -> sympy.Matrix:
-        """Nothing turns: zero."""
-        return sympy.zeros(1, 1)
-
-    def moment(self, e: Sequence[Any], force: Sequence[Any]) -> sympy.Matrix:
-        """Nothing turns: zero."""
-        return sympy.zeros(1, 1)
