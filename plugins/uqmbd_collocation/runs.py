@@ -81,7 +81,7 @@ class Runs:
     def verification(self, points: Array) -> uqmbd.Verification:
         """Return the realisations at germ points (V, d) that no node uses, those that failed left out."""
         where = self.at(points)
-        good = where[self.good(where)]
+        good = where[self.good(where)] if len(where) else where
         if not len(good):
             return uqmbd.Verification(self.space, points[:0], np.zeros((0, *self.problem.labels.shape)), len(where))
         return uqmbd.Verification(self.space, self.germs[good], self.response[good], len(where), self.reason(where))

@@ -122,6 +122,15 @@ def test_statistics_and_the_stated_error(aligned):
 
 
 @pytest.mark.thorough
+def test_verification_may_be_left_out(aligned):
+    """The expansion is the same, and nothing is stated of its error."""
+    bare = ball().propagate(Collocation(order=5, alignment="events", verify=0))
+    assert np.array_equal(bare["statistics"]["mean"], aligned["statistics"]["mean"])
+    assert set(bare["nodes"]["purpose"].values.tolist()) == {"fit"}
+    assert "verification_error" not in bare["statistics"] or np.isnan(bare["statistics"]["verification_error"]).all()
+
+
+@pytest.mark.thorough
 def test_it_is_stored(aligned, tmp_path):
     tree = study_tree([aligned], study="ball", mechanism="ball")
     save(tree, tmp_path / "results.nc")
