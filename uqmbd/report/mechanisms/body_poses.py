@@ -23,6 +23,7 @@ from numpy.typing import ArrayLike, NDArray
 from uqmbd.errors import AssemblyError, RedundantConstraintWarning, StudyError, StudyWarning
 from uqmbd.propagation import input_point, observed_model, stepped
 from uqmbd.status import Status
+from uqmbd.threads import one_thread
 from uqmbd.typing import Array
 
 if TYPE_CHECKING:
@@ -147,12 +148,10 @@ def motion(study: Study, samples: int = 20, frames: int = 60, seed: int = 1, met
 
 def _integrated(study: Study, times: Array, values: Array) -> tuple[Array, str]:
     """Coordinates (realisation, time, coordinate) by integration, NaN where it failed, and why."""
-    from threadpoolctl import threadpool_limits
-
     from uqmbd.dynamics import Ensemble, integrate
 
     model = stepped(observed_model(study.mechanism, float(study.times[0]), study.start), study.max_step, study.breaks)
-    with threadpool_limits(limits=1):
+    with one_thread():
         found = integrate(Ensemble(model, values), times, study.rtol, study.integrator)
     return found.states[..., : model.layout.coordinates], next((m for m in found.messages if m), "")
 
