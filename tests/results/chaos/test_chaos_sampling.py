@@ -85,6 +85,51 @@ def test_total_index_by_pick_and_freeze(chaos: PolynomialChaos) -> None:
         np.testing.assert_allclose(chaos.sobol_first[k], alone, atol=0.04)
 
 
+LEVELS = np.array([0.001, 0.025, 0.25, 0.5, 0.75, 0.975, 0.999])
+
+
+def sum_of_normal_and_uniform(q: np.ndarray, width: float) -> np.ndarray:
+    """Return the distribution function of a standard normal plus a uniform in -width to width: their convolution."""
+
+    def integral(x: np.ndarray) -> np.ndarray:
+        return x * scipy.stats.norm.cdf(x) + scipy.stats.norm.pdf(x)
+
+    return (integral(q + width) - integral(q - width)) / (2 * width)
+
+
+@pytest.mark.parametrize(
+    ("inputs", "index", "coefficients", "probability"),
+    [
+        ([chaospy.Normal()], [[0], [1]], [3.0, 2.0], lambda q: scipy.stats.norm.cdf(q, 3.0, 2.0)),
+        ([chaospy.Uniform(-1, 1)], [[0], [1]], [1e6, 1e-3 / 3**0.5], lambda q: (q - (1e6 - 1e-3)) / 2e-3),
+        ([chaospy.Normal()], [[0], [1], [2]], [1.0, 0.0, 2**0.5], lambda q: scipy.stats.chi2.cdf(q, 1)),
+        (
+            [chaospy.Normal(), chaospy.Uniform(-1, 1)],
+            [[0, 0], [1, 0], [0, 1]],
+            [0.0, 1.0, 2 / 3**0.5],
+            lambda q: sum_of_normal_and_uniform(q, 2.0),
+        ),
+        (
+            [chaospy.Normal()] * 5,
+            np.concatenate([np.zeros((1, 5), dtype=int), 2 * np.eye(5, dtype=int)]),
+            [5.0] + [2**0.5] * 5,
+            lambda q: scipy.stats.chi2.cdf(q, 5),
+        ),
+    ],
+    ids=["normal", "uniform", "chi-square", "normal and uniform", "chi-square of five"],
+)
+@pytest.mark.parametrize("count", [1024, 8192])
+def test_quantiles_are_within_their_error(inputs, index, coefficients, probability, count) -> None:
+    """Of closed forms: within 2 / N for one germ, else within four standard errors of independent samples."""
+    space = GermSpace.of(JointInput.of([RandomVariable(f"x{k}", one) for k, one in enumerate(inputs)]))
+    axes = results.labels(["y"], [f"x{k}" for k in range(len(inputs))], None)
+    chaos = PolynomialChaos(np.array(coefficients)[:, None], index, space, axes)
+    bound = 2 / count if len(inputs) == 1 else 4 * np.sqrt(LEVELS * (1 - LEVELS) / count)
+    for seed in range(3):
+        found = chaos.quantiles(LEVELS, samples=count, seed=seed)[:, 0]
+        assert np.all(np.abs(probability(found) - LEVELS) < bound)
+
+
 @pytest.mark.thorough
 def test_quantiles_and_density_of_a_normal() -> None:
     """A linear function of a normal has its quantiles and density, whatever the blocks."""

@@ -167,8 +167,10 @@ class Surrogate(ABC):
     ) -> Array:
         """Return quantiles (N, O, T) of samples of the surrogate.
 
-        The samples are a scrambled Sobol' sequence of the germs, of the next power of two; outputs and times go block
-        by block, so that memory does not grow with them.
+        The samples are N points of a scrambled Sobol' sequence of the germs, the next power of two; outputs and times
+        go block by block, so that memory does not grow with them.  The probability of what is found differs from that
+        asked for by less than 2 / N where there is one germ.  Where there are several it has a random error whose
+        standard deviation is at most about that of independent samples, sqrt(p (1 - p) / N), and mostly far less.
         """
         germs = spread_germs(self.space, samples, seed)
         columns = int(np.prod(self.labels.shape))

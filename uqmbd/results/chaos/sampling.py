@@ -123,6 +123,9 @@ def basis_values(space: GermSpace, germs: Array, multi_index: Index) -> Array:
 def quantiles_of_rows(rows: Callable[[slice], Array], count: int, columns: int, probabilities: ArrayLike) -> Array:
     """Return quantiles (N, C) of samples that are made block by block.
 
+    Samples are sorted as a whole: NumPy sorts with vector instructions, in less than half the time in which it selects
+    a dozen of some thousand.
+
     Parameters
     ----------
     rows : callable
@@ -142,14 +145,13 @@ def quantiles_of_rows(rows: Callable[[slice], Array], count: int, columns: int, 
     position = levels * (count - 1)
     below = np.minimum(position.astype(int), max(count - 2, 0))
     above = np.minimum(below + 1, count - 1)
-    needed = np.unique(np.concatenate([below, above]))
     found = np.empty((len(levels), columns))
     size = max(1, BLOCK_NUMBERS // count)
     with one_thread():
         for start in range(0, columns, size):
             part = slice(start, min(start + size, columns))
             values = rows(part)
-            values.partition(needed, axis=1)
+            values.sort(axis=1)
             low, high = values[:, below], values[:, above]
             found[:, part] = (low + (position - below) * (high - low)).T
     # interpolation may order neighbours wrongly by their last bits
