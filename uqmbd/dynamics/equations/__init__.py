@@ -6,7 +6,7 @@ from uqmbd.dynamics.equations.block import Instance, instances_of
 from uqmbd.dynamics.equations.derivation import Derived, derive
 from uqmbd.dynamics.equations.evaluator import Evaluator, Placement
 from uqmbd.dynamics.equations.expressions import TIME, plain
-from uqmbd.dynamics.equations.kernels import Kernel, cached, compile_kernel, unrolled_kernel
+from uqmbd.dynamics.equations.kernels import Kernel, compile_kernel, unrolled_kernel
 from uqmbd.dynamics.equations.layout import Layout, state_arguments
 from uqmbd.dynamics.equations.limits import impossible, limits_of
 from uqmbd.dynamics.equations.model import (
@@ -42,7 +42,6 @@ __all__ = [
     "Tables",
     "angle_counters",
     "break_times",
-    "cached",
     "compile_kernel",
     "compiled_conditions",
     "csc_pattern",

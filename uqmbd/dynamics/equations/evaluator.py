@@ -13,9 +13,10 @@ from typing import Any
 
 import numpy as np
 
+from uqmbd.compiled import cached
 from uqmbd.dynamics.equations.block import BlockType
 from uqmbd.dynamics.equations.derivation import derive
-from uqmbd.dynamics.equations.kernels import Kernel, cached, compile_kernel, replaced
+from uqmbd.dynamics.equations.kernels import Kernel, compile_kernel, replaced
 from uqmbd.dynamics.equations.layout import RESULTS, Kind, argument_names
 from uqmbd.mechanism import SplineTable
 from uqmbd.typing import Array, Index

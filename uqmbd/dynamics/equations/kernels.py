@@ -1,26 +1,17 @@
-"""Compiled kernels (SymEngine with LLVM) and their cache on disk."""
+"""Compiled kernels (SymEngine with LLVM)."""
 
 from __future__ import annotations
 
-import contextlib
-import hashlib
-import os
-import pickle
-import platform
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from functools import cache
-from pathlib import Path
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
-from uqmbd.dynamics.equations.store import Store
 from uqmbd.dynamics.equations.tables import tabulated
 from uqmbd.mechanism import SplineTable
 from uqmbd.typing import Array
-from uqmbd.version import __version__
 
-__all__ = ["Kernel", "cache_folder", "cached", "compilations", "compile_kernel", "replaced", "source_digest"]
+__all__ = ["Kernel", "compilations", "compile_kernel", "replaced", "unrolled_kernel"]
 
 
 compilations = [0]
@@ -170,69 +161,3 @@ def unrolled_kernel(arguments: Sequence[Any], expressions: Sequence[Any]) -> Ker
     compilations[0] += 1
     function = se.Lambdify(list(arguments), list(expressions), backend="llvm", cse=True, opt_level=2)
     return Kernel(function, len(arguments), len(expressions))
-
-
-def cache_folder() -> Path:
-    """Folder of cached kernels: ``UQMBD_CACHE`` if set, else in the user's cache folder."""
-    import platformdirs
-
-    return Path(os.environ.get("UQMBD_CACHE") or platformdirs.user_cache_path("uqmbd") / "kernels")
-
-
-def source_digest(folders: Iterable[Path]) -> bytes:
-    """Digest of every file in some folders, by name; compiled copies of them do not count."""
-    digest = hashlib.sha256()
-    for folder in folders:
-        for path in sorted(folder.rglob("*")):
-            if path.is_file() and "__pycache__" not in path.parts:
-                content = path.read_bytes()
-                digest.update(repr((path.relative_to(folder).as_posix(), len(content))).encode())
-                digest.update(content)
-    return digest.digest()
-
-
-_SOURCES = source_digest(Path(__file__).parents[2] / name for name in ("dynamics", "mechanism"))
-"""Of all that writes equations, when it was imported: what is edited while a program runs belongs to the next one."""
-
-
-@cache
-def _surroundings() -> bytes:
-    """Describe what kernels depend on besides their expressions: sources, versions, and processor features."""
-    import symengine
-    import sympy
-    from symengine.lib import symengine_wrapper
-
-    features = platform.processor()
-    with contextlib.suppress(OSError):
-        for line in Path("/proc/cpuinfo").read_text().splitlines():
-            if line.startswith(("flags", "Features")):
-                features = line
-                break
-    # LLVM is a part of it, and does not tell its version
-    library = Path(symengine_wrapper.__file__).stat()
-    versions = (__version__, symengine.__version__, sympy.__version__, np.__version__, platform.python_version())
-    about = (versions, library.st_size, library.st_mtime_ns, platform.machine(), features)
-    return repr(about).encode() + _SOURCES
-
-
-def cached(key: object, make: Callable[[], Any]) -> Any:  # noqa: ANN401 - whatever `make` returns
-    """Return what `make` returns, from the cache on disk if it is there.
-
-    What is damaged, or was not put there by this user, is made again; a folder that cannot be written costs only time.
-
-    Parameters
-    ----------
-    key : object
-        Plain data; its ``repr`` is hashed together with all that kernels depend on besides.
-    make : callable
-        Makes the value; it must survive pickling.
-    """
-    name = hashlib.sha256(repr(key).encode() + _surroundings()).hexdigest()
-    store = Store(cache_folder())
-    stored = store.get(name)
-    if stored is not None:
-        with contextlib.suppress(Exception):  # written by us as a whole, but not for what is installed now
-            return pickle.loads(stored)  # noqa: S301 - checked by the store
-    value = make()
-    store.put(name, pickle.dumps(value))
-    return value

@@ -18,7 +18,8 @@ from typing import Any
 
 import numpy as np
 
-from uqmbd.dynamics.equations import Kernel, cached
+from uqmbd.compiled import cached
+from uqmbd.dynamics.equations import Kernel
 from uqmbd.dynamics.linear.elimination import plan
 from uqmbd.dynamics.linear.ordering import Front
 from uqmbd.dynamics.linear.unrolled import Operation, eliminated, section_kernel, worth_while

@@ -13,7 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from uqmbd.dynamics.equations import Kernel, cached, unrolled_kernel
+from uqmbd.compiled import cached
+from uqmbd.dynamics.equations import Kernel, unrolled_kernel
 from uqmbd.dynamics.linear.elimination import Elimination
 from uqmbd.typing import Array, Index
 

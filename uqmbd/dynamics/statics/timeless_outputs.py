@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import sympy
 
+from uqmbd.compiled import cached
 from uqmbd.dynamics.batch import Batch
 from uqmbd.dynamics.equations import (
     Instance,
@@ -16,7 +17,6 @@ from uqmbd.dynamics.equations import (
     OutputMap,
     Placement,
     Tables,
-    cached,
     compile_kernel,
     output_map,
     plain,

@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from uqmbd.dynamics import Instance, Kernel, ParameterMap, cached, derive, instances_of
+from uqmbd.compiled import cached
+from uqmbd.dynamics import Instance, Kernel, ParameterMap, derive, instances_of
 from uqmbd.mechanism import Space
 from uqmbd.testing.components.cases import Case
 from uqmbd.testing.components.motion import random_unit

@@ -6,7 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from uqmbd.dynamics import Derived, Instance, Kernel, cached, derive
+from uqmbd.compiled import cached
+from uqmbd.dynamics import Derived, Instance, Kernel, derive
 from uqmbd.testing.components.bench import Bench
 from uqmbd.typing import Array
 

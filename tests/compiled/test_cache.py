@@ -14,8 +14,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import uqmbd
-from uqmbd.dynamics.equations.kernels import compilations, source_digest
-from uqmbd.dynamics.equations.store import Store
+from uqmbd.compiled import Store, source_digest
+from uqmbd.dynamics.equations.kernels import compilations
 from uqmbd_joints import Distance
 
 ROOT = Path(uqmbd.__file__).parents[1]

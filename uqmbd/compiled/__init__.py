@@ -1,0 +1,26 @@
+"""What is compiled: kernels of eight realisations at once, and the store that keeps them."""
+
+from __future__ import annotations
+
+from uqmbd.compiled.cache import cache_folder, cached, source_digest
+from uqmbd.compiled.emission import Operation
+from uqmbd.compiled.kernels import Kernel, compile_kernel, compile_operations
+from uqmbd.compiled.native import Target, addresses_of, host, object_code
+from uqmbd.compiled.store import Store
+from uqmbd.compiled.writer import LANES
+
+__all__ = [
+    "Kernel",
+    "LANES",
+    "Operation",
+    "Store",
+    "Target",
+    "addresses_of",
+    "cache_folder",
+    "cached",
+    "compile_kernel",
+    "compile_operations",
+    "host",
+    "object_code",
+    "source_digest",
+]

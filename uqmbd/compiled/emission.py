@@ -1,0 +1,345 @@
+"""LLVM IR of straight-line functions, as text: from expressions of SymEngine, and from operations of an elimination.
+
+A function is ``void name(ptr x, ptr y)``.  A row of its arguments and results is ``<8 x double>``: one number of eight
+realisations, which do not see one another.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from uqmbd.compiled.writer import LANES, Writer
+
+__all__ = ["NotCompiled", "Operation", "expressions_text", "operations_text"]
+
+LONG = 400
+"""Operations from which a function is written for the processor's own vectors, in a loop over the parts of a row.
+
+Whole rows are up to 1.3 times faster in short functions, where one operation waits for the other, if the processor has
+to split them; in long ones they are no faster, since values leave the registers, and take twice as long to compile."""
+
+POWERS = 16
+"""Powers up to which numbers are multiplied; beyond, the library's function loses fewer digits."""
+
+Operation = tuple[str, int, int, int]
+"""``inverse`` 1 / a, ``product`` a b, ``sum`` a + b, ``difference`` a - b c (a < 0: - b c), or ``zero``, of values by
+number."""
+
+
+class NotCompiled(ValueError):
+    """An expression contains what cannot be computed with real numbers."""
+
+
+_LIBRARY = {
+    "sin": "sin", "cos": "cos", "tan": "tan", "asin": "asin", "acos": "acos", "atan": "atan",
+    "sinh": "sinh", "cosh": "cosh", "tanh": "tanh", "asinh": "asinh", "acosh": "acosh", "atanh": "atanh",
+    "log": "log", "erf": "erf", "erfc": "erfc", "gamma": "tgamma", "loggamma": "lgamma", "atan2": "atan2",
+}  # fmt: skip
+"""Functions of SymEngine that the C library has."""
+
+_RECIPROCAL = {"sec": "cos", "csc": "sin", "cot": "tan", "sech": "cosh", "csch": "sinh", "coth": "tanh"}
+"""Functions whose inverse the C library has."""
+
+_OF_RECIPROCAL = {"asec": "acos", "acsc": "asin", "acot": "atan", "asech": "acosh", "acsch": "asinh", "acoth": "atanh"}
+"""Functions that are those of the C library at the reciprocal."""
+
+_INTRINSIC = {"Abs": "fabs", "floor": "floor", "ceiling": "ceil"}
+
+_COMPARISON = {"LessThan": "ole", "StrictLessThan": "olt", "Equality": "oeq", "Unequality": "une"}
+
+_CONNECTIVE = {"And": "and", "Or": "or", "Xor": "xor"}
+
+
+def operations_text(
+    name: str, operations: Sequence[Operation], reads: Sequence[int], writes: Sequence[int], first: int, native: int
+) -> str:
+    """Write the function of an elimination's operations.
+
+    Parameters
+    ----------
+    name : str
+        Of the function.
+    operations : sequence of Operation
+        Each makes one new value.
+    reads, writes : sequence of int
+        Numbers of the values that are its arguments and its results, in order.
+    first : int
+        Number of the first new value.
+    native : int
+        Lanes that the processor computes at once.
+    """
+    w = Writer(native if len(operations) > LONG else LANES)
+    values = {x: k for k, x in enumerate(reads)}
+    names: dict[int, str] = {}
+
+    def value(x: int) -> str:
+        if x not in names:
+            names[x] = w.load(values[x])
+        return names[x]
+
+    for k, (kind, a, b, c) in enumerate(operations):
+        if kind == "inverse":
+            made = w.divide(w.number(1.0), value(a))
+        elif kind == "product":
+            made = w.multiply(value(a), value(b))
+        elif kind == "sum":
+            made = w.add(value(a), value(b))
+        elif kind == "zero":
+            made = w.number(0.0)
+        elif a < 0:
+            made = w.negate(w.multiply(value(b), value(c)))
+        else:
+            made = w.subtract(value(a), w.multiply(value(b), value(c)))
+        names[first + k] = made
+    for k, x in enumerate(writes):
+        w.store(k, value(x))
+    return w.text(name)
+
+
+def expressions_text(
+    name: str,
+    arguments: Sequence[Any],
+    replacements: Sequence[tuple[Any, Any]],
+    expressions: Sequence[Any],
+    native: int,
+) -> str:
+    """Write the function of expressions of SymEngine.
+
+    Parameters
+    ----------
+    name : str
+        Of the function.
+    arguments : sequence of symbols
+        Its arguments, in order.
+    replacements : sequence of (symbol, expression)
+        What further symbols stand for, in order, as `symengine.cse` returns them.
+    expressions : sequence
+        Its results, in order.
+    native : int
+        Lanes that the processor computes at once.
+
+    Raises
+    ------
+    NotCompiled
+        Naming what cannot be computed.
+    """
+    w = Writer(native if len(replacements) > LONG else LANES)
+    rows = {symbol: k for k, symbol in enumerate(arguments)}
+    known: dict[Any, str] = {}
+    masks: set[str] = set()
+
+    def write(expression: Any) -> str:
+        waiting: list[tuple[Any, Sequence[Any] | None]] = [(expression, None)]
+        while waiting:
+            e, parts = waiting.pop()
+            if e in known:
+                continue
+            if parts is None:
+                if e.is_Symbol:
+                    if e not in rows:
+                        raise NotCompiled(f"the symbol {e}, which is no argument")
+                    known[e] = w.load(rows[e])
+                    continue
+                parts = _parts(e)
+                missing = [x for x in parts if x not in known]
+                if missing:
+                    waiting.append((e, parts))
+                    waiting += [(x, None) for x in reversed(missing)]
+                    continue
+            known[e] = _written(w, masks, e, [known[x] for x in parts])
+        return known[expression]
+
+    for symbol, e in replacements:
+        known[symbol] = write(e)
+    for k, e in enumerate(expressions):
+        value = write(e)
+        w.store(k, w.select(value, w.number(1.0), w.number(0.0)) if value in masks else value)
+    return w.text(name)
+
+
+def _split_sum(e: Any) -> tuple[list[Any], list[Any]]:
+    """Return the terms of a sum that are added, and those that are subtracted."""
+    plus, minus = [], []
+    for term in e.args:
+        factor = term.args[0] if term.is_Mul else term
+        if factor.is_Number and _real(factor) < 0:
+            minus.append(-term)
+        else:
+            plus.append(term)
+    return plus, minus
+
+
+def _split_product(e: Any) -> tuple[list[Any], list[Any]]:
+    """Return the factors of a product, numbers last, and those by which it is divided."""
+    above, below, numbers = [], [], []
+    for factor in e.args:
+        if factor.is_Number:
+            numbers.append(factor)
+        elif factor.is_Pow and factor.args[1].is_Number and _real(factor.args[1]) < 0:
+            below.append(1 / factor)
+        else:
+            above.append(factor)
+    return above + numbers, below
+
+
+def _parts(e: Any) -> list[Any]:
+    """Return what an expression is written from."""
+    if e.is_Add:
+        plus, minus = _split_sum(e)
+        return plus + minus
+    if e.is_Mul:
+        above, below = _split_product(e)
+        return above + below
+    if e.is_Pow:
+        base, exponent = e.args
+        if type(base).__name__ == "Exp1":
+            return [exponent]
+        return [base] if _multiplied(exponent) else [base, exponent]
+    return list(e.args) if not _is_constant(e) else []
+
+
+def _multiplied(exponent: Any) -> bool:
+    """Whether a power is computed by multiplications and a square root."""
+    return bool(exponent.is_Number) and (2 * _real(exponent)).is_integer() and abs(_real(exponent)) <= POWERS
+
+
+def _is_constant(e: Any) -> bool:
+    return bool(getattr(e, "is_number", False)) or type(e).__name__ in ("BooleanTrue", "BooleanFalse")
+
+
+_LIMITS = {"Infinity": float("inf"), "NegativeInfinity": float("-inf"), "NaN": float("nan")}
+
+
+def _real(e: Any) -> float:
+    """Return a number of SymEngine."""
+    kind = type(e).__name__
+    if kind in _LIMITS:
+        return _LIMITS[kind]
+    try:
+        return float(e)
+    except (TypeError, ValueError, RuntimeError):
+        raise NotCompiled(f"{e}, which is no real number") from None
+
+
+def _written(w: Writer, masks: set[str], e: Any, values: list[str]) -> str:
+    """Write an expression whose parts are written."""
+    if values and all(value.startswith("splat (double") for value in values):
+        with contextlib.suppress(NotCompiled):  # as the comparison of numbers
+            return w.number(_real(e.n()))
+    if e.is_Add:
+        plus, minus = _split_sum(e)
+        total = values[0] if plus else w.negate(values[0])
+        for k, value in enumerate(values[1:], 1):
+            total = w.add(total, value) if k < len(plus) else w.subtract(total, value)
+        return total
+    if e.is_Mul:
+        count = len(_split_product(e)[0])
+        if count > 1 and values[count - 1] == w.number(-1.0):
+            return w.negate(_quotient(w, values[: count - 1], values[count:]))
+        return _quotient(w, values[:count], values[count:])
+    if e.is_Pow:
+        return _power(w, e, values)
+    kind = type(e).__name__
+    if kind == "BooleanTrue" or kind == "BooleanFalse":
+        return _noted(masks, f"splat (i1 {'true' if kind == 'BooleanTrue' else 'false'})")
+    if _is_constant(e):
+        return w.number(_real(e))
+    rule = _RULES.get(kind)
+    if rule is None:
+        raise NotCompiled(f"{e}, and {kind} cannot be computed")
+    return rule(w, masks, kind, values)
+
+
+def _quotient(w: Writer, above: list[str], below: list[str]) -> str:
+    def product(values: list[str]) -> str:
+        result = values[0] if values else w.number(1.0)
+        for value in values[1:]:
+            result = w.multiply(result, value)
+        return result
+
+    return w.divide(product(above), product(below)) if below else product(above)
+
+
+def _power(w: Writer, e: Any, values: list[str]) -> str:
+    base, exponent = e.args
+    if type(base).__name__ == "Exp1":
+        return w.call("exp", values[0])
+    if not _multiplied(exponent):
+        return w.call("pow", *values)
+    halves = round(2 * abs(_real(exponent)))
+    result = w.power(values[0], halves // 2) if halves > 1 else ""
+    if halves % 2:
+        root = w.intrinsic("sqrt", values[0])
+        result = w.multiply(result, root) if result else root
+    return w.divide(w.number(1.0), result) if _real(exponent) < 0 else result
+
+
+def _noted(masks: set[str], name: str) -> str:
+    masks.add(name)
+    return name
+
+
+Rule = Callable[[Writer, set[str], str, list[str]], str]
+
+
+def _compared(w: Writer, masks: set[str], kind: str, values: list[str]) -> str:
+    a, b = values
+    if a in masks or b in masks:  # of truth values: the search for common subexpressions writes ``x == True``
+        differ = w.made(f"xor {w.mask} {a}, {b}")
+        return _noted(masks, differ if kind == "Unequality" else _not(w, masks, "Not", [differ]))
+    return _noted(masks, w.compare(_COMPARISON[kind], a, b))
+
+
+def _connected(w: Writer, masks: set[str], kind: str, values: list[str]) -> str:
+    result = values[0]
+    for value in values[1:]:
+        result = w.made(f"{_CONNECTIVE[kind]} {w.mask} {result}, {value}")
+    return _noted(masks, result)
+
+
+def _not(w: Writer, masks: set[str], kind: str, values: list[str]) -> str:
+    return _noted(masks, w.made(f"xor {w.mask} {values[0]}, splat (i1 true)"))
+
+
+def _piecewise(w: Writer, masks: set[str], kind: str, values: list[str]) -> str:
+    result = w.number(float("nan"))
+    for value, condition in reversed(list(zip(values[::2], values[1::2], strict=True))):
+        result = value if condition == "splat (i1 true)" else w.select(condition, value, result)
+    return result
+
+
+def _sign(w: Writer, masks: set[str], kind: str, values: list[str]) -> str:
+    (x,) = values
+    zero = w.number(0.0)
+    negative = w.select(w.compare("olt", x, zero), w.number(-1.0), x)  # zero and NaN stay what they are
+    return w.select(w.compare("ogt", x, zero), w.number(1.0), negative)
+
+
+def _extreme(w: Writer, masks: set[str], kind: str, values: list[str]) -> str:
+    result = values[0]
+    for value in values[1:]:
+        result = w.intrinsic("maximum" if kind == "Max" else "minimum", result, value)
+    return result
+
+
+_RULES: dict[str, Rule] = {
+    **dict.fromkeys(_LIBRARY, lambda w, _, kind, values: w.call(_LIBRARY[kind], *values)),
+    **dict.fromkeys(_INTRINSIC, lambda w, _, kind, values: w.intrinsic(_INTRINSIC[kind], *values)),
+    **dict.fromkeys(
+        _RECIPROCAL, lambda w, _, kind, values: w.divide(w.number(1.0), w.call(_RECIPROCAL[kind], *values))
+    ),
+    **dict.fromkeys(
+        _OF_RECIPROCAL, lambda w, _, kind, values: w.call(_OF_RECIPROCAL[kind], w.divide(w.number(1.0), values[0]))
+    ),
+    **dict.fromkeys(_COMPARISON, _compared),
+    **dict.fromkeys(_CONNECTIVE, _connected),
+    "Not": _not,
+    "Piecewise": _piecewise,
+    "sign": _sign,
+    "Max": _extreme,
+    "Min": _extreme,
+    "UnevaluatedExpr": lambda w, _, kind, values: values[0],
+}
+"""How each function is written, by the name of its class in SymEngine."""

@@ -1,0 +1,163 @@
+"""Kernels: compiled functions of rows of eight realisations."""
+
+from __future__ import annotations
+
+import ctypes
+import hashlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from uqmbd.compiled.emission import NotCompiled, Operation, expressions_text, operations_text
+from uqmbd.compiled.native import addresses_of, host, object_code
+from uqmbd.compiled.writer import LANES
+from uqmbd.errors import StudyError
+from uqmbd.typing import Array
+
+__all__ = ["Kernel", "compilations", "compile_kernel", "compile_operations", "replaced"]
+
+
+compilations = [0]
+"""Number of kernels compiled by this process, for tests and provenance."""
+
+
+@dataclass(frozen=True)
+class Kernel:
+    """A compiled function ``void kernel(const V *x, V *y)`` of rows ``V`` of eight realisations.
+
+    Attributes
+    ----------
+    code : bytes
+        Object code; empty where there is nothing to compute.
+    name : str
+        Of the function in it.
+    inputs, outputs : int
+        Number of arguments and results.
+    """
+
+    code: bytes
+    name: str
+    inputs: int
+    outputs: int
+
+    @property
+    def address(self) -> int:
+        """Where the function is in memory, which the first use loads it into; 0 where there is nothing to compute."""
+        return addresses_of([self.name], self.code)[0] if self.code else 0
+
+
+def compile_kernel(arguments: Sequence[Any], expressions: Sequence[Any]) -> Kernel:
+    """Compile SymEngine expressions in SymEngine symbols.
+
+    SymEngine's derivatives may hold sums with terms that are not collected, from which its search for common
+    subexpressions loses terms.  So expressions are rebuilt first, and the kernel is compared with a plain evaluation.
+
+    Parameters
+    ----------
+    arguments, expressions : sequence
+        In SymEngine.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If they contain what cannot be computed.
+    """
+    import symengine as se
+
+    if not expressions:
+        return Kernel(b"", "", len(arguments), 0)
+    symbols = list(arguments)
+    rebuilt = list(replaced(expressions, {se.Symbol("_nothing"): se.Symbol("_nowhere")}))
+    kernel = _compiled(symbols, *se.cse(rebuilt))
+    point = np.random.default_rng(0).uniform(0.1, 0.9, len(symbols))
+    expected = _plainly(expressions, dict(zip(symbols, point, strict=True)))
+    if expected is None or not np.allclose(_at(kernel, point), expected, rtol=1e-9, atol=1e-12, equal_nan=True):
+        kernel = _compiled(symbols, [], rebuilt)
+    return kernel
+
+
+def _compiled(symbols: Sequence[Any], replacements: Sequence[tuple[Any, Any]], expressions: Sequence[Any]) -> Kernel:
+    def text(name: str) -> str:
+        return expressions_text(name, symbols, replacements, expressions, host().width)
+
+    try:
+        return _kernel(text, len(symbols), len(expressions))
+    except NotCompiled as error:
+        raise StudyError(f"An expression contains {error}.") from None
+
+
+def compile_operations(
+    operations: Sequence[Operation], reads: Sequence[int], writes: Sequence[int], first: int
+) -> Kernel:
+    """Compile operations of an elimination.
+
+    Parameters
+    ----------
+    operations : sequence of Operation
+        Each makes one new value; they are numbered from `first` on.
+    reads, writes : sequence of int
+        Numbers of the values that are arguments and results, in order.
+    first : int
+        Number of the first new value.
+    """
+    if not writes:
+        return Kernel(b"", "", len(reads), 0)
+    return _kernel(
+        lambda name: operations_text(name, operations, reads, writes, first, host().width), len(reads), len(writes)
+    )
+
+
+def _kernel(text: Any, inputs: int, outputs: int) -> Kernel:
+    """Compile the text of a function, whose name is the digest of what it does."""
+    compilations[0] += 1
+    source = text("KERNEL")
+    name = f"k{hashlib.sha256((host().digest + source).encode()).hexdigest()[:40]}"
+    return Kernel(object_code(source.replace("@KERNEL(", f"@{name}(", 1)), name, inputs, outputs)
+
+
+def _at(kernel: Kernel, point: Array) -> Array:
+    """Evaluate a kernel at one point."""
+    x, y = (_aligned(rows) for rows in (kernel.inputs, kernel.outputs))
+    x[:] = point[:, None]
+    call = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p)(kernel.address)
+    call(x.ctypes.data, y.ctypes.data)
+    return y[:, 0]
+
+
+def _aligned(rows: int) -> Array:
+    """Make rows of lanes that begin at a multiple of their length in bytes."""
+    memory = np.zeros((rows + 1) * LANES)
+    first = -(memory.ctypes.data // 8) % LANES
+    return memory[first : first + rows * LANES].reshape(rows, LANES)
+
+
+def replaced(expressions: Sequence[Any], known: dict[Any, Any]) -> Sequence[Any]:
+    """Replace symbols in SymEngine expressions; all at once, so that the parts that they share stay shared."""
+    import symengine as se
+
+    found: Sequence[Any] = se.Function("_all")(*expressions).xreplace(known).args if expressions else ()
+    return found
+
+
+def _plainly(expressions: Sequence[Any], point: dict[Any, float]) -> Array | None:
+    """Evaluate expressions by inserting numbers, which treats a part that they share once; NaN where that fails.
+
+    None where nothing can be inserted, as a complex number into a comparison.
+    """
+    import symengine as se
+
+    values = {symbol: se.RealDouble(x) for symbol, x in point.items()}
+
+    def number(e: Any) -> float:
+        try:
+            return float(e.n())
+        except (RuntimeError, TypeError, ValueError):
+            return float("nan")
+
+    try:
+        inserted = replaced(expressions, values)
+    except RuntimeError:
+        return None
+    return np.array([number(e) for e in inserted])

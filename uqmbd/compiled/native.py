@@ -1,0 +1,175 @@
+"""LLVM: the processor that code is made for, object code from LLVM IR, and its place in memory.
+
+What is loaded stays loaded: one engine per process holds it, under names that are digests of what they compute.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import ctypes.util
+import hashlib
+import sys
+import threading
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+from uqmbd.compiled.writer import LANES
+
+__all__ = ["Target", "addresses_of", "host", "object_code"]
+
+LEVEL = 1
+"""Optimisation of code generation: 2 and 3 make code of the same speed from straight lines, 0 half as fast a code."""
+
+LIBRARY = (
+    "sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh", "asinh", "acosh", "atanh",
+    "exp", "log", "erf", "erfc", "tgamma", "lgamma", "atan2", "pow",
+    "floor", "ceil", "fma", "fmax", "fmin", "memcpy", "memset", "memmove",
+)  # fmt: skip
+"""What code may call: kernels the functions, the driver to copy and to fill, processors without the instruction the
+rest."""
+
+_LOCK = threading.RLock()
+
+
+@dataclass(frozen=True)
+class Target:
+    """A processor that code is made for.
+
+    Attributes
+    ----------
+    triple : str
+        Architecture, system and format of object code.
+    cpu, features : str
+        As LLVM names them.
+    """
+
+    triple: str
+    cpu: str
+    features: str
+
+    @property
+    def width(self) -> int:
+        """Lanes that it computes at once."""
+        features = set(self.features.split(","))
+        if self.cpu.startswith("x86-64-v4") or "+avx512f" in features:
+            return LANES
+        return 4 if self.cpu.startswith("x86-64-v3") or "+avx" in features else 2
+
+    @property
+    def digest(self) -> str:
+        """Digest of all this, and of the version of LLVM."""
+        import llvmlite.binding as llvm
+
+        about = (self.triple, self.cpu, self.features, llvm.llvm_version_info, LEVEL)
+        return hashlib.sha256(repr(about).encode()).hexdigest()
+
+
+@cache
+def host() -> Target:
+    """Return this machine's processor."""
+    import llvmlite.binding as llvm
+
+    features = ""
+    with contextlib.suppress(RuntimeError):  # LLVM does not know the features of every processor
+        features = llvm.get_host_cpu_features().flatten()
+    return Target(llvm.get_process_triple(), llvm.get_host_cpu_name(), features)
+
+
+@cache
+def _initialised() -> None:
+    import llvmlite.binding as llvm
+
+    llvm.initialize_native_target()
+    llvm.initialize_native_asmprinter()
+
+
+@cache
+def _machine(target: Target, level: int) -> Any:
+    import llvmlite.binding as llvm
+
+    _initialised()
+    kind = llvm.Target.from_triple(target.triple)
+    return kind.create_target_machine(cpu=target.cpu, features=target.features, opt=level, jit=True)
+
+
+def object_code(source: str | bytes, target: Target | None = None, *, optimised: bool = False) -> bytes:
+    """Compile LLVM IR.
+
+    Parameters
+    ----------
+    source : str or bytes
+        IR as text, or as bitcode.
+    target : Target, optional
+        Default: this processor.
+    optimised : bool
+        Whether the passes of LLVM run over it before.  Straight lines in which nothing is computed twice gain nothing
+        from them.
+    """
+    import llvmlite.binding as llvm
+
+    target = target or host()
+    with _LOCK:
+        machine = _machine(target, 3 if optimised else LEVEL)
+        module = llvm.parse_assembly(source) if isinstance(source, str) else llvm.parse_bitcode(source)
+        module.triple = target.triple
+        module.data_layout = str(machine.target_data)
+        if optimised:
+            options = llvm.create_pipeline_tuning_options(speed_level=3)
+            passes = llvm.create_pass_builder(machine, options)
+            passes.getModulePassManager().run(module, passes)
+        code: bytes = machine.emit_object(module)
+        return code
+
+
+@cache
+def _engine() -> Any:
+    """Return what holds the code of this process."""
+    import llvmlite.binding as llvm
+
+    # an engine owns its machine
+    machine = _machine.__wrapped__(host(), LEVEL)
+    for name, place in _library().items():
+        llvm.add_symbol(name, place)
+    return llvm.create_mcjit_compiler(llvm.parse_assembly(""), machine)
+
+
+def _library() -> dict[str, int]:
+    """Return the addresses of the functions of the C library that code may call."""
+    names = ["ucrtbase"] if sys.platform == "win32" else [None, ctypes.util.find_library("m")]
+    found: dict[str, int] = {}
+    for library in names:
+        with contextlib.suppress(OSError):
+            loaded = ctypes.CDLL(library)
+            for name in LIBRARY:
+                with contextlib.suppress(AttributeError):
+                    found.setdefault(name, ctypes.cast(getattr(loaded, name), ctypes.c_void_p).value or 0)
+    return found
+
+
+_loaded: dict[str, int] = {}
+
+
+def addresses_of(names: Sequence[str], code: bytes) -> list[int]:
+    """Return the addresses of functions in object code, which is loaded if it is not.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Different for different code.
+    code : bytes
+        Made for this processor.
+    """
+    if names[0] not in _loaded:
+        import llvmlite.binding as llvm
+
+        with _LOCK:
+            if names[0] not in _loaded:
+                engine = _engine()
+                engine.add_object_file(llvm.ObjectFileRef.from_data(code))
+                engine.finalize_object()
+                for name in reversed(names):  # the first one tells that all are there
+                    _loaded[name] = engine.get_function_address(name)
+    return [_loaded[name] for name in names]
