@@ -4,17 +4,30 @@ from __future__ import annotations
 
 from uqmbd.compiled.cache import cache_folder, cached, source_digest
 from uqmbd.compiled.emission import Operation
-from uqmbd.compiled.kernels import Kernel, compile_kernel, compile_operations
+from uqmbd.compiled.explicit import ORDER, STAGES, Dynamics, Method, Realisations, Status
+from uqmbd.compiled.kernel import Kernel
+from uqmbd.compiled.kernels import compile_kernel, compile_operations
 from uqmbd.compiled.native import Target, addresses_of, host, object_code
+from uqmbd.compiled.programs import Columns, Part, Program, Writer
 from uqmbd.compiled.store import Store
 from uqmbd.compiled.writer import LANES
 
 __all__ = [
+    "Columns",
+    "Dynamics",
     "Kernel",
     "LANES",
+    "Method",
+    "ORDER",
     "Operation",
+    "Part",
+    "Program",
+    "Realisations",
+    "STAGES",
+    "Status",
     "Store",
     "Target",
+    "Writer",
     "addresses_of",
     "cache_folder",
     "cached",

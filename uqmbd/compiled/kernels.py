@@ -1,51 +1,24 @@
-"""Kernels: compiled functions of rows of eight realisations."""
+"""Kernels are made: from expressions, and from operations of an elimination."""
 
 from __future__ import annotations
 
-import ctypes
 import hashlib
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from uqmbd.compiled.emission import NotCompiled, Operation, expressions_text, operations_text
-from uqmbd.compiled.native import addresses_of, host, object_code
-from uqmbd.compiled.writer import LANES
+from uqmbd.compiled.kernel import Kernel
+from uqmbd.compiled.native import host, object_code
 from uqmbd.errors import StudyError
 from uqmbd.typing import Array
 
-__all__ = ["Kernel", "compilations", "compile_kernel", "compile_operations", "replaced"]
+__all__ = ["compilations", "compile_kernel", "compile_operations", "replaced"]
 
 
 compilations = [0]
 """Number of kernels compiled by this process, for tests and provenance."""
-
-
-@dataclass(frozen=True)
-class Kernel:
-    """A compiled function ``void kernel(const V *x, V *y)`` of rows ``V`` of eight realisations.
-
-    Attributes
-    ----------
-    code : bytes
-        Object code; empty where there is nothing to compute.
-    name : str
-        Of the function in it.
-    inputs, outputs : int
-        Number of arguments and results.
-    """
-
-    code: bytes
-    name: str
-    inputs: int
-    outputs: int
-
-    @property
-    def address(self) -> int:
-        """Where the function is in memory, which the first use loads it into; 0 where there is nothing to compute."""
-        return addresses_of([self.name], self.code)[0] if self.code else 0
 
 
 def compile_kernel(arguments: Sequence[Any], expressions: Sequence[Any]) -> Kernel:
@@ -73,7 +46,7 @@ def compile_kernel(arguments: Sequence[Any], expressions: Sequence[Any]) -> Kern
     kernel = _compiled(symbols, *se.cse(rebuilt))
     point = np.random.default_rng(0).uniform(0.1, 0.9, len(symbols))
     expected = _plainly(expressions, dict(zip(symbols, point, strict=True)))
-    if expected is None or not np.allclose(_at(kernel, point), expected, rtol=1e-9, atol=1e-12, equal_nan=True):
+    if expected is None or not np.allclose(kernel(point), expected, rtol=1e-9, atol=1e-12, equal_nan=True):
         kernel = _compiled(symbols, [], rebuilt)
     return kernel
 
@@ -115,22 +88,6 @@ def _kernel(text: Any, inputs: int, outputs: int) -> Kernel:
     source = text("KERNEL")
     name = f"k{hashlib.sha256((host().digest + source).encode()).hexdigest()[:40]}"
     return Kernel(object_code(source.replace("@KERNEL(", f"@{name}(", 1)), name, inputs, outputs)
-
-
-def _at(kernel: Kernel, point: Array) -> Array:
-    """Evaluate a kernel at one point."""
-    x, y = (_aligned(rows) for rows in (kernel.inputs, kernel.outputs))
-    x[:] = point[:, None]
-    call = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p)(kernel.address)
-    call(x.ctypes.data, y.ctypes.data)
-    return y[:, 0]
-
-
-def _aligned(rows: int) -> Array:
-    """Make rows of lanes that begin at a multiple of their length in bytes."""
-    memory = np.zeros((rows + 1) * LANES)
-    first = -(memory.ctypes.data // 8) % LANES
-    return memory[first : first + rows * LANES].reshape(rows, LANES)
 
 
 def replaced(expressions: Sequence[Any], known: dict[Any, Any]) -> Sequence[Any]:

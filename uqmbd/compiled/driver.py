@@ -1,0 +1,149 @@
+"""The driver: loops over kernels that are compiled ahead of time, from ``source/*.c``, and know no mechanism.
+
+Its structures are those of the headers, field by field.  Calls release the interpreter's lock.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import hashlib
+from collections.abc import Sequence
+from functools import cache
+from importlib.resources import files
+from typing import Any
+
+import numpy as np
+
+from uqmbd.compiled.cache import cached
+from uqmbd.compiled.native import addresses_of, host, object_code
+from uqmbd.compiled.writer import LANES
+from uqmbd.typing import Array
+
+__all__ = [
+    "POOL",
+    "Pool",
+    "Problem",
+    "Program",
+    "Source",
+    "Step",
+    "Tableau",
+    "address",
+    "aligned",
+    "driver",
+]
+
+_INT, _DOUBLE, _POINTER = ctypes.c_int64, ctypes.c_double, ctypes.c_void_p
+
+
+class Step(ctypes.Structure):
+    """``Step`` of program.h."""
+
+    _fields_ = (
+        *((name, _POINTER) for name in ("code", "reads", "starts")),
+        *((name, _INT) for name in ("count", "inputs", "outputs", "first", "to")),
+    )
+
+
+class Program(ctypes.Structure):
+    """``Program`` of program.h."""
+
+    _fields_ = (("steps", _POINTER), ("count", _INT), ("scratch", _INT))
+
+
+class Source(ctypes.Structure):
+    """``Source`` of program.h."""
+
+    _fields_ = (("data", _POINTER), *((name, _INT) for name in ("stride", "columns", "divisor", "modulus", "to")))
+
+
+class Tableau(ctypes.Structure):
+    """``Tableau`` of dop853.h."""
+
+    _fields_ = tuple((name, _POINTER) for name in ("starts", "index", "weights", "moments"))
+
+
+class Problem(ctypes.Structure):
+    """``Problem`` of dop853.h."""
+
+    _fields_ = (
+        *((name, _INT) for name in ("width", "coordinates", "velocities", "parameters", "time", "rows")),
+        ("motion", Program),
+        ("rate", _POINTER),
+        ("excess", Program),
+        ("surplus", _POINTER),
+        ("tableau", _POINTER),
+        *((name, _DOUBLE) for name in ("rtol", "moving", "far", "surplus_allowed", "stiff")),
+        *((name, _INT) for name in ("patience", "refusals", "attempts", "guarded", "instants")),
+        ("times", _POINTER),
+        *((name, _POINTER) for name in ("leg_ends", "leg_longest", "leg_jumps")),
+    )
+
+
+POOL = (
+    *("z", "rate", "parameters"),
+    *("now", "begin", "wanted", "tried", "floor", "limit"),
+    *("leg", "last_leg", "column", "status", "attempts", "refused", "stiff"),
+    *("fresh", "rejected", "trusted", "told", "steps", "known"),
+    *("node_times", "nodes", "result", "poor"),
+)
+"""Arrays of a pool."""
+
+
+class Pool(ctypes.Structure):
+    """``Pool`` of dop853.h."""
+
+    _fields_ = tuple((name, _POINTER) for name in POOL)
+
+
+_FUNCTIONS: dict[str, tuple[Any, Sequence[Any]]] = {
+    "run_program": (None, [_POINTER, _POINTER]),
+    "evaluate": (None, [_POINTER, _POINTER, _POINTER, _INT, _INT, _INT, _POINTER, _INT, _POINTER]),
+    "largest": (None, [_POINTER, _POINTER, _POINTER, _INT, _INT, _INT, _POINTER, _INT, _POINTER]),
+    "advance_workspace": (_INT, [_POINTER]),
+    "advance": (_INT, [_POINTER, _POINTER, _POINTER, _INT, _POINTER, _INT]),
+    "sizes": (None, [_POINTER]),
+}
+"""Results and arguments of the functions."""
+
+
+def _object_code() -> bytes:
+    """Object code of the driver for this processor."""
+    bitcode = files("uqmbd.compiled").joinpath("source/driver.bc").read_bytes()
+    found: bytes = cached(
+        ("driver", hashlib.sha256(bitcode).hexdigest(), host().digest), lambda: object_code(bitcode, optimised=True)
+    )
+    return found
+
+
+class _Driver:
+    """The functions of the driver, as attributes."""
+
+    def __init__(self) -> None:
+        places = addresses_of(tuple(_FUNCTIONS), _object_code())
+        for (name, (result, arguments)), place in zip(_FUNCTIONS.items(), places, strict=True):
+            setattr(self, name, ctypes.CFUNCTYPE(result, *arguments)(place))
+        kinds = (Step, Program, Source, Tableau, Problem, Pool)
+        found = np.zeros(len(kinds), dtype=np.int64)
+        self.sizes(address(found))
+        assert found.tolist() == [ctypes.sizeof(kind) for kind in kinds], "driver.bc was made from other sources"
+
+    def __getattr__(self, name: str) -> Any:
+        raise AttributeError(name)
+
+
+@cache
+def driver() -> Any:
+    """Load the driver, once in a process."""
+    return _Driver()
+
+
+def address(array: np.ndarray[Any, Any] | None) -> int:
+    """Address of an array's data; 0: there is none."""
+    return 0 if array is None else array.ctypes.data
+
+
+def aligned(rows: int) -> Array:
+    """Make a work array of vectors, shape (rows, 8), zero, as kernels want it: aligned to 64 bytes."""
+    room = np.zeros(rows * LANES + LANES)
+    first = -(room.ctypes.data // 8) % LANES
+    return room[first : first + rows * LANES].reshape(rows, LANES)

@@ -1,0 +1,283 @@
+"""Explicit integration of many realisations: the driver steps eight at once, each with steps of its own.
+
+What a realisation yields depends on nothing but the realisation.  One that needs a decision is parked, with a status
+that says why; whoever decides changes its rows here, and lets it run again.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Sequence
+from copy import copy
+from dataclasses import dataclass
+from enum import IntEnum
+from functools import cache, cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uqmbd.compiled import driver as c
+from uqmbd.compiled.driver import address, aligned, driver
+from uqmbd.compiled.programs import Part
+from uqmbd.compiled.writer import LANES
+from uqmbd.typing import Array, Index
+
+__all__ = ["ORDER", "STAGES", "Dynamics", "Method", "Realisations", "Status"]
+
+STAGES = 12
+ORDER = 8
+NODES = 5
+"""Reached states that are remembered."""
+BUDGET = 40_000
+"""Evaluations, of eight states each, after which the driver returns: some 0.1 s, so that one can interrupt."""
+
+
+class Status(IntEnum):
+    """What becomes of a realisation; as in dop853.h."""
+
+    RUNNING = 0
+    DONE = 1
+    JUMP = 2
+    REFUSED = 3
+    STRAYED = 4
+    STIFF = 5
+    MANY = 6
+    SMALL = 7
+    STEPPED = 8
+
+
+Leg = tuple[float, float, bool]
+
+
+@dataclass(frozen=True)
+class Dynamics:
+    """Equations of motion, as programs on one work array.
+
+    Its first rows are a state (q, s, v), the time, zero, and the parameters.
+
+    Attributes
+    ----------
+    coordinates, velocities, width : int
+        Number of coordinates, first velocity, and length of a state.
+    parameters : int
+        How many.
+    motion : Part
+        From a state to its rate.
+    rate : array of int, shape (width,)
+        Rows of the rate.
+    excess : Part, optional
+        After `motion`: by what coordinates and velocities exceed the constraints; None: there are none.
+    surplus : array of int, shape (2 coordinate,)
+        Rows of that.
+    rows : int
+        Of the work array.
+    moving : int
+        Entries of a state that change.
+    """
+
+    coordinates: int
+    velocities: int
+    width: int
+    parameters: int
+    motion: Part
+    rate: Index
+    excess: Part | None
+    surplus: Index | None
+    rows: int
+    moving: int
+
+
+@dataclass(frozen=True)
+class Method:
+    """How to integrate.
+
+    Attributes
+    ----------
+    rtol : float
+        Relative tolerance.
+    far : float
+        An interpolated state that is farther off the constraints is noted as poor.
+    surplus : float
+        Tolerances by which a step may leave the constraints.
+    stiff : float
+        Step size times the size of the Jacobian from which stability, not accuracy, limits the step.
+    patience : int
+        Steps in a row that must look stiff.
+    refusals : int
+        Refused steps in a row after which somebody is asked.
+    attempts : int
+        Most attempted steps of a leg.
+    guarded : bool
+        Whether somebody is asked about refused steps, and those that leave the constraints.
+    """
+
+    rtol: float
+    far: float
+    surplus: float
+    stiff: float
+    patience: int
+    refusals: int
+    attempts: int
+    guarded: bool
+
+
+@cache
+def tableau() -> tuple[c.Tableau, tuple[NDArray[Any], ...]]:
+    """Make the coefficients, which are SciPy's, without their zeros; and what must live as long."""
+    from scipy.integrate import DOP853 as method
+
+    count = STAGES + 4
+    unit = np.eye(count)
+    step = np.concatenate([method.B, np.zeros(4)])
+    errors = np.zeros((2, count))
+    errors[0, : STAGES + 1], errors[1, : STAGES + 1] = method.E5[: STAGES + 1], method.E3[: STAGES + 1]
+    stages = np.zeros((STAGES, count))
+    stages[:, :STAGES] = method.A[:STAGES, :STAGES]
+    dense = [step, unit[0] - step, 2 * step - unit[STAGES] - unit[0], *method.D]
+    table = np.vstack([stages, step, method.A_EXTRA, *dense, errors])
+    index = [np.flatnonzero(row) for row in table]
+    starts = np.cumsum([0, *map(len, index)]).astype(np.int64)
+    weights = np.concatenate([row[i] for row, i in zip(table, index, strict=True)])
+    moments = np.concatenate([method.C[:STAGES], [1.0], method.C_EXTRA])
+    kept = (starts, np.concatenate(index).astype(np.int64), weights, moments)
+    return c.Tableau(*map(address, kept)), kept
+
+
+class Realisations:
+    """Where an integration of M realisations stands: rows of arrays, which the driver and whoever decides share.
+
+    Parameters
+    ----------
+    dynamics : Dynamics
+        Their equations.
+    method : Method
+        How.
+    z : array, shape (M, width)
+        Initial states.
+    parameters : array, shape (M, parameter)
+        Of each.
+    times : array, shape (T,)
+        Output times; the first is the start.
+    legs : sequence of sequence of (end, longest, jumps)
+        For each where it starts anew, how long steps may be until then, and whether somebody is asked there.  Those of
+        the first are those of all, if there are no others.
+    floor : array, shape (M,)
+        Absolute tolerances.
+
+    Attributes
+    ----------
+    result : array, shape (M, T, width)
+        States at the output times, put on the constraints.
+    poor : array of int, shape (M, T)
+        Which of them interpolation has led far off the constraints.
+    status : array of int, shape (M,)
+        See `Status`.
+    evaluations : int
+        So far, of eight states each.
+    """
+
+    def __init__(
+        self,
+        dynamics: Dynamics,
+        method: Method,
+        z: Array,
+        parameters: Array,
+        times: Array,
+        legs: Sequence[Sequence[Leg]],
+        floor: Array,
+    ) -> None:
+        count, width = z.shape
+        self.dynamics, self.method, self.evaluations = dynamics, method, 0
+        self.times = np.ascontiguousarray(times, dtype=float)
+        self.z = np.array(z, dtype=float, order="C")
+        self.rate = np.zeros_like(self.z)
+        self.parameters = np.ascontiguousarray(parameters[:, : dynamics.parameters], dtype=float)
+        self.now, self.begin = np.full((2, count), self.times[0])
+        self.wanted, self.floor = np.zeros(count), np.ascontiguousarray(floor, dtype=float)
+        self.limit, self.tried = np.full(count, np.inf), np.zeros(count)
+        integers = np.zeros((13, count), dtype=np.int64)
+        self.leg, self.last_leg, self.column, self.status, self.attempts, self.refused, self.stiff = integers[:7]
+        self.fresh, self.rejected, self.trusted, self.told, self.steps, self.known = integers[7:]
+        ends = np.cumsum([len(x) for x in legs])
+        self.last_leg[:] = ends - 1
+        self.leg[1:] = ends[:-1] if len(legs) == count else 0
+        every = [leg for some in legs for leg in some]
+        self.leg_ends, self.leg_longest = (np.array([leg[k] for leg in every], dtype=float) for k in (0, 1))
+        self.leg_jumps = np.array([leg[2] for leg in every], dtype=np.int64)
+        self.column[:], self.fresh[:], self.known[:] = 1, 1, 1
+        self.node_times, self.nodes = np.zeros((count, NODES)), np.zeros((count, NODES, width))
+        self.node_times[:, -1], self.nodes[:, -1] = self.times[0], z
+        self.result = np.full((count, len(self.times), width), np.nan)
+        self.result[:, 0] = z
+        self.poor = np.zeros((count, len(self.times)), dtype=np.int8)
+
+    def advance(self, members: Index | None = None) -> None:
+        """Let members run, or all, until none is running."""
+        queue = np.arange(len(self.z)) if members is None else np.ascontiguousarray(members, dtype=np.int64)
+        problem, pool = self._problem, self._pool
+        functions = driver()
+        workspace = aligned(-(-functions.advance_workspace(ctypes.addressof(problem)) // LANES))
+        while np.any(self.status[queue] == Status.RUNNING):
+            self.evaluations += functions.advance(
+                ctypes.addressof(problem),
+                ctypes.addressof(pool),
+                address(queue),
+                len(queue),
+                address(workspace),
+                BUDGET,
+            )
+
+    # -- for whoever decides -----------------------------------------------------------------------------------------
+    def known_nodes(self, member: int) -> tuple[Array, Array]:
+        """Return the states that were reached last: times (N,) and states (N, width)."""
+        first = NODES - int(self.known[member])
+        return self.node_times[member, first:], self.nodes[member, first:]
+
+    def settle(self, member: int, state: Array) -> None:
+        """Put another state in the place of the one that was reached last."""
+        self.z[member] = self.nodes[member, -1] = state
+        self.fresh[member] = 1
+
+    def go_on_from(self, member: int, time: float, state: Array) -> None:
+        """Go on from some state; what was reached before is forgotten."""
+        self.now[member] = self.node_times[member, -1] = time
+        self.known[member] = 1
+        self.settle(member, state)
+
+    def step_back(self, member: int) -> None:
+        """Go on from the state before the one that was reached last."""
+        for array in (self.node_times, self.nodes):
+            array[member, 1:] = array[member, :-1].copy()
+        self.known[member] -= 1
+        self.now[member], self.z[member] = self.node_times[member, -1], self.nodes[member, -1]
+        self.fresh[member] = 1
+
+    def moved(self, member: int, dynamics: Dynamics) -> Realisations:
+        """Make one of them go on with other equations; its results are still written here."""
+        new, one = copy(self), slice(member, member + 1)
+        for name in c.POOL:
+            rows = getattr(self, name)[one]
+            setattr(new, name, rows if name in ("result", "poor") else rows.copy())
+        new.__dict__.pop("_pool", None)
+        new.__dict__.pop("_problem", None)
+        new.dynamics, new.evaluations = dynamics, 0
+        new.steps[:] = 0
+        self.status[member] = Status.DONE
+        return new
+
+    @cached_property
+    def _pool(self) -> c.Pool:
+        return c.Pool(*(address(getattr(self, name)) for name in c.POOL))
+
+    @cached_property
+    def _problem(self) -> c.Problem:
+        d, m = self.dynamics, self.method
+        return c.Problem(
+            *(d.width, d.coordinates, d.velocities, d.parameters, d.width, d.rows),
+            *(d.motion.structure, address(d.rate)),
+            *((d.excess or Part((), 0)).structure, address(d.surplus), ctypes.addressof(tableau()[0])),
+            *(m.rtol, float(d.moving), m.far, m.surplus, m.stiff),
+            *(m.patience, m.refusals, m.attempts, int(m.guarded), len(self.times)),
+            *map(address, (self.times, self.leg_ends, self.leg_longest, self.leg_jumps)),
+        )

@@ -1,0 +1,86 @@
+"""Kernels: compiled functions of rows of eight realisations."""
+
+from __future__ import annotations
+
+import ctypes
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from uqmbd.compiled import driver as c
+from uqmbd.compiled.driver import address, aligned, driver
+from uqmbd.compiled.native import addresses_of
+from uqmbd.typing import Array
+
+__all__ = ["Kernel"]
+
+
+@dataclass(frozen=True)
+class Kernel:
+    """A compiled function ``void kernel(const V *x, V *y)`` of rows ``V`` of eight realisations.
+
+    Attributes
+    ----------
+    code : bytes
+        Object code; empty where there is nothing to compute.
+    name : str
+        Of the function in it.
+    inputs, outputs : int
+        Number of arguments and results.
+    """
+
+    code: bytes
+    name: str
+    inputs: int
+    outputs: int
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Leave out what is made anew: addresses."""
+        return {key: value for key, value in self.__dict__.items() if key != "_native"}
+
+    @property
+    def address(self) -> int:
+        """Where the function is in memory, which the first use loads it into; 0 where there is nothing to compute."""
+        return addresses_of([self.name], self.code)[0] if self.code else 0
+
+    def __call__(self, arguments: Array, out: Array | None = None) -> Array:
+        """Evaluate.
+
+        Parameters
+        ----------
+        arguments : array, shape (..., inputs)
+            One realisation after the other.
+        out : array, shape (..., outputs), optional
+            Where to write; C-contiguous.
+
+        Returns
+        -------
+        array, shape (..., outputs)
+        """
+        rows = np.ascontiguousarray(arguments, dtype=float)
+        if out is None:
+            out = np.empty((*rows.shape[:-1], self.outputs))
+        if rows.shape[-1] != self.inputs:
+            raise ValueError(f"a kernel of {self.inputs} arguments was given {rows.shape[-1]}")
+        if not out.size:
+            return out
+        if not self.code:
+            out[...] = 0.0
+            return out
+        program, results, step = self._native
+        count = max(1, out.size // self.outputs)
+        source = c.Source(address(rows), self.inputs, self.inputs, 1, count, 0)
+        work = aligned(self.inputs + self.outputs)
+        driver().evaluate(
+            *(ctypes.addressof(program), address(work), ctypes.addressof(source), 1, 0, count),
+            *(address(results), self.outputs, address(out)),
+        )
+        return out
+
+    @cached_property
+    def _native(self) -> tuple[c.Program, Any, c.Step]:
+        step = c.Step(self.address, 0, 0, 1, self.inputs, self.outputs, 0, self.inputs)
+        results = np.arange(self.inputs, self.inputs + self.outputs)
+        return c.Program(ctypes.addressof(step), 1, 0), results, step

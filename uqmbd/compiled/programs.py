@@ -1,0 +1,222 @@
+"""Programs: what a mechanism computes, as kernels and sums on a work array whose rows are vectors of eight numbers."""
+
+from __future__ import annotations
+
+import ctypes
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from uqmbd.compiled import driver as c
+from uqmbd.compiled.driver import address, aligned, driver
+from uqmbd.compiled.kernel import Kernel
+from uqmbd.typing import Array, Index
+
+__all__ = ["Columns", "Part", "Program", "Step", "Writer"]
+
+
+@dataclass(frozen=True)
+class Step:
+    """Either a kernel for some instances, or (without a kernel) sums of rows.
+
+    Attributes
+    ----------
+    reads : array of int, optional
+        Rows of all arguments of all instances, or of all terms; None: arguments stand from row `first` on.
+    starts : array of int, optional
+        First term of each sum, and the end.
+    to : int
+        Row of the first result.
+    """
+
+    kernel: Kernel | None
+    count: int
+    reads: Index | None
+    starts: Index | None
+    first: int
+    to: int
+
+
+@dataclass(frozen=True)
+class Columns:
+    """Arguments that stand in the columns of an array (N, column), for state number k in row ``k // divisor % N``."""
+
+    data: Array
+    divisor: int = 1
+
+
+@dataclass(frozen=True)
+class Part:
+    """Some steps on a work array.
+
+    Attributes
+    ----------
+    steps : tuple of Step
+        One after the other.
+    scratch : int
+        Row from which on arguments may be gathered.
+    """
+
+    steps: tuple[Step, ...]
+    scratch: int
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Leave out what is made anew: addresses."""
+        return {key: value for key, value in self.__dict__.items() if key not in ("_native", "structure")}
+
+    @cached_property
+    def structure(self) -> c.Program:
+        """The steps as the driver wants them."""
+        return c.Program(ctypes.addressof(self._native), len(self.steps), self.scratch)
+
+    @cached_property
+    def _native(self) -> Any:
+        rows = []
+        for s in self.steps:
+            code, inputs, outputs = (0, 0, 1)
+            if s.kernel is not None:
+                code, inputs, outputs = s.kernel.address, s.kernel.inputs, s.kernel.outputs
+            rows.append(c.Step(code, address(s.reads), address(s.starts), s.count, inputs, outputs, s.first, s.to))
+        return (c.Step * max(1, len(rows)))(*rows)
+
+
+class Writer:
+    """Writes programs that share a work array.
+
+    Parameters
+    ----------
+    inputs : int
+        Rows of the arguments, the first ones.
+    """
+
+    def __init__(self, inputs: int) -> None:
+        self.inputs, self.rows = inputs, inputs
+        self.widest = 1
+        self.steps: list[Step] = []
+
+    def call(self, kernel: Kernel, reads: Index) -> Index:
+        """Call a kernel for arguments that stand in rows `reads` (instance, argument); rows of the results, alike."""
+        count = len(reads)
+        to, self.rows = self.rows, self.rows + count * kernel.outputs
+        if count and kernel.outputs:
+            flat = np.ascontiguousarray(reads, dtype=np.int64).ravel()
+            first = int(flat[0]) if len(flat) else 0
+            table = None if np.array_equal(flat, np.arange(first, first + len(flat))) else flat
+            self.widest = max(self.widest, kernel.inputs)
+            self.steps.append(Step(kernel, count, table, None, first, to))
+        return np.arange(to, self.rows, dtype=np.int64).reshape(count, kernel.outputs)
+
+    def sums(self, terms: Sequence[Sequence[int]]) -> Index:
+        """Add up rows; rows of the sums.  An empty sum is zero."""
+        to, self.rows = self.rows, self.rows + len(terms)
+        starts = np.array([0, *itertools.accumulate(map(len, terms))], dtype=np.int64)
+        reads = np.array([x for sum_ in terms for x in sum_] or [0], dtype=np.int64)
+        if terms:
+            self.steps.append(Step(None, len(terms), reads, starts, 0, to))
+        return np.arange(to, self.rows, dtype=np.int64)
+
+    @property
+    def size(self) -> int:
+        """Rows of the work array, with room for arguments that are gathered."""
+        return self.rows + self.widest
+
+    def part(self, begin: int = 0, end: int | None = None) -> Part:
+        """Lay out some of the steps for the driver; nothing may be written any more."""
+        return Part(tuple(self.steps[begin:end]), self.rows)
+
+    def program(self, results: Index) -> Program:
+        """Make a program of all steps, with rows of its results."""
+        results = np.ascontiguousarray(results, dtype=np.int64).ravel()
+        return Program(self.part(), self.inputs, self.size, results)
+
+
+@dataclass(frozen=True)
+class Program:
+    """Steps, and where their results stand.
+
+    Attributes
+    ----------
+    part : Part
+        The steps.
+    inputs : int
+        Number of arguments, in the first rows.
+    rows : int
+        Of the work array.
+    results : array of int
+        Rows.
+    """
+
+    part: Part
+    inputs: int
+    rows: int
+    results: Index = field(repr=False)
+
+    def __call__(self, *sources: Array | Columns, count: int | None = None, out: Array | None = None) -> Array:
+        """Evaluate.
+
+        Parameters
+        ----------
+        *sources : array, shape (K, argument), or Columns
+            The arguments, one array of columns after the other.
+        count : int, optional
+            Number of states, if no array has that many rows.
+        out : array, shape (K, result), optional
+            Where to write.
+
+        Returns
+        -------
+        array, shape (K, result)
+        """
+        table, kept, count = self._sources(sources, count)
+        if out is None:
+            out = np.empty((count, len(self.results)))
+        if count and len(self.results):
+            driver().evaluate(
+                ctypes.addressof(self.part.structure),
+                address(aligned(self.rows)),
+                ctypes.addressof(table),
+                len(kept),
+                0,
+                count,
+                address(self.results),
+                len(self.results),
+                address(out),
+            )
+        return out
+
+    def largest(self, *sources: Array | Columns, states: int, count: int | None = None) -> Array:
+        """Find the largest magnitudes of the results of `states` states each, shape (K / states, result)."""
+        table, kept, count = self._sources(sources, count)
+        out = np.zeros((count // states, len(self.results)))
+        if count and len(self.results):
+            driver().largest(
+                ctypes.addressof(self.part.structure),
+                address(aligned(self.rows)),
+                ctypes.addressof(table),
+                len(kept),
+                states,
+                count,
+                address(self.results),
+                len(self.results),
+                address(out),
+            )
+        return out
+
+    def _sources(self, sources: Sequence[Array | Columns], count: int | None) -> tuple[Any, list[Array], int]:
+        rows, kept, to = [], list[Array](), 0
+        for source in sources:
+            columns = source if isinstance(source, Columns) else Columns(source)
+            data = np.ascontiguousarray(columns.data, dtype=float)
+            data = data[:, None] if data.ndim == 1 else data
+            kept.append(data)
+            if count is None:
+                count = len(data)
+            rows.append(c.Source(address(data), data.shape[1], data.shape[1], columns.divisor, max(1, len(data)), to))
+            to += data.shape[1]
+        if to != self.inputs:
+            raise ValueError(f"a program of {self.inputs} arguments was given {to}")
+        return (c.Source * max(1, len(rows)))(*rows), kept, count or 0

@@ -1,0 +1,422 @@
+#include "dop853.h"
+
+typedef struct {
+    V *work, *z, *next, *last, *rates, *dense, *surplus, *nodes, *node_times;
+    V now, begin, end, low, high, bound, wanted, size, floor, limit, error;
+    Mask running, fresh;
+    int64_t member[LANES];
+    int64_t evaluations;
+} Group;
+
+int64_t advance_workspace(const Problem *p) {
+    int64_t rows = p->rows + (3 + ALL_STAGES + DENSE + NODES) * p->width + 2 * p->coordinates + NODES;
+    return rows * LANES;
+}
+
+static void place(const Problem *p, Group *g, double *workspace) {
+    V *at = (V *)workspace;
+    int64_t width = p->width;
+    g->work = at;
+    at += p->rows;
+    g->z = at;
+    at += width;
+    g->next = at;
+    at += width;
+    g->last = at;
+    at += width;
+    g->rates = at;
+    at += ALL_STAGES * width;
+    g->dense = at;
+    at += DENSE * width;
+    g->nodes = at;
+    at += NODES * width;
+    g->surplus = at;
+    at += 2 * p->coordinates;
+    g->node_times = at;
+    g->evaluations = 0;
+}
+
+/* -- lanes ---------------------------------------------------------------------------------------------------------- */
+
+/* Times between which the equations are evaluated: at the ends of a leg forces may jump. */
+static void bounds(const Problem *p, Group *g, int64_t l, int64_t leg) {
+    double begin = g->begin[l], end = p->leg_ends[leg];
+    double size = 1.0;
+    if (begin > size) size = begin;
+    if (-begin > size) size = -begin;
+    if (end > size) size = end;
+    g->end[l] = end;
+    g->bound[l] = p->leg_longest[leg];
+    g->low[l] = begin + 1e-12 * size;
+    g->high[l] = end - 1e-12 * size;
+}
+
+static void load_lane(const Problem *p, const Pool *pool, Group *g, int64_t l, int64_t m, int64_t running) {
+    int64_t width = p->width;
+    g->member[l] = running ? m : -1;
+    g->running[l] = running ? -1 : 0;
+    for (int64_t i = 0; i < width; i++) g->z[i][l] = pool->z[m * width + i];
+    for (int64_t i = 0; i < width; i++) g->rates[i][l] = pool->rate[m * width + i];
+    for (int64_t i = 0; i < NODES * width; i++) g->nodes[i][l] = pool->nodes[m * NODES * width + i];
+    for (int64_t i = 0; i < NODES; i++) g->node_times[i][l] = pool->node_times[m * NODES + i];
+    V *parameters = g->work + p->time + 2;
+    for (int64_t i = 0; i < p->parameters; i++) parameters[i][l] = pool->parameters[m * p->parameters + i];
+    g->now[l] = pool->now[m];
+    g->begin[l] = pool->begin[m];
+    g->wanted[l] = pool->wanted[m];
+    g->floor[l] = pool->floor[m];
+    g->limit[l] = pool->limit[m];
+    g->fresh[l] = running && pool->fresh[m] ? -1 : 0;
+    bounds(p, g, l, pool->leg[m] <= pool->last_leg[m] ? pool->leg[m] : pool->last_leg[m]);
+}
+
+static void store_lane(const Problem *p, const Pool *pool, Group *g, int64_t l) {
+    int64_t width = p->width, m = g->member[l];
+    for (int64_t i = 0; i < width; i++) pool->z[m * width + i] = g->z[i][l];
+    for (int64_t i = 0; i < width; i++) pool->rate[m * width + i] = g->rates[i][l];
+    for (int64_t i = 0; i < NODES * width; i++) pool->nodes[m * NODES * width + i] = g->nodes[i][l];
+    for (int64_t i = 0; i < NODES; i++) pool->node_times[m * NODES + i] = g->node_times[i][l];
+    pool->now[m] = g->now[l];
+    pool->begin[m] = g->begin[l];
+    pool->wanted[m] = g->wanted[l];
+    pool->tried[m] = g->size[l];
+    pool->fresh[m] = g->fresh[l] ? 1 : 0;
+    g->member[l] = -1;
+    g->running[l] = 0;
+}
+
+/* -- the method ----------------------------------------------------------------------------------------------------- */
+
+/* Rate of the state in the work array. */
+static void evaluate_rate(const Problem *p, Group *g, V time, V *rate) {
+    g->work[p->time] = smaller(larger(time, g->low), g->high);
+    run_program(&p->motion, g->work);
+    for (int64_t i = 0; i < p->width; i++) rate[i] = g->work[p->rate[i]];
+    g->evaluations++;
+}
+
+/* By what the state in the work array, whose rate was evaluated just now, exceeds the constraints. */
+static void find_surplus(const Problem *p, Group *g, V *surplus) {
+    run_program(&p->excess, g->work);
+    for (int64_t i = 0; i < 2 * p->coordinates; i++) surplus[i] = g->work[p->surplus[i]];
+}
+
+INLINE V combination(const Problem *p, const Group *g, int64_t row, int64_t i) {
+    const Tableau *t = p->tableau;
+    V sum = splat(0.0);
+    for (int64_t j = t->starts[row]; j < t->starts[row + 1]; j++)
+        sum += t->weights[j] * g->rates[t->index[j] * p->width + i];
+    return sum;
+}
+
+static void combine(const Problem *p, const Group *g, int64_t row, V *target) {
+    for (int64_t i = 0; i < p->width; i++) target[i] = g->z[i] + g->size * combination(p, g, row, i);
+}
+
+INLINE V scaled_squares(const Problem *p, const Group *g, const V *x) {
+    V sum = splat(0.0);
+    for (int64_t i = 0; i < p->width; i++) {
+        V part = x[i] / (g->floor + p->rtol * magnitude(g->z[i]));
+        sum += part * part;
+    }
+    return sum / (double)p->width;
+}
+
+/* Evaluate the rates of lanes that start anew, and guess the first step of those that have none (II.4 of the book). */
+static void start(const Problem *p, Group *g) {
+    int64_t width = p->width;
+    copy(g->work, g->z, width);
+    evaluate_rate(p, g, g->now, g->next);
+    for (int64_t i = 0; i < width; i++) g->rates[i] = choose(g->fresh, g->next[i], g->rates[i]);
+    Mask unknown = g->fresh & (g->wanted <= splat(0.0));
+    g->fresh = (Mask){0};
+    if (!any(unknown)) return;
+    V size = root(scaled_squares(p, g, g->z)), slope = root(scaled_squares(p, g, g->rates));
+    V guess = choose((size < splat(1e-5)) | (slope < splat(1e-5)), splat(1e-6), 0.01 * size / slope);
+    guess = smaller(guess, g->end - g->now);
+    for (int64_t i = 0; i < width; i++) g->work[i] = g->z[i] + guess * g->rates[i];
+    evaluate_rate(p, g, g->now + guess, g->next);
+    for (int64_t i = 0; i < width; i++) g->next[i] -= g->rates[i];
+    V most = larger(slope, root(scaled_squares(p, g, g->next)) / guess);
+    V second = root(root(root(0.01 / larger(most, splat(1e-300)))));
+    second = choose(most <= splat(1e-15), larger(splat(1e-6), 1e-3 * guess), second);
+    V first = smaller(100.0 * guess, second);
+    first = choose(first < splat(1e300), first, 1e-6 * (g->end - g->now));
+    g->wanted = choose(unknown, first, g->wanted);
+}
+
+static void attempt(const Problem *p, Group *g) {
+    int64_t width = p->width;
+    for (int64_t stage = 1; stage < STAGES; stage++) {
+        combine(p, g, stage, g->work);
+        if (stage == STAGES - 1) copy(g->last, g->work, width);
+        evaluate_rate(p, g, g->now + p->tableau->moments[stage] * g->size, g->rates + stage * width);
+    }
+    combine(p, g, ROW_STEP, g->next);
+    copy(g->work, g->next, width);
+    evaluate_rate(p, g, g->now + g->size, g->rates + STAGES * width);
+    V fifth = splat(0.0), third = splat(0.0);
+    for (int64_t i = 0; i < width; i++) {
+        V scale = 1.0 / (g->floor + p->rtol * larger(magnitude(g->z[i]), magnitude(g->next[i])));
+        V a = combination(p, g, ROW_FIFTH, i) * scale, b = combination(p, g, ROW_THIRD, i) * scale;
+        fifth += a * a;
+        third += b * b;
+    }
+    /* where both vanish so does the error; what is not finite stays so */
+    g->error = g->size * fifth / root((fifth + 0.01 * third) * p->moving + 1e-300);
+}
+
+/* Coefficients of the interpolant of the last attempt. */
+static void interpolant(const Problem *p, Group *g) {
+    int64_t width = p->width;
+    for (int64_t more = 0; more < 3; more++) {
+        int64_t stage = STAGES + 1 + more;
+        combine(p, g, ROW_MORE + more, g->work);
+        evaluate_rate(p, g, g->now + p->tableau->moments[stage] * g->size, g->rates + stage * width);
+    }
+    for (int64_t r = 0; r < DENSE; r++)
+        for (int64_t i = 0; i < width; i++) g->dense[r * width + i] = g->size * combination(p, g, ROW_DENSE + r, i);
+}
+
+/* State at a part of the last attempt. */
+static void interpolate(const Problem *p, const Group *g, V part, V *target) {
+    int64_t width = p->width;
+    V rest = 1.0 - part;
+    for (int64_t i = 0; i < width; i++) {
+        V sum = g->dense[(DENSE - 1) * width + i];
+        for (int64_t r = DENSE - 2; r >= 0; r--) sum = g->dense[r * width + i] + (r % 2 ? part : rest) * sum;
+        target[i] = g->z[i] + part * sum;
+    }
+}
+
+/* Write the states at the output times up to `last`, put on the constraints. */
+static void write_outputs(const Problem *p, const Pool *pool, Group *g, Mask taken, V last) {
+    int64_t width = p->width, n = p->coordinates, known = 0;
+    for (;;) {
+        Mask due = {0};
+        V moment = g->now;
+        for (int64_t l = 0; l < LANES; l++) {
+            int64_t column = taken[l] ? pool->column[g->member[l]] : p->instants;
+            if (column >= p->instants || p->times[column] > last[l]) continue;
+            due[l] = -1;
+            moment[l] = p->times[column];
+        }
+        if (!any(due)) return;
+        if (!known) interpolant(p, g);
+        known = 1;
+        V *x = g->work;
+        interpolate(p, g, smaller((moment - g->now) / g->size, splat(1.0)), x);
+        Mask poor = {0};
+        if (p->surplus) {
+            g->work[p->time] = moment;
+            run_program(&p->motion, g->work);
+            run_program(&p->excess, g->work);
+            g->evaluations++;
+            for (int64_t i = 0; i < n; i++) {
+                V q = g->work[p->surplus[i]], v = g->work[p->surplus[n + i]];
+                poor |= ~(larger(magnitude(q), magnitude(v)) <= splat(p->far));
+                x[i] -= q;
+                x[p->velocities + i] -= v;
+            }
+        }
+        for (int64_t l = 0; l < LANES; l++) {
+            if (!due[l]) continue;
+            int64_t m = g->member[l], at = m * p->instants + pool->column[m]++;
+            for (int64_t i = 0; i < width; i++) pool->result[at * width + i] = x[i][l];
+            pool->poor[at] = poor[l] != 0;
+        }
+    }
+}
+
+/* Lanes whose step leads farther off the constraints than tolerances do. */
+static Mask strayed(const Problem *p, const Group *g) {
+    int64_t n = p->coordinates;
+    V sum = splat(0.0), most = splat(p->surplus_allowed * p->surplus_allowed * p->moving);
+    for (int64_t i = 0; i < 2 * n; i++) sum += g->surplus[i] * g->surplus[i];
+    Mask doubtful = ~(sum <= most * g->floor * g->floor);
+    if (!any(doubtful & g->running)) return (Mask){0};
+    sum = splat(0.0);
+    for (int64_t i = 0; i < n; i++) {
+        V q = g->surplus[i] / (g->floor + p->rtol * magnitude(g->z[i]));
+        V v = g->surplus[n + i] / (g->floor + p->rtol * magnitude(g->z[p->velocities + i]));
+        sum += q * q + v * v;
+    }
+    return doubtful & ~(sum <= most);
+}
+
+/* Whether stability limits the steps. */
+static Mask looks_stiff(const Problem *p, const Group *g) {
+    int64_t width = p->width;
+    V change = splat(0.0), apart = splat(0.0);
+    for (int64_t i = 0; i < width; i++) {
+        V a = g->rates[STAGES * width + i] - g->rates[(STAGES - 1) * width + i], b = g->next[i] - g->last[i];
+        change += a * a;
+        apart += b * b;
+    }
+    return g->size * root(change / (apart + 1e-300)) > splat(p->stiff);
+}
+
+/* Remember the states that were reached. */
+static void remember(const Problem *p, Group *g, Mask taken) {
+    int64_t width = p->width;
+    for (int64_t k = 0; k + 1 < NODES; k++) {
+        g->node_times[k] = choose(taken, g->node_times[k + 1], g->node_times[k]);
+        for (int64_t i = 0; i < width; i++)
+            g->nodes[k * width + i] = choose(taken, g->nodes[(k + 1) * width + i], g->nodes[k * width + i]);
+    }
+    V *newest = g->nodes + (NODES - 1) * width;
+    g->node_times[NODES - 1] = choose(taken, g->now, g->node_times[NODES - 1]);
+    for (int64_t i = 0; i < width; i++) newest[i] = choose(taken, g->z[i], newest[i]);
+}
+
+/* Go on from the states that were reached, put on the constraints; their rates change by the same little. */
+static void accept(const Problem *p, Group *g, Mask taken) {
+    int64_t width = p->width, n = p->coordinates;
+    const V *reached = g->rates + STAGES * width;
+    for (int64_t i = 0; i < width; i++) {
+        g->z[i] = choose(taken, g->next[i], g->z[i]);
+        g->rates[i] = choose(taken, reached[i], g->rates[i]);
+    }
+    if (!p->surplus) return;
+    for (int64_t i = 0; i < n; i++) {
+        V v = choose(taken, g->surplus[n + i], splat(0.0));
+        g->z[i] -= choose(taken, g->surplus[i], splat(0.0));
+        g->z[p->velocities + i] -= v;
+        g->rates[i] -= v;
+    }
+}
+
+/* Choose the sizes of the next steps. */
+static void choose_sizes(const Pool *pool, Group *g) {
+    for (int64_t l = 0; l < LANES; l++) {
+        if (!g->running[l]) {
+            g->size[l] = 0.0;
+            continue;
+        }
+        double left = g->end[l] - g->now[l], size = g->wanted[l];
+        if (left < size) size = left;
+        if (g->bound[l] < size) size = g->bound[l];
+        if (g->limit[l] < size) size = g->limit[l];
+        if (size > left - 0.1 * size) size = left; /* no tiny last step */
+        g->size[l] = size;
+        pool->attempts[g->member[l]]++;
+    }
+}
+
+/* Decide about the attempts of all lanes; the lanes whose steps are taken, and the status of those that wait. */
+static Mask decide(const Problem *p, const Pool *pool, Group *g, int64_t *status) {
+    V shrink = 0.9 / root(root(root(g->error)));
+    Mask taken = {0};
+    for (int64_t l = 0; l < LANES; l++) {
+        status[l] = RUNNING;
+        if (!g->running[l]) continue;
+        int64_t m = g->member[l];
+        double span = g->end[l] - g->begin[l], now = g->now[l] < 0 ? -g->now[l] : g->now[l];
+        double least = 1e-13 * (now > span ? now : span);
+        if ((double)pool->attempts[m] > (double)p->attempts + span / g->bound[l]) {
+            status[l] = MANY;
+        } else if (g->size[l] < least) {
+            status[l] = SMALL;
+        } else if (g->error[l] < 1.0) {
+            taken[l] = -1;
+        } else {
+            g->wanted[l] = g->size[l] * (g->error[l] < 1e300 && shrink[l] > 0.2 ? shrink[l] : 0.2);
+            pool->rejected[m] = 1;
+            if (++pool->refused[m] % p->refusals == 0 && p->guarded) status[l] = REFUSED;
+        }
+    }
+    return taken;
+}
+
+/* What follows from a step that was taken: the next size, the end of a leg, the end. */
+static int64_t advance_lane(const Problem *p, const Pool *pool, Group *g, int64_t l, double error, int stiff) {
+    int64_t m = g->member[l];
+    double factor = 5.0;
+    if (error > 1e-10) {
+        double part = 0.9 / __builtin_sqrt(__builtin_sqrt(__builtin_sqrt(error)));
+        if (part < factor) factor = part;
+    }
+    if (pool->rejected[m] && factor > 1.0) factor = 1.0;
+    g->wanted[l] = g->size[l] * factor;
+    pool->rejected[m] = pool->refused[m] = pool->trusted[m] = 0;
+    pool->steps[m]++;
+    if (pool->known[m] < NODES) pool->known[m]++;
+    pool->stiff[m] = stiff ? pool->stiff[m] + 1 : 0;
+    if (pool->stiff[m] >= p->patience) return STIFF;
+    if (g->now[l] < g->end[l] - (g->low[l] - g->begin[l])) return pool->told[m] ? STEPPED : RUNNING;
+    int64_t leg = pool->leg[m]++;
+    g->now[l] = g->begin[l] = g->end[l];
+    pool->attempts[m] = 0;
+    if (leg == pool->last_leg[m]) return DONE;
+    pool->known[m] = 1;
+    g->fresh[l] = -1;
+    bounds(p, g, l, leg + 1);
+    if (g->wanted[l] > g->end[l] - g->begin[l]) g->wanted[l] = g->end[l] - g->begin[l];
+    return p->leg_jumps[leg] ? JUMP : RUNNING;
+}
+
+static void step(const Problem *p, const Pool *pool, Group *g, int64_t *status) {
+    choose_sizes(pool, g);
+    attempt(p, g);
+    Mask taken = decide(p, pool, g, status);
+    if (!any(taken)) return;
+    if (p->surplus) find_surplus(p, g, g->surplus);
+    if (p->surplus && p->guarded) {
+        Mask astray = strayed(p, g) & taken;
+        for (int64_t l = 0; l < LANES; l++) {
+            if (!astray[l] || pool->trusted[g->member[l]]) continue;
+            taken[l] = 0;
+            status[l] = STRAYED;
+            g->wanted[l] = g->size[l];
+        }
+    }
+    Mask stiff = looks_stiff(p, g);
+    V reached = choose(g->size >= g->end - g->now, g->end, g->now + g->size), last = reached;
+    double end = p->times[p->instants - 1];
+    for (int64_t l = 0; l < LANES; l++) {
+        double off = end - last[l], near = 1e-12 * (end > 1.0 ? end : end < -1.0 ? -end : 1.0);
+        if (off < near && -off < near) last[l] = end;
+    }
+    write_outputs(p, pool, g, taken, last);
+    accept(p, g, taken);
+    g->now = choose(taken, reached, g->now);
+    if (p->guarded) remember(p, g, taken);
+    for (int64_t l = 0; l < LANES; l++)
+        if (taken[l]) status[l] = advance_lane(p, pool, g, l, g->error[l], stiff[l] != 0);
+}
+
+int64_t advance(const Problem *p, const Pool *pool, const int64_t *queue, int64_t count, double *workspace,
+                int64_t budget) {
+    Group g;
+    place(p, &g, workspace);
+    g.work[p->time + 1] = splat(0.0);
+    int64_t next = 0, running = 0;
+    for (int64_t l = 0; l < LANES; l++) {
+        while (next < count && pool->status[queue[next]] != RUNNING) next++;
+        /* a lane without a member computes something harmless */
+        load_lane(p, pool, &g, l, queue[next < count ? next : 0], next < count);
+        running += next < count;
+        if (next < count) next++;
+    }
+    while (running) {
+        if (g.evaluations >= budget) {
+            for (int64_t l = 0; l < LANES; l++)
+                if (g.member[l] >= 0) store_lane(p, pool, &g, l);
+            return g.evaluations;
+        }
+        if (any(g.fresh)) start(p, &g);
+        int64_t status[LANES];
+        step(p, pool, &g, status);
+        for (int64_t l = 0; l < LANES; l++) {
+            if (status[l] == RUNNING) continue;
+            pool->status[g.member[l]] = status[l];
+            store_lane(p, pool, &g, l);
+            while (next < count && pool->status[queue[next]] != RUNNING) next++;
+            if (next < count)
+                load_lane(p, pool, &g, l, queue[next++], 1);
+            else
+                running--;
+        }
+    }
+    return g.evaluations;
+}

@@ -1,0 +1,88 @@
+/* The explicit method of order 8 of Dormand and Prince (Hairer, Norsett, Wanner: Solving Ordinary Differential
+   Equations I, II.5) with projection onto the constraints after each step, eight realisations at once.
+
+   Each lane has a time, a step size and an error estimate of its own: what a realisation yields depends on nothing but
+   the realisation.  A lane that is done, or needs a decision, is given to the next realisation. */
+#ifndef UQMBD_DOP853_H
+#define UQMBD_DOP853_H
+
+#include "program.h"
+
+enum { STAGES = 12, ALL_STAGES = 16, DENSE = 7, NODES = 5 };
+
+/* Rows of the tableau without their zeros: row r has the terms starts[r] .. starts[r + 1] - 1. */
+typedef struct {
+    const int64_t *starts, *index;
+    const double *weights;
+    const double *moments; /* of all stages, as parts of a step */
+} Tableau;
+
+enum {
+    ROW_STEP = STAGES,        /* rows 1 .. 11: the stages */
+    ROW_MORE = STAGES + 1,    /* three further stages of the interpolant */
+    ROW_DENSE = STAGES + 4,   /* its seven coefficients */
+    ROW_FIFTH = STAGES + 11,  /* estimates of the error */
+    ROW_THIRD = STAGES + 12
+};
+
+/* What becomes of a realisation.  All but RUNNING wait for somebody to decide. */
+enum {
+    RUNNING,
+    DONE,
+    JUMP,    /* a leg has ended where something may jump */
+    REFUSED, /* several steps in a row were refused */
+    STRAYED, /* a step leads far off the constraints; it was not taken */
+    STIFF,
+    MANY,    /* more attempts than are allowed */
+    SMALL,   /* the step size has become too small */
+    STEPPED  /* a step was taken, and each is to be told */
+};
+
+typedef struct {
+    int64_t width, coordinates, velocities; /* of a state: entries, first so many coordinates, first velocity */
+    int64_t parameters;
+    int64_t time; /* row of the time; parameters stand from row time + 2 on, and the row between them is zero */
+    int64_t rows; /* of the work array */
+    Program motion;          /* a state -> its rate */
+    const int64_t *rate;     /* rows of the rate (width) */
+    Program excess;          /* after motion: by what coordinates and velocities exceed the constraints */
+    const int64_t *surplus;  /* rows of that (2 coordinates); null: there are no constraints */
+    const Tableau *tableau;
+    double rtol, moving;     /* relative tolerance, number of entries of a state that change */
+    double far;              /* an interpolated state that is farther off the constraints is noted */
+    double surplus_allowed;  /* a step that leads farther off them, in tolerances, is not taken */
+    double stiff;            /* step size times the size of the Jacobian from which stability limits the step */
+    int64_t patience;        /* so many steps in a row: stiff */
+    int64_t refusals;        /* so many refused steps in a row: somebody decides */
+    int64_t attempts;        /* most of a leg */
+    int64_t guarded;         /* whether somebody decides about refused steps, and those off the constraints */
+    int64_t instants;        /* number of output times */
+    const double *times;
+    const double *leg_ends, *leg_longest; /* of all members, one after the other */
+    const int64_t *leg_jumps;
+} Problem;
+
+/* All realisations: rows of arrays. */
+typedef struct {
+    double *z, *rate, *parameters;                /* (member, width), (member, parameter) */
+    double *now, *begin, *wanted, *tried, *floor, *limit; /* (member) */
+    int64_t *leg, *last_leg, *column, *status, *attempts, *refused, *stiff;
+    int64_t *fresh;    /* the rate is to be evaluated anew */
+    int64_t *rejected; /* the last attempt was refused */
+    int64_t *trusted;  /* the next step may stray */
+    int64_t *told;     /* stop after each step */
+    int64_t *steps, *known; /* accepted steps; how many of the last states are known */
+    double *node_times, *nodes; /* (member, NODES), (member, NODES, width) */
+    double *result; /* (member, instant, width) */
+    int8_t *poor;   /* (member, instant): farther off the constraints than interpolation should lead */
+} Pool;
+
+/* Number of doubles of the workspace of `advance`, which must be aligned to 64 bytes. */
+int64_t advance_workspace(const Problem *problem);
+
+/* Integrate the members of a queue that are running, until none is or `budget` evaluations (of eight states each) are
+   spent; return how many were. */
+int64_t advance(const Problem *problem, const Pool *pool, const int64_t *queue, int64_t count, double *workspace,
+                int64_t budget);
+
+#endif

@@ -1,0 +1,13 @@
+/* One translation unit: all that is compiled ahead of time. */
+#include "program.c"
+#include "dop853.c"
+
+/* Sizes of the structures, for those who mirror them. */
+void sizes(int64_t *found) {
+    found[0] = sizeof(Step);
+    found[1] = sizeof(Program);
+    found[2] = sizeof(Source);
+    found[3] = sizeof(Tableau);
+    found[4] = sizeof(Problem);
+    found[5] = sizeof(Pool);
+}
