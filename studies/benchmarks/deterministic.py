@@ -7,10 +7,7 @@ from __future__ import annotations
 
 import argparse
 import os
-import subprocess
 import sys
-import tempfile
-import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -24,9 +21,8 @@ import mechanisms
 import numpy as np
 import peers
 import slider_crank
-from measure import Contender, Timers, console, interleave, matched, show, show_parts, timed_callbacks
+from measure import Contender, console, interleave, matched, show, table_of
 from numpy.typing import NDArray
-from rich.table import Table
 
 import uqmbd
 from uqmbd.dynamics import Ensemble, Model, build, integrate
@@ -45,38 +41,10 @@ def relative_error(found: Array, reference: Array) -> float:
     return float((np.abs(found - reference).max(axis=1) / np.ptp(reference, axis=1)).max())
 
 
-def build_times(quick: bool) -> None:
-    """Print how long it takes to make the models: nothing cached, and from the cache, in fresh processes."""
-    table = Table(title="Making the model, wall s (imports not counted)", title_justify="left")
-    for column in ("", "uqmbd, nothing cached", "uqmbd, from the cache", "CasADi"):
-        table.add_column(column, justify="left" if not column else "right")
-    for name in ("slider_crank",) if quick else ("slider_crank", "five_bar"):
-        setup = f"import sys, time; sys.path[:0] = {sys.path[:2]!r}; import uqmbd.dynamics, numpy as np, symengine; "
-        get = "import slider_crank as s; m = s.mechanism; " if name == "slider_crank" else ""
-        get = get or "import mechanisms as s; m = s.five_bar(); "
-        ours = setup + get + "t = time.perf_counter(); uqmbd.dynamics.build(m); print(time.perf_counter() - t)"
-        theirs = setup + (
-            "import peers; t = time.perf_counter(); "
-            f"peers.CasadiPeer(peers.casadi_{name}(), np.linspace(0, 1, 401), 1e-6); print(time.perf_counter() - t)"
-        )
-        with tempfile.TemporaryDirectory() as folder:
-            environment = dict(os.environ, UQMBD_CACHE=folder)
-
-            def seconds(script: str, environment: dict[str, str] = environment) -> str:
-                done = subprocess.run(
-                    [sys.executable, "-W", "ignore", "-c", script], env=environment, capture_output=True, text=True
-                )
-                return f"{float(done.stdout):.2f}" if done.returncode == 0 else "failed"
-
-            table.add_row(name, seconds(ours), seconds(ours), seconds(theirs))
-    console.print(table)
-
-
 def ladder_table(name: str, ours: Callable[[float], tuple[float, str]], theirs: Callable[[float], tuple[float, str]]):
     """Print error and residual calls of both over the same tolerances."""
-    table = Table(title=f"{name}: error and residual calls by tolerance", title_justify="left")
-    for column in ("tolerance", "uqmbd error", "calls", "CasADi error", "calls"):
-        table.add_column(column, justify="right")
+    columns = ("tolerance", "uqmbd error", "calls", "CasADi error", "calls")
+    table = table_of(f"{name}: error and residual calls by tolerance", *columns)
     for tolerance in (1e-4, 1e-5, 1e-6, 1e-7):
         a, b = ours(tolerance), theirs(tolerance)
         table.add_row(f"{tolerance:.0e}", f"{a[0]:.1e}", a[1], f"{b[0]:.1e}", b[1])
@@ -84,15 +52,14 @@ def ladder_table(name: str, ours: Callable[[float], tuple[float, str]], theirs: 
 
 
 def compare(
-    model: Model, values: list[float], times: Array, reference: Array, repeat: int, pose: Array, peer: Any, quick: bool
+    model: Model, p: Array, times: Array, reference: Array, repeat: int, pose: Array, peer: Any, quick: bool
 ) -> list[Contender]:
     """Time uqmbd and CasADi on one mechanism."""
     name, count = model.name, len(reference)
-    p = np.array(values)
     wanted = WANTED[name]
 
     def ensemble() -> Ensemble:
-        return Ensemble(model, np.array([values]))
+        return Ensemble(model, p[None, :])
 
     ready = ensemble()
     assert ready.start.ok.all()
@@ -116,10 +83,9 @@ def compare(
 
     if not quick:
         ladder_table(name, ours, theirs)
-    contenders, tolerances = [], {}
+    contenders = []
     for method, label in (("auto", "uqmbd"), ("ida", "uqmbd by IDA")):
         rtol, error = matched(lambda x, method=method: ours(x, method)[0], LADDER, wanted)
-        tolerances[method] = rtol
         c = integrate(ready, times, rtol, method=method).counters
         calls = c.residuals + c.accelerations
         notes = (f"{rtol:.0e}", f"{error:.1e}", str(calls), str(c.jacobians), str(c.integrations))
@@ -154,17 +120,15 @@ def compare(
         f"{make(LADDER[0], 2).unknowns} in CasADi (index 1: {make(LADDER[0], 1).unknowns})"
     )
     if name == "slider_crank":
-        contenders += exudyn_contenders(values, times, reference, wanted)
+        contenders += exudyn_contenders(p, times, reference, wanted)
     interleave(contenders, repeat)
-    for method, rtol in tolerances.items():
-        parts(model, values, times, rtol, repeat, method)
     return contenders
 
 
-def exudyn_contenders(values: list[float], times: Array, reference: Array, wanted: float) -> list[Contender]:
+def exudyn_contenders(p: Array, times: Array, reference: Array, wanted: float) -> list[Contender]:
     """Make the two runs of Exudyn: as it is, and extrapolated from two step sizes."""
     intervals = len(times) - 1
-    crank, rod = values
+    crank, rod = p
 
     def plain(steps: int) -> list[Any]:
         return [peers.exudyn_slider_crank(crank, rod, times, steps)]
@@ -193,26 +157,6 @@ def exudyn_contenders(values: list[float], times: Array, reference: Array, wante
     return result
 
 
-def parts(model: Model, values: list[float], times: Array, rtol: float, repeat: int, method: str) -> None:
-    """Print where the time of one realisation goes."""
-    timers, total = Timers(), 0.0
-    with timed_callbacks(timers):
-        for _ in range(repeat):
-            begin = time.process_time()
-            ensemble = Ensemble(model, np.array([values]))
-            timers.wrap("assembly", lambda e=ensemble: e.start)()
-            states = integrate(ensemble, times, rtol, method=method).states
-            timers.wrap("outputs", ensemble.outputs)(times, states)
-            total += time.process_time() - begin
-    show_parts(
-        f"{model.name}: where the time of one realisation goes ({method}; {repeat} runs)",
-        timers,
-        total,
-        "assembly",
-        "outputs",
-    )
-
-
 def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -223,9 +167,8 @@ def main() -> None:
     import warnings
 
     warnings.simplefilter("ignore", uqmbd.RedundantConstraintWarning)
-    build_times(options.quick)
-    lengths, times = [0.15, 0.35], slider_crank.study.times
-    reference = peers.slider_crank_reference(np.array([lengths]), times)[0]
+    lengths, times = np.array([0.15, 0.35]), slider_crank.study.times
+    reference = peers.slider_crank_reference(lengths[None, :], times)[0]
     pose, peer = peers.slider_crank_pose(*lengths), peers.casadi_slider_crank()
     model = slider_crank.study.model
     found = compare(model, lengths, times, reference, repeat, pose, peer, options.quick)
@@ -233,9 +176,10 @@ def main() -> None:
     if options.quick:
         return
     times = np.linspace(0, mechanisms.END, 401)
-    model = build(mechanisms.five_bar())
-    reference = peers.five_bar_reference(times)
-    found = compare(model, [], times, reference, repeat, peers.five_bar_pose(), peers.casadi_five_bar(), False)
+    model = build(mechanisms.five_bar(random=True))
+    centre = np.array(mechanisms.BODIES["body1"][1][:2])
+    reference = peers.five_bar_reference(centre, times)
+    found = compare(model, centre, times, reference, repeat, peers.five_bar_pose(), peers.casadi_five_bar(), False)
     show(f"Spherical five-bar, {repeat} rounds", found, COLUMNS)
 
 

@@ -1,8 +1,11 @@
-"""The mechanisms of the benchmarks that no study describes: a spherical five-bar, and a slider-crank of many inputs.
+"""The mechanisms of the benchmarks that no study describes.
 
-Four bodies in the arrangement of the Agile Eye: bodies 2 and 3 turn in the ground about x and y, body 1 turns on body 2
-about y, body 4 on body 1 about x, and the z axes of bodies 4 and 3 stay parallel.  All axes meet in the origin, where
-all body frames are; two degrees of freedom.  Small constant torques drive bodies 2 and 3 from rest, without gravity.
+The spherical five-bar: four bodies in the arrangement of the Agile Eye: bodies 2 and 3 turn in the ground about x and
+y, body 1 turns on body 2 about y, body 4 on body 1 about x, and the z axes of bodies 4 and 3 stay parallel.  All axes
+meet in the origin, where all body frames are; two degrees of freedom.  Small constant torques drive bodies 2 and 3
+from rest, without gravity.
+
+Besides: a slider-crank of many inputs, chains of four-bars (a loop each), and open chains in the plane and in space.
 """
 
 from __future__ import annotations
@@ -10,13 +13,28 @@ from __future__ import annotations
 from typing import Any
 
 import chaospy
+import numpy as np
 import sympy
 
 import uqmbd
 from uqmbd_joints import Parallel1, Prismatic, Revolute
 from uqmbd_springs import Torque, TorsionSpringDamper
 
-__all__ = ["BODIES", "END", "TORQUES", "five_bar", "slider_crank"]
+__all__ = [
+    "BODIES",
+    "END",
+    "GRAVITY",
+    "LINK",
+    "OFFSET",
+    "SPEED",
+    "START",
+    "TORQUES",
+    "five_bar",
+    "four_bars",
+    "links",
+    "slider_crank",
+    "spatial_links",
+]
 
 BODIES: dict[str, tuple[float, tuple[float, float, float], tuple[float, ...]]] = {
     "body1": (0.0349, (0.0, -4.87e-4, -0.0121), (1.3413e-5, 1.3830e-5, 4.5815e-6)),
@@ -30,14 +48,35 @@ TORQUES = (4.0e-4, 6.0e-4)
 """On body 2 about x and on body 3 about y, N m."""
 
 END = 0.5
-"""End of the motion, s."""
+"""End of the motion of the five-bar, s."""
+
+OFFSET = 0.002
+"""Standard deviation of the centre of mass of body 1 along x and y, m, where it is random."""
+
+GRAVITY = 9.81
+
+START, SPEED = -np.pi / 2, 3.0
+"""Angle and speed of the cranks of the four-bars at the start, rad and rad/s."""
+
+LINK = {"length": 0.25, "mass": 0.5, "spread": 0.05, "angle": np.pi / 3, "end": 1.0}
+"""Links of the open chains: length in m, mass in kg, its relative standard deviation, angle at the start from hanging
+down in rad, end of the motion in s."""
 
 
-def five_bar() -> uqmbd.Mechanism:
-    """Make the five-bar for uqmbd; its outputs are the direction of the z axis of body 1."""
+def five_bar(random: bool = False) -> uqmbd.Mechanism:
+    """Make the five-bar for uqmbd; its outputs are the direction of the z axis of body 1.
+
+    Where it is `random`, the centre of mass of body 1 is, along x and y.
+    """
     mechanism = uqmbd.Mechanism("five_bar", uqmbd.Spatial(gravity=(0, 0, 0)))
     ground = mechanism.ground
-    body = {name: mechanism.body(name, mass=m, com=c, inertia=j) for name, (m, c, j) in BODIES.items()}
+    bodies: dict[str, Any] = dict(BODIES)
+    if random:
+        mass, com, inertia = bodies["body1"]
+        spread = [chaospy.Normal(mean, OFFSET) for mean in com[:2]]
+        moved = [uqmbd.RandomVariable(f"{a}_cm", d, units="m") for a, d in zip("xy", spread, strict=True)]
+        bodies["body1"] = mass, (*moved, com[2]), inertia
+    body = {name: mechanism.body(name, mass=m, com=c, inertia=j) for name, (m, c, j) in bodies.items()}
     x, y, z, origin = (1, 0, 0), (0, 1, 0), (0, 0, 1), (0, 0, 0)
 
     def revolute(name: str, i: Any, j: Any, axis: tuple[int, int, int]) -> None:
@@ -84,4 +123,60 @@ def slider_crank(inputs: int) -> uqmbd.Mechanism:
     mechanism.output("slider_x", slider.position[0], units="m")
     mechanism.output("crank_angle", crank.angle, units="rad")
     mechanism.output("pin_force", wrist.reaction_force[0], units="N")
+    return mechanism
+
+
+def four_bars(number: int) -> uqmbd.Mechanism:
+    """Make a chain of four-bars; its output is the horizontal position of the first crank's tip."""
+    mechanism = uqmbd.Mechanism(f"chain_{number}", uqmbd.Planar(gravity=(0.0, -GRAVITY)))
+    rod: dict[str, Any] = {"mass": 1.0, "inertia": 1 / 12}
+    x, y = np.cos(START), np.sin(START)
+    cranks = []
+    for k in range(number + 1):
+        speed = {} if k else {"angular_velocity": SPEED}
+        cranks.append(mechanism.body(f"crank{k}", **rod, position=(k + x / 2, y / 2), angle=START, **speed))
+        mechanism.add(Revolute(f"bearing{k}", mechanism.ground, cranks[k], point_i=(k, 0), point_j=(-0.5, 0)))
+    for k in range(number):
+        coupler = mechanism.body(f"coupler{k}", **rod, position=(k + x + 0.5, y), angle=0.0)
+        mechanism.add(Revolute(f"left{k}", cranks[k], coupler, point_i=(0.5, 0), point_j=(-0.5, 0)))
+        mechanism.add(Revolute(f"right{k}", cranks[k + 1], coupler, point_i=(0.5, 0), point_j=(0.5, 0)))
+    mechanism.output("tip", cranks[0].point((0.5, 0))[0], units="m")
+    return mechanism
+
+
+def links(number: int) -> uqmbd.Mechanism:
+    """Make an open chain of uniform rods in the plane with random masses, drawn in line; outputs: all angles.
+
+    Angles are those from hanging down.
+    """
+    length, angle = LINK["length"], LINK["angle"]
+    mechanism = uqmbd.Mechanism(f"links_{number}", uqmbd.Planar(gravity=(0.0, -GRAVITY)))
+    before, along = mechanism.ground, (np.sin(angle) * length, -np.cos(angle) * length)
+    for k in range(number):
+        mass: Any = chaospy.Normal(LINK["mass"], LINK["spread"] * LINK["mass"])
+        mass = uqmbd.RandomVariable(f"mass_{k}", mass, units="kg")
+        place = ((k + 0.5) * along[0], (k + 0.5) * along[1])
+        rod = mechanism.body(f"rod{k}", mass=mass, inertia=mass * length**2 / 12, position=place, angle=angle)
+        mechanism.add(Revolute(f"hinge{k}", before, rod, point_i=(0, -length / 2 if k else 0), point_j=(0, length / 2)))
+        mechanism.output(f"angle_{k}", rod.angle, units="rad")
+        before = rod
+    return mechanism
+
+
+def spatial_links(number: int) -> uqmbd.Mechanism:
+    """Make an open chain in space that hangs down, its hinges about x and y in turn; output: how high its end is."""
+    mechanism = uqmbd.Mechanism(f"spatial_links_{number}", uqmbd.Spatial(gravity=(0, 0, -GRAVITY)))
+    length, mass = LINK["length"], LINK["mass"]
+    round_ = mass * length**2 / 12
+    before, end = mechanism.ground, (0, 0, -length / 2)
+    for k in range(number):
+        rod = mechanism.body(
+            f"rod{k}", mass=mass, inertia=(round_, round_, round_ / 20), position=(0, 0, -(k + 0.5) * length)
+        )
+        axis = (0, 1, 0) if k % 2 else (1, 0, 0)
+        point = end if k else (0, 0, 0)
+        hinge = {"point_i": point, "point_j": (0, 0, length / 2), "axis_i": axis, "axis_j": axis}
+        mechanism.add(Revolute(f"hinge{k}", before, rod, **hinge))
+        before = rod
+    mechanism.output("height", before.point(end)[2], units="m")
     return mechanism

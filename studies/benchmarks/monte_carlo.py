@@ -1,64 +1,158 @@
-"""Monte Carlo of the slider-crank: uqmbd stacked, one by one and in two processes against CasADi's IDAS and Exudyn.
+"""Monte Carlo of 500 slider-cranks and 500 spatial five-bars: whole studies against CasADi's IDAS at equal error.
 
-Run with ``OMP_NUM_THREADS=1 python studies/benchmarks/monte_carlo.py [--repeat N] [--quick]``.
+Run with ``OMP_NUM_THREADS=1 python studies/benchmarks/monte_carlo.py [--repeat N] [--quick] [--threads]``.
 """
 
 from __future__ import annotations
 
 import argparse
-import multiprocessing
 import os
 import sys
-import time
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 # what is measured here is parts of the core (integration without outputs), so the core is imported directly
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 HERE = Path(__file__).resolve().parent
 sys.path[:0] = [str(HERE), str(HERE.parent)]
 
+import mechanisms
 import numpy as np
 import peers
 import slider_crank
-from measure import Contender, Timers, console, interleave, show, show_parts, timed_callbacks
+from measure import Contender, console, interleave, matched, show
 from numpy.typing import NDArray
 
-from uqmbd.dynamics import Counters, Ensemble, integrate, integrator_class
+import uqmbd
+from uqmbd.dynamics import Ensemble, Model, integrate
 from uqmbd_montecarlo import MonteCarlo
 
 Array = NDArray[np.float64]
 
-CHUNK = 64
-RTOL = 1e-6
-COLUMNS = ("median, largest error", "evaluations", "Jacobians", "integrations")
+LADDER = (1e-4, 5e-5, 2e-5, 1e-5, 5e-6, 2e-6, 1e-6, 5e-7, 2e-7)
+WANTED = 2e-5
+"""Median over the samples of the largest error of any output at any time over the range of that output."""
+JUDGED = 24
+"""Samples whose errors are known."""
+FEW = 16
+"""Samples of what is slow, whose time is scaled."""
 EXUDYN = 400
 """Steps of the first of the two runs from which Exudyn's motion is extrapolated."""
 
-
-def drawn(samples: int) -> Array:
-    """Draw crank and rod lengths, shape (samples, 2)."""
-    inputs = slider_crank.mechanism.inputs
-    order = [inputs.names.index(name) for name in ("crank_length", "rod_length")]
-    values = inputs.from_uniform(np.random.default_rng(1).uniform(size=(samples, len(inputs))))
-    if order != [0, 1]:
-        raise SystemExit("the study has changed its inputs")
-    return values
+PEER, WHOLE, ALONE = "CasADi, one by one", "uqmbd, whole study", "uqmbd, integration, assembled"
+COLUMNS = ("tolerance", "median, largest error", "us a sample")
 
 
-def stacked(values: Array, times: Array, chunk: int = CHUNK, method: str = "auto") -> tuple[Array, Counters]:
-    """Integrate and observe samples in stacks: responses (K, output, T) and what it cost."""
-    model, parts, counters = slider_crank.study.model, [], Counters()
-    for k in range(0, len(values), chunk):
-        ensemble = Ensemble(model, values[k : k + chunk])
-        found = integrator_class(method)(stack=chunk).integrate(ensemble, times, RTOL)
-        parts.append(ensemble.outputs(times, found.states))
-        counters = counters + found.counters
-    return np.concatenate(parts), counters
+@dataclass(frozen=True)
+class Task:
+    """A mechanism with random numbers, as a study for uqmbd and by hand for CasADi.
+
+    Attributes
+    ----------
+    name : str
+        Which of the peers it is.
+    mechanism : uqmbd.Mechanism
+        Its random variables are, in this order, the parameters of the peer.
+    times : array
+        Output times, s.
+    reference : callable
+        Outputs (K, output, T) for values (K, input); further outputs are not judged.
+    """
+
+    name: str
+    mechanism: uqmbd.Mechanism
+    times: Array
+    reference: Callable[[Array, Array], Array]
+
+    def study(self, samples: int, rtol: float) -> uqmbd.Study:
+        """Make the whole study."""
+        method = MonteCarlo(samples=samples, seed=1)
+        return uqmbd.Study(self.name, self.mechanism, self.times, [method], rtol=rtol)
+
+    @cached_property
+    def model(self) -> Model:
+        """The compiled model."""
+        return self.study(2, 1e-6).model
+
+    @cached_property
+    def values(self) -> Array:
+        """The inputs of the study's samples, so that all compute the same ones."""
+        tree = self.study(500, 1e-4).run()
+        return np.asarray(tree["monte-carlo/samples"]["inputs"])
+
+    @cached_property
+    def judged(self) -> tuple[Array, Array]:
+        """Some of the samples, and how they move."""
+        values = self.values[:JUDGED]
+        return values, self.reference(values, self.times)
+
+    def error(self, found: Array) -> Array:
+        """Error of each sample that is judged."""
+        reference = self.judged[1]
+        found = found[: len(reference), : reference.shape[1]]
+        each = np.abs(found - reference[: len(found)]).max(axis=2) / np.ptp(reference[: len(found)], axis=2)
+        return np.asarray(each.max(axis=1))
+
+    def note(self, rtol: float, found: Array) -> tuple[str, str]:
+        """Return tolerance and errors as the table has them."""
+        error = self.error(found)
+        return f"{rtol:.0e}", f"{np.median(error):.0e}, {error.max():.0e}"
+
+    def ours(self, values: Array, rtol: float, method: str = "auto") -> Array:
+        """Integrate and observe samples, without statistics."""
+        ensemble = Ensemble(self.model, values)
+        return ensemble.outputs(self.times, integrate(ensemble, self.times, rtol, method=method).states)
+
+    def tolerance(self, run: Callable[[Array, float], Array]) -> tuple[float, tuple[str, str]]:
+        """Find the tolerance at which a contender is as accurate as is wanted, and what the table says of it."""
+        values = self.judged[0]
+        rtol, _ = matched(lambda x: float(np.median(self.error(run(values, x)))), LADDER, WANTED)
+        return rtol, self.note(rtol, run(values, rtol))
+
+    def theirs(self, values: Array, rtol: float) -> Array:
+        """Integrate and observe samples by CasADi, one by one."""
+        return peers.casadi_chunk(self.name, values, self.times, rtol)
+
+
+def compare(task: Task, samples: int, repeat: int) -> list[Contender]:
+    """Compare whole studies with CasADi, and what they consist of."""
+    values, times, few = task.values[:samples], task.times, task.values[:FEW]
+    contenders = []
+
+    def add(name: str, run: Callable[[], Any], notes: tuple[str, str], count: int = samples) -> None:
+        contenders.append(Contender(name, run, PEER, samples / count, notes=notes))
+
+    rtol, notes = task.tolerance(task.ours)
+    study = task.study(samples, rtol)
+    ready = Ensemble(study.model, values)
+    assert ready.start.ok.all()
+    add(WHOLE, lambda: study.propagate(study.propagators[0]), notes)
+    add("uqmbd, states and outputs", lambda: task.ours(values, rtol), notes)
+    add("uqmbd, assembly", lambda: Ensemble(task.model, values).start, ("", ""))
+    add(ALONE, lambda: integrate(ready, times, rtol), notes)
+    add(f"uqmbd, one by one ({FEW}, scaled)", lambda: [task.ours(v[None], rtol) for v in few], notes, FEW)
+
+    def by_ida(values: Array, rtol: float) -> Array:
+        return task.ours(values, rtol, "ida")
+
+    implicit, notes = task.tolerance(by_ida)
+    add(f"uqmbd by IDA ({FEW}, scaled)", lambda: by_ida(few, implicit), notes, FEW)
+    theirs, notes = task.tolerance(task.theirs)
+    add(PEER, lambda: task.theirs(values, theirs), notes)
+    if task.name == "slider_crank":
+        notes = "", task.note(0, exudyn(values[:4], times))[1]
+        add("Exudyn, extrapolated (4, scaled)", lambda: exudyn(values[:4], times), notes, 4)
+    interleave(contenders, repeat)
+    for c in contenders:
+        c.notes = (*c.notes, f"{1e6 * float(np.median(c.cpu)) / samples:.3g}")
+    return contenders
 
 
 def exudyn(values: Array, times: Array) -> Array:
-    """Integrate samples by Exudyn, extrapolated."""
+    """Integrate slider-cranks by Exudyn, extrapolated."""
     found = []
     for crank, rod in values:
         once, twice = (peers.exudyn_slider_crank(crank, rod, times, n).outputs for n in (EXUDYN, 2 * EXUDYN))
@@ -66,122 +160,37 @@ def exudyn(values: Array, times: Array) -> Array:
     return np.array(found)
 
 
-def relative_error(found: Array, reference: Array) -> str:
-    """Median and largest error over the samples, each the largest of any output at any time over its range."""
-    error = (np.abs(found[:, :2] - reference).max(axis=2) / np.ptp(reference, axis=2)).max(axis=1)
-    return f"{np.median(error):.0e}, {error.max():.0e}"
-
-
-def one_process(values: Array, times: Array, repeat: int, few: int) -> list[Contender]:
-    """Compare everything that runs in this process."""
-    count, peer = len(values), "CasADi, one by one"
-    reference = peers.slider_crank_reference(values, times)
-
-    def notes(run: Array, part: slice, costs: tuple[float, float, float]) -> tuple[str, ...]:
-        return (relative_error(run, reference[part]), *(f"{x:.0f}" for x in costs))
-
-    part, every = slice(0, few), slice(None)
-    scale, contenders = count / few, []
-    for method, label in (("auto", "uqmbd"), ("ida", "uqmbd by IDA")):
-        found, c = stacked(values, times, method=method)
-        contenders.append(
-            Contender(
-                f"{label}, stacks of 64",
-                lambda method=method: stacked(values, times, method=method),
-                peer,
-                notes=notes(found, every, (c.residuals + c.accelerations, c.jacobians, c.integrations)),
-            )
-        )
-        found, c = stacked(values[part], times, 1, method)
-        costs = ((c.residuals + c.accelerations) * scale, c.jacobians * scale, c.integrations * scale)
-        contenders.append(
-            Contender(
-                f"{label}, one by one ({few} of them, scaled)",
-                lambda method=method: stacked(values[part], times, 1, method),
-                peer,
-                scale,
-                notes=notes(found, part, costs),
-            )
-        )
-    solver = peers.casadi_peer(times, RTOL)
-    found, calls, jacobians = [], 0, 0
-    for p in values:
-        states = solver.integrate(solver.start(peers.slider_crank_pose(*p), p), p)
-        found.append(solver.outputs(states, p))
-        more = solver.counters()
-        calls, jacobians = calls + more[0], jacobians + more[1]
-    contenders.append(
-        Contender(
-            peer,
-            lambda: peers.casadi_chunk(values, times, RTOL),
-            peer,
-            notes=notes(np.array(found), every, (calls, jacobians, count)),
-        )
-    )
-    exu = max(2, few // 4)
-    found = exudyn(values[:exu], times)
-    contenders.append(
-        Contender(
-            f"Exudyn, extrapolated ({exu} of them, scaled)",
-            lambda: exudyn(values[:exu], times),
-            peer,
-            count / exu,
-            notes=(relative_error(found, reference[:exu]), "", "", f"{2 * count}"),
-        )
-    )
+def threads(samples: int, repeat: int) -> list[Contender]:
+    """Compare a study in one thread and in two: wall time, which means something on an idle machine only."""
+    task = slider_cranks()
+    study = task.study(samples, 1e-6)
+    method, one = study.propagators[0], "one thread"
+    contenders = [
+        Contender(name, lambda n=n: study.propagate(method, workers=n), one, wall=True)
+        for name, n in ((one, 1), ("two threads", 2))
+    ]
     interleave(contenders, repeat)
+    for c in contenders:
+        c.notes = (f"{np.median(c.cpu):.2f}",)
     return contenders
 
 
-def two_processes(samples: int, times: Array, repeat: int) -> list[Contender]:
-    """Compare whole studies, and CasADi likewise, in one process and in two: wall time."""
-    study = slider_crank.study.with_propagators([MonteCarlo(samples=samples, seed=1)])
-    values, spawn = drawn(samples), multiprocessing.get_context("spawn")
-    parts = np.array_split(values, 16)
-    with (
-        ProcessPoolExecutor(2, mp_context=spawn) as ours,
-        ProcessPoolExecutor(2, mp_context=spawn) as theirs,
-    ):
-
-        def casadi(executor: ProcessPoolExecutor | None) -> None:
-            if executor is None:
-                peers.casadi_chunk(values, times, RTOL)
-            else:
-                n = len(parts)
-                list(executor.map(peers.casadi_chunk, parts, [times] * n, [RTOL] * n))
-
-        def fresh() -> None:
-            with ProcessPoolExecutor(2, mp_context=spawn) as executor:
-                casadi(executor)
-
-        peer = "CasADi, one process"
-        contenders = [
-            Contender("uqmbd study, one process", lambda: study.run(), peer, wall=True),
-            Contender("uqmbd study, two processes, running already", lambda: study.run(workers=ours), peer, wall=True),
-            Contender("uqmbd study, two processes, with their start", lambda: study.run(workers=2), peer, wall=True),
-            Contender(peer, lambda: casadi(None), peer, wall=True),
-            Contender("CasADi, two processes, running already", lambda: casadi(theirs), peer, wall=True),
-            Contender("CasADi, two processes, with their start", fresh, peer, wall=True),
-        ]
-        interleave(contenders, repeat)
-    return contenders
+def slider_cranks() -> Task:
+    """Return the slider-crank of the study."""
+    inputs = slider_crank.mechanism.inputs
+    if list(inputs.names) != ["crank_length", "rod_length"]:
+        raise SystemExit("the study has changed its inputs")
+    return Task("slider_crank", slider_crank.mechanism, slider_crank.study.times, peers.slider_crank_reference)
 
 
-def parts_of_a_stack(values: Array, times: Array, repeat: int, method: str) -> None:
-    """Print where the time of a stack goes."""
-    timers, total = Timers(), 0.0
-    chunk, model = values[:CHUNK], slider_crank.study.model
-    with timed_callbacks(timers):
-        for _ in range(repeat):
-            begin = time.process_time()
-            ensemble = Ensemble(model, chunk)
-            timers.wrap("assembly", lambda e=ensemble: e.start)()
-            states = integrate(ensemble, times, RTOL, method=method).states
-            timers.wrap("outputs", ensemble.outputs)(times, states)
-            total += time.process_time() - begin
-    each = 1e3 * total / repeat / len(chunk)
-    title = f"Where the time of a stack of {len(chunk)} goes ({method}; {repeat} runs, {each:.2f} ms a realisation)"
-    show_parts(title, timers, total, "assembly", "outputs")
+def five_bars() -> Task:
+    """Return the spatial five-bar with a random centre of mass."""
+    times = np.linspace(0, mechanisms.END, 401)
+
+    def reference(values: Array, times: Array) -> Array:
+        return np.array([peers.five_bar_reference(p, times) for p in values])
+
+    return Task("five_bar", mechanisms.five_bar(random=True), times, reference)
 
 
 def main() -> None:
@@ -189,18 +198,21 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--repeat", type=int, default=5, help="rounds that count (default 5)")
     parser.add_argument("--quick", action="store_true", help="128 samples, two rounds")
+    parser.add_argument("--threads", action="store_true", help="only one thread against two, for 4,000 slider-cranks")
     options = parser.parse_args()
     samples, repeat = (128, 2) if options.quick else (500, options.repeat)
-    times, values = slider_crank.study.times, drawn(samples)
-    model = slider_crank.study.model
-    console.print(f"{samples} samples, {model.layout.unknowns} unknowns in uqmbd, {len(times)} output times")
-    found = one_process(values, times, repeat, few=8 if options.quick else 16)
-    show(f"{samples} samples with outputs, one process, {repeat} rounds", found, COLUMNS, unit="s")
-    parts_of_a_stack(values, times, repeat, "auto")
-    parts_of_a_stack(values, times, repeat, "ida")
-    rounds = max(1, repeat // 2)
-    found = two_processes(samples, times, rounds)
-    show(f"{samples} samples, whole studies with statistics, rounds: {rounds}", found, unit="s")
+    if options.threads:
+        found = threads(512 if options.quick else 4000, repeat)
+        show(f"4,000 slider-cranks, whole studies, {repeat} rounds", found, ("processor s",), unit="s")
+        return
+    for task in (slider_cranks(), five_bars()):
+        found = compare(task, samples, repeat)
+        title = f"{samples} of {task.name}, {len(task.times)} output times, one process, {repeat} rounds"
+        show(title, found, COLUMNS, unit="s")
+        by_name = {c.name: np.array(c.cpu) for c in found}
+        for name in (WHOLE, ALONE):
+            ratio = by_name[PEER] / by_name[name]
+            console.print(f"CasADi over {name}: {np.median(ratio):.1f} ({ratio.min():.1f} to {ratio.max():.1f})")
 
 
 if __name__ == "__main__":

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 __all__ = [
+    "PEERS",
     "CasadiModel",
     "CasadiPeer",
     "casadi_chunk",
@@ -298,10 +299,13 @@ def _angular_velocity(e: ca.SX, rate: ca.SX) -> ca.SX:
 
 
 def casadi_five_bar() -> CasadiModel:
-    """Spherical five-bar of `mechanisms.five_bar` in quaternions: 28 coordinates, 26 independent equations."""
+    """Spherical five-bar of `mechanisms.five_bar` in quaternions: 28 coordinates, 26 independent equations.
+
+    The parameters are the centre of mass of body 1 along x and y.
+    """
     from mechanisms import BODIES, TORQUES
 
-    q, v, p, t = ca.SX.sym("q", 28), ca.SX.sym("v", 28), ca.SX.sym("p", 0), ca.SX.sym("t")
+    q, v, p, t = ca.SX.sym("q", 28), ca.SX.sym("v", 28), ca.SX.sym("p", 2), ca.SX.sym("t")
     x = [q[7 * k : 7 * k + 3] for k in range(4)]
     e = [q[7 * k + 3 : 7 * k + 7] for k in range(4)]
     rates = [v[7 * k + 3 : 7 * k + 7] for k in range(4)]
@@ -309,7 +313,8 @@ def casadi_five_bar() -> CasadiModel:
     omega = [_angular_velocity(e[k], rates[k]) for k in range(4)]
     kinetic, constraints = ca.SX(0), []
     for k, (mass, com, inertia) in enumerate(BODIES.values()):
-        speed = v[7 * k : 7 * k + 3] + ca.jtimes(ca.mtimes(turn[k], ca.DM(com)), e[k], rates[k])
+        centre = ca.DM(com) if k else ca.vertcat(p, com[2])
+        speed = v[7 * k : 7 * k + 3] + ca.jtimes(ca.mtimes(turn[k], centre), e[k], rates[k])
         xx, yy, zz, xy, xz, yz = (*inertia, 0.0, 0.0, 0.0)[:6]
         tensor = ca.DM([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
         kinetic += mass * ca.dot(speed, speed) / 2 + ca.dot(omega[k], ca.mtimes(tensor, omega[k])) / 2
@@ -330,18 +335,21 @@ def casadi_five_bar() -> CasadiModel:
     return CasadiModel(q, v, p, t, kinetic, ca.SX(0), work, ca.vertcat(*constraints), outputs, reactions=False)
 
 
-def five_bar_pose() -> Array:
-    """Home pose: all frames in the world's."""
+def five_bar_pose(*_: float) -> Array:
+    """Home pose: all frames in the world's, wherever the centre of mass is."""
     return np.tile([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0], 4)
 
 
-def five_bar_reference(times: Array) -> Array:
-    """Direction of the camera, shape (3, T): accelerations integrated by an explicit Runge-Kutta method of order 8."""
+def five_bar_reference(centre: Array, times: Array) -> Array:
+    """Direction of the camera, shape (3, T): accelerations integrated by an explicit Runge-Kutta method of order 8.
+
+    `centre`: the centre of mass of body 1 along x and y.
+    """
     model, q = casadi_five_bar(), five_bar_pose()
     n = len(q)
 
     def rate(t: float, y: Array) -> Array:
-        return np.concatenate([y[n:], model.accelerations(y[:n], y[n:], np.zeros(0), t)[:n]])
+        return np.concatenate([y[n:], model.accelerations(y[:n], y[n:], centre, t)[:n]])
 
     start = np.concatenate([q, np.zeros(n)])
     span = (float(times[0]), float(times[-1]))
@@ -350,29 +358,32 @@ def five_bar_reference(times: Array) -> Array:
     return np.array([2 * (b * d + a * c), 2 * (c * d - a * b), a * a - b * b - c * c + d * d])
 
 
+PEERS: dict[str, tuple[Callable[[], CasadiModel], Callable[..., Array]]] = {
+    "slider_crank": (casadi_slider_crank, slider_crank_pose),
+    "five_bar": (casadi_five_bar, five_bar_pose),
+}
+"""How a mechanism is made for CasADi, and its pose for given parameters."""
+
+
 @lru_cache
-def _slider_crank_peer(times: bytes, tolerance: float) -> CasadiPeer:
-    return CasadiPeer(casadi_slider_crank(), np.frombuffer(times), tolerance)
+def _peer(name: str, times: bytes, tolerance: float) -> CasadiPeer:
+    return CasadiPeer(PEERS[name][0](), np.frombuffer(times), tolerance)
 
 
-def casadi_peer(times: Array, tolerance: float) -> CasadiPeer:
-    """Return the slider-crank for IDAS, made once in a process."""
-    return _slider_crank_peer(np.asarray(times, dtype=float).tobytes(), tolerance)
+def casadi_peer(name: str, times: Array, tolerance: float) -> CasadiPeer:
+    """Return a mechanism, a key of `PEERS`, for IDAS, made once in a process."""
+    return _peer(name, np.asarray(times, dtype=float).tobytes(), tolerance)
 
 
-def casadi_chunk(values: Array, times: Array, tolerance: float) -> Array:
-    """Compute some slider-cranks one after another, also in a worker process.
+def casadi_chunk(name: str, values: Array, times: Array, tolerance: float) -> Array:
+    """Compute some realisations one after another, also in a worker process.
 
     Returns
     -------
     array, shape (K, output, T)
     """
-    peer = casadi_peer(times, tolerance)
-    result = np.empty((len(values), 3, len(times)))
-    for k, p in enumerate(values):
-        states = peer.integrate(peer.start(slider_crank_pose(*p), p), p)
-        result[k] = peer.outputs(states, p)
-    return result
+    peer, pose = casadi_peer(name, times, tolerance), PEERS[name][1]
+    return np.array([peer.outputs(peer.integrate(peer.start(pose(*p), p), p), p) for p in values])
 
 
 @dataclass(frozen=True)
