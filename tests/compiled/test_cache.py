@@ -14,8 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import uqmbd
-from uqmbd.compiled import Store, source_digest
-from uqmbd.dynamics.equations.kernels import compilations
+from uqmbd.compiled import Store, compilations, source_digest
 from uqmbd_joints import Distance
 
 ROOT = Path(uqmbd.__file__).parents[1]
@@ -38,7 +37,7 @@ import random, sys
 from pathlib import Path
 import uqmbd
 from uqmbd_joints import Distance
-from uqmbd.dynamics.equations.kernels import compilations
+from uqmbd.compiled import compilations
 
 def found():
     mechanism = uqmbd.Mechanism("swing", uqmbd.Translational(gravity=(0, -9.81)))

@@ -8,7 +8,7 @@ import pytest
 import sympy
 
 import uqmbd
-from uqmbd.dynamics.equations.kernels import compilations
+from uqmbd.compiled import compilations
 from uqmbd_drivers import RotationDriver
 from uqmbd_joints import Distance, Revolute
 from uqmbd_montecarlo import MonteCarlo

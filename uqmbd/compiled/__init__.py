@@ -6,7 +6,7 @@ from uqmbd.compiled.cache import cache_folder, cached, source_digest
 from uqmbd.compiled.emission import Operation
 from uqmbd.compiled.explicit import ORDER, STAGES, Dynamics, Method, Realisations, Status
 from uqmbd.compiled.kernel import Kernel
-from uqmbd.compiled.kernels import compile_kernel, compile_operations
+from uqmbd.compiled.kernels import compilations, compile_kernel, compile_operations, replaced
 from uqmbd.compiled.native import Target, addresses_of, host, object_code
 from uqmbd.compiled.programs import Columns, Part, Program, Writer
 from uqmbd.compiled.store import Store
@@ -31,9 +31,11 @@ __all__ = [
     "addresses_of",
     "cache_folder",
     "cached",
+    "compilations",
     "compile_kernel",
     "compile_operations",
     "host",
     "object_code",
+    "replaced",
     "source_digest",
 ]

@@ -10,7 +10,7 @@ import hashlib
 from collections.abc import Sequence
 from functools import cache
 from importlib.resources import files
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -139,11 +139,16 @@ def driver() -> Any:
 
 def address(array: np.ndarray[Any, Any] | None) -> int:
     """Address of an array's data; 0: there is none."""
-    return 0 if array is None else array.ctypes.data
+    if array is None:
+        return 0
+    try:  # five times as fast as `array.ctypes`, which single realisations feel
+        return ctypes.addressof(ctypes.c_char.from_buffer(cast(Any, array)))
+    except (TypeError, ValueError):  # nothing in it, not to be written, or with gaps
+        return array.ctypes.data
 
 
 def aligned(rows: int) -> Array:
     """Make a work array of vectors, shape (rows, 8), zero, as kernels want it: aligned to 64 bytes."""
     room = np.zeros(rows * LANES + LANES)
-    first = -(room.ctypes.data // 8) % LANES
+    first = -(address(room) // 8) % LANES
     return room[first : first + rows * LANES].reshape(rows, LANES)

@@ -10,6 +10,7 @@ import contextlib
 from collections.abc import Callable, Sequence
 from typing import Any
 
+from uqmbd.compiled.tables import Tables
 from uqmbd.compiled.writer import LANES, Writer
 
 __all__ = ["NotCompiled", "Operation", "expressions_text", "operations_text"]
@@ -104,6 +105,7 @@ def expressions_text(
     replacements: Sequence[tuple[Any, Any]],
     expressions: Sequence[Any],
     native: int,
+    tables: Tables,
 ) -> str:
     """Write the function of expressions of SymEngine.
 
@@ -119,6 +121,8 @@ def expressions_text(
         Its results, in order.
     native : int
         Lanes that the processor computes at once.
+    tables : mapping
+        Those that are looked up, as ``name(which number, argument, *terms)``.
 
     Raises
     ------
@@ -129,6 +133,14 @@ def expressions_text(
     rows = {symbol: k for k, symbol in enumerate(arguments)}
     known: dict[Any, str] = {}
     masks: set[str] = set()
+    looked: dict[tuple[str, ...], list[str]] = {}
+
+    def look_up(e: Any, values: list[str]) -> str:
+        name = e.get_name()
+        key = (name, *values)
+        if key not in looked:
+            looked[key] = w.look_up(name, tables[name], values)
+        return looked[key][int(e.args[0])]
 
     def write(expression: Any) -> str:
         waiting: list[tuple[Any, Sequence[Any] | None]] = [(expression, None)]
@@ -142,13 +154,14 @@ def expressions_text(
                         raise NotCompiled(f"the symbol {e}, which is no argument")
                     known[e] = w.load(rows[e])
                     continue
-                parts = _parts(e)
+                parts = e.args[1:] if _is_application(e, tables) else _parts(e)
                 missing = [x for x in parts if x not in known]
                 if missing:
                     waiting.append((e, parts))
                     waiting += [(x, None) for x in reversed(missing)]
                     continue
-            known[e] = _written(w, masks, e, [known[x] for x in parts])
+            values = [known[x] for x in parts]
+            known[e] = look_up(e, values) if _is_application(e, tables) else _written(w, masks, e, values)
         return known[expression]
 
     for symbol, e in replacements:
@@ -157,6 +170,11 @@ def expressions_text(
         value = write(e)
         w.store(k, w.select(value, w.number(1.0), w.number(0.0)) if value in masks else value)
     return w.text(name)
+
+
+def _is_application(e: Any, tables: Tables) -> bool:
+    """Whether an expression looks up a table."""
+    return bool(tables) and type(e).__name__ == "FunctionSymbol" and e.get_name() in tables
 
 
 def _split_sum(e: Any) -> tuple[list[Any], list[Any]]:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import ctypes
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -60,24 +61,39 @@ class Kernel:
         array, shape (..., outputs)
         """
         rows = np.ascontiguousarray(arguments, dtype=float)
-        if out is None:
-            out = np.empty((*rows.shape[:-1], self.outputs))
         if rows.shape[-1] != self.inputs:
             raise ValueError(f"a kernel of {self.inputs} arguments was given {rows.shape[-1]}")
-        if not out.size:
-            return out
+        if out is None:
+            out = np.empty((*rows.shape[:-1], self.outputs))
+        if out.size:
+            self.bound(rows, out)()
+        return out
+
+    def bound(self, arguments: Array, out: Array) -> Callable[[], object]:
+        """Return what evaluates the numbers that then stand in one array into another, again and again.
+
+        Parameters
+        ----------
+        arguments, out : array, shape (..., inputs) and (..., outputs)
+            C-contiguous; they stay where they are.  One thread at a time may use what is returned.
+        """
+        if not (arguments.flags.c_contiguous and out.flags.c_contiguous and arguments.dtype == out.dtype == float):
+            raise ValueError("a kernel reads and writes C-contiguous arrays of float64")
+        if out.size * self.inputs != arguments.size * self.outputs:
+            raise ValueError(f"a kernel {self.inputs} -> {self.outputs} was given {arguments.shape} -> {out.shape}")
         if not self.code:
-            out[...] = 0.0
-            return out
-        program, results, step = self._native
-        count = max(1, out.size // self.outputs)
-        source = c.Source(address(rows), self.inputs, self.inputs, 1, count, 0)
+            return partial(out.fill, 0.0)
+        program, results, _ = self._native
+        count = out.size // self.outputs
+        source = c.Source(address(arguments), self.inputs, self.inputs, 1, count, 0)
         work = aligned(self.inputs + self.outputs)
-        driver().evaluate(
+        call = partial(
+            driver().evaluate,
             *(ctypes.addressof(program), address(work), ctypes.addressof(source), 1, 0, count),
             *(address(results), self.outputs, address(out)),
         )
-        return out
+        vars(call)["kept"] = (self, source, work, arguments, out)
+        return call
 
     @cached_property
     def _native(self) -> tuple[c.Program, Any, c.Step]:

@@ -11,6 +11,7 @@ import numpy as np
 from uqmbd.compiled.emission import NotCompiled, Operation, expressions_text, operations_text
 from uqmbd.compiled.kernel import Kernel
 from uqmbd.compiled.native import host, object_code
+from uqmbd.compiled.tables import Tables
 from uqmbd.errors import StudyError
 from uqmbd.typing import Array
 
@@ -21,7 +22,7 @@ compilations = [0]
 """Number of kernels compiled by this process, for tests and provenance."""
 
 
-def compile_kernel(arguments: Sequence[Any], expressions: Sequence[Any]) -> Kernel:
+def compile_kernel(arguments: Sequence[Any], expressions: Sequence[Any], *, tables: Tables | None = None) -> Kernel:
     """Compile SymEngine expressions in SymEngine symbols.
 
     SymEngine's derivatives may hold sums with terms that are not collected, from which its search for common
@@ -31,6 +32,9 @@ def compile_kernel(arguments: Sequence[Any], expressions: Sequence[Any]) -> Kern
     ----------
     arguments, expressions : sequence
         In SymEngine.
+    tables : mapping, optional
+        Those that are looked up in the expressions, by the names of the functions that do so:
+        ``name(which number, argument, *terms)``.
 
     Raises
     ------
@@ -43,17 +47,21 @@ def compile_kernel(arguments: Sequence[Any], expressions: Sequence[Any]) -> Kern
         return Kernel(b"", "", len(arguments), 0)
     symbols = list(arguments)
     rebuilt = list(replaced(expressions, {se.Symbol("_nothing"): se.Symbol("_nowhere")}))
-    kernel = _compiled(symbols, *se.cse(rebuilt))
+    known = tables or {}
+    replacements, reduced = se.cse(rebuilt)
+    kernel = _compiled(symbols, replacements, reduced, known)
     point = np.random.default_rng(0).uniform(0.1, 0.9, len(symbols))
-    expected = _plainly(expressions, dict(zip(symbols, point, strict=True)))
+    expected = _plainly(expressions, dict(zip(symbols, point, strict=True)), known)
     if expected is None or not np.allclose(kernel(point), expected, rtol=1e-9, atol=1e-12, equal_nan=True):
-        kernel = _compiled(symbols, [], rebuilt)
+        kernel = _compiled(symbols, [], rebuilt, known)
     return kernel
 
 
-def _compiled(symbols: Sequence[Any], replacements: Sequence[tuple[Any, Any]], expressions: Sequence[Any]) -> Kernel:
+def _compiled(
+    symbols: Sequence[Any], replacements: Sequence[tuple[Any, Any]], expressions: Sequence[Any], tables: Tables
+) -> Kernel:
     def text(name: str) -> str:
-        return expressions_text(name, symbols, replacements, expressions, host().width)
+        return expressions_text(name, symbols, replacements, expressions, host().width, tables)
 
     try:
         return _kernel(text, len(symbols), len(expressions))
@@ -98,7 +106,7 @@ def replaced(expressions: Sequence[Any], known: dict[Any, Any]) -> Sequence[Any]
     return found
 
 
-def _plainly(expressions: Sequence[Any], point: dict[Any, float]) -> Array | None:
+def _plainly(expressions: Sequence[Any], point: dict[Any, float], tables: Tables) -> Array | None:
     """Evaluate expressions by inserting numbers, which treats a part that they share once; NaN where that fails.
 
     None where nothing can be inserted, as a complex number into a comparison.
@@ -115,6 +123,22 @@ def _plainly(expressions: Sequence[Any], point: dict[Any, float]) -> Array | Non
 
     try:
         inserted = replaced(expressions, values)
+        while tables and (found := _looked_up(inserted, tables)):
+            inserted = replaced(inserted, found)
     except RuntimeError:
         return None
     return np.array([number(e) for e in inserted])
+
+
+def _looked_up(expressions: Sequence[Any], tables: Tables) -> dict[Any, Any]:
+    """Look up what is looked up at numbers."""
+    import symengine as se
+
+    kind = type(se.Function("_any")(se.Symbol("_any")))
+    found = {}
+    for e in se.Function("_all")(*expressions).atoms(kind):
+        if e.get_name() in tables and all(x.is_Number for x in e.args):
+            which, x, *terms = map(float, e.args)
+            numbers = tables[e.get_name()].look_up(np.array([x]), np.array([terms]) if terms else None)[0]
+            found[e] = se.RealDouble(numbers[int(which)])
+    return found

@@ -8,6 +8,9 @@ on equal values are written once.
 from __future__ import annotations
 
 import struct
+from collections.abc import Sequence
+
+from uqmbd.compiled.tables import Table, table_constants
 
 __all__ = ["LANES", "Writer"]
 
@@ -31,6 +34,8 @@ class Writer:
         self.lines: list[str] = []
         self.called: dict[str, int] = {}  # number of arguments of each function of the C library
         self.intrinsics: dict[str, int] = {}
+        self.tables: dict[str, Table] = {}
+        self._room = 0  # vectors that are passed to the function that looks up tables, and taken from it
         self._known: dict[str, str] = {}
 
     def made(self, operation: str) -> str:
@@ -53,7 +58,7 @@ class Writer:
 
     def number(self, value: float) -> str:
         """Return a constant."""
-        return f"splat (double 0x{struct.pack('>d', value).hex().upper()})"
+        return f"splat (double {_double(value)})"
 
     def add(self, a: str, b: str) -> str:
         """Return ``a + b``."""
@@ -96,6 +101,24 @@ class Writer:
         listed = ", ".join(f"{self.kind} {x}" for x in values)
         return self.made(f"call {self.kind} @lanes.{name}({listed})")
 
+    def look_up(self, name: str, table: Table, values: Sequence[str]) -> list[str]:
+        """Return the numbers of a table at an argument, which terms follow where it has any."""
+        knots, terms, numbers = len(table.edges), table.rows.shape[1] - 1, table.rows.shape[2]
+        self.tables[name] = table
+        self._room = max(self._room, len(values), numbers)
+        found = [f"%looked{len(self.lines)}.{k}" for k in range(numbers)]
+        for k, value in enumerate(values):
+            place = self.made(f"getelementptr {self.kind}, ptr %asked, i64 {k}")
+            self.lines.append(f"store {self.kind} {value}, ptr {place}")
+        self.lines.append(
+            f"call void @look_up(ptr @edges.{name}, ptr @rows.{name}, i64 {knots}, i64 {terms}, i64 {numbers}, "
+            f"double {_double(table.period)}, i64 {self.width}, ptr %asked, ptr %answered)"
+        )
+        for k, value in enumerate(found):
+            place = self.made(f"getelementptr {self.kind}, ptr %answered, i64 {k}")
+            self.lines.append(f"{value} = load {self.kind}, ptr {place}")
+        return found
+
     def power(self, base: str, exponent: int) -> str:
         """Return a positive integer power, by multiplications."""
         result, square = "", base
@@ -109,23 +132,31 @@ class Writer:
 
     def text(self, name: str) -> str:
         """Return the module of the function, of this name."""
-        head = f"define void @{name}(ptr noalias %{{x}}, ptr noalias %{{y}}) nounwind {{{{\n"
-        if self.width == LANES:
-            begin, end = head.format(x="x", y="y"), "ret void\n}\n"
-        else:
-            begin = head.format(x="rows", y="results") + (
+        whole = self.width == LANES
+        x, y = ("x", "y") if whole else ("rows", "results")
+        parts = []
+        for function, count in self.intrinsics.items():
+            listed = ", ".join([self.kind] * count)
+            parts.append(f"declare {self.kind} @llvm.{function}.v{self.width}f64({listed})\n")
+        parts += map(self._lanes, self.called.items())
+        parts += [table_constants(*entry) for entry in self.tables.items()]
+        if self.tables:
+            parts.append("declare void @look_up(ptr, ptr, i64, i64, i64, double, i64, ptr, ptr) nounwind\n")
+        parts.append(f"define void @{name}(ptr noalias %{x}, ptr noalias %{y}) nounwind {{\n")
+        if self._room:
+            parts += [f"%{room} = alloca [{self._room} x {self.kind}]\n" for room in ("asked", "answered")]
+        if not whole:
+            parts.append(
                 "br label %part\npart:\n%lane = phi i64 [ 0, %0 ], [ %next, %part ]\n"
                 "%x = getelementptr double, ptr %rows, i64 %lane\n%y = getelementptr double, ptr %results, i64 %lane\n"
             )
-            end = (
-                f"%next = add i64 %lane, {self.width}\n%more = icmp ult i64 %next, {LANES}\n"
-                "br i1 %more, label %part, label %end\nend:\nret void\n}\n"
+        parts.append("\n".join(self.lines))
+        if not whole:
+            parts.append(
+                f"\n%next = add i64 %lane, {self.width}\n%more = icmp ult i64 %next, {LANES}\n"
+                "br i1 %more, label %part, label %end\nend:"
             )
-        declared = [
-            f"declare {self.kind} @llvm.{f}.v{self.width}f64({', '.join([self.kind] * n)})\n"
-            for f, n in self.intrinsics.items()
-        ]
-        return "".join([*declared, *map(self._lanes, self.called.items()), begin, "\n".join(self.lines), "\n", end])
+        return "".join([*parts, "\nret void\n}\n"])
 
     def _lanes(self, function: tuple[str, int]) -> str:
         """Write a function of vectors that calls one of the C library in each lane."""
@@ -141,3 +172,8 @@ class Writer:
             lines.append(f"%r{lane} = insertelement {self.kind} {result}, double %f{lane}, i32 {lane}")
             result = f"%r{lane}"
         return "\n".join([*lines, f"ret {self.kind} {result}", "}", ""])
+
+
+def _double(value: float) -> str:
+    """Write a number to the bit."""
+    return f"0x{struct.pack('>d', value).hex().upper()}"

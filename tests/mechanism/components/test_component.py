@@ -10,9 +10,9 @@ import pytest
 import sympy
 
 import uqmbd
+from uqmbd.compiled import compile_kernel
 from uqmbd.dynamics.equations.block import instances_of
 from uqmbd.dynamics.equations.derivation import derive
-from uqmbd.dynamics.equations.kernels import compile_kernel
 from uqmbd_drivers import RotationDriver
 from uqmbd_joints import Distance, Fixed, Prismatic, Revolute
 from uqmbd_springs import PointForce, SpringDamper, Torque, TorsionSpringDamper

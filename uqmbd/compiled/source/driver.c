@@ -1,6 +1,7 @@
 /* One translation unit: all that is compiled ahead of time. */
 #include "program.c"
 #include "dop853.c"
+#include "tables.c"
 
 /* Sizes of the structures, for those who mirror them. */
 void sizes(int64_t *found) {

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+import scipy.optimize
 
 from uqmbd.typing import Array
 
@@ -87,10 +88,8 @@ def _plain_fall(times: Array, values: Array, value: Callable[[float], float], *,
             return _root(value, float(times[k - 1]), float(times[k]))
         # between two samples that are above zero it may be below
         if dips and k > 1 and values[k - 2] >= values[k - 1] <= values[k]:
-            from scipy.optimize import minimize_scalar
-
             left, right = float(times[k - 2]), float(times[k])
-            lowest = minimize_scalar(value, bounds=(left, right), method="bounded")
+            lowest = scipy.optimize.minimize_scalar(value, bounds=(left, right), method="bounded")
             if lowest.fun < 0:
                 return _root(value, left, float(lowest.x))
     return None
@@ -102,7 +101,5 @@ def _root(function: Callable[[float], float], left: float, right: float) -> floa
         return left
     if function(right) >= 0:
         return right
-    from scipy.optimize import brentq
-
-    found = brentq(function, left, right, xtol=1e-15 * max(1.0, abs(right)), rtol=2e-15)
+    found = scipy.optimize.brentq(function, left, right, xtol=1e-15 * max(1.0, abs(right)), rtol=2e-15)
     return float(found)

@@ -6,7 +6,6 @@ from uqmbd.dynamics.equations.block import Instance, instances_of
 from uqmbd.dynamics.equations.derivation import Derived, derive
 from uqmbd.dynamics.equations.evaluator import Evaluator, Placement
 from uqmbd.dynamics.equations.expressions import TIME, plain
-from uqmbd.dynamics.equations.kernels import Kernel, compile_kernel, unrolled_kernel
 from uqmbd.dynamics.equations.layout import Layout, state_arguments
 from uqmbd.dynamics.equations.limits import impossible, limits_of
 from uqmbd.dynamics.equations.model import (
@@ -30,7 +29,6 @@ __all__ = [
     "Evaluator",
     "FUSED_LIMIT",
     "Instance",
-    "Kernel",
     "Layout",
     "MechanismTerms",
     "Model",
@@ -42,7 +40,6 @@ __all__ = [
     "Tables",
     "angle_counters",
     "break_times",
-    "compile_kernel",
     "compiled_conditions",
     "csc_pattern",
     "derive",
@@ -56,5 +53,4 @@ __all__ = [
     "place",
     "plain",
     "state_arguments",
-    "unrolled_kernel",
 ]

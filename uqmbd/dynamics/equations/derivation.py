@@ -25,8 +25,8 @@ from typing import Any
 
 import symengine as se
 
+from uqmbd.compiled import Kernel, compile_kernel
 from uqmbd.dynamics.equations.block import BlockType
-from uqmbd.dynamics.equations.kernels import Kernel, compile_kernel
 from uqmbd.dynamics.equations.layout import Kind, argument_names
 from uqmbd.dynamics.equations.tables import Tables
 

@@ -13,19 +13,14 @@ from typing import Any
 
 import numpy as np
 
-from uqmbd.compiled import cached
+from uqmbd.compiled import Kernel, cached, compile_kernel, replaced
 from uqmbd.dynamics.equations.block import BlockType
 from uqmbd.dynamics.equations.derivation import derive
-from uqmbd.dynamics.equations.kernels import Kernel, compile_kernel, replaced
 from uqmbd.dynamics.equations.layout import RESULTS, Kind, argument_names
 from uqmbd.mechanism import SplineTable
 from uqmbd.typing import Array, Index
 
 __all__ = ["Evaluator", "Placement", "fused", "typed"]
-
-
-OPTIMISED_WIDTH = 120
-"""State arguments up to which LLVM optimises: beyond, the time it takes grows faster than what it saves."""
 
 
 @dataclass(frozen=True)
@@ -87,7 +82,7 @@ class Evaluator:
         array, shape (K, len(targets))
         """
         if (kernel := self.fused_kernel) is not None:
-            return kernel.fast(np.concatenate([arguments, parameters[:, : self.groups[0].parameters.shape[1]]], axis=1))
+            return kernel(np.concatenate([arguments, parameters[:, : self.groups[0].parameters.shape[1]]], axis=1))
         count = len(arguments)
         parts = []
         for group in self.groups:
@@ -95,7 +90,7 @@ class Evaluator:
                 local = np.concatenate([arguments, parameters[:, : group.parameters.shape[1]]], axis=1)
             else:
                 local = np.concatenate([arguments[:, group.gather], parameters[:, group.parameters]], axis=2)
-            found = group.kernel.fast(local.reshape(-1, local.shape[-1]))
+            found = group.kernel(local.reshape(-1, local.shape[-1]))
             parts.append(found.reshape(count, len(group.gather) * group.kernel.outputs))
         if not parts:
             return np.zeros((count, 0))
@@ -277,9 +272,8 @@ def fused(
         targets = sorted(sums)
         arguments = [names.get(k, se.Symbol(f"_y{k}")) for k in range(width)]
         arguments += [se.Symbol(f"_g{k}") for k in range(parameters)]
-        level = 2 if width <= OPTIMISED_WIDTH else 0
         expressions = [se.Add(*sums[x]) for x in targets]
-        return compile_kernel(arguments, expressions, tables=tables, opt_level=level), targets
+        return compile_kernel(arguments, expressions, tables=tables), targets
 
     kernel, targets = cached(("fused", kind, parameters, sorted(columns.items()), layout), make)
     group = _Group(kernel, np.arange(width)[None, :], np.arange(parameters)[None, :], whole=True)

@@ -10,12 +10,11 @@ import numpy as np
 import sympy
 from numpy.typing import NDArray
 
-from uqmbd.compiled import cached
+from uqmbd.compiled import Kernel, cached, compile_kernel
 from uqmbd.dynamics.equations.block import Instance
 from uqmbd.dynamics.equations.derivation import derive
 from uqmbd.dynamics.equations.evaluator import Placement
 from uqmbd.dynamics.equations.expressions import plain
-from uqmbd.dynamics.equations.kernels import Kernel, compile_kernel
 from uqmbd.dynamics.equations.tables import Tables
 from uqmbd.errors import StudyError
 from uqmbd.mechanism import (

@@ -10,9 +10,8 @@ import numpy as np
 import sympy
 from numpy.typing import NDArray
 
-from uqmbd.compiled import cached
+from uqmbd.compiled import Kernel, cached, compile_kernel
 from uqmbd.dynamics.equations.expressions import plain
-from uqmbd.dynamics.equations.kernels import Kernel, compile_kernel
 from uqmbd.dynamics.equations.tables import Tables
 from uqmbd.typing import Array
 

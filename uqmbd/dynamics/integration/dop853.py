@@ -15,6 +15,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from uqmbd.compiled import Kernel
 from uqmbd.dynamics.batch import Batch
 from uqmbd.dynamics.equations import Model
 from uqmbd.dynamics.integration.batched import BatchedIntegration
@@ -109,31 +110,21 @@ class BatchEquations:
 
     def _call(self) -> Callable[[], None]:
         """Make what turns arguments into values and accelerations, with as little Python as possible."""
-        if self.kernel is None or len(self.accelerate.sections) > 1:
+        if self.kernel is None or not isinstance(self.accelerate, Kernel):
 
             def general() -> None:
                 self.values = np.ascontiguousarray(self.motion(self.arguments[:, : self.width + 2], self.block))
                 self.accelerate(self.values, self.acceleration)
 
             return general
-        kernels = self.kernel.function, self.accelerate.sections[0].kernel.function
-        arguments, values, found = (x.reshape(-1) for x in (self.arguments, self.values, self.acceleration))
-        count = len(self.arguments)
-        if count == 1:
-            one, two = (k.unsafe_real for k in kernels)
+        evaluate = self.kernel.bound(self.arguments, self.values)
+        accelerate = self.accelerate.bound(self.values, self.acceleration)
 
-            def single() -> None:
-                one(arguments, values)
-                two(values, found)
+        def fused() -> None:
+            evaluate()
+            accelerate()
 
-            return single
-        many, solve = (k.unsafe_eval for k in kernels)
-
-        def stacked() -> None:
-            many(arguments, values, count)
-            solve(values, found, count)
-
-        return stacked
+        return fused
 
     def rate(self, time: float, out: Out) -> None:
         """Write the rate of ``self.state`` to `out`: its coordinates, its velocities, and all of it."""
@@ -148,7 +139,7 @@ class BatchEquations:
     def excess(self) -> tuple[Array, Array]:
         """By what coordinates and velocities of ``self.state``, whose rate is known, exceed the constraints."""
         if (kernel := self.drift.fused_kernel) is not None:
-            found = kernel.fast(self.arguments)
+            found = kernel(self.arguments)
         else:
             found = self.drift(self.arguments[:, : self.width + 2], self.block)
         both = self.project(np.concatenate([self.values, found], axis=1))

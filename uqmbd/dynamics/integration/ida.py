@@ -260,21 +260,22 @@ def _single(ensemble: Batch) -> tuple[Callable[..., None], Callable[..., Array]]
         np.concatenate([model.layout.index2_arguments(0.0, none, none, ensemble.frozen, *c)[0], ensemble.block[0]])
         for c in ((), (0.0,))
     )
-    entries = np.empty(len(model.pattern[0]))
-    call, call_j = (k.function.unsafe_real for k in kernels)
+    found, entries = np.empty(n), np.empty(len(model.pattern[0]))
+    call, call_j = kernels[0].bound(arguments, found), kernels[1].bound(arguments_j, entries)
 
     def residual(t: float, y: Array, yp: Array, res: Array) -> None:
         arguments[:n] = y
         arguments[n : n + d] = yp[:d]
         arguments[n + d] = t
-        call(arguments, res)
+        call()
+        res[:] = found
 
     def values(t: float, y: Array, yp: Array, c: float) -> Array:
         arguments_j[:n] = y
         arguments_j[n : n + d] = yp[:d]
         arguments_j[n + d] = t
         arguments_j[n + d + 1] = c
-        call_j(arguments_j, entries)
+        call_j()
         return entries
 
     return residual, values

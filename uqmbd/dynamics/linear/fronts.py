@@ -18,11 +18,10 @@ from typing import Any
 
 import numpy as np
 
-from uqmbd.compiled import cached
-from uqmbd.dynamics.equations import Kernel
+from uqmbd.compiled import Kernel, Operation, cached, compile_operations
 from uqmbd.dynamics.linear.elimination import plan
 from uqmbd.dynamics.linear.ordering import Front
-from uqmbd.dynamics.linear.unrolled import Operation, eliminated, section_kernel, worth_while
+from uqmbd.dynamics.linear.unrolled import eliminated, worth_while
 from uqmbd.typing import Array, Index
 
 __all__ = ["Fronts", "FrontalSolver", "frontal"]
@@ -100,19 +99,19 @@ class Fronts:
             else:
                 for batch in self.batches:
                     arguments = values.take(batch.reads, axis=1).reshape(-1, batch.reads.shape[1])
-                    values[:, batch.first : batch.last] = batch.kernel.fast(arguments).reshape(count, -1)
+                    values[:, batch.first : batch.last] = batch.kernel(arguments).reshape(count, -1)
             found[part] = values.take(self.solution, axis=1)
         return found
 
     def _one(self, values: Array) -> None:
         for batch in self.batches:
             shape = (len(batch.reads), batch.kernel.outputs)
-            batch.kernel.fast(values.take(batch.reads), values[batch.first : batch.last].reshape(shape))
+            batch.kernel(values.take(batch.reads), values[batch.first : batch.last].reshape(shape))
 
 
 @dataclass(frozen=True)
 class FrontalSolver:
-    """Solves systems for right-hand sides that are among the given values; used like a `UnrolledElimination`.
+    """Solves systems for right-hand sides that are among the given values; used like the kernel of an elimination.
 
     Attributes
     ----------
@@ -128,18 +127,8 @@ class FrontalSolver:
     rights: Index
     wanted: int
 
-    @property
-    def given(self) -> int:
-        """Values that are given with each system, its entries among them."""
-        return self.fronts.given
-
-    @property
-    def sections(self) -> tuple[_Batch, ...]:
-        """The code."""
-        return self.fronts.batches
-
     def __call__(self, given: Array, out: Array | None = None) -> Array:
-        """Solve, for one right-hand side after the other, as `UnrolledElimination` does."""
+        """Solve, for one right-hand side after the other, as the kernel of an elimination does."""
         count = len(given)
         if out is None:
             out = np.empty((count, len(self.rights) * self.wanted))
@@ -318,6 +307,10 @@ def _code(key: Any, typical: Array) -> _Code | None:
         return None
     name = ("front", key, order.steps)
     forward, backward = cached(
-        name, lambda: (section_kernel(operations, first, writes), section_kernel(back, begin, results))
+        name,
+        lambda: (
+            compile_operations(operations, range(first), writes, first),
+            compile_operations(back, range(begin), results, begin),
+        ),
     )
     return _Code(forward, backward, beside, tuple(left), tuple(moved), len(operations) + len(back))

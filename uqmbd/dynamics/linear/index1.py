@@ -137,7 +137,7 @@ def _poor(system: System, values: Array, found: Array) -> Index:
     if system.residual is None:
         return system.pattern.poor(values, system.right(values), found, RESIDUAL)
     with np.errstate(all="ignore"):
-        residual = system.residual.fast(np.concatenate([values, found], axis=1))[:, 0]
+        residual = system.residual(np.concatenate([values, found], axis=1))[:, 0]
     return np.flatnonzero(~(residual <= RESIDUAL**2))
 
 

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 
+from uqmbd.compiled import Kernel
 from uqmbd.dynamics.equations import Model
 from uqmbd.dynamics.linear.index1 import DENSE_LIMIT, System
 from uqmbd.dynamics.linear.sparse import Factors
-from uqmbd.dynamics.linear.unrolled import UnrolledElimination, defect_kernel, unroll
+from uqmbd.dynamics.linear.unrolled import defect_kernel, unroll
 from uqmbd.typing import Array
 
 __all__ = [
@@ -57,8 +58,8 @@ def nodal_systems(model: Model, count: int) -> NodalSystems:
     system: System = model.system
     if system.fronts is not None:
         return FrontalSystems(model)
-    if system.elimination is not None and isinstance(system.solve, UnrolledElimination) and system.project is not None:
-        given, size = system.solve.given, system.size
+    if system.elimination is not None and isinstance(system.solve, Kernel) and system.project is not None:
+        given, size = system.solve.inputs, system.size
         rights = given + np.arange(size)[None, :]
         code = unroll(system.elimination, system.rows, system.columns, system.source, rights, given + size, size)
         if code is not None:
@@ -71,9 +72,9 @@ class CompiledSystems:
 
     compiled = True
 
-    def __init__(self, system: System, code: Any, count: int) -> None:
+    def __init__(self, system: System, code: Kernel, count: int) -> None:
         assert system.solve is not None and system.project is not None
-        self.system, self.given, self.code = system, system.solve.given, code
+        self.system, self.given, self.code = system, code.inputs - system.size, code
         entries = (system.rows, system.columns, system.source)
         self.product = defect_kernel(*entries, np.full(system.size, -1), self.given)
         self.difference = defect_kernel(*entries, system.motion, self.given)
@@ -93,18 +94,17 @@ class CompiledSystems:
     def solve(self, right: Array) -> Array:
         """See `NodalSystems`."""
         self.both[:, self.given :] = right
-        found: Array = self.code(self.both)
-        return found
+        return self.code(self.both)
 
     def apply(self, x: Array) -> Array:
         """See `NodalSystems`."""
         self.both[:, self.given :] = x
-        return self.product.fast(self.both)
+        return self.product(self.both)
 
     def defect(self, x: Array) -> Array:
         """See `NodalSystems`."""
         self.both[:, self.given :] = x
-        return self.difference.fast(self.both)
+        return self.difference(self.both)
 
     def excess(self, drift: Array) -> Array:
         """See `NodalSystems`."""

@@ -9,12 +9,13 @@ import numpy as np
 import scipy.sparse
 import scipy.sparse.csgraph
 
-from uqmbd.dynamics.equations import Kernel, Model
+from uqmbd.compiled import Kernel
+from uqmbd.dynamics.equations import Model
 from uqmbd.dynamics.linear.elimination import Elimination, plan
 from uqmbd.dynamics.linear.fronts import FrontalSolver, Fronts, frontal
 from uqmbd.dynamics.linear.ordering import rounds_of, units_of
 from uqmbd.dynamics.linear.sparse import SparsePattern
-from uqmbd.dynamics.linear.unrolled import UnrolledElimination, residual_kernel, unroll
+from uqmbd.dynamics.linear.unrolled import residual_kernel, unroll
 from uqmbd.typing import Array, Index
 
 __all__ = ["System", "index1_system"]
@@ -55,13 +56,13 @@ class System:
     elimination: Elimination | None = None
     fronts: Fronts | None = None
     """Compiled elimination by blocks, of a large system."""
-    solve: UnrolledElimination | FrontalSolver | None = None
+    solve: Kernel | FrontalSolver | None = None
     """Compiled: results of the ``acceleration`` evaluator -> accelerations and multipliers."""
     residual: Kernel | None = None
     """Compiled: these results and the solution -> how well it satisfies the system."""
-    accelerate: UnrolledElimination | FrontalSolver | None = None
+    accelerate: Kernel | FrontalSolver | None = None
     """Compiled: results of the ``acceleration`` evaluator -> accelerations."""
-    project: UnrolledElimination | FrontalSolver | None = None
+    project: Kernel | FrontalSolver | None = None
     """Compiled: these results, then those of the ``drift`` evaluator -> what is too much of coordinates and velocities,
     by the least norm in the metric of the masses."""
 
@@ -167,7 +168,7 @@ def _compiled(model: Model, system: System, typical: Array) -> System:
     given, n = len(model.evaluators["acceleration"].targets), model.layout.coordinates
     motion, excess = _rights(system, given)
 
-    def code(rights: Index, values: int, wanted: int) -> UnrolledElimination | None:
+    def code(rights: Index, values: int, wanted: int) -> Kernel | None:
         order = system.elimination
         assert order is not None
         return unroll(order, system.rows, system.columns, system.source, rights, values, wanted)

@@ -42,7 +42,7 @@ class ProjectedEquations:
         self.time.fill(time)
         self.nodal[:] = self.projected.psi @ self.state
         if (kernel := self.motion.fused_kernel) is not None:
-            kernel.fast(self.arguments, self.values)
+            kernel(self.arguments, self.values)
         else:
             self.values = np.ascontiguousarray(self.motion(self.arguments[:, : self.width + 2], self.block))
         found = self.solver.solve(self.values, self.tolerance)
@@ -54,7 +54,7 @@ class ProjectedEquations:
     def excess(self) -> tuple[Array, Array]:
         """By what coefficients of ``self.state``, whose rate is known, exceed the projected constraints."""
         if (kernel := self.drift.fused_kernel) is not None:
-            found = kernel.fast(self.arguments)
+            found = kernel(self.arguments)
         else:
             found = self.drift(self.arguments[:, : self.width + 2], self.block)
         return self.solver.excess(self.values, found, tolerance=1e-3)

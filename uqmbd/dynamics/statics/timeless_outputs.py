@@ -9,15 +9,13 @@ from typing import Any
 import numpy as np
 import sympy
 
-from uqmbd.compiled import cached
+from uqmbd.compiled import Kernel, cached, compile_kernel
 from uqmbd.dynamics.batch import Batch
 from uqmbd.dynamics.equations import (
     Instance,
-    Kernel,
     OutputMap,
     Placement,
     Tables,
-    compile_kernel,
     output_map,
     plain,
 )

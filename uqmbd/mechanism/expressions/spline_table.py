@@ -83,12 +83,17 @@ class SplineTable(FunctionData):
         return rows
 
     @cached_property
-    def _edges(self) -> Array:
-        """Return where the intervals begin; the ends themselves belong to the table."""
+    def edges(self) -> Array:
+        """Where the intervals begin; the ends themselves belong to the table."""
         edges = self.knots.copy()
         sliver = SLIVER * (edges[-1] - edges[0])
         edges[0], edges[-1] = edges[0] - sliver, np.nextafter(edges[-1] + sliver, np.inf)
         return edges
+
+    @property
+    def period(self) -> float:
+        """Of the table, from its first knot on; 0: it has none."""
+        return float(self.knots[-1] - self.knots[0]) if self.ends == "periodic" else 0.0
 
     @cached_property
     def deviations(self) -> Array:
@@ -136,9 +141,9 @@ class SplineTable(FunctionData):
             first, period = self.knots[0], self.knots[-1] - self.knots[0]
             with np.errstate(invalid="ignore"):
                 turns = np.floor((x - first) / period) * period
-                which = np.clip(self._edges.searchsorted(x - turns, "right"), 1, len(self.knots) - 1)
+                which = np.clip(self.edges.searchsorted(x - turns, "right"), 1, len(self.knots) - 1)
         else:
-            turns, which = None, self._edges.searchsorted(x, "right")
+            turns, which = None, self.edges.searchsorted(x, "right")
         if terms is None:
             found: Array = self.rows[which, 0]
         else:

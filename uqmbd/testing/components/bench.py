@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from uqmbd.compiled import cached
-from uqmbd.dynamics import Instance, Kernel, ParameterMap, derive, instances_of
+from uqmbd.compiled import Kernel, cached
+from uqmbd.dynamics import Instance, ParameterMap, derive, instances_of
 from uqmbd.mechanism import Space
 from uqmbd.testing.components.cases import Case
 from uqmbd.testing.components.motion import random_unit

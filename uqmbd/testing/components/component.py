@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from uqmbd.compiled import cached
-from uqmbd.dynamics import Instance, Kernel, derive
+from uqmbd.compiled import Kernel, cached
+from uqmbd.dynamics import Instance, derive
 from uqmbd.mechanism import Component, Space
 from uqmbd.propagation import Propagator
 from uqmbd.testing.components.bench import REALISATIONS, Bench, random_coordinates

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from uqmbd.compiled import cached
-from uqmbd.dynamics import Derived, Instance, Kernel, derive
+from uqmbd.compiled import Kernel, cached
+from uqmbd.dynamics import Derived, Instance, derive
 from uqmbd.testing.components.bench import Bench
 from uqmbd.typing import Array
 

@@ -1,0 +1,36 @@
+#include "tables.h"
+
+/* The largest whole number that is not above x; numbers without fractions, infinities and NaN as they are. */
+INLINE double whole(double x) {
+    if (!(x < 4e15 && x > -4e15)) return x;
+    double part = (double)(int64_t)x;
+    return part > x ? part - 1.0 : part;
+}
+
+/* How many edges are not above x; of NaN: all of them. */
+INLINE int64_t edges_below(const double *edges, int64_t count, double x) {
+    int64_t low = 0, rest = count;
+    while (rest > 0) {
+        int64_t half = rest / 2;
+        int right = !(edges[low + half] > x);
+        low = right ? low + half + 1 : low;
+        rest = right ? rest - half - 1 : half;
+    }
+    return low;
+}
+
+void look_up(const double *edges, const double *rows, int64_t knots, int64_t terms, int64_t numbers, double period,
+             int64_t lanes, const double *x, double *found) {
+    for (int64_t l = 0; l < lanes; l++) {
+        double turns = period > 0.0 ? whole((x[l] - rows[0]) / period) * period : 0.0;
+        int64_t which = edges_below(edges, knots, x[l] - turns);
+        if (period > 0.0) which = which < 1 ? 1 : which > knots - 1 ? knots - 1 : which;
+        const double *row = rows + which * (1 + terms) * numbers;
+        for (int64_t c = 0; c < numbers; c++) {
+            double sum = row[c];
+            for (int64_t k = 1; k <= terms; k++) sum += x[k * lanes + l] * row[k * numbers + c];
+            found[c * lanes + l] = sum;
+        }
+        found[l] += turns;
+    }
+}

@@ -1,0 +1,56 @@
+"""Tables of splines inside kernels: their numbers are constants of the kernel, which the driver looks up."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Protocol
+
+import numpy as np
+
+from uqmbd.typing import Array
+
+__all__ = ["Table", "Tables", "table_constants"]
+
+
+class Table(Protocol):
+    """What is looked up.
+
+    Attributes
+    ----------
+    edges : array, shape (n,)
+        Where the intervals begin, ascending.
+    rows : array, shape (n + 1, 1 + M, number)
+        Numbers below the table, in its intervals and beyond, where they begin first: a constant, and the factors of M
+        terms.
+    period : float
+        Of the table, from its first knot ``rows[0, 0, 0]`` on; 0: it has none.
+    """
+
+    @property
+    def edges(self) -> Array:
+        """See above."""
+
+    @property
+    def rows(self) -> Array:
+        """See above."""
+
+    @property
+    def period(self) -> float:
+        """See above."""
+
+    def look_up(self, x: Array, terms: Array | None = None) -> Array:
+        """Look up arguments (K,) with terms (K, M) by NumPy, shape (K, number), which a kernel is compared with."""
+
+
+Tables = Mapping[str, Table]
+"""Tables by the names of the functions that look them up; the name tells the numbers."""
+
+
+def table_constants(name: str, table: Table) -> str:
+    """Write the numbers of a table as constants of a module: byte by byte, which LLVM reads faster than numbers."""
+    text = ""
+    for kind, array in (("edges", table.edges), ("rows", table.rows)):
+        numbers = np.ascontiguousarray(array, dtype=float).tobytes()
+        escaped = numbers.hex("\\")
+        text += f'@{kind}.{name} = private constant [{len(numbers)} x i8] c"\\{escaped}", align 64\n'
+    return text
