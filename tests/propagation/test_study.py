@@ -177,7 +177,7 @@ def test_what_makes_no_study(given, words):
 
 @pytest.mark.parametrize("workers", [0, -1, 1.5, "two", None, True])
 def test_workers(swing, workers):
-    with pytest.raises(uqmbd.StudyError, match="expected a number of processes, 1 or more, or a concurrent.futures.Ex"):
+    with pytest.raises(uqmbd.StudyError, match="expected a number of workers, 1 or more, or a concurrent.futures.Ex"):
         swing.run(workers=workers)
 
 

@@ -67,7 +67,7 @@ def run(
     ] = None,
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the results.")] = Path("results"),
     workers: Annotated[
-        int | None, typer.Option("--workers", metavar="N", min=1, help="Number of processes (default: 1).")
+        int | None, typer.Option("--workers", metavar="N", min=1, help="Number of threads or processes (default: 1).")
     ] = None,
     dask: Annotated[
         str | None, typer.Option("--dask", metavar="ADDRESS", help="Scheduler of a Dask cluster that does the work.")

@@ -53,7 +53,7 @@ def run_study(
     out : Path
         Folder for the results; made if it does not exist.
     workers : int
-        Number of processes.
+        Number of workers.
     dask : str, optional
         Address of a Dask scheduler that does the work instead.
     resume : bool
@@ -170,7 +170,7 @@ def _make_folder(folder: Path) -> None:
 
 @contextmanager
 def _executor(workers: int, address: str | None, script: Path) -> Iterator[int | Executor]:
-    """Yield what `Study.run` takes as workers: a number of processes, or the pool of a Dask cluster."""
+    """Yield what `Study.run` takes as workers: a number of workers, or the pool of a Dask cluster."""
     if address is None:
         yield workers
         return

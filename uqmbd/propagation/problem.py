@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 
 import numpy as np
 
-from uqmbd.dynamics import Capability, Ensemble, Model, ScalarValues, require
+from uqmbd.dynamics import Capability, Ensemble, Model, ScalarValues, declares, integrator_class, require
 from uqmbd.errors import StudyError, StudyWarning
 from uqmbd.propagation.execution import (
     CHUNK,
@@ -31,6 +31,7 @@ from uqmbd.propagation.execution import (
     Silent,
     compute_chunk,
     event_histories,
+    executor_for,
     in_order,
     run_tasks,
 )
@@ -191,7 +192,8 @@ class Problem:
         self.progress.start(self.label, len(values))
         begin = self.clock()
         parts = [np.ascontiguousarray(values[k : k + CHUNK]) for k in range(0, len(values), CHUNK)]
-        work = in_order(parts, self.executor, self._found, self._task, self._keep)
+        executor = executor_for(self.executor, unlocked=self._unlocked)
+        work = in_order(parts, executor, self._found, self._task, self._keep)
         for index, chunk in enumerate(work):
             now = self.clock()
             found = Realisations(
@@ -283,6 +285,13 @@ class Problem:
             self.require("sampled")
         begin, end = float(self.times[0]), float(self.times[-1])
         return event_histories(self.run, self._checked(values), (begin, end), self.rtol, points, least, self.integrator)
+
+    @property
+    def _unlocked(self) -> bool:
+        """Whether realisations are computed without the interpreter: no events, no controllers, no statics alone."""
+        model, cls = self.model, integrator_class(self.integrator)
+        still = self.timeless and not model.scalars.needs_motion
+        return declares(cls, "unlocked") and not (still or model.events or model.controls)
 
     def _task(self, part: Array) -> tuple[Callable[..., Chunk], tuple[bytes, Array, Array, float, str, bool]]:
         times = self.times if self.over is None else self.over

@@ -257,7 +257,8 @@ class Study:
         Parameters
         ----------
         workers : int or concurrent.futures.Executor
-            Number of processes, or who does the work.  Results do not depend on it.
+            Number of workers, or who does the work: threads where the integrator is `unlocked`, else processes.
+            Results do not depend on it.
         only : sequence of str, optional
             Labels of the propagators to run; all by default.
         progress : Progress or bool, optional

@@ -130,10 +130,12 @@ def solve(
     options = dict(options)
     if "jacfn" in options:
         options["jacfn"] = callbacks.jacobian(options["jacfn"])
-    with warnings.catch_warnings(), _heard(said), _interrupted_by_instances():
-        # it takes the pattern for an approximation of its own, which the exact Jacobian replaces
-        warnings.filterwarnings("ignore", message="Custom sparse Jacobian")
-        solver = IDA(callbacks.residual(residual), **options, **settings)
+    with _heard(said), _interrupted_by_instances():
+        # filters are those of all threads: they are changed by one at a time
+        with _lock, warnings.catch_warnings():
+            # it takes the pattern for an approximation of its own, which the exact Jacobian replaces
+            warnings.filterwarnings("ignore", message="Custom sparse Jacobian")
+            solver = IDA(callbacks.residual(residual), **options, **settings)
         try:
             found = solver.solve(times, y, yp)
         except (RuntimeError, KeyError, np.linalg.LinAlgError) as error:

@@ -10,7 +10,7 @@ from uqmbd.typing import Array
 
 __all__ = ["Capability", "Integrator", "declares"]
 
-Capability = Literal["events", "projected", "segments", "paced", "watched", "delegates", "sampled"]
+Capability = Literal["events", "projected", "segments", "paced", "watched", "delegates", "sampled", "unlocked"]
 
 
 class Integrator(Protocol):
@@ -37,6 +37,11 @@ class Integrator(Protocol):
     ``sampled = True``
         Where a mechanism has events, it samples controllers itself, by ``ensemble.sampling``; of one that does not,
         and of mechanisms without events, ``integrate`` and ``integrate_projected`` are called from sample to sample.
+
+    ``unlocked = True``
+        ``integrate`` works in compiled code that releases the lock of the interpreter, may run in several threads at
+        once, and gives the same bits there: workers are threads then, where a mechanism has neither events nor
+        controllers, which are followed in Python.  Else they are processes.
 
     ``linear_solvers``, a tuple of names, says that ``integrate_projected`` takes ``linear_solver=``.
 

@@ -18,7 +18,7 @@ from uqmbd.propagation.execution.progress import Lines, Progress, Silent, told
 from uqmbd.propagation.execution.realisations import Realisations
 from uqmbd.propagation.execution.run_folder import claimed, set_aside
 from uqmbd.propagation.execution.tasks import Arrays, run_tasks
-from uqmbd.propagation.execution.workers import Crew, pool
+from uqmbd.propagation.execution.workers import Crew, Staff, executor_for, pool
 
 __all__ = [
     "AGAIN",
@@ -35,9 +35,11 @@ __all__ = [
     "Progress",
     "Realisations",
     "Silent",
+    "Staff",
     "claimed",
     "compute_chunk",
     "event_histories",
+    "executor_for",
     "in_order",
     "integrated_by",
     "not_finite_output",

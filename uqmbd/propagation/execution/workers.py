@@ -1,14 +1,18 @@
-"""Who computes: this process, processes of our own, or whoever the user brings."""
+"""Who computes: this process, threads or processes of our own, or whoever the user brings.
+
+Threads start in no time, share what is compiled and hand over results without a copy, but only one of them at a time
+can work in Python: they do what is computed outside of it, and processes the rest.
+"""
 
 from __future__ import annotations
 
 import operator
 import os
 import signal
-from collections.abc import Iterator
-from concurrent.futures import BrokenExecutor, CancelledError, Executor
+from collections.abc import Callable, Iterator
+from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future, ThreadPoolExecutor
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, ParamSpec, Self, TypeVar
 
 from uqmbd.errors import IntegrationError, StudyError
 from uqmbd.propagation.execution.main_script import Script, adopt, main_script, refuse_workers_of_workers, spawning
@@ -17,18 +21,92 @@ from uqmbd.propagation.execution.parent import end_with_parent
 if TYPE_CHECKING:
     from concurrent.futures import ProcessPoolExecutor
 
-__all__ = ["Crew", "pool"]
+__all__ = ["Crew", "Staff", "executor_for", "pool"]
+
+Arguments = ParamSpec("Arguments")
+Result = TypeVar("Result")
+
+
+class Staff(Executor):
+    """Threads and processes, of which each kind is started when there is work for it.
+
+    As an executor it gives work to processes; `executor_for` chooses.
+
+    Parameters
+    ----------
+    count : int
+        Of each kind.
+
+    Examples
+    --------
+    >>> with Staff(2) as staff:
+    ...     executor_for(staff, unlocked=True).submit(max, 2, 3).result(), staff.started
+    (3, False)
+    """
+
+    def __init__(self, count: int) -> None:
+        self._count = count
+        self._threads: ThreadPoolExecutor | None = None
+        self._processes: ProcessPoolExecutor | None = None
+        self._event: Any = None
+
+    @property
+    def started(self) -> bool:
+        """Whether any of the processes has started."""
+        return self._event is not None and bool(self._event.is_set())
+
+    @property
+    def threads(self) -> Executor:
+        """Those who share this process."""
+        if self._threads is None:
+            self._threads = ThreadPoolExecutor(self._count, "uqmbd")
+        return self._threads
+
+    @property
+    def processes(self) -> Executor:
+        """Those who have processes of their own."""
+        if self._processes is None:
+            self._processes, self._event = _hired(self._count)
+        return self._processes
+
+    def submit(
+        self, fn: Callable[Arguments, Result], /, *args: Arguments.args, **kwargs: Arguments.kwargs
+    ) -> Future[Result]:
+        """Give work to a process."""
+        return self.processes.submit(fn, *args, **kwargs)
+
+    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
+        """End all; what has begun is finished."""
+        for executor in (self._threads, self._processes):
+            if executor is not None:
+                executor.shutdown(wait=wait, cancel_futures=cancel_futures)
+        self._threads = self._processes = None
+
+
+def executor_for(given: Executor | None, *, unlocked: bool) -> Executor | None:
+    """Return who does some work: of our own workers threads, where it needs no Python, else processes.
+
+    Parameters
+    ----------
+    given : concurrent.futures.Executor, optional
+        Those who are there; None: this process alone.
+    unlocked : bool
+        Whether the work is computed without the lock of the interpreter.
+    """
+    if not isinstance(given, Staff):
+        return given
+    return given.threads if unlocked else given.processes
 
 
 class Crew:
     """Who computes, for several pieces of work one after another: processes that died are replaced for the next one.
 
-    A context: processes that it started end with it.
+    A context: threads and processes that it started end with it.
 
     Parameters
     ----------
     workers : int or concurrent.futures.Executor
-        Number of processes, or an executor, which is left open.
+        Number of workers, which are threads or processes, or an executor, which is left open.
 
     Raises
     ------
@@ -47,8 +125,7 @@ class Crew:
         self._count = 1 if self._given is not None else _count(workers)
         if self._count > 1:
             refuse_workers_of_workers()
-        self._processes: ProcessPoolExecutor | None = None
-        self._started: Any = None
+        self._staff: Staff | None = None
 
     def __enter__(self) -> Self:
         return self
@@ -58,7 +135,7 @@ class Crew:
 
     @contextmanager
     def at_work(self) -> Iterator[Executor | None]:
-        """Yield who does the work: nobody (this process), a pool of processes, or the executor that was given.
+        """Yield who does the work: nobody (this process), a `Staff`, or the executor that was given.
 
         Raises
         ------
@@ -74,12 +151,12 @@ class Crew:
         if self._count == 1:
             yield None
             return
-        if self._processes is None:
-            self._processes, self._started = _hired(self._count)
+        if self._staff is None:
+            self._staff = Staff(self._count)
         try:
-            yield self._processes
+            yield self._staff
         except BrokenExecutor as error:
-            started = self._started.is_set()
+            started = self._staff.started
             self._dismiss()
             if started:
                 raise IntegrationError(
@@ -91,9 +168,9 @@ class Crew:
             ) from error
 
     def _dismiss(self) -> None:
-        if self._processes is not None:
-            self._processes.shutdown(wait=True, cancel_futures=True)
-            self._processes = None
+        if self._staff is not None:
+            self._staff.shutdown(wait=True, cancel_futures=True)
+            self._staff = None
 
 
 @contextmanager
@@ -141,7 +218,7 @@ def _count(workers: object) -> int:
         count = 0
     if count < 1 or isinstance(workers, bool):
         raise StudyError(
-            f"workers is {workers!r}; expected a number of processes, 1 or more, or a concurrent.futures.Executor."
+            f"workers is {workers!r}; expected a number of workers, 1 or more, or a concurrent.futures.Executor."
         )
     return count
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any, get_args
@@ -41,6 +42,7 @@ def check_integrator(
     - *events*, if declared: a ball bounces in time, and the times of its impacts are told.
     - *sampled*, if it is declared beside *events*: a controller that pushes the ball is sampled across its impacts.
     - *segments*, if declared: the segments of that motion are those between its impacts.
+    - *unlocked*, if declared: in several threads at once the same ensembles give the same bits as one after the other.
     - *projected*, if declared: coefficients are those of the motions at the nodes; *watched*: it stops when it is told.
 
     What is not declared is not asked for.
@@ -84,6 +86,8 @@ def check_integrator(
             subject.right(form, "sampled", subject.run(form, "sampled"))
     if declares(integrator, "segments"):
         _check_segments(subject, closed_forms.ball())
+    if declares(integrator, "unlocked"):
+        _check_unlocked(subject, closed_forms.pendulum())
     if declares(integrator, "projected"):
         check_projected(integrator, tolerance)
 
@@ -228,6 +232,21 @@ def _check_independence(subject: _Subject, form: ClosedForm) -> None:
             f"{subject.title}: independence: {form.name}: integrated {how}, realisations change by {change:.2g} of "
             f"their size; expected {subject.tolerance * RTOL:.1g} at most."
         )
+
+
+def _check_unlocked(subject: _Subject, form: ClosedForm) -> None:
+    """Integrate in several threads at once what was integrated before."""
+    alone = subject.run(form, "unlocked").states
+    with ThreadPoolExecutor(4) as executor:
+        ensembles = [form.ensemble() for _ in range(8)]
+        work = [executor.submit(subject.integrator().integrate, one, form.times, RTOL) for one in ensembles]
+        with subject.unbroken("unlocked", form.name):
+            others = [one.result().states for one in work]
+    differ = [other for other in others if not np.array_equal(other, alone)]
+    assert not differ, (
+        f"{subject.title}: unlocked: {form.name}: in several threads at once states differ by "
+        f"{np.abs(differ[0] - alone).max():.2g} from those that are integrated alone; expected the same bits."
+    )
 
 
 def _check_assembly_failures(subject: _Subject) -> None:
