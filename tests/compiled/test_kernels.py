@@ -33,6 +33,7 @@ def of(*expressions: sympy.Expr) -> Kernel:
 
 
 @given(st.integers(1, 9), st.integers(0, 2**32 - 1))
+@settings(deadline=None)
 def test_a_compiled_elimination_solves_its_systems(size: int, seed: int) -> None:
     """Eight dense systems at once, against LAPACK; from nine on, parts of rows are computed in a loop."""
     from uqmbd.compiled.emission import LONG

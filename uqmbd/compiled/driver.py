@@ -82,7 +82,7 @@ class Problem(ctypes.Structure):
 POOL = (
     *("z", "rate", "parameters"),
     *("now", "begin", "wanted", "tried", "floor", "limit"),
-    *("leg", "last_leg", "column", "status", "attempts", "refused", "stiff"),
+    *("leg", "last_leg", "first", "column", "status", "attempts", "refused", "stiff"),
     *("fresh", "rejected", "trusted", "told", "steps", "known"),
     *("node_times", "nodes", "result", "poor"),
 )
@@ -101,6 +101,7 @@ _FUNCTIONS: dict[str, tuple[Any, Sequence[Any]]] = {
     "largest": (None, [_POINTER, _POINTER, _POINTER, _INT, _INT, _INT, _POINTER, _INT, _POINTER]),
     "advance_workspace": (_INT, [_POINTER]),
     "advance": (_INT, [_POINTER, _POINTER, _POINTER, _INT, _POINTER, _INT]),
+    "project": (None, [_POINTER, _POINTER, _POINTER, _INT, _POINTER]),
     "sizes": (None, [_POINTER]),
 }
 """Results and arguments of the functions."""

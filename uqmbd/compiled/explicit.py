@@ -137,10 +137,12 @@ def tableau() -> tuple[c.Tableau, tuple[NDArray[Any], ...]]:
     dense = [step, unit[0] - step, 2 * step - unit[STAGES] - unit[0], *method.D]
     table = np.vstack([stages, step, method.A_EXTRA, *dense, errors])
     index = [np.flatnonzero(row) for row in table]
-    starts = np.cumsum([0, *map(len, index)]).astype(np.int64)
-    weights = np.concatenate([row[i] for row, i in zip(table, index, strict=True)])
+    zeros = [-len(i) % 4 for i in index]
+    starts = np.cumsum([0, *(len(i) + k for i, k in zip(index, zeros, strict=True))]).astype(np.int64)
+    weights = np.concatenate([np.append(row[i], np.zeros(k)) for row, i, k in zip(table, index, zeros, strict=True)])
+    index = [np.append(i, np.full(k, i[-1] if k else 0)).astype(np.int64) for i, k in zip(index, zeros, strict=True)]
     moments = np.concatenate([method.C[:STAGES], [1.0], method.C_EXTRA])
-    kept = (starts, np.concatenate(index).astype(np.int64), weights, moments)
+    kept = (starts, np.concatenate(index), weights, moments)
     return c.Tableau(*map(address, kept)), kept
 
 
@@ -168,7 +170,8 @@ class Realisations:
     Attributes
     ----------
     result : array, shape (M, T, width)
-        States at the output times, put on the constraints.
+        States at the output times before number ``column``, by interpolation: near the constraints until `project` puts
+        them there.
     poor : array of int, shape (M, T)
         Which of them interpolation has led far off the constraints.
     status : array of int, shape (M,)
@@ -196,19 +199,19 @@ class Realisations:
         self.now, self.begin = np.full((2, count), self.times[0])
         self.wanted, self.floor = np.zeros(count), np.ascontiguousarray(floor, dtype=float)
         self.limit, self.tried = np.full(count, np.inf), np.zeros(count)
-        integers = np.zeros((13, count), dtype=np.int64)
-        self.leg, self.last_leg, self.column, self.status, self.attempts, self.refused, self.stiff = integers[:7]
-        self.fresh, self.rejected, self.trusted, self.told, self.steps, self.known = integers[7:]
+        integers = np.zeros((14, count), dtype=np.int64)
+        self.leg, self.last_leg, self.first, self.column, self.status, self.attempts, self.refused = integers[:7]
+        self.stiff, self.fresh, self.rejected, self.trusted, self.told, self.steps, self.known = integers[7:]
         ends = np.cumsum([len(x) for x in legs])
         self.last_leg[:] = ends - 1
         self.leg[1:] = ends[:-1] if len(legs) == count else 0
         every = [leg for some in legs for leg in some]
         self.leg_ends, self.leg_longest = (np.array([leg[k] for leg in every], dtype=float) for k in (0, 1))
         self.leg_jumps = np.array([leg[2] for leg in every], dtype=np.int64)
-        self.column[:], self.fresh[:], self.known[:] = 1, 1, 1
+        self.first[:], self.column[:], self.fresh[:], self.known[:] = 1, 1, 1, 1
         self.node_times, self.nodes = np.zeros((count, NODES)), np.zeros((count, NODES, width))
         self.node_times[:, -1], self.nodes[:, -1] = self.times[0], z
-        self.result = np.full((count, len(self.times), width), np.nan)
+        self.result = np.empty((count, len(self.times), width))
         self.result[:, 0] = z
         self.poor = np.zeros((count, len(self.times)), dtype=np.int8)
 
@@ -227,6 +230,14 @@ class Realisations:
                 address(workspace),
                 BUDGET,
             )
+
+    def project(self) -> None:
+        """Put the states at the output times onto the constraints."""
+        if self.dynamics.excess is None:
+            return
+        queue, workspace = np.arange(len(self.z)), aligned(self.dynamics.rows)
+        places = (ctypes.addressof(x) for x in (self._problem, self._pool))
+        driver().project(*places, address(queue), len(queue), address(workspace))
 
     # -- for whoever decides -----------------------------------------------------------------------------------------
     def known_nodes(self, member: int) -> tuple[Array, Array]:
@@ -262,7 +273,7 @@ class Realisations:
         new.__dict__.pop("_pool", None)
         new.__dict__.pop("_problem", None)
         new.dynamics, new.evaluations = dynamics, 0
-        new.steps[:] = 0
+        new.steps[:], new.first[:] = 0, new.column
         self.status[member] = Status.DONE
         return new
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import ctypes
 import itertools
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -175,9 +175,10 @@ class Program:
         if out is None:
             out = np.empty((count, len(self.results)))
         if count and len(self.results):
+            work = aligned(self.rows)
             driver().evaluate(
                 ctypes.addressof(self.part.structure),
-                address(aligned(self.rows)),
+                address(work),
                 ctypes.addressof(table),
                 len(kept),
                 0,
@@ -188,14 +189,30 @@ class Program:
             )
         return out
 
+    def bound(self, arguments: Array, out: Array) -> Callable[[], object]:
+        """Make a call that evaluates what is in `arguments` (K, argument) into `out` (K, result), with little Python.
+
+        Both arrays are C-contiguous, and must stay where they are.
+        """
+        table, kept, count = self._sources([arguments], None)
+        work, evaluate = aligned(self.rows), driver().evaluate
+        call = partial(
+            evaluate,
+            *(ctypes.addressof(self.part.structure), address(work), ctypes.addressof(table), len(kept), 0, count),
+            *(address(self.results), len(self.results), address(out)),
+        )
+        vars(call)["kept"] = (self, table, kept, work, arguments, out)
+        return call
+
     def largest(self, *sources: Array | Columns, states: int, count: int | None = None) -> Array:
         """Find the largest magnitudes of the results of `states` states each, shape (K / states, result)."""
         table, kept, count = self._sources(sources, count)
         out = np.zeros((count // states, len(self.results)))
         if count and len(self.results):
+            work = aligned(self.rows)
             driver().largest(
                 ctypes.addressof(self.part.structure),
-                address(aligned(self.rows)),
+                address(work),
                 ctypes.addressof(table),
                 len(kept),
                 states,
@@ -210,12 +227,15 @@ class Program:
         rows, kept, to = [], list[Array](), 0
         for source in sources:
             columns = source if isinstance(source, Columns) else Columns(source)
-            data = np.ascontiguousarray(columns.data, dtype=float)
+            data = np.asarray(columns.data, dtype=float)
             data = data[:, None] if data.ndim == 1 else data
+            if data.strides[1] != data.itemsize and data.shape[1] > 1:
+                data = np.ascontiguousarray(data)
             kept.append(data)
             if count is None:
                 count = len(data)
-            rows.append(c.Source(address(data), data.shape[1], data.shape[1], columns.divisor, max(1, len(data)), to))
+            stride = data.strides[0] // data.itemsize
+            rows.append(c.Source(address(data), stride, data.shape[1], columns.divisor, max(1, len(data)), to))
             to += data.shape[1]
         if to != self.inputs:
             raise ValueError(f"a program of {self.inputs} arguments was given {to}")

@@ -218,7 +218,7 @@ class Ensemble:
         uqmbd.StudyError
             If the mechanism is too large for compiled linear algebra.
         """
-        if self.model.system is None or self.model.system.project is None:
+        if self.model.system is None or self.model.system.programs is None:
             raise StudyError(
                 f"mechanism {self.model.name!r} has too many equations to put states onto the constraints."
             )

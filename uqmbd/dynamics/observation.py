@@ -4,41 +4,47 @@ from __future__ import annotations
 
 import numpy as np
 
+from uqmbd.compiled import Columns, Kernel, Program, Writer, cached, compile_kernel
 from uqmbd.dynamics.batch import Batch
 from uqmbd.dynamics.contact import ContactEvaluator, states_in_contact
 from uqmbd.dynamics.equations import Model, OutputMap, state_arguments
-from uqmbd.dynamics.linear import accelerations
+from uqmbd.dynamics.linear import RESIDUAL, Programs, accelerations
 from uqmbd.typing import Array, Index
 
 __all__ = ["energies", "observe", "observe_along"]
 
 
-BLOCK = 2048
-"""States that are observed at once: many more of them fall out of the processor's cache."""
-
-
 def observe_along(batch: Batch, outputs: OutputMap, times: Array, states: Array) -> Array:
     """Evaluate outputs along trajectories (K, T, width), angles unwrapped over the times: shape (K, output, T)."""
     members, count = states.shape[:2]
-    flat, time = states.reshape(members * count, -1), np.tile(times, members)
-    owner = np.repeat(np.arange(members), count)
-    result = np.empty((members * count, len(outputs.names)))
-    for first in range(0, len(flat), BLOCK):
-        part = slice(first, first + BLOCK)
-        result[part] = observe(batch, outputs, flat[part], time[part], owner[part])
-    return outputs.unwrap(result.reshape(members, count, -1).transpose(0, 2, 1))
+    flat = states.reshape(members * count, -1)
+    if _compiled(batch.model):
+        owners = Columns(batch.block, count), Columns(batch.values, count)
+        found = _by_program(batch.model, outputs, flat, Columns(times), *owners)
+    else:
+        found = observe(batch, outputs, flat, np.tile(times, members), np.repeat(np.arange(members), count))
+    return outputs.unwrap(found.reshape(members, count, -1).transpose(0, 2, 1))
 
 
 def observe(batch: Batch, outputs: OutputMap, states: Array, time: Array, owner: Index) -> Array:
     """Evaluate outputs at states (S, width) of the realisations `owner` (S,) at times (S,): shape (S, output)."""
-    model, layout = batch.model, batch.model.layout
+    model = batch.model
+    if _compiled(model):
+        return _by_program(model, outputs, states, *map(Columns, (time, batch.block[owner], batch.values[owner])))
+    return _one_by_one(model, outputs, states, time, batch.block[owner], batch.values[owner])
+
+
+def _one_by_one(
+    model: Model, outputs: OutputMap, states: Array, time: Array, parameters: Array, values: Array
+) -> Array:
+    """Evaluate outputs where each state may need pivots of its own, or is in contact."""
+    layout = model.layout
     q, s, v = layout.split(states)
     quaternions = model.quaternions()
     if quaternions.size:
         q = q.copy()
         e = q[:, quaternions]
         q[:, quaternions] = e / np.linalg.norm(e, axis=2, keepdims=True)
-    parameters = batch.block[owner]
     a, multipliers = np.zeros_like(q), np.zeros((len(q), layout.constraints))
     forces = None
     if outputs.accelerates:
@@ -46,7 +52,69 @@ def observe(batch: Batch, outputs: OutputMap, states: Array, time: Array, owner:
         if model.events:
             forces = _add_contacts(model, states, time, parameters, a, multipliers)
     state = np.concatenate([q, s, v, a, multipliers, time[:, None]], axis=1)
-    return outputs(state, batch.values[owner], parameters, forces)
+    return outputs(state, values, parameters, forces)
+
+
+def _compiled(model: Model) -> bool:
+    """Whether outputs are one program: the mechanism is small enough, and no contact that lasts changes forces."""
+    if model.events or model.system is None or model.system.programs is None:
+        return False
+    return model.system.programs.residual is not None
+
+
+def _by_program(
+    model: Model, outputs: OutputMap, states: Array, time: Columns, block: Columns, values: Columns
+) -> Array:
+    programs: Programs = model.system.programs
+    key = (outputs.kernel.name, outputs.needed.tobytes(), outputs.accelerates)
+    if key not in programs.others:
+        programs.others[key] = _program(model, outputs)
+    zero = Columns(np.zeros((1, 1)))
+    found = programs.others[key](states, time, zero, block, values)
+    if not outputs.accelerates:
+        return found
+    count = len(outputs.names)
+    if found.shape[1] > count and (poor := np.flatnonzero(~(found[:, count] <= RESIDUAL**2))).size:
+        found[poor, :count] = _one_by_one(
+            model, outputs, states[poor], *(_rows(x, poor) for x in (time, block, values))
+        )
+    return found[:, :count]
+
+
+def _rows(columns: Columns, which: Index) -> Array:
+    return columns.data[which // columns.divisor % len(columns.data)]
+
+
+def _program(model: Model, outputs: OutputMap) -> Program:
+    """Write outputs, and how well accelerations satisfy their system, of (state, t, 0, parameters, inputs)."""
+    layout, programs = model.layout, model.system.programs
+    n, width = layout.coordinates, layout.width
+    ends = np.cumsum([width + 2, model.block_parameters, len(model.inputs)])
+    writer = Writer(int(ends[-1]))
+    arguments, parameters, inputs = np.split(np.arange(ends[-1]), ends[:-1])
+    quaternions, zero, residual = model.quaternions(), width + 1, np.zeros(0, dtype=np.int64)
+    if quaternions.size:
+        arguments[quaternions] = writer.call(_unit(quaternions.shape[1]), quaternions)
+    accelerations, multipliers = np.full(n, zero), np.full(layout.constraints, zero)
+    if outputs.accelerates:
+        solution, residual = programs.write_motion(model, writer, arguments, parameters)
+        accelerations, multipliers[layout.kept] = solution[:n], solution[n:]
+    reads = (arguments[:width], accelerations, multipliers, [width], inputs, parameters[outputs.needed])
+    results = writer.call(outputs.kernel, np.concatenate(reads)[None])
+    return writer.program(np.concatenate([results.ravel(), residual]))
+
+
+def _unit(size: int) -> Kernel:
+    """Compile a vector of unit length in the direction of one of `size` numbers."""
+
+    def make() -> Kernel:
+        import symengine as se
+
+        x = se.symbols(f"x0:{size}")
+        return compile_kernel(x, [a / se.sqrt(se.Add(*[b**2 for b in x])) for a in x])
+
+    kernel: Kernel = cached(("unit vector", size), make)
+    return kernel
 
 
 def _add_contacts(model: Model, states: Array, time: Array, parameters: Array, a: Array, multipliers: Array) -> Array:

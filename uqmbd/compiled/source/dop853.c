@@ -101,16 +101,22 @@ static void find_surplus(const Problem *p, Group *g, V *surplus) {
     for (int64_t i = 0; i < 2 * p->coordinates; i++) surplus[i] = g->work[p->surplus[i]];
 }
 
-INLINE V combination(const Problem *p, const Group *g, int64_t row, int64_t i) {
+/* target = base + size * (row of the tableau) . rates; rows have multiples of four terms, padded with zeros. */
+static void accumulate(const Problem *p, const Group *g, int64_t row, V size, const V *base, V *target) {
     const Tableau *t = p->tableau;
-    V sum = splat(0.0);
-    for (int64_t j = t->starts[row]; j < t->starts[row + 1]; j++)
-        sum += t->weights[j] * g->rates[t->index[j] * p->width + i];
-    return sum;
+    int64_t width = p->width;
+    for (int64_t j = t->starts[row]; j < t->starts[row + 1]; j += 4) {
+        const V *a = g->rates + t->index[j] * width, *b = g->rates + t->index[j + 1] * width;
+        const V *c = g->rates + t->index[j + 2] * width, *d = g->rates + t->index[j + 3] * width;
+        V wa = t->weights[j] * size, wb = t->weights[j + 1] * size;
+        V wc = t->weights[j + 2] * size, wd = t->weights[j + 3] * size;
+        for (int64_t i = 0; i < width; i++) target[i] = base[i] + (wa * a[i] + wb * b[i] + wc * c[i] + wd * d[i]);
+        base = target;
+    }
 }
 
 static void combine(const Problem *p, const Group *g, int64_t row, V *target) {
-    for (int64_t i = 0; i < p->width; i++) target[i] = g->z[i] + g->size * combination(p, g, row, i);
+    accumulate(p, g, row, g->size, g->z, target);
 }
 
 INLINE V scaled_squares(const Problem *p, const Group *g, const V *x) {
@@ -155,10 +161,13 @@ static void attempt(const Problem *p, Group *g) {
     combine(p, g, ROW_STEP, g->next);
     copy(g->work, g->next, width);
     evaluate_rate(p, g, g->now + g->size, g->rates + STAGES * width);
-    V fifth = splat(0.0), third = splat(0.0);
+    V *five = g->dense, *three = g->dense + width, fifth = splat(0.0), third = splat(0.0);
+    fill(five, 0.0, 2 * width);
+    accumulate(p, g, ROW_FIFTH, splat(1.0), five, five);
+    accumulate(p, g, ROW_THIRD, splat(1.0), three, three);
     for (int64_t i = 0; i < width; i++) {
         V scale = 1.0 / (g->floor + p->rtol * larger(magnitude(g->z[i]), magnitude(g->next[i])));
-        V a = combination(p, g, ROW_FIFTH, i) * scale, b = combination(p, g, ROW_THIRD, i) * scale;
+        V a = five[i] * scale, b = three[i] * scale;
         fifth += a * a;
         third += b * b;
     }
@@ -174,8 +183,11 @@ static void interpolant(const Problem *p, Group *g) {
         combine(p, g, ROW_MORE + more, g->work);
         evaluate_rate(p, g, g->now + p->tableau->moments[stage] * g->size, g->rates + stage * width);
     }
-    for (int64_t r = 0; r < DENSE; r++)
-        for (int64_t i = 0; i < width; i++) g->dense[r * width + i] = g->size * combination(p, g, ROW_DENSE + r, i);
+    fill(g->dense, 0.0, DENSE * width);
+    for (int64_t r = 0; r < DENSE; r++) {
+        V *part = g->dense + r * width;
+        accumulate(p, g, ROW_DENSE + r, g->size, part, part);
+    }
 }
 
 /* State at a part of the last attempt. */
@@ -189,9 +201,9 @@ static void interpolate(const Problem *p, const Group *g, V part, V *target) {
     }
 }
 
-/* Write the states at the output times up to `last`, put on the constraints. */
+/* Write the interpolated states at the output times up to `last`. */
 static void write_outputs(const Problem *p, const Pool *pool, Group *g, Mask taken, V last) {
-    int64_t width = p->width, n = p->coordinates, known = 0;
+    int64_t width = p->width, known = 0;
     for (;;) {
         Mask due = {0};
         V moment = g->now;
@@ -206,24 +218,11 @@ static void write_outputs(const Problem *p, const Pool *pool, Group *g, Mask tak
         known = 1;
         V *x = g->work;
         interpolate(p, g, smaller((moment - g->now) / g->size, splat(1.0)), x);
-        Mask poor = {0};
-        if (p->surplus) {
-            g->work[p->time] = moment;
-            run_program(&p->motion, g->work);
-            run_program(&p->excess, g->work);
-            g->evaluations++;
-            for (int64_t i = 0; i < n; i++) {
-                V q = g->work[p->surplus[i]], v = g->work[p->surplus[n + i]];
-                poor |= ~(larger(magnitude(q), magnitude(v)) <= splat(p->far));
-                x[i] -= q;
-                x[p->velocities + i] -= v;
-            }
-        }
         for (int64_t l = 0; l < LANES; l++) {
             if (!due[l]) continue;
-            int64_t m = g->member[l], at = m * p->instants + pool->column[m]++;
-            for (int64_t i = 0; i < width; i++) pool->result[at * width + i] = x[i][l];
-            pool->poor[at] = poor[l] != 0;
+            int64_t m = g->member[l];
+            double *to = pool->result + (m * p->instants + pool->column[m]++) * width;
+            for (int64_t i = 0; i < width; i++) to[i] = x[i][l];
         }
     }
 }
@@ -419,4 +418,56 @@ int64_t advance(const Problem *p, const Pool *pool, const int64_t *queue, int64_
         }
     }
     return g.evaluations;
+}
+
+/* Put the states in the lanes onto the constraints, and back. */
+static void project_lanes(const Problem *p, const Pool *pool, V *work, const int64_t *member, const int64_t *column,
+                          int64_t lanes) {
+    int64_t width = p->width, n = p->coordinates;
+    for (int64_t l = 0; l < lanes; l++) {
+        const double *from = pool->result + (member[l] * p->instants + column[l]) * width;
+        for (int64_t i = 0; i < width; i++) work[i][l] = from[i];
+        work[p->time][l] = p->times[column[l]];
+    }
+    run_program(&p->motion, work);
+    run_program(&p->excess, work);
+    V most = splat(0.0);
+    Mask wrong = {0};
+    for (int64_t i = 0; i < 2 * n; i++) {
+        V off = work[p->surplus[i]];
+        V *x = work + (i < n ? i : p->velocities + i - n);
+        *x -= off;
+        most = larger(magnitude(off), most);
+        wrong |= off != off;
+    }
+    wrong |= most > splat(p->far);
+    for (int64_t l = 0; l < lanes; l++) {
+        int64_t at = member[l] * p->instants + column[l];
+        double *to = pool->result + at * width;
+        for (int64_t i = 0; i < width; i++) to[i] = work[i][l];
+        pool->poor[at] = wrong[l] != 0;
+    }
+}
+
+void project(const Problem *p, const Pool *pool, const int64_t *queue, int64_t count, double *workspace) {
+    V *work = (V *)workspace, *parameters = work + p->time + 2;
+    int64_t member[LANES], column[LANES], held[LANES], lanes = 0;
+    for (int64_t l = 0; l < LANES; l++) held[l] = -1;
+    fill(work, 0.0, p->time + 2 + p->parameters);
+    if (!p->surplus) return;
+    for (int64_t k = 0; k < count; k++) {
+        int64_t m = queue[k];
+        for (int64_t c = pool->first[m]; c < pool->column[m]; c++) {
+            member[lanes] = m;
+            column[lanes] = c;
+            if (held[lanes] != m)
+                for (int64_t i = 0; i < p->parameters; i++) parameters[i][lanes] = pool->parameters[m * p->parameters + i];
+            held[lanes++] = m;
+            if (lanes < LANES) continue;
+            project_lanes(p, pool, work, member, column, lanes);
+            lanes = 0;
+        }
+        pool->first[m] = pool->column[m];
+    }
+    if (lanes) project_lanes(p, pool, work, member, column, lanes);
 }

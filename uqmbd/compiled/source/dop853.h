@@ -10,7 +10,8 @@
 
 enum { STAGES = 12, ALL_STAGES = 16, DENSE = 7, NODES = 5 };
 
-/* Rows of the tableau without their zeros: row r has the terms starts[r] .. starts[r + 1] - 1. */
+/* Rows of the tableau without their zeros, but padded with such to multiples of four terms: row r has the terms
+   starts[r] .. starts[r + 1] - 1. */
 typedef struct {
     const int64_t *starts, *index;
     const double *weights;
@@ -66,7 +67,7 @@ typedef struct {
 typedef struct {
     double *z, *rate, *parameters;                /* (member, width), (member, parameter) */
     double *now, *begin, *wanted, *tried, *floor, *limit; /* (member) */
-    int64_t *leg, *last_leg, *column, *status, *attempts, *refused, *stiff;
+    int64_t *leg, *last_leg, *first, *column, *status, *attempts, *refused, *stiff;
     int64_t *fresh;    /* the rate is to be evaluated anew */
     int64_t *rejected; /* the last attempt was refused */
     int64_t *trusted;  /* the next step may stray */
@@ -84,5 +85,9 @@ int64_t advance_workspace(const Problem *problem);
    spent; return how many were. */
 int64_t advance(const Problem *problem, const Pool *pool, const int64_t *queue, int64_t count, double *workspace,
                 int64_t budget);
+
+/* Put the states at the output times number first .. column - 1 of members onto the constraints; note which of them
+   were far off.  The workspace has the rows of the problem. */
+void project(const Problem *problem, const Pool *pool, const int64_t *queue, int64_t count, double *workspace);
 
 #endif

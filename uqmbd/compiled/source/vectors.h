@@ -33,4 +33,8 @@ INLINE void copy(V *to, const V *from, int64_t count) {
     for (int64_t i = 0; i < count; i++) to[i] = from[i];
 }
 
+INLINE void fill(V *to, double value, int64_t count) {
+    for (int64_t i = 0; i < count; i++) to[i] = splat(value);
+}
+
 #endif

@@ -86,7 +86,7 @@ class EventDrivenMotion:
         model = self.model = self.ensemble.model
         layout = model.layout
         self.n, self.velocities = layout.coordinates, layout.velocities
-        compiled = model.system is not None and model.system.project is not None
+        compiled = model.system is not None and model.system.programs is not None
         self.flight = BatchEquations(model, self.ensemble.block) if compiled else None
         self.stepper = Stepper(self._rate, self.n, self.velocities, layout.width, max(self.rtol, 1e-13))
         self.lasting = Lasting({}, {})

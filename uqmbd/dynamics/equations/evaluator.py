@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from uqmbd.compiled import Kernel, cached, compile_kernel, replaced
+from uqmbd.compiled import Kernel, Program, Writer, cached, compile_kernel, replaced
 from uqmbd.dynamics.equations.block import BlockType
 from uqmbd.dynamics.equations.derivation import derive
 from uqmbd.dynamics.equations.layout import RESULTS, Kind, argument_names
@@ -49,7 +49,6 @@ class _Group:
     kernel: Kernel
     gather: Index  # (instance, local argument) into the arguments of the mechanism
     parameters: Index  # (instance, local parameter)
-    whole: bool = False  # one instance whose arguments and parameters are those of the mechanism, in order
 
 
 @dataclass(frozen=True)
@@ -81,43 +80,35 @@ class Evaluator:
         -------
         array, shape (K, len(targets))
         """
-        if (kernel := self.fused_kernel) is not None:
-            return kernel(np.concatenate([arguments, parameters[:, : self.groups[0].parameters.shape[1]]], axis=1))
-        count = len(arguments)
+        return self.program(arguments.shape[1], parameters.shape[1])(arguments, parameters)
+
+    def write(self, writer: Writer, arguments: Index, parameters: Index) -> Index:
+        """Write the evaluation; rows of its results, for rows of the arguments and of the parameters of the model."""
         parts = []
         for group in self.groups:
-            if group.whole:
-                local = np.concatenate([arguments, parameters[:, : group.parameters.shape[1]]], axis=1)
-            else:
-                local = np.concatenate([arguments[:, group.gather], parameters[:, group.parameters]], axis=2)
-            found = group.kernel(local.reshape(-1, local.shape[-1]))
-            parts.append(found.reshape(count, len(group.gather) * group.kernel.outputs))
-        if not parts:
-            return np.zeros((count, 0))
-        values = parts[0] if len(parts) == 1 else np.concatenate(parts, axis=1)
+            reads = np.concatenate([arguments[group.gather], parameters[group.parameters]], axis=1)
+            parts.append(writer.call(group.kernel, reads).ravel())
+        values = np.concatenate([np.zeros(0, dtype=np.int64), *parts])
         if self.order is None or self.starts is None:
             return values
-        first, several, order, starts = self._sums
-        result: Array = values[:, first]
-        if len(several):
-            result[:, several] = np.add.reduceat(values[:, order], starts, axis=1)
-        return result
+        found = values[self.order[self.starts]]
+        ends = np.append(self.starts[1:], len(self.order))
+        several = np.flatnonzero(ends - self.starts > 1)
+        found[several] = writer.sums([values[self.order[self.starts[k] : ends[k]]].tolist() for k in several])
+        return found
+
+    def program(self, arguments: int, parameters: int) -> Program:
+        """Return the evaluation of so many arguments, then so many parameters of the model."""
+        key = arguments, parameters
+        if key not in self._programs:
+            writer, rows = Writer(arguments + parameters), np.arange(arguments + parameters)
+            self._programs[key] = writer.program(self.write(writer, rows[:arguments], rows[arguments:]))
+        return self._programs[key]
 
     @cached_property
-    def _sums(self) -> tuple[Index, Index, Index, Index]:
-        """First result of each target, the targets that are sums, their results in order, and the first of each."""
-        assert self.order is not None
-        assert self.starts is not None
-        counts = np.diff([*self.starts, len(self.order)])
-        several = np.flatnonzero(counts > 1)
-        starts = np.cumsum([0, *counts[several]])[:-1]
-        return self.order[self.starts], several, self.order[np.repeat(counts > 1, counts)], starts
-
-    @cached_property
-    def fused_kernel(self) -> Kernel | None:
-        """The kernel, if there is only one and its results are in order."""
-        whole = len(self.groups) == 1 and len(self.groups[0].gather) == 1 and self.order is None
-        return self.groups[0].kernel if whole and self.groups[0].whole else None
+    def _programs(self) -> dict[tuple[int, int], Program]:
+        """Made so far, for numbers of arguments and of parameters."""
+        return {}
 
     @cached_property
     def index(self) -> dict[str, tuple[Index, tuple[Index, ...]]]:
@@ -276,5 +267,5 @@ def fused(
         return compile_kernel(arguments, expressions, tables=tables), targets
 
     kernel, targets = cached(("fused", kind, parameters, sorted(columns.items()), layout), make)
-    group = _Group(kernel, np.arange(width)[None, :], np.arange(parameters)[None, :], whole=True)
+    group = _Group(kernel, np.arange(width)[None, :], np.arange(parameters)[None, :])
     return Evaluator(tuple(targets), (group,), None, None)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from uqmbd.dynamics.integration.batch_equations import BatchEquations
 from uqmbd.dynamics.integration.batched import BatchedIntegration
 from uqmbd.dynamics.integration.constraint_check import (
     allowed_residual,
@@ -11,7 +12,7 @@ from uqmbd.dynamics.integration.constraint_check import (
     over_allowed,
     residuals,
 )
-from uqmbd.dynamics.integration.dop853 import BatchEquations, integrate_by_dop853
+from uqmbd.dynamics.integration.dop853 import integrate_by_dop853
 from uqmbd.dynamics.integration.functions_of_time import timed
 from uqmbd.dynamics.integration.ida import RELAXED, diagnosis, integrate_by_ida, step_limits, step_tolerance
 from uqmbd.dynamics.integration.knots import timed_tables

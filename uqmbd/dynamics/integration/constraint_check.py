@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
+from uqmbd.compiled import Columns, Writer
 from uqmbd.dynamics.assembly import gradient_lengths, named
 from uqmbd.dynamics.batch import Batch
 from uqmbd.dynamics.equations import Model, state_arguments
@@ -38,11 +39,12 @@ def off_constraints(ensemble: Batch, times: Array, states: Array, rtol: float) -
     good = np.flatnonzero(np.isfinite(states[:, 0]).all(axis=1))
     if not layout.rank or not len(good):
         return {}
-    velocities = layout.velocities
     size = np.clip(np.abs(states[:, 0, : layout.coordinates]).max(axis=1), 1e-3, 1.0)
-    speed = np.nanmax(np.abs(states[..., velocities:]), axis=(1, 2), initial=0.0)
+    phi, psi, speed = _largest(ensemble, times, states)
     allowed = allowed_residual(rtol)
     scale = allowed * gradient_lengths(ensemble.model, ensemble.start, ensemble.block)
+    most = over_allowed(ensemble.model, phi[:, None], psi[:, None], scale, size, np.maximum(speed, 1e-3 * size))
+    good = good[(most[good] > 1.0).any(axis=(1, 2))]
     breaks, texts = ensemble.breaks, dict[int, tuple[int, str]]()
     per = max(1, BLOCK // len(times))
     for first in range(0, len(good), per):
@@ -56,6 +58,25 @@ def off_constraints(ensemble: Batch, times: Array, states: Array, rtol: float) -
             text = described(ensemble.model, found, float(times[wrong]), allowed, rtol)
             texts.setdefault(int(some[row]), (wrong, text))
     return texts
+
+
+def _largest(ensemble: Batch, times: Array, states: Array) -> tuple[Array, Array, Array]:
+    """Find the largest residuals in position and velocity (K, equation) over the times, and the largest speeds (K,)."""
+    model, layout = ensemble.model, ensemble.model.layout
+    drift = model.evaluators["drift"]
+    writer = Writer(layout.width + 2 + ensemble.block.shape[1])
+    arguments, parameters = np.split(np.arange(writer.inputs), [layout.width + 2])
+    found = drift.write(writer, arguments, parameters)
+    program = writer.program(np.concatenate([found, arguments[layout.velocities : layout.width]]))
+    count = len(times)
+    flat, zero = states.reshape(-1, layout.width), Columns(np.zeros((1, 1)))
+    largest = program.largest(flat, Columns(times), zero, Columns(ensemble.block, count), states=count)
+    residuals = np.zeros((2, len(states), layout.constraints))
+    for which, letter in enumerate(("phi", "psi")):
+        if letter in drift.index:
+            columns, (rows,) = drift.index[letter]
+            residuals[which][:, rows] = largest[:, columns]
+    return residuals[0], residuals[1], largest[:, len(found) :].max(axis=1, initial=0.0)
 
 
 def allowed_residual(rtol: float) -> float:

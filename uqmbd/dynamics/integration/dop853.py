@@ -1,43 +1,54 @@
-"""Explicit integration of the index-1 form, many realisations in a batch.
+"""Explicit integration of realisations: the method of order 8 on the index-1 form, with projection after each step.
 
-After each step coordinates and velocities are projected onto the constraints [1]_, in the metric of the masses: the
-matrix is that of the accelerations.
+The driver steps; what it cannot decide is decided here: where prescribed speeds jump, near singular poses, and for what
+another method should do.
 
 References
 ----------
-.. [1] E. Eich, SIAM Journal on Numerical Analysis 30 (1993) 1467-1482.
+.. [1] E. Hairer, S. P. Norsett, G. Wanner, Solving Ordinary Differential Equations I, 2nd ed., Springer 1993, II.5,
+   II.6; the test of stiffness: IV.2 of the second volume.
 """
 
 from __future__ import annotations
 
 import time as clock
-from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from uqmbd.compiled import Kernel
+from uqmbd.compiled import Dynamics, Method, Realisations, Status
 from uqmbd.dynamics.batch import Batch
 from uqmbd.dynamics.equations import Model
-from uqmbd.dynamics.integration.batched import BatchedIntegration
-from uqmbd.dynamics.integration.legs import legs_of, longest_step, pace
+from uqmbd.dynamics.integration.legs import Leg, legs_of, longest_step, pace
 from uqmbd.dynamics.integration.restarts import speed_jumps
-from uqmbd.dynamics.integration.roles import Out
 from uqmbd.dynamics.integration.singular_poses import SingularPoseWatcher
 from uqmbd.dynamics.integration.trajectories import Counters, Solved
-from uqmbd.dynamics.linear import System, excess
+from uqmbd.dynamics.linear import excess
 from uqmbd.typing import Array, Index
 
-__all__ = ["BatchEquations", "integrate_by_dop853"]
+__all__ = ["explicit_method", "integrate_by_dop853", "legs_of_members"]
 
 
-BLOCK = 2048
-"""States that are projected at once."""
+STIFF = 6.1
+"""Step size times the size of the Jacobian from which the method's stability, not its accuracy, limits the step."""
+PATIENCE = 15
+"""Steps in a row that must look stiff."""
+STEPS = 20_000
+"""Most attempted steps of a leg."""
+REFUSALS = 3
+"""Refused steps in a row, and ..."""
+SURPLUS = 4.0
+"""... by how many tolerances a step may leave the constraints, before the rank is looked at."""
+SETTLED = 3
+"""Projections by which a state is put on the constraints to rounding."""
 FAR = 1000.0
 """Tolerances by which an interpolated state may be off the constraints: beyond, it is integrated to."""
 FARTHEST = 3e-3
 """The same as a number, for loose tolerances."""
 POOR = 50
-"""Most states that are integrated to."""
+"""Most states that are integrated to, of one realisation."""
+ALIKE = 64
+"""Realisations that share the legs of functions of time."""
 
 
 def integrate_by_dop853(ensemble: Batch, members: Index, times: Array, rtol: float) -> Solved:
@@ -46,165 +57,271 @@ def integrate_by_dop853(ensemble: Batch, members: Index, times: Array, rtol: flo
     Each that this method cannot integrate has a message.
     """
     begin = clock.perf_counter()
-    states = np.full((len(members), len(times), ensemble.model.layout.width), np.nan)
-    messages, final, notes = [""] * len(members), [False] * len(members), list[str]()
-    counters = Counters()
-    todo = [np.arange(len(members))]
-    while todo:
-        part = todo.pop(0)
-        some = ensemble.select(members[part])
-        start, equations = some.start, BatchEquations(some.model, some.block)
-        guard = SingularPoseWatcher(some.model, BatchEquations, rtol)
-        longest = longest_step(some.model.rough, times)
-        length = np.minimum(1.0, np.maximum(1e-3, np.abs(start.q).max(axis=1, initial=0.0)))
-        legs = pace(some, times, rtol, knots=True)
-        stack = BatchedIntegration(
-            equations, start.state, times, legs, rtol, rtol * length[:, None], None, longest, guard
-        )
-        stack.run()
-        states[part] = _projected(some, guard.models, times, stack.result, rtol)
-        apart = [part[k] for k in sorted(stack.apart)]
-        todo += [np.array([k]) for k in apart]
-        for k, message in stack.failed.items():
-            messages[part[k]], final[part[k]] = message, guard.final or k in stack.refused
-        notes += [note for note in guard.notes if note not in notes]
-        counters = counters + Counters(
-            integrations=1,
-            alone=len(apart),
-            accelerations=stack.equations.evaluations,
-            steps=stack.steps,
-            stiff=len(stack.failed) if not guard.final else 0,
-            passages=guard.passed,
-            repivots=len(guard.notes),
-        )
-    counters = counters + Counters(seconds=clock.perf_counter() - begin)
-    return Solved(states, tuple(messages), counters, tuple(final), tuple(notes))
+    run = _Integration(ensemble.select(members), times, rtol)
+    with np.errstate(all="ignore"):
+        run.run()
+    return replace(run.solved(), counters=run.counters + Counters(seconds=clock.perf_counter() - begin))
 
 
-class BatchEquations:
-    """Rates and projection of M realisations, with buffers of their own."""
-
-    def __init__(self, model: Model, block: Array) -> None:
-        layout, self.model = model.layout, model
-        self.n, self.velocities, self.width = layout.coordinates, layout.velocities, layout.width
-        system: System = model.system
-        assert system.accelerate is not None and system.project is not None
-        self.accelerate, self.project = system.accelerate, system.project
-        self.motion, self.drift = model.evaluators["acceleration"], model.evaluators["drift"]
-        found = self.motion.index.get("s")
-        self.auxiliary = None if found is None else (found[1][0] + self.n, found[0])
-        self.kernel = self.motion.fused_kernel
-        self.evaluations, self.coupled = 0, False
-        self.moving = layout.width - 2 * len(layout.frozen) - layout.held
-        self._allocate(block)
-
-    def _allocate(self, block: Array) -> None:
-        """Lay out the arguments ``(state, t, 0, parameters)``, and everything that is computed from them."""
-        self.block, count = np.ascontiguousarray(block), len(block)
-        self.arguments = np.concatenate([np.zeros((count, self.width + 2)), self.block], axis=1)
-        self.state, self.time = self.arguments[:, : self.width], self.arguments[:, self.width]
-        self.velocity = self.state[:, self.velocities :]
-        self.values = np.zeros((count, len(self.motion.targets)))
-        self.acceleration = np.zeros((count, self.n))
-        self.call = self._call()
-
-    def _call(self) -> Callable[[], None]:
-        """Make what turns arguments into values and accelerations, with as little Python as possible."""
-        if self.kernel is None or not isinstance(self.accelerate, Kernel):
-
-            def general() -> None:
-                self.values = np.ascontiguousarray(self.motion(self.arguments[:, : self.width + 2], self.block))
-                self.accelerate(self.values, self.acceleration)
-
-            return general
-        evaluate = self.kernel.bound(self.arguments, self.values)
-        accelerate = self.accelerate.bound(self.values, self.acceleration)
-
-        def fused() -> None:
-            evaluate()
-            accelerate()
-
-        return fused
-
-    def rate(self, time: float, out: Out) -> None:
-        """Write the rate of ``self.state`` to `out`: its coordinates, its velocities, and all of it."""
-        self.evaluations += 1
-        self.time.fill(time)
-        self.call()
-        out[0][:] = self.velocity
-        out[1][:] = self.acceleration
-        if self.auxiliary is not None:
-            out[2][:, self.auxiliary[0]] = self.values[:, self.auxiliary[1]]
-
-    def excess(self) -> tuple[Array, Array]:
-        """By what coordinates and velocities of ``self.state``, whose rate is known, exceed the constraints."""
-        if (kernel := self.drift.fused_kernel) is not None:
-            found = kernel(self.arguments)
-        else:
-            found = self.drift(self.arguments[:, : self.width + 2], self.block)
-        both = self.project(np.concatenate([self.values, found], axis=1))
-        return both[:, : self.n], both[:, self.n :]
-
-    def impulse(self, time: float, rtol: float) -> tuple[Array, dict[int, str]]:
-        """Find how velocities of ``self.state`` jump where prescribed speeds do, and who cannot go on."""
-        return speed_jumps(self.model, self.state, time, self.block, rtol)
-
-    def keep(self, rows: Index) -> None:
-        """Go on with some realisations only."""
-        self._allocate(self.block[rows])
+def explicit_method(rtol: float, *, guarded: bool, attempts: int | None = None) -> Method:
+    """Describe the method."""
+    return Method(
+        rtol=rtol,
+        far=min(FAR * rtol, FARTHEST),
+        surplus=SURPLUS,
+        stiff=STIFF,
+        patience=PATIENCE,
+        refusals=REFUSALS,
+        attempts=STEPS if attempts is None else attempts,
+        guarded=guarded,
+    )
 
 
-def _projected(
-    ensemble: Batch, models: Sequence[tuple[float, Model]], times: Array, states: Array, rtol: float
-) -> Array:
-    """Put interpolated states (M, T, width) on the constraints, but the first, which are there.
+def legs_of_members(batch: Batch, times: Array, rtol: float) -> list[tuple[Leg, ...]]:
+    """Lay out the integration of each realisation, or one layout that holds for all."""
+    model = batch.model
+    longest = longest_step(model.rough, times)
 
-    `models` are the choices of independent equations, each with the time from which it holds.  Within a step over a
-    singular pose interpolation may be poor: states that are far off the constraints are integrated to instead.
+    def limited(legs: tuple[Leg, ...]) -> tuple[Leg, ...]:
+        return tuple(leg._replace(longest=min(leg.longest, longest)) for leg in legs)
+
+    if model.timed is not None or model.tables:
+        found: list[tuple[Leg, ...]] = []
+        for first in range(0, len(batch), ALIKE):
+            some = batch.select(np.arange(first, min(first + ALIKE, len(batch))))
+            found += [limited(pace(some, times, rtol, knots=True))] * len(some)
+        return found
+    breaks = batch.breaks
+    if not breaks.shape[1]:
+        return [limited(legs_of(breaks[:1], times, model.max_step))]
+    return [limited(legs_of(row[None], times, model.max_step)) for row in breaks]
+
+
+class _Integration:
+    """One integration of M realisations.
+
+    Parameters
+    ----------
+    batch : Batch
+        The realisations.
+    times : array, shape (T,)
+        Output times, s.
+    rtol : float
+        Relative tolerance.
     """
-    layout, (count, number, width) = ensemble.model.layout, states.shape
-    n, velocities = layout.coordinates, layout.velocities
-    time, owner = np.tile(times, count), np.repeat(np.arange(count), number)
-    poor: list[tuple[int, int]] = []
-    off = min(FAR * rtol, FARTHEST)
-    flat = states.reshape(-1, width).copy()
-    since = _since(models, time)
-    for k, (_, model) in enumerate(models):
-        for part in _parts(since, k, len(models)):
-            with np.errstate(all="ignore"):
-                q, v = excess(model, flat[part], time[part], ensemble.block[owner[part]])
-            flat[part, :n] -= q
-            flat[part, velocities:] -= v
-            if not np.vdot(q, q) + np.vdot(v, v) <= off**2:  # else nobody can be
-                far = np.maximum(np.abs(q).max(axis=1), np.abs(v).max(axis=1)) > off
-                poor += [divmod(int(row), number) for row in np.arange(len(flat))[part][far]]
-    found = flat.reshape(states.shape)
-    found[:, 0] = states[:, 0]
-    for member, where in poor[:POOR]:
-        before = found[member, where - 1 : where]
-        if where and np.isfinite(before).all():
-            model = models[int(since[member * number + where])][1]
-            block = ensemble.block[member : member + 1]
-            equations, grid = BatchEquations(model, block), times[where - 1 : where + 1]
-            legs = legs_of(ensemble.breaks[member], grid, model.max_step)
-            run = BatchedIntegration(equations, before, grid, legs, rtol, np.full((1, 1), rtol))
-            run.steps_at_most = 100
-            run.run()
-            if np.isfinite(run.result[0, -1]).all():
-                found[member, where] = run.result[0, -1]
+
+    def __init__(self, batch: Batch, times: Array, rtol: float) -> None:
+        self.batch, self.times, self.rtol, self.model = batch, times, rtol, batch.model
+        start, layout = batch.start, self.model.layout
+        self.jumping = jumping = bool(layout.rank) and "phi_t" in self.model.evaluators["velocity"].index
+        length = np.minimum(1.0, np.maximum(1e-3, np.abs(start.q).max(axis=1, initial=0.0)))
+        self.main = Realisations(
+            _dynamics(self.model),
+            explicit_method(rtol, guarded=bool(layout.rank)),
+            start.state,
+            batch.block,
+            times,
+            [
+                [leg._replace(jumps=leg.jumps and jumping) for leg in legs]
+                for legs in legs_of_members(batch, times, rtol)
+            ],
+            rtol * length,
+        )
+        self.others: dict[int, Realisations] = {}
+        self.watchers: dict[int, SingularPoseWatcher] = {}
+        self.messages = [""] * len(batch)
+        self.final = [False] * len(batch)
+        self.stiff = 0
+
+    # -- the whole integration ---------------------------------------------------------------------------------------
+    def run(self) -> None:
+        """Integrate all members to the end, or to where they fail."""
+        if self.jumping:
+            self._jump(np.arange(len(self.batch)))
+        while len(waiting := self._advanced()):
+            status = np.array([self._status(m) for m in waiting.tolist()])
+            self._jump(waiting[status == Status.JUMP])
+            for m, what in zip(waiting.tolist(), status.tolist(), strict=True):
+                self._decide(m, what)
+        for pool in (self.main, *self.others.values()):
+            pool.project()
+        for member, message in enumerate(self.messages):
+            if message:
+                pool, k = self._place(member)
+                pool.result[k, pool.column[k] :] = np.nan
+        self._mend()
+
+    def _advanced(self) -> Index:
+        """Let everybody run, and return the members that wait for a decision."""
+        self.main.advance()
+        status = self.main.status.copy()
+        for member, other in self.others.items():
+            other.advance()
+            status[member] = other.status[0]
+        return np.flatnonzero(status != Status.DONE)
+
+    def solved(self) -> Solved:
+        """Return what was found."""
+        notes: list[str] = []
+        for watcher in self.watchers.values():
+            notes += [note for note in watcher.notes if note not in notes]
+        return Solved(self.main.result, tuple(self.messages), Counters(), tuple(self.final), tuple(notes))
+
+    @property
+    def counters(self) -> Counters:
+        """What it cost."""
+        pools = [self.main, *self.others.values()]
+        return Counters(
+            integrations=len(self.batch),
+            accelerations=sum(pool.evaluations for pool in pools),
+            steps=sum(int(pool.steps.sum()) for pool in pools),
+            stiff=self.stiff,
+            passages=sum(watcher.passed for watcher in self.watchers.values()),
+            repivots=sum(len(watcher.notes) for watcher in self.watchers.values()),
+        )
+
+    def _place(self, member: int) -> tuple[Realisations, int]:
+        """Where a member is integrated, and its number there."""
+        other = self.others.get(member)
+        return (self.main, member) if other is None else (other, 0)
+
+    def _status(self, member: int) -> int:
+        pool, k = self._place(member)
+        return int(pool.status[k])
+
+    def _fail(self, member: int, reason: str, *, final: bool = False) -> None:
+        pool, k = self._place(member)
+        pool.status[k] = Status.DONE
+        self.messages[member], self.final[member] = reason, final
+
+    # -- prescribed speeds -------------------------------------------------------------------------------------------
+    def _jump(self, members: Index) -> None:
+        """Change velocities where prescribed speeds jump; at such a time the result is that right after."""
+        now = np.array([pool.now[k] for pool, k in map(self._place, members.tolist())])
+        for time in np.unique(now).tolist():
+            some = members[now == time]
+            places = [self._place(m) for m in some.tolist()]
+            states = np.stack([pool.z[k] for pool, k in places])
+            change, reasons = speed_jumps(self.model, states, time, self.batch.block[some], self.rtol)
+            for row, (pool, k) in enumerate(places):
+                pool.status[k] = Status.RUNNING
+                if np.any(change[row]):
+                    pool.z[k, self.model.layout.velocities :] += change[row]
+                    pool.node_times[k, -1], pool.nodes[k, -1] = time, pool.z[k]
+                    if time > self.times[0]:
+                        pool.result[k, self.times == time] = pool.z[k]
+            for row, reason in reasons.items():
+                self._fail(int(some[row]), reason, final=True)
+
+    # -- difficulties ------------------------------------------------------------------------------------------------
+    def _decide(self, member: int, status: int) -> None:
+        """Decide how a member goes on that waits."""
+        pool, k = self._place(member)
+        now, size = float(pool.now[k]), float(pool.tried[k])
+        if status == Status.STIFF:
+            self.stiff += 1
+            self._fail(member, f"stiff at t = {now:.6g} s")
+        elif status in (Status.MANY, Status.SMALL):
+            self._fail(member, self._reason(member, now, size, many=status == Status.MANY), final=self._sure(member))
+        elif status in (Status.REFUSED, Status.STRAYED, Status.STEPPED):
+            pool.status[k] = Status.RUNNING
+            if status == Status.STEPPED:
+                self._settle(member)
+            void = self._doubt(member, size)
+            pool, k = self._place(member)
+            if status == Status.STRAYED:
+                pool.trusted[k] = not void
+                if void:
+                    pool.wanted[k], pool.refused[k] = size, 0
+
+    def _watcher(self, member: int) -> SingularPoseWatcher:
+        if member not in self.watchers:
+            self.watchers[member] = SingularPoseWatcher(self.model, self.batch.block[member], self.rtol)
+        return self.watchers[member]
+
+    def _sure(self, member: int) -> bool:
+        return member in self.watchers and self.watchers[member].final
+
+    def _doubt(self, member: int, size: float) -> bool:
+        """Ask the watcher of the rank about a member in difficulties: whether the last step is void."""
+        pool, k = self._place(member)
+        watcher, calm = self._watcher(member), not pool.told[k]
+        end, back = float(pool.leg_ends[pool.leg[k]]), False
+        while True:
+            now = float(pool.now[k])
+            course = watcher.look(now, pool.known_nodes(k), size, end)
+            pool.limit[k], pool.told[k] = watcher.limit, watcher.alert
+            if course is None:
+                return back
+            if course.reason:
+                self._fail(member, course.reason, final=watcher.final)
+                return True
+            if course.others:
+                self.others[member] = pool.moved(k, _dynamics(watcher.model))
+                self._settle(member)
+            elif course.back and pool.known[k] > 1:
+                pool.step_back(k)
+                back = True
+                continue
+            elif course.state is not None and course.curve is not None:
+                inside = np.flatnonzero((self.times > now) & (self.times <= course.time))
+                inside = inside[inside >= pool.column[k]]
+                if len(inside):
+                    pool.result[k, inside] = course.curve(self.times[inside])
+                    pool.column[k] = inside[-1] + 1
+                pool.go_on_from(k, course.time, course.state)
+            elif calm and watcher.alert:
+                self._settle(member)
+            else:
+                return back or watcher.limit < size
+            return True
+
+    def _settle(self, member: int) -> None:
+        """Put the state on the constraints to rounding: next to a singular pose any residual is magnified."""
+        pool, k = self._place(member)
+        model = self._watcher(member).model
+        layout, state = model.layout, pool.z[k : k + 1].copy()
+        for _ in range(SETTLED):
+            q, v = excess(model, state, pool.now[k], pool.parameters[k : k + 1])
+            state[:, : layout.coordinates] -= q
+            state[:, layout.velocities :] -= v
+        pool.settle(k, state[0])
+
+    def _reason(self, member: int, now: float, size: float, *, many: bool) -> str:
+        pool, k = self._place(member)
+        found = self._watcher(member).reason(now, pool.z[k]) if self.model.layout.rank else ""
+        if found:
+            return found
+        if many:
+            return f"the integration stopped at t = {now:.6g} s: more than {STEPS} steps"
+        return (
+            f"the integration stopped at t = {now:.6g} s: the step size fell to {size:.1g} s; probably a singular "
+            "pose, a stop or an impact, or a force that jumps"
+        )
+
+    # -- poor interpolation ------------------------------------------------------------------------------------------
+    def _mend(self) -> None:
+        """Integrate to the states that are far off the constraints: within a step over a singular pose, say."""
+        result = self.main.result
+        for member in np.flatnonzero(self.main.poor.any(axis=1)).tolist():
+            for at in np.flatnonzero(self.main.poor[member])[:POOR].tolist():
+                before = result[member, at - 1 : at]
+                if not np.isfinite(before).all():
+                    continue
+                model = self.watchers[member].model_at(self.times[at]) if member in self.watchers else self.model
+                grid, one = self.times[at - 1 : at + 1], slice(member, member + 1)
+                legs = [legs_of(self.batch.breaks[member], grid, model.max_step)]
+                method = explicit_method(self.rtol, guarded=False, attempts=100)
+                run = Realisations(
+                    _dynamics(model), method, before, self.batch.block[one], grid, legs, np.array([self.rtol])
+                )
+                while run.status[0] in (Status.RUNNING, Status.JUMP):
+                    run.status[0] = Status.RUNNING
+                    run.advance()
+                if np.isfinite(run.result[0, -1]).all():
+                    result[member, at] = run.result[0, -1]
+
+
+def _dynamics(model: Model) -> Dynamics:
+    found: Dynamics = model.system.programs.dynamics
     return found
-
-
-def _since(models: Sequence[tuple[float, Model]], times: Array) -> Index:
-    """Find the choice of equations that holds at each time, by number."""
-    if len(models) == 1:
-        return np.zeros(len(times), dtype=np.int64)
-    return np.searchsorted([begin for begin, _ in models], times, side="right") - 1
-
-
-def _parts(since: Index, choice: int, choices: int) -> list[slice] | list[Index]:
-    """Cut the states for which a choice holds into blocks."""
-    if choices == 1:
-        return [slice(first, first + BLOCK) for first in range(0, len(since), BLOCK)]
-    held = np.flatnonzero(since == choice)
-    return [held[first : first + BLOCK] for first in range(0, len(held), BLOCK)]

@@ -220,8 +220,8 @@ def _callbacks(ensemble: Batch) -> Callbacks:
     count, n = len(ensemble), ensemble.model.layout.unknowns
     rows, pointers = ensemble.model.pattern
     columns = np.repeat(np.arange(n), np.diff(pointers))
-    if count == 1 and (single := _single(ensemble)) is not None:
-        residual, values = single
+    if count == 1:
+        residual, values = _single(ensemble)
     else:
 
         def residual(t: float, y: Array, yp: Array, res: Array) -> None:
@@ -248,27 +248,29 @@ def _callbacks(ensemble: Batch) -> Callbacks:
     return residual, jacobian
 
 
-def _single(ensemble: Batch) -> tuple[Callable[..., None], Callable[..., Array]] | None:
-    """One realisation with fused kernels: called with as little Python as possible."""
+def _single(ensemble: Batch) -> tuple[Callable[..., None], Callable[..., Array]]:
+    """One realisation: called with as little Python as possible."""
     model = ensemble.model
-    kernels = [k for kind in ("residual", "jacobian") if (k := model.evaluators[kind].fused_kernel) is not None]
-    if len(kernels) < 2:
-        return None
     n, d = model.layout.unknowns, model.layout.differential
-    none = np.zeros((1, n))
-    arguments, arguments_j = (
-        np.concatenate([model.layout.index2_arguments(0.0, none, none, ensemble.frozen, *c)[0], ensemble.block[0]])
+    none, block = np.zeros((1, n)), ensemble.block
+    rows, rows_j = (
+        np.concatenate([model.layout.index2_arguments(0.0, none, none, ensemble.frozen, *c), block], axis=1)
         for c in ((), (0.0,))
     )
-    found, entries = np.empty(n), np.empty(len(model.pattern[0]))
-    call, call_j = kernels[0].bound(arguments, found), kernels[1].bound(arguments_j, entries)
+    (arguments,), (arguments_j,) = rows, rows_j
+    found, entries = np.empty((1, n)), np.empty((1, len(model.pattern[0])))
+    (result,), (values_j,) = found, entries
+    call, call_j = (
+        model.evaluators[kind].program(given.shape[1] - block.shape[1], block.shape[1]).bound(given, out)
+        for kind, given, out in (("residual", rows, found), ("jacobian", rows_j, entries))
+    )
 
     def residual(t: float, y: Array, yp: Array, res: Array) -> None:
         arguments[:n] = y
         arguments[n : n + d] = yp[:d]
         arguments[n + d] = t
         call()
-        res[:] = found
+        res[:] = result
 
     def values(t: float, y: Array, yp: Array, c: float) -> Array:
         arguments_j[:n] = y
@@ -276,7 +278,7 @@ def _single(ensemble: Batch) -> tuple[Callable[..., None], Callable[..., Array]]
         arguments_j[n + d] = t
         arguments_j[n + d + 1] = c
         call_j()
-        return entries
+        return values_j
 
     return residual, values
 

@@ -15,7 +15,7 @@ References
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -23,8 +23,7 @@ import numpy as np
 
 from uqmbd.dynamics.assembly import Rank, dead_end, gradient, independent_rows, named, rank_along
 from uqmbd.dynamics.equations import Model, state_arguments
-from uqmbd.dynamics.integration.roles import Continuation, Equations, Node
-from uqmbd.dynamics.linear import index1_system
+from uqmbd.dynamics.linear import accelerations, excess, index1_system
 from uqmbd.typing import Array
 
 __all__ = ["SingularPoseWatcher", "repivoted"]
@@ -53,6 +52,31 @@ STRAY = 0.05
 SYSTEMS = 8
 """Systems of other equations that are remembered."""
 
+
+@dataclass(frozen=True)
+class Continuation:
+    """How a realisation is to go on.
+
+    Attributes
+    ----------
+    reason : str
+        Not at all, because ...
+    back : bool
+        From the node before.
+    others : bool
+        With other equations: those of the watcher's model.
+    state : array, shape (width,), optional
+        From this state at `time`, the motion until then being ``curve(time)``.
+    """
+
+    reason: str = ""
+    back: bool = False
+    others: bool = False
+    time: float = 0.0
+    state: Array | None = None
+    curve: Callable[[Any], Array] | None = None
+
+
 _systems: dict[tuple[str, bytes], Any] = {}
 
 
@@ -80,14 +104,14 @@ def repivoted(model: Model, q: Array, s: Array, time: float, parameters: Array) 
 
 @dataclass
 class SingularPoseWatcher:
-    """Watches the rank for a batched integration.
+    """Watches the rank for an explicit integration of one realisation.
 
     Attributes
     ----------
     model : Model
         The equations that are kept at present.
-    remake : callable
-        Makes the equations of motion of a model with the parameters of one realisation.
+    parameters : array, shape (parameter,)
+        Of the realisation.
     tolerance : float
         Relative tolerance; the absolute one, of coordinates of size one, is the same.
     limit : float
@@ -103,7 +127,7 @@ class SingularPoseWatcher:
     """
 
     model: Model
-    remake: Callable[[Model, Array], Equations]
+    parameters: Array
     tolerance: float
     limit: float = np.inf
     passed: int = 0
@@ -120,39 +144,35 @@ class SingularPoseWatcher:
         """Whether a singular pose is being approached."""
         return self.looks > 0
 
-    def near(self, time: float, z: Array, size: float, parameters: Array) -> bool:
-        """Whether a realisation that finds steps of some size difficult is near a singular pose."""
-        rank = self._rank(time, z, parameters)
-        return min(abs(rank.ahead), abs(rank.kept_ahead)) < REACH * size
+    def model_at(self, time: float) -> Model:
+        """Return the choice of equations that holds at a time."""
+        return [model for begin, model in self.models if begin < time or begin == -np.inf][-1]
 
-    def look(
-        self, now: float, nodes: Sequence[Node], size: float, end: float, equations: Equations
-    ) -> Continuation | None:
+    def look(self, now: float, known: tuple[Array, Array], size: float, end: float) -> Continuation | None:
         """Say how to go on from the last node; None: as before.
 
         Parameters
         ----------
         now : float
             Time of the last node, s.
-        nodes : sequence of Node
-            Latest accepted states with their rates, of one realisation.
+        known : tuple of array, shapes (N,) and (N, width)
+            Times and states that were reached last.
         size : float
             Step that was difficult, s.
         end : float
             Until when nothing jumps, s.
-        equations : Equations
-            Those of the realisation.
         """
-        parameters, z = equations.block[0], nodes[-1].z
-        rank = self._rank(now, z, parameters)
-        step = now - nodes[-2].time if len(nodes) > 1 else 0.0
+        times, states = known
+        z = states[-1]
+        rank = self._rank(now, z)
+        step = now - float(times[-2]) if len(times) > 1 else 0.0
         apart = abs(rank.ahead) > 2 * abs(rank.kept_ahead)
         if apart and rank.kept < DEPENDENT * rank.every and abs(rank.kept_ahead) < REACH * max(size, step):
-            return self._others(now, z, rank, equations)
+            return self._others(now, z, rank)
         if not self.alert:
             if abs(rank.ahead) > REACH * max(size, step):
                 return None
-            if abs(rank.ahead) < FOOTING * step and len(nodes) > 1:
+            if abs(rank.ahead) < FOOTING * step and len(times) > 1:
                 return Continuation(back=True)
         if rank.ahead <= 0 or rank.ahead > 100 * max(size, step):
             return self._calm()
@@ -162,17 +182,17 @@ class SingularPoseWatcher:
             # with many looks it may be rounding that forbids to pass: another method may be lucky
             self.final = sure = self.looks <= LOOKS
             return Continuation(reason=dead_end(self.model, now, replace(rank, every=0.0), sure=sure))
-        return self._over(now, nodes, rank, end, equations) or Continuation()
+        return self._over(now, times, states, rank, end) or Continuation()
 
-    def reason(self, now: float, z: Array, parameters: Array) -> str:
+    def reason(self, now: float, z: Array) -> str:
         """Say why the steps became too small, if it is the rank; else nothing."""
-        text = dead_end(self.model, now, self._rank(now, z, parameters))
+        text = dead_end(self.model, now, self._rank(now, z))
         self.final = self.final or bool(text)
         return text
 
-    def _rank(self, time: float, z: Array, parameters: Array) -> Rank:
+    def _rank(self, time: float, z: Array) -> Rank:
         n, k = self.model.layout.coordinates, self.model.layout.states
-        return rank_along(self.model, z[:n], z[n : n + k], z[n + k :], time, parameters)
+        return rank_along(self.model, z[:n], z[n : n + k], z[n + k :], time, self.parameters)
 
     def _speed(self, z: Array) -> float:
         return float(np.abs(z[self.model.layout.velocities :]).max(initial=0.0))
@@ -183,10 +203,10 @@ class SingularPoseWatcher:
         self.best, self.least, self.distance = None, np.inf, np.inf
         return Continuation() if before else None
 
-    def _others(self, now: float, z: Array, rank: Rank, equations: Equations) -> Continuation | None:
+    def _others(self, now: float, z: Array, rank: Rank) -> Continuation | None:
         """Keep other equations."""
         n, k = self.model.layout.coordinates, self.model.layout.states
-        model = repivoted(self.model, z[:n], z[n : n + k], now, equations.block[0])
+        model = repivoted(self.model, z[:n], z[n : n + k], now, self.parameters)
         new = np.setdiff1d(model.layout.kept, self.model.layout.kept)
         if not len(new):
             return self._calm()
@@ -198,14 +218,12 @@ class SingularPoseWatcher:
         self.model = model
         self.models.append((now, model))
         self._calm()
-        return Continuation(equations=self.remake(model, equations.block))
+        return Continuation(others=True)
 
-    def _over(
-        self, now: float, nodes: Sequence[Node], rank: Rank, end: float, equations: Equations
-    ) -> Continuation | None:
+    def _over(self, now: float, times: Array, states: Array, rank: Rank, end: float) -> Continuation | None:
         """Pass over a singular pose, if the motion can be continued well enough."""
-        if len(nodes) >= FEWEST:
-            self._continue(now, nodes, rank, end, equations)
+        if len(times) >= FEWEST:
+            self._continue(now, times, states, rank, end)
         allowed = self.tolerance if rank.ahead > PAST * self.distance else max(self.tolerance, ROUNDING)
         if self.best is None or self.least > allowed:
             return None
@@ -214,12 +232,16 @@ class SingularPoseWatcher:
         self._calm()
         return course
 
-    def _continue(self, now: float, nodes: Sequence[Node], rank: Rank, end: float, equations: Equations) -> None:
+    def _continue(self, now: float, times: Array, states: Array, rank: Rank, end: float) -> None:
         """Continue the motion behind a singular pose; remember it if that is better than from farther away."""
-        curve, lower = _polynomial(nodes), _polynomial(nodes[1:])
+        block = np.repeat(self.parameters[None], len(states), axis=0)
+        q, s, v = self.model.layout.split(states)
+        a, _, changes = accelerations(self.model, q, s, v, times, block)
+        rates = np.concatenate([v, changes, a], axis=1)
+        curve, lower = _polynomial(times, states, rates), _polynomial(times[1:], states[1:], rates[1:])
         n = self.model.layout.coordinates
         velocities = n + self.model.layout.states
-        way = max(self._speed(nodes[-1].z) * rank.ahead, 1e-300)
+        way = max(self._speed(states[-1]) * rank.ahead, 1e-300)
         for factor in (2.0, 3.0):
             time = now + factor * rank.ahead
             there = curve(time)
@@ -228,9 +250,7 @@ class SingularPoseWatcher:
                 return
             state = there.copy()
             for _ in range(4):
-                equations.state[:] = state
-                equations.rate(time, _scrap(equations, len(state)))
-                q, v = equations.excess()
+                q, v = excess(self.model, state[None], time, self.parameters[None])
                 state[:n] -= q[0]
                 state[velocities:] -= v[0]
             strayed = np.abs(state - there)
@@ -239,22 +259,16 @@ class SingularPoseWatcher:
                 and strayed[velocities:].max(initial=0.0) < STRAY * self._speed(state) * min(1.0, STRAY)
             ):
                 continue
-            if -4 * rank.ahead < self._rank(time, state, equations.block[0]).ahead < -0.2 * rank.ahead:
+            if -4 * rank.ahead < self._rank(time, state).ahead < -0.2 * rank.ahead:
                 self.best = Continuation(time=time, state=state, curve=curve)
                 self.least, self.distance = error, rank.ahead
                 return
 
 
-def _scrap(equations: Equations, width: int) -> tuple[Array, Array, Array]:
-    """Make room for rates that nobody reads."""
-    every = np.zeros((1, width))
-    return every[:, : equations.n], every[:, equations.velocities :], every
-
-
-def _polynomial(nodes: Sequence[Node]) -> Callable[[Any], Array]:
+def _polynomial(times: Array, states: Array, rates: Array) -> Callable[[Any], Array]:
     """Interpolate states and rates."""
     from scipy.interpolate import KroghInterpolator
 
-    values = np.stack([x for node in nodes for x in (node.z, node.rate)])
-    found: Callable[[Any], Array] = KroghInterpolator(np.repeat([node.time for node in nodes], 2), values)
+    values = np.stack([x for pair in zip(states, rates, strict=True) for x in pair])
+    found: Callable[[Any], Array] = KroghInterpolator(np.repeat(times, 2), values)
     return found

@@ -13,7 +13,7 @@ from uqmbd.dynamics.ensemble import Ensemble
 from uqmbd.dynamics.equations import Model
 from uqmbd.dynamics.integration import SegmentedMotion, Solved, Trajectories, integrate_by_dop853, integrate_by_ida
 from uqmbd.dynamics.integrators.checked import checked
-from uqmbd.dynamics.integrators.stacks import STACK, Solution, in_stacks
+from uqmbd.dynamics.integrators.stacks import MANY, STACK, Solution, in_stacks
 from uqmbd.dynamics.projection import (
     LINEAR_SOLVERS,
     LinearSolver,
@@ -43,7 +43,7 @@ class Dop853:
     name = "dop853"
     events = projected = segments = paced = watched = delegates = sampled = True
 
-    stack: int = STACK
+    stack: int = MANY
 
     def integrate(self, ensemble: Ensemble, times: Array, rtol: float) -> Trajectories:
         """Integrate every realisation; a mechanism too large for compiled linear algebra is a `uqmbd.StudyError`."""
@@ -136,30 +136,31 @@ class Auto:
     Parameters
     ----------
     stack : int
-        Most realisations that are integrated together.
+        Most realisations that are integrated together; those that are left to `Ida` share steps in smaller stacks.
     """
 
     name = "auto"
     events = projected = segments = paced = watched = delegates = sampled = True
     linear_solvers = LINEAR_SOLVERS
 
-    stack: int = STACK
+    stack: int = MANY
 
     def integrate(self, ensemble: Ensemble, times: Array, rtol: float) -> Trajectories:
         """Integrate every realisation."""
         if ensemble.model.events:
             return integrate_with_events(ensemble, times, rtol)
+        if not _compiled(ensemble.model):
+            return Ida(min(self.stack, STACK)).integrate(ensemble, times, rtol)
         return in_stacks(self._solve, ensemble, times, rtol, self.stack)
 
     def _solve(self, ensemble: Ensemble, members: Index, times: Array, rtol: float) -> Solution:
-        if not _compiled(ensemble.model):
-            return Solution.of(integrate_by_ida(ensemble, members, times, rtol), Ida.name)
         solved = integrate_by_dop853(ensemble, members, times, rtol)
         found, left = Solution.of(solved, Dop853.name), _left(solved)
-        if not len(left):
-            return found
-        other = integrate_by_ida(ensemble, members[left], times, rtol)
-        return found.replaced(left, other, Ida.name, np.arange(len(left)))
+        for first in range(0, len(left), STACK):
+            some = left[first : first + STACK]
+            other = integrate_by_ida(ensemble, members[some], times, rtol)
+            found = found.replaced(some, other, Ida.name, np.arange(len(some)))
+        return found
 
     def integrate_segments(self, ensemble: Ensemble, times: Array, rtol: float) -> SegmentedMotion:
         """Follow the only realisation from event to event."""
@@ -201,7 +202,7 @@ class BuiltIn:
 
 def _compiled(model: Model) -> bool:
     """Tell whether the linear algebra of the explicit method is compiled."""
-    return model.system is not None and model.system.project is not None
+    return model.system is not None and model.system.programs is not None
 
 
 def _require_compiled(model: Model, compiled: bool) -> None:

@@ -13,11 +13,13 @@ from uqmbd.dynamics.integration import Counters, Solved, Trajectories, integrate
 from uqmbd.errors import RedundantConstraintWarning
 from uqmbd.typing import Array, Index
 
-__all__ = ["STACK", "Solution", "in_stacks"]
+__all__ = ["MANY", "STACK", "Solution", "in_stacks"]
 
 
 STACK = 64
-"""Realisations of a stack."""
+"""Realisations of a stack that share the steps of an implicit method."""
+MANY = 4096
+"""Realisations that an explicit method integrates at once."""
 
 
 @dataclass(frozen=True)
@@ -66,17 +68,21 @@ def in_stacks(solve: Solve, ensemble: Ensemble, times: Array, rtol: float, stack
         Most realisations of a stack.
     """
     start, layout = ensemble.start, ensemble.model.layout
-    states = np.full((len(ensemble), len(times), layout.width), np.nan)
     messages, by = list(start.messages), list[str]()
     counters, notes = Counters(), list[str]()
     assembled = np.flatnonzero(start.ok)
+    whole = len(assembled) == len(ensemble) <= stack
+    states = np.full((0 if whole else len(ensemble), len(times), layout.width), np.nan)
     for k in range(0, len(assembled), stack):
         members = assembled[k : k + stack]
         if layout.unknowns:
             found = solve(ensemble, members, times, rtol)
         else:
             found = Solution.of(integrate_by_ida(ensemble, members, times, rtol), "")
-        states[members] = found.solved.states
+        if whole:
+            states = found.solved.states
+        else:
+            states[members] = found.solved.states
         for member, message in zip(members, found.solved.messages, strict=True):
             messages[member] = message
         by += found.by

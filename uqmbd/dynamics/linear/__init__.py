@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from uqmbd.dynamics.linear.index1 import (
     RANK_TOLERANCE,
+    RESIDUAL,
     System,
     accelerations,
     excess,
@@ -13,8 +14,11 @@ from uqmbd.dynamics.linear.index1 import (
 )
 from uqmbd.dynamics.linear.nodal import nodal_systems
 from uqmbd.dynamics.linear.pivoting import lemke
+from uqmbd.dynamics.linear.programs import Programs
 
 __all__ = [
+    "Programs",
+    "RESIDUAL",
     "RANK_TOLERANCE",
     "System",
     "accelerations",

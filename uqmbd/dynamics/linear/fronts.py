@@ -14,25 +14,18 @@ References
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from uqmbd.compiled import Kernel, Operation, cached, compile_operations
+from uqmbd.compiled import Kernel, Operation, Program, Writer, cached, compile_operations
 from uqmbd.dynamics.linear.elimination import plan
 from uqmbd.dynamics.linear.ordering import Front
 from uqmbd.dynamics.linear.unrolled import eliminated, worth_while
 from uqmbd.typing import Array, Index
 
 __all__ = ["Fronts", "FrontalSolver", "frontal"]
-
-
-CACHE = 2_000_000
-"""Bytes of values that are held at once: they should stay in the processor's cache."""
-
-
-FEW = 8
-"""Systems that are cheaper all at once, with their entries repeated for each right-hand side."""
 
 
 @dataclass(frozen=True)
@@ -72,41 +65,22 @@ class Fronts:
     operations: int
 
     def solve(self, given: Array, right: Array) -> Array:
-        """Solve systems.
+        """Solve systems of what is given (K, given) for right-hand sides (K, size), shape (K, size)."""
+        return self._program(given[:, : self.given], right)
 
-        Parameters
-        ----------
-        given : array, shape (K, given)
-            With the entries.
-        right : array, shape (K, size)
-            Right-hand sides.
+    @cached_property
+    def _program(self) -> Program:
+        rows = np.arange(self.given + self.size)
+        writer = Writer(len(rows))
+        return writer.program(self.write(writer, rows[: self.given], rows[self.given :]))
 
-        Returns
-        -------
-        array, shape (K, size)
-            Infinite or NaN where a block is singular.
-        """
-        found = np.empty((len(given), self.size))
-        block = max(1, CACHE // (8 * self.width))
-        for first in range(0, len(given), block):
-            part = slice(first, first + block)
-            count = len(given[part])
-            values = np.empty((count, self.width))
-            values[:, : self.given] = given[part]
-            values[:, self.given : self.given + self.size] = right[part]
-            if count == 1:
-                self._one(values[0])
-            else:
-                for batch in self.batches:
-                    arguments = values.take(batch.reads, axis=1).reshape(-1, batch.reads.shape[1])
-                    values[:, batch.first : batch.last] = batch.kernel(arguments).reshape(count, -1)
-            found[part] = values.take(self.solution, axis=1)
-        return found
-
-    def _one(self, values: Array) -> None:
+    def write(self, writer: Writer, given: Index, right: Index) -> Index:
+        """Write the solution; rows of all unknowns, for rows of the given values and of the right-hand side."""
+        rows = np.empty(self.width, dtype=np.int64)
+        rows[: self.given], rows[self.given : self.given + self.size] = given[: self.given], right
         for batch in self.batches:
-            shape = (len(batch.reads), batch.kernel.outputs)
-            batch.kernel(values.take(batch.reads), values[batch.first : batch.last].reshape(shape))
+            rows[batch.first : batch.last] = writer.call(batch.kernel, rows[batch.reads]).ravel()
+        return rows[self.solution]
 
 
 @dataclass(frozen=True)
@@ -128,20 +102,23 @@ class FrontalSolver:
     wanted: int
 
     def __call__(self, given: Array, out: Array | None = None) -> Array:
-        """Solve, for one right-hand side after the other, as the kernel of an elimination does."""
-        count = len(given)
-        if out is None:
-            out = np.empty((count, len(self.rights) * self.wanted))
-        entries, many = given[:, : self.fronts.given], len(self.rights)
-        if count * many <= FEW:  # calls are what it costs
-            right = np.where(self.rights < 0, 0.0, given[:, self.rights]).reshape(count * many, -1)
-            found = self.fronts.solve(entries.repeat(many, axis=0) if many > 1 else entries, right)
-            out[:] = found[:, : self.wanted].reshape(out.shape)
-            return out
-        for k, side in enumerate(self.rights):
-            found = self.fronts.solve(entries, np.where(side < 0, 0.0, given[:, side]))
-            out[:, k * self.wanted : (k + 1) * self.wanted] = found[:, : self.wanted]
-        return out
+        """Solve systems of what is given (K, value), shape (K, wanted), of one right-hand side after the other."""
+        width = given.shape[1]
+        if width not in self._programs:
+            writer = Writer(width)
+            self._programs[width] = writer.program(self.write(writer, np.arange(width)))
+        return self._programs[width](given, out=out)
+
+    @cached_property
+    def _programs(self) -> dict[int, Program]:
+        """Made so far, for numbers of values."""
+        return {}
+
+    def write(self, writer: Writer, given: Index) -> Index:
+        """Write the solutions; rows of the wanted unknowns, for rows of what is given."""
+        zero = writer.sums([[]])[0]
+        sides = [np.where(side < 0, zero, given[side]) for side in self.rights]
+        return np.concatenate([self.fronts.write(writer, given, side)[: self.wanted] for side in sides])
 
 
 @dataclass(frozen=True)

@@ -10,10 +10,11 @@ from numpy.typing import NDArray
 
 from uqmbd.dynamics.equations import Model, state_arguments
 from uqmbd.dynamics.linear.system import System, index1_system
-from uqmbd.typing import Array, Index
+from uqmbd.typing import Array
 
 __all__ = [
     "DENSE_LIMIT",
+    "RESIDUAL",
     "RANK_TOLERANCE",
     "System",
     "accelerations",
@@ -29,9 +30,6 @@ FEW = 24
 
 DENSE_LIMIT = 120
 """Unknowns up to which LAPACK is faster than a sparse factorisation."""
-
-LEAST, CACHE = 32, 500_000
-"""States that are evaluated at once: at least so many, and not many more than have so many bytes of results."""
 
 RESIDUAL = 1e-10
 """Relative residual above which a solution by fixed pivots is poor."""
@@ -62,36 +60,39 @@ def accelerations(
         Accelerations, multipliers of the kept equations, and rates of the auxiliary states; NaN where the system is
         singular.
     """
-    evaluator = model.evaluators["acceleration"]
     arguments = state_arguments(time, q, s, v)
-    results = []
-    for part in _blocks(model, len(q)):
-        values = evaluator(arguments[part], parameters[part])
-        results.append((*_solve(model, values), model.result("acceleration", "s", values)))
-    if len(results) == 1:
-        return results[0]
-    a, multipliers, rates = (np.concatenate(x) for x in zip(*results, strict=True))
-    return a, multipliers, rates
+    if model.system is not None and model.system.programs is not None:
+        return _by_program(model, arguments, parameters)
+    values = model.evaluators["acceleration"](arguments, parameters)
+    return (*_solve(model, values), model.result("acceleration", "s", values))
 
 
-def _blocks(model: Model, count: int) -> list[slice]:
-    """Cut states into blocks whose results stay in the processor's cache."""
-    results = sum(len(model.evaluators[kind].targets) for kind in ("acceleration", "drift") if kind in model.evaluators)
-    size = max(LEAST, CACHE // (8 * max(1, results)))
-    return [slice(first, first + size) for first in range(0, max(1, count), size)]
+def _by_program(model: Model, arguments: Array, parameters: Array) -> tuple[Array, Array, Array]:
+    """Solve by the compiled elimination, and where that is poor with pivots of each system's own."""
+    system: System = model.system
+    n, size, states = model.layout.coordinates, system.size, model.layout.states
+    assert system.programs is not None
+    parameters = parameters[:, : model.block_parameters]
+    found = system.programs.motion(arguments, parameters)
+    if system.fronts is not None:
+        values = model.evaluators["acceleration"](arguments, parameters)
+        poor = system.pattern.poor(values, system.right(values), found[:, :size], RESIDUAL)
+    else:
+        poor = np.flatnonzero(~(found[:, -1] <= RESIDUAL**2))
+    if len(poor):
+        values = model.evaluators["acceleration"](arguments[poor], parameters[poor])
+        found[poor, :size] = _direct(system, values, system.right(values))
+    return found[:, :n], found[:, n:size], found[:, size : size + states]
 
 
-def excess(model: Model, states: Array, time: Array, parameters: Array) -> tuple[Array, Array]:
+def excess(model: Model, states: Array, time: Array | float, parameters: Array) -> tuple[Array, Array]:
     """By what states (S, width) exceed the constraints: the least changes of coordinates and velocities that mend them.
 
     To be subtracted, of shape (S, coordinate) each; the norm is that of the masses, and the error quadratic in the
     excess.
     """
-    arguments = state_arguments(time, states)
-    both = np.empty((len(states), 2 * model.layout.coordinates))
-    for part in _blocks(model, len(states)):
-        values = [model.evaluators[kind](arguments[part], parameters[part]) for kind in ("acceleration", "drift")]
-        both[part] = model.system.project(np.concatenate(values, axis=1))
+    parameters = parameters[:, : model.block_parameters]
+    both = model.system.programs.excess(state_arguments(time, states), parameters)
     n = model.layout.coordinates
     return both[:, :n], both[:, n:]
 
@@ -113,13 +114,6 @@ def _solve(model: Model, values: Array) -> tuple[Array, Array]:
     layout = model.layout
     system = model.system or index1_system(model, None)
     n = layout.coordinates
-    if system.solve is not None:
-        values = np.ascontiguousarray(values)
-        found = system.solve(values)
-        poor = _poor(system, values, found)
-        if len(poor):
-            found[poor] = _direct(system, values[poor], system.right(values[poor]))
-        return found[:, :n], found[:, n:]
     if system.elimination is None or len(values) < FEW:
         found = _direct(system, values, system.right(values))
         return found[:, :n], found[:, n:]
@@ -130,15 +124,6 @@ def _solve(model: Model, values: Array) -> tuple[Array, Array]:
     if len(poor):
         solution[:, poor] = _lapack(system.matrix(values[poor]), right[:, poor].T).T
     return solution[:n].T, solution[n:].T
-
-
-def _poor(system: System, values: Array, found: Array) -> Index:
-    """Find the systems whose solutions (K, size) by fixed pivots are poor."""
-    if system.residual is None:
-        return system.pattern.poor(values, system.right(values), found, RESIDUAL)
-    with np.errstate(all="ignore"):
-        residual = system.residual(np.concatenate([values, found], axis=1))[:, 0]
-    return np.flatnonzero(~(residual <= RESIDUAL**2))
 
 
 def _direct(system: System, values: Array, right: Array) -> Array:

@@ -14,6 +14,7 @@ from uqmbd.dynamics.equations import Model
 from uqmbd.dynamics.linear.elimination import Elimination, plan
 from uqmbd.dynamics.linear.fronts import FrontalSolver, Fronts, frontal
 from uqmbd.dynamics.linear.ordering import rounds_of, units_of
+from uqmbd.dynamics.linear.programs import Programs, programs_of
 from uqmbd.dynamics.linear.sparse import SparsePattern
 from uqmbd.dynamics.linear.unrolled import residual_kernel, unroll
 from uqmbd.typing import Array, Index
@@ -58,13 +59,11 @@ class System:
     """Compiled elimination by blocks, of a large system."""
     solve: Kernel | FrontalSolver | None = None
     """Compiled: results of the ``acceleration`` evaluator -> accelerations and multipliers."""
-    residual: Kernel | None = None
-    """Compiled: these results and the solution -> how well it satisfies the system."""
-    accelerate: Kernel | FrontalSolver | None = None
-    """Compiled: results of the ``acceleration`` evaluator -> accelerations."""
     project: Kernel | FrontalSolver | None = None
     """Compiled: these results, then those of the ``drift`` evaluator -> what is too much of coordinates and velocities,
     by the least norm in the metric of the masses."""
+    programs: Programs | None = None
+    """Compiled: all that a state determines; None: the system is too large, or singular for all values."""
 
     def matrix(self, values: Array) -> Array:
         """Dense matrices of results of the ``acceleration`` evaluator (K, result), shape (K, size, size)."""
@@ -173,18 +172,13 @@ def _compiled(model: Model, system: System, typical: Array) -> System:
         assert order is not None
         return unroll(order, system.rows, system.columns, system.source, rights, values, wanted)
 
-    solve = code(motion, given, system.size)
-    if solve is None:
+    solve, accelerate = code(motion, given, system.size), code(motion, given, n)
+    project = code(excess, given + len(model.evaluators["drift"].targets), n)
+    if solve is None or accelerate is None or project is None:
         return _by_blocks(model, system, typical)
-    total = given + len(model.evaluators["drift"].targets)
     residual = residual_kernel(system.rows, system.columns, system.source, system.motion, given)
-    return replace(
-        system,
-        solve=solve,
-        residual=residual,
-        accelerate=code(motion, given, n),
-        project=code(excess, total, n),
-    )
+    compiled = programs_of(model, solve, accelerate, project, residual)
+    return replace(system, solve=solve, project=project, programs=compiled)
 
 
 def _by_blocks(model: Model, system: System, typical: Array) -> System:
@@ -200,13 +194,11 @@ def _by_blocks(model: Model, system: System, typical: Array) -> System:
     if fronts is None:
         return system
     motion, excess = _rights(system, given)
-    return replace(
-        system,
-        fronts=fronts,
-        solve=FrontalSolver(fronts, motion, system.size),
-        accelerate=FrontalSolver(fronts, motion, n),
-        project=FrontalSolver(fronts, excess, n),
+    solve, accelerate, project = (
+        FrontalSolver(fronts, rights, wanted) for rights, wanted in ((motion, system.size), (motion, n), (excess, n))
     )
+    compiled = programs_of(model, solve, accelerate, project, None)
+    return replace(system, fronts=fronts, solve=solve, project=project, programs=compiled)
 
 
 def _rights(system: System, given: int) -> tuple[Index, Index]:

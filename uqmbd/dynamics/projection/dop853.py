@@ -41,10 +41,7 @@ class ProjectedEquations:
         self.evaluations += 1
         self.time.fill(time)
         self.nodal[:] = self.projected.psi @ self.state
-        if (kernel := self.motion.fused_kernel) is not None:
-            kernel(self.arguments, self.values)
-        else:
-            self.values = np.ascontiguousarray(self.motion(self.arguments[:, : self.width + 2], self.block))
+        self.values = self.motion(self.arguments[:, : self.width + 2], self.block)
         found = self.solver.solve(self.values, self.tolerance)
         out[0][:] = self.state[:, self.velocities :]
         out[1][:] = found[:, : self.n]
@@ -53,10 +50,7 @@ class ProjectedEquations:
 
     def excess(self) -> tuple[Array, Array]:
         """By what coefficients of ``self.state``, whose rate is known, exceed the projected constraints."""
-        if (kernel := self.drift.fused_kernel) is not None:
-            found = kernel(self.arguments)
-        else:
-            found = self.drift(self.arguments[:, : self.width + 2], self.block)
+        found = self.drift(self.arguments[:, : self.width + 2], self.block)
         return self.solver.excess(self.values, found, tolerance=1e-3)
 
     def impulse(self, time: float, rtol: float) -> tuple[Array, dict[int, str]]:

@@ -1,0 +1,138 @@
+"""What a state determines, as compiled programs: rates, accelerations, multipliers, and how far constraints are off."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from uqmbd.compiled import Dynamics, Kernel, Program, Writer
+from uqmbd.dynamics.equations import Model
+from uqmbd.dynamics.linear.fronts import FrontalSolver
+from uqmbd.typing import Index
+
+__all__ = ["Motion", "Programs", "Solver", "programs_of"]
+
+Solver = Kernel | FrontalSolver
+
+
+def _solution(solver: Solver, writer: Writer, given: Index) -> Index:
+    """Write a solution; rows of the wanted unknowns, for rows of what is given."""
+    if isinstance(solver, Kernel):
+        return writer.call(solver, given[None]).ravel()
+    return solver.write(writer, given)
+
+
+@dataclass(frozen=True)
+class Programs:
+    """Programs whose arguments are a state (q, s, v), the time, zero, and the parameters of the blocks.
+
+    Attributes
+    ----------
+    dynamics : Dynamics
+        For the explicit integrator.
+    motion : Program
+        To accelerations, multipliers of the kept equations, rates of the auxiliary states, and, of small systems, how
+        well they satisfy the index-1 system.
+    excess : Program
+        To what is too much of coordinates and velocities, by the least norm in the metric of the masses.
+    solve : Kernel or FrontalSolver
+        From results of the ``acceleration`` evaluator to accelerations and multipliers.
+    residual : Kernel or None
+        From these results and the solution to how well it satisfies the system.
+    """
+
+    dynamics: Dynamics
+    motion: Program
+    excess: Program
+    solve: Solver
+    residual: Kernel | None
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Leave out what is made anew."""
+        return {key: value for key, value in self.__dict__.items() if key != "others"}
+
+    @cached_property
+    def others(self) -> dict[Any, Program]:
+        """Programs that were made of these, by whatever tells them apart."""
+        return {}
+
+    def write_motion(self, model: Model, writer: Writer, arguments: Index, parameters: Index) -> Motion:
+        """Write the accelerations and multipliers of a state whose rows are given, as `Evaluator.write` does."""
+        values = model.evaluators["acceleration"].write(writer, arguments, parameters)
+        return _motion(model, writer, values, self.solve, self.residual)
+
+
+class Motion(NamedTuple):
+    """Rows of the accelerations and multipliers, and of how well they satisfy the system (none: it is not known)."""
+
+    solution: Index
+    residual: Index
+
+
+def _motion(model: Model, writer: Writer, values: Index, solve: Solver, residual: Kernel | None) -> Motion:
+    solution = _solution(solve, writer, values)
+    if residual is None:
+        return Motion(solution, np.zeros(0, dtype=np.int64))
+    return Motion(solution, writer.call(residual, np.concatenate([values, solution])[None, :]).ravel())
+
+
+def programs_of(model: Model, solve: Solver, accelerate: Solver, project: Solver, residual: Kernel | None) -> Programs:
+    """Write the programs of a model.
+
+    Parameters
+    ----------
+    model : Model
+        With its evaluators.
+    solve, accelerate : Kernel or FrontalSolver
+        From results of the ``acceleration`` evaluator to accelerations and multipliers, and to accelerations only.
+    project : Kernel or FrontalSolver
+        From these results, then those of the ``drift`` evaluator, to what is too much of coordinates and velocities.
+    residual : Kernel or None
+        From results of the ``acceleration`` evaluator and the solution to how well it satisfies the system.
+    """
+    layout = model.layout
+    n, width, velocities = layout.coordinates, layout.width, layout.velocities
+    inputs = width + 2 + model.block_parameters
+    rows = np.arange(inputs)
+    arguments, parameters = rows[: width + 2], rows[width + 2 :]
+    acceleration = model.evaluators["acceleration"]
+
+    def begun() -> tuple[Writer, Index, Index]:
+        writer = Writer(inputs)
+        values = acceleration.write(writer, arguments, parameters)
+        rates = np.full(layout.states, width + 1)  # the row that is zero
+        if "s" in acceleration.index:
+            results, (which,) = acceleration.index["s"]
+            rates[which] = values[results]
+        return writer, values, rates
+
+    def surplus(writer: Writer, values: Index) -> Index:
+        drift = model.evaluators["drift"].write(writer, arguments, parameters)
+        return _solution(project, writer, np.concatenate([values, drift]))
+
+    writer, values, rates = begun()
+    found = _motion(model, writer, values, solve, residual)
+    motion = writer.program(np.concatenate([found.solution, rates, found.residual]))
+    writer, values, rates = begun()
+    accelerations = _solution(accelerate, writer, values)
+    steps = len(writer.steps)
+    excess = surplus(writer, values) if layout.rank else None
+    dynamics = Dynamics(
+        coordinates=n,
+        velocities=velocities,
+        width=width,
+        parameters=model.block_parameters,
+        motion=writer.part(0, steps),
+        rate=np.concatenate([rows[velocities:width], rates, accelerations]),
+        excess=None if excess is None else writer.part(steps),
+        surplus=excess,
+        rows=writer.size,
+        moving=width - 2 * len(layout.frozen) - layout.held,
+    )
+    writer = Writer(inputs)
+    values = acceleration.write(writer, arguments, parameters)
+    found_excess = surplus(writer, values) if layout.rank else writer.sums([[]]).repeat(2 * n)
+    return Programs(dynamics, motion, writer.program(found_excess), solve, residual)
