@@ -11,15 +11,9 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from uqmbd.compiled.tables import Tables
-from uqmbd.compiled.writer import LANES, Writer
+from uqmbd.compiled.writer import Writer
 
 __all__ = ["NotCompiled", "Operation", "expressions_text", "operations_text"]
-
-LONG = 400
-"""Operations from which a function is written for the processor's own vectors, in a loop over the parts of a row.
-
-Whole rows are up to 1.3 times faster in short functions, where one operation waits for the other, if the processor has
-to split them; in long ones they are no faster, since values leave the registers, and take twice as long to compile."""
 
 POWERS = 16
 """Powers up to which numbers are multiplied; beyond, the library's function loses fewer digits."""
@@ -71,7 +65,7 @@ def operations_text(
     native : int
         Lanes that the processor computes at once.
     """
-    w = Writer(native if len(operations) > LONG else LANES)
+    w = Writer()
     values = {x: k for k, x in enumerate(reads)}
     names: dict[int, str] = {}
 
@@ -96,7 +90,7 @@ def operations_text(
         names[first + k] = made
     for k, x in enumerate(writes):
         w.store(k, value(x))
-    return w.text(name)
+    return w.text(name, native)
 
 
 def expressions_text(
@@ -129,7 +123,8 @@ def expressions_text(
     NotCompiled
         Naming what cannot be computed.
     """
-    w = Writer(native if len(replacements) > LONG else LANES)
+    w = Writer()
+    meaning = dict(replacements)
     rows = {symbol: k for k, symbol in enumerate(arguments)}
     known: dict[Any, str] = {}
     masks: set[str] = set()
@@ -149,27 +144,34 @@ def expressions_text(
             if e in known:
                 continue
             if parts is None:
-                if e.is_Symbol:
+                if e.is_Symbol and e not in meaning:
                     if e not in rows:
                         raise NotCompiled(f"the symbol {e}, which is no argument")
                     known[e] = w.load(rows[e])
                     continue
-                parts = e.args[1:] if _is_application(e, tables) else _parts(e)
+                if e.is_Symbol:
+                    parts = [meaning[e]]
+                else:
+                    parts = e.args[1:] if _is_application(e, tables) else _parts(e)
                 missing = [x for x in parts if x not in known]
                 if missing:
                     waiting.append((e, parts))
                     waiting += [(x, None) for x in reversed(missing)]
                     continue
             values = [known[x] for x in parts]
-            known[e] = look_up(e, values) if _is_application(e, tables) else _written(w, masks, e, values)
+            if e.is_Symbol:
+                (known[e],) = values
+            elif _is_application(e, tables):
+                known[e] = look_up(e, values)
+            else:
+                known[e] = _written(w, masks, e, values)
         return known[expression]
 
-    for symbol, e in replacements:
-        known[symbol] = write(e)
+    # what stands for others is written where it is needed first, which keeps values in registers
     for k, e in enumerate(expressions):
         value = write(e)
         w.store(k, w.select(value, w.number(1.0), w.number(0.0)) if value in masks else value)
-    return w.text(name)
+    return w.text(name, native)
 
 
 def _is_application(e: Any, tables: Tables) -> bool:
@@ -305,7 +307,7 @@ Rule = Callable[[Writer, set[str], str, list[str]], str]
 def _compared(w: Writer, masks: set[str], kind: str, values: list[str]) -> str:
     a, b = values
     if a in masks or b in masks:  # of truth values: the search for common subexpressions writes ``x == True``
-        differ = w.made(f"xor {w.mask} {a}, {b}")
+        differ = w.made(f"xor MASK {a}, {b}")
         return _noted(masks, differ if kind == "Unequality" else _not(w, masks, "Not", [differ]))
     return _noted(masks, w.compare(_COMPARISON[kind], a, b))
 
@@ -313,12 +315,12 @@ def _compared(w: Writer, masks: set[str], kind: str, values: list[str]) -> str:
 def _connected(w: Writer, masks: set[str], kind: str, values: list[str]) -> str:
     result = values[0]
     for value in values[1:]:
-        result = w.made(f"{_CONNECTIVE[kind]} {w.mask} {result}, {value}")
+        result = w.made(f"{_CONNECTIVE[kind]} MASK {result}, {value}")
     return _noted(masks, result)
 
 
 def _not(w: Writer, masks: set[str], kind: str, values: list[str]) -> str:
-    return _noted(masks, w.made(f"xor {w.mask} {values[0]}, splat (i1 true)"))
+    return _noted(masks, w.made(f"xor MASK {values[0]}, splat (i1 true)"))
 
 
 def _piecewise(w: Writer, masks: set[str], kind: str, values: list[str]) -> str:
