@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from uqmbd.compiled.cache import cache_folder, cached, source_digest
+from uqmbd.compiled.coupled import CoupledSystems, NodalSystems
 from uqmbd.compiled.emission import Operation
 from uqmbd.compiled.explicit import ORDER, STAGES, Dynamics, Method, Realisations, Status
 from uqmbd.compiled.kernel import Kernel
@@ -14,10 +15,12 @@ from uqmbd.compiled.writer import LANES
 
 __all__ = [
     "Columns",
+    "CoupledSystems",
     "Dynamics",
     "Kernel",
     "LANES",
     "Method",
+    "NodalSystems",
     "ORDER",
     "Operation",
     "Part",

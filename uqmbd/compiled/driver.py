@@ -20,6 +20,7 @@ from uqmbd.compiled.writer import LANES
 from uqmbd.typing import Array
 
 __all__ = [
+    "Coupled",
     "POOL",
     "Pool",
     "Problem",
@@ -41,6 +42,7 @@ class Step(ctypes.Structure):
     _fields_ = (
         *((name, _POINTER) for name in ("code", "reads", "starts")),
         *((name, _INT) for name in ("count", "inputs", "outputs", "first", "to")),
+        *((name, _POINTER) for name in ("method", "context")),
     )
 
 
@@ -66,7 +68,10 @@ class Problem(ctypes.Structure):
     """``Problem`` of dop853.h."""
 
     _fields_ = (
-        *((name, _INT) for name in ("width", "coordinates", "velocities", "parameters", "time", "rows")),
+        *(
+            (name, _INT)
+            for name in ("terms", "blocks", "width", "coordinates", "velocities", "parameters", "time", "rows")
+        ),
         ("motion", Program),
         ("rate", _POINTER),
         ("excess", Program),
@@ -95,6 +100,24 @@ class Pool(ctypes.Structure):
     _fields_ = tuple((name, _POINTER) for name in POOL)
 
 
+class Coupled(ctypes.Structure):
+    """``Coupled`` of coupled.h."""
+
+    _fields_ = (
+        *((name, _INT) for name in ("terms", "nodes", "width", "coordinates", "size", "rates")),
+        *((name, _POINTER) for name in ("psi", "adjoint", "work")),
+        *((name, _INT) for name in ("rows", "time")),
+        *((name, Program) for name in ("values", "drift", "factor", "solve")),
+        ("outside", _POINTER),
+        *((name, _INT) for name in ("right", "guess")),
+        *((name, _POINTER) for name in ("solution", "starts", "columns", "entries", "motion", "constraints", "rate")),
+        ("typical", _INT),
+        *((name, _POINTER) for name in ("masses", "forces")),
+        *((name, _DOUBLE) for name in ("tolerance", "tolerance_drift", "worth")),
+        *((name, _POINTER) for name in ("gesv", "counts", "correction", "memory")),
+    )
+
+
 _FUNCTIONS: dict[str, tuple[Any, Sequence[Any]]] = {
     "run_program": (None, [_POINTER, _POINTER]),
     "evaluate": (None, [_POINTER, _POINTER, _POINTER, _INT, _INT, _INT, _POINTER, _INT, _POINTER]),
@@ -102,6 +125,10 @@ _FUNCTIONS: dict[str, tuple[Any, Sequence[Any]]] = {
     "advance_workspace": (_INT, [_POINTER]),
     "advance": (_INT, [_POINTER, _POINTER, _POINTER, _INT, _POINTER, _INT]),
     "project": (None, [_POINTER, _POINTER, _POINTER, _INT, _POINTER]),
+    "coupled_memory": (_INT, [_POINTER]),
+    "coupled_place": (None, [_POINTER, _POINTER]),
+    "coupled_rate": (None, [_POINTER, _POINTER, _POINTER]),
+    "coupled_excess": (None, [_POINTER, _POINTER, _POINTER]),
     "sizes": (None, [_POINTER]),
 }
 """Results and arguments of the functions."""
@@ -123,7 +150,7 @@ class _Driver:
         places = addresses_of(tuple(_FUNCTIONS), _object_code())
         for (name, (result, arguments)), place in zip(_FUNCTIONS.items(), places, strict=True):
             setattr(self, name, ctypes.CFUNCTYPE(result, *arguments)(place))
-        kinds = (Step, Program, Source, Tableau, Problem, Pool)
+        kinds = (Step, Program, Source, Tableau, Problem, Pool, Coupled)
         found = np.zeros(len(kinds), dtype=np.int64)
         self.sizes(address(found))
         assert found.tolist() == [ctypes.sizeof(kind) for kind in kinds], "driver.bc was made from other sources"

@@ -74,6 +74,13 @@ class Dynamics:
         Of the work array.
     moving : int
         Entries of a state that change.
+    terms : int
+        0: lanes are realisations.  Otherwise they are terms of one problem: a state has ``(terms, width / blocks)``
+        entries, and each entry `blocks` rows.
+    blocks : int
+        Rows of an entry.
+    cost : int
+        How many evaluations of eight realisations a rate is worth, roughly.
     """
 
     coordinates: int
@@ -86,6 +93,9 @@ class Dynamics:
     surplus: Index | None
     rows: int
     moving: int
+    terms: int = 0
+    blocks: int = 1
+    cost: int = 1
 
 
 @dataclass(frozen=True)
@@ -216,7 +226,9 @@ class Realisations:
         self.poor = np.zeros((count, len(self.times)), dtype=np.int8)
 
     def advance(self, members: Index | None = None) -> None:
-        """Let members run, or all, until none is running."""
+        """Let members run, or all, until none is running; the rows of one problem run together."""
+        if self.dynamics.terms:
+            members = np.arange(min(len(self.z), LANES))
         queue = np.arange(len(self.z)) if members is None else np.ascontiguousarray(members, dtype=np.int64)
         problem, pool = self._problem, self._pool
         functions = driver()
@@ -228,7 +240,7 @@ class Realisations:
                 address(queue),
                 len(queue),
                 address(workspace),
-                BUDGET,
+                max(1, BUDGET // self.dynamics.cost),
             )
 
     def project(self) -> None:
@@ -285,7 +297,7 @@ class Realisations:
     def _problem(self) -> c.Problem:
         d, m = self.dynamics, self.method
         return c.Problem(
-            *(d.width, d.coordinates, d.velocities, d.parameters, d.width, d.rows),
+            *(d.terms, d.blocks, d.width, d.coordinates, d.velocities, d.parameters, d.width, d.rows),
             *(d.motion.structure, address(d.rate)),
             *((d.excess or Part((), 0)).structure, address(d.surplus), ctypes.addressof(tableau()[0])),
             *(m.rtol, float(d.moving), m.far, m.surplus, m.stiff),

@@ -21,7 +21,7 @@ __all__ = ["Columns", "Part", "Program", "Step", "Writer"]
 
 @dataclass(frozen=True)
 class Step:
-    """Either a kernel for some instances, or (without a kernel) sums of rows.
+    """A kernel for some instances, or a method, or (without both) sums of rows.
 
     Attributes
     ----------
@@ -31,6 +31,8 @@ class Step:
         First term of each sum, and the end.
     to : int
         Row of the first result.
+    method, context : int
+        Addresses of a function of the driver and of its context; 0: there is none.
     """
 
     kernel: Kernel | None
@@ -39,6 +41,8 @@ class Step:
     starts: Index | None
     first: int
     to: int
+    method: int = 0
+    context: int = 0
 
 
 @dataclass(frozen=True)
@@ -80,7 +84,8 @@ class Part:
             code, inputs, outputs = (0, 0, 1)
             if s.kernel is not None:
                 code, inputs, outputs = s.kernel.address, s.kernel.inputs, s.kernel.outputs
-            rows.append(c.Step(code, address(s.reads), address(s.starts), s.count, inputs, outputs, s.first, s.to))
+            tables = address(s.reads), address(s.starts)
+            rows.append(c.Step(code, *tables, s.count, inputs, outputs, s.first, s.to, s.method, s.context))
         return (c.Step * max(1, len(rows)))(*rows)
 
 

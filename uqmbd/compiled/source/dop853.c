@@ -51,13 +51,32 @@ static void bounds(const Problem *p, Group *g, int64_t l, int64_t leg) {
     g->high[l] = end - 1e-12 * size;
 }
 
+/* Put a row of entries into a lane, and the rows of further terms beside it; where there is no term they are zero. */
+static void load_entries(const Problem *p, const double *rows, V *x, int64_t l, int64_t m, int64_t running) {
+    int64_t entries = p->width / p->blocks;
+    for (int64_t b = 0; b < p->blocks; b++) {
+        int64_t row = m + b * LANES;
+        for (int64_t i = 0; i < entries; i++)
+            x[i * p->blocks + b][l] = !p->terms || (running && row < p->terms) ? rows[row * entries + i] : 0.0;
+    }
+}
+
+static void store_entries(const Problem *p, double *rows, int64_t stride, const V *x, int64_t l, int64_t m) {
+    int64_t entries = p->width / p->blocks;
+    for (int64_t b = 0; b < p->blocks; b++) {
+        int64_t row = m + b * LANES;
+        if (p->terms && row >= p->terms) return;
+        for (int64_t i = 0; i < entries; i++) rows[row * stride + i] = x[i * p->blocks + b][l];
+    }
+}
+
 static void load_lane(const Problem *p, const Pool *pool, Group *g, int64_t l, int64_t m, int64_t running) {
     int64_t width = p->width;
     g->member[l] = running ? m : -1;
     g->running[l] = running ? -1 : 0;
-    for (int64_t i = 0; i < width; i++) g->z[i][l] = pool->z[m * width + i];
-    for (int64_t i = 0; i < width; i++) g->rates[i][l] = pool->rate[m * width + i];
-    for (int64_t i = 0; i < NODES * width; i++) g->nodes[i][l] = pool->nodes[m * NODES * width + i];
+    load_entries(p, pool->z, g->z, l, m, running);
+    load_entries(p, pool->rate, g->rates, l, m, running);
+    for (int64_t i = 0; p->guarded && i < NODES * width; i++) g->nodes[i][l] = pool->nodes[m * NODES * width + i];
     for (int64_t i = 0; i < NODES; i++) g->node_times[i][l] = pool->node_times[m * NODES + i];
     V *parameters = g->work + p->time + 2;
     for (int64_t i = 0; i < p->parameters; i++) parameters[i][l] = pool->parameters[m * p->parameters + i];
@@ -72,9 +91,9 @@ static void load_lane(const Problem *p, const Pool *pool, Group *g, int64_t l, i
 
 static void store_lane(const Problem *p, const Pool *pool, Group *g, int64_t l) {
     int64_t width = p->width, m = g->member[l];
-    for (int64_t i = 0; i < width; i++) pool->z[m * width + i] = g->z[i][l];
-    for (int64_t i = 0; i < width; i++) pool->rate[m * width + i] = g->rates[i][l];
-    for (int64_t i = 0; i < NODES * width; i++) pool->nodes[m * NODES * width + i] = g->nodes[i][l];
+    store_entries(p, pool->z, width / p->blocks, g->z, l, m);
+    store_entries(p, pool->rate, width / p->blocks, g->rates, l, m);
+    for (int64_t i = 0; p->guarded && i < NODES * width; i++) pool->nodes[m * NODES * width + i] = g->nodes[i][l];
     for (int64_t i = 0; i < NODES; i++) pool->node_times[m * NODES + i] = g->node_times[i][l];
     pool->now[m] = g->now[l];
     pool->begin[m] = g->begin[l];
@@ -119,13 +138,30 @@ static void combine(const Problem *p, const Group *g, int64_t row, V *target) {
     accumulate(p, g, row, g->size, g->z, target);
 }
 
+/* A sum of each realisation: of its lane, or of all lanes. */
+INLINE V folded(const Problem *p, V sum) {
+    if (!p->terms) return sum;
+    double found = 0.0;
+    for (int64_t l = 0; l < LANES; l++) found += sum[l];
+    return splat(found);
+}
+
+/* Size of an entry: of each lane, or of all terms together. */
+INLINE V size_of(const Problem *p, const V *x, int64_t i) {
+    if (!p->terms) return magnitude(x[i]);
+    const V *entry = x + i / p->blocks * p->blocks;
+    V sum = splat(0.0);
+    for (int64_t b = 0; b < p->blocks; b++) sum += entry[b] * entry[b];
+    return root(folded(p, sum));
+}
+
 INLINE V scaled_squares(const Problem *p, const Group *g, const V *x) {
     V sum = splat(0.0);
     for (int64_t i = 0; i < p->width; i++) {
-        V part = x[i] / (g->floor + p->rtol * magnitude(g->z[i]));
+        V part = x[i] / (g->floor + p->rtol * size_of(p, g->z, i));
         sum += part * part;
     }
-    return sum / (double)p->width;
+    return folded(p, sum) / (double)(p->width / p->blocks);
 }
 
 /* Evaluate the rates of lanes that start anew, and guess the first step of those that have none (II.4 of the book). */
@@ -166,11 +202,13 @@ static void attempt(const Problem *p, Group *g) {
     accumulate(p, g, ROW_FIFTH, splat(1.0), five, five);
     accumulate(p, g, ROW_THIRD, splat(1.0), three, three);
     for (int64_t i = 0; i < width; i++) {
-        V scale = 1.0 / (g->floor + p->rtol * larger(magnitude(g->z[i]), magnitude(g->next[i])));
+        V scale = 1.0 / (g->floor + p->rtol * larger(size_of(p, g->z, i), size_of(p, g->next, i)));
         V a = five[i] * scale, b = three[i] * scale;
         fifth += a * a;
         third += b * b;
     }
+    fifth = folded(p, fifth);
+    third = folded(p, third);
     /* where both vanish so does the error; what is not finite stays so */
     g->error = g->size * fifth / root((fifth + 0.01 * third) * p->moving + 1e-300);
 }
@@ -220,9 +258,8 @@ static void write_outputs(const Problem *p, const Pool *pool, Group *g, Mask tak
         interpolate(p, g, smaller((moment - g->now) / g->size, splat(1.0)), x);
         for (int64_t l = 0; l < LANES; l++) {
             if (!due[l]) continue;
-            int64_t m = g->member[l];
-            double *to = pool->result + (m * p->instants + pool->column[m]++) * width;
-            for (int64_t i = 0; i < width; i++) to[i] = x[i][l];
+            int64_t m = g->member[l], entries = width / p->blocks;
+            store_entries(p, pool->result + pool->column[m]++ * entries, p->instants * entries, x, l, m);
         }
     }
 }
@@ -252,7 +289,7 @@ static Mask looks_stiff(const Problem *p, const Group *g) {
         change += a * a;
         apart += b * b;
     }
-    return g->size * root(change / (apart + 1e-300)) > splat(p->stiff);
+    return g->size * root(folded(p, change) / (folded(p, apart) + 1e-300)) > splat(p->stiff);
 }
 
 /* Remember the states that were reached. */

@@ -2,7 +2,10 @@
    Equations I, II.5) with projection onto the constraints after each step, eight realisations at once.
 
    Each lane has a time, a step size and an error estimate of its own: what a realisation yields depends on nothing but
-   the realisation.  A lane that is done, or needs a decision, is given to the next realisation. */
+   the realisation.  A lane that is done, or needs a decision, is given to the next realisation.
+
+   Or all lanes are one problem: its rows are terms of an expansion, which share the time, the step size and the norms
+   of the error.  An entry of a state is then several vectors, one after the other, and lanes without a term are zero. */
 #ifndef UQMBD_DOP853_H
 #define UQMBD_DOP853_H
 
@@ -40,7 +43,9 @@ enum {
 };
 
 typedef struct {
-    int64_t width, coordinates, velocities; /* of a state: entries, first so many coordinates, first velocity */
+    int64_t terms;                          /* 0: lanes are realisations; else the number of rows of one problem */
+    int64_t blocks;                         /* vectors of each entry of a state */
+    int64_t width, coordinates, velocities; /* of a state: vectors, first so many of coordinates, first of a velocity */
     int64_t parameters;
     int64_t time; /* row of the time; parameters stand from row time + 2 on, and the row between them is zero */
     int64_t rows; /* of the work array */

@@ -2,6 +2,7 @@
 #include "program.c"
 #include "dop853.c"
 #include "tables.c"
+#include "coupled.c"
 
 /* Sizes of the structures, for those who mirror them. */
 void sizes(int64_t *found) {
@@ -11,4 +12,5 @@ void sizes(int64_t *found) {
     found[3] = sizeof(Tableau);
     found[4] = sizeof(Problem);
     found[5] = sizeof(Pool);
+    found[6] = sizeof(Coupled);
 }

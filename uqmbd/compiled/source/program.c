@@ -5,6 +5,10 @@ void run_program(const Program *program, V *work) {
     for (int64_t s = 0; s < program->count; s++) {
         const Step *step = program->steps + s;
         V *to = work + step->to;
+        if (step->method) {
+            step->method(step->context, work + step->first, to);
+            continue;
+        }
         if (!step->code) {
             for (int64_t i = 0; i < step->count; i++) {
                 V sum = splat(0.0);

@@ -6,7 +6,10 @@
 
 typedef void Kernel(const V *arguments, V *results);
 
-/* Either one kernel for `count` instances, or (code is null) `count` sums of rows. */
+/* A function of more than its arguments. */
+typedef void Method(const void *context, const V *arguments, V *results);
+
+/* One kernel for `count` instances, or a method, or (both are null) `count` sums of rows. */
 typedef struct {
     Kernel *code;
     const int64_t *reads;  /* rows: of all arguments of all instances, null: they stand from `first` on; or of all terms */
@@ -14,6 +17,8 @@ typedef struct {
     int64_t count, inputs, outputs;
     int64_t first; /* row of the arguments, where there is no table */
     int64_t to;    /* row of the results */
+    Method *method;
+    const void *context; /* of the method */
 } Step;
 
 typedef struct {

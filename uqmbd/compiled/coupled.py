@@ -1,0 +1,261 @@
+"""Equations of motion that are coupled through a basis: coefficients of states, and what the driver makes of them."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from uqmbd.compiled import driver as c
+from uqmbd.compiled.driver import address, aligned, driver
+from uqmbd.compiled.explicit import Dynamics
+from uqmbd.compiled.programs import Part, Step
+from uqmbd.compiled.writer import LANES
+from uqmbd.typing import Array, Index
+
+__all__ = ["CoupledSystems", "NodalSystems"]
+
+
+DIRECT = 400
+"""Unknowns up to which the assembled system may be factorised."""
+
+SYSTEMS, ITERATIONS, DIRECTS, KRYLOVS, _, COUNTS = range(6)
+"""What is counted, as in coupled.h."""
+
+_OUTSIDE = ctypes.CFUNCTYPE(None, ctypes.c_int64)
+
+
+@dataclass(frozen=True)
+class NodalSystems:
+    """Index-1 systems ``A x = b``, of as many nodes as a work array has lanes.
+
+    The first rows of the work array are a state (q, s, v), the time, zero, and the parameters.
+
+    Attributes
+    ----------
+    width, coordinates, parameters : int
+        Length of a state, number of accelerations (the first unknowns) and of parameters.
+    values, drift : Part
+        From a state to the entries of ``A`` and ``b``, and to the residuals of the constraints.
+    factor, solve : Part
+        From the entries to factors, and from these and a right-hand side to the solution.
+    rows : int
+        Of the work array.
+    right, guess : int
+        First row of the right-hand side, and of a vector that ``A`` is multiplied with.
+    solution : array of int, shape (size,)
+        Rows.
+    starts, columns, entries : array of int
+        Of each row of ``A`` the first entry; of each entry the column, and the row of the work array.
+    motion : array of int, shape (size,)
+        Rows of ``b``; -1: zero.
+    constraints : array of int, shape (2, size)
+        The same of right-hand sides whose solutions are by what coordinates and velocities exceed the constraints.
+    rates : array of int, shape (auxiliary state,)
+        Rows of the rates of auxiliary states.
+    masses, forces : array of int
+        Rows of masses, and of the forces on them.
+    """
+
+    width: int
+    coordinates: int
+    parameters: int
+    values: Part
+    drift: Part
+    factor: Part
+    solve: Part
+    rows: int
+    right: int
+    guess: int
+    solution: Index
+    starts: Index
+    columns: Index
+    entries: Index
+    motion: Index
+    constraints: Index
+    rates: Index
+    masses: Index
+    forces: Index
+
+    @property
+    def size(self) -> int:
+        """Number of unknowns."""
+        return len(self.solution)
+
+
+class CoupledSystems:
+    """The projected system ``Psi^T W A_k Psi x = Psi^T W b_k``, with what its last solutions taught.
+
+    Parameters
+    ----------
+    systems : NodalSystems
+        Those at the nodes.
+    psi : array, shape (K, P)
+        Basis at the nodes.
+    adjoint : array, shape (P, K)
+        ``Psi^T W``.
+    parameters : array, shape (K, parameter)
+        Of the nodes.
+    outside : callable, optional
+        In place of the programs `factor` and `solve`: called with the work arrays, shape (K / 8, rows, 8), and whether
+        the systems are new (true), or to be solved.
+    """
+
+    def __init__(
+        self,
+        systems: NodalSystems,
+        psi: Array,
+        adjoint: Array,
+        parameters: Array,
+        outside: Callable[[Array, bool], None] | None = None,
+    ) -> None:
+        (nodes, terms), self.systems = psi.shape, systems
+        self.terms, self.blocks = terms, -(-terms // LANES)
+        groups, size = -(-nodes // LANES), systems.size
+        # lanes without a node are copies of the last
+        lanes = np.minimum(np.arange(groups * LANES), nodes - 1)
+        self.work = aligned(groups * systems.rows).reshape(groups, systems.rows, LANES)
+        first = systems.width + 2
+        own = parameters[lanes, : systems.parameters].reshape(groups, LANES, -1)
+        self.work[:, first : first + systems.parameters] = own.transpose(0, 2, 1)
+        self.psi, self.adjoint = aligned(terms * groups), aligned(nodes * self.blocks)
+        self.psi[:] = psi[lanes].T.reshape(-1, LANES)
+        self.adjoint.reshape(nodes, -1)[:, :terms] = adjoint.T
+        self.counts, self.correction = np.zeros(COUNTS, dtype=np.int64), aligned(size * self.blocks)
+        self.small = terms * size <= DIRECT and nodes > terms
+        gesv = _gesv() if self.small else 0
+        # measured: a factorisation takes as long as so many iterations
+        worth = 2.0 + 4e-7 * (terms * size) ** 3 if gesv else -1.0
+        self._outside = _OUTSIDE(0) if outside is None else _OUTSIDE(lambda what: outside(self.work, what == 0))
+        tables = systems.starts, systems.columns, systems.entries, systems.motion, systems.constraints, systems.rates
+        self._tables = [np.ascontiguousarray(x, dtype=np.int64) for x in (systems.solution, *tables)]
+        self._typical = [np.ascontiguousarray(x, dtype=np.int64) for x in (systems.masses, systems.forces)]
+        self.structure = c.Coupled(
+            *(terms, nodes, systems.width, systems.coordinates, size, len(systems.rates)),
+            *map(address, (self.psi, self.adjoint, self.work)),
+            *(systems.rows, systems.width),
+            *(x.structure for x in (systems.values, systems.drift, systems.factor, systems.solve)),
+            *(ctypes.cast(self._outside, ctypes.c_void_p), systems.right, systems.guess),
+            *map(address, self._tables),
+            *(len(systems.masses), *map(address, self._typical)),
+            *(1e-12, 1e-10, worth, gesv, address(self.counts), address(self.correction), 0),
+        )
+        self.memory = aligned(driver().coupled_memory(self._address))
+        self.structure.memory = address(self.memory)
+        self._state = aligned(systems.width * self.blocks + 2)
+
+    @property
+    def _address(self) -> int:
+        return ctypes.addressof(self.structure)
+
+    def tolerances(self, accelerations: float, excess: float) -> None:
+        """Set the relative size of the last change of accelerations, and of what exceeds the constraints."""
+        self.structure.tolerance, self.structure.tolerance_drift = accelerations, excess
+
+    def rate(self, time: float, state: Array) -> tuple[Array, Array]:
+        """Solve for the motion of coefficients.
+
+        Parameters
+        ----------
+        time : float
+            s.
+        state : array, shape (P, width)
+            Coefficients.
+
+        Returns
+        -------
+        found : array, shape (P, size)
+            Coefficients of accelerations and multipliers; NaN where the iteration does not converge.
+        rates : array, shape (P, auxiliary state)
+            Of those auxiliary states that have a rate.
+        """
+        self._take(time, state)
+        found = aligned((self.systems.size + len(self.systems.rates)) * self.blocks)
+        driver().coupled_rate(self._address, address(self._state), address(found))
+        rows = self._coefficients(found)
+        return rows[:, : self.systems.size], rows[:, self.systems.size :]
+
+    def excess(self, time: float, state: Array) -> tuple[Array, Array]:
+        """Find by what coefficients (P, width) exceed the projected constraints.
+
+        Returns
+        -------
+        q, v : array, shape (P, coordinate)
+        """
+        self._take(time, state)
+        n = self.systems.coordinates
+        found = aligned(2 * n * self.blocks)
+        driver().coupled_place(self._address, address(self._state))
+        driver().coupled_excess(self._address, address(self._state), address(found))
+        rows = self._coefficients(found)
+        return rows[:, :n], rows[:, n:]
+
+    def dynamics(self, velocities: int, rated: Index, moving: int, *, constrained: bool) -> Dynamics:
+        """Describe the equations of motion of all coefficients, as one problem.
+
+        Parameters
+        ----------
+        velocities : int
+            First velocity of a state.
+        rated : array of int
+            Which auxiliary states have a rate.
+        moving : int
+            Entries of a state that change.
+        constrained : bool
+            Whether there are constraints.
+        """
+        systems, blocks = self.systems, self.blocks
+        n, width = systems.coordinates, systems.width
+        begin = width * blocks + 2  # behind the time and zero
+        end = begin + (systems.size + len(systems.rates)) * blocks
+
+        def rows(first: int, count: int) -> Index:
+            return np.arange(first, first + count * blocks).reshape(count, blocks)
+
+        rate = np.full((width, blocks), width * blocks + 1)
+        rate[:n] = rows(velocities * blocks, n)
+        rate[n + rated] = rows(begin + systems.size * blocks, len(rated))
+        rate[velocities:] = rows(begin, n)
+        return Dynamics(
+            coordinates=n * blocks,
+            velocities=velocities * blocks,
+            width=width * blocks,
+            parameters=0,
+            motion=self._part("coupled_rate", begin),
+            rate=rate.ravel(),
+            excess=self._part("coupled_excess", end) if constrained else None,
+            surplus=rows(end, 2 * n).ravel() if constrained else None,
+            rows=end + 2 * n * blocks,
+            moving=moving,
+            terms=self.terms,
+            blocks=blocks,
+            cost=10 * len(self.work),
+        )
+
+    def _part(self, name: str, to: int) -> Part:
+        method = ctypes.cast(getattr(driver(), name), ctypes.c_void_p).value or 0
+        return Part((Step(None, 1, None, None, 0, to, method, self._address),), 0)
+
+    def _take(self, time: float, state: Array) -> None:
+        width = self.systems.width
+        self._state[: width * self.blocks].reshape(width, -1)[:, : self.terms] = state.T
+        self._state[width * self.blocks] = time
+
+    def _coefficients(self, rows: Array) -> Array:
+        return np.ascontiguousarray(rows.reshape(-1, self.blocks * LANES)[:, : self.terms].T)
+
+
+def _gesv() -> int:
+    """Address of LAPACK's dgesv as SciPy has it; 0 where its integers are of another size."""
+    from scipy.linalg import cython_lapack
+
+    capsule: Any = cython_lapack.__pyx_capi__["dgesv"]
+    name = ctypes.pythonapi.PyCapsule_GetName
+    name.restype, name.argtypes = ctypes.c_char_p, [ctypes.py_object]
+    pointer = ctypes.pythonapi.PyCapsule_GetPointer
+    pointer.restype, pointer.argtypes = ctypes.c_void_p, [ctypes.py_object, ctypes.c_char_p]
+    signature = name(capsule)
+    return (pointer(capsule, signature) or 0) if signature.startswith(b"void (int *, int *, ") else 0
