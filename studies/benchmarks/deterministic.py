@@ -29,7 +29,7 @@ from uqmbd.dynamics import Ensemble, Model, build, integrate
 
 Array = NDArray[np.float64]
 
-LADDER = (1e-4, 5e-5, 2e-5, 1e-5, 5e-6, 2e-6, 1e-6, 5e-7, 2e-7, 1e-7)
+LADDER = (1e-4, 5e-5, 3e-5, 2e-5, 1e-5, 7e-6, 5e-6, 3e-6, 2e-6, 1e-6, 5e-7, 2e-7, 1e-7)
 WANTED = {"slider_crank": 2e-5, "five_bar": 2e-5}
 """Accuracy at which all are compared: largest error at any output time over the range of the output."""
 

@@ -32,7 +32,7 @@ from uqmbd_montecarlo import MonteCarlo
 
 Array = NDArray[np.float64]
 
-LADDER = (1e-4, 5e-5, 2e-5, 1e-5, 5e-6, 2e-6, 1e-6, 5e-7, 2e-7)
+LADDER = (1e-4, 5e-5, 3e-5, 2e-5, 1e-5, 7e-6, 5e-6, 3e-6, 2e-6, 1e-6, 5e-7, 2e-7)
 WANTED = 2e-5
 """Median over the samples of the largest error of any output at any time over the range of that output."""
 JUDGED = 24

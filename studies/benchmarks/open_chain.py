@@ -38,7 +38,7 @@ Array = NDArray[np.float64]
 NUMBER, JUDGED = 6, 16
 WANTED = 1e-5
 """Median over the samples of the largest error of any angle at any time over its range."""
-LADDER = (1e-3, 5e-4, 2e-4, 1e-4, 5e-5, 2e-5, 1e-5, 5e-6, 2e-6, 1e-6, 5e-7)
+LADDER = (1e-3, 5e-4, 2e-4, 1e-4, 5e-5, 3e-5, 2e-5, 1e-5, 7e-6, 5e-6, 3e-6, 2e-6, 1e-6, 5e-7)
 STEPS = (1, 2, 3, 4, 5, 6, 8, 10, 12, 16, 20)
 """Steps of MuJoCo between two output times."""
 PEER, WHOLE = "MuJoCo, RK4 rollout", "uqmbd, whole study"

@@ -1,0 +1,329 @@
+"""Where the time of 500 slider-cranks goes, as a share of the limit: kernel operations over the processor's peak.
+
+The limit of a part is what its kernels' operations would take if nothing else took any time:
+
+- operations are the additions, subtractions, multiplications, divisions, square roots and library functions in the
+  kernels' LLVM IR, each of eight realisations at once; changes of sign, comparisons, choices, loads and stores are free;
+- how often each kernel is called is counted, in a run in which every call passes through a counter.  Lanes without a
+  realisation count as well: they are part of the limit, the gathering of arguments and the integrator's own sums are
+  not;
+- the peak is measured: independent chains of multiplications and additions (fused, or alternating, whichever is faster;
+  a fused one counts twice), of divisions, of square roots, and calls of the library's functions in eight lanes.
+
+Run with ``OMP_NUM_THREADS=1 python studies/benchmarks/limit.py [--repeat N] [--samples N]``.
+"""
+
+from __future__ import annotations
+
+import argparse
+import ctypes
+import hashlib
+import os
+import re
+import sys
+import tempfile
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+HERE = Path(__file__).resolve().parent
+sys.path[:0] = [str(HERE), str(HERE.parent)]
+
+import numpy as np
+import slider_crank
+from measure import console, table_of
+
+import uqmbd
+from uqmbd.compiled import Kernel, addresses_of, kernels, object_code
+from uqmbd.compiled.explicit import Realisations
+from uqmbd.dynamics import Ensemble, build, integrate
+from uqmbd_montecarlo import MonteCarlo
+
+RTOL = 1e-6
+ROUNDS = 20_000
+"""Turns of the loops whose peak is measured."""
+CHAINS = 6
+"""Independent chains: with more the values leave the registers of processors that have sixteen for four numbers."""
+SIMPLE = {"fadd": "sums", "fsub": "sums", "fmul": "products", "fdiv": "divisions"}
+
+ROW = "<8 x double>"
+
+Operations = Counter[str]
+
+
+def operations_of(text: str) -> Operations:
+    """Count the operations on rows in a kernel's IR."""
+    body = text[text.index("define void @") :]
+    found: Operations = Counter()
+    for line in body.splitlines():
+        match = re.match(r"\s*%\S+ = (?:call \S+ x double> @(llvm|lanes)\.(\w+)|(\w+))", line)
+        if match is None:
+            continue
+        family, function, operation = match.groups()
+        if operation in SIMPLE:
+            found[SIMPLE[operation]] += 1
+        elif function == "sqrt":
+            found["roots"] += 1
+        elif family == "lanes":
+            found[function] += 1
+    return found
+
+
+# -- the peak ---------------------------------------------------------------------------------------------------------
+
+
+def loop(steps: Callable[[int, str], list[str]], declarations: str = "") -> float:
+    """Seconds of one turn of a loop over independent chains.
+
+    Parameters
+    ----------
+    steps : callable
+        Lines of IR for chain number k, which make ``%n{k}`` of the value that is named.
+    declarations : str
+        What they call.
+    """
+    phis = [f"%c{k} = phi {ROW} [ splat (double 0.5), %entry ], [ %n{k}, %turn ]" for k in range(CHAINS)]
+    lines = [line for k in range(CHAINS) for line in steps(k, f"%c{k}")]
+    stores = [
+        line
+        for k in range(CHAINS)
+        for line in (f"%p{k} = getelementptr {ROW}, ptr %y, i64 {k}", f"store {ROW} %n{k}, ptr %p{k}, align 64")
+    ]
+    text = "\n".join(
+        [
+            declarations,
+            "define void @NAME(ptr %x, ptr %y) nounwind {\nentry:",
+            "%single = load double, ptr %x",
+            f"%first = insertelement {ROW} poison, double %single, i32 0",
+            f"%a = shufflevector {ROW} %first, {ROW} poison, <8 x i32> zeroinitializer",
+            "br label %turn\nturn:\n%i = phi i64 [ 0, %entry ], [ %j, %turn ]",
+            *phis,
+            *lines,
+            f"%j = add i64 %i, 1\n%more = icmp ult i64 %j, {ROUNDS}\nbr i1 %more, label %turn, label %end\nend:",
+            *stores,
+            "ret void\n}\n",
+        ]
+    )
+    name = f"peak{hashlib.sha256(text.encode()).hexdigest()[:16]}"
+    place = addresses_of([name], object_code(text.replace("@NAME(", f"@{name}("), optimised=True))[0]
+    call = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p)(place)
+    room = np.ones(8 * (CHAINS + 2) + 8)
+    begin = room.ctypes.data + (-room.ctypes.data) % 64
+    spent = []
+    for _ in range(15):
+        start = time.process_time()
+        call(begin, begin + 64)
+        spent.append(time.process_time() - start)
+    return min(spent) / ROUNDS
+
+
+def peak(functions: set[str]) -> dict[str, float]:
+    """Seconds that each kind of operation takes at least, for eight realisations."""
+
+    def one(operation: str) -> Callable[[int, str], list[str]]:
+        return lambda k, c: [f"%n{k} = {operation} {ROW} {c}, %a"]
+
+    alternating = loop(lambda k, c: [f"%n{k} = {('fadd', 'fmul')[k % 2]} {ROW} {c}, %a"]) / CHAINS
+    fma = f"declare {ROW} @llvm.fma.v8f64({ROW}, {ROW}, {ROW})"
+    fused = loop(lambda k, c: [f"%n{k} = call {ROW} @llvm.fma.v8f64({ROW} {c}, {ROW} %a, {ROW} %a)"], fma)
+    simple = min(alternating, fused / (2 * CHAINS))
+    root = f"declare {ROW} @llvm.sqrt.v8f64({ROW})"
+    found = {
+        "sums": simple,
+        "products": simple,
+        "divisions": loop(one("fdiv")) / CHAINS,
+        "roots": loop(lambda k, c: [f"%n{k} = call {ROW} @llvm.sqrt.v8f64({ROW} {c})"], root) / CHAINS,
+    }
+    for function in sorted(functions):
+        count = 2 if function in ("atan2", "pow") else 1
+        declared = f"declare double @{function}({', '.join(['double'] * count)}) nounwind"
+
+        def lanes(k: int, c: str, function: str = function, count: int = count) -> list[str]:
+            lines, result = [], "poison"
+            for lane in range(8):
+                lines.append(f"%e{k}.{lane} = extractelement {ROW} {c}, i32 {lane}")
+                given = ", ".join([f"double %e{k}.{lane}"] * count)
+                lines.append(f"%f{k}.{lane} = call double @{function}({given}) nounwind")
+                lines.append(f"%r{k}.{lane} = insertelement {ROW} {result}, double %f{k}.{lane}, i32 {lane}")
+                result = f"%r{k}.{lane}"
+            # the next argument depends on this result, and is hardly changed by it
+            lines.append(f"%t{k} = fmul {ROW} {result}, splat (double 1.0e-20)")
+            return [*lines, f"%n{k} = fadd {ROW} %t{k}, splat (double 0.5)"]
+
+        found[function] = loop(lanes, declared) / CHAINS
+    return found
+
+
+# -- calls ------------------------------------------------------------------------------------------------------------
+
+
+class Phases:
+    """Which part of the work is being done: steps, output states, or what surrounds them."""
+
+    def __init__(self) -> None:
+        self.now = "around"
+        self.seconds: Counter[str] = Counter()
+
+    @contextmanager
+    def watched(self) -> Iterator[None]:
+        """Tell the parts of an integration apart."""
+        kept = {name: getattr(Realisations, name) for name in ("advance", "project")}
+        for name, method in kept.items():
+            setattr(Realisations, name, self._timed(name, method))
+        try:
+            yield
+        finally:
+            for name, method in kept.items():
+                setattr(Realisations, name, method)
+
+    def _timed(self, name: str, method: Callable[..., Any]) -> Callable[..., Any]:
+        def timed(*arguments: Any, **options: Any) -> Any:
+            outer, self.now = self.now, name
+            begin = time.process_time()
+            try:
+                return method(*arguments, **options)
+            finally:
+                self.seconds[name] += time.process_time() - begin
+                self.now = outer
+
+        return timed
+
+
+@contextmanager
+def recorded(texts: dict[str, Operations]) -> Iterator[None]:
+    """Note the operations of kernels that are compiled."""
+    compiled = kernels.object_code
+
+    def noting(source: str, *rest: Any, **options: Any) -> bytes:
+        name = re.search(r"define void @(\w+)\(", source)
+        if name is not None:
+            texts[name.group(1)] = operations_of(source)
+        return compiled(source, *rest, **options)
+
+    kernels.object_code = noting
+    try:
+        yield
+    finally:
+        kernels.object_code = compiled
+
+
+@contextmanager
+def counted(phases: Phases, calls: dict[str, Counter[str]]) -> Iterator[None]:
+    """Count the calls of kernels whose addresses nobody has asked for yet, by phase."""
+    kept = Kernel.address
+    function = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p)
+    made: dict[str, Any] = {}
+
+    def address(kernel: Kernel) -> int:
+        if not kernel.code:
+            return 0
+        if kernel.name not in made:
+            inner = function(kept.fget(kernel))
+
+            def count(x: int, y: int, name: str = kernel.name, inner: Any = inner) -> None:
+                calls.setdefault(phases.now, Counter())[name] += 1
+                inner(x, y)
+
+            made[kernel.name] = function(count)
+        return ctypes.cast(made[kernel.name], ctypes.c_void_p).value or 0
+
+    Kernel.address = property(address)  # type: ignore[assignment]
+    try:
+        yield
+    finally:
+        Kernel.address = kept
+
+
+def main() -> None:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--repeat", type=int, default=9, help="rounds (default 9)")
+    parser.add_argument("--samples", type=int, default=500, help="slider-cranks (default 500)")
+    options = parser.parse_args()
+    samples, times, mechanism = options.samples, slider_crank.study.times, slider_crank.mechanism
+    values = mechanism.inputs.from_uniform(np.random.default_rng(1).uniform(size=(samples, len(mechanism.inputs))))
+    texts: dict[str, Operations] = {}
+    calls: dict[str, Counter[str]] = {}
+    phases = Phases()
+
+    def run(model: Any) -> dict[str, float]:
+        """Processor seconds of the parts."""
+        phases.seconds.clear()
+        clock = [time.process_time()]
+        phases.now = "assembly"
+        ensemble = Ensemble(model, values)
+        ensemble.start  # noqa: B018 - assembled now
+        clock.append(time.process_time())
+        phases.now = "around"
+        found = integrate(ensemble, times, RTOL)
+        clock.append(time.process_time())
+        phases.now = "outputs"
+        ensemble.outputs(times, found.states)
+        clock.append(time.process_time())
+        spent = dict(zip(("assembly", "around", "outputs"), np.diff(clock).tolist(), strict=True))
+        spent["around"] -= sum(phases.seconds.values())
+        return spent | dict(phases.seconds)
+
+    with tempfile.TemporaryDirectory() as folder:
+        os.environ["UQMBD_CACHE"] = folder
+        with recorded(texts), phases.watched(), counted(phases, calls):
+            phases.now = "building"
+            model = build(mechanism)
+            model_of_calls = run(model)
+        del model_of_calls
+        fresh = uqmbd.Study("limit", mechanism, times, [MonteCarlo(samples=samples, seed=1)], rtol=RTOL)
+        model = fresh.model
+        with phases.watched():
+            rounds = [run(model) for _ in range(options.repeat + 1)][1:]
+        whole = []
+        for _ in range(options.repeat + 1):
+            begin = time.process_time()
+            fresh.propagate(fresh.propagators[0])
+            whole.append(time.process_time() - begin)
+    unit = peak({name for text in texts.values() for name in text} - {"sums", "products", "divisions", "roots"})
+    table = table_of("Peak: ns of an operation on eight realisations", "operation", "ns")
+    for name, seconds in unit.items():
+        table.add_row(name, f"{1e9 * seconds:.3g}")
+    console.print(table)
+    kinds = list(unit)
+    titles = {
+        "assembly": "assembly",
+        "advance": "steps",
+        "project": "output states",
+        "around": "the rest of the integration",
+        "outputs": "outputs and reactions",
+    }
+    columns = ("", "us a sample (range)", "limit, us", "share of it", "calls of kernels", *kinds)
+    table = table_of(f"{samples} slider-cranks, tolerance {RTOL:g}; operations of a sample, on eight lanes", *columns)
+    together = np.zeros(options.repeat)
+    limits: Counter[str] = Counter()
+    for phase, title in titles.items():
+        spent = np.array([1e6 * r.get(phase, 0.0) / samples for r in rounds])
+        together += spent
+        total: Operations = Counter()
+        for name, number in calls.get(phase, Counter()).items():
+            for kind, count in texts.get(name, Counter()).items():
+                total[kind] += number * count
+        limits[phase] = 1e6 * sum(total[kind] * unit[kind] for kind in kinds) / samples
+        row = [f"{np.median(spent):.1f} ({spent.min():.1f} to {spent.max():.1f})", f"{limits[phase]:.2f}"]
+        row.append(f"{limits[phase] / np.median(spent):.2f}" if limits[phase] else "")
+        row.append(f"{sum(calls.get(phase, Counter()).values()) / samples:.0f}")
+        table.add_row(title, *row, *(f"{total[kind] / samples:.0f}" for kind in kinds))
+    both = np.array([1e6 * (r.get("advance", 0.0) + r.get("project", 0.0)) / samples for r in rounds])
+    limit = limits["advance"] + limits["project"]
+    about = f"{np.median(both):.1f} ({both.min():.1f} to {both.max():.1f})"
+    table.add_row("steps and output states", about, f"{limit:.2f}", f"{limit / np.median(both):.2f}")
+    spent = np.array([1e6 * seconds / samples for seconds in whole[1:]])
+    rest = spent - np.median(together)
+    table.add_row("a whole study has besides: draws, statistics", f"{np.median(rest):.1f}")
+    table.add_row("a whole study", f"{np.median(spent):.1f} ({spent.min():.1f} to {spent.max():.1f})")
+    console.print(table)
+    console.print(f"Steps and output states take {np.median(both) / limit:.1f} times their limit")
+
+
+if __name__ == "__main__":
+    main()
