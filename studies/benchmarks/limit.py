@@ -3,7 +3,8 @@
 The limit of a part is what its kernels' operations would take if nothing else took any time:
 
 - operations are the additions, subtractions, multiplications, divisions, square roots and library functions in the
-  kernels' LLVM IR, each of eight realisations at once; changes of sign, comparisons, choices, loads and stores are free;
+  kernels' LLVM IR, each of eight realisations at once; changes of sign, comparisons, choices, loads and stores are not
+  counted;
 - how often each kernel is called is counted, in a run in which every call passes through a counter.  Lanes without a
   realisation count as well: they are part of the limit, the gathering of arguments and the integrator's own sums are
   not;
