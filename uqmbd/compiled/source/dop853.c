@@ -233,8 +233,13 @@ static void interpolate(const Problem *p, const Group *g, V part, V *target) {
     int64_t width = p->width;
     V rest = 1.0 - part;
     for (int64_t i = 0; i < width; i++) {
-        V sum = g->dense[(DENSE - 1) * width + i];
-        for (int64_t r = DENSE - 2; r >= 0; r--) sum = g->dense[r * width + i] + (r % 2 ? part : rest) * sum;
+        const V *d = g->dense + i;
+        V sum = d[(DENSE - 1) * width];
+#pragma clang loop unroll(full)
+        for (int64_t r = DENSE - 2; r > 0; r -= 2) {
+            sum = d[r * width] + part * sum;
+            sum = d[(r - 1) * width] + rest * sum;
+        }
         target[i] = g->z[i] + part * sum;
     }
 }
