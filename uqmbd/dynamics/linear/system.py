@@ -153,13 +153,24 @@ def index1_system(model: Model, typical: Array | None) -> System:
         drift,
     )
     # a pattern that is singular for all values cannot be eliminated; what it lacks is told by its builder
-    pattern = scipy.sparse.csr_array((np.ones(len(order)), (system.rows, system.columns)), shape=(size, size))
-    if typical is None or scipy.sparse.csgraph.structural_rank(pattern) < size:
+    if typical is None or _structural_rank(system) < size:
         return system
     if size > ELIMINATION_LIMIT:
         return _by_blocks(model, system, typical)
     elimination = plan(system.rows, system.columns, system.matrix(typical))
     return _compiled(model, replace(system, elimination=elimination), typical)
+
+
+def _structural_rank(system: System) -> int:
+    """Find the largest rank of matrices of the system's pattern.
+
+    The matching that SciPy looks for takes exponentially long in some orders of rows and columns, those of long chains
+    among them, and next to nothing in a random one.
+    """
+    random, size = np.random.default_rng(0), system.size
+    rows, columns = (random.permutation(size)[which] for which in (system.rows, system.columns))
+    pattern = scipy.sparse.csr_array((np.ones(len(rows)), (rows, columns)), shape=(size, size))
+    return int(scipy.sparse.csgraph.structural_rank(pattern))
 
 
 def _compiled(model: Model, system: System, typical: Array) -> System:
