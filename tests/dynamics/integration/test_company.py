@@ -1,0 +1,63 @@
+"""What a realisation yields depends on nothing but the realisation, to the bit."""
+
+import chaospy
+import numpy as np
+import pytest
+import sympy
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import uqmbd
+from uqmbd.dynamics import Ensemble, build, integrate
+from uqmbd_joints import Spherical
+from uqmbd_springs import PointForce, SpringDamper
+
+from ...mechanisms import driven_slider_crank
+
+TIMES = np.linspace(0, 1, 41)
+
+
+def swing():
+    """A heavy body on a ball joint, pulled by a spring and by a force that ends at a random time: in space."""
+    stiffness = uqmbd.RandomVariable("stiffness", chaospy.Uniform(20, 60), units="N/m")
+    end = uqmbd.RandomVariable("end", chaospy.Uniform(0.2, 0.8), units="s")
+    mechanism = uqmbd.Mechanism("swing", uqmbd.Spatial(gravity=(0, 0, -9.81)))
+    body = mechanism.body("body", mass=1.3, inertia=(0.02, 0.03, 0.04), position=(0.4, 0.1, 0))
+    ball = mechanism.add(Spherical("ball", mechanism.ground, body, (0, 0, 0), (-0.4, -0.1, 0)))
+    mechanism.add(SpringDamper("spring", mechanism.ground, body, (1, 0, 0.5), (0.1, 0, 0), stiffness, 0.1, 0.3))
+    force = sympy.Piecewise((3.0, uqmbd.t < end), (0.0, True))
+    mechanism.add(PointForce("pull", body, (0.2, 0, 0), (0, force, 0)))
+    mechanism.output("x", body.position[0], units="m")
+    mechanism.output("force", ball.reaction_force[2], units="N")
+    return mechanism
+
+
+def slider_crank():
+    return driven_slider_crank(uqmbd.RandomVariable("rod", chaospy.Uniform(0.3, 0.5), units="m"))
+
+
+MODELS = {}
+
+
+def model(name):
+    if name not in MODELS:
+        mechanism = {"swing": swing, "slider-crank": slider_crank}[name]()
+        MODELS[name] = mechanism, build(mechanism)
+    return MODELS[name]
+
+
+@pytest.mark.parametrize("name", ["swing", "slider-crank"])
+@given(st.integers(1, 21), st.integers(0, 2**32 - 1))
+@settings(max_examples=10, deadline=None)
+def test_states_and_outputs(name, count, seed):
+    mechanism, compiled = model(name)
+    random = np.random.default_rng(seed)
+    values = mechanism.inputs.from_uniform(random.uniform(size=(count, len(compiled.inputs))))
+    whole = Ensemble(compiled, values)
+    states = integrate(whole, TIMES, 1e-6, "dop853").states
+    outputs = whole.outputs(TIMES, states)
+    some = random.permutation(count)[: 1 + seed % count]
+    part = whole.select(some)
+    found = integrate(part, TIMES, 1e-6, "dop853").states
+    assert np.array_equal(found, states[some])
+    assert np.array_equal(part.outputs(TIMES, found), outputs[some])
