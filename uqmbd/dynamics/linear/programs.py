@@ -15,6 +15,9 @@ from uqmbd.typing import Index
 
 __all__ = ["Motion", "Programs", "Solver", "programs_of"]
 
+SMALL = 300
+"""Rows of the work array of a small mechanism."""
+
 Solver = Kernel | FrontalSolver
 
 
@@ -131,6 +134,7 @@ def programs_of(model: Model, solve: Solver, accelerate: Solver, project: Solver
         surplus=excess,
         rows=writer.size,
         moving=width - 2 * len(layout.frozen) - layout.held,
+        cost=1 + writer.size // SMALL,
     )
     writer = Writer(inputs)
     values = acceleration.write(writer, arguments, parameters)
