@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass
+from functools import reduce
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,10 +24,11 @@ class Gathered:
 
     Attributes
     ----------
-    moments : uqmbd.results.Moments
-        Of all successful samples, shape (output, time).
+    count : int
+        Samples that succeeded.
     replicates : tuple of uqmbd.results.Moments
-        Of each replicate of the design.
+        Of each replicate of the design, of the successful samples, shape (output, time).  None where there is one
+        replicate and all of it is kept: its statistics are those of the kept samples.
     kept : uqmbd.Realisations
         The first samples.
     failures : int
@@ -37,7 +39,7 @@ class Gathered:
         Name of the file that holds all samples, or empty.
     """
 
-    moments: Moments
+    count: int
     replicates: tuple[Moments, ...]
     kept: uqmbd.Realisations
     failures: int
@@ -45,6 +47,11 @@ class Gathered:
     counters: dict[str, float]
     wall_time: float
     file: str
+
+    @property
+    def moments(self) -> Moments:
+        """Moments of all successful samples, where those of replicates were gathered."""
+        return reduce(Moments.merge, self.replicates)
 
 
 def gather(
@@ -71,8 +78,10 @@ def gather(
     """
     shape = problem.labels.shape
     edges = np.cumsum([0, *sizes])
-    replicates = [Moments.of(np.zeros((0, *shape))) for _ in sizes]
-    kept: list[uqmbd.Realisations] = []
+    whole = len(values) <= keep
+    replicates = [] if whole and len(sizes) == 1 else [Moments.of(np.zeros((0, *shape))) for _ in sizes]
+    room = min(keep, len(values))
+    response, status, messages = np.empty((room, *shape)), np.empty(room, dtype=np.int64), list[str]()
     counters: Counter[str] = Counter()
     reasons: Counter[str] = Counter()
     failures, first, wall = 0, 0, 0.0
@@ -86,7 +95,7 @@ def gather(
             # what is not finite is a failure like any other: it must not enter a sum
             fine = part.good
             failures += int(np.count_nonzero(~fine))
-            for r in range(int(np.searchsorted(edges, first, side="right")) - 1, len(sizes)):
+            for r in range(int(np.searchsorted(edges, first, side="right")) - 1, len(replicates)):
                 low, high = max(first, edges[r]) - first, min(last, edges[r + 1]) - first
                 if low >= high:
                     break
@@ -97,24 +106,15 @@ def gather(
                 store.write(first, part.values, part.response, part.status, part.messages)
             if reason := part.most_frequent_reason():
                 reasons[reason] += part.failures
-            if first < keep:
-                kept.append(part)
+            if first < room:
+                # into its place: the responses of all samples are not held twice
+                taken = min(last, room) - first
+                response[first : first + taken] = part.response[:taken]
+                status[first : first + taken] = part.status[:taken]
+                messages += part.messages[:taken]
             counters.update(part.counters)
             wall += part.wall_time
             first = last
-    total = replicates[0]
-    for replicate in replicates[1:]:
-        total = total.merge(replicate)
     reason = reasons.most_common(1)[0][0] if reasons else ""
-    return Gathered(total, tuple(replicates), _joined(kept, keep), failures, reason, dict(counters), wall, file)
-
-
-def _joined(parts: list[uqmbd.Realisations], keep: int) -> uqmbd.Realisations:
-    return uqmbd.Realisations(
-        np.concatenate([p.values for p in parts])[:keep],
-        np.concatenate([p.response for p in parts])[:keep],
-        np.concatenate([p.status for p in parts])[:keep],
-        tuple(m for p in parts for m in p.messages)[:keep],
-        {},
-        0.0,
-    )
+    kept = uqmbd.Realisations(values[:room], response, status, tuple(messages), {}, 0.0)
+    return Gathered(first - failures, tuple(replicates), kept, failures, reason, dict(counters), wall, file)

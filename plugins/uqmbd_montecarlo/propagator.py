@@ -152,14 +152,16 @@ class MonteCarlo(uqmbd.Propagator):
         sums = None if surrogate is None else ControlledSums(surrogate.chaos, uniform)
         values = problem.inputs.from_uniform(uniform)
         found = gather(problem, values, sizes, self.keep, None if sums is None else sums.add)
-        if found.failures > self.max_failures * self.samples or found.moments.count < 2:
+        if found.failures > self.max_failures * self.samples or found.count < 2:
             raise uqmbd.IntegrationError(
                 f"{problem.label}: {found.failures} of {self.samples} samples failed, more than "
                 f"max_failures = {self.max_failures:g} allows. "
                 f"Most frequent reason: {found.reason}"
             )
         kept = found.kept
-        samples = sample_dataset(kept.response, kept.values, problem.labels, status=kept.status, messages=kept.messages)
+        samples = sample_dataset(
+            kept.response, kept.values, problem.labels, status=kept.status, messages=kept.messages, copy=False
+        )
         statistics = self._statistics(samples, found)
         if sums is not None:
             statistics = sums.apply(statistics)
@@ -235,7 +237,7 @@ class MonteCarlo(uqmbd.Propagator):
         if self.samples > self.keep or failures > found.failures:
             # failures are not only those of the kept samples
             attrs |= {"failures": failures, "samples_kept": min(self.keep, self.samples)}
-        if len(found.replicates) == 1 and self.sampling != "random":
+        if len(found.replicates) < 2 and self.sampling != "random":
             attrs["independent_samples"] = "true"  # readers need not have the plugin of the design
         if found.file:
             attrs["all_samples"] = found.file

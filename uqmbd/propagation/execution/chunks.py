@@ -161,12 +161,15 @@ def compute_chunk(
         for k, message in enumerate(trajectories.messages):
             if message:
                 status[k] = Status.INTEGRATION_FAILED if ensemble.start.ok[k] else Status.ASSEMBLY_FAILED
-        response = np.full((len(values), len(model.outputs.names), len(times)), np.nan)
         good = np.flatnonzero(status == Status.OK)
-        if len(good):
-            response[good] = ensemble.select(good).outputs(times, trajectories.states[good])
+        if len(good) == len(values):
+            response = ensemble.outputs(times, trajectories.states)
+        else:
+            response = np.full((len(values), len(model.outputs.names), len(times)), np.nan)
+            if len(good):
+                response[good] = ensemble.select(good).outputs(times, trajectories.states[good])
         messages = list(trajectories.messages)
-        for k in good[~np.isfinite(response[good]).all(axis=(1, 2))].tolist():
+        for k in np.flatnonzero((status == Status.OK) & ~np.isfinite(response).all(axis=(1, 2))).tolist():
             status[k], messages[k] = Status.NOT_FINITE, not_finite_output(model.outputs.names, times, response[k])
         scalars = None if model.scalars is None else scalars_of(ensemble, trajectories)
     counters = asdict(trajectories.counters)

@@ -118,6 +118,7 @@ def sample_dataset(
     status: ArrayLike | None = None,
     messages: Sequence[str] | None = None,
     meanings: Mapping[int, str] = STATUS_MEANINGS,
+    copy: bool = True,
 ) -> xr.Dataset:
     """Build the dataset ``samples``: responses and inputs, with a status and a reason for each sample.
 
@@ -138,6 +139,8 @@ def sample_dataset(
         Why a sample failed, empty if it did not.
     meanings : mapping of int to str
         Meaning of each status, stored in the attributes ``flag_values`` and ``flag_meanings`` (CF conventions).
+    copy : bool
+        False: a response that is an array of floats becomes that of the dataset, and failed samples are made NaN in it.
 
     Returns
     -------
@@ -160,7 +163,7 @@ def sample_dataset(
     >>> str(samples["message"][1].item())
     "output 'x' is not finite (nan) at t = 1 s"
     """
-    values = np.array(response, dtype=float)
+    values = np.array(response, dtype=float, copy=copy or None)
     count = values.shape[0] if values.ndim else 0
     check_shape("response", values, (count, *labels.shape), ("sample", *labels.dims))
     drawn = np.array(inputs, dtype=float)

@@ -22,6 +22,12 @@ __all__ = ["replicate_statistics", "running_statistics", "sample_statistics", "s
 # Below this spread, relative to the size of the values, differences are rounding and their shape means nothing.
 _ROUNDING = 32.0 * np.finfo(float).eps
 
+BLOCK_NUMBERS = 500_000
+"""Samples (8 bytes each) of a block of columns: 4 MB, and two such arrays beside it."""
+
+LEAST_COLUMNS = 8
+"""Columns of a block at least: those that share a line of the cache are read together."""
+
 
 def sample_statistics(
     response: ArrayLike,
@@ -87,13 +93,14 @@ def sample_statistics(
             "Look at the messages of the failed samples, or draw more."
         )
     shape = samples.shape[1:]
-    # Three axes, so that the work goes block by block of the second and a large response needs little extra memory.
-    blocks = samples.reshape(n, shape[0] if len(shape) > 1 else 1, -1)
-    parts = [_block_statistics(blocks[:, k], levels) for k in range(blocks.shape[1])]
-    if not parts:
+    if not samples.size:
         raise StudyError(f"Statistics need at least one output; the response has the shape {samples.shape}.")
-    found = {name: np.stack([part[name] for part in parts]).reshape(shape) for name in parts[0] if name != "quantile"}
-    found["quantile"] = np.stack([part["quantile"] for part in parts], axis=1).reshape(len(levels), *shape)
+    # Columns go in blocks: a large response needs little further memory.
+    columns = samples.reshape(n, -1)
+    width = max(LEAST_COLUMNS, BLOCK_NUMBERS // n)
+    parts = [_block_statistics(columns[:, k : k + width], levels) for k in range(0, columns.shape[1], width)]
+    found = {name: np.concatenate([part[name] for part in parts], axis=-1) for name in parts[0]}
+    found = {name: x.reshape(*x.shape[:-1], *shape) for name, x in found.items()}
     found["probability"] = levels
     return found
 
