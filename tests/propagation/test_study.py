@@ -326,3 +326,14 @@ def test_misspelt_option_of_a_method_is_a_study_error_that_suggests():
     one = MonteCarlo(samples=100, seed=2)
     assert pickle.loads(pickle.dumps(one)) == copy.copy(one) == dataclasses.replace(one) == one
     assert list(inspect.signature(MonteCarlo).parameters)[:3] == ["label", "samples", "seed"]
+
+
+@pytest.mark.thorough
+def test_realisations_are_the_same_in_chunks_of_any_size(swing):
+    """Of many samples chunks are larger; the bits of each are those that it has among few."""
+    problem = swing.problem(swing.propagators[0])
+    many = problem.inputs.from_uniform(np.random.default_rng(1).random((16_384, len(problem.inputs))))
+    sizes = [len(part.status) for part in problem.stream(many)]
+    assert sizes == [256] * 64
+    among_many = np.concatenate([part.response for part in problem.stream(many)])[200:300]
+    assert same(among_many, problem.realise(many[200:300]).response)

@@ -19,7 +19,6 @@ import numpy as np
 from uqmbd.dynamics import Capability, Ensemble, Model, ScalarValues, declares, integrator_class, require
 from uqmbd.errors import StudyError, StudyWarning
 from uqmbd.propagation.execution import (
-    CHUNK,
     Arrays,
     Checkpoint,
     Chunk,
@@ -29,6 +28,7 @@ from uqmbd.propagation.execution import (
     Progress,
     Realisations,
     Silent,
+    chunk_size,
     compute_chunk,
     event_histories,
     executor_for,
@@ -191,7 +191,8 @@ class Problem:
             return
         self.progress.start(self.label, len(values))
         begin = self.clock()
-        parts = [np.ascontiguousarray(values[k : k + CHUNK]) for k in range(0, len(values), CHUNK)]
+        size = chunk_size(len(values), len(self.times) * (self.labels.shape[0] + self.model.layout.width))
+        parts = [np.ascontiguousarray(values[k : k + size]) for k in range(0, len(values), size)]
         executor = executor_for(self.executor, unlocked=self._unlocked)
         work = in_order(parts, executor, self._found, self._task, self._keep)
         for index, chunk in enumerate(work):

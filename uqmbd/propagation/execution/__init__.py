@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from uqmbd.propagation.execution.checkpoint import FOLDER, Checkpoint
 from uqmbd.propagation.execution.chunks import (
-    CHUNK,
     Chunk,
+    chunk_size,
     compute_chunk,
     integrated_by,
     not_finite_output,
@@ -23,7 +23,6 @@ from uqmbd.propagation.execution.workers import Crew, Staff, executor_for, pool
 __all__ = [
     "AGAIN",
     "Arrays",
-    "CHUNK",
     "Checkpoint",
     "Chunk",
     "Clock",
@@ -36,6 +35,7 @@ __all__ = [
     "Realisations",
     "Silent",
     "Staff",
+    "chunk_size",
     "claimed",
     "compute_chunk",
     "event_histories",

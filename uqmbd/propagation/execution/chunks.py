@@ -27,6 +27,7 @@ from uqmbd.typing import Array
 __all__ = [
     "CHUNK",
     "Chunk",
+    "chunk_size",
     "compute_chunk",
     "integrated_by",
     "model_of",
@@ -34,8 +35,32 @@ __all__ = [
 ]
 
 
-CHUNK = 64
-"""Realisations of a chunk: fixed by sample index, so that results depend neither on workers nor on their number."""
+CHUNK, LARGEST = 64, 1024
+"""Realisations of a chunk, at least and at most."""
+
+NUMBERS = 1 << 19
+"""Numbers (8 bytes each) of states and outputs of a chunk that is larger than the least."""
+
+
+def chunk_size(count: int, numbers: int) -> int:
+    """Return how many realisations make up a chunk: a power of two, so that some hundred chunks share what each costs.
+
+    Chunks are fixed by sample index alone, so that results depend neither on workers nor on their number.
+
+    Parameters
+    ----------
+    count : int
+        All realisations.
+    numbers : int
+        States and outputs of one, over all times.
+
+    Examples
+    --------
+    >>> chunk_size(500, 1400), chunk_size(50_000, 1400), chunk_size(50_000, 20_000)
+    (64, 256, 64)
+    """
+    most = min(count // CHUNK, NUMBERS // max(numbers, 1), LARGEST)
+    return max(CHUNK, 1 << (most.bit_length() - 1)) if most else CHUNK
 
 
 @dataclass(frozen=True)

@@ -100,7 +100,7 @@ def sample_statistics(
     width = max(LEAST_COLUMNS, BLOCK_NUMBERS // n)
     parts = [_block_statistics(columns[:, k : k + width], levels) for k in range(0, columns.shape[1], width)]
     found = {name: np.concatenate([part[name] for part in parts], axis=-1) for name in parts[0]}
-    found = {name: x.reshape(*x.shape[:-1], *shape) for name, x in found.items()}
+    found = {name: x.reshape((*x.shape[:-1], *shape)) for name, x in found.items()}
     found["probability"] = levels
     return found
 
