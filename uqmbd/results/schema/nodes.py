@@ -6,6 +6,7 @@ import json
 import platform
 from collections.abc import Iterable, Mapping
 from datetime import UTC, datetime
+from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
@@ -19,7 +20,7 @@ from uqmbd.status import Status
 
 __all__ = ["failed_methods", "join_nodes", "node_parts", "propagator_node"]
 
-_RECORDED_PACKAGES = ("numpy", "scipy", "xarray", "sympy", "symengine", "scikit-sundae", "chaospy")
+_RECORDED_PACKAGES = ("numpy", "scipy", "xarray", "sympy", "symengine", "llvmlite", "scikit-sundae", "chaospy")
 
 
 def propagator_node(
@@ -156,7 +157,9 @@ def _plain(value: object) -> object:
     return str(value)
 
 
+@cache
 def _version(package: str) -> str:
+    """Version of what is installed, looked up once: a small study would spend a quarter of its time on it."""
     try:
         return version(package)
     except PackageNotFoundError:
