@@ -37,7 +37,7 @@ _LIBRARY = {
 _RECIPROCAL = {"sec": "cos", "csc": "sin", "cot": "tan", "sech": "cosh", "csch": "sinh", "coth": "tanh"}
 """Functions whose inverse the C library has."""
 
-_OF_RECIPROCAL = {"asec": "acos", "acsc": "asin", "acot": "atan", "asech": "acosh", "acsch": "asinh", "acoth": "atanh"}
+_OF_RECIPROCAL = {"asec": "acos", "acsc": "asin", "acot": "atan", "acoth": "atanh"}
 """Functions that are those of the C library at the reciprocal."""
 
 _INTRINSIC = {"Abs": "fabs", "floor": "floor", "ceiling": "ceil"}

@@ -12,7 +12,8 @@ import numpy as np
 
 from uqmbd.compiled import driver as c
 from uqmbd.compiled.driver import address, aligned, driver
-from uqmbd.compiled.native import addresses_of
+from uqmbd.compiled.native import addresses_of, lacking
+from uqmbd.errors import UqmbdError
 from uqmbd.typing import Array
 
 __all__ = ["Kernel"]
@@ -30,12 +31,15 @@ class Kernel:
         Of the function in it.
     inputs, outputs : int
         Number of arguments and results.
+    needs : str
+        What the processor must have, in words (`Target.needs`).
     """
 
     code: bytes
     name: str
     inputs: int
     outputs: int
+    needs: str = ""
 
     def __getstate__(self) -> dict[str, Any]:
         """Leave out what is made anew: addresses."""
@@ -44,7 +48,14 @@ class Kernel:
     @property
     def address(self) -> int:
         """Where the function is in memory, which the first use loads it into; 0 where there is nothing to compute."""
-        return addresses_of([self.name], self.code)[0] if self.code else 0
+        if not self.code:
+            return 0
+        if lack := lacking(self.needs):
+            raise UqmbdError(
+                f"This model was compiled for another processor, and the one here lacks {lack}. Expected processors "
+                "that have all that the one has on which a study is started: start it on the least of them."
+            )
+        return addresses_of([self.name], self.code)[0]
 
     def __call__(self, arguments: Array, out: Array | None = None) -> Array:
         """Evaluate.

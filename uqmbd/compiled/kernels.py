@@ -95,7 +95,8 @@ def _kernel(text: Any, inputs: int, outputs: int) -> Kernel:
     compilations[0] += 1
     source = text("KERNEL")
     name = f"k{hashlib.sha256((host().digest + source).encode()).hexdigest()[:40]}"
-    return Kernel(object_code(source.replace("@KERNEL(", f"@{name}(", 1)), name, inputs, outputs)
+    code = object_code(source.replace("@KERNEL(", f"@{name}(", 1))
+    return Kernel(code, name, inputs, outputs, host().needs)
 
 
 def replaced(expressions: Sequence[Any], known: dict[Any, Any]) -> Sequence[Any]:

@@ -17,8 +17,9 @@ from functools import cache
 from typing import Any
 
 from uqmbd.compiled.writer import LANES
+from uqmbd.errors import UqmbdError
 
-__all__ = ["Target", "addresses_of", "host", "object_code"]
+__all__ = ["Target", "addresses_of", "host", "lacking", "object_code"]
 
 LEVEL = 1
 """Optimisation of code generation: 2 and 3 make code of the same speed from straight lines, 0 half as fast a code."""
@@ -26,10 +27,10 @@ LEVEL = 1
 LIBRARY = (
     "sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh", "asinh", "acosh", "atanh",
     "exp", "log", "erf", "erfc", "tgamma", "lgamma", "atan2", "pow",
-    "floor", "ceil", "fma", "fmax", "fmin", "memcpy", "memset", "memmove",
+    "floor", "ceil", "fma", "fmax", "fmin", "memcpy", "memset", "memmove", "bzero", "__chkstk",
 )  # fmt: skip
 """What code may call: kernels the functions, the driver to copy and to fill, processors without the instruction the
-rest."""
+rest, macOS one that fills with zeros, and Windows a probe of large stack frames."""
 
 _LOCK = threading.RLock()
 
@@ -59,6 +60,12 @@ class Target:
         return 4 if self.cpu.startswith("x86-64-v3") or "+avx" in features else 2
 
     @property
+    def needs(self) -> str:
+        """What a processor must be and have to run its code, in words."""
+        enabled = sorted(x[1:] for x in self.features.split(",") if x.startswith("+"))
+        return " ".join([self.triple.split("-")[0], *enabled])
+
+    @property
     def digest(self) -> str:
         """Digest of all this, and of the version of LLVM."""
         import llvmlite.binding as llvm
@@ -76,6 +83,13 @@ def host() -> Target:
     with contextlib.suppress(RuntimeError):  # LLVM does not know the features of every processor
         features = llvm.get_host_cpu_features().flatten()
     return Target(llvm.get_process_triple(), llvm.get_host_cpu_name(), features)
+
+
+@cache
+def lacking(needs: str) -> str:
+    """Return, in words, what this processor lacks of what code needs."""
+    own = host().needs.split()
+    return ", ".join(x for x in needs.split() if x not in own)
 
 
 @cache
@@ -114,7 +128,7 @@ def object_code(source: str | bytes, target: Target | None = None, *, optimised:
     with _LOCK:
         machine = _machine(target, 3 if optimised else LEVEL)
         module = llvm.parse_assembly(source) if isinstance(source, str) else llvm.parse_bitcode(source)
-        module.triple = target.triple
+        module.triple = machine.triple  # on Windows MCJIT wants ELF, which llvmlite asks the machine for
         module.data_layout = str(machine.target_data)
         if optimised:
             options = llvm.create_pipeline_tuning_options(speed_level=3)
@@ -129,6 +143,15 @@ def _engine() -> Any:
     """Return what holds the code of this process."""
     import llvmlite.binding as llvm
 
+    try:
+        llvm.check_jit_execution()
+    except OSError:
+        raise UqmbdError(
+            "This system refuses memory that code may be written to and run from, and uqmbd compiles "
+            "the equations of a mechanism while it runs. Expected a process that may do so: with systemd unset "
+            "MemoryDenyWriteExecute, with SELinux allow execmem, on macOS sign the interpreter with the entitlement "
+            "com.apple.security.cs.allow-jit; or run uqmbd in a container or on a machine that allows it."
+        ) from None
     # an engine owns its machine
     machine = _machine.__wrapped__(host(), LEVEL)
     for name, place in _library().items():
@@ -138,7 +161,8 @@ def _engine() -> Any:
 
 def _library() -> dict[str, int]:
     """Return the addresses of the functions of the C library that code may call."""
-    names = ["ucrtbase"] if sys.platform == "win32" else [None, ctypes.util.find_library("m")]
+    # on Windows the probe of a large stack frame is in ntdll, and in the runtime only as a static library
+    names = ["ucrtbase", "ntdll"] if sys.platform == "win32" else [None, ctypes.util.find_library("m")]
     found: dict[str, int] = {}
     for library in names:
         with contextlib.suppress(OSError):

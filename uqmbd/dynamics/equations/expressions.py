@@ -39,6 +39,8 @@ def plain(expression: Any) -> sympy.Expr:
     if value.has(sympy.Abs, sympy.Max, sympy.Min, sympy.sign, sympy.Heaviside):
         kinds = (sympy.Abs, sympy.Max, sympy.Min, sympy.sign, sympy.Heaviside)
         value = value.replace(lambda e: isinstance(e, kinds), _piecewise)
+    if value.has(sympy.ITE):  # SymPy's way to compare a piecewise expression
+        value = value.replace(sympy.ITE, lambda a, b, c: sympy.Or(sympy.And(a, b), sympy.And(sympy.Not(a), c)))
     if value.has(sympy.exp) and any(_extreme(x) for x in value.atoms(sympy.Float)):
         value = value.replace(lambda e: isinstance(e, sympy.Mul) and _extreme(e.args[0]), _with_exponent)
     result: sympy.Expr = value
