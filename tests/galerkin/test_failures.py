@@ -12,7 +12,7 @@ import pytest
 import uqmbd
 from uqmbd import results
 from uqmbd.dynamics import ProjectedEnsemble
-from uqmbd.dynamics.integration import batched, ida
+from uqmbd.dynamics.integration import ida
 from uqmbd_galerkin import Galerkin
 from uqmbd_joints import Distance
 from uqmbd_springs import SpringDamper
@@ -132,7 +132,7 @@ def test_stop_at_ends_the_run_at_the_horizon(integrator, tmp_path):
 
 def test_motion_that_ends_keeps_what_there_is(monkeypatch):
     """Neither integrator can go on: results up to there, from the one that came further, and the reason."""
-    monkeypatch.setattr(batched, "STEPS", 12)
+    monkeypatch.setattr("uqmbd.dynamics.integration.dop853.STEPS", 12)
     monkeypatch.setattr(ida, "STEPS", 5)
     study = uqmbd.Study("ended", swinging(0.05), np.array([0, 0.1, 0.2, 3.0]))
     with pytest.warns(
@@ -147,7 +147,9 @@ def test_motion_that_ends_keeps_what_there_is(monkeypatch):
 def test_start_without_a_solution_is_an_error(monkeypatch, mechanisms, project):
     projected = project(mechanisms["pendulum"](), 1)
     monkeypatch.setattr(
-        type(projected.coupled), "solve", lambda self, values, tolerance: np.full_like(self.correction, np.nan)
+        type(projected.coupled),
+        "solve",
+        lambda self, state, time, tolerance: (np.full((3, 9), np.nan), np.zeros((3, 0))),
     )
     with pytest.raises(uqmbd.AssemblyError, match="projected equations have no consistent start.*Raise the order"):
         projected.start  # noqa: B018 - built once

@@ -115,6 +115,11 @@ class Writer:
             self.steps.append(Step(kernel, count, table, None, first, to))
         return np.arange(to, self.rows, dtype=np.int64).reshape(count, kernel.outputs)
 
+    def room(self, rows: int) -> Index:
+        """Leave rows to somebody else."""
+        to, self.rows = self.rows, self.rows + rows
+        return np.arange(to, self.rows, dtype=np.int64)
+
     def sums(self, terms: Sequence[Sequence[int]]) -> Index:
         """Add up rows; rows of the sums.  An empty sum is zero."""
         to, self.rows = self.rows, self.rows + len(terms)

@@ -70,7 +70,7 @@ def _by_program(
     if key not in programs.others:
         programs.others[key] = _program(model, outputs)
     zero = Columns(np.zeros((1, 1)))
-    found = programs.others[key](states, time, zero, block, values)
+    found: Array = programs.others[key](states, time, zero, block, values)
     if not outputs.accelerates:
         return found
     count = len(outputs.names)

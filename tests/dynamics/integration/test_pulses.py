@@ -16,7 +16,6 @@ from scipy.special import erf
 import uqmbd
 from uqmbd.dynamics import Ensemble, build, integrate
 from uqmbd.dynamics.contact import event_driven as hybrid
-from uqmbd.dynamics.integration import batched
 from uqmbd_collocation import Collocation
 from uqmbd_galerkin import Galerkin
 from uqmbd_montecarlo import MonteCarlo
@@ -199,7 +198,7 @@ def test_what_depends_on_the_state_is_found_with_a_bound_or_with_breaks(options,
 @pytest.mark.parametrize(("integrator", "mark"), [x for x in BOTH if x[0] != "auto"])
 def test_a_longest_step_bounds_the_steps_of_every_integrator(integrator, mark, monkeypatch):
     """There are at least as many evaluations as steps, also where these are more than any motion needs."""
-    monkeypatch.setattr(batched, "STEPS", 200)
+    monkeypatch.setattr("uqmbd.dynamics.integration.dop853.STEPS", 200)
     monkeypatch.setattr(hybrid, "STEPS", 200)
     model = replace(build(particle(1, mark=mark)), max_step=1e-3)
     found = integrate(Ensemble(model, np.zeros((1, 0))), np.array([0.0, 0.5, 1.0]), method=integrator)

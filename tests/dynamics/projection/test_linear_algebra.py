@@ -13,8 +13,7 @@ from scipy import sparse
 
 import uqmbd
 from uqmbd.dynamics.equations import state_arguments
-from uqmbd.dynamics.linear import unrolled
-from uqmbd.dynamics.linear.nodal import CompiledSystems, LapackSystems
+from uqmbd.dynamics.linear import nodal
 from uqmbd.dynamics.projection import ida as projected_ida
 from uqmbd.dynamics.projection.coupled import Coupled
 from uqmbd_galerkin import Galerkin
@@ -136,7 +135,7 @@ def test_what_is_stiff_goes_to_ida_by_itself(mechanisms):
     np.testing.assert_allclose(node["statistics"]["std"][0], expected.std(axis=0), atol=1e-7)
 
 
-def assembled(projected, values):
+def assembled(projected):
     """The projected index-1 system as one dense matrix and right-hand side."""
     model, n = projected.model, projected.model.layout.coordinates
     q, s, v = projected.split(projected.psi @ projected.start.state)
@@ -159,28 +158,27 @@ def very_random(mechanisms):
     return mechanism
 
 
-@pytest.mark.parametrize("systems", [CompiledSystems, LapackSystems])
+@pytest.mark.parametrize("compiled", [True, False])
 @pytest.mark.parametrize(
     ("name", "way"), [("slider_crank", "plain"), ("very random", "krylov"), ("very random", "direct")]
 )
-def test_coupled_system_is_solved_as_a_dense_one(mechanisms, project, monkeypatch, systems, name, way):
+def test_coupled_system_is_solved_as_a_dense_one(mechanisms, project, monkeypatch, compiled, name, way):
     """By GMRES with the nodal preconditioner, and by a factorisation: with a variance for which iterations are slow."""
     mechanism = very_random(mechanisms) if name == "very random" else mechanisms[name]()
     projected = project(mechanism, 3)
-    values = projected._values(projected.start.state, 0.0)
-    if systems is LapackSystems:
-        monkeypatch.setattr(unrolled, "LIMIT", 1)
-    coupled = Coupled(projected.model, projected.psi, projected.adjoint)
-    if systems is LapackSystems:
-        coupled.nodes = LapackSystems(projected.model)
-    assert isinstance(coupled.nodes, systems)
-    coupled.small = way == "direct"
-    found = coupled.solve(values, 1e-12)
-    assert coupled.krylov == (way != "plain")
+    if not compiled:
+        monkeypatch.setattr(nodal, "worth_while", lambda operations: False)
+        projected.model.system.programs.others.clear()
+    state = projected.start.state
+    coupled = Coupled(projected.model, projected.psi, projected.adjoint, projected.ensemble.block)
+    assert coupled.compiled == compiled
+    coupled.systems.structure.worth = 0.0 if way == "direct" else -1.0
+    found, _ = coupled.solve(state, 0.0, 1e-12)
+    assert coupled.counters["krylov"] == (way != "plain")
     if way == "direct":
-        found = coupled.solve(values, 1e-12)
-        assert (coupled.krylov, coupled.direct) == (1, 1)
-    expected = assembled(projected, values).reshape(found.shape)
+        found, _ = coupled.solve(state, 0.0, 1e-12)
+        assert (coupled.counters["krylov"], coupled.counters["direct"]) == (1, 1)
+    expected = assembled(projected).reshape(found.shape)
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-9 * np.abs(expected).max())
 
 
@@ -210,11 +208,11 @@ def test_accelerations_do_not_depend_on_what_was_solved_before(crank, seed, powe
     wild = crank.start.state.copy()
     velocities = crank.split(wild)[2]
     velocities += 10**power * rng.normal(size=velocities.shape)
-    fresh = Coupled(crank.model, crank.psi, crank.adjoint).solve(crank._values(state, 0.0).copy(), 1e-10)
-    used = Coupled(crank.model, crank.psi, crank.adjoint)
+    fresh, used = (Coupled(crank.model, crank.psi, crank.adjoint, crank.ensemble.block) for _ in range(2))
+    expected, _ = fresh.solve(state, 0.0, 1e-10)
     for _ in range(often):
-        used.solve(crank._values(wild, 0.0).copy(), 1e-10)
-    found = used.solve(crank._values(state, 0.0).copy(), 1e-10)
+        used.solve(wild, 0.0, 1e-10)
+    found, _ = used.solve(state, 0.0, 1e-10)
     n = crank.model.layout.coordinates
-    scale = np.abs(fresh[:, :n]).max()
-    np.testing.assert_allclose(found[:, :n], fresh[:, :n], atol=1e-8 * scale)
+    scale = np.abs(expected[:, :n]).max()
+    np.testing.assert_allclose(found[:, :n], expected[:, :n], atol=1e-8 * scale)

@@ -1,6 +1,6 @@
 #include "coupled.h"
 
-enum { PLAIN = 6, AGAIN = 50, TILE = 8 };
+enum { PLAIN = 6, AGAIN = 50 };
 
 static const double ROUNDING = 1e-13; /* change of the accelerations, over what forces alone would cause */
 
@@ -21,55 +21,65 @@ INLINE V *vector(const Coupled *c, int64_t number) { return c->memory + number *
 
 /* -- dense products ------------------------------------------------------------------------------------------------- */
 
-/* `count` <= TILE rows of values at eight nodes. */
-INLINE void spread_tile(const Coupled *c, const double *x, int64_t count, const V *psi, V *to) {
-    int64_t nodes = in_eights(c->nodes), stride = LANES * in_eights(c->terms);
-    V sums[TILE];
-    for (int64_t r = 0; r < count; r++) sums[r] = splat(0.0);
-    for (int64_t j = 0; j < c->terms; j++)
-        for (int64_t r = 0; r < count; r++) sums[r] += psi[j * nodes] * x[r * stride + j];
-    for (int64_t r = 0; r < count; r++) to[r] = sums[r];
+/* Values at eight nodes of `count` rows of coefficients; four rows at once do not wait for one another. */
+static void spread_eight(const Coupled *c, const V *coefficients, int64_t count, const V *psi, V *to) {
+    int64_t nodes = in_eights(c->nodes), stride = LANES * in_eights(c->terms), terms = c->terms, i = 0;
+    const double *x = (const double *)coefficients;
+    for (; i + 4 <= count; i += 4, x += 4 * stride) {
+        V sum0 = splat(0.0), sum1 = sum0, sum2 = sum0, sum3 = sum0;
+        for (int64_t j = 0; j < terms; j++) {
+            V basis = psi[j * nodes];
+            sum0 += basis * x[j];
+            sum1 += basis * x[stride + j];
+            sum2 += basis * x[2 * stride + j];
+            sum3 += basis * x[3 * stride + j];
+        }
+        to[i] = sum0;
+        to[i + 1] = sum1;
+        to[i + 2] = sum2;
+        to[i + 3] = sum3;
+    }
+    for (; i < count; i++, x += stride) {
+        V sum = splat(0.0);
+        for (int64_t j = 0; j < terms; j++) sum += psi[j * nodes] * x[j];
+        to[i] = sum;
+    }
 }
 
 /* Values at the nodes of `count` rows of coefficients, into rows from `to` on. */
 static void spread(const Coupled *c, const V *coefficients, int64_t count, int64_t to) {
-    int64_t nodes = in_eights(c->nodes), terms = in_eights(c->terms);
-    for (int64_t k = 0; k < nodes; k++) {
-        V *work = c->work + k * c->rows + to;
-        int64_t i = 0;
-        for (; i + TILE <= count; i += TILE)
-            spread_tile(c, (const double *)(coefficients + i * terms), TILE, c->psi + k, work + i);
-        for (; i < count; i++) spread_tile(c, (const double *)(coefficients + i * terms), 1, c->psi + k, work + i);
-    }
+    for (int64_t k = 0; k < in_eights(c->nodes); k++)
+        spread_eight(c, coefficients, count, c->psi + k, c->work + k * c->rows + to);
 }
 
-/* `count` <= TILE rows of coefficients of eight terms. */
-INLINE void gather_tile(const Coupled *c, const double *const *values, int64_t count, const V *adjoint, V *to) {
-    int64_t terms = in_eights(c->terms), stride = LANES * c->rows;
-    V sums[TILE];
-    for (int64_t r = 0; r < count; r++) sums[r] = splat(0.0);
-    for (int64_t k = 0; k < c->nodes; k++) {
-        int64_t at = k / LANES * stride + k % LANES;
-        for (int64_t r = 0; r < count; r++) sums[r] += adjoint[k * terms] * values[r][at];
-    }
-    for (int64_t r = 0; r < count; r++) to[r * terms] = sums[r];
-}
-
-/* Coefficients of values at the nodes, of `count` rows: those of a table, or (it is null) from `first` on. */
+/* Coefficients of values at the nodes, of `count` rows: those of a table, or (it is null) from `first` on.  Four rows at
+   once do not wait for one another. */
 static void gather(const Coupled *c, const int64_t *table, int64_t first, int64_t count, V *coefficients) {
-    int64_t terms = in_eights(c->terms);
-    for (int64_t i = 0; i < count;) {
-        int64_t rows = i + TILE <= count ? TILE : 1;
-        const double *values[TILE];
-        for (int64_t r = 0; r < rows; r++) values[r] = (const double *)(c->work + (table ? table[i + r] : first + i + r));
-        for (int64_t b = 0; b < terms; b++) {
-            V *to = coefficients + i * terms + b;
-            if (rows == TILE)
-                gather_tile(c, values, TILE, c->adjoint + b, to);
-            else
-                gather_tile(c, values, 1, c->adjoint + b, to);
+    int64_t terms = in_eights(c->terms), stride = LANES * c->rows, i = 0;
+    for (; i < count; i += i + 4 <= count ? 4 : 1) {
+        int64_t rows = i + 4 <= count ? 4 : 1;
+        const double *values[4];
+        for (int64_t r = 0; r < 4; r++) {
+            int64_t row = r < rows ? i + r : i;
+            values[r] = (const double *)(c->work + (table ? table[row] : first + row));
         }
-        i += rows;
+        const double *x0 = values[0], *x1 = values[1], *x2 = values[2], *x3 = values[3];
+        for (int64_t b = 0; b < terms; b++) {
+            V sum0 = splat(0.0), sum1 = sum0, sum2 = sum0, sum3 = sum0, *to = coefficients + i * terms + b;
+            for (int64_t k = 0; k < c->nodes; k++) {
+                int64_t at = k / LANES * stride + k % LANES;
+                V weight = c->adjoint[k * terms + b];
+                sum0 += weight * x0[at];
+                sum1 += weight * x1[at];
+                sum2 += weight * x2[at];
+                sum3 += weight * x3[at];
+            }
+            to[0] = sum0;
+            if (rows == 1) continue;
+            to[terms] = sum1;
+            to[2 * terms] = sum2;
+            to[3 * terms] = sum3;
+        }
     }
 }
 

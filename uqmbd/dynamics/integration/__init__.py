@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from uqmbd.dynamics.integration.batch_equations import BatchEquations
-from uqmbd.dynamics.integration.batched import BatchedIntegration
 from uqmbd.dynamics.integration.constraint_check import (
     allowed_residual,
     described,
@@ -12,7 +11,7 @@ from uqmbd.dynamics.integration.constraint_check import (
     over_allowed,
     residuals,
 )
-from uqmbd.dynamics.integration.dop853 import integrate_by_dop853
+from uqmbd.dynamics.integration.dop853 import explicit_method, integrate_by_dop853, stopped
 from uqmbd.dynamics.integration.functions_of_time import timed
 from uqmbd.dynamics.integration.ida import RELAXED, diagnosis, integrate_by_ida, step_limits, step_tolerance
 from uqmbd.dynamics.integration.knots import timed_tables
@@ -29,7 +28,6 @@ __all__ = [
     "Counters",
     "Curve",
     "Leg",
-    "BatchedIntegration",
     "ORDER",
     "Out",
     "Prescribed",
@@ -43,6 +41,7 @@ __all__ = [
     "allowed_residual",
     "described",
     "diagnosis",
+    "explicit_method",
     "instant",
     "integrate_by_dop853",
     "integrate_by_ida",
@@ -58,6 +57,7 @@ __all__ = [
     "speed_jumps",
     "step_limits",
     "step_tolerance",
+    "stopped",
     "timed",
     "timed_tables",
 ]

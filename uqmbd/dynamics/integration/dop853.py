@@ -26,7 +26,7 @@ from uqmbd.dynamics.integration.trajectories import Counters, Solved
 from uqmbd.dynamics.linear import excess
 from uqmbd.typing import Array, Index
 
-__all__ = ["explicit_method", "integrate_by_dop853", "legs_of_members"]
+__all__ = ["explicit_method", "integrate_by_dop853", "legs_of_members", "stopped"]
 
 
 STIFF = 6.1
@@ -74,6 +74,16 @@ def explicit_method(rtol: float, *, guarded: bool, attempts: int | None = None) 
         refusals=REFUSALS,
         attempts=STEPS if attempts is None else attempts,
         guarded=guarded,
+    )
+
+
+def stopped(now: float, size: float, *, many: bool) -> str:
+    """Say why an integration stopped: too many steps, or steps that are too small."""
+    if many:
+        return f"the integration stopped at t = {now:.6g} s: more than {STEPS} steps"
+    return (
+        f"the integration stopped at t = {now:.6g} s: the step size fell to {size:.1g} s; probably a singular "
+        "pose, a stop or an impact, or a force that jumps"
     )
 
 
@@ -292,12 +302,7 @@ class _Integration:
         found = self._watcher(member).reason(now, pool.z[k]) if self.model.layout.rank else ""
         if found:
             return found
-        if many:
-            return f"the integration stopped at t = {now:.6g} s: more than {STEPS} steps"
-        return (
-            f"the integration stopped at t = {now:.6g} s: the step size fell to {size:.1g} s; probably a singular "
-            "pose, a stop or an impact, or a force that jumps"
-        )
+        return stopped(now, size, many=many)
 
     # -- poor interpolation ------------------------------------------------------------------------------------------
     def _mend(self) -> None:

@@ -1,6 +1,6 @@
 """Single steps of the explicit method of order 8, of one realisation, with an interpolant of each.
 
-The method is that of `uqmbd.dynamics.integration.batched`; here somebody else decides where a step ends.
+The method is that of the driver (`uqmbd.compiled`); here somebody else decides where a step ends.
 """
 
 from __future__ import annotations

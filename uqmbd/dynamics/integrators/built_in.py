@@ -21,7 +21,7 @@ from uqmbd.dynamics.projection import (
     Projection,
     Watch,
     implicit,
-    integrate_batched,
+    integrate_coefficients,
 )
 from uqmbd.errors import StudyError
 from uqmbd.plugins import hookimpl
@@ -69,17 +69,14 @@ class Dop853:
         if not projected.model.layout.unknowns:
             return _still(projected, times)
         begin = clock.perf_counter()
-        run, equations = integrate_batched(projected, times, rtol, watch)
+        run, message = integrate_coefficients(projected, times, rtol, watch)
         counters = {
-            "accelerations": equations.evaluations,
-            "steps": run.steps,
-            "systems": projected.coupled.systems,
-            "iterations": projected.coupled.iterations,
-            "direct": projected.coupled.direct,
-            "krylov": projected.coupled.krylov,
+            "accelerations": run.evaluations,
+            "steps": int(run.steps[0]),
+            **projected.coupled.counters,
             "seconds": clock.perf_counter() - begin,
         }
-        return ProjectedTrajectories(times, run.result, run.failed.get(0, ""), self.name, counters)
+        return ProjectedTrajectories(times, run.result, message, self.name, counters)
 
 
 @dataclass(frozen=True)

@@ -1,211 +1,214 @@
-"""The index-1 systems at the nodes of a projection, with right-hand sides of any kind: compiled, or factorised."""
+"""The index-1 systems at the nodes of a projection, for right-hand sides of any kind: compiled, or factorised."""
 
 from __future__ import annotations
 
-from typing import Protocol
+from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
-from uqmbd.compiled import Kernel
-from uqmbd.dynamics.equations import Model
+from uqmbd.compiled import Kernel, NodalSystems, Operation, Part, Writer, cached, compile_operations
+from uqmbd.dynamics.equations import Evaluator, Model
 from uqmbd.dynamics.linear.index1 import DENSE_LIMIT, System
-from uqmbd.dynamics.linear.sparse import Factors
-from uqmbd.dynamics.linear.unrolled import defect_kernel, unroll
-from uqmbd.typing import Array
+from uqmbd.dynamics.linear.unrolled import eliminated, worth_while
+from uqmbd.typing import Array, Index
 
-__all__ = [
-    "CompiledSystems",
-    "FrontalSystems",
-    "LapackSystems",
-    "NodalSystems",
-    "SparseSystems",
-    "nodal_systems",
-]
+__all__ = ["Nodal", "Outside", "nodal_systems"]
+
+Outside = Callable[[Array, bool], None]
+"""Solves systems of work arrays (block of nodes, row, lane): they are new (true), or their right-hand side is."""
 
 
-class NodalSystems(Protocol):
-    """Systems ``A_k x = b_k`` of K nodes.
+@dataclass(frozen=True)
+class Nodal:
+    """Systems ``A x = b`` of any nodes.
 
     Attributes
     ----------
-    compiled : bool
-        Whether they are cheap enough for every stage of an explicit step.
+    systems : NodalSystems
+        As programs.
+    rated : array of int
+        Auxiliary states with a rate.
+    outside : callable, optional
+        What solves the systems where no program does.
     """
 
-    compiled: bool
+    systems: NodalSystems
+    rated: Index
+    outside: Outside | None
 
-    def place(self, values: Array) -> None:
-        """Take the results of the ``acceleration`` evaluator at the nodes (K, result): all else is about them."""
-
-    def motion(self) -> Array:
-        """Accelerations and multipliers at the nodes, shape (K, size)."""
-
-    def solve(self, right: Array) -> Array:
-        """Solve for any right-hand sides (K, size)."""
-
-    def apply(self, x: Array) -> Array:
-        """``-A_k x_k``, shape (K, size)."""
-
-    def defect(self, x: Array) -> Array:
-        """``b_k - A_k x_k`` of the equations of motion, shape (K, size)."""
-
-    def excess(self, drift: Array) -> Array:
-        """Find what is too much of coordinates and velocities at the nodes, shape (K, 2 coordinate)."""
+    @property
+    def compiled(self) -> bool:
+        """Whether the systems are cheap enough for every stage of an explicit step."""
+        return self.outside is None
 
 
-def nodal_systems(model: Model, count: int) -> NodalSystems:
-    """Make the systems of `count` nodes: compiled where that is not too long."""
-    system: System = model.system
+def nodal_systems(model: Model) -> Nodal:
+    """Write the systems at the nodes, once for a model: compiled where that is not too long."""
+    known = {} if model.system.programs is None else model.system.programs.others
+    if "nodal" not in known:
+        known["nodal"] = _written(model, model.system)
+    found: Nodal = known["nodal"]
+    return found
+
+
+def _written(model: Model, system: System) -> Nodal:
+    layout, size = model.layout, system.size
+    n, width = layout.coordinates, layout.width
+    inputs = width + 2 + model.block_parameters
+    writer, rows = Writer(inputs), np.arange(inputs)
+    arguments, parameters = rows[: width + 2], rows[width + 2 :]
+    ends = [0]
+
+    def written(kind: str) -> Index:
+        found = np.zeros(0, dtype=np.int64)
+        if kind in model.evaluators:
+            found = model.evaluators[kind].write(writer, arguments, parameters)
+        ends.append(len(writer.steps))
+        return found
+
+    values, drift = written("acceleration"), written("drift")
+    guess, right = writer.room(size), writer.room(size)
+    outside: Outside | None = None
+    factor, code = _factorised(system, len(values))
     if system.fronts is not None:
-        return FrontalSystems(model)
-    if system.elimination is not None and isinstance(system.solve, Kernel) and system.project is not None:
-        given, size = system.solve.inputs, system.size
-        rights = given + np.arange(size)[None, :]
-        code = unroll(system.elimination, system.rows, system.columns, system.source, rights, given + size, size)
-        if code is not None:
-            return CompiledSystems(system, code, count)
-    return SparseSystems(model) if system.size > DENSE_LIMIT else LapackSystems(model)
+        ends.append(len(writer.steps))
+        solution = system.fronts.write(writer, values, right)
+    elif factor is not None and code is not None:
+        factors = writer.call(factor, values[None]).ravel()  # behind the right-hand side: read as they stand
+        ends.append(len(writer.steps))
+        solution = writer.call(code, np.concatenate([right, factors])[None]).ravel()
+    else:
+        ends.append(len(writer.steps))
+        solution = writer.room(size)
+        outside = _outside(system, values, right, solution)
+    ends.append(len(writer.steps))
+    parts = [Part(tuple(writer.steps[a:b]), writer.rows) for a, b in zip(ends, ends[1:], strict=False)]
+    masses, forces = _masses_and_forces(model.evaluators["acceleration"])
+    rates, rated = np.zeros((2, 0), dtype=np.int64)
+    if "s" in model.evaluators["acceleration"].index:
+        rates, (rated,) = model.evaluators["acceleration"].index["s"]
+    systems = NodalSystems(
+        width=width,
+        coordinates=n,
+        parameters=model.block_parameters,
+        values=parts[0],
+        drift=parts[1],
+        factor=parts[2],
+        solve=parts[3],
+        rows=writer.size,
+        right=int(right[0]) if size else 0,
+        guess=int(guess[0]) if size else 0,
+        solution=solution,
+        starts=np.searchsorted(system.rows, np.arange(size + 1)),
+        columns=system.columns,
+        entries=values[system.source],
+        motion=_taken(values, system.motion),
+        constraints=_taken(drift, system.drift),
+        rates=values[rates],
+        masses=values[masses],
+        forces=values[forces],
+    )
+    return Nodal(systems, rated, outside)
 
 
-class CompiledSystems:
-    """Straight-line code for the model's own order of elimination."""
-
-    compiled = True
-
-    def __init__(self, system: System, code: Kernel, count: int) -> None:
-        assert system.solve is not None and system.project is not None
-        self.system, self.given, self.code = system, code.inputs - system.size, code
-        entries = (system.rows, system.columns, system.source)
-        self.product = defect_kernel(*entries, np.full(system.size, -1), self.given)
-        self.difference = defect_kernel(*entries, system.motion, self.given)
-        self.both = np.empty((count, self.given + system.size))
-        self.values = self.both[:, : self.given]
-
-    def place(self, values: Array) -> None:
-        """See `NodalSystems`."""
-        self.values = values
-        self.both[:, : self.given] = values
-
-    def motion(self) -> Array:
-        """See `NodalSystems`."""
-        assert self.system.solve is not None
-        return self.system.solve(self.values)
-
-    def solve(self, right: Array) -> Array:
-        """See `NodalSystems`."""
-        self.both[:, self.given :] = right
-        return self.code(self.both)
-
-    def apply(self, x: Array) -> Array:
-        """See `NodalSystems`."""
-        self.both[:, self.given :] = x
-        return self.product(self.both)
-
-    def defect(self, x: Array) -> Array:
-        """See `NodalSystems`."""
-        self.both[:, self.given :] = x
-        return self.difference(self.both)
-
-    def excess(self, drift: Array) -> Array:
-        """See `NodalSystems`."""
-        assert self.system.project is not None
-        return self.system.project(np.concatenate([self.values, drift], axis=1))
+def _taken(rows: Index, which: Index) -> Index:
+    """Rows of some results; -1: there is none."""
+    return np.where(which < 0, -1, rows[which] if len(rows) else -1)
 
 
-class SparseSystems:
-    """Sparse factorisations, for large mechanisms whose elimination cannot be compiled."""
-
-    compiled = False
-
-    def __init__(self, model: Model) -> None:
-        self.model, self.system = model, model.system
-        self.values = np.zeros((0, 0))
-        self.factors = Factors((), np.zeros((0, 0)))
-
-    def place(self, values: Array) -> None:
-        """See `NodalSystems`."""
-        self.values = values
-        self.factors = self.system.pattern.factorise(values)
-
-    def motion(self) -> Array:
-        """See `NodalSystems`."""
-        return self.solve(self.system.right(self.values))
-
-    def solve(self, right: Array) -> Array:
-        """See `NodalSystems`."""
-        return self.factors.solve(right)
-
-    def apply(self, x: Array) -> Array:
-        """See `NodalSystems`."""
-        return -np.asarray(self.system.pattern.product(self.values, x))
-
-    def defect(self, x: Array) -> Array:
-        """See `NodalSystems`."""
-        found: Array = self.system.right(self.values) + self.apply(x)
-        return found
-
-    def excess(self, drift: Array) -> Array:
-        """See `NodalSystems`."""
-        n = self.model.layout.coordinates
-        return np.concatenate([self.solve(side)[:, :n] for side in self.system.drift_sides(drift)], axis=1)
+def _masses_and_forces(evaluator: Evaluator) -> tuple[Index, Index]:
+    """Find the results that are masses of coordinates, and the forces on these."""
+    if "mass" not in evaluator.index or "force" not in evaluator.index:
+        return np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
+    (forces, (on,)), (masses, (i, k)) = evaluator.index["force"], evaluator.index["mass"]
+    own = {int(a): int(m) for m, a, b in zip(masses, i, k, strict=True) if a == b}
+    pairs = [(own[int(a)], int(f)) for f, a in zip(forces, on, strict=True) if int(a) in own]
+    found = np.array(pairs, dtype=np.int64).reshape(-1, 2)
+    return found[:, 0], found[:, 1]
 
 
-class FrontalSystems(SparseSystems):
-    """The model's own elimination by blocks."""
+def _factorised(system: System, given: int) -> tuple[Kernel | None, Kernel | None]:
+    """Compile the factors of a system of `given` values, and its solution from a right-hand side and the factors."""
+    if system.elimination is None or not isinstance(system.solve, Kernel):
+        return None, None
+    size, entries = system.size, (system.rows, system.columns, system.source)
+    rights = given + np.arange(size)[None, :]
+    operations, solution = eliminated(system.elimination, *entries, rights, given + size, size)
+    if not worth_while(operations):
+        return None, None
 
-    compiled = True
+    first = given + size
 
-    def place(self, values: Array) -> None:
-        """See `NodalSystems`."""
-        self.values = values
+    def make() -> tuple[Kernel, Kernel]:
+        depends = [False] * given + [True] * size
+        for kind, *operands in operations:
+            depends.append(kind == "zero" or any(depends[x] for x in operands if x >= 0))
+        early, late = ([k for k in range(len(operations)) if depends[first + k] is x] for x in (False, True))
+        kept = sorted({x for k in late for x in operations[k][1:] if x >= 0 and not depends[x]})
+        own, part = _renumbered(operations, early, first, list(range(given)))
+        factor = compile_operations(part, range(given), [own[x] for x in kept], given)
+        reads = [*range(given, first), *kept]
+        own, part = _renumbered(operations, late, first, reads)
+        return factor, compile_operations(part, range(len(reads)), [own[x] for x in solution], len(reads))
 
-    def solve(self, right: Array) -> Array:
-        """See `NodalSystems`."""
-        found: Array = self.system.fronts.solve(self.values, right)
-        return found
+    key = ("factors of a system", given, *(x.tolist() for x in entries), system.elimination.steps)
+    found: tuple[Kernel, Kernel] = cached(key, make)
+    return found
 
 
-class LapackSystems:
-    """Dense inverses: for mechanisms whose elimination is too long to compile, at the starts of an integration."""
+def _renumbered(
+    operations: list[Operation], which: list[int], first: int, reads: list[int]
+) -> tuple[dict[int, int], list[Operation]]:
+    """Take some operations by themselves: the new number of each value, those that are read first, and the operations.
 
-    compiled = False
+    Operation k makes the value of number ``first + k``.
+    """
+    number = {x: k for k, x in enumerate(reads)} | {first + k: len(reads) + i for i, k in enumerate(which)}
+    found: list[Operation] = []
+    for k in which:
+        kind, *operands = operations[k]
+        a, b, c = (number[x] if x >= 0 else -1 for x in operands)
+        found.append((kind, a, b, c))
+    return number, found
 
-    def __init__(self, model: Model) -> None:
-        self.model, self.system = model, model.system
-        self.matrix = self.inverse = np.zeros((0, 0, 0))
-        self.right = np.zeros((0, 0))
 
-    def place(self, values: Array) -> None:
-        """See `NodalSystems`."""
-        self.matrix, self.right = self.system.matrix(values), self.system.right(values)
-        # rows of light bodies are scaled up: the pivots see comparable numbers
-        scale = np.abs(self.matrix).max(axis=2)
-        scale = np.where(scale > 0, scale, 1.0)
-        try:
-            self.inverse = np.linalg.inv(self.matrix / scale[:, :, None]) / scale[:, None, :]
-        except np.linalg.LinAlgError:
-            self.inverse = np.full_like(self.matrix, np.nan)
+def _outside(system: System, values: Index, right: Index, solution: Index) -> Outside:
+    """Solve the systems by a library, for rows of their values, right-hand sides and solutions in the work arrays."""
+    factorise = _by_superlu if system.size > DENSE_LIMIT else _by_lapack
+    solve: list[Callable[[Array], Array]] = []
 
-    def motion(self) -> Array:
-        """See `NodalSystems`."""
-        return self.solve(self.right)
+    def outside(work: Array, new: bool) -> None:  # noqa: FBT001 - as the driver calls it
+        given = work[:, values if new else right].transpose(0, 2, 1)
+        flat = given.reshape(-1, given.shape[2])
+        if new:
+            solve[:] = [factorise(system, flat)]
+        else:
+            work[:, solution] = solve[0](flat).reshape(given.shape).transpose(0, 2, 1)
 
-    def solve(self, right: Array) -> Array:
-        """See `NodalSystems`."""
-        found = np.matmul(self.inverse, right[:, :, None])
+    return outside
+
+
+def _by_superlu(system: System, values: Array) -> Callable[[Array], Array]:
+    """Factorise sparse matrices, of large mechanisms whose elimination cannot be compiled."""
+    return system.pattern.factorise(values).solve
+
+
+def _by_lapack(system: System, values: Array) -> Callable[[Array], Array]:
+    """Invert dense matrices: of mechanisms whose elimination is too long to compile, at the start of an integration."""
+    matrix = system.matrix(values)
+    # rows of light bodies are scaled up: the pivots see comparable numbers
+    scale = np.abs(matrix).max(axis=2)
+    scale = np.where(scale > 0, scale, 1.0)
+    try:
+        inverse = np.linalg.inv(matrix / scale[:, :, None]) / scale[:, None, :]
+    except np.linalg.LinAlgError:
+        inverse = np.full_like(matrix, np.nan)
+
+    def solve(right: Array) -> Array:
+        found = np.matmul(inverse, right[:, :, None])
         # refined once: an inverse loses digits that a factorisation keeps
-        found += np.matmul(self.inverse, right[:, :, None] - np.matmul(self.matrix, found))
+        found += np.matmul(inverse, right[:, :, None] - np.matmul(matrix, found))
         return np.asarray(found[:, :, 0])
 
-    def apply(self, x: Array) -> Array:
-        """See `NodalSystems`."""
-        return np.asarray(-np.matmul(self.matrix, x[:, :, None])[:, :, 0])
-
-    def defect(self, x: Array) -> Array:
-        """See `NodalSystems`."""
-        return self.right + self.apply(x)
-
-    def excess(self, drift: Array) -> Array:
-        """See `NodalSystems`."""
-        n = self.model.layout.coordinates
-        return np.concatenate([self.solve(side)[:, :n] for side in self.system.drift_sides(drift)], axis=1)
+    return solve

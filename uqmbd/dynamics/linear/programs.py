@@ -58,8 +58,8 @@ class Programs:
         return {key: value for key, value in self.__dict__.items() if key != "others"}
 
     @cached_property
-    def others(self) -> dict[Any, Program]:
-        """Programs that were made of these, by whatever tells them apart."""
+    def others(self) -> dict[Any, Any]:
+        """What else was made of the model, by whatever tells it apart."""
         return {}
 
     def write_motion(self, model: Model, writer: Writer, arguments: Index, parameters: Index) -> Motion:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from uqmbd.dynamics.projection.constraint_check import projected_off
-from uqmbd.dynamics.projection.dop853 import integrate_batched
+from uqmbd.dynamics.projection.dop853 import integrate_coefficients
 from uqmbd.dynamics.projection.ensemble import ProjectedStart, Projection
 from uqmbd.dynamics.projection.ida import LINEAR_SOLVERS, LinearSolver, implicit
 from uqmbd.dynamics.projection.trajectories import ProjectedTrajectories, Watch
@@ -16,6 +16,6 @@ __all__ = [
     "Projection",
     "Watch",
     "implicit",
-    "integrate_batched",
+    "integrate_coefficients",
     "projected_off",
 ]

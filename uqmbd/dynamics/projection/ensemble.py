@@ -137,7 +137,7 @@ class Projection:
     @cached_property
     def coupled(self) -> Coupled:
         """The projected index-1 system."""
-        return Coupled(self.model, self.psi, self.adjoint)
+        return Coupled(self.model, self.psi, self.adjoint, self.ensemble.block)
 
     @cached_property
     def start(self) -> ProjectedStart:
@@ -158,8 +158,7 @@ class Projection:
             state[:, :n] -= q
         for _ in range(2):
             state[:, velocities:] -= self._excess(state, time)[1]
-        values = self._values(state, time)
-        found = self.coupled.solve(values, tolerance=1e-12)
+        found, _ = self.coupled.solve(state, time, tolerance=1e-12)
         if not (left <= CLOSED * size and np.isfinite(found).all() and np.isfinite(state).all()):
             raise AssemblyError(
                 f"mechanism {self.model.name!r}: the projected equations have no consistent start, though every node "
@@ -170,14 +169,8 @@ class Projection:
 
     def accelerations(self, state: Array, time: float) -> tuple[Array, Array, Array]:
         """Coefficients of accelerations, multipliers of the kept equations and rates of the auxiliary states."""
-        values = self._values(state, time)
-        found = self.coupled.solve(np.ascontiguousarray(values), tolerance=1e-10)
+        found, rates = self.coupled.solve(state, time, tolerance=1e-10)
         n = self.model.layout.coordinates
-        rates = np.zeros((self.terms, self.model.layout.states))
-        entry = self.model.evaluators["acceleration"].index.get("s")
-        if entry is not None:
-            columns, (where,) = entry
-            rates[:, where] = self.adjoint @ values[:, columns]
         return found[:, :n], found[:, n:], rates
 
     def impulse(self, state: Array, time: float, rtol: float) -> Array:
@@ -208,12 +201,8 @@ class Projection:
         other.__dict__.update(ensemble=ensemble, model=ensemble.model, start=start, coupled=self.coupled)
         return other
 
-    def _values(self, state: Array, time: float) -> Array:
-        return self.model.evaluators["acceleration"](state_arguments(time, self.psi @ state), self.ensemble.block)
-
     def _excess(self, state: Array, time: float) -> tuple[Array, Array]:
-        drift = self.model.evaluators["drift"](state_arguments(time, self.psi @ state), self.ensemble.block)
-        return self.coupled.excess(self._values(state, time), drift, tolerance=1e-10)
+        return self.coupled.excess(state, time, tolerance=1e-10)
 
     def constraints(self, times: Array, nodal: Array) -> Array:
         """Root of the expectation of the squared constraints, summed, of nodal states (K, T, width); shape (T,)."""
