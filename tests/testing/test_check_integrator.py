@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from dataclasses import replace
 
 import numpy as np
@@ -286,3 +287,15 @@ def _projected(change):
 def test_projected(own, problem):
     with pytest.raises(AssertionError, match=problem):
         check_integrator(made(integrate_projected=own, projected=True, watched=True))
+
+
+def test_unlocked():
+    """An integrator whose numbers depend on the thread that computes them."""
+
+    def integrate(self, ensemble, times, rtol):
+        found = Dop853().integrate(ensemble, times, rtol)
+        return replace(found, states=found.states + 1e-12 * (threading.current_thread() is not threading.main_thread()))
+
+    check_integrator(made(integrate=integrate))
+    with pytest.raises(AssertionError, match="'made': unlocked: pendulum.*expected the same bits"):
+        check_integrator(made(integrate=integrate, unlocked=True))

@@ -41,7 +41,7 @@ class Dop853:
     """
 
     name = "dop853"
-    events = projected = segments = paced = watched = delegates = sampled = True
+    events = projected = segments = paced = watched = delegates = sampled = unlocked = True
 
     stack: int = MANY
 
@@ -137,7 +137,7 @@ class Auto:
     """
 
     name = "auto"
-    events = projected = segments = paced = watched = delegates = sampled = True
+    events = projected = segments = paced = watched = delegates = sampled = unlocked = True
     linear_solvers = LINEAR_SOLVERS
 
     stack: int = MANY
