@@ -5,6 +5,7 @@ from __future__ import annotations
 from uqmbd.compiled.cache import cache_folder, cached, source_digest
 from uqmbd.compiled.coupled import CoupledSystems, NodalSystems
 from uqmbd.compiled.emission import Operation
+from uqmbd.compiled.encounters import Contacts, Encounters, Touching
 from uqmbd.compiled.explicit import ORDER, STAGES, Dynamics, Method, Realisations, Status
 from uqmbd.compiled.kernel import Kernel
 from uqmbd.compiled.kernels import compilations, compile_kernel, compile_operations, replaced
@@ -16,7 +17,9 @@ from uqmbd.compiled.writer import LANES
 __all__ = [
     "Columns",
     "CoupledSystems",
+    "Contacts",
     "Dynamics",
+    "Encounters",
     "Kernel",
     "LANES",
     "Method",
@@ -30,6 +33,7 @@ __all__ = [
     "Status",
     "Store",
     "Target",
+    "Touching",
     "Writer",
     "addresses_of",
     "cache_folder",

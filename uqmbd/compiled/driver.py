@@ -21,7 +21,10 @@ from uqmbd.typing import Array
 
 __all__ = [
     "Coupled",
+    "ENCOUNTERS",
     "POOL",
+    "Contacts",
+    "Encounters",
     "Pool",
     "Problem",
     "Program",
@@ -80,7 +83,7 @@ class Problem(ctypes.Structure):
         *((name, _DOUBLE) for name in ("rtol", "moving", "far", "surplus_allowed", "stiff")),
         *((name, _INT) for name in ("patience", "refusals", "attempts", "guarded", "instants")),
         ("times", _POINTER),
-        *((name, _POINTER) for name in ("leg_ends", "leg_longest", "leg_jumps")),
+        *((name, _POINTER) for name in ("leg_ends", "leg_longest", "leg_jumps", "contacts")),
     )
 
 
@@ -97,7 +100,32 @@ POOL = (
 class Pool(ctypes.Structure):
     """``Pool`` of dop853.h."""
 
-    _fields_ = tuple((name, _POINTER) for name in POOL)
+    _fields_ = tuple((name, _POINTER) for name in (*POOL, "encounters"))
+
+
+class Contacts(ctypes.Structure):
+    """``Contacts`` of events.h."""
+
+    _fields_ = (
+        *(("events", _INT), ("directions", _INT), ("first", _POINTER)),
+        *(("guards", Program), ("guard", _POINTER), ("contact", Program)),
+        *((name, _POINTER) for name in ("gap", "law", "speed", "bias", "slope")),
+        *(("size", _INT), ("entries", _INT)),
+        *((name, _POINTER) for name in ("rows", "columns", "values", "right")),
+    )
+
+
+ENCOUNTERS = (
+    *("mode", "heading", "resting", "rise", "length", "slow"),
+    *("happened", "noted", "mark", "mark_times"),
+)
+"""Arrays of what happens to contacts."""
+
+
+class Encounters(ctypes.Structure):
+    """``Encounters`` of events.h."""
+
+    _fields_ = (*((name, _POINTER) for name in ENCOUNTERS), ("room", _INT), ("watched", _INT))
 
 
 class Coupled(ctypes.Structure):
@@ -150,7 +178,7 @@ class _Driver:
         places = addresses_of(tuple(_FUNCTIONS), _object_code())
         for (name, (result, arguments)), place in zip(_FUNCTIONS.items(), places, strict=True):
             setattr(self, name, ctypes.CFUNCTYPE(result, *arguments)(place))
-        kinds = (Step, Program, Source, Tableau, Problem, Pool, Coupled)
+        kinds = (Step, Program, Source, Tableau, Problem, Pool, Coupled, Contacts, Encounters)
         found = np.zeros(len(kinds), dtype=np.int64)
         self.sizes(address(found))
         assert found.tolist() == [ctypes.sizeof(kind) for kind in kinds], "driver.bc was made from other sources"

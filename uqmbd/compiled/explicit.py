@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from uqmbd.compiled import driver as c
 from uqmbd.compiled.driver import address, aligned, driver
+from uqmbd.compiled.encounters import Contacts, Encounters
 from uqmbd.compiled.programs import Part
 from uqmbd.compiled.writer import LANES
 from uqmbd.typing import Array, Index
@@ -46,6 +47,8 @@ class Status(IntEnum):
     MANY = 6
     SMALL = 7
     STEPPED = 8
+    EVENT = 9
+    NOTED = 10
 
 
 Leg = tuple[float, float, bool]
@@ -177,6 +180,8 @@ class Realisations:
         the first are those of all, if there are no others.
     floor : array, shape (M,)
         Absolute tolerances.
+    contacts, encounters : Contacts and Encounters, optional
+        What may happen on the way, and what does.
 
     Attributes
     ----------
@@ -200,8 +205,11 @@ class Realisations:
         times: Array,
         legs: Sequence[Sequence[Leg]],
         floor: Array,
+        contacts: Contacts | None = None,
+        encounters: Encounters | None = None,
     ) -> None:
         count, width = z.shape
+        self.contacts, self.encounters = contacts, encounters
         self.dynamics, self.method, self.evaluations = dynamics, method, 0
         self.times = np.ascontiguousarray(times, dtype=float)
         self.z = np.array(z, dtype=float, order="C")
@@ -292,7 +300,8 @@ class Realisations:
 
     @cached_property
     def _pool(self) -> c.Pool:
-        return c.Pool(*(address(getattr(self, name)) for name in c.POOL))
+        happening = 0 if self.encounters is None else ctypes.addressof(self.encounters.structure)
+        return c.Pool(*(address(getattr(self, name)) for name in c.POOL), happening)
 
     @cached_property
     def _problem(self) -> c.Problem:
@@ -304,4 +313,5 @@ class Realisations:
             *(m.rtol, float(d.moving), m.far, m.surplus, m.stiff),
             *(m.patience, m.refusals, m.attempts, int(m.guarded), len(self.times)),
             *map(address, (self.times, self.leg_ends, self.leg_longest, self.leg_jumps)),
+            0 if self.contacts is None else ctypes.addressof(self.contacts.structure),
         )

@@ -1,16 +1,8 @@
-#include "dop853.h"
-
-typedef struct {
-    V *work, *z, *next, *last, *rates, *dense, *surplus, *nodes, *node_times;
-    V now, begin, end, low, high, bound, wanted, size, floor, limit, error;
-    Mask running, fresh;
-    int64_t member[LANES];
-    int64_t evaluations;
-} Group;
+#include "group.h"
 
 int64_t advance_workspace(const Problem *p) {
     int64_t rows = p->rows + (3 + ALL_STAGES + DENSE + NODES) * p->width + 2 * p->coordinates + NODES;
-    return rows * LANES;
+    return rows * LANES + (p->contacts ? contact_workspace(p->contacts) : 0);
 }
 
 static void place(const Problem *p, Group *g, double *workspace) {
@@ -33,6 +25,8 @@ static void place(const Problem *p, Group *g, double *workspace) {
     g->surplus = at;
     at += 2 * p->coordinates;
     g->node_times = at;
+    at += NODES;
+    if (p->contacts) place_contacts(p->contacts, g, at);
     g->evaluations = 0;
 }
 
@@ -86,6 +80,7 @@ static void load_lane(const Problem *p, const Pool *pool, Group *g, int64_t l, i
     g->floor[l] = pool->floor[m];
     g->limit[l] = pool->limit[m];
     g->fresh[l] = running && pool->fresh[m] ? -1 : 0;
+    g->touching[l] = running && p->contacts && touches(p->contacts, pool->encounters, m) ? -1 : 0;
     bounds(p, g, l, pool->leg[m] <= pool->last_leg[m] ? pool->leg[m] : pool->last_leg[m]);
 }
 
@@ -101,7 +96,7 @@ static void store_lane(const Problem *p, const Pool *pool, Group *g, int64_t l) 
     pool->tried[m] = g->size[l];
     pool->fresh[m] = g->fresh[l] ? 1 : 0;
     g->member[l] = -1;
-    g->running[l] = 0;
+    g->running[l] = g->touching[l] = 0;
 }
 
 /* -- the method ----------------------------------------------------------------------------------------------------- */
@@ -111,6 +106,7 @@ static void evaluate_rate(const Problem *p, Group *g, V time, V *rate) {
     g->work[p->time] = smaller(larger(time, g->low), g->high);
     run_program(&p->motion, g->work);
     for (int64_t i = 0; i < p->width; i++) rate[i] = g->work[p->rate[i]];
+    if (any(g->touching)) add_forces(p, g, rate);
     g->evaluations++;
 }
 
@@ -244,9 +240,20 @@ static void interpolate(const Problem *p, const Group *g, V part, V *target) {
     }
 }
 
-/* Write the interpolated states at the output times up to `last`. */
-static void write_outputs(const Problem *p, const Pool *pool, Group *g, Mask taken, V last) {
-    int64_t width = p->width, known = 0;
+/* Put the states in the work array onto the constraints. */
+static void put_on_constraints(const Problem *p, Group *g, Mask which) {
+    if (!p->surplus) return;
+    run_program(&p->motion, g->work);
+    run_program(&p->excess, g->work);
+    for (int64_t i = 0; i < p->coordinates; i++) {
+        g->work[i] -= choose(which, g->work[p->surplus[i]], splat(0.0));
+        g->work[p->velocities + i] -= choose(which, g->work[p->surplus[p->coordinates + i]], splat(0.0));
+    }
+}
+
+/* Write the interpolated states at the output times up to `last`; `known`: so is the interpolant. */
+static void write_outputs(const Problem *p, const Pool *pool, Group *g, Mask taken, V last, int64_t known) {
+    int64_t width = p->width;
     for (;;) {
         Mask due = {0};
         V moment = g->now;
@@ -260,7 +267,12 @@ static void write_outputs(const Problem *p, const Pool *pool, Group *g, Mask tak
         if (!known) interpolant(p, g);
         known = 1;
         V *x = g->work;
-        interpolate(p, g, smaller((moment - g->now) / g->size, splat(1.0)), x);
+        interpolate(p, g, larger(smaller((moment - g->now) / g->size, splat(1.0)), splat(0.0)), x);
+        if (any(g->touching & due)) {
+            g->work[p->time] = smaller(larger(moment, g->low), g->high);
+            put_on_constraints(p, g, due & g->touching);
+            put_on_contacts(p, g, due);
+        }
         for (int64_t l = 0; l < LANES; l++) {
             if (!due[l]) continue;
             int64_t m = g->member[l], entries = width / p->blocks;
@@ -396,6 +408,42 @@ static int64_t advance_lane(const Problem *p, const Pool *pool, Group *g, int64_
     return p->leg_jumps[leg] ? JUMP : RUNNING;
 }
 
+/* Events: go on from parts of the step that were taken, put on the constraints and on contacts that last. */
+static void stop(const Problem *p, Group *g, Mask stopped, V until) {
+    interpolate(p, g, until, g->work);
+    g->work[p->time] = smaller(larger(g->now + until * g->size, g->low), g->high);
+    put_on_constraints(p, g, stopped);
+    put_on_contacts(p, g, stopped);
+    for (int64_t i = 0; i < p->width; i++) g->z[i] = choose(stopped, g->work[i], g->z[i]);
+    g->fresh |= stopped;
+}
+
+/* Put the states that were reached onto contacts that last; lanes where one has come to rest, and its guard. */
+static Mask keep_contacts(const Problem *p, Group *g, Mask taken, V reached, int64_t *happened) {
+    copy(g->work, g->z, p->width);
+    g->work[p->time] = smaller(larger(reached, g->low), g->high);
+    put_on_contacts(p, g, taken);
+    Mask stopped = turn_headings(p, g, taken, happened);
+    for (int64_t i = 0; i < p->width; i++) g->z[i] = choose(taken & g->touching, g->work[i], g->z[i]);
+    g->fresh |= taken & g->touching;
+    return stopped;
+}
+
+/* Park a lane with an event. */
+static int64_t happen(const Pool *pool, Group *g, int64_t l, int64_t happened) {
+    int64_t m = g->member[l];
+    pool->encounters->happened[m] = happened;
+    pool->rejected[m] = pool->refused[m] = 0;
+    pool->steps[m]++;
+    return EVENT;
+}
+
+/* Whether a step might bring more marks than there is room for. */
+static int noted_many(const Problem *p, const Pool *pool, int64_t m) {
+    int64_t noted = pool->encounters->noted[m];
+    return noted && noted > pool->encounters->room - SAMPLES * p->contacts->events;
+}
+
 static void step(const Problem *p, const Pool *pool, Group *g, int64_t *status) {
     choose_sizes(pool, g);
     attempt(p, g);
@@ -418,18 +466,37 @@ static void step(const Problem *p, const Pool *pool, Group *g, int64_t *status) 
         double off = end - last[l], near = 1e-12 * (end > 1.0 ? end : end < -1.0 ? -end : 1.0);
         if (off < near && -off < near) last[l] = end;
     }
-    write_outputs(p, pool, g, taken, last);
-    accept(p, g, taken);
+    Mask stopped = {0};
+    int64_t watched = p->contacts && pool->encounters->watched, happened[LANES];
+    V until = splat(1.0);
+    if (watched) {
+        interpolant(p, g);
+        stopped = find_events(p, g, taken, &until, happened);
+        reached = choose(stopped, g->now + until * g->size, reached);
+        /* an output time that differs from that of an event by rounding is that of the event */
+        last = choose(stopped, reached - 1e-13 * larger(splat(1.0), magnitude(reached)), last);
+    }
+    write_outputs(p, pool, g, taken, last, watched);
+    if (any(stopped)) stop(p, g, stopped, until);
+    accept(p, g, taken & ~stopped);
+    if (any(g->touching)) stopped |= keep_contacts(p, g, taken & ~stopped, reached, happened);
     g->now = choose(taken, reached, g->now);
     if (p->guarded) remember(p, g, taken);
-    for (int64_t l = 0; l < LANES; l++)
-        if (taken[l]) status[l] = advance_lane(p, pool, g, l, g->error[l], stiff[l] != 0);
+    for (int64_t l = 0; l < LANES; l++) {
+        if (!taken[l]) continue;
+        if (stopped[l])
+            status[l] = happen(pool, g, l, happened[l]);
+        else
+            status[l] = advance_lane(p, pool, g, l, g->error[l], stiff[l] != 0);
+        if (watched && status[l] == RUNNING && noted_many(p, pool, g->member[l])) status[l] = NOTED;
+    }
 }
 
 int64_t advance(const Problem *p, const Pool *pool, const int64_t *queue, int64_t count, double *workspace,
                 int64_t budget) {
     Group g;
     place(p, &g, workspace);
+    g.pool = pool;
     g.work[p->time + 1] = splat(0.0);
     int64_t next = 0, running = 0;
     for (int64_t l = 0; l < LANES; l++) {

@@ -9,7 +9,7 @@
 #ifndef UQMBD_DOP853_H
 #define UQMBD_DOP853_H
 
-#include "program.h"
+#include "events.h"
 
 enum { STAGES = 12, ALL_STAGES = 16, DENSE = 7, NODES = 5 };
 
@@ -39,7 +39,9 @@ enum {
     STIFF,
     MANY,    /* more attempts than are allowed */
     SMALL,   /* the step size has become too small */
-    STEPPED  /* a step was taken, and each is to be told */
+    STEPPED, /* a step was taken, and each is to be told */
+    EVENT,   /* a guard has fallen through zero */
+    NOTED    /* there might not be room for the marks of another step */
 };
 
 typedef struct {
@@ -66,6 +68,7 @@ typedef struct {
     const double *times;
     const double *leg_ends, *leg_longest; /* of all members, one after the other */
     const int64_t *leg_jumps;
+    const Contacts *contacts; /* null: there are no events */
 } Problem;
 
 /* All realisations: rows of arrays. */
@@ -81,6 +84,7 @@ typedef struct {
     double *node_times, *nodes; /* (member, NODES), (member, NODES, width) */
     double *result; /* (member, instant, width) */
     int8_t *poor;   /* (member, instant): farther off the constraints than interpolation should lead */
+    const Encounters *encounters;
 } Pool;
 
 /* Number of doubles of the workspace of `advance`, which must be aligned to 64 bytes. */

@@ -1,5 +1,7 @@
 /* One translation unit: all that is compiled ahead of time. */
 #include "program.c"
+#include "contacts.c"
+#include "events.c"
 #include "dop853.c"
 #include "tables.c"
 #include "coupled.c"
@@ -13,4 +15,6 @@ void sizes(int64_t *found) {
     found[4] = sizeof(Problem);
     found[5] = sizeof(Pool);
     found[6] = sizeof(Coupled);
+    found[7] = sizeof(Contacts);
+    found[8] = sizeof(Encounters);
 }

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import numpy as np
+
+from uqmbd.typing import Array, Index
+
 __all__ = ["Chatter"]
 
 
@@ -17,32 +21,36 @@ COARSEST = 1e4
 
 
 class Chatter:
-    """Watches the impacts of one realisation.
+    """Watches the impacts of M realisations.
 
     Parameters
     ----------
-    length : float
+    length : array, shape (M,)
         Size of the mechanism, m.
     duration : float
         Of the output times, s.
     """
 
-    def __init__(self, length: float, duration: float) -> None:
+    def __init__(self, length: Array, duration: float) -> None:
         self.least, self.window = 1e-12 * length, CROWDED * duration
-        self.fastest, self.coarse, self.crowd = 0.0, 1.0, list[float]()
+        self.fastest, self.coarse = np.zeros(len(length)), np.ones(len(length))
+        self.crowd, self.count = np.zeros((len(length), CROWD)), np.zeros(len(length), dtype=np.int64)
 
-    @property
-    def slow(self) -> float:
-        """Speed that is none, m/s."""
-        return max(self.coarse * SLOWEST * self.fastest, self.least)
+    def slow(self, members: Index) -> Array:
+        """Speeds that are none, m/s."""
+        return np.maximum(self.coarse[members] * SLOWEST * self.fastest[members], self.least[members])
 
-    def count(self, time: float) -> None:
-        """Count an event: where they crowd, bodies stay together earlier, as in a corner friction may feed bounces."""
-        if self.crowd and time - self.crowd[-1] > 10 * self.window:
-            self.coarse, self.crowd = 1.0, []
-        self.crowd.append(time)
-        if len(self.crowd) >= CROWD:
-            crowded = self.crowd[-1] - self.crowd[-CROWD] < self.window
-            if crowded:
-                self.coarse = min(self.coarse * COARSER, COARSEST)
-            self.crowd = self.crowd[-1:] if crowded else self.crowd[1:]
+    def happened(self, members: Index, times: Array) -> None:
+        """Count events: where they crowd, bodies stay together earlier, as in a corner friction may feed bounces."""
+        count = self.count[members]
+        before = self.crowd[members, count - 1]
+        calm = (count > 0) & (times - before > 10 * self.window)
+        self.coarse[members[calm]], self.count[members[calm]] = 1.0, 0
+        self.crowd[members, self.count[members]] = times
+        self.count[members] += 1
+        many = members[self.count[members] >= CROWD]
+        crowded = self.crowd[many, -1] - self.crowd[many, 0] < self.window
+        self.coarse[many[crowded]] = np.minimum(self.coarse[many[crowded]] * COARSER, COARSEST)
+        self.crowd[many[crowded], 0], self.count[many[crowded]] = self.crowd[many[crowded], -1], 1
+        rest = many[~crowded]
+        self.crowd[rest, :-1], self.count[rest] = self.crowd[rest, 1:], CROWD - 1

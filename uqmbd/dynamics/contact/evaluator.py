@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import contextlib
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
 from uqmbd.dynamics.equations import Model, state_arguments
 from uqmbd.dynamics.linear import System, index1_system
-from uqmbd.typing import Array
+from uqmbd.typing import Array, Index
 
 __all__ = ["ContactEvaluator", "Contacts"]
 
@@ -47,6 +47,11 @@ class Contacts:
     free: Array
     answer: Array
     delassus: Array
+
+    def select(self, states: Index) -> Contacts:
+        """Take some of the states."""
+        taken = {f.name: getattr(self, f.name)[states] for f in fields(self) if f.name != "first"}
+        return Contacts(first=self.first, **taken)
 
     @property
     def coordinates(self) -> int:

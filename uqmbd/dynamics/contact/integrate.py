@@ -1,71 +1,75 @@
-"""Event-driven integration of an ensemble: one realisation after the other, and the times of what happens."""
+"""Event-driven integration of an ensemble, and the times of what happens."""
 
 from __future__ import annotations
 
 import time as clock
 from collections.abc import Mapping, Sequence
-from functools import partial
 
 import numpy as np
 
 from uqmbd.dynamics.batch import Batch
 from uqmbd.dynamics.contact.evaluator import ContactEvaluator
 from uqmbd.dynamics.contact.event_driven import EventDrivenMotion
-from uqmbd.dynamics.contact.pieces import MotionPiece
-from uqmbd.dynamics.integration import Counters, Segment, SegmentedMotion, Trajectories
-from uqmbd.mechanism import event_name
+from uqmbd.dynamics.contact.records import named_times
+from uqmbd.dynamics.contact.segments import followed_segments
+from uqmbd.dynamics.integration import Counters, SegmentedMotion, Trajectories
+from uqmbd.errors import StudyError
 from uqmbd.typing import Array
 
 __all__ = ["event_times", "integrate_with_events", "motion_in_segments"]
 
 
 def integrate_with_events(ensemble: Batch, times: Array, rtol: float) -> Trajectories:
-    """Integrate all realisations of a model with events, one by one, by the explicit method."""
+    """Integrate all realisations of a model with events by the explicit method."""
     begin = clock.perf_counter()
+    _require_compiled(ensemble)
     states = np.full((len(ensemble), len(times), ensemble.model.layout.width), np.nan)
-    messages, runs = list(ensemble.start.messages), dict[int, EventDrivenMotion]()
-    evaluator = ContactEvaluator(ensemble.model)
+    messages, members = list(ensemble.start.messages), np.flatnonzero(ensemble.start.ok)
+    if not len(members):
+        return Trajectories(times, states, tuple(messages), Counters(seconds=clock.perf_counter() - begin))
+    motion = EventDrivenMotion(ensemble.select(members), times, rtol, ContactEvaluator(ensemble.model))
     with np.errstate(all="ignore"):
-        for member in np.flatnonzero(ensemble.start.ok).tolist():
-            run = runs[member] = EventDrivenMotion(ensemble.select(np.array([member])), times, rtol, evaluator)
-            run.run()
-            states[member], messages[member] = run.states(), run.message
+        motion.follow()
+    states[members] = motion.run.result
+    for member, message in zip(members.tolist(), motion.messages, strict=True):
+        messages[member] = message
     counters = Counters(
-        integrations=sum(len(r.pieces) for r in runs.values()),
-        accelerations=sum(r.evaluations for r in runs.values()),
-        steps=sum(r.steps for r in runs.values()),
-        events=sum(len(r.records) for r in runs.values()),
-        by_dop853=len(runs),
+        integrations=int(motion.restarts.sum()),
+        accelerations=motion.run.evaluations,
+        steps=int(motion.run.steps.sum()),
+        events=int(motion.records.count.sum()),
+        by_dop853=len(members),
         seconds=clock.perf_counter() - begin,
     )
-    happened = {k: [(r.time, r.event, r.label) for r in run.records] for k, run in runs.items()}
-    return Trajectories(times, states, tuple(messages), counters, event_times(ensemble, happened))
+    return Trajectories(times, states, tuple(messages), counters, motion.records.times(members, len(ensemble)))
 
 
 def motion_in_segments(ensemble: Batch, times: Array, rtol: float) -> SegmentedMotion:
     """Follow one realisation from event to event; see `SegmentedMotion`."""
-    run = EventDrivenMotion(ensemble, times, rtol, ContactEvaluator(ensemble.model))
+    _require_compiled(ensemble)
+    motion = EventDrivenMotion(ensemble, times, rtol, ContactEvaluator(ensemble.model))
     with np.errstate(all="ignore"):
-        run.run()
-    return SegmentedMotion(
-        tuple(Segment(p.begin, p.end, _label(run, p), partial(run.observed, piece=p)) for p in run.pieces), run.message
-    )
-
-
-def _label(run: EventDrivenMotion, piece: MotionPiece) -> str:
-    """Say what ended a piece of the motion."""
-    names = [f"{run.ensemble.model.events[h.event][0]}: {h.label}" for h in run.records if h.time == piece.end]
-    return ", ".join(dict.fromkeys(names)) or ("" if piece is run.pieces[-1] else "break")
+        return followed_segments(motion)
 
 
 def event_times(ensemble: Batch, happened: Mapping[int, Sequence[tuple[float, int, str]]]) -> dict[str, Array]:
     """Find the times of all events by name; see `uqmbd.Ensemble.event_times`."""
-    found: dict[str, Array] = {}
-    for member, events in happened.items():
-        counts: dict[tuple[str, str], int] = {}
-        for time, event, label in events:
-            component = ensemble.model.events[event][0]
-            number = counts[component, label] = counts.get((component, label), 0) + 1
-            name = event_name(component, label, number)
-            found.setdefault(name, np.full(len(ensemble), np.nan))[member] = time
-    return found
+    names: dict[tuple[str, str], int] = {}
+    events = [
+        (member, time, names.setdefault((ensemble.model.events[event][0], label), len(names)))
+        for member, found in happened.items()
+        for time, event, label in found
+    ]
+    if not events:
+        return {}
+    members, times, kinds = (np.array(x) for x in zip(*events, strict=True))
+    return named_times(members, times, kinds, list(names), len(ensemble))
+
+
+def _require_compiled(ensemble: Batch) -> None:
+    system = ensemble.model.system
+    if system is None or system.programs is None:
+        raise StudyError(
+            f"mechanism {ensemble.model.name!r} has events, and its accelerations cannot be compiled, without which "
+            "no integrator of uqmbd follows events: it is too large, or bodies without mass are free to move."
+        )

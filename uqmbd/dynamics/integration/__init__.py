@@ -1,8 +1,7 @@
-"""Integration without events: explicit in batches, and implicit by IDA."""
+"""Integration without events: explicit by the driver, and implicit by IDA."""
 
 from __future__ import annotations
 
-from uqmbd.dynamics.integration.batch_equations import BatchEquations
 from uqmbd.dynamics.integration.constraint_check import (
     allowed_residual,
     described,
@@ -11,33 +10,25 @@ from uqmbd.dynamics.integration.constraint_check import (
     over_allowed,
     residuals,
 )
-from uqmbd.dynamics.integration.dop853 import explicit_method, integrate_by_dop853, stopped
+from uqmbd.dynamics.integration.dop853 import explicit_method, integrate_by_dop853, legs_of_members, stopped
 from uqmbd.dynamics.integration.functions_of_time import timed
 from uqmbd.dynamics.integration.ida import RELAXED, diagnosis, integrate_by_ida, step_limits, step_tolerance
 from uqmbd.dynamics.integration.knots import timed_tables
 from uqmbd.dynamics.integration.legs import Leg, longest_step, pace
 from uqmbd.dynamics.integration.prescribed import Prescribed, instant, position_jumps, prescribed_by
 from uqmbd.dynamics.integration.restarts import speed_jumps
-from uqmbd.dynamics.integration.roles import Out
-from uqmbd.dynamics.integration.step_control import Curve, Stepper
 from uqmbd.dynamics.integration.sundials import solve
-from uqmbd.dynamics.integration.tableau import ORDER
 from uqmbd.dynamics.integration.trajectories import Counters, Segment, SegmentedMotion, Solved, Trajectories
 
 __all__ = [
     "Counters",
-    "Curve",
     "Leg",
-    "ORDER",
-    "Out",
     "Prescribed",
     "RELAXED",
     "Segment",
     "SegmentedMotion",
     "Solved",
-    "Stepper",
     "Trajectories",
-    "BatchEquations",
     "allowed_residual",
     "described",
     "diagnosis",
@@ -45,6 +36,7 @@ __all__ = [
     "instant",
     "integrate_by_dop853",
     "integrate_by_ida",
+    "legs_of_members",
     "longest_step",
     "off_constraints",
     "off_states",

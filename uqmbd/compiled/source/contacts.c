@@ -1,0 +1,378 @@
+/* Contacts that last: their forces, and states that are put onto them. */
+#include "group.h"
+
+static const double SINGULAR = 1e-11; /* relative size of a singular value that is none */
+
+/* What is computed for one lane: numbers, in the workspace of the caller. */
+typedef struct {
+    double *matrix;   /* (size, size) */
+    double *solution; /* (size, 1 + direction): without forces, then per force in each direction that may act */
+    double *answer;   /* (direction, direction): rates of the speeds per force */
+    double *free;     /* (direction): rates of the speeds without forces */
+    double *force, *rate;
+    double *spread;   /* (direction, row): forces per unknown */
+    double *inner, *turn, *right, *unit, *found;
+    int64_t *active, *held;
+    int64_t count;    /* directions in which forces may act */
+} Lane;
+
+int64_t contact_workspace(const Contacts *c) {
+    int64_t n = c->directions;
+    int64_t vectors = 2 * c->events * (SAMPLES + 2);
+    return vectors * LANES + c->size * (c->size + 1 + n) + 4 * n * n + 8 * n + LANES;
+}
+
+static void place_contacts(const Contacts *c, Group *g, V *at) {
+    g->guards = at;
+    at += 2 * c->events;
+    g->samples = at;
+    at += 2 * c->events * (SAMPLES + 1);
+    g->numbers = (double *)at;
+}
+
+static Lane lane_of(const Contacts *c, const Group *g) {
+    int64_t n = c->directions;
+    Lane s;
+    double *at = g->numbers;
+    s.matrix = at;
+    at += c->size * c->size;
+    s.solution = at;
+    at += c->size * (1 + n);
+    s.answer = at;
+    at += n * n;
+    s.spread = at;
+    at += n * n;
+    s.inner = at;
+    at += n * n;
+    s.turn = at;
+    at += n * n;
+    s.free = at;
+    s.force = at + n;
+    s.rate = at + 2 * n;
+    s.right = at + 3 * n;
+    s.unit = at + 4 * n;
+    s.found = at + 5 * n;
+    s.active = (int64_t *)(at + 6 * n);
+    s.held = (int64_t *)(at + 7 * n);
+    s.count = 0;
+    return s;
+}
+
+/* Whether contacts of a member last. */
+static int touches(const Contacts *c, const Encounters *e, int64_t m) {
+    for (int64_t k = 0; k < c->events; k++)
+        if (e->mode[m * c->events + k] != OPEN) return 1;
+    return 0;
+}
+
+/* -- linear algebra of one lane ------------------------------------------------------------------------------------- */
+
+/* Solve a x = b, with `columns` right-hand sides, by elimination with row pivots; infinite or NaN: it is singular. */
+static void eliminate(double *a, double *b, int64_t size, int64_t columns) {
+    for (int64_t i = 0; i < size; i++) { /* rows of light bodies are scaled up */
+        double most = 0.0;
+        for (int64_t j = 0; j < size; j++) {
+            double x = __builtin_fabs(a[i * size + j]);
+            if (x > most) most = x;
+        }
+        double scale = most > 0.0 ? 1.0 / most : 1.0;
+        for (int64_t j = 0; j < size; j++) a[i * size + j] *= scale;
+        for (int64_t j = 0; j < columns; j++) b[i * columns + j] *= scale;
+    }
+    for (int64_t k = 0; k < size; k++) {
+        int64_t best = k;
+        for (int64_t i = k + 1; i < size; i++)
+            if (__builtin_fabs(a[i * size + k]) > __builtin_fabs(a[best * size + k])) best = i;
+        if (best != k) {
+            for (int64_t j = k; j < size; j++) {
+                double x = a[k * size + j];
+                a[k * size + j] = a[best * size + j];
+                a[best * size + j] = x;
+            }
+            for (int64_t j = 0; j < columns; j++) {
+                double x = b[k * columns + j];
+                b[k * columns + j] = b[best * columns + j];
+                b[best * columns + j] = x;
+            }
+        }
+        double inverse = 1.0 / a[k * size + k];
+        for (int64_t i = k + 1; i < size; i++) {
+            double factor = a[i * size + k] * inverse;
+            if (factor == 0.0) continue;
+            for (int64_t j = k + 1; j < size; j++) a[i * size + j] -= factor * a[k * size + j];
+            for (int64_t j = 0; j < columns; j++) b[i * columns + j] -= factor * b[k * columns + j];
+        }
+    }
+    for (int64_t k = size - 1; k >= 0; k--)
+        for (int64_t j = 0; j < columns; j++) {
+            double x = b[k * columns + j];
+            for (int64_t i = k + 1; i < size; i++) x -= a[k * size + i] * b[i * columns + j];
+            b[k * columns + j] = x / a[k * size + k];
+        }
+}
+
+/* Solve inner x = right for the x of least length, each entry in its unit: contacts may be redundant (a table's legs).
+
+   The columns of the matrix are turned until they are perpendicular to each other (one-sided Jacobi iteration). */
+static void least_solution(Lane *s, int64_t size) {
+    double *u = s->inner, *v = s->turn;
+    if (size == 1) {
+        s->found[0] = s->right[0] / u[0];
+        return;
+    }
+    for (int64_t i = 0; i < size; i++)
+        for (int64_t j = 0; j < size; j++) {
+            u[i * size + j] *= s->unit[i] * s->unit[j];
+            v[i * size + j] = i == j;
+        }
+    for (int64_t sweep = 0, turned = 1; sweep < 40 && turned; sweep++) {
+        turned = 0;
+        for (int64_t i = 0; i < size; i++)
+            for (int64_t j = i + 1; j < size; j++) {
+                double a = 0.0, b = 0.0, c = 0.0;
+                for (int64_t k = 0; k < size; k++) {
+                    a += u[k * size + i] * u[k * size + i];
+                    b += u[k * size + j] * u[k * size + j];
+                    c += u[k * size + i] * u[k * size + j];
+                }
+                if (!(__builtin_fabs(c) > 1e-16 * __builtin_sqrt(a) * __builtin_sqrt(b))) continue;
+                turned = 1;
+                double zeta = (b - a) / (2.0 * c), size_of = __builtin_fabs(zeta) + __builtin_sqrt(1.0 + zeta * zeta);
+                double tangent = (zeta < 0.0 ? -1.0 : 1.0) / size_of;
+                double cosine = 1.0 / __builtin_sqrt(1.0 + tangent * tangent), sine = cosine * tangent;
+                for (int64_t k = 0; k < size; k++) {
+                    double x = u[k * size + i], y = v[k * size + i];
+                    u[k * size + i] = cosine * x - sine * u[k * size + j];
+                    u[k * size + j] = sine * x + cosine * u[k * size + j];
+                    v[k * size + i] = cosine * y - sine * v[k * size + j];
+                    v[k * size + j] = sine * y + cosine * v[k * size + j];
+                }
+            }
+    }
+    double most = 0.0;
+    for (int64_t j = 0; j < size; j++) {
+        double square = 0.0;
+        for (int64_t k = 0; k < size; k++) square += u[k * size + j] * u[k * size + j];
+        if (!(square <= most)) most = square; /* NaN stays */
+        s->found[j] = 0.0;
+    }
+    for (int64_t j = 0; j < size; j++) {
+        double square = 0.0, along = 0.0;
+        for (int64_t k = 0; k < size; k++) {
+            square += u[k * size + j] * u[k * size + j];
+            along += u[k * size + j] * s->unit[k] * s->right[k];
+        }
+        if (square <= SINGULAR * SINGULAR * most) continue;
+        for (int64_t i = 0; i < size; i++) s->found[i] += v[i * size + j] * (along / square);
+    }
+    for (int64_t i = 0; i < size; i++) s->found[i] *= s->unit[i];
+}
+
+/* -- contacts that last, of one lane -------------------------------------------------------------------------------- */
+
+/* Accelerations and rates of the speeds of a lane, without and per force; its contacts stand in the work array. */
+static void answer(const Problem *p, const Group *g, int64_t l, Lane *s) {
+    const Contacts *c = p->contacts;
+    const int64_t *mode = g->pool->encounters->mode + g->member[l] * c->events;
+    int64_t n = p->coordinates, size = c->size;
+    s->count = 0;
+    for (int64_t k = 0; k < c->events; k++) {
+        if (mode[k] == OPEN) continue;
+        int64_t end = mode[k] == SMOOTH ? c->first[k] + 1 : c->first[k + 1];
+        for (int64_t d = c->first[k]; d < end; d++) s->active[s->count++] = d;
+    }
+    int64_t count = s->count, columns = 1 + count;
+    for (int64_t i = 0; i < size * size; i++) s->matrix[i] = 0.0;
+    for (int64_t e = 0; e < c->entries; e++) s->matrix[c->rows[e] * size + c->columns[e]] = g->work[c->values[e]][l];
+    for (int64_t i = 0; i < size; i++) {
+        s->solution[i * columns] = g->work[c->right[i]][l];
+        for (int64_t j = 0; j < count; j++)
+            s->solution[i * columns + 1 + j] = i < n ? g->work[c->slope[s->active[j] * n + i]][l] : 0.0;
+    }
+    eliminate(s->matrix, s->solution, size, columns);
+    for (int64_t j = 0; j < count; j++) {
+        s->free[j] = g->work[c->bias[s->active[j]]][l];
+        for (int64_t k = 0; k < count; k++) s->answer[j * count + k] = 0.0;
+        for (int64_t i = 0; i < n; i++) {
+            double slope = g->work[c->slope[s->active[j] * n + i]][l];
+            s->free[j] += slope * s->solution[i * columns];
+            for (int64_t k = 0; k < count; k++) s->answer[j * count + k] += slope * s->solution[i * columns + 1 + k];
+        }
+    }
+}
+
+static void set_units(Lane *s, int64_t size) {
+    for (int64_t i = 0; i < size; i++) {
+        double diagonal = __builtin_fabs(s->answer[s->held[i] * s->count + s->held[i]]);
+        s->unit[i] = 1.0 / __builtin_sqrt(diagonal > 1e-300 ? diagonal : 1e-300);
+    }
+}
+
+/* Forces of the contacts of a lane that last, and the rates of their speeds with them; after `answer`. */
+static void find_forces(const Problem *p, const Group *g, int64_t l, Lane *s) {
+    const Contacts *c = p->contacts;
+    const int64_t *mode = g->pool->encounters->mode + g->member[l] * c->events;
+    const double *heading = g->pool->encounters->heading + g->member[l] * c->directions;
+    int64_t count = s->count, size = 0, at = 0;
+    for (int64_t i = 0; i < count * count; i++) s->spread[i] = 0.0;
+    for (int64_t k = 0; k < c->events; k++) {
+        if (mode[k] == OPEN) continue;
+        int64_t tangents = mode[k] == SMOOTH ? 0 : c->first[k + 1] - c->first[k] - 1;
+        s->spread[at * count + size] = 1.0;
+        s->held[size++] = at;
+        if (mode[k] == STICK)
+            for (int64_t t = 1; t <= tangents; t++) {
+                s->spread[(at + t) * count + size] = 1.0;
+                s->held[size++] = at + t;
+            }
+        if (mode[k] == SLIP) {
+            /* the direction of sliding, continued through zero */
+            double friction = g->work[c->law[2 * k + 1]][l], fast = 0.0, along = 0.0;
+            for (int64_t t = 1; t <= tangents; t++) {
+                double speed = g->work[c->speed[c->first[k] + t]][l];
+                fast += speed * speed;
+                along += speed * heading[c->first[k] + t];
+            }
+            fast = __builtin_sqrt(fast);
+            for (int64_t t = 1; t <= tangents; t++) {
+                double direction = heading[c->first[k] + t];
+                if (tangents > 1 && fast > 1e-12)
+                    direction = (along < 0.0 ? -1.0 : 1.0) * g->work[c->speed[c->first[k] + t]][l] / fast;
+                s->spread[(at + t) * count + size - 1] = -friction * direction;
+            }
+        }
+        at += 1 + tangents;
+    }
+    for (int64_t i = 0; i < size; i++) {
+        s->right[i] = -s->free[s->held[i]];
+        for (int64_t j = 0; j < size; j++) {
+            double sum = 0.0;
+            for (int64_t d = 0; d < count; d++) sum += s->answer[s->held[i] * count + d] * s->spread[d * count + j];
+            s->inner[i * size + j] = sum;
+        }
+    }
+    set_units(s, size);
+    least_solution(s, size);
+    for (int64_t d = 0; d < count; d++) {
+        s->force[d] = 0.0;
+        for (int64_t j = 0; j < size; j++) s->force[d] += s->spread[d * count + j] * s->found[j];
+    }
+    for (int64_t d = 0; d < count; d++) {
+        s->rate[d] = s->free[d];
+        for (int64_t j = 0; j < count; j++) s->rate[d] += s->answer[d * count + j] * s->force[j];
+    }
+}
+
+/* Change coordinates (or velocities) of a lane, from row `to` on, so that what is held becomes zero; after `answer`. */
+static void correct(const Problem *p, Group *g, int64_t l, Lane *s, int64_t to, int64_t size) {
+    int64_t count = s->count;
+    for (int64_t i = 0; i < size; i++)
+        for (int64_t j = 0; j < size; j++) s->inner[i * size + j] = s->answer[s->held[i] * count + s->held[j]];
+    set_units(s, size);
+    least_solution(s, size);
+    for (int64_t i = 0; i < p->coordinates; i++)
+        for (int64_t j = 0; j < size; j++)
+            g->work[to + i][l] += s->solution[i * (1 + count) + 1 + s->held[j]] * s->found[j];
+}
+
+/* -- contacts that last, of all lanes ------------------------------------------------------------------------------- */
+
+/* Add the forces of contacts that last to the rate of the state in the work array. */
+static void add_forces(const Problem *p, Group *g, V *rate) {
+    Lane s = lane_of(p->contacts, g);
+    run_program(&p->contacts->contact, g->work);
+    for (int64_t l = 0; l < LANES; l++) {
+        if (!g->touching[l]) continue;
+        answer(p, g, l, &s);
+        find_forces(p, g, l, &s);
+        for (int64_t i = 0; i < p->coordinates; i++) {
+            double a = s.solution[i * (1 + s.count)];
+            for (int64_t j = 0; j < s.count; j++) a += s.solution[i * (1 + s.count) + 1 + j] * s.force[j];
+            rate[p->velocities + i][l] = a;
+        }
+    }
+}
+
+/* Put the states in the work array onto the contacts that last. */
+static void put_on_contacts(const Problem *p, Group *g, Mask which) {
+    const Contacts *c = p->contacts;
+    which &= g->touching;
+    if (!any(which)) return;
+    Lane s = lane_of(c, g);
+    run_program(&c->contact, g->work);
+    for (int64_t l = 0; l < LANES; l++) {
+        if (!which[l]) continue;
+        const int64_t *mode = g->pool->encounters->mode + g->member[l] * c->events;
+        answer(p, g, l, &s);
+        int64_t size = 0, at = 0;
+        for (int64_t k = 0; k < c->events; k++) {
+            if (mode[k] == OPEN) continue;
+            s.right[size] = -g->work[c->gap[k]][l];
+            s.held[size++] = at;
+            at += mode[k] == SMOOTH ? 1 : c->first[k + 1] - c->first[k];
+        }
+        correct(p, g, l, &s, 0, size);
+        size = at = 0;
+        for (int64_t k = 0; k < c->events; k++) {
+            if (mode[k] == OPEN) continue;
+            int64_t held = mode[k] == STICK ? c->first[k + 1] - c->first[k] : 1;
+            for (int64_t d = 0; d < held; d++) {
+                s.right[size] = -g->work[c->speed[c->first[k] + d]][l];
+                s.held[size++] = at + d;
+            }
+            at += mode[k] == SMOOTH ? 1 : c->first[k + 1] - c->first[k];
+        }
+        correct(p, g, l, &s, p->velocities, size);
+    }
+}
+
+/* Follow the directions of sliding in space at the states in the work array; lanes where a contact has nearly come to
+   rest, and its guard. */
+static Mask turn_headings(const Problem *p, Group *g, Mask which, int64_t *happened) {
+    const Contacts *c = p->contacts;
+    Mask stopped = {0};
+    which &= g->touching;
+    if (!any(which)) return stopped;
+    Lane s = lane_of(c, g);
+    int64_t known = 0;
+    for (int64_t l = 0; l < LANES; l++) {
+        if (!which[l]) continue;
+        const Encounters *e = g->pool->encounters;
+        int64_t m = g->member[l], solved = 0;
+        double *heading = e->heading + m * c->directions;
+        for (int64_t k = 0, at = 0; k < c->events && !stopped[l]; k++) {
+            int64_t mode = e->mode[m * c->events + k], tangents = c->first[k + 1] - c->first[k] - 1;
+            if (mode == OPEN) continue;
+            int64_t mine = at;
+            at += mode == SMOOTH ? 1 : 1 + tangents;
+            if (mode != SLIP || tangents < 2) continue;
+            if (!known) run_program(&c->contact, g->work);
+            known = 1;
+            double fast = 0.0, along = 0.0, slower = 0.0;
+            for (int64_t t = 1; t <= tangents; t++) {
+                double speed = g->work[c->speed[c->first[k] + t]][l];
+                fast += speed * speed;
+                along += speed * heading[c->first[k] + t];
+            }
+            fast = __builtin_sqrt(fast);
+            if (!(fast > 0.0)) continue;
+            if (fast <= e->slow[m] && along >= 0.0) {
+                if (!solved) {
+                    answer(p, g, l, &s);
+                    find_forces(p, g, l, &s);
+                    solved = 1;
+                }
+                for (int64_t t = 1; t <= tangents; t++)
+                    slower += s.rate[mine + t] * g->work[c->speed[c->first[k] + t]][l];
+                if (slower < 0.0) {
+                    stopped[l] = -1;
+                    happened[l] = 2 * k + 1;
+                    continue;
+                }
+            }
+            for (int64_t t = 1; t <= tangents; t++)
+                heading[c->first[k] + t] = g->work[c->speed[c->first[k] + t]][l] / fast;
+        }
+    }
+    return stopped;
+}

@@ -1,0 +1,22 @@
+/* Eight realisations on their way: what `advance` works with. */
+#ifndef UQMBD_GROUP_H
+#define UQMBD_GROUP_H
+
+#include "dop853.h"
+
+typedef struct {
+    const Pool *pool;
+    V *work, *z, *next, *last, *rates, *dense, *surplus, *nodes, *node_times;
+    V now, begin, end, low, high, bound, wanted, size, floor, limit, error;
+    Mask running, fresh;
+    int64_t member[LANES];
+    int64_t evaluations;
+    Mask touching;      /* contacts of theirs last */
+    V *guards, *samples;
+    double *numbers;    /* of one lane at a time */
+} Group;
+
+/* State at a part of the last attempt. */
+static void interpolate(const Problem *p, const Group *g, V part, V *target);
+
+#endif

@@ -1,0 +1,70 @@
+"""What the driver is told of a mechanism with events: its equations of motion, and programs of its contacts."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from uqmbd.compiled import Contacts, Dynamics, Writer
+from uqmbd.dynamics.equations import Model
+from uqmbd.dynamics.linear import System
+from uqmbd.typing import Index
+
+__all__ = ["contact_programs"]
+
+
+def contact_programs(model: Model) -> tuple[Dynamics, Contacts]:
+    """Return the programs of a model with events, whose index-1 system is compiled; they are written once."""
+    others = model.system.programs.others
+    if "contacts" not in others:
+        others["contacts"] = _written(model)
+    found: tuple[Dynamics, Contacts] = others["contacts"]
+    return found
+
+
+def _written(model: Model) -> tuple[Dynamics, Contacts]:
+    layout, system = model.layout, model.system
+    assert isinstance(system, System)
+    assert system.programs is not None
+    dynamics, n = system.programs.dynamics, layout.coordinates
+    writer, rows = Writer(dynamics.rows), np.arange(dynamics.rows)
+    end = layout.width + 2
+    arguments, parameters = rows[:end], rows[end : end + dynamics.parameters]
+    zero = end - 1
+    first = np.cumsum([0, *(count for *_, count in model.events)])
+    events, directions = len(model.events), int(first[-1])
+
+    evaluator = model.evaluators["contact"]
+    found = evaluator.write(writer, arguments, parameters)
+    steps = len(writer.steps)
+
+    def placed(letter: str, *shape: int) -> Index:
+        where = np.full(shape, zero, dtype=np.int64)
+        if letter in evaluator.index:
+            results, indices = evaluator.index[letter]
+            where[indices] = found[results]
+        return where
+
+    guard = placed("guard", events)
+    law, speed, bias = placed("law", events, 2), placed("speed", directions), placed("bias", directions)
+    slope = placed("slope", directions, n)
+    values = model.evaluators["acceleration"].write(writer, arguments, parameters)
+    right = np.where(system.motion < 0, zero, values[system.motion])
+    contacts = Contacts(
+        first=first.astype(np.int64),
+        guards=writer.part(0, steps),
+        guard=guard,
+        contact=writer.part(),
+        gap=guard,
+        law=law,
+        speed=speed,
+        bias=bias,
+        slope=slope,
+        size=system.size,
+        rows=np.ascontiguousarray(system.rows, dtype=np.int64),
+        columns=np.ascontiguousarray(system.columns, dtype=np.int64),
+        values=np.ascontiguousarray(values[system.source], dtype=np.int64),
+        right=np.ascontiguousarray(right, dtype=np.int64),
+    )
+    return replace(dynamics, rows=writer.size), contacts

@@ -1,0 +1,114 @@
+"""What has happened to realisations, and when."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from uqmbd.dynamics.equations import Model
+from uqmbd.mechanism import event_name
+from uqmbd.typing import Array, Index
+
+__all__ = ["Records", "named_times"]
+
+
+class Records:
+    """Events of M realisations.
+
+    Parameters
+    ----------
+    model : Model
+        With events.
+    count : int
+        M.
+
+    Attributes
+    ----------
+    count : array of int, shape (M,)
+        Events of each.
+    """
+
+    def __init__(self, model: Model, count: int) -> None:
+        self.model, self.count = model, np.zeros(count, dtype=np.int64)
+        labels = [*(label for _, label, _ in model.events), "stick", "slip", "rest", "lift-off"]
+        self.labels = list(dict.fromkeys(labels))
+        self.own = np.array([self.labels.index(label) for _, label, _ in model.events], dtype=np.int64)
+        self._parts: list[tuple[Index, Array, Index, Index]] = []
+
+    def add(self, member: int, time: float, event: int, label: str) -> None:
+        """Note one event."""
+        where = np.array([member]), np.array([time]), np.array([event]), np.array([self.labels.index(label)])
+        self._parts.append(where)
+        self.count[member] += 1
+
+    def add_own(self, members: Index, times: Array, events: Index) -> None:
+        """Note events (N,) by their own labels."""
+        self._parts.append((members.copy(), times.copy(), events.copy(), self.own[events]))
+        np.add.at(self.count, members, 1)
+
+    def sorted(self) -> tuple[Index, Array, Index, Index]:
+        """Members, times, events and labels of all, by member and time; at the same time in the order of happening."""
+        if not self._parts:
+            none = np.zeros(0, dtype=np.int64)
+            return none, np.zeros(0), none, none
+        members, times, events, labels = (np.concatenate(x) for x in zip(*self._parts, strict=True))
+        order = np.lexsort((np.arange(len(times)), times, members))
+        return members[order], times[order], events[order], labels[order]
+
+    def of(self, member: int) -> list[tuple[float, int, str]]:
+        """Time, event and label of all that happened to one of them."""
+        members, times, events, labels = self.sorted()
+        mine = members == member
+        return [
+            (t, k, self.labels[label])
+            for t, k, label in zip(times[mine].tolist(), events[mine].tolist(), labels[mine].tolist(), strict=True)
+        ]
+
+    def times(self, owners: Index, count: int) -> dict[str, Array]:
+        """Find the times of all events by name, of `count` realisations, of which these are number `owners` (M,)."""
+        members, times, events, labels = self.sorted()
+        components = list(dict.fromkeys(component for component, *_ in self.model.events))
+        component = np.array([components.index(name) for name, *_ in self.model.events], dtype=np.int64)
+        kinds = component[events] * len(self.labels) + labels
+        names = [(name, label) for name in components for label in self.labels]
+        return named_times(owners[members], times, kinds, names, count)
+
+
+def named_times(
+    members: Index, times: Array, kinds: Index, names: Sequence[tuple[str, str]], count: int
+) -> dict[str, Array]:
+    """Name the times of events.
+
+    Parameters
+    ----------
+    members, times, kinds : array, shape (N,)
+        Which realisation, when, and what, by number; those of one realisation in the order of time.
+    names : sequence of (str, str)
+        Component and label of each kind.
+    count : int
+        Number of realisations.
+
+    Returns
+    -------
+    dict of str to array, shape (count,)
+        NaN where a realisation has no such event.
+    """
+    found: dict[str, Array] = {}
+    if not len(times):
+        return found
+    order = np.lexsort((np.arange(len(times)), members, kinds))
+    members, times, kinds = members[order], times[order], kinds[order]
+    new = np.ones(len(times), dtype=bool)
+    new[1:] = (members[1:] != members[:-1]) | (kinds[1:] != kinds[:-1])
+    starts = np.flatnonzero(new)
+    number = np.arange(len(times)) - np.repeat(starts, np.diff([*starts, len(times)])) + 1
+    order = np.lexsort((members, number, kinds))
+    members, times, kinds, number = members[order], times[order], kinds[order], number[order]
+    edges = np.flatnonzero((np.diff(kinds, prepend=-1) != 0) | (np.diff(number, prepend=-1) != 0)).tolist()
+    for first, last in zip(edges, [*edges[1:], len(times)], strict=True):
+        component, label = names[kinds[first]]
+        name = event_name(component, label, int(number[first]))
+        found[name] = np.full(count, np.nan)
+        found[name][members[first:last]] = times[first:last]
+    return found
