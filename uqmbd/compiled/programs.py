@@ -199,19 +199,25 @@ class Program:
             )
         return out
 
-    def bound(self, arguments: Array, out: Array) -> Callable[[], object]:
-        """Make a call that evaluates what is in `arguments` (K, argument) into `out` (K, result), with little Python.
+    def bound(self, *sources: Array | Columns, out: Array) -> Callable[[], object]:
+        """Make a call that evaluates what is in the arguments into `out` (K, result), with little Python.
 
-        Both arrays are C-contiguous, and must stay where they are.
+        The arrays are those of `__call__`, of float64 with columns side by side; they stay where they are.
         """
-        table, kept, count = self._sources([arguments], None)
+        table, kept, count = self._sources(sources, None)
+        given = [x.data if isinstance(x, Columns) else x for x in sources]
+        if not (
+            out.flags.c_contiguous
+            and all(np.shares_memory(x, y) or not x.size for x, y in zip(given, kept, strict=True))
+        ):
+            raise ValueError("a bound program reads float64 in columns side by side, and writes a C-contiguous array")
         work, evaluate = aligned(self.rows), driver().evaluate
         call = partial(
             evaluate,
             *(ctypes.addressof(self.part.structure), address(work), ctypes.addressof(table), len(kept), 0, count),
             *(address(self.results), len(self.results), address(out)),
         )
-        vars(call)["kept"] = (self, table, kept, work, arguments, out)
+        vars(call)["kept"] = (self, table, kept, work, sources, out)
         return call
 
     def largest(self, *sources: Array | Columns, states: int, count: int | None = None) -> Array:

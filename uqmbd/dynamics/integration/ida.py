@@ -15,7 +15,7 @@ from __future__ import annotations
 import time as clock
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -216,71 +216,68 @@ def step_limits(times: Array, longest: float) -> dict[str, Any]:
 
 
 def _callbacks(ensemble: Batch) -> Callbacks:
-    """Residual and Jacobian as IDA wants them."""
-    count, n = len(ensemble), ensemble.model.layout.unknowns
+    """Residual and Jacobian as IDA wants them.
+
+    scikit-sundae 1.1 calls Python functions only, not those of C, and always with the same arrays: the compiled
+    programs read and write these in their places.
+    """
+    size = len(ensemble) * ensemble.model.layout.unknowns
+    residual, derivatives = _Evaluation(ensemble, "residual", 1), _Evaluation(ensemble, "jacobian", 2)
+
+    def residuals(t: float, y: Array, yp: Array, res: Array) -> None:
+        residual(y, yp, res, t)
+
+    def sparse(t: float, y: Array, yp: Array, res: Array, c: float, jac: Array) -> None:
+        derivatives(y, yp, jac, t, c)
+
+    if size >= SPARSE_FROM:
+        return residuals, sparse
     rows, pointers = ensemble.model.pattern
-    columns = np.repeat(np.arange(n), np.diff(pointers))
-    if count == 1:
-        residual, values = _single(ensemble)
-    else:
+    columns = np.repeat(np.arange(ensemble.model.layout.unknowns), np.diff(pointers))
+    first = ensemble.model.layout.unknowns * np.arange(len(ensemble))[:, None]
+    places = ((rows + first) * size + columns + first).ravel()
+    values = np.empty(len(places))
 
-        def residual(t: float, y: Array, yp: Array, res: Array) -> None:
-            res[:] = ensemble.residual(t, y.reshape(count, n), yp.reshape(count, n)).ravel()
+    def dense(t: float, y: Array, yp: Array, res: Array, c: float, jac: Array) -> None:
+        derivatives(y, yp, values, t, c)
+        jac.reshape(-1)[places] = values
 
-        def values(t: float, y: Array, yp: Array, c: float) -> Array:
-            return ensemble.jacobian(t, y.reshape(count, n), yp.reshape(count, n), c).ravel()
-
-    if count * n >= SPARSE_FROM:
-
-        def jacobian(t: float, y: Array, yp: Array, res: Array, c: float, jac: Array) -> None:
-            jac[:] = values(t, y, yp, c)
-    elif count == 1:
-
-        def jacobian(t: float, y: Array, yp: Array, res: Array, c: float, jac: Array) -> None:
-            jac[rows, columns] = values(t, y, yp, c)
-    else:
-        offsets = n * np.arange(count)[:, None]
-        all_rows, all_columns = (rows + offsets).ravel(), (columns + offsets).ravel()
-
-        def jacobian(t: float, y: Array, yp: Array, res: Array, c: float, jac: Array) -> None:
-            jac[all_rows, all_columns] = values(t, y, yp, c)
-
-    return residual, jacobian
+    return residuals, dense
 
 
-def _single(ensemble: Batch) -> tuple[Callable[..., None], Callable[..., Array]]:
-    """One realisation: called with as little Python as possible."""
-    model = ensemble.model
-    n, d = model.layout.unknowns, model.layout.differential
-    none, block = np.zeros((1, n)), ensemble.block
-    rows, rows_j = (
-        np.concatenate([model.layout.index2_arguments(0.0, none, none, ensemble.frozen, *c), block], axis=1)
-        for c in ((), (0.0,))
-    )
-    (arguments,), (arguments_j,) = rows, rows_j
-    found, entries = np.empty((1, n)), np.empty((1, len(model.pattern[0])))
-    (result,), (values_j,) = found, entries
-    call, call_j = (
-        model.evaluators[kind].program(given.shape[1] - block.shape[1], block.shape[1]).bound(given, out)
-        for kind, given, out in (("residual", rows, found), ("jacobian", rows_j, entries))
-    )
+class _Evaluation:
+    """Evaluates equations of all realisations of a stack.
 
-    def residual(t: float, y: Array, yp: Array, res: Array) -> None:
-        arguments[:n] = y
-        arguments[n : n + d] = yp[:d]
-        arguments[n + d] = t
-        call()
-        res[:] = result
+    Parameters
+    ----------
+    ensemble : Batch
+        The stack.
+    kind : {"residual", "jacobian"}
+        What.
+    numbers : int
+        How many numbers follow the unknowns and rates: the time, and the factor of the rates' derivatives.
+    """
 
-    def values(t: float, y: Array, yp: Array, c: float) -> Array:
-        arguments_j[:n] = y
-        arguments_j[n : n + d] = yp[:d]
-        arguments_j[n + d] = t
-        arguments_j[n + d + 1] = c
-        call_j()
-        return values_j
+    def __init__(self, ensemble: Batch, kind: Literal["residual", "jacobian"], numbers: int) -> None:
+        layout = ensemble.model.layout
+        self.shape, self.rates = (len(ensemble), layout.unknowns), layout.differential
+        self.tail = np.zeros((1, numbers + 1))  # the last stays zero
+        self.others = (self.tail, ensemble.frozen, ensemble.block)
+        width = layout.unknowns + layout.differential + numbers + 1 + ensemble.frozen.shape[1]
+        self.program = ensemble.model.evaluators[kind].program(width, ensemble.block.shape[1])
+        self.places: tuple[Array, ...] = ()
+        self.call: Callable[[], object] = tuple
 
-    return residual, values
+    def __call__(self, y: Array, yp: Array, out: Array, *numbers: float) -> None:
+        """Evaluate at unknowns and rates (K n,), into an array (K result,)."""
+        if not self.places or y is not self.places[0] or yp is not self.places[1] or out is not self.places[2]:
+            rates = yp.reshape(self.shape)[:, : self.rates]
+            self.call = self.program.bound(
+                y.reshape(self.shape), rates, *self.others, out=out.reshape(self.shape[0], -1)
+            )
+            self.places = (y, yp, out)
+        self.tail[0, : len(numbers)] = numbers
+        self.call()
 
 
 def _sparsity(model: Model, copies: int) -> Any:
