@@ -149,7 +149,7 @@ class Coupled(ctypes.Structure):
 _FUNCTIONS: dict[str, tuple[Any, Sequence[Any]]] = {
     "run_program": (None, [_POINTER, _POINTER]),
     "evaluate": (None, [_POINTER, _POINTER, _POINTER, _INT, _INT, _INT, _POINTER, _INT, _POINTER]),
-    "largest": (None, [_POINTER, _POINTER, _POINTER, _INT, _INT, _INT, _POINTER, _INT, _POINTER]),
+    "largest": (None, [_POINTER, _POINTER, _POINTER, _POINTER, _INT, _INT, _INT, _POINTER, _INT, _POINTER]),
     "advance_workspace": (_INT, [_POINTER]),
     "advance": (_INT, [_POINTER, _POINTER, _POINTER, _INT, _POINTER, _INT]),
     "project": (None, [_POINTER, _POINTER, _POINTER, _INT, _POINTER]),

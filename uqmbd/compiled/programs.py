@@ -225,10 +225,11 @@ class Program:
         table, kept, count = self._sources(sources, count)
         out = np.zeros((count // states, len(self.results)))
         if count and len(self.results):
-            work = aligned(self.rows)
+            work, most = aligned(self.rows), aligned(len(self.results))
             driver().largest(
                 ctypes.addressof(self.part.structure),
                 address(work),
+                address(most),
                 ctypes.addressof(table),
                 len(kept),
                 states,

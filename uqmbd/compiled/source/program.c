@@ -67,18 +67,22 @@ void evaluate(const Program *program, V *work, const Source *sources, int64_t ma
     }
 }
 
-void largest(const Program *program, V *work, const Source *sources, int64_t many, int64_t states, int64_t count,
-             const int64_t *rows, int64_t results, double *out) {
-    for (int64_t k = 0; k < count; k += LANES) {
-        load(work, sources, many, k, count);
-        run_program(program, work);
-        int64_t lanes = count - k < LANES ? count - k : LANES;
-        for (int64_t r = 0; r < results; r++) {
-            V found = magnitude(work[rows[r]]);
-            for (int64_t l = 0; l < lanes; l++) {
-                double *most = out + (k + l) / states * results + r;
-                if (found[l] > *most) *most = found[l];
-            }
+/* Let the largest of lanes count for a row of results. */
+static void collect(const V *most, int64_t results, double *out) {
+    for (int64_t r = 0; r < results; r++)
+        for (int64_t l = 0; l < LANES; l++)
+            if (most[r][l] > out[r]) out[r] = most[r][l];
+}
+
+void largest(const Program *program, V *work, V *most, const Source *sources, int64_t many, int64_t states,
+             int64_t count, const int64_t *rows, int64_t results, double *out) {
+    for (int64_t first = 0; first < count; first += states) {
+        fill(most, 0.0, results);
+        for (int64_t k = first; k < first + states; k += LANES) {
+            load(work, sources, many, k, first + states);
+            run_program(program, work);
+            for (int64_t r = 0; r < results; r++) most[r] = larger(magnitude(work[rows[r]]), most[r]);
         }
+        collect(most, results, out + first / states * results);
     }
 }

@@ -39,8 +39,9 @@ void run_program(const Program *program, V *work);
 void evaluate(const Program *program, V *work, const Source *sources, int64_t many, int64_t first, int64_t count,
               const int64_t *rows, int64_t results, double *out);
 
-/* The largest magnitude (count / states, results) of the results of `states` states each; NaN counts as nothing. */
-void largest(const Program *program, V *work, const Source *sources, int64_t many, int64_t states, int64_t count,
-             const int64_t *rows, int64_t results, double *out);
+/* The largest magnitude (count / states, results) of the results of `states` states each; NaN counts as nothing.  There
+   is room for `results` rows in `most`. */
+void largest(const Program *program, V *work, V *most, const Source *sources, int64_t many, int64_t states,
+             int64_t count, const int64_t *rows, int64_t results, double *out);
 
 #endif
