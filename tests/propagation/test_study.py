@@ -334,6 +334,6 @@ def test_realisations_are_the_same_in_chunks_of_any_size(swing):
     problem = swing.problem(swing.propagators[0])
     many = problem.inputs.from_uniform(np.random.default_rng(1).random((16_384, len(problem.inputs))))
     sizes = [len(part.status) for part in problem.stream(many)]
-    assert sizes == [256] * 64
-    among_many = np.concatenate([part.response for part in problem.stream(many)])[200:300]
-    assert same(among_many, problem.realise(many[200:300]).response)
+    assert sizes == [512] * 32
+    among_many = np.concatenate([part.response for part in problem.stream(many)])[400:600]
+    assert same(among_many, problem.realise(many[400:600]).response)

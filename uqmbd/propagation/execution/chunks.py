@@ -35,15 +35,20 @@ __all__ = [
 ]
 
 
-CHUNK, LARGEST = 64, 1024
+CHUNK, LARGEST = 64, 512
 """Realisations of a chunk, at least and at most."""
 
-NUMBERS = 1 << 19
+CHUNKS = 16
+"""Chunks that there are at least where they are larger than the least."""
+
+NUMBERS = 1 << 21
 """Numbers (8 bytes each) of states and outputs of a chunk that is larger than the least."""
 
 
 def chunk_size(count: int, numbers: int) -> int:
-    """Return how many realisations make up a chunk: a power of two, so that some hundred chunks share what each costs.
+    """Return how many realisations make up a chunk: a power of two, 64 where there are few of them or they are large.
+
+    What a chunk costs besides is shared by its realisations, and is Python's: threads wait for one another in it.
 
     Chunks are fixed by sample index alone, so that results depend neither on workers nor on their number.
 
@@ -57,9 +62,9 @@ def chunk_size(count: int, numbers: int) -> int:
     Examples
     --------
     >>> chunk_size(500, 1400), chunk_size(50_000, 1400), chunk_size(50_000, 20_000)
-    (64, 256, 64)
+    (64, 512, 64)
     """
-    most = min(count // CHUNK, NUMBERS // max(numbers, 1), LARGEST)
+    most = min(count // CHUNKS, NUMBERS // max(numbers, 1), LARGEST)
     return max(CHUNK, 1 << (most.bit_length() - 1)) if most else CHUNK
 
 
