@@ -226,6 +226,7 @@ class CoupledSystems:
             parameters=0,
             motion=self._part("coupled_rate", begin),
             rate=rate.ravel(),
+            values=None,
             excess=self._part("coupled_excess", end) if constrained else None,
             surplus=rows(end, 2 * n).ravel() if constrained else None,
             rows=end + 2 * n * blocks,

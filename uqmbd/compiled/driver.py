@@ -28,6 +28,7 @@ __all__ = [
     "Pool",
     "Problem",
     "Program",
+    "SOURCES",
     "Source",
     "Step",
     "Tableau",
@@ -35,6 +36,9 @@ __all__ = [
     "aligned",
     "driver",
 ]
+
+SOURCES = 16
+"""Most arrays of arguments of a program: as in program.h."""
 
 _INT, _DOUBLE, _POINTER = ctypes.c_int64, ctypes.c_double, ctypes.c_void_p
 
@@ -77,6 +81,7 @@ class Problem(ctypes.Structure):
         ),
         ("motion", Program),
         ("rate", _POINTER),
+        ("values", Program),
         ("excess", Program),
         ("surplus", _POINTER),
         ("tableau", _POINTER),

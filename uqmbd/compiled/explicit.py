@@ -70,8 +70,10 @@ class Dynamics:
         From a state to its rate.
     rate : array of int, shape (width,)
         Rows of the rate.
+    values : Part, optional
+        The part of `motion` that comes before its solution.
     excess : Part, optional
-        After `motion`: by what coordinates and velocities exceed the constraints; None: there are none.
+        After `motion`, or `values`: by what coordinates and velocities exceed the constraints; None: there are none.
     surplus : array of int, shape (2 coordinate,)
         Rows of that.
     rows : int
@@ -93,6 +95,7 @@ class Dynamics:
     parameters: int
     motion: Part
     rate: Index
+    values: Part | None
     excess: Part | None
     surplus: Index | None
     rows: int
@@ -309,6 +312,7 @@ class Realisations:
         return c.Problem(
             *(d.terms, d.blocks, d.width, d.coordinates, d.velocities, d.parameters, d.width, d.rows),
             *(d.motion.structure, address(d.rate)),
+            (d.values or Part((), 0)).structure,
             *((d.excess or Part((), 0)).structure, address(d.surplus), ctypes.addressof(tableau()[0])),
             *(m.rtol, float(d.moving), m.far, m.surplus, m.stiff),
             *(m.patience, m.refusals, m.attempts, int(m.guarded), len(self.times)),

@@ -254,6 +254,7 @@ class Program:
             stride = data.strides[0] // data.itemsize
             rows.append(c.Source(address(data), stride, data.shape[1], columns.divisor, max(1, len(data)), to))
             to += data.shape[1]
+        assert len(rows) <= c.SOURCES, "the driver takes no more arrays at once"
         if to != self.inputs:
             raise ValueError(f"a program of {self.inputs} arguments was given {to}")
         return (c.Source * max(1, len(rows)))(*rows), kept, count or 0

@@ -529,16 +529,17 @@ int64_t advance(const Problem *p, const Pool *pool, const int64_t *queue, int64_
     return g.evaluations;
 }
 
-/* Put the states in the lanes onto the constraints, and back. */
-static void project_lanes(const Problem *p, const Pool *pool, V *work, const int64_t *member, const int64_t *column,
-                          int64_t lanes) {
+/* Put the states in the lanes onto the constraints, and back; lanes behind the last one are copies of it. */
+static void project_lanes(const Problem *p, const Pool *pool, V *work, int64_t *member, int64_t *column, int64_t lanes) {
     int64_t width = p->width, n = p->coordinates;
-    for (int64_t l = 0; l < lanes; l++) {
-        const double *from = pool->result + (member[l] * p->instants + column[l]) * width;
-        for (int64_t i = 0; i < width; i++) work[i][l] = from[i];
-        work[p->time][l] = p->times[column[l]];
+    double *rows[LANES];
+    for (int64_t l = 0; l < LANES; l++) {
+        int64_t from = l < lanes ? l : lanes - 1;
+        rows[l] = pool->result + (member[from] * p->instants + column[from]) * width;
+        work[p->time][l] = p->times[column[from]];
     }
-    run_program(&p->motion, work);
+    to_lanes(work, (const double *const *)rows, width);
+    run_program(&p->values, work);
     run_program(&p->excess, work);
     V most = splat(0.0);
     Mask wrong = {0};
@@ -550,12 +551,8 @@ static void project_lanes(const Problem *p, const Pool *pool, V *work, const int
         wrong |= off != off;
     }
     wrong |= most > splat(p->far);
-    for (int64_t l = 0; l < lanes; l++) {
-        int64_t at = member[l] * p->instants + column[l];
-        double *to = pool->result + at * width;
-        for (int64_t i = 0; i < width; i++) to[i] = work[i][l];
-        pool->poor[at] = wrong[l] != 0;
-    }
+    for (int64_t l = 0; l < lanes; l++) pool->poor[member[l] * p->instants + column[l]] = wrong[l] != 0;
+    to_rows(rows, lanes, work, width);
 }
 
 void project(const Problem *p, const Pool *pool, const int64_t *queue, int64_t count, double *workspace) {

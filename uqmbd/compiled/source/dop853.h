@@ -53,7 +53,8 @@ typedef struct {
     int64_t rows; /* of the work array */
     Program motion;          /* a state -> its rate */
     const int64_t *rate;     /* rows of the rate (width) */
-    Program excess;          /* after motion: by what coordinates and velocities exceed the constraints */
+    Program values;          /* the part of motion that comes before its solution */
+    Program excess;          /* after motion, or values: by what coordinates and velocities exceed the constraints */
     const int64_t *surplus;  /* rows of that (2 coordinates); null: there are no constraints */
     const Tableau *tableau;
     double rtol, moving;     /* relative tolerance, number of entries of a state that change */

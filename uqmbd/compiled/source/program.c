@@ -31,38 +31,60 @@ void run_program(const Program *program, V *work) {
     }
 }
 
-/* Put the arguments of states number first .. first + 7 into the work array; those past `end` are copies of the last. */
-static void load(V *work, const Source *sources, int64_t many, int64_t first, int64_t end) {
+/* Where the arguments of the next state stand, and what all lanes hold of a source; null: they differ. */
+typedef struct {
+    int64_t row, rest;
+    const double *held;
+} Cursor;
+
+static void begin(Cursor *cursors, const Source *sources, int64_t many, int64_t first) {
     for (int64_t s = 0; s < many; s++) {
         const Source *source = sources + s;
+        cursors[s] = (Cursor){first / source->divisor % source->modulus, first % source->divisor, 0};
+    }
+}
+
+/* Put the arguments of the next `lanes` states into the work array; further lanes are copies of the last. */
+static void load(V *work, const Source *sources, Cursor *cursors, int64_t many, int64_t lanes) {
+    for (int64_t s = 0; s < many; s++) {
+        const Source *source = sources + s;
+        Cursor *at = cursors + s;
         const double *from[LANES];
-        for (int64_t l = 0; l < LANES; l++) {
-            int64_t k = first + l < end ? first + l : end - 1;
-            from[l] = source->data + (k / source->divisor) % source->modulus * source->stride;
+        for (int64_t l = 0; l < lanes; l++) {
+            from[l] = source->data + at->row * source->stride;
+            if (++at->rest < source->divisor) continue;
+            at->rest = 0;
+            if (++at->row == source->modulus) at->row = 0;
         }
+        for (int64_t l = lanes; l < LANES; l++) from[l] = from[l - 1];
         V *to = work + source->to;
         int same = 1;
         for (int64_t l = 1; l < LANES; l++) same &= from[l] == from[0];
-        if (same) {
+        if (!same) {
+            to_lanes(to, from, source->columns);
+            at->held = 0;
+        } else if (at->held != from[0]) {
             for (int64_t c = 0; c < source->columns; c++) to[c] = splat(from[0][c]);
-            continue;
+            at->held = from[0];
         }
-        for (int64_t c = 0; c < source->columns; c++)
-            to[c] = (V){from[0][c], from[1][c], from[2][c], from[3][c], from[4][c], from[5][c], from[6][c], from[7][c]};
     }
 }
 
 void evaluate(const Program *program, V *work, const Source *sources, int64_t many, int64_t first, int64_t count,
               const int64_t *rows, int64_t results, double *out) {
-    int64_t end = first + count;
-    for (int64_t k = first; k < end; k += LANES) {
-        load(work, sources, many, k, end);
+    Cursor cursors[SOURCES];
+    begin(cursors, sources, many, first);
+    for (int64_t k = 0; k < count; k += LANES) {
+        int64_t lanes = count - k < LANES ? count - k : LANES, r = 0;
+        load(work, sources, cursors, many, lanes);
         run_program(program, work);
-        int64_t lanes = end - k < LANES ? end - k : LANES;
-        for (int64_t r = 0; r < results; r++) {
-            V found = work[rows[r]];
-            double *to = out + (k - first) * results + r;
-            for (int64_t l = 0; l < lanes; l++) to[l * results] = found[l];
+        for (; r < results; r += LANES) {
+            V found[LANES];
+            double *to[LANES];
+            int64_t many_rows = results - r < LANES ? results - r : LANES;
+            for (int64_t i = 0; i < many_rows; i++) found[i] = work[rows[r + i]];
+            for (int64_t l = 0; l < LANES; l++) to[l] = out + (k + l) * results + r;
+            to_rows(to, lanes, found, many_rows);
         }
     }
 }
@@ -76,10 +98,13 @@ static void collect(const V *most, int64_t results, double *out) {
 
 void largest(const Program *program, V *work, V *most, const Source *sources, int64_t many, int64_t states,
              int64_t count, const int64_t *rows, int64_t results, double *out) {
+    Cursor cursors[SOURCES];
+    begin(cursors, sources, many, 0);
     for (int64_t first = 0; first < count; first += states) {
+        int64_t end = first + states;
         fill(most, 0.0, results);
-        for (int64_t k = first; k < first + states; k += LANES) {
-            load(work, sources, many, k, first + states);
+        for (int64_t k = first; k < end; k += LANES) {
+            load(work, sources, cursors, many, end - k < LANES ? end - k : LANES);
             run_program(program, work);
             for (int64_t r = 0; r < results; r++) most[r] = larger(magnitude(work[rows[r]]), most[r]);
         }

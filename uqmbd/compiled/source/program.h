@@ -27,6 +27,8 @@ typedef struct {
     int64_t scratch; /* row from which arguments may be gathered */
 } Program;
 
+enum { SOURCES = 16 }; /* most of one call */
+
 /* Where arguments of state number k stand: data[((k / divisor) % modulus) * stride + column], in row `to + column`. */
 typedef struct {
     const double *data;

@@ -37,4 +37,46 @@ INLINE void fill(V *to, double value, int64_t count) {
     for (int64_t i = 0; i < count; i++) to[i] = splat(value);
 }
 
+/* Eight numbers of one realisation, wherever they stand. */
+typedef double Loose __attribute__((vector_size(64), aligned(8), may_alias));
+
+INLINE V evens(V a, V b) { return __builtin_shufflevector(a, b, 0, 8, 2, 10, 4, 12, 6, 14); }
+INLINE V odds(V a, V b) { return __builtin_shufflevector(a, b, 1, 9, 3, 11, 5, 13, 7, 15); }
+INLINE V even_pairs(V a, V b) { return __builtin_shufflevector(a, b, 0, 1, 8, 9, 4, 5, 12, 13); }
+INLINE V odd_pairs(V a, V b) { return __builtin_shufflevector(a, b, 2, 3, 10, 11, 6, 7, 14, 15); }
+INLINE V firsts(V a, V b) { return __builtin_shufflevector(a, b, 0, 1, 2, 3, 8, 9, 10, 11); }
+INLINE V seconds(V a, V b) { return __builtin_shufflevector(a, b, 4, 5, 6, 7, 12, 13, 14, 15); }
+
+/* Make rows of a square the columns. */
+INLINE void transpose(V *x) {
+    V a = evens(x[0], x[1]), b = odds(x[0], x[1]), c = evens(x[2], x[3]), d = odds(x[2], x[3]);
+    V e = evens(x[4], x[5]), f = odds(x[4], x[5]), g = evens(x[6], x[7]), h = odds(x[6], x[7]);
+    V ac = even_pairs(a, c), bd = even_pairs(b, d), ca = odd_pairs(a, c), db = odd_pairs(b, d);
+    V eg = even_pairs(e, g), fh = even_pairs(f, h), ge = odd_pairs(e, g), hf = odd_pairs(f, h);
+    x[0] = firsts(ac, eg), x[1] = firsts(bd, fh), x[2] = firsts(ca, ge), x[3] = firsts(db, hf);
+    x[4] = seconds(ac, eg), x[5] = seconds(bd, fh), x[6] = seconds(ca, ge), x[7] = seconds(db, hf);
+}
+
+/* Put numbers of eight realisations, a row of each, into the lanes of vectors. */
+INLINE void to_lanes(V *to, const double *const *rows, int64_t count) {
+    int64_t i = 0;
+    for (; i + LANES <= count; i += LANES) {
+        for (int64_t l = 0; l < LANES; l++) to[i + l] = *(const Loose *)(rows[l] + i);
+        transpose(to + i);
+    }
+    for (; i < count; i++)
+        to[i] = (V){rows[0][i], rows[1][i], rows[2][i], rows[3][i], rows[4][i], rows[5][i], rows[6][i], rows[7][i]};
+}
+
+/* Put the first so many lanes of vectors into rows; the vectors are overwritten. */
+INLINE void to_rows(double *const *rows, int64_t lanes, V *from, int64_t count) {
+    int64_t i = 0;
+    for (; i + LANES <= count; i += LANES) {
+        transpose(from + i);
+        for (int64_t l = 0; l < lanes; l++) *(Loose *)(rows[l] + i) = from[i + l];
+    }
+    for (; i < count; i++)
+        for (int64_t l = 0; l < lanes; l++) rows[l][i] = from[i][l];
+}
+
 #endif

@@ -120,6 +120,7 @@ def programs_of(model: Model, solve: Solver, accelerate: Solver, project: Solver
     found = _motion(model, writer, values, solve, residual)
     motion = writer.program(np.concatenate([found.solution, rates, found.residual]))
     writer, values, rates = begun()
+    before = len(writer.steps)
     accelerations = _solution(accelerate, writer, values)
     steps = len(writer.steps)
     excess = surplus(writer, values) if layout.rank else None
@@ -130,6 +131,7 @@ def programs_of(model: Model, solve: Solver, accelerate: Solver, project: Solver
         parameters=model.block_parameters,
         motion=writer.part(0, steps),
         rate=np.concatenate([rows[velocities:width], rates, accelerations]),
+        values=None if excess is None else writer.part(0, before),
         excess=None if excess is None else writer.part(steps),
         surplus=excess,
         rows=writer.size,
