@@ -80,6 +80,19 @@ def test_nobody_depends_on_the_company(falling, name):
         assert alone.states.tobytes() == every.states[k : k + 1].tobytes()
 
 
+def test_rods_come_to_lie_flat(falling):
+    """With both ends on the ground, exactly along x, where a pivot of the elimination may vanish."""
+    mechanism = falling("rod")
+    values, times = values_of(mechanism, 24, seed=5), np.linspace(0, 1.5, 31)
+    found = integrate(Ensemble(build(mechanism), values), times, 1e-6)
+    assert not any(found.messages) and np.isfinite(found.states).all()
+    flat = np.isfinite(found.scalars["end0: rest 1"]) & np.isfinite(found.scalars["end1: rest 1"])
+    assert flat.sum() > 5
+    lying = flat & (np.abs(found.states[:, -1, -2:]).max(axis=1) < 1e-9)
+    assert lying.sum() > 5
+    np.testing.assert_allclose(found.states[lying, -1, 1], 0, atol=1e-9)
+
+
 class Crossing(uqmbd.Component):
     """Notes when a body passes a height downwards."""
 

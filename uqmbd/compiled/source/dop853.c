@@ -246,8 +246,9 @@ static void put_on_constraints(const Problem *p, Group *g, Mask which) {
     run_program(&p->motion, g->work);
     run_program(&p->excess, g->work);
     for (int64_t i = 0; i < p->coordinates; i++) {
-        g->work[i] -= choose(which, g->work[p->surplus[i]], splat(0.0));
-        g->work[p->velocities + i] -= choose(which, g->work[p->surplus[p->coordinates + i]], splat(0.0));
+        V q = g->work[p->surplus[i]], v = g->work[p->surplus[p->coordinates + i]];
+        g->work[i] -= choose(which & (q == q), q, splat(0.0));
+        g->work[p->velocities + i] -= choose(which & (v == v), v, splat(0.0));
     }
 }
 
@@ -332,8 +333,10 @@ static void accept(const Problem *p, Group *g, Mask taken) {
     }
     if (!p->surplus) return;
     for (int64_t i = 0; i < n; i++) {
-        V v = choose(taken, g->surplus[n + i], splat(0.0));
-        g->z[i] -= choose(taken, g->surplus[i], splat(0.0));
+        V q = g->surplus[i], v = g->surplus[n + i];
+        q = choose(taken & (q == q), q, splat(0.0));
+        v = choose(taken & (v == v), v, splat(0.0));
+        g->z[i] -= q;
         g->z[p->velocities + i] -= v;
         g->rates[i] -= v;
     }
@@ -546,7 +549,7 @@ static void project_lanes(const Problem *p, const Pool *pool, V *work, int64_t *
     for (int64_t i = 0; i < 2 * n; i++) {
         V off = work[p->surplus[i]];
         V *x = work + (i < n ? i : p->velocities + i - n);
-        *x -= off;
+        *x -= choose(off == off, off, splat(0.0)); /* a vanishing pivot; what is noted as poor is looked at again */
         most = larger(magnitude(off), most);
         wrong |= off != off;
     }

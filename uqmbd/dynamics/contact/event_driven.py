@@ -161,21 +161,22 @@ class EventDrivenMotion:
     # -- the start ---------------------------------------------------------------------------------------------------
     def _begin(self, members: Index) -> None:
         """Find contacts that are closed at the start."""
-        contacts, inside = self._contacts(members), self._inside(members)
-        gaps = contacts.guard[:, self.bodies]
-        for row, m in enumerate(members.tolist()):
+        inside = self._inside(members)
+        gaps = self.evaluator.guards(inside, self.run.z[members], self.batch.block[members])[:, self.bodies]
+        near = np.any(gaps <= CLOSED * self.length[members, None], axis=1)
+        for row in np.flatnonzero(near).tolist():
+            m = int(members[row])
             if deep := self.bodies[gaps[row] < -DEEP * self.length[m]].tolist():
-                name, gap = self.model.events[deep[0]][0], contacts.guard[row, deep[0]]
+                name, gap = self.model.events[deep[0]][0], gaps[row, self.bodies == deep[0]][0]
                 self.messages[m] = (
                     f"{name!r}: the bodies overlap by {-gap:.3g} m at the start; draw them apart, or just touching"
                 )
                 self.run.result[m] = np.nan
                 continue
             if overlapping := self.bodies[gaps[row] < 0].tolist():
-                one = contacts.select(np.array([row]))
+                one = self.decisions.contacts(m, float(inside[row]), self.run.z[m])
                 self.run.z[m, : self.n] += onto_contacts(one, dict.fromkeys(overlapping, "slip"))[0][0]
-            if np.any(gaps[row] <= CLOSED * self.length[m]):
-                self.run.z[m] = self.decisions.settle(m, float(inside[row]), self.run.z[m])
+            self.run.z[m] = self.decisions.settle(m, float(inside[row]), self.run.z[m])
 
     # -- stops at given times ----------------------------------------------------------------------------------------
     def _stop(self, members: Index, time: float) -> None:
@@ -293,13 +294,30 @@ class EventDrivenMotion:
         """Find what may end the motions of members from here, and let them run."""
         if not len(members):
             return
-        run, e = self.run, self.encounters
-        contacts, bodies = self._contacts(members), self.bodies
-        e.slow[members] = slow = self.chatter.slow(members)
+        run = self.run
         self.since[members] = run.now[members]
         self.restarts[members] += 1
-        mode, normals = e.mode[members][:, bodies], self.first[bodies]
-        free, closed = mode == Touching.OPEN, contacts.guard[:, bodies] <= CLOSED * self.length[members, None]
+        self._guard(members)
+        run.fresh[members], run.rejected[members], run.refused[members] = 1, 0, 0
+        run.status[members] = np.where(run.status[members] == Status.DONE, Status.DONE, Status.RUNNING)
+        self._end_legs(members)
+        if self.restarted is not None:
+            self.restarted()
+
+    def _guard(self, members: Index) -> None:
+        """Find which guards are zero, and rise from there, and how long flights last, about."""
+        run, e, bodies = self.run, self.encounters, self.bodies
+        e.slow[members] = slow = self.chatter.slow(members)
+        e.resting[members], e.rise[members] = 0, 0.0
+        states, mode = run.z[members], e.mode[members][:, bodies]
+        free = mode == Touching.OPEN
+        gaps = self.evaluator.guards(self._inside(members), states, self.batch.block[members])[:, bodies]
+        some = np.any(~free | (gaps <= CLOSED * self.length[members, None]), axis=1)
+        if not some.any():
+            return
+        members, mode, free, slow = members[some], mode[some], free[some], slow[some]
+        contacts, normals = self._contacts(members), self.first[bodies]
+        closed = contacts.guard[:, bodies] <= CLOSED * self.length[members, None]
         # below the speed that is none it does not rise: it has only been let go
         speed = contacts.speed[:, normals]
         rise = np.where(free & (speed > slow[:, None]), speed, 0.0)
@@ -316,11 +334,6 @@ class EventDrivenMotion:
             tangents = slice(self.first[k] + 1, self.first[k + 1])
             resting[row, 2 * k + 1] = contacts.speed[row, tangents] @ heading[tangents] <= slow[row]
         e.resting[members], e.rise[members] = resting, rises
-        run.fresh[members], run.rejected[members], run.refused[members] = 1, 0, 0
-        run.status[members] = np.where(run.status[members] == Status.DONE, Status.DONE, Status.RUNNING)
-        self._end_legs(members)
-        if self.restarted is not None:
-            self.restarted()
 
     def _end_legs(self, members: Index) -> None:
         """Let members go on with the next leg that are at the end of one."""
