@@ -9,7 +9,7 @@ import numpy as np
 from uqmbd.compiled import Columns, Writer
 from uqmbd.dynamics.assembly import gradient_lengths, named
 from uqmbd.dynamics.batch import Batch
-from uqmbd.dynamics.equations import Model, state_arguments
+from uqmbd.dynamics.equations import Model
 from uqmbd.dynamics.integration.prescribed import instant
 from uqmbd.typing import Array, Index
 
@@ -109,10 +109,16 @@ def off_states(
 
 def residuals(ensemble: Batch, members: Index, times: Array, states: Array) -> tuple[Array, Array]:
     """Residuals in position and velocity of states (M, T, width), each of shape (M, T, equation)."""
-    count, number, width = states.shape
-    block = np.repeat(ensemble.block[members], number, axis=0)
-    found = ensemble.model.evaluate("drift", state_arguments(np.tile(times, count), states.reshape(-1, width)), block)
-    return found["phi"].reshape(count, number, -1), found["psi"].reshape(count, number, -1)
+    (count, number, width), drift = states.shape, ensemble.model.evaluators["drift"]
+    block, zero = Columns(ensemble.block[members], number), Columns(np.zeros((1, 1)))
+    values = drift.program(width + 2, block.data.shape[1])(states.reshape(-1, width), Columns(times), zero, block)
+    found = np.zeros((2, count * number, ensemble.model.layout.constraints))
+    for which, letter in enumerate(("phi", "psi")):
+        if letter in drift.index:
+            columns, (rows,) = drift.index[letter]
+            found[which][:, rows] = values[:, columns]
+    phi, psi = found.reshape(2, count, number, -1)
+    return phi, psi
 
 
 def over_allowed(model: Model, phi: Array, psi: Array, scale: Array, size: Array, speed: Array) -> Array:
