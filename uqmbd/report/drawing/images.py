@@ -22,7 +22,7 @@ _FONTS = "system-ui, -apple-system, 'Segoe UI', Roboto, 'Helvetica Neue', 'Noto 
 
 _PLACES = re.compile(r' (?:d|x|y|points)="[^"]*"')
 _UNWRITABLE = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\ud800-\udfff\ufffe\uffff]")
-_DIGITS = re.compile(r"(\.\d\d)\d+")
+_DIGITS = re.compile(r"(?<=\.\d\d)\d+")
 
 
 LONGEST = 100
@@ -31,7 +31,7 @@ LONGEST = 100
 
 def _rounded(found: re.Match[str]) -> str:
     """Leave two decimals of places on the page, which are points: the eye sees a tenth, and files shrink by a third."""
-    return _DIGITS.sub(r"\1", found.group()).replace("\n", " ")
+    return _DIGITS.sub("", found.group()).replace("\n", " ")
 
 
 def image(draw: Callable[[], Figure], alt: str, caption: str, name: str = "") -> dict[str, str]:
