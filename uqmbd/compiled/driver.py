@@ -170,9 +170,7 @@ _FUNCTIONS: dict[str, tuple[Any, Sequence[Any]]] = {
 def _object_code() -> bytes:
     """Object code of the driver for this processor."""
     bitcode = files("uqmbd.compiled").joinpath("source/driver.bc").read_bytes()
-    found: bytes = cached(
-        ("driver", hashlib.sha256(bitcode).hexdigest(), host().digest), lambda: object_code(bitcode, optimised=True)
-    )
+    found: bytes = cached(("driver", hashlib.sha256(bitcode).hexdigest(), host().digest), lambda: object_code(bitcode))
     return found
 
 

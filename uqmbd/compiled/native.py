@@ -24,6 +24,9 @@ __all__ = ["Target", "addresses_of", "host", "lacking", "object_code"]
 LEVEL = 1
 """Optimisation of code generation: 2 and 3 make code of the same speed from straight lines, 0 half as fast a code."""
 
+LEVEL_OF_LOOPS = 2
+"""The same for bitcode, which a compiler has optimised before: LLVM's passes take twice the time, and bring nothing."""
+
 LIBRARY = (
     "sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh", "asinh", "acosh", "atanh",
     "exp", "log", "erf", "erfc", "tgamma", "lgamma", "atan2", "pow",
@@ -70,7 +73,7 @@ class Target:
         """Digest of all this, and of the version of LLVM."""
         import llvmlite.binding as llvm
 
-        about = (self.triple, self.cpu, self.features, llvm.llvm_version_info, LEVEL)
+        about = (self.triple, self.cpu, self.features, llvm.llvm_version_info, LEVEL, LEVEL_OF_LOOPS)
         return hashlib.sha256(repr(about).encode()).hexdigest()
 
 
@@ -109,8 +112,8 @@ def _machine(target: Target, level: int) -> Any:
     return kind.create_target_machine(cpu=target.cpu, features=target.features, opt=level, jit=True)
 
 
-def object_code(source: str | bytes, target: Target | None = None, *, optimised: bool = False) -> bytes:
-    """Compile LLVM IR.
+def object_code(source: str | bytes, target: Target | None = None) -> bytes:
+    """Compile LLVM IR as it stands: nothing is computed twice in it, or a compiler has seen to that.
 
     Parameters
     ----------
@@ -118,22 +121,16 @@ def object_code(source: str | bytes, target: Target | None = None, *, optimised:
         IR as text, or as bitcode.
     target : Target, optional
         Default: this processor.
-    optimised : bool
-        Whether the passes of LLVM run over it before.  Straight lines in which nothing is computed twice gain nothing
-        from them.
     """
     import llvmlite.binding as llvm
 
-    target = target or host()
     with _LOCK:
-        machine = _machine(target, 3 if optimised else LEVEL)
-        module = llvm.parse_assembly(source) if isinstance(source, str) else llvm.parse_bitcode(source)
+        if isinstance(source, str):
+            machine, module = _machine(target or host(), LEVEL), llvm.parse_assembly(source)
+        else:
+            machine, module = _machine(target or host(), LEVEL_OF_LOOPS), llvm.parse_bitcode(source)
         module.triple = machine.triple  # on Windows MCJIT wants ELF, which llvmlite asks the machine for
         module.data_layout = str(machine.target_data)
-        if optimised:
-            options = llvm.create_pipeline_tuning_options(speed_level=3)
-            passes = llvm.create_pass_builder(machine, options)
-            passes.getModulePassManager().run(module, passes)
         code: bytes = machine.emit_object(module)
         return code
 

@@ -94,8 +94,9 @@ def size_of(mechanism: Mechanism) -> float:
 
 def moved_bodies(mechanism: Mechanism, model: Model, drawn: Array, assembled: Array) -> tuple[str, ...]:
     """Say which bodies assembly moved far, or turned by much: one sentence, or none."""
-    limit = FAR * size_of(mechanism)
-    far = [m for m in moves(model, drawn, assembled) if m.turn > TURNED or m.distance > limit + 1e-9]
+    moved = [m for m in moves(model, drawn, assembled) if m.turn > TURNED or m.distance > 1e-9]
+    limit = FAR * size_of(mechanism) if moved else 0.0  # which takes SymPy longer than a model that is in the cache
+    far = [m for m in moved if m.turn > TURNED or m.distance > limit + 1e-9]
     if not far:
         return ()
     bodies, were = ("bodies", "they were") if len(far) > 1 else ("body", "it was")
@@ -163,7 +164,9 @@ def deep_contacts(
     q, parameters : array, shape (coordinate,), (parameter,)
         Assembled pose, and parameters.
     """
-    found = []
+    found: list[str] = []
+    if not any(instance.type.gaps for instance in instances):
+        return ()
     size = max(LEAST, size_of(mechanism))
     order = {name: k for k, name in enumerate(mechanism.bodies)}
     first = 0
