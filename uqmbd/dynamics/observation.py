@@ -56,10 +56,8 @@ def _one_by_one(
 
 
 def _compiled(model: Model) -> bool:
-    """Whether outputs are one program: the mechanism is small enough, and no contact that lasts changes forces."""
-    if model.events or model.system is None or model.system.programs is None:
-        return False
-    return model.system.programs.residual is not None
+    """Whether outputs are one program: its elimination is compiled, and no contact that lasts changes forces."""
+    return not model.events and model.system is not None and model.system.programs is not None
 
 
 def _by_program(

@@ -14,7 +14,6 @@ from uqmbd.dynamics import Ensemble, build, integrate
 from uqmbd.dynamics.equations import state_arguments
 from uqmbd.dynamics.linear import index1
 from uqmbd.dynamics.linear.fronts import frontal
-from uqmbd.dynamics.linear.nodal import FrontalSystems, LapackSystems, SparseSystems
 from uqmbd.dynamics.linear.ordering import rounds_of, units_of
 from uqmbd.dynamics.linear.sparse import SparsePattern
 from uqmbd_collocation import Collocation
@@ -120,26 +119,6 @@ def test_small_systems_by_blocks_as_in_one_piece():
     np.testing.assert_allclose(blocks.project(both), expected, rtol=0, atol=1e-10 * np.abs(expected).max())
 
 
-@pytest.mark.parametrize("systems", [FrontalSystems, SparseSystems])
-def test_systems_at_nodes_agree(models, systems):
-    model = models[5] if models[5].system.fronts else models[10]
-    values = values_of(model)
-    dense, sparse = LapackSystems(model), systems(model)
-    generator = np.random.default_rng(2)
-    right = generator.normal(size=(len(values), model.system.size))
-    drift = generator.normal(size=(len(values), len(model.evaluators["drift"].targets)))
-    for each in (dense, sparse):
-        each.place(values)
-    for a, b in (
-        (dense.motion(), sparse.motion()),
-        (dense.solve(right), sparse.solve(right)),
-        (dense.apply(right), sparse.apply(right)),
-        (dense.defect(right), sparse.defect(right)),
-        (dense.excess(drift), sparse.excess(drift)),
-    ):
-        np.testing.assert_allclose(b, a, rtol=0, atol=1e-10 * np.abs(a).max())
-
-
 def test_work_grows_no_faster_than_the_chain(models):
     """Operations and code: linear in N but for the ends of the chain, with few kernels."""
     work, entries, code = [], [], []
@@ -210,7 +189,6 @@ def test_a_singular_system_has_no_solution_and_leaves_the_others_alone():
     assert np.isnan(found[1]).all()
     for k in (0, 2):
         np.testing.assert_allclose(found[k], np.linalg.solve(matrix[k], right[k]), rtol=1e-10)
-    assert list(pattern.poor(matrix.reshape(3, 9), right, found, 1e-8)) == [1]
 
 
 def test_poor_pivots_are_noticed(models):

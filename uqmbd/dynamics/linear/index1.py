@@ -74,11 +74,7 @@ def _by_program(model: Model, arguments: Array, parameters: Array) -> tuple[Arra
     assert system.programs is not None
     parameters = parameters[:, : model.block_parameters]
     found = system.programs.motion(arguments, parameters)
-    if system.fronts is not None:
-        values = model.evaluators["acceleration"](arguments, parameters)
-        poor = system.pattern.poor(values, system.right(values), found[:, :size], RESIDUAL)
-    else:
-        poor = np.flatnonzero(~(found[:, -1] <= RESIDUAL**2))
+    poor = np.flatnonzero(~(found[:, -1] <= RESIDUAL**2))
     if len(poor):
         values = model.evaluators["acceleration"](arguments[poor], parameters[poor])
         found[poor, :size] = _direct(system, values, system.right(values))

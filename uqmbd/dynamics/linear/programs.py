@@ -11,6 +11,7 @@ import numpy as np
 from uqmbd.compiled import Dynamics, Kernel, Program, Writer
 from uqmbd.dynamics.equations import Model
 from uqmbd.dynamics.linear.fronts import FrontalSolver
+from uqmbd.dynamics.linear.residual import RowResiduals
 from uqmbd.typing import Index
 
 __all__ = ["Motion", "Programs", "Solver", "programs_of"]
@@ -19,6 +20,7 @@ SMALL = 300
 """Rows of the work array of a small mechanism."""
 
 Solver = Kernel | FrontalSolver
+Residual = Kernel | RowResiduals
 
 
 def _solution(solver: Solver, writer: Writer, given: Index) -> Index:
@@ -37,13 +39,13 @@ class Programs:
     dynamics : Dynamics
         For the explicit integrator.
     motion : Program
-        To accelerations, multipliers of the kept equations, rates of the auxiliary states, and, of small systems, how
-        well they satisfy the index-1 system.
+        To accelerations, multipliers of the kept equations, rates of the auxiliary states, and how well they satisfy
+        the index-1 system.
     excess : Program
         To what is too much of coordinates and velocities, by the least norm in the metric of the masses.
     solve : Kernel or FrontalSolver
         From results of the ``acceleration`` evaluator to accelerations and multipliers.
-    residual : Kernel or None
+    residual : Kernel or RowResiduals
         From these results and the solution to how well it satisfies the system.
     """
 
@@ -51,7 +53,7 @@ class Programs:
     motion: Program
     excess: Program
     solve: Solver
-    residual: Kernel | None
+    residual: Residual
 
     def __getstate__(self) -> dict[str, Any]:
         """Leave out what is made anew."""
@@ -69,20 +71,20 @@ class Programs:
 
 
 class Motion(NamedTuple):
-    """Rows of the accelerations and multipliers, and of how well they satisfy the system (none: it is not known)."""
+    """Rows of the accelerations and multipliers, and of how well they satisfy the system."""
 
     solution: Index
     residual: Index
 
 
-def _motion(model: Model, writer: Writer, values: Index, solve: Solver, residual: Kernel | None) -> Motion:
+def _motion(model: Model, writer: Writer, values: Index, solve: Solver, residual: Residual) -> Motion:
     solution = _solution(solve, writer, values)
-    if residual is None:
-        return Motion(solution, np.zeros(0, dtype=np.int64))
+    if isinstance(residual, RowResiduals):
+        return Motion(solution, residual.write(writer, values, solution))
     return Motion(solution, writer.call(residual, np.concatenate([values, solution])[None, :]).ravel())
 
 
-def programs_of(model: Model, solve: Solver, accelerate: Solver, project: Solver, residual: Kernel | None) -> Programs:
+def programs_of(model: Model, solve: Solver, accelerate: Solver, project: Solver, residual: Residual) -> Programs:
     """Write the programs of a model.
 
     Parameters
@@ -93,7 +95,7 @@ def programs_of(model: Model, solve: Solver, accelerate: Solver, project: Solver
         From results of the ``acceleration`` evaluator to accelerations and multipliers, and to accelerations only.
     project : Kernel or FrontalSolver
         From these results, then those of the ``drift`` evaluator, to what is too much of coordinates and velocities.
-    residual : Kernel or None
+    residual : Kernel or RowResiduals
         From results of the ``acceleration`` evaluator and the solution to how well it satisfies the system.
     """
     layout = model.layout

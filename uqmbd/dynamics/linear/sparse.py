@@ -72,18 +72,6 @@ class SparsePattern:
             result[part] = np.add.reduceat(terms, self.starts, axis=1)
         return result
 
-    def poor(self, values: Array, right: Array, x: Array, tolerance: float) -> Index:
-        """Find the systems that their solutions ``x`` (K, size) do not satisfy to a relative tolerance."""
-        worst = np.empty(len(x))
-        with np.errstate(all="ignore"):
-            for first in range(0, len(x), BLOCK):
-                part = slice(first, first + BLOCK)
-                terms = values[part].take(self.source, axis=1) * x[part].take(self.columns, axis=1)
-                defect = np.abs(np.add.reduceat(terms, self.starts, axis=1) - right[part])
-                size = np.add.reduceat(np.abs(terms), self.starts, axis=1) + np.abs(right[part])
-                worst[part] = (defect / (size + 1e-300)).max(axis=1)
-        return np.flatnonzero(~(worst <= tolerance))
-
     def factorise(self, values: Array) -> Factors:
         """Factorise each system by SuperLU, its columns ordered for little fill.
 

@@ -15,6 +15,7 @@ from uqmbd.dynamics.linear.elimination import Elimination, plan
 from uqmbd.dynamics.linear.fronts import FrontalSolver, Fronts, frontal
 from uqmbd.dynamics.linear.ordering import rounds_of, units_of
 from uqmbd.dynamics.linear.programs import Programs, programs_of
+from uqmbd.dynamics.linear.residual import RowResiduals
 from uqmbd.dynamics.linear.sparse import SparsePattern
 from uqmbd.dynamics.linear.unrolled import residual_kernel, unroll
 from uqmbd.typing import Array, Index
@@ -208,7 +209,8 @@ def _by_blocks(model: Model, system: System, typical: Array) -> System:
     solve, accelerate, project = (
         FrontalSolver(fronts, rights, wanted) for rights, wanted in ((motion, system.size), (motion, n), (excess, n))
     )
-    compiled = programs_of(model, solve, accelerate, project, None)
+    residual = RowResiduals(system.rows, system.columns, system.source, system.motion)
+    compiled = programs_of(model, solve, accelerate, project, residual)
     return replace(system, fronts=fronts, solve=solve, project=project, programs=compiled)
 
 
