@@ -104,6 +104,7 @@ class EventDrivenMotion:
         every, begin = np.arange(len(self.batch)), float(self.times[0])
         self._begin(every)
         self._stop(self._going(every), begin)
+        self._guard(self._going(every))
         self._restart(self._going(every))
         while self.advance():
             pass
@@ -128,13 +129,15 @@ class EventDrivenMotion:
                 )
         self._failed()
         if len(events):
-            self._happened(events)
+            others = self._happened(events)
+            self._guard(self._going(others))
             self._restart(self._going(events))
         elif not np.any(status == Status.RUNNING) and len(waiting := np.flatnonzero(status == Status.JUMP)):
             # controllers are called when all who have not failed are there
             time = float(run.now[waiting].min())
             some = waiting[run.now[waiting] == time]
             self._stop(some, time)
+            self._guard(self._going(some))
             self._restart(self._going(some))
         return bool(np.any((status == Status.RUNNING) | (status == Status.JUMP)))
 
@@ -233,8 +236,8 @@ class EventDrivenMotion:
         self.records.add_own(members, e.mark_times[rows][used], e.mark[rows][used])
         e.noted[rows] = 0
 
-    def _happened(self, members: Index) -> None:
-        """Decide about members with an event."""
+    def _happened(self, members: Index) -> Index:
+        """Decide about members with an event; return those whose guards are not known yet."""
         run, e = self.run, self.encounters
         now = run.now[members]
         self.chatter.happened(members, now)
@@ -253,6 +256,7 @@ class EventDrivenMotion:
             self._turned(m)
             one = contacts.select(np.array([row]))
             run.z[m] = self.decisions.after(m, int(e.happened[m]), float(inside[row]), run.z[m], one)
+        return members[~done]
 
     def _turned(self, member: int) -> None:
         if member in self.decisions.lasting:
@@ -287,17 +291,22 @@ class EventDrivenMotion:
         run.z[who, : self.n] += answer[np.arange(len(some)), :, normal] * back[:, None]
         run.z[who, self.velocities :] += np.sum(answer * impulse[:, None, :], axis=2)
         self.records.add_own(who, run.now[who], events)
+        # the gap rises from zero; that the acceleration is that of before the impact matters to the first step only
+        rise, free = after[good], contacts.free[some, : self.n]
+        rates = contacts.bias[some, normal] + np.sum(contacts.slope[some, normal] * free, axis=1)
+        e.slow[who], e.resting[who], e.rise[who] = slow[good], 0, 0.0
+        e.resting[who, 2 * events], e.rise[who, 2 * events] = 1, rise
+        run.wanted[who] = np.minimum(run.wanted[who], np.where(rates < 0, -FLIGHT * rise / rates, np.inf))
         return possible
 
     # -- restarts ----------------------------------------------------------------------------------------------------
     def _restart(self, members: Index) -> None:
-        """Find what may end the motions of members from here, and let them run."""
+        """Let members run whose guards are known."""
         if not len(members):
             return
         run = self.run
         self.since[members] = run.now[members]
         self.restarts[members] += 1
-        self._guard(members)
         run.fresh[members], run.rejected[members], run.refused[members] = 1, 0, 0
         run.status[members] = np.where(run.status[members] == Status.DONE, Status.DONE, Status.RUNNING)
         self._end_legs(members)
@@ -313,7 +322,7 @@ class EventDrivenMotion:
         free = mode == Touching.OPEN
         gaps = self.evaluator.guards(self._inside(members), states, self.batch.block[members])[:, bodies]
         some = np.any(~free | (gaps <= CLOSED * self.length[members, None]), axis=1)
-        if not some.any():
+        if not len(members) or not some.any():
             return
         members, mode, free, slow = members[some], mode[some], free[some], slow[some]
         contacts, normals = self._contacts(members), self.first[bodies]
