@@ -17,7 +17,8 @@ from uqmbd.dynamics.contact.impacts import impact
 from uqmbd.dynamics.contact.single_impacts import single_impacts
 from uqmbd.dynamics.integrators import integrator_class
 from uqmbd_contact import PlaneImpact
-from uqmbd_joints import Revolute
+from uqmbd_drivers import PositionDriver
+from uqmbd_joints import Prismatic, Revolute
 from uqmbd_springs import SpringDamper
 
 G = 9.81
@@ -91,6 +92,23 @@ def test_rods_come_to_lie_flat(falling):
     lying = flat & (np.abs(found.states[:, -1, -2:]).max(axis=1) < 1e-9)
     assert lying.sum() > 5
     np.testing.assert_allclose(found.states[lying, -1, 1], 0, atol=1e-9)
+
+
+def test_what_follows_a_failure_is_no_number():
+    """A body is driven into another, which cannot yield: some realisations end there, the others go on."""
+    mechanism = uqmbd.Mechanism("press", uqmbd.Translational())
+    ram = mechanism.body("ram", mass=1, position=(0, 1))
+    mechanism.add(Prismatic("guide", mechanism.ground, ram, (0, 0), (0, 0), (0, 1), (0, 1)))
+    speed = number("v", 0.2, 2)
+    mechanism.add(PositionDriver("drive", mechanism.ground, ram, (0, 0), (0, 0), (0, 1), 1 - speed * uqmbd.t))
+    mechanism.add(PlaneImpact("anvil", mechanism.ground, ram, (0, 0), (0, 0), (0, 1), restitution=0.5))
+    values, times = values_of(mechanism, 13), np.linspace(0, 1, 21)
+    found = integrate(Ensemble(build(mechanism), values), times, 1e-6)
+    for state, message, v in zip(found.states, found.messages, values[:, 0], strict=True):
+        assert bool(message) == (v > 1)
+        alive = times < 1 / v if v > 1 else np.full(21, True)
+        np.testing.assert_allclose(state[alive, 1], (1 - v * times)[alive], atol=1e-9)
+        assert np.isnan(state[~alive]).all()
 
 
 class Crossing(uqmbd.Component):

@@ -243,7 +243,7 @@ static void interpolate(const Problem *p, const Group *g, V part, V *target) {
 /* Put the states in the work array onto the constraints. */
 static void put_on_constraints(const Problem *p, Group *g, Mask which) {
     if (!p->surplus) return;
-    run_program(&p->motion, g->work);
+    run_program(&p->values, g->work);
     run_program(&p->excess, g->work);
     for (int64_t i = 0; i < p->coordinates; i++) {
         V q = g->work[p->surplus[i]], v = g->work[p->surplus[p->coordinates + i]];

@@ -112,6 +112,8 @@ class EventDrivenMotion:
             self._stop(self._going(every), end)
         self._failed()
         self.run.project()
+        for m in np.flatnonzero(self.run.column < len(self.times)).tolist():
+            self.run.result[m, self.run.column[m] :] = np.nan
 
     def advance(self) -> bool:
         """Let those run who can, then decide about those who wait; whether there were any."""

@@ -88,6 +88,7 @@ def _states(motion: EventDrivenMotion, piece: _Piece, times: Array) -> Array:
             again.advance()
             again.status[0] = Status.RUNNING if again.status[0] == Status.STEPPED else again.status[0]
     again.project()
+    again.result[0, again.column[0] :] = np.nan
     found = np.empty((len(times), run.z.shape[1]))
     found[order] = again.result[0, 1:]
     return found
