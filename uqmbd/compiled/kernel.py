@@ -33,6 +33,8 @@ class Kernel:
         Number of arguments and results.
     needs : str
         What the processor must have, in words (`Target.needs`).
+    operations : int
+        How many it takes, as counted where it was written; functions of the C library count as several.
     """
 
     code: bytes
@@ -40,6 +42,7 @@ class Kernel:
     inputs: int
     outputs: int
     needs: str = ""
+    operations: int = 0
 
     def __getstate__(self) -> dict[str, Any]:
         """Leave out what is made anew: addresses."""

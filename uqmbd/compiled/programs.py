@@ -72,6 +72,12 @@ class Part:
         """Leave out what is made anew: addresses."""
         return {key: value for key, value in self.__dict__.items() if key not in ("_native", "structure")}
 
+    @property
+    def operations(self) -> int:
+        """How many operations on rows the steps take, copies of arguments included."""
+        kernels = sum(s.count * s.kernel.operations for s in self.steps if s.kernel is not None)
+        return kernels + sum(len(s.reads) for s in self.steps if s.reads is not None)
+
     @cached_property
     def structure(self) -> c.Program:
         """The steps as the driver wants them."""

@@ -19,6 +19,7 @@ import numpy as np
 from uqmbd.compiled import Dynamics, Method, Realisations, Status
 from uqmbd.dynamics.batch import Batch
 from uqmbd.dynamics.equations import Model
+from uqmbd.dynamics.integration.cheaper import FIRST, Comparison
 from uqmbd.dynamics.integration.legs import Leg, legs_of, longest_step, pace
 from uqmbd.dynamics.integration.restarts import speed_jumps
 from uqmbd.dynamics.integration.singular_poses import SingularPoseWatcher
@@ -35,6 +36,8 @@ PATIENCE = 15
 """Steps in a row that must look stiff."""
 STEPS = 20_000
 """Most attempted steps of a leg."""
+MOST = 200_000
+"""The same where costs are compared, so that no other method is known to need less."""
 REFUSALS = 3
 """Refused steps in a row, and ..."""
 SURPLUS = 4.0
@@ -51,13 +54,16 @@ ALIKE = 64
 """Realisations that share the legs of functions of time."""
 
 
-def integrate_by_dop853(ensemble: Batch, members: Index, times: Array, rtol: float) -> Solved:
+def integrate_by_dop853(
+    ensemble: Batch, members: Index, times: Array, rtol: float, *, comparing: bool = False, patient: bool = False
+) -> Solved:
     """Integrate the assembled realisations `members` (M,) of a batch, whose index-1 system is compiled.
 
-    Each that this method cannot integrate has a message.
+    Each that this method cannot integrate has a message; with `comparing` those, too, that IDA integrates alone for
+    less than this method costs in a group of eight, by counts.  With `patient` many steps are taken, stiff or not.
     """
     begin = clock.perf_counter()
-    run = _Integration(ensemble.select(members), times, rtol)
+    run = _Integration(ensemble.select(members), times, rtol, comparing=comparing, patient=patient)
     with np.errstate(all="ignore"):
         run.run()
     return replace(run.solved(), counters=run.counters + Counters(seconds=clock.perf_counter() - begin))
@@ -77,10 +83,10 @@ def explicit_method(rtol: float, *, guarded: bool, attempts: int | None = None) 
     )
 
 
-def stopped(now: float, size: float, *, many: bool) -> str:
+def stopped(now: float, size: float, *, many: bool, most: int = STEPS) -> str:
     """Say why an integration stopped: too many steps, or steps that are too small."""
     if many:
-        return f"the integration stopped at t = {now:.6g} s: more than {STEPS} steps"
+        return f"the integration stopped at t = {now:.6g} s: more than {most} steps"
     return (
         f"the integration stopped at t = {now:.6g} s: the step size fell to {size:.1g} s; probably a singular "
         "pose, a stop or an impact, or a force that jumps"
@@ -118,16 +124,24 @@ class _Integration:
         Output times, s.
     rtol : float
         Relative tolerance.
+    comparing : bool
+        Whether costs are compared with those of IDA.
+    patient : bool
+        Whether many steps are taken, stiff or not.
     """
 
-    def __init__(self, batch: Batch, times: Array, rtol: float) -> None:
+    def __init__(self, batch: Batch, times: Array, rtol: float, *, comparing: bool, patient: bool) -> None:
         self.batch, self.times, self.rtol, self.model = batch, times, rtol, batch.model
         start, layout = batch.start, self.model.layout
         self.jumping = jumping = bool(layout.rank) and "phi_t" in self.model.evaluators["velocity"].index
+        method = explicit_method(rtol, guarded=bool(layout.rank), attempts=FIRST if comparing else None)
+        if patient:
+            method = replace(method, attempts=MOST, patience=2**62)
+        self.most = MOST if comparing or patient else STEPS
         length = np.minimum(1.0, np.maximum(1e-3, np.abs(start.q).max(axis=1, initial=0.0)))
         self.main = Realisations(
             _dynamics(self.model),
-            explicit_method(rtol, guarded=bool(layout.rank)),
+            method,
             start.state,
             batch.block,
             times,
@@ -142,6 +156,8 @@ class _Integration:
         self.messages = [""] * len(batch)
         self.final = [False] * len(batch)
         self.stiff = 0
+        self.comparison = Comparison(batch, times, rtol, _dynamics(self.model)) if comparing else None
+        self.dear = [0.0] * len(batch)
 
     # -- the whole integration ---------------------------------------------------------------------------------------
     def run(self) -> None:
@@ -175,13 +191,16 @@ class _Integration:
         notes: list[str] = []
         for watcher in self.watchers.values():
             notes += [note for note in watcher.notes if note not in notes]
-        return Solved(self.main.result, tuple(self.messages), Counters(), tuple(self.final), tuple(notes))
+        return Solved(
+            self.main.result, tuple(self.messages), Counters(), tuple(self.final), tuple(notes), tuple(self.dear)
+        )
 
     @property
     def counters(self) -> Counters:
         """What it cost."""
         pools = [self.main, *self.others.values()]
-        return Counters(
+        compared = Counters() if self.comparison is None else self.comparison.counters
+        return compared + Counters(
             integrations=len(self.batch),
             accelerations=sum(pool.evaluations for pool in pools),
             steps=sum(int(pool.steps.sum()) for pool in pools),
@@ -228,6 +247,8 @@ class _Integration:
         """Decide how a member goes on that waits."""
         pool, k = self._place(member)
         now, size = float(pool.now[k]), float(pool.tried[k])
+        if self.comparison is not None and self._compared(self.comparison, member, status):
+            return
         if status == Status.STIFF:
             self.stiff += 1
             self._fail(member, f"stiff at t = {now:.6g} s")
@@ -243,6 +264,26 @@ class _Integration:
                 pool.trusted[k] = not void
                 if void:
                     pool.wanted[k], pool.refused[k] = size, 0
+
+    def _compared(self, comparison: Comparison, member: int, status: int) -> bool:
+        """Compare costs with those of IDA if it is time to; whether that was a decision."""
+        pool, k = self._place(member)
+        now, steps = float(pool.now[k]), int(pool.steps[k])
+        more: int | None = 0
+        if status == Status.MANY:
+            more = comparison.attempts(member, int(pool.leg[k]), steps, now, self.most)
+        elif status == Status.STIFF:
+            more = comparison.stiff(member, steps, now)
+        elif status != Status.SMALL and comparison.looked(member, steps, now):
+            more = None
+        if more is None:
+            self.stiff += 1
+            self.dear[member] = comparison.expected(member, max(steps, FIRST), now)
+            self._fail(member, f"implicit steps are cheaper until t = {now:.6g} s")
+        elif more:
+            (pool.stiff if status == Status.STIFF else pool.attempts)[k] -= more
+            pool.status[k] = Status.RUNNING
+        return more != 0
 
     def _watcher(self, member: int) -> SingularPoseWatcher:
         if member not in self.watchers:
@@ -302,7 +343,7 @@ class _Integration:
         found = self._watcher(member).reason(now, pool.z[k]) if self.model.layout.rank else ""
         if found:
             return found
-        return stopped(now, size, many=many)
+        return stopped(now, size, many=many, most=self.most)
 
     # -- poor interpolation ------------------------------------------------------------------------------------------
     def _mend(self) -> None:

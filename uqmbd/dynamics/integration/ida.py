@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import time as clock
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -22,6 +22,7 @@ import numpy as np
 from uqmbd.dynamics.assembly import ahead, dead_end, rank_along
 from uqmbd.dynamics.batch import Batch
 from uqmbd.dynamics.equations import Model
+from uqmbd.dynamics.integration.costs import implicit_costs
 from uqmbd.dynamics.integration.legs import pace
 from uqmbd.dynamics.integration.prescribed import instant
 from uqmbd.dynamics.integration.restarts import speed_jumps
@@ -30,7 +31,7 @@ from uqmbd.dynamics.integration.trajectories import Counters, Solved
 from uqmbd.dynamics.linear import accelerations
 from uqmbd.typing import Array, Index
 
-__all__ = ["RELAXED", "STEPS", "diagnosis", "integrate_by_ida", "step_limits", "step_tolerance"]
+__all__ = ["RELAXED", "STEPS", "diagnosis", "integrate_by_ida", "reaches_by_ida", "step_limits", "step_tolerance"]
 
 Callbacks = tuple[Callable[..., None], Callable[..., None]]
 
@@ -64,15 +65,26 @@ class _Run:
     singular: bool = False
 
 
-def integrate_by_ida(ensemble: Batch, members: Index, times: Array, rtol: float) -> Solved:
-    """Integrate the assembled realisations `members` (M,) of a batch by IDA."""
+def integrate_by_ida(ensemble: Batch, members: Index, times: Array, rtol: float, most: float | None = None) -> Solved:
+    """Integrate the assembled realisations `members` (M,) of a batch by IDA.
+
+    Where that would cost more than `most`, by counts, those that are left have a message.
+    """
+    purse = None if most is None else _Purse(most)
     states = np.full((len(members), len(times), ensemble.model.layout.width), np.nan)
     messages, final = [""] * len(members), [False] * len(members)
     counters = Counters()
     todo = [np.arange(len(members))]
     while todo:
         part = todo.pop(0)
-        run = _integrate_stack(ensemble.select(members[part]), times, rtol)
+        try:
+            run = _integrate_stack(ensemble.select(members[part]), times, rtol, purse)
+        except _TooDearError:
+            missing = [k for k in range(len(members)) if np.isnan(states[k, -1]).any() and not messages[k]]
+            for k in missing:
+                messages[k] = "implicit steps cost more than explicit ones"
+            counters = counters + Counters(integrations=1)
+            break
         counters = counters + run.counters
         if run.message and len(part) > 1:
             # which one failed is not known: halve until it is alone
@@ -87,7 +99,53 @@ def integrate_by_ida(ensemble: Batch, members: Index, times: Array, rtol: float)
             hard = part[rough > OUTLIER * np.sqrt(np.mean(rough**2))]
             todo = [*(np.array([k]) for k in hard), *todo]
             counters = counters + Counters(alone=len(hard))
+    if purse is not None:
+        counters = replace(counters, residuals=purse.residuals, jacobians=purse.jacobians)
     return Solved(states, tuple(messages), counters, tuple(final))
+
+
+def reaches_by_ida(ensemble: Batch, times: Array, rtol: float, most: float) -> tuple[bool, Counters]:
+    """Tell whether IDA integrates the only realisation of a batch to the last time for less than some cost."""
+    purse = _Purse(most)
+    try:
+        reached = not _integrate_stack(ensemble, times, rtol, purse).message
+    except _TooDearError:
+        reached = False
+    return reached, Counters(purse.residuals, purse.jacobians, 1)
+
+
+class _TooDearError(Exception):
+    """An integration has cost more than it may."""
+
+
+class _Purse:
+    """What may be spent on residuals and Jacobians, by counts."""
+
+    def __init__(self, most: float) -> None:
+        self.left, self.residuals, self.jacobians = most, 0, 0
+
+    def paying(self, ensemble: Batch, callbacks: Callbacks) -> Callbacks:
+        """Make callbacks of a stack that pay."""
+        count, (residual, jacobian) = len(ensemble), callbacks
+        sparse = count * ensemble.model.layout.unknowns >= SPARSE_FROM
+        residual_cost, jacobian_cost = implicit_costs(ensemble.model, count, sparse=sparse)
+
+        def paid_residual(t: float, y: Array, yp: Array, res: Array) -> None:
+            self.residuals += 1
+            self._pay(residual_cost)
+            residual(t, y, yp, res)
+
+        def paid_jacobian(t: float, y: Array, yp: Array, res: Array, c: float, jac: Array) -> None:
+            self.jacobians += 1
+            self._pay(jacobian_cost)
+            jacobian(t, y, yp, res, c, jac)
+
+        return paid_residual, paid_jacobian
+
+    def _pay(self, cost: float) -> None:
+        self.left -= cost
+        if self.left < 0:
+            raise _TooDearError
 
 
 def step_tolerance(rtol: float, unknowns: int) -> float:
@@ -109,7 +167,7 @@ def step_tolerance(rtol: float, unknowns: int) -> float:
     return min(rtol, max(STEP_SHARE * rtol / float(np.sqrt(unknowns)), LEAST_TOLERANCE))
 
 
-def _integrate_stack(ensemble: Batch, times: Array, rtol: float) -> _Run:
+def _integrate_stack(ensemble: Batch, times: Array, rtol: float, purse: _Purse | None = None) -> _Run:
     """Integrate a stack through all its break times."""
     start = ensemble.start
     width = ensemble.model.layout.width
@@ -122,6 +180,8 @@ def _integrate_stack(ensemble: Batch, times: Array, rtol: float) -> _Run:
     yp = ensemble.pack(start.v, start.rates, start.a, np.zeros_like(start.multipliers))
     counters = Counters()
     callbacks = _callbacks(ensemble)
+    if purse is not None:
+        callbacks = purse.paying(ensemble, callbacks)
     now = float(times[0])
     for stop, longest, _ in pace(ensemble, times, rtol):
         inside = np.flatnonzero((times > now) & (times <= stop))

@@ -19,17 +19,17 @@ class Counters:
     Attributes
     ----------
     residuals, jacobians : int
-        Evaluations by IDA, each for a whole stack.
+        Evaluations by IDA, each for a whole stack; those by which costs were compared are counted, too.
     integrations : int
-        Starts of an integrator.
+        Starts of IDA, and realisations that the explicit integrator has begun.
     alone : int
-        Realisations that were taken out of their stack.
+        Realisations that IDA integrated once more without their stack, because they are much rougher than it.
     accelerations : int
-        Evaluations of the equations of motion by the explicit integrator, each for a whole stack.
+        Evaluations of the equations of motion by the explicit integrator, each for up to eight realisations.
     steps : int
-        Accepted steps of the explicit integrator.
+        Accepted steps of the explicit integrator, of all realisations together.
     stiff : int
-        Realisations that the explicit integrator left to IDA.
+        Realisations that the explicit integrator left to IDA: stiff ones, and those that are cheaper there.
     passages : int
         Singular poses that were passed over.
     repivots : int
@@ -105,6 +105,9 @@ class Solved:
         Of each: the mechanism itself cannot go on, so that no other integrator could; empty: not known.
     notes : tuple of str
         What was changed on the way.
+    dear : tuple of float
+        Of each that was stopped because another integrator is cheaper: what the motion would have cost here, by
+        counts; else zero; empty: none was.
     """
 
     states: Array
@@ -112,6 +115,7 @@ class Solved:
     counters: Counters
     final: tuple[bool, ...] = ()
     notes: tuple[str, ...] = ()
+    dear: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -128,7 +128,10 @@ class Ida:
 
 @dataclass(frozen=True)
 class Auto:
-    """`Dop853` where the mechanism is small enough for it; what turns out to be stiff, or fails, is left to `Ida`.
+    """`Dop853` where the mechanism is small enough for it; what is stiff, dear, or fails there is left to `Ida`.
+
+    Whether a realisation is dear is found by counts of what both spend on the first part of its motion, for each on
+    its own.
 
     Parameters
     ----------
@@ -151,12 +154,21 @@ class Auto:
         return in_stacks(self._solve, ensemble, times, rtol, self.stack)
 
     def _solve(self, ensemble: Ensemble, members: Index, times: Array, rtol: float) -> Solution:
-        solved = integrate_by_dop853(ensemble, members, times, rtol)
+        solved = integrate_by_dop853(ensemble, members, times, rtol, comparing=True)
         found, left = Solution.of(solved, Dop853.name), _left(solved)
-        for first in range(0, len(left), STACK):
-            some = left[first : first + STACK]
+        dear = np.array(solved.dear)
+        for some in _stacks(left[dear[left] == 0]):
             other = integrate_by_ida(ensemble, members[some], times, rtol)
             found = found.replaced(some, other, Ida.name, np.arange(len(some)))
+        for some in _stacks(left[dear[left] > 0]):
+            other = integrate_by_ida(ensemble, members[some], times, rtol, float(dear[some].sum()))
+            found = found.replaced(some, other, Ida.name, np.arange(len(some)))
+        # what is cheaper at first may be dearer later, or fail
+        again = np.array([k for k in left.tolist() if dear[k] and found.solved.messages[k]], dtype=np.int64)
+        if len(again):
+            other = integrate_by_dop853(ensemble, members[again], times, rtol, patient=True)
+            done = np.array([k for k, message in enumerate(other.messages) if not message], dtype=np.int64)
+            found = found.replaced(again, other, Dop853.name, done)
         return found
 
     def integrate_segments(self, ensemble: Ensemble, times: Array, rtol: float) -> SegmentedMotion:
@@ -214,6 +226,11 @@ def _left(solved: Solved) -> Index:
     """Find those that failed, and that another integrator might integrate."""
     left = [k for k, message in enumerate(solved.messages) if message and not solved.final[k]]
     return np.array(left, dtype=np.int64)
+
+
+def _stacks(members: Index) -> list[Index]:
+    """Part realisations into stacks for IDA."""
+    return [members[first : first + STACK] for first in range(0, len(members), STACK)]
 
 
 def _impacts(model: Model) -> bool:
