@@ -106,3 +106,15 @@ print(*[name for name in ("numpy", "sympy", "xarray", "matplotlib") if name in s
     assert run.stdout.splitlines() == [""], run.stderr
     assert uqmbd.report.error_cost and uqmbd.results.load and uqmbd.testing.check_component
     assert all(hasattr(uqmbd, name) for name in dir(uqmbd))
+
+
+@pytest.mark.thorough
+def test_a_run_begins_without_what_it_may_not_need():
+    """Statistics, splines and optimisation of SciPy, figures and files are loaded when they are used: half the time."""
+    code = """
+import sys, uqmbd.cli.run, uqmbd.report
+late = "scipy.stats", "scipy.interpolate", "scipy.optimize", "scipy.integrate", "matplotlib", "h5py", "dask", "IPython"
+print(*[name for name in late if name in sys.modules])
+"""
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert run.stdout.splitlines() == [""], run.stderr

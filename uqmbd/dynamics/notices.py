@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import sympy
-from scipy.stats import qmc
 
 from uqmbd.dynamics.equations import TIME, Instance, Model, ParameterMap, plain
 from uqmbd.errors import StudyError
@@ -124,6 +123,8 @@ def hidden_turns(mechanism: Mechanism, model: Model) -> tuple[str, ...]:
         inputs = mechanism.inputs
         rows = inputs.means[None, :]
         if len(inputs):
+            from scipy.stats import qmc
+
             points = qmc.Halton(len(inputs), scramble=False).random(REALISATIONS + 1)[1:]
             rows = np.concatenate([rows, inputs.from_uniform(points)])
         angles, poses = ParameterMap.of([starts, plain(drawn)], list(inputs.variables))(rows).T

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -325,7 +326,7 @@ def _polynomials(values: Array, allowed: float, broken: NDArray[np.bool_]) -> tu
     while count:
         points = (np.arange(count) * CELL)[:, None] + np.arange(CELL + 1)
         here = values[:, ::stride][:, points]
-        deviation = np.abs(here[..., 1::2] - here[..., ::2] @ _BETWEEN.T).max(axis=2)
+        deviation = np.abs(here[..., 1::2] - here[..., ::2] @ _between().T).max(axis=2)
         deviation[broken] = 0.0
         good = np.less_equal(deviation, allowed)
         if below is None:
@@ -342,6 +343,7 @@ def _polynomials(values: Array, allowed: float, broken: NDArray[np.bool_]) -> tu
     return found, smallest
 
 
+@cache
 def _between() -> Array:
     """Weights of the polynomial through the even points of a cell at its odd ones."""
     from scipy.interpolate import BarycentricInterpolator
@@ -349,6 +351,3 @@ def _between() -> Array:
     even = np.arange(0, CELL + 1, 2)
     found: Array = BarycentricInterpolator(even, np.eye(len(even)))(np.arange(1, CELL, 2))
     return found
-
-
-_BETWEEN = _between()
