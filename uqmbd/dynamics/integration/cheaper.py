@@ -1,13 +1,13 @@
 """Whether IDA is cheaper for a realisation that the explicit method integrates: by counts, for each on its own.
 
 What the explicit method has reached so far IDA integrates alone, from the same start.  It is cheaper if that costs it
-less than the explicit method costs in a group of eight: so a comparison costs at most as much as what was spent.  Where
-stability limits the steps, for longer than it takes IDA to find its own, it need not cost less than the explicit method
-alone.  A comparison depends on nothing but the realisation, and is made seldom: where steps or looks at the rank are
-many, and again where there are several times as many.
+less than the explicit method costs in a group of eight: so a comparison costs at most as much as what was spent.  A
+comparison depends on nothing but the realisation, and is made seldom: where steps or looks at the rank are many, and
+again where there are several times as many.
 
-That steps look stiff is not enough: a pendulum with a light ball on a stiff, damped bushing takes 0.2 s explicitly, and
-IDA, whose steps are held to small tolerances, 30 s.
+What looks stiff is left to IDA without one, for at most what the whole motion is expected to cost explicitly: a
+pendulum with a light ball on a stiff, damped bushing takes 0.2 s explicitly, and IDA, whose steps are held to small
+tolerances, 30 s.
 """
 
 from __future__ import annotations
@@ -29,9 +29,7 @@ FIRST = 2000
 LOOKS = 500
 """... looks at the rank, after which costs are compared for the first time, and ..."""
 LATER = 8
-"""... factor until they are compared again, and ..."""
-SOONER = 4
-"""... the same where stability limits the steps."""
+"""... factor until they are compared again."""
 WORTH = 2e7
 """Cost, in operations, from which this is worth it: some 20 ms."""
 
@@ -56,7 +54,6 @@ class Comparison:
         self.counters = Counters()
         self.allowed: dict[int, tuple[int, int]] = {}
         self.looks: dict[int, int] = {}
-        self.due: dict[int, int] = {}
 
     def attempts(self, member: int, leg: int, steps: int, now: float, most: int) -> int | None:
         """Return how many more attempts a realisation may make in a leg, up to `most` in all; None: IDA is cheaper."""
@@ -76,15 +73,6 @@ class Comparison:
             due *= LATER
         return looks == due and self._cheaper(member, now, steps)
 
-    def stiff(self, member: int, steps: int, now: float) -> int | None:
-        """Return after how many more steps that look stiff to ask again; None: IDA is cheaper."""
-        due = self.due.setdefault(member, FIRST)
-        if steps >= due:
-            if self._cheaper(member, now, steps):
-                return None
-            due = self.due[member] = SOONER * steps
-        return due - steps
-
     def expected(self, member: int, steps: int, now: float) -> float:
         """Cost of the whole motion by the explicit method, alone, if it goes on like this."""
         begin, end = float(self.times[0]), float(self.times[-1])
@@ -93,11 +81,7 @@ class Comparison:
 
     def _cheaper(self, member: int, now: float, steps: int) -> bool:
         spent = steps * self.attempt + self.looks.get(member, 0) * LOOK
-        if member in self.due:
-            spent *= LANES
-        elif spent < WORTH:
-            return False
-        if now <= self.times[0]:
+        if spent < WORTH or now <= self.times[0]:
             return False
         times = np.append(self.times[self.times < now], now)
         found, counters = reaches_by_ida(self.batch.select(np.array([member])), times, self.rtol, spent)

@@ -273,15 +273,16 @@ class _Integration:
         if status == Status.MANY:
             more = comparison.attempts(member, int(pool.leg[k]), steps, now, self.most)
         elif status == Status.STIFF:
-            more = comparison.stiff(member, steps, now)
+            more = None
         elif status != Status.SMALL and comparison.looked(member, steps, now):
             more = None
         if more is None:
             self.stiff += 1
-            self.dear[member] = comparison.expected(member, max(steps, FIRST), now)
-            self._fail(member, f"implicit steps are cheaper until t = {now:.6g} s")
+            self.dear[member] = comparison.expected(member, steps, now)
+            what = "stiff at" if status == Status.STIFF else "implicit steps are cheaper until"
+            self._fail(member, f"{what} t = {now:.6g} s")
         elif more:
-            (pool.stiff if status == Status.STIFF else pool.attempts)[k] -= more
+            pool.attempts[k] -= more
             pool.status[k] = Status.RUNNING
         return more != 0
 

@@ -80,8 +80,7 @@ def integrate_by_ida(ensemble: Batch, members: Index, times: Array, rtol: float,
         try:
             run = _integrate_stack(ensemble.select(members[part]), times, rtol, purse)
         except _TooDearError:
-            missing = [k for k in range(len(members)) if np.isnan(states[k, -1]).any() and not messages[k]]
-            for k in missing:
+            for k in np.concatenate([part, *todo]).tolist():
                 messages[k] = "implicit steps cost more than explicit ones"
             counters = counters + Counters(integrations=1)
             break
