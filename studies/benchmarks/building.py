@@ -12,6 +12,7 @@ import argparse
 import importlib.util
 import os
 import resource
+import signal
 import subprocess
 import sys
 import tempfile
@@ -36,18 +37,26 @@ SETUP = f"import sys, time; sys.path[:0] = {[str(HERE), str(HERE.parent)]!r}; im
 BEGIN, CLOCK = "begin = time.process_time(); ", "print(time.process_time() - begin)"
 
 LONGEST = 60
-"""Wall seconds after which a child is stopped."""
+"""Processor seconds after which a child is stopped."""
 
-BUILD = "import uqmbd.dynamics, symengine, scipy.linalg; {make}; " + BEGIN + "uqmbd.dynamics.build(made); " + CLOCK
+BUILD = (
+    "import uqmbd.dynamics, symengine, scipy.linalg, llvmlite.binding; {make}; "
+    + BEGIN
+    + "uqmbd.dynamics.build(made); "
+    + CLOCK
+)
 
 FIRST = (
-    "import uqmbd.dynamics as d, symengine, scipy.linalg; {make}; model = d.build(made); "
+    "import uqmbd.dynamics as d, symengine, scipy.linalg, llvmlite.binding; {make}; model = d.build(made); "
     "e = d.Ensemble(model, np.tile(made.inputs.means, (8, 1))); e.start; "
     + BEGIN
     + "d.integrate(e, np.linspace(0, 0.01, 3), 1e-6); "
     + CLOCK
 )
 """The first integration in a process, which loads the kernels and the driver."""
+
+DRIVER = "import uqmbd.compiled.driver as c, llvmlite.binding; " + BEGIN + "c.driver(); " + CLOCK
+"""The driver is compiled once for a processor, and then loaded; models are made where it is there."""
 
 PEER = "import peers; " + BEGIN + "peers.CasadiPeer(peers.PEERS[{name!r}][0](), np.linspace(0, 1, 401), 1e-6); " + CLOCK
 
@@ -56,6 +65,8 @@ MODULES = (
     "sys.argv = ['uqmbd', 'run', {study!r}, '--out', {out!r}]; from uqmbd.cli import main; main()"
 )
 """Writes down what a run imports."""
+
+DRIVEN = "the driver, once for a processor"
 
 IMPORTS = (
     "import sys, time, importlib, warnings; warnings.simplefilter('ignore'); names = open({list!r}).read().split(); "
@@ -67,6 +78,11 @@ IMPORTS = (
 STUDY = "import sys; sys.argv = ['uqmbd', 'run', {study!r}, '--out', {out!r}]; from uqmbd.cli import main; main()"
 
 
+def limited() -> None:
+    """Stop this process where it goes on for too long."""
+    resource.setrlimit(resource.RLIMIT_CPU, (LONGEST, LONGEST))
+
+
 def child(script: str, root: Path, cache: str) -> tuple[float, str]:
     """Run a script in a fresh process: its processor seconds, all told, and what it prints.
 
@@ -76,9 +92,8 @@ def child(script: str, root: Path, cache: str) -> tuple[float, str]:
     environment = dict(os.environ, PYTHONPATH=path, UQMBD_CACHE=cache, MPLBACKEND="Agg")
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     command = [sys.executable, "-W", "ignore", "-c", script]
-    try:
-        done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=LONGEST)
-    except subprocess.TimeoutExpired:
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, preexec_fn=limited)
+    if done.returncode in (-signal.SIGXCPU, -signal.SIGKILL):
         return float("inf"), ""
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     if done.returncode:
@@ -122,6 +137,9 @@ def main() -> None:
         for name, (make, peer) in MODELS.items():
             for version, root in versions.items():
                 with tempfile.TemporaryDirectory() as cache:
+                    if (root / "uqmbd" / "compiled").is_dir():
+                        for part in parts[:2]:
+                            note(DRIVEN, version, part, seconds=clocked(DRIVER, root, cache))
                     for part, script in zip(parts, (BUILD, BUILD, FIRST), strict=True):
                         seconds = clocked(script.format(make=make), root, cache)
                         note(name, version, part, seconds=seconds)
