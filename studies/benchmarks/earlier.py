@@ -104,9 +104,9 @@ def four_bars(number: int) -> Callable[[int], Callable[[], Any]]:
 TASKS = {
     "slider-crank": Task("slider-crank, Monte Carlo", monte_carlo("slider_crank"), 500, 128),
     "pendulum": Task("pendulum, Monte Carlo", monte_carlo("pendulum"), 50_000, 2000),
-    "bouncing-ball": Task("bouncing ball, impacts", monte_carlo("bouncing_ball"), 500, 64),
-    "compliant-ball": Task("bouncing ball, compliant", monte_carlo("bouncing_ball_compliant"), 500, 64),
-    "clearance": Task("clearance joint", monte_carlo("clearance"), 200, 32),
+    "bouncing-ball": Task("bouncing ball, impacts", monte_carlo("bouncing_ball"), 200, 64),
+    "compliant-ball": Task("bouncing ball, compliant", monte_carlo("bouncing_ball_compliant"), 200, 64),
+    "clearance": Task("clearance joint", monte_carlo("clearance"), 100, 32),
     "galerkin": Task("Agile Eye, Galerkin of order 4", galerkin, 1, 1, "run"),
     "galerkin-study": Task("Agile Eye, Galerkin of order 4, whole study", galerkin_study, 1, 1, "run"),
 } | {f"four-bars-{n}": Task(f"chain of {n} four-bars, group of {GROUP}", four_bars(n), GROUP, GROUP) for n in NUMBERS}

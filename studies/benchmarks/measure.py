@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from rich import box
 from rich.console import Console
 from rich.table import Table
 
@@ -16,7 +17,7 @@ __all__ = ["Contender", "console", "interleave", "matched", "show", "spent", "ta
 
 Array = NDArray[np.float64]
 
-console = Console(width=160)
+console = Console(width=260)
 
 
 @dataclass
@@ -102,8 +103,8 @@ def show(title: str, contenders: Sequence[Contender], columns: Sequence[str] = (
 
 
 def table_of(title: str, *columns: str) -> Table:
-    """Make an empty table, the first column of which holds names."""
-    table = Table(title=title, title_justify="left")
+    """Make an empty table, the first column of which holds names; it is printed as Markdown."""
+    table = Table(title=title, title_justify="left", box=box.MARKDOWN)
     for k, column in enumerate(columns):
         table.add_column(column, justify="right" if k else "left")
     return table

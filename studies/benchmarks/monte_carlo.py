@@ -203,7 +203,12 @@ def main() -> None:
     samples, repeat = (128, 2) if options.quick else (500, options.repeat)
     if options.threads:
         found = threads(512 if options.quick else 4000, repeat)
-        show(f"4,000 slider-cranks, whole studies, {repeat} rounds", found, ("processor s",), unit="s")
+        show(
+            f"{512 if options.quick else 4000} slider-cranks, whole studies, {repeat} rounds",
+            found,
+            ("processor s",),
+            unit="s",
+        )
         return
     for task in (slider_cranks(), five_bars()):
         found = compare(task, samples, repeat)

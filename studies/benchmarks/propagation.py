@@ -24,9 +24,8 @@ import mechanisms
 import motorcycle
 import numpy as np
 import slider_crank
-from measure import Contender, console, interleave
+from measure import Contender, console, interleave, table_of
 from numpy.typing import NDArray
-from rich.table import Table
 from threadpoolctl import threadpool_limits
 
 import uqmbd
@@ -165,18 +164,11 @@ def run(task: Task, orders: range, repeat: int) -> None:
     _ratios(task, cpu)
 
 
-def _table(title: str, *columns: str) -> Table:
-    table = Table(title=title, title_justify="left")
-    for k, column in enumerate(columns):
-        table.add_column(column, justify="right" if k else "left")
-    return table
-
-
 def _orders(task: Task, orders: range, outputs: list[str], cpu: dict[str, Array]) -> dict[str, Array]:
     """Print cost and error of each order; return the errors."""
     where = "largest over time" if task.at is None else f"at t = {task.at:g} s"
     found, base = {}, cpu["one"]
-    table = _table(
+    table = table_of(
         f"{task.study.name}: cost and error of the standard deviation ({where}) by order; one realisation: "
         f"{1e3 * np.median(base):.1f} ms",
         "", "nodes", "unknowns", "CPU, ms", "over one realisation", "evaluations", "steps", "iterations", *outputs,
@@ -203,7 +195,7 @@ def _orders(task: Task, orders: range, outputs: list[str], cpu: dict[str, Array]
 
 def _targets(task: Task, orders: range, outputs: list[str], cpu: dict[str, Array], errors: dict[str, Array]) -> None:
     """Print what it takes to get standard deviations right."""
-    table = _table(f"{task.study.name}: CPU time to an error of the standard deviation", "", *(
+    table = table_of(f"{task.study.name}: CPU time to an error of the standard deviation", "", *(
         f"{name}, {100 * target:g} %" for target in TARGETS for name in (*outputs, "all")
     ))  # fmt: skip
     for method in METHODS:
@@ -226,7 +218,7 @@ def _targets(task: Task, orders: range, outputs: list[str], cpu: dict[str, Array
 
 def _ratios(task: Task, cpu: dict[str, Array]) -> None:
     """Print the ratios that matter, medians over the rounds with their ranges."""
-    table = _table(f"{task.study.name}: ratios of CPU times", "", "compared with", "ratio", "(range)")
+    table = table_of(f"{task.study.name}: ratios of CPU times", "", "compared with", "ratio", "(range)")
 
     def add(name: str, other: str, mine: Array, theirs: Array) -> None:
         ratio = mine / theirs
@@ -263,7 +255,7 @@ def inputs(counts: range, repeat: int, order: int = 2) -> None:
         for method, work in METHODS.items():
             contenders[method, count] = Contender("", partial(work, task, order), "")
     interleave(list(contenders.values()), repeat)
-    table = _table(
+    table = table_of(
         f"Slider-crank, order {order}: cost by the number of inputs",
         "inputs", "nodes", "terms", "unknowns", "Galerkin, ms", "over one realisation", "a node", "collocation, ms",
         "Galerkin over collocation", "difference of the standard deviation",
@@ -303,7 +295,6 @@ def main() -> None:
     parser.add_argument("--only", choices=tasks, help="one study only")
     options = parser.parse_args()
     repeat, most, count = (2, 4, 4) if options.quick else (options.repeat, 6, 6)
-    console.width = 190
     with warnings.catch_warnings(), threadpool_limits(limits=1):
         warnings.simplefilter("ignore", UserWarning)  # what they say stands in the columns of errors
         for name, task in tasks.items():
