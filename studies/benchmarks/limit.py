@@ -110,7 +110,7 @@ def loop(steps: Callable[[int, str], list[str]], declarations: str = "") -> floa
         ]
     )
     name = f"peak{hashlib.sha256(text.encode()).hexdigest()[:16]}"
-    place = addresses_of([name], object_code(text.replace("@NAME(", f"@{name}("), optimised=True))[0]
+    place = addresses_of([name], object_code(text.replace("@NAME(", f"@{name}(")))[0]
     call = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p)(place)
     room = np.ones(8 * (CHAINS + 2) + 8)
     begin = room.ctypes.data + (-room.ctypes.data) % 64

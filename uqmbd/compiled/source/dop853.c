@@ -378,7 +378,8 @@ static Mask decide(const Problem *p, const Pool *pool, Group *g, int64_t *status
         } else {
             g->wanted[l] = g->size[l] * (g->error[l] < 1e300 && shrink[l] > 0.2 ? shrink[l] : 0.2);
             pool->rejected[m] = 1;
-            if (++pool->refused[m] % p->refusals == 0 && p->guarded) status[l] = REFUSED;
+            int64_t most = pool->steps[m] ? p->refusals : 2 * p->refusals; /* the first size is a guess */
+            if (++pool->refused[m] % most == 0 && p->guarded) status[l] = REFUSED;
         }
     }
     return taken;
