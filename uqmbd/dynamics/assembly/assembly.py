@@ -13,7 +13,7 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from uqmbd.dynamics.assembly.conditions import met
-from uqmbd.dynamics.assembly.least_norm import least_norm
+from uqmbd.dynamics.assembly.least_norm import completed, least_norm
 from uqmbd.dynamics.assembly.undefined import REMEDY, undefined
 from uqmbd.dynamics.equations import Model, impossible, state_arguments
 from uqmbd.dynamics.linear import RANK_TOLERANCE, accelerations
@@ -25,6 +25,8 @@ __all__ = ["Start", "assemble", "independent_rows", "placed", "positions", "stat
 
 POSITION_TOLERANCE = 1e-12
 ITERATIONS = 200
+CERTAIN = 1e-3
+"""Part of what a stated velocity may be off by, within which nothing contradicts it."""
 
 
 @dataclass(frozen=True)
@@ -78,7 +80,7 @@ def _constraints(model: Model, q: Array, time: float, parameters: Array) -> dict
 
 def _scales(gradient: Array) -> Array:
     """Norm of each equation's gradient: residuals divided by it are displacements."""
-    norm = np.linalg.norm(gradient, axis=2)
+    norm = np.linalg.norm(np.ascontiguousarray(gradient), axis=2)
     return np.where(norm > 1e-9, norm, 1.0)
 
 
@@ -134,7 +136,7 @@ def _closed(model: Model, drawn: Array, time: float, parameters: Array, rows: In
     count, n = drawn.shape
     free = np.setdiff1d(np.arange(n), model.held)
     q = drawn.copy()
-    size = max(1e-3, float(np.abs(drawn[:, : model.dimension]).max(initial=0.0)), 1.0)
+    size = np.maximum(1.0, np.abs(drawn[:, : model.dimension]).max(axis=1, initial=0.0))
     now = _constraints(model, q, time, parameters)
     scale = _scales(now["phi_q"])
     residual = now["phi"] / scale
@@ -164,7 +166,7 @@ def _closed(model: Model, drawn: Array, time: float, parameters: Array, rows: In
             )
             there = _constraints(model, trial, time, parameters[todo[pending]])
             after = np.linalg.norm(there["phi"] / scale[todo[pending]], axis=1)
-            good = (after < before[pending]) | (after < POSITION_TOLERANCE * size)
+            good = (after < before[pending]) | (after < POSITION_TOLERANCE * size[todo[pending]])
             best_q[pending[good]] = trial[good]
             pending = pending[~good]
             step[pending] /= 2
@@ -179,7 +181,7 @@ def _closed(model: Model, drawn: Array, time: float, parameters: Array, rows: In
         residual = now["phi"] / scale
         still = np.abs(residual).max(axis=1, initial=0.0) <= POSITION_TOLERANCE * size
         active[still] = False
-        active[todo[moved < 1e-16 * size]] = False
+        active[todo[moved < 1e-16 * size[todo]]] = False
     return q, _position_messages(model, now, residual, size)
 
 
@@ -197,12 +199,12 @@ def _normalised(q: Array, quaternions: Index, step: Array, held: Index) -> Array
     return q
 
 
-def _position_messages(model: Model, now: dict[str, Array], residual: Array, size: float) -> list[str]:
+def _position_messages(model: Model, now: dict[str, Array], residual: Array, size: Array) -> list[str]:
     messages = []
     for k in range(len(residual)):
         worst = np.abs(residual[k])
         message = ""
-        if worst.size and not worst.max() <= 1e-9 * size:
+        if worst.size and not worst.max() <= 1e-9 * size[k]:
             if not np.all(np.isfinite(worst)):
                 i = int(np.argmax(~np.isfinite(worst)))
                 messages.append(
@@ -307,12 +309,19 @@ def velocities(
         values.append(-value[:, conditions.velocities])
         names += [f"start condition {conditions.names[k]}" for k in conditions.velocities]
     a, b = np.concatenate(rows, axis=1), np.concatenate(values, axis=1)
+    a = np.ascontiguousarray(a)
     scale = np.linalg.norm(a, axis=2)
     scale = np.where(scale > 1e-12, scale, 1.0)
     a, b = a / scale[:, :, None], b / scale
-    v = least_norm(a, b, truncate=True)
-    error = np.abs((a @ v[:, :, None])[:, :, 0] - b)
+    kept, first = model.layout.kept, len(model.equations)
+    with np.errstate(all="ignore"):
+        v = completed(a[:, kept], b[:, kept], a[:, first:], b[:, first:])
     limit = 1e-8 * np.maximum(1.0, np.abs(b).max(axis=1, initial=0.0))
+    error = np.abs((a @ v[:, :, None])[:, :, 0] - b)
+    doubtful = np.flatnonzero(~(error.max(axis=1, initial=0.0) <= CERTAIN * limit))
+    if len(doubtful):
+        v[doubtful] = least_norm(a[doubtful], b[doubtful], truncate=True)
+        error[doubtful] = np.abs((a[doubtful] @ v[doubtful][:, :, None])[:, :, 0] - b[doubtful])
     messages = []
     for k in range(count):
         if error[k].max(initial=0.0) <= limit[k]:

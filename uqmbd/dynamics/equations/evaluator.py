@@ -97,17 +97,18 @@ class Evaluator:
         found[several] = writer.sums([values[self.order[self.starts[k] : ends[k]]].tolist() for k in several])
         return found
 
-    def program(self, arguments: int, parameters: int) -> Program:
-        """Return the evaluation of so many arguments, then so many parameters of the model."""
-        key = arguments, parameters
+    def program(self, arguments: int, parameters: int, passed: range = range(0)) -> Program:
+        """Return the evaluation of so many arguments, then so many parameters of the model; some are passed on."""
+        key = arguments, parameters, passed
         if key not in self._programs:
             writer, rows = Writer(arguments + parameters), np.arange(arguments + parameters)
-            self._programs[key] = writer.program(self.write(writer, rows[:arguments], rows[arguments:]))
+            found = self.write(writer, rows[:arguments], rows[arguments:])
+            self._programs[key] = writer.program(np.concatenate([found, rows[passed.start : passed.stop]]))
         return self._programs[key]
 
     @cached_property
-    def _programs(self) -> dict[tuple[int, int], Program]:
-        """Made so far, for numbers of arguments and of parameters."""
+    def _programs(self) -> dict[tuple[int, int, range], Program]:
+        """Made so far, for numbers of arguments and of parameters, and what is passed on."""
         return {}
 
     @cached_property

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from uqmbd.compiled import Columns, Writer
+from uqmbd.compiled import Columns
 from uqmbd.dynamics.assembly import gradient_lengths, named
 from uqmbd.dynamics.batch import Batch
 from uqmbd.dynamics.equations import Model
@@ -64,10 +64,8 @@ def _largest(ensemble: Batch, times: Array, states: Array) -> tuple[Array, Array
     """Find the largest residuals in position and velocity (K, equation) over the times, and the largest speeds (K,)."""
     model, layout = ensemble.model, ensemble.model.layout
     drift = model.evaluators["drift"]
-    writer = Writer(layout.width + 2 + ensemble.block.shape[1])
-    arguments, parameters = np.split(np.arange(writer.inputs), [layout.width + 2])
-    found = drift.write(writer, arguments, parameters)
-    program = writer.program(np.concatenate([found, arguments[layout.velocities : layout.width]]))
+    passed = range(layout.velocities, layout.width)
+    program = drift.program(layout.width + 2, ensemble.block.shape[1], passed)
     count = len(times)
     flat, zero = states.reshape(-1, layout.width), Columns(np.zeros((1, 1)))
     largest = program.largest(flat, Columns(times), zero, Columns(ensemble.block, count), states=count)
@@ -76,7 +74,7 @@ def _largest(ensemble: Batch, times: Array, states: Array) -> tuple[Array, Array
         if letter in drift.index:
             columns, (rows,) = drift.index[letter]
             residuals[which][:, rows] = largest[:, columns]
-    return residuals[0], residuals[1], largest[:, len(found) :].max(axis=1, initial=0.0)
+    return residuals[0], residuals[1], largest[:, len(drift.targets) :].max(axis=1, initial=0.0)
 
 
 def allowed_residual(rtol: float) -> float:
