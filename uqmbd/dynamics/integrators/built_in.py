@@ -69,11 +69,12 @@ class Dop853:
         if not projected.model.layout.unknowns:
             return _still(projected, times)
         begin = clock.perf_counter()
+        _, before = projected.start, projected.coupled.counters  # of stretches between samples there are several
         run, message = integrate_coefficients(projected, times, rtol, watch)
         counters = {
             "accelerations": run.evaluations,
             "steps": int(run.steps[0]),
-            **projected.coupled.counters,
+            **{name: count - before[name] for name, count in projected.coupled.counters.items()},
             "seconds": clock.perf_counter() - begin,
         }
         return ProjectedTrajectories(times, run.result, message, self.name, counters)
