@@ -132,7 +132,7 @@ def main() -> None:
     found: dict[tuple[str, str, str], list[float]] = {}
 
     def note(*key: str, seconds: float) -> None:
-        found.setdefault(key, []).append(seconds)  # type: ignore[arg-type]
+        found.setdefault(key, []).append(seconds)  # type: ignore[arg-type] - three words each
 
     for _ in range(options.repeat):
         for name, (make, peer) in MODELS.items():

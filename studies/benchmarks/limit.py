@@ -232,7 +232,7 @@ def counted(phases: Phases, calls: dict[str, Counter[str]]) -> Iterator[None]:
             made[kernel.name] = function(count)
         return ctypes.cast(made[kernel.name], ctypes.c_void_p).value or 0
 
-    Kernel.address = property(address)  # type: ignore[assignment]
+    Kernel.address = property(address)  # type: ignore[assignment] - counts calls, here only
     try:
         yield
     finally:

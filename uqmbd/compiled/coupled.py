@@ -133,11 +133,12 @@ class CoupledSystems:
         tables = systems.starts, systems.columns, systems.entries, systems.motion, systems.constraints, systems.rates
         self._tables = [np.ascontiguousarray(x, dtype=np.int64) for x in (systems.solution, *tables)]
         self._typical = [np.ascontiguousarray(x, dtype=np.int64) for x in (systems.masses, systems.forces)]
+        self._parts = [x.structure for x in (systems.values, systems.drift, systems.factor, systems.solve)]
         self.structure = c.Coupled(
             *(terms, nodes, systems.width, systems.coordinates, size, len(systems.rates)),
             *map(address, (self.psi, self.adjoint, self.work)),
             *(systems.rows, systems.width),
-            *(x.structure for x in (systems.values, systems.drift, systems.factor, systems.solve)),
+            *self._parts,
             *(ctypes.cast(self._outside, ctypes.c_void_p), systems.right, systems.guess),
             *map(address, self._tables),
             *(len(systems.masses), *map(address, self._typical)),

@@ -81,13 +81,16 @@ class Contacts:
     @cached_property
     def structure(self) -> c.Contacts:
         """What the driver reads."""
-        return c.Contacts(
+        parts = self.guards.structure, self.contact.structure
+        found = c.Contacts(
             *(len(self.guard), len(self.speed), address(self.first)),
-            *(self.guards.structure, address(self.guard), self.contact.structure),
+            *(parts[0], address(self.guard), parts[1]),
             *map(address, (self.gap, self.law, self.speed, self.bias, self.slope)),
             *(self.size, len(self.rows)),
             *map(address, (self.rows, self.columns, self.values, self.right)),
         )
+        found.kept = parts
+        return found
 
 
 class Encounters:

@@ -190,7 +190,7 @@ class Realisations:
     ----------
     result : array, shape (M, T, width)
         States at the output times before number ``column``, by interpolation: near the constraints until `project` puts
-        them there.
+        them there; NaN after these.
     poor : array of int, shape (M, T)
         Which of them interpolation has led far off the constraints.
     status : array of int, shape (M,)
@@ -234,7 +234,7 @@ class Realisations:
         self.node_times, self.nodes = np.zeros((count, NODES)), np.zeros((count, NODES, width))
         self.node_times[:, -1], self.nodes[:, -1] = self.times[0], z
         self.result = np.empty((count, len(self.times), width))
-        self.result[:, 0] = z
+        self.result[:, 0], self.result[:, 1:] = z, np.nan
         self.poor = np.zeros((count, len(self.times)), dtype=np.int8)
 
     def advance(self, members: Index | None = None) -> None:
@@ -303,19 +303,26 @@ class Realisations:
 
     @cached_property
     def _pool(self) -> c.Pool:
-        happening = 0 if self.encounters is None else ctypes.addressof(self.encounters.structure)
-        return c.Pool(*(address(getattr(self, name)) for name in c.POOL), happening)
+        happening = None if self.encounters is None else self.encounters.structure
+        place = 0 if happening is None else ctypes.addressof(happening)
+        found = c.Pool(*(address(getattr(self, name)) for name in c.POOL), place)
+        found.kept = happening
+        return found
 
     @cached_property
     def _problem(self) -> c.Problem:
         d, m = self.dynamics, self.method
-        return c.Problem(
+        parts = [part.structure for part in (d.motion, d.values or Part((), 0), d.excess or Part((), 0))]
+        coefficients = tableau()
+        contacts = None if self.contacts is None else self.contacts.structure
+        found = c.Problem(
             *(d.terms, d.blocks, d.width, d.coordinates, d.velocities, d.parameters, d.width, d.rows),
-            *(d.motion.structure, address(d.rate)),
-            (d.values or Part((), 0)).structure,
-            *((d.excess or Part((), 0)).structure, address(d.surplus), ctypes.addressof(tableau()[0])),
+            *(parts[0], address(d.rate), parts[1]),
+            *(parts[2], address(d.surplus), ctypes.addressof(coefficients[0])),
             *(m.rtol, float(d.moving), m.far, m.surplus, m.stiff),
             *(m.patience, m.refusals, m.attempts, int(m.guarded), len(self.times)),
             *map(address, (self.times, self.leg_ends, self.leg_longest, self.leg_jumps)),
-            0 if self.contacts is None else ctypes.addressof(self.contacts.structure),
+            0 if contacts is None else ctypes.addressof(contacts),
         )
+        found.kept = parts, coefficients, contacts  # what it points to: another thread may have made it anew
+        return found

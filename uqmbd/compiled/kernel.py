@@ -97,7 +97,7 @@ class Kernel:
             raise ValueError(f"a kernel {self.inputs} -> {self.outputs} was given {arguments.shape} -> {out.shape}")
         if not self.code:
             return partial(out.fill, 0.0)
-        program, results, _ = self._native
+        program, results, step = self._native
         count = out.size // self.outputs
         source = c.Source(address(arguments), self.inputs, self.inputs, 1, count, 0)
         work = aligned(self.inputs + self.outputs)
@@ -106,7 +106,7 @@ class Kernel:
             *(ctypes.addressof(program), address(work), ctypes.addressof(source), 1, 0, count),
             *(address(results), self.outputs, address(out)),
         )
-        vars(call)["kept"] = (self, source, work, arguments, out)
+        vars(call)["kept"] = (program, results, step, source, work, arguments, out)
         return call
 
     @cached_property

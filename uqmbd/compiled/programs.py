@@ -70,7 +70,7 @@ class Part:
 
     def __getstate__(self) -> dict[str, Any]:
         """Leave out what is made anew: addresses."""
-        return {key: value for key, value in self.__dict__.items() if key not in ("_native", "structure")}
+        return {key: value for key, value in self.__dict__.items() if key != "structure"}
 
     @property
     def operations(self) -> int:
@@ -81,10 +81,12 @@ class Part:
     @cached_property
     def structure(self) -> c.Program:
         """The steps as the driver wants them."""
-        return c.Program(ctypes.addressof(self._native), len(self.steps), self.scratch)
+        table = self._table()
+        found = c.Program(ctypes.addressof(table), len(self.steps), self.scratch)
+        found.kept = table  # whoever keeps the structure keeps what it points to: another thread may make one, too
+        return found
 
-    @cached_property
-    def _native(self) -> Any:
+    def _table(self) -> Any:
         rows = []
         for s in self.steps:
             code, inputs, outputs = (0, 0, 1)
@@ -191,9 +193,9 @@ class Program:
         if out is None:
             out = np.empty((count, len(self.results)))
         if count and len(self.results):
-            work = aligned(self.rows)
+            work, structure = aligned(self.rows), self.part.structure
             driver().evaluate(
-                ctypes.addressof(self.part.structure),
+                ctypes.addressof(structure),
                 address(work),
                 ctypes.addressof(table),
                 len(kept),
@@ -217,13 +219,13 @@ class Program:
             and all(np.shares_memory(x, y) or not x.size for x, y in zip(given, kept, strict=True))
         ):
             raise ValueError("a bound program reads float64 in columns side by side, and writes a C-contiguous array")
-        work, evaluate = aligned(self.rows), driver().evaluate
+        work, evaluate, structure = aligned(self.rows), driver().evaluate, self.part.structure
         call = partial(
             evaluate,
-            *(ctypes.addressof(self.part.structure), address(work), ctypes.addressof(table), len(kept), 0, count),
+            *(ctypes.addressof(structure), address(work), ctypes.addressof(table), len(kept), 0, count),
             *(address(self.results), len(self.results), address(out)),
         )
-        vars(call)["kept"] = (self, table, kept, work, sources, out)
+        vars(call)["kept"] = (self, structure, table, kept, work, sources, out)
         return call
 
     def largest(self, *sources: Array | Columns, states: int, count: int | None = None) -> Array:
@@ -231,9 +233,9 @@ class Program:
         table, kept, count = self._sources(sources, count)
         out = np.zeros((count // states, len(self.results)))
         if count and len(self.results):
-            work, most = aligned(self.rows), aligned(len(self.results))
+            work, most, structure = aligned(self.rows), aligned(len(self.results)), self.part.structure
             driver().largest(
-                ctypes.addressof(self.part.structure),
+                ctypes.addressof(structure),
                 address(work),
                 address(most),
                 ctypes.addressof(table),

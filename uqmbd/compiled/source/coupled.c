@@ -262,6 +262,7 @@ static void direct(const Coupled *c, const V *projected, V *found) {
     double *matrix = (double *)(sums + terms * blocks), *right = matrix + size * size, *scale = right + size;
     int32_t *pivots = (int32_t *)(scale + size), all = (int32_t)size, one = 1, info = 0;
     c->counts[DIRECT]++;
+    fill(found, 0.0, c->size * blocks); /* lanes without a term, too */
     for (int64_t i = 0; i < size * size; i++) matrix[i] = 0.0;
     for (int64_t row = 0; row < c->size; row++)
         for (int64_t e = c->starts[row]; e < c->starts[row + 1]; e++) {

@@ -1,3 +1,4 @@
+/* Length: one method, whose parts share what a group of lanes holds. */
 #include "group.h"
 
 int64_t advance_workspace(const Problem *p) {
@@ -533,6 +534,8 @@ int64_t advance(const Problem *p, const Pool *pool, const int64_t *queue, int64_
     return g.evaluations;
 }
 
+enum { CORRECTIONS = 3 };
+
 /* Put the states in the lanes onto the constraints, and back; lanes behind the last one are copies of it. */
 static void project_lanes(const Problem *p, const Pool *pool, V *work, int64_t *member, int64_t *column, int64_t lanes) {
     int64_t width = p->width, n = p->coordinates;
@@ -544,17 +547,21 @@ static void project_lanes(const Problem *p, const Pool *pool, V *work, int64_t *
     }
     to_lanes(work, (const double *const *)rows, width);
     run_program(&p->values, work);
-    run_program(&p->excess, work);
-    V most = splat(0.0);
-    Mask wrong = {0};
-    for (int64_t i = 0; i < 2 * n; i++) {
-        V off = work[p->surplus[i]];
-        V *x = work + (i < n ? i : p->velocities + i - n);
-        *x -= choose(off == off, off, splat(0.0)); /* a vanishing pivot; what is noted as poor is looked at again */
-        most = larger(magnitude(off), most);
-        wrong |= off != off;
+    Mask wrong = {0}, again = ~(Mask){0};
+    /* what velocities exceed depends on the coordinates: where these have moved, it is found anew */
+    for (int64_t pass = 0; pass < CORRECTIONS && any(again); pass++) {
+        run_program(&p->excess, work);
+        V most = splat(0.0);
+        for (int64_t i = 0; i < 2 * n; i++) {
+            V off = work[p->surplus[i]];
+            V *x = work + (i < n ? i : p->velocities + i - n);
+            *x -= choose(again & (off == off), off, splat(0.0)); /* a vanishing pivot is noted as poor */
+            most = larger(magnitude(off), most);
+            if (!pass) wrong |= off != off;
+        }
+        if (!pass) wrong |= most > splat(p->far);
+        again &= ~wrong & (most > splat(0.1 * p->rtol));
     }
-    wrong |= most > splat(p->far);
     for (int64_t l = 0; l < lanes; l++) pool->poor[member[l] * p->instants + column[l]] = wrong[l] != 0;
     to_rows(rows, lanes, work, width);
 }

@@ -364,12 +364,18 @@ class EventDrivenMotion:
                 run.status[m] = Status.JUMP
 
 
+def _snapped(end: float, samples: set[float]) -> float:
+    """End of a leg, or the sample that differs from it by rounding."""
+    return next((t for t in samples if abs(t - end) <= 1e-12 * max(1.0, abs(end))), end)
+
+
 def _legs(legs: list[tuple[Leg, ...]], times: Array, sampling: Sampler | None) -> list[list[Leg]]:
     """Cut legs at samples of controllers, and let steps be short enough for guards to be seen."""
     longest = float(times[-1] - times[0]) / LONGEST
     samples = set() if sampling is None else {t for t in sampling.times.tolist() if times[0] < t < times[-1]}
     found = []
     for own in legs:
+        own = tuple(leg._replace(end=_snapped(leg.end, samples)) for leg in own)
         ends = {leg.end: leg for leg in own}
         mine = [leg._replace(longest=min(leg.longest, longest), jumps=leg.jumps or leg.end in samples) for leg in own]
         for t in samples - ends.keys():

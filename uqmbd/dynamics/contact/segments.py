@@ -40,6 +40,8 @@ def followed_segments(motion: EventDrivenMotion) -> SegmentedMotion:
 
     def begun() -> None:
         run, e = motion.run, motion.encounters
+        if run.status[0] == Status.DONE:  # an event at the last output time begins nothing
+            return
         # restarts without progress in time are one
         while pieces and pieces[-1].begin >= run.now[0]:
             pieces.pop()

@@ -152,6 +152,7 @@ class _Integration:
             rtol * length,
         )
         self.others: dict[int, Realisations] = {}
+        self.retired: list[Realisations] = []
         self.watchers: dict[int, SingularPoseWatcher] = {}
         self.messages = [""] * len(batch)
         self.final = [False] * len(batch)
@@ -169,12 +170,8 @@ class _Integration:
             self._jump(waiting[status == Status.JUMP])
             for m, what in zip(waiting.tolist(), status.tolist(), strict=True):
                 self._decide(m, what)
-        for pool in (self.main, *self.others.values()):
+        for pool in self._pools:
             pool.project()
-        for member, message in enumerate(self.messages):
-            if message:
-                pool, k = self._place(member)
-                pool.result[k, pool.column[k] :] = np.nan
         self._mend()
 
     def _advanced(self) -> Index:
@@ -198,7 +195,7 @@ class _Integration:
     @property
     def counters(self) -> Counters:
         """What it cost."""
-        pools = [self.main, *self.others.values()]
+        pools = self._pools
         compared = Counters() if self.comparison is None else self.comparison.counters
         return compared + Counters(
             integrations=len(self.batch),
@@ -208,6 +205,11 @@ class _Integration:
             passages=sum(watcher.passed for watcher in self.watchers.values()),
             repivots=sum(len(watcher.notes) for watcher in self.watchers.values()),
         )
+
+    @property
+    def _pools(self) -> list[Realisations]:
+        """All that have integrated somebody."""
+        return [self.main, *self.others.values(), *self.retired]
 
     def _place(self, member: int) -> tuple[Realisations, int]:
         """Where a member is integrated, and its number there."""
@@ -309,6 +311,8 @@ class _Integration:
                 self._fail(member, course.reason, final=watcher.final)
                 return True
             if course.others:
+                if member in self.others:
+                    self.retired.append(pool)
                 self.others[member] = pool.moved(k, _dynamics(watcher.model))
                 self._settle(member)
             elif course.back and pool.known[k] > 1:
@@ -365,7 +369,7 @@ class _Integration:
                 while run.status[0] in (Status.RUNNING, Status.JUMP):
                     run.status[0] = Status.RUNNING
                     run.advance()
-                if np.isfinite(run.result[0, -1]).all():
+                if run.status[0] == Status.DONE and np.isfinite(run.result[0, -1]).all():
                     result[member, at] = run.result[0, -1]
 
 
