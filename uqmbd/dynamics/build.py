@@ -37,6 +37,7 @@ from uqmbd.dynamics.equations import (
 from uqmbd.dynamics.integration import Prescribed, prescribed_by, timed, timed_tables
 from uqmbd.dynamics.linear import index1_system, massless_direction
 from uqmbd.dynamics.notices import deep_contacts, hidden_turns, moved_bodies, size_of
+from uqmbd.dynamics.observation import prepare
 from uqmbd.dynamics.statics import scalar_map
 from uqmbd.dynamics.undefined_parameter import not_finite
 from uqmbd.errors import AssemblyError, RedundantConstraintWarning, StudyError
@@ -376,6 +377,7 @@ def build(mechanism: Mechanism, time: float = 0.0, *, fuse: bool | None = None) 
             f"body {body!r} can be accelerated without any force: its mass or inertia is zero in a direction "
             "in which it is free to move. Give it mass and inertia, or hold it with a joint."
         )
+    prepare(model)
     return model
 
 

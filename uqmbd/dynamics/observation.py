@@ -11,7 +11,7 @@ from uqmbd.dynamics.equations import Model, OutputMap, state_arguments
 from uqmbd.dynamics.linear import RESIDUAL, Programs, accelerations
 from uqmbd.typing import Array, Index
 
-__all__ = ["energies", "observe", "observe_along"]
+__all__ = ["energies", "observe", "observe_along", "prepare"]
 
 
 def observe_along(batch: Batch, outputs: OutputMap, times: Array, states: Array) -> Array:
@@ -53,6 +53,12 @@ def _one_by_one(
             forces = _add_contacts(model, states, time, parameters, a, multipliers)
     state = np.concatenate([q, s, v, a, multipliers, time[:, None]], axis=1)
     return outputs(state, values, parameters, forces)
+
+
+def prepare(model: Model) -> None:
+    """Compile what an observation takes besides the equations and the outputs, so that samples compile nothing."""
+    if _compiled(model) and model.quaternions().size:
+        _unit(model.quaternions().shape[1])
 
 
 def _compiled(model: Model) -> bool:

@@ -13,7 +13,7 @@ from uqmbd.typing import Array
 __all__ = ["integrate_coefficients"]
 
 
-SOLVED = 1.0
+SOLVED = 0.01
 """Accuracy of accelerations, over the tolerance of the integration."""
 
 WATCHED = 20
