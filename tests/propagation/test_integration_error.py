@@ -175,8 +175,8 @@ def test_where_the_tighter_integration_fails_the_results_stay(springs, monkeypat
 
     real = integration.integrate_by_dop853
 
-    def stubborn(ensemble, members, times, rtol):
-        found = real(ensemble, members, times, rtol)
+    def stubborn(ensemble, members, times, rtol, **options):
+        found = real(ensemble, members, times, rtol, **options)
         if rtol > 1e-7:
             return found
         lost = np.full_like(found.states, np.nan)
@@ -213,9 +213,9 @@ def test_a_simulation_without_check_integrates_once(springs, monkeypatch):
     tolerances = []
     real = integration.integrate_by_dop853
 
-    def counted(ensemble, members, times, rtol):
+    def counted(ensemble, members, times, rtol, **options):
         tolerances.append(rtol)
-        return real(ensemble, members, times, rtol)
+        return real(ensemble, members, times, rtol, **options)
 
     monkeypatch.setattr(integration, "integrate_by_dop853", counted)
     uqmbd.simulate(springs, TIMES, check=False)
