@@ -131,8 +131,8 @@ def main() -> None:
     with_casadi = importlib.util.find_spec("casadi") is not None
     found: dict[tuple[str, str, str], list[float]] = {}
 
-    def note(*key: str, seconds: float) -> None:
-        found.setdefault(key, []).append(seconds)  # type: ignore[arg-type] - three words each
+    def note(model: str, version: str, part: str, *, seconds: float) -> None:
+        found.setdefault((model, version, part), []).append(seconds)
 
     for _ in range(options.repeat):
         for name, (make, peer) in MODELS.items():

@@ -129,7 +129,8 @@ class CoupledSystems:
         gesv = _gesv() if self.small else 0
         # measured, 30 to 200 unknowns: a factorisation takes as long as half as many iterations
         worth = 0.5 * terms * size if gesv else -1.0
-        self._outside = _OUTSIDE(0) if outside is None else _OUTSIDE(lambda what: outside(self.work, what == 0))
+        self._raised: BaseException | None = None
+        self._outside = _OUTSIDE(0) if outside is None else _OUTSIDE(self._guarded(outside))
         tables = systems.starts, systems.columns, systems.entries, systems.motion, systems.constraints, systems.rates
         self._tables = [np.ascontiguousarray(x, dtype=np.int64) for x in (systems.solution, *tables)]
         self._typical = [np.ascontiguousarray(x, dtype=np.int64) for x in (systems.masses, systems.forces)]
@@ -147,6 +148,25 @@ class CoupledSystems:
         self.memory = aligned(driver().coupled_memory(self._address))
         self.structure.memory = address(self.memory)
         self._state = aligned(systems.width * self.blocks + 2)
+
+    def _guarded(self, outside: Callable[[Array, bool], None]) -> Callable[[int], None]:
+        """Keep an exception, which cannot pass the driver, until `_told` raises it; there is no solution then."""
+
+        def call(what: int) -> None:
+            try:
+                if self._raised is None:
+                    outside(self.work, what == 0)
+            except BaseException as error:  # noqa: BLE001 - an interruption, too, is raised behind the driver
+                self._raised = error
+            if self._raised is not None:
+                self.work[:, self.systems.solution] = np.nan
+
+        return call
+
+    def _told(self) -> None:
+        raised, self._raised = self._raised, None
+        if raised is not None:
+            raise raised
 
     @property
     def _address(self) -> int:
@@ -176,6 +196,7 @@ class CoupledSystems:
         self._take(time, state)
         found = aligned((self.systems.size + len(self.systems.rates)) * self.blocks)
         driver().coupled_rate(self._address, address(self._state), address(found))
+        self._told()
         rows = self._coefficients(found)
         return rows[:, : self.systems.size], rows[:, self.systems.size :]
 
@@ -191,6 +212,7 @@ class CoupledSystems:
         found = aligned(2 * n * self.blocks)
         driver().coupled_place(self._address, address(self._state))
         driver().coupled_excess(self._address, address(self._state), address(found))
+        self._told()
         rows = self._coefficients(found)
         return rows[:, :n], rows[:, n:]
 

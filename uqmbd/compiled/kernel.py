@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -79,35 +78,21 @@ class Kernel:
             raise ValueError(f"a kernel of {self.inputs} arguments was given {rows.shape[-1]}")
         if out is None:
             out = np.empty((*rows.shape[:-1], self.outputs))
-        if out.size:
-            self.bound(rows, out)()
-        return out
-
-    def bound(self, arguments: Array, out: Array) -> Callable[[], object]:
-        """Return what evaluates the numbers that then stand in one array into another, again and again.
-
-        Parameters
-        ----------
-        arguments, out : array, shape (..., inputs) and (..., outputs)
-            C-contiguous; they stay where they are.  One thread at a time may use what is returned.
-        """
-        if not (arguments.flags.c_contiguous and out.flags.c_contiguous and arguments.dtype == out.dtype == float):
-            raise ValueError("a kernel reads and writes C-contiguous arrays of float64")
-        if out.size * self.inputs != arguments.size * self.outputs:
-            raise ValueError(f"a kernel {self.inputs} -> {self.outputs} was given {arguments.shape} -> {out.shape}")
+        if out.shape != (*rows.shape[:-1], self.outputs) or out.dtype != float or not out.flags.c_contiguous:
+            raise ValueError(f"a kernel {self.inputs} -> {self.outputs} writes C-contiguous float64, not {out.shape}")
         if not self.code:
-            return partial(out.fill, 0.0)
-        program, results, step = self._native
-        count = out.size // self.outputs
-        source = c.Source(address(arguments), self.inputs, self.inputs, 1, count, 0)
-        work = aligned(self.inputs + self.outputs)
-        call = partial(
-            driver().evaluate,
-            *(ctypes.addressof(program), address(work), ctypes.addressof(source), 1, 0, count),
-            *(address(results), self.outputs, address(out)),
-        )
-        vars(call)["kept"] = (program, results, step, source, work, arguments, out)
-        return call
+            out[...] = 0.0
+        elif out.size:
+            program, results, step = self._native
+            count = out.size // self.outputs
+            source = c.Source(address(rows), self.inputs, self.inputs, 1, count, 0)
+            work = aligned(self.inputs + self.outputs)
+            driver().evaluate(
+                *(ctypes.addressof(program), address(work), ctypes.addressof(source), 1, 0, count),
+                *(address(results), self.outputs, address(out)),
+            )
+            del step  # which the program points to, and another thread may have replaced
+        return out
 
     @cached_property
     def _native(self) -> tuple[c.Program, Any, c.Step]:

@@ -66,7 +66,8 @@ def script(tmp_path: Path) -> Path:
 
 
 def _chunks(out: Path) -> int:
-    return len(list((out / "unfinished").rglob("*.npz")))
+    # files come and go while a run writes: os.walk leaves out what has just gone, Path.rglob raises
+    return sum(name.endswith(".npz") for _, _, names in os.walk(out / "unfinished") for name in names)
 
 
 def _run_until(command: list[str], out: Path, chunks: int, send: int) -> tuple[int, str]:
@@ -81,16 +82,17 @@ def _run_until(command: list[str], out: Path, chunks: int, send: int) -> tuple[i
         # a test run in the background of a shell ignores the signal, and so would its children
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )
-    try:
-        while process.poll() is None and _chunks(out) < chunks:
-            time.sleep(0.005)
-        if process.poll() is None:
-            os.killpg(process.pid, send)
-        said, _ = process.communicate(timeout=60)
-        return process.returncode, said
-    finally:
-        if process.poll() is None:
-            os.killpg(process.pid, signal.SIGKILL)
+    with process:
+        try:
+            while process.poll() is None and _chunks(out) < chunks:
+                time.sleep(0.005)
+            if process.poll() is None:
+                os.killpg(process.pid, send)
+            said, _ = process.communicate(timeout=60)
+            return process.returncode, said
+        finally:
+            if process.poll() is None:
+                os.killpg(process.pid, signal.SIGKILL)
 
 
 class Impatient:

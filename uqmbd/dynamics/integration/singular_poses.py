@@ -15,6 +15,7 @@ References
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
@@ -78,6 +79,7 @@ class Continuation:
 
 
 _systems: dict[tuple[str, bytes], Any] = {}
+_LOCK = threading.Lock()
 
 
 def repivoted(model: Model, q: Array, s: Array, time: float, parameters: Array) -> Model:
@@ -92,14 +94,17 @@ def repivoted(model: Model, q: Array, s: Array, time: float, parameters: Array) 
         return model
     new = replace(model, layout=replace(layout, kept=kept, active=np.intersect1d(kept, layout.active)))
     key = (model.digest, kept.tobytes())
-    if key not in _systems:
+    system = _systems.get(key)
+    if system is None:
         shift = np.random.default_rng(0).uniform(0.1, 0.3, (2, len(q)))
         near = state_arguments(time, np.stack([q, q + shift[0]]), np.stack([s, s]), np.stack([shift[1], shift[1]]))
         typical = model.evaluators["acceleration"](near, np.stack([parameters, parameters]))
-        while len(_systems) >= SYSTEMS:
-            del _systems[next(iter(_systems))]
-        _systems[key] = index1_system(new, typical)
-    return replace(new, system=_systems[key])
+        system = index1_system(new, typical)
+        with _LOCK:
+            while len(_systems) >= SYSTEMS:
+                del _systems[next(iter(_systems))]
+            _systems[key] = system
+    return replace(new, system=system)
 
 
 @dataclass

@@ -1,7 +1,7 @@
-"""Gaussian elimination of many sparse systems of one pattern at once.
+"""The order in which sparse systems of one pattern are eliminated, chosen once, on typical systems.
 
-The order of elimination is chosen once, for a typical system; then every operation acts on all systems together, as a
-vector.  Systems for which the fixed pivots are poor show a residual, and are solved again by LAPACK.
+It is compiled (`uqmbd.dynamics.linear.unrolled`, `fronts`).  Systems for which the fixed pivots are poor show a
+residual, and are solved again by LAPACK.
 """
 
 from __future__ import annotations
@@ -25,62 +25,12 @@ class Elimination:
 
     Attributes
     ----------
-    size : int
-        Number of unknowns.
-    slots : array of int, shape (size, size)
-        Where each entry is stored; -1: structurally zero, fill included.
-    count : int
-        Number of stored entries.
     steps : tuple
-        For each pivot: its row and column, the rows below it with the slots of their entries in the pivot column, and
-        the columns beside it.
+        For each pivot: its row and column, the rows below it that have an entry in the pivot column, and the columns
+        beside it.
     """
 
-    size: int
-    slots: Index
-    count: int
     steps: tuple[tuple[int, int, tuple[int, ...], tuple[int, ...]], ...]
-
-    def solve(self, entries: Array, where: Index, right: Array) -> Array:
-        """Solve all systems.
-
-        Parameters
-        ----------
-        entries : array, shape (nnz, B)
-            Structural non-zeros of B systems.
-        where : array of int, shape (nnz,)
-            Slot of each of them.
-        right : array, shape (size, B)
-            Right-hand sides; overwritten.
-
-        Returns
-        -------
-        array, shape (size, B)
-            Infinite or NaN where a pivot vanishes.
-        """
-        a = np.zeros((self.count, entries.shape[1]))
-        a[where] = entries
-        slots, product = self.slots, np.empty(entries.shape[1])
-        with np.errstate(all="ignore"):
-            for row, column, below, beside in self.steps:
-                inverse = 1.0 / a[slots[row, column]]
-                pivots = [a[slots[row, j]] for j in beside]
-                for i in below:
-                    factor = a[slots[i, column]]
-                    factor *= inverse
-                    for j, entry in zip(beside, pivots, strict=True):
-                        np.multiply(factor, entry, out=product)
-                        a[slots[i, j]] -= product
-                    np.multiply(factor, right[row], out=product)
-                    right[i] -= product
-            solution = np.empty_like(right)
-            for row, column, _, beside in reversed(self.steps):
-                value = right[row]
-                for j in beside:
-                    np.multiply(a[slots[row, j]], solution[j], out=product)
-                    value -= product
-                np.divide(value, a[slots[row, column]], out=solution[column])
-        return solution
 
 
 def plan(rows: Index, columns: Index, typical: Array) -> Elimination:
@@ -96,7 +46,7 @@ def plan(rows: Index, columns: Index, typical: Array) -> Elimination:
     size = typical.shape[1]
     pattern = np.zeros((size, size), dtype=bool)
     pattern[rows, columns] = True
-    full, values = pattern.copy(), typical.copy()
+    values = typical.copy()
     scale = np.abs(values).max(axis=2)
     values /= np.where(scale > 0, scale, 1.0)[:, :, None]
     open_rows, open_columns = list(range(size)), list(range(size))
@@ -126,8 +76,5 @@ def plan(rows: Index, columns: Index, typical: Array) -> Elimination:
             pivot = np.where(values[:, row, column] != 0, values[:, row, column], np.inf)
             values[:, i, open_columns] -= (values[:, i, column] / pivot)[:, None] * values[:, row, open_columns]
             pattern[i, beside] = True
-        full |= pattern
         steps.append((row, column, tuple(below), tuple(beside)))
-    slots = np.full((size, size), -1, dtype=np.int64)
-    slots[full] = np.arange(int(full.sum()))
-    return Elimination(size, slots, int(full.sum()), tuple(steps))
+    return Elimination(tuple(steps))

@@ -6,7 +6,6 @@ import contextlib
 
 import numpy as np
 import scipy.linalg
-from numpy.typing import NDArray
 
 from uqmbd.dynamics.equations import Model, state_arguments
 from uqmbd.dynamics.linear.system import System, index1_system
@@ -24,9 +23,6 @@ __all__ = [
     "massless_direction",
 ]
 
-
-FEW = 24
-"""Systems up to which LAPACK is faster than operations on short vectors."""
 
 DENSE_LIMIT = 120
 """Unknowns up to which LAPACK is faster than a sparse factorisation."""
@@ -107,19 +103,9 @@ def impulses(model: Model, states: Array, time: float, parameters: Array) -> Arr
 
 def _solve(model: Model, values: Array) -> tuple[Array, Array]:
     """Solve the index-1 systems whose entries are results of the ``acceleration`` evaluator."""
-    layout = model.layout
-    system = model.system or index1_system(model, None)
-    n = layout.coordinates
-    if system.elimination is None or len(values) < FEW:
-        found = _direct(system, values, system.right(values))
-        return found[:, :n], found[:, n:]
-    entries, right = np.ascontiguousarray(values.T[system.source]), system.right(values).T
-    where = system.elimination.slots[system.rows, system.columns]
-    solution = system.elimination.solve(entries, where, right.copy())
-    poor = np.flatnonzero(~_accurate(system, entries, right, solution))
-    if len(poor):
-        solution[:, poor] = _lapack(system.matrix(values[poor]), right[:, poor].T).T
-    return solution[:n].T, solution[n:].T
+    n, system = model.layout.coordinates, model.system or index1_system(model, None)
+    found = _direct(system, values, system.right(values))
+    return found[:, :n], found[:, n:]
 
 
 def _direct(system: System, values: Array, right: Array) -> Array:
@@ -127,16 +113,6 @@ def _direct(system: System, values: Array, right: Array) -> Array:
     if system.size > DENSE_LIMIT:
         return system.pattern.factorise(values).solve(right)
     return _lapack(system.matrix(values), right)
-
-
-def _accurate(system: System, entries: Array, right: Array, solution: Array) -> NDArray[np.bool_]:
-    """Whether each solution satisfies its system to rounding."""
-    with np.errstate(all="ignore"):
-        product = entries * solution[system.columns]
-        residual = np.abs(np.add.reduceat(product, system.starts, axis=0) - right)
-        size = np.add.reduceat(np.abs(product), system.starts, axis=0) + np.abs(right)
-        good: NDArray[np.bool_] = np.asarray((residual <= RESIDUAL * size + 1e-300).all(axis=0))
-    return good
 
 
 def _lapack(matrix: Array, right: Array) -> Array:

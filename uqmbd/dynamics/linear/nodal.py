@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -29,18 +30,18 @@ class Nodal:
         As programs.
     rated : array of int
         Auxiliary states with a rate.
-    outside : callable, optional
-        What solves the systems where no program does.
+    library : callable, optional
+        Makes what solves the systems where no program does; each has factors of its own.
     """
 
     systems: NodalSystems
     rated: Index
-    outside: Outside | None
+    library: Callable[[], Outside] | None
 
     @property
     def compiled(self) -> bool:
         """Whether the systems are cheap enough for every stage of an explicit step."""
-        return self.outside is None
+        return self.library is None
 
 
 def nodal_systems(model: Model) -> Nodal:
@@ -69,7 +70,7 @@ def _written(model: Model, system: System) -> Nodal:
 
     values, drift = written("acceleration"), written("drift")
     guess, right = writer.room(size), writer.room(size)
-    outside: Outside | None = None
+    library: Callable[[], Outside] | None = None
     factor, code = _factorised(system, len(values))
     if system.fronts is not None:
         ends.append(len(writer.steps))
@@ -81,7 +82,7 @@ def _written(model: Model, system: System) -> Nodal:
     else:
         ends.append(len(writer.steps))
         solution = writer.room(size)
-        outside = _outside(system, values, right, solution)
+        library = partial(_outside, system, values, right, solution)
     ends.append(len(writer.steps))
     parts = [Part(tuple(writer.steps[a:b]), writer.rows) for a, b in zip(ends, ends[1:], strict=False)]
     masses, forces = _masses_and_forces(model.evaluators["acceleration"])
@@ -109,7 +110,7 @@ def _written(model: Model, system: System) -> Nodal:
         masses=values[masses],
         forces=values[forces],
     )
-    return Nodal(systems, rated, outside)
+    return Nodal(systems, rated, library)
 
 
 def _taken(rows: Index, which: Index) -> Index:

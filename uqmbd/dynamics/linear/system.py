@@ -39,8 +39,6 @@ class System:
     ----------
     rows, columns, source : array of int, shape (nnz,)
         Place of each entry, sorted by rows, and the result that it is.
-    starts : array of int
-        First entry of each row.
     motion : array of int, shape (size,)
         Which result of the ``acceleration`` evaluator each entry of the right-hand side is; -1: zero.
     drift : array of int, shape (2, size)
@@ -51,7 +49,6 @@ class System:
     rows: Index
     columns: Index
     source: Index
-    starts: Index
     size: int
     motion: Index
     drift: Index
@@ -148,7 +145,6 @@ def index1_system(model: Model, typical: Array | None) -> System:
         all_rows[order],
         all_columns[order],
         np.concatenate(source)[order],
-        np.searchsorted(all_rows[order], np.arange(size)),
         size,
         motion,
         drift,

@@ -11,7 +11,6 @@ from uqmbd.typing import Index
 
 __all__ = [
     "LIMIT",
-    "defect_kernel",
     "eliminated",
     "residual_kernel",
     "unroll",
@@ -87,27 +86,6 @@ def residual_kernel(rows: Index, columns: Index, entries: Index, right: Index, g
     return kernel
 
 
-def defect_kernel(rows: Index, columns: Index, entries: Index, right: Index, given: int) -> Kernel:
-    """Compile the defect ``b - A x``; its arguments are the given values and ``x``, as for `residual_kernel`."""
-
-    def make() -> Kernel:
-        size = len(right)
-        operations: list[Operation] = []
-        found = [int(b) for b in right]
-        for i, j, k in zip(rows, columns, entries, strict=True):
-            operations.append(("difference", found[i], int(k), given + int(j)))
-            found[i] = given + size + len(operations) - 1
-        for i in range(size):
-            if found[i] < 0:
-                operations.append(("zero", -1, -1, -1))
-                found[i] = given + size + len(operations) - 1
-        return compile_operations(operations, range(given + size), found, given + size)
-
-    key = ("defect of a system", rows.tolist(), columns.tolist(), entries.tolist(), right.tolist(), given)
-    kernel: Kernel = cached(key, make)
-    return kernel
-
-
 def eliminated(
     elimination: Elimination, rows: Index, columns: Index, entries: Index, rights: Index, given: int, wanted: int
 ) -> tuple[list[Operation], list[int]]:
@@ -120,30 +98,27 @@ def eliminated(
     solution : list of int
         Numbers of the wanted unknowns, of one right-hand side after the other.
     """
-    slots = elimination.slots
-    value: dict[int, int] = {}
+    value: dict[tuple[int, int], int] = {}
     operations: list[Operation] = []
 
     def made(kind: str, a: int, b: int = -1, c: int = -1) -> int:
         operations.append((kind, a, b, c))
         return given + len(operations) - 1
 
-    for i, j, k in zip(rows, columns, entries, strict=True):
-        slot = int(slots[i, j])
-        value[slot] = made("sum", value[slot], int(k)) if slot in value else int(k)
+    for i, j, k in zip(rows.tolist(), columns.tolist(), entries.tolist(), strict=True):
+        value[i, j] = made("sum", value[i, j], k) if (i, j) in value else k
     right = [{i: int(k) for i, k in enumerate(side) if k >= 0} for side in rights]
     inverses: dict[int, int] = {}
     for row, column, below, beside in elimination.steps:
-        inverses[row] = inverse = made("inverse", value[int(slots[row, column])])
-        pivots = [(j, value[slot]) for j in beside if (slot := int(slots[row, j])) in value]
+        inverses[row] = inverse = made("inverse", value[row, column])
+        pivots = [(j, value[row, j]) for j in beside if (row, j) in value]
         for i in below:
-            entry = value.get(int(slots[i, column]))
+            entry = value.get((i, column))
             if entry is None:
                 continue
             factor = made("product", entry, inverse)
             for j, pivot in pivots:
-                slot = int(slots[i, j])
-                value[slot] = made("difference", value.get(slot, -1), factor, pivot)
+                value[i, j] = made("difference", value.get((i, j), -1), factor, pivot)
             for side in right:
                 if row in side:
                     side[i] = made("difference", side.get(i, -1), factor, side[row])
@@ -153,9 +128,8 @@ def eliminated(
         for row, column, _, beside in reversed(elimination.steps):
             total = side.get(row, -1)
             for j in beside:
-                slot = int(slots[row, j])
-                if slot in value and j in found:
-                    total = made("difference", total, value[slot], found[j])
+                if (row, j) in value and j in found:
+                    total = made("difference", total, value[row, j], found[j])
             if total >= 0:
                 found[column] = made("product", total, inverses[row])
         missing = [j for j in range(wanted) if j not in found]

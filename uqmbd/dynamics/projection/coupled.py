@@ -50,7 +50,9 @@ class Coupled:
 
     def __init__(self, model: Model, psi: Array, adjoint: Array, block: Array) -> None:
         self.layout, self.nodal = model.layout, nodal_systems(model)
-        self.systems = CoupledSystems(self.nodal.systems, psi, adjoint, block, self.nodal.outside)
+        library = self.nodal.library
+        outside = None if library is None else library()
+        self.systems = CoupledSystems(self.nodal.systems, psi, adjoint, block, outside)
 
     @property
     def compiled(self) -> bool:
