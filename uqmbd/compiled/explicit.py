@@ -180,7 +180,7 @@ class Realisations:
         Output times; the first is the start.
     legs : sequence of sequence of (end, longest, jumps)
         For each where it starts anew, how long steps may be until then, and whether somebody is asked there.  Those of
-        the first are those of all, if there are no others.
+        the first are those of all, if there are no others; those that are one object are kept once.
     floor : array, shape (M,)
         Absolute tolerances.
     contacts, encounters : Contacts and Encounters, optional
@@ -224,10 +224,11 @@ class Realisations:
         integers = np.zeros((14, count), dtype=np.int64)
         self.leg, self.last_leg, self.first, self.column, self.status, self.attempts, self.refused = integers[:7]
         self.stiff, self.fresh, self.rejected, self.trusted, self.told, self.steps, self.known = integers[7:]
-        ends = np.cumsum([len(x) for x in legs])
-        self.last_leg[:] = ends - 1
-        self.leg[1:] = ends[:-1] if len(legs) == count else 0
-        every = [leg for some in legs for leg in some]
+        layouts = {id(own): own for own in legs}
+        firsts = dict(zip(layouts, np.cumsum([0, *map(len, layouts.values())]).tolist(), strict=False))
+        self.leg[:] = [firsts[id(own)] for own in legs]
+        self.last_leg[:] = self.leg + [len(own) - 1 for own in legs]
+        every = [leg for own in layouts.values() for leg in own]
         self.leg_ends, self.leg_longest = (np.array([leg[k] for leg in every], dtype=float) for k in (0, 1))
         self.leg_jumps = np.array([leg[2] for leg in every], dtype=np.int64)
         self.first[:], self.column[:], self.fresh[:], self.known[:] = 1, 1, 1, 1

@@ -199,7 +199,7 @@ def test_another_function_is_another_model():
 def test_who_only_claims_to_sample_is_found_out(runge_kutta):
     cls = plugins.registry.registered().classes["integrators"]["runge-kutta"]
     claims = type("Claims", (cls,), {"name": "claims", "sampled": True})
-    with pytest.raises(AssertionError, match="sampled: driven ball: with .* the speed is 0 at t = 2 s"):
+    with pytest.raises(AssertionError, match="sampled: driven body: with .* the speed is 0 at t = 2 s"):
         check_integrator(claims)
 
 

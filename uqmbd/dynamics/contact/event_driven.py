@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from uqmbd.compiled import Encounters, Realisations, Status, Touching
-from uqmbd.dynamics.batch import Batch, Sampler
+from uqmbd.dynamics.batch import Batch
 from uqmbd.dynamics.contact.chatter import Chatter
 from uqmbd.dynamics.contact.decisions import Decisions
 from uqmbd.dynamics.contact.evaluator import ContactEvaluator, Contacts
@@ -22,7 +22,7 @@ from uqmbd.dynamics.contact.lasting import CLOSED, onto_contacts
 from uqmbd.dynamics.contact.programs import contact_programs
 from uqmbd.dynamics.contact.records import Records
 from uqmbd.dynamics.contact.single_impacts import single_impacts
-from uqmbd.dynamics.integration import Leg, explicit_method, legs_of_members, speed_jumps
+from uqmbd.dynamics.integration import explicit_method, legs_of_members, speed_jumps
 from uqmbd.typing import Array, Index, Mask
 
 __all__ = ["EventDrivenMotion"]
@@ -75,6 +75,7 @@ class EventDrivenMotion:
         dynamics, contacts = contact_programs(self.model)
         length = np.clip(np.abs(batch.start.q).max(axis=1, initial=0.0), 1e-3, 1.0)
         self.sampling = batch.sampling(times)
+        samples = np.zeros(0) if self.sampling is None else self.sampling.times
         self.encounters = Encounters(contacts, count)
         self.encounters.length[:] = self.length = length
         rtol = max(rtol, 1e-13)
@@ -84,7 +85,7 @@ class EventDrivenMotion:
             batch.start.state,
             batch.block,
             times,
-            _legs(legs_of_members(batch, times, rtol), times, self.sampling),
+            legs_of_members(batch, times, rtol, samples=samples, longest=float(times[-1] - times[0]) / LONGEST),
             rtol * length,
             contacts,
             self.encounters,
@@ -95,7 +96,7 @@ class EventDrivenMotion:
         self.messages = self.decisions.messages
         self.restarts, self.stalled = np.zeros((2, count), dtype=np.int64)
         self.since = np.full(count, -np.inf)
-        self.sampled = {} if self.sampling is None else {t: k for k, t in enumerate(self.sampling.times.tolist())}
+        self.sampled = {time: k for k, time in enumerate(samples.tolist())}
         self.restarted: Callable[[], None] | None = None
 
     # -- the whole motion --------------------------------------------------------------------------------------------
@@ -362,24 +363,3 @@ class EventDrivenMotion:
                 run.status[m] = Status.DONE
             elif run.leg_jumps[leg]:
                 run.status[m] = Status.JUMP
-
-
-def _snapped(end: float, samples: set[float]) -> float:
-    """End of a leg, or the sample that differs from it by rounding."""
-    return next((t for t in samples if abs(t - end) <= 1e-12 * max(1.0, abs(end))), end)
-
-
-def _legs(legs: list[tuple[Leg, ...]], times: Array, sampling: Sampler | None) -> list[list[Leg]]:
-    """Cut legs at samples of controllers, and let steps be short enough for guards to be seen."""
-    longest = float(times[-1] - times[0]) / LONGEST
-    samples = set() if sampling is None else {t for t in sampling.times.tolist() if times[0] < t < times[-1]}
-    found = []
-    for own in legs:
-        own = tuple(leg._replace(end=_snapped(leg.end, samples)) for leg in own)
-        ends = {leg.end: leg for leg in own}
-        mine = [leg._replace(longest=min(leg.longest, longest), jumps=leg.jumps or leg.end in samples) for leg in own]
-        for t in samples - ends.keys():
-            after = next(leg for leg in own if leg.end > t)
-            mine.append(Leg(t, min(after.longest, longest), jumps=True))
-        found.append(sorted(mine))
-    return found

@@ -12,6 +12,7 @@ References
 from __future__ import annotations
 
 import time as clock
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -20,14 +21,14 @@ from uqmbd.compiled import Dynamics, Method, Realisations, Status
 from uqmbd.dynamics.batch import Batch
 from uqmbd.dynamics.equations import Model
 from uqmbd.dynamics.integration.cheaper import FIRST, Comparison
-from uqmbd.dynamics.integration.legs import Leg, legs_of, longest_step, pace
+from uqmbd.dynamics.integration.legs import legs_of, legs_of_members
 from uqmbd.dynamics.integration.restarts import speed_jumps
 from uqmbd.dynamics.integration.singular_poses import SingularPoseWatcher
 from uqmbd.dynamics.integration.trajectories import Counters, Solved
 from uqmbd.dynamics.linear import excess
 from uqmbd.typing import Array, Index
 
-__all__ = ["explicit_method", "integrate_by_dop853", "legs_of_members", "stopped"]
+__all__ = ["explicit_method", "integrate_by_dop853", "stopped"]
 
 
 STIFF = 6.1
@@ -50,8 +51,6 @@ FARTHEST = 3e-3
 """The same as a number, for loose tolerances."""
 POOR = 50
 """Most states that are integrated to, of one realisation."""
-ALIKE = 64
-"""Realisations that share the legs of functions of time."""
 
 
 def integrate_by_dop853(
@@ -93,26 +92,6 @@ def stopped(now: float, size: float, *, many: bool, most: int = STEPS) -> str:
     )
 
 
-def legs_of_members(batch: Batch, times: Array, rtol: float) -> list[tuple[Leg, ...]]:
-    """Lay out the integration of each realisation, or one layout that holds for all."""
-    model = batch.model
-    longest = longest_step(model.rough, times)
-
-    def limited(legs: tuple[Leg, ...]) -> tuple[Leg, ...]:
-        return tuple(leg._replace(longest=min(leg.longest, longest)) for leg in legs)
-
-    if model.timed is not None or model.tables:
-        found: list[tuple[Leg, ...]] = []
-        for first in range(0, len(batch), ALIKE):
-            some = batch.select(np.arange(first, min(first + ALIKE, len(batch))))
-            found += [limited(pace(some, times, rtol, knots=True))] * len(some)
-        return found
-    breaks = batch.breaks
-    if not breaks.shape[1]:
-        return [limited(legs_of(breaks[:1], times, model.max_step))]
-    return [limited(legs_of(row[None], times, model.max_step)) for row in breaks]
-
-
 class _Integration:
     """One integration of M realisations.
 
@@ -133,7 +112,10 @@ class _Integration:
     def __init__(self, batch: Batch, times: Array, rtol: float, *, comparing: bool, patient: bool) -> None:
         self.batch, self.times, self.rtol, self.model = batch, times, rtol, batch.model
         start, layout = batch.start, self.model.layout
-        self.jumping = jumping = bool(layout.rank) and "phi_t" in self.model.evaluators["velocity"].index
+        self.jumping = bool(layout.rank) and "phi_t" in self.model.evaluators["velocity"].index
+        self.sampling = batch.sampling(times)
+        samples = np.zeros(0) if self.sampling is None else self.sampling.times
+        self.sampled = {time: k for k, time in enumerate(samples.tolist())}
         method = explicit_method(rtol, guarded=bool(layout.rank), attempts=FIRST if comparing else None)
         if patient:
             method = replace(method, attempts=MOST, patience=2**62)
@@ -145,10 +127,7 @@ class _Integration:
             start.state,
             batch.block,
             times,
-            [
-                [leg._replace(jumps=leg.jumps and jumping) for leg in legs]
-                for legs in legs_of_members(batch, times, rtol)
-            ],
+            legs_of_members(batch, times, rtol, samples=samples, jumping=self.jumping),
             rtol * length,
         )
         self.others: dict[int, Realisations] = {}
@@ -157,31 +136,42 @@ class _Integration:
         self.messages = [""] * len(batch)
         self.final = [False] * len(batch)
         self.stiff = 0
-        self.comparison = Comparison(batch, times, rtol, _dynamics(self.model)) if comparing else None
+        compared = comparing and self.sampling is None  # from sample to sample somebody else compares
+        self.comparison = Comparison(batch, times, rtol, _dynamics(self.model)) if compared else None
         self.dear = [0.0] * len(batch)
 
     # -- the whole integration ---------------------------------------------------------------------------------------
     def run(self) -> None:
         """Integrate all members to the end, or to where they fail."""
-        if self.jumping:
-            self._jump(np.arange(len(self.batch)))
-        while len(waiting := self._advanced()):
-            status = np.array([self._status(m) for m in waiting.tolist()])
-            self._jump(waiting[status == Status.JUMP])
-            for m, what in zip(waiting.tolist(), status.tolist(), strict=True):
+        every, begin, end = np.arange(len(self.batch)), float(self.times[0]), float(self.times[-1])
+        self._stop(every, begin)
+        while True:
+            members, status, now = self._advanced()
+            if not len(members):
+                break
+            jump = status == Status.JUMP
+            stops = np.unique(now[jump]).tolist()
+            # controllers are called when all who have not failed are there
+            there = bool(jump.all()) and self.sampled.keys() >= set(stops)
+            for time in stops[:1] if there else [time for time in stops if time not in self.sampled]:
+                self._stop(members[jump & (now == time)], time)
+            for m, what in zip(members[~jump].tolist(), status[~jump].tolist(), strict=True):
                 self._decide(m, what)
+        if end in self.sampled and end > begin:
+            self._stop(every[[not message for message in self.messages]], end)
         for pool in self._pools:
             pool.project()
         self._mend()
 
-    def _advanced(self) -> Index:
-        """Let everybody run, and return the members that wait for a decision."""
+    def _advanced(self) -> tuple[Index, Index, Array]:
+        """Let everybody run, and return the members that wait for a decision, their status, and where they are."""
         self.main.advance()
-        status = self.main.status.copy()
+        status, now = self.main.status.copy(), self.main.now.copy()
         for member, other in self.others.items():
             other.advance()
-            status[member] = other.status[0]
-        return np.flatnonzero(status != Status.DONE)
+            status[member], now[member] = other.status[0], other.now[0]
+        waiting = np.flatnonzero(status != Status.DONE)
+        return waiting, status[waiting], now[waiting]
 
     def solved(self) -> Solved:
         """Return what was found."""
@@ -216,33 +206,53 @@ class _Integration:
         other = self.others.get(member)
         return (self.main, member) if other is None else (other, 0)
 
-    def _status(self, member: int) -> int:
-        pool, k = self._place(member)
-        return int(pool.status[k])
+    def _parted(self, members: Index) -> Iterator[tuple[Realisations, Index, Index]]:
+        """Where members are integrated: pools, their numbers there, and which of `members` these are."""
+        apart = [row for row, m in enumerate(members.tolist()) if m in self.others] if self.others else []
+        rest = np.arange(len(members))
+        rest = np.delete(rest, apart) if apart else rest
+        yield self.main, members[rest], rest
+        for row in apart:
+            yield self.others[int(members[row])], np.zeros(1, dtype=np.int64), np.array([row])
 
     def _fail(self, member: int, reason: str, *, final: bool = False) -> None:
         pool, k = self._place(member)
         pool.status[k] = Status.DONE
         self.messages[member], self.final[member] = reason, final
 
-    # -- prescribed speeds -------------------------------------------------------------------------------------------
-    def _jump(self, members: Index) -> None:
-        """Change velocities where prescribed speeds jump; at such a time the result is that right after."""
-        now = np.array([pool.now[k] for pool, k in map(self._place, members.tolist())])
-        for time in np.unique(now).tolist():
-            some = members[now == time]
-            places = [self._place(m) for m in some.tolist()]
-            states = np.stack([pool.z[k] for pool, k in places])
-            change, reasons = speed_jumps(self.model, states, time, self.batch.block[some], self.rtol)
-            for row, (pool, k) in enumerate(places):
-                pool.status[k] = Status.RUNNING
-                if np.any(change[row]):
-                    pool.z[k, self.model.layout.velocities :] += change[row]
-                    pool.node_times[k, -1], pool.nodes[k, -1] = time, pool.z[k]
-                    if time > self.times[0]:
-                        pool.result[k, self.times == time] = pool.z[k]
-            for row, reason in reasons.items():
-                self._fail(int(some[row]), reason, final=True)
+    # -- stops at given times ----------------------------------------------------------------------------------------
+    def _stop(self, members: Index, time: float) -> None:
+        """Let prescribed speeds of members jump, and then controllers be sampled; results there are those after it."""
+        if not len(members) or not (self.jumping or self.sampled):
+            return
+        before = np.empty((len(members), self.model.layout.width))
+        for pool, k, rows in self._parted(members):
+            before[rows] = pool.z[k]
+        after = before.copy()
+        if self.jumping:
+            change, reasons = speed_jumps(self.model, before, time, self.batch.block[members], self.rtol)
+            after[:, self.model.layout.velocities :] += change
+            self._told(members, reasons)
+        if self.sampling is not None and time in self.sampled:
+            going = np.flatnonzero([not self.messages[m] for m in members.tolist()])
+            some = members[going]
+            states, reasons = self.sampling.after(self.sampled[time], after[going], some)
+            change, more = self.sampling.jumps(time, states, some)
+            states[:, self.model.layout.velocities :] += change
+            after[going] = states
+            self._told(some, more | reasons)
+        changed, at = np.any(after != before, axis=1), np.flatnonzero(self.times == time)
+        for pool, k, rows in self._parted(members):
+            pool.status[k] = np.where(pool.status[k] == Status.JUMP, Status.RUNNING, pool.status[k])
+            pool.stiff[k] = 0
+            k, rows = k[changed[rows]], rows[changed[rows]]
+            pool.z[k] = pool.nodes[k, -1] = after[rows]
+            pool.result[np.ix_(k, at)] = after[rows, None]
+
+    def _told(self, members: Index, reasons: dict[int, str]) -> None:
+        """Let rows of members fail, for reasons that hold for any method."""
+        for row, reason in reasons.items():
+            self._fail(int(members[row]), reason, final=True)
 
     # -- difficulties ------------------------------------------------------------------------------------------------
     def _decide(self, member: int, status: int) -> None:

@@ -11,7 +11,7 @@ from uqmbd.dynamics.integration.functions_of_time import look
 from uqmbd.dynamics.integration.trajectories import stops
 from uqmbd.typing import Array
 
-__all__ = ["Leg", "legs_of", "longest_step", "pace"]
+__all__ = ["Leg", "legs_of", "legs_of_members", "longest_step", "pace"]
 
 
 BAND = 16.0
@@ -20,6 +20,8 @@ SHARE = 2.0
 """Longest step, over the smallest cell of a leg."""
 NEAR = 8.0
 """Gaps between fast times, over the size of cells there, that are not worth a leg of their own."""
+ALIKE = 64
+"""Realisations that share the legs of functions of time."""
 
 
 class Leg(NamedTuple):
@@ -85,6 +87,65 @@ def _pace(ensemble: Batch, times: Array, rtol: float) -> tuple[Leg, ...]:
 def legs_of(breaks: Array, times: Array, longest: float = np.inf) -> tuple[Leg, ...]:
     """Lay out an integration with breaks at given times, and steps up to a length."""
     return tuple(Leg(end, longest) for end in [*stops(np.asarray(breaks), times).tolist(), float(times[-1])])
+
+
+def legs_of_members(
+    batch: Batch, times: Array, rtol: float, *, samples: Array, longest: float = np.inf, jumping: bool = True
+) -> list[tuple[Leg, ...]]:
+    """Lay out the integration of each realisation, or one layout that holds for all.
+
+    Those who have the same layout share one object.
+
+    Parameters
+    ----------
+    batch : Batch
+        The realisations.
+    times : array, shape (T,)
+        Output times, s.
+    rtol : float
+        Relative tolerance.
+    samples : array, shape (N,)
+        Times at which controllers are sampled, s: legs end there, and somebody is asked.
+    longest : float
+        Longest step, s.
+    jumping : bool
+        Whether somebody is to be asked elsewhere, where something may jump.
+    """
+    model = batch.model
+    longest = min(longest, longest_step(model.rough, times))
+    inner = samples[(samples > times[0]) & (samples < times[-1])]
+
+    def laid(legs: tuple[Leg, ...]) -> tuple[Leg, ...]:
+        legs = tuple(Leg(end, min(own, longest), jumps and jumping) for end, own, jumps in legs)
+        return _cut(legs, inner) if len(inner) else legs
+
+    if model.timed is not None or model.tables:
+        found: list[tuple[Leg, ...]] = []
+        for first in range(0, len(batch), ALIKE):
+            some = batch.select(np.arange(first, min(first + ALIKE, len(batch))))
+            found += [laid(pace(some, times, rtol, knots=True))] * len(some)
+        return found
+    breaks = batch.breaks
+    if not breaks.shape[1]:
+        return [laid(legs_of(breaks[:1], times, model.max_step))]
+    breaks, which = np.unique(breaks, axis=0, return_inverse=True)
+    own = [laid(legs_of(row[None], times, model.max_step)) for row in breaks]
+    return [own[k] for k in which.ravel().tolist()]
+
+
+def _cut(legs: tuple[Leg, ...], samples: Array) -> tuple[Leg, ...]:
+    """Cut legs at samples; ends that differ from one by rounding are the sample."""
+    ends = np.array([leg.end for leg in legs])
+    right = np.clip(np.searchsorted(samples, ends), 1, max(1, len(samples) - 1))
+    pair = samples[np.stack([right - 1, np.minimum(right, len(samples) - 1)])]
+    nearest = np.where(np.abs(pair[0] - ends) < np.abs(pair[1] - ends), *pair)
+    ends = np.where(np.abs(nearest - ends) <= 1e-12 * np.maximum(1.0, np.abs(ends)), nearest, ends)
+    known = set(samples.tolist())
+    found = [Leg(end, leg.longest, leg.jumps or end in known) for end, leg in zip(ends.tolist(), legs, strict=True)]
+    more = np.setdiff1d(samples, ends)
+    within = np.searchsorted(ends, more)
+    found += [Leg(t, legs[k].longest) for t, k in zip(more.tolist(), within.tolist(), strict=True)]
+    return tuple(sorted(found))
 
 
 def longest_step(rough: bool, times: Array) -> float:

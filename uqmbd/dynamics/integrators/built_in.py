@@ -13,6 +13,7 @@ from uqmbd.dynamics.ensemble import Ensemble
 from uqmbd.dynamics.equations import Model
 from uqmbd.dynamics.integration import SegmentedMotion, Solved, Trajectories, integrate_by_dop853, integrate_by_ida
 from uqmbd.dynamics.integrators.checked import checked
+from uqmbd.dynamics.integrators.sampled import trajectories_in_samples
 from uqmbd.dynamics.integrators.stacks import MANY, STACK, Solution, in_stacks
 from uqmbd.dynamics.projection import (
     LINEAR_SOLVERS,
@@ -151,12 +152,16 @@ class Auto:
         if ensemble.model.events:
             return integrate_with_events(ensemble, times, rtol)
         if not _compiled(ensemble.model):
-            return Ida(min(self.stack, STACK)).integrate(ensemble, times, rtol)
+            other = Ida(min(self.stack, STACK)).integrate
+            sampled = bool(ensemble.model.controls)
+            return trajectories_in_samples(other, ensemble, times, rtol) if sampled else other(ensemble, times, rtol)
         return in_stacks(self._solve, ensemble, times, rtol, self.stack)
 
     def _solve(self, ensemble: Ensemble, members: Index, times: Array, rtol: float) -> Solution:
         solved = integrate_by_dop853(ensemble, members, times, rtol, comparing=True)
         found, left = Solution.of(solved, Dop853.name), _left(solved)
+        if ensemble.model.controls:
+            return self._from_sample_to_sample(found, left, ensemble.select(members[left]), times, rtol)
         dear = np.array(solved.dear)
         for some in _stacks(left[dear[left] == 0]):
             other = integrate_by_ida(ensemble, members[some], times, rtol)
@@ -171,6 +176,18 @@ class Auto:
             done = np.array([k for k, message in enumerate(other.messages) if not message], dtype=np.int64)
             found = found.replaced(again, other, Dop853.name, done)
         return found
+
+    def _from_sample_to_sample(
+        self, found: Solution, left: Index, ensemble: Ensemble, times: Array, rtol: float
+    ) -> Solution:
+        """Choose anew after each sample for those that one integration of all samples could not integrate."""
+        if not len(left):
+            return found
+        other = trajectories_in_samples(self.integrate, ensemble, times, rtol)
+        name = Ida.name if other.counters.by_ida else Dop853.name
+        counters = replace(other.counters, by_ida=0, by_dop853=0, stiff=len(left))
+        solved = Solved(other.states, other.messages, counters, notes=other.notes)
+        return found.replaced(left, solved, name, np.arange(len(left)))
 
     def integrate_segments(self, ensemble: Ensemble, times: Array, rtol: float) -> SegmentedMotion:
         """Follow the only realisation from event to event."""

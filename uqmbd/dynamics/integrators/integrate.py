@@ -55,7 +55,7 @@ def integrate(ensemble: Ensemble, times: Array, rtol: float = 1e-6, method: str 
         return _valid(integrator.integrate(ensemble, times, rtol), method, ensemble, times)
 
     model = ensemble.model
-    if not model.controls or (model.events and declares(integrator_class(method), "sampled")):
+    if not model.controls or declares(integrator_class(method), "sampled"):
         return checked(solve, ensemble, times, rtol)
     return checked(partial(trajectories_in_samples, solve), ensemble, times, rtol)
 

@@ -35,8 +35,8 @@ class Integrator(Protocol):
         It may leave realisations to ``dop853`` or ``ida``, and names those in its counters.
 
     ``sampled = True``
-        Where a mechanism has events, it samples controllers itself, by ``ensemble.sampling``; of one that does not,
-        and of mechanisms without events, ``integrate`` and ``integrate_projected`` are called from sample to sample.
+        It samples controllers itself, by ``ensemble.sampling``, across events, too, if it follows these; of one that
+        does not ``integrate`` is called from sample to sample, as ``integrate_projected`` is of all.
 
     ``unlocked = True``
         ``integrate`` works in compiled code that releases the lock of the interpreter, may run in several threads at

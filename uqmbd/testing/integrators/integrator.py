@@ -40,7 +40,7 @@ def check_integrator(
     - *counters*: they tell what the integration cost.
     - *paced*, if it is declared: the integration starts anew where forces jump, and keeps to the longest step.
     - *events*, if declared: a ball bounces in time, and the times of its impacts are told.
-    - *sampled*, if it is declared beside *events*: a controller that pushes the ball is sampled across its impacts.
+    - *sampled*, if declared: a controller that pushes a body is sampled in time, with *events* across its impacts, too.
     - *segments*, if declared: the segments of that motion are those between its impacts.
     - *unlocked*, if declared: in several threads at once the same ensembles give the same bits as one after the other.
     - *projected*, if declared: coefficients are those of the motions at the nodes; *watched*: it stops when it is told.
@@ -81,8 +81,9 @@ def check_integrator(
             subject.right(form, "paced", subject.run(form, "paced"))
     if declares(integrator, "events"):
         _check_events(subject, closed_forms.ball())
-        if declares(integrator, "sampled"):
-            form = closed_forms.driven_ball()
+    if declares(integrator, "sampled"):
+        for floor in (False, True)[: 1 + declares(integrator, "events")]:
+            form = closed_forms.driven_ball(floor)
             subject.right(form, "sampled", subject.run(form, "sampled"))
     if declares(integrator, "segments"):
         _check_segments(subject, closed_forms.ball())

@@ -183,14 +183,15 @@ def ball() -> ClosedForm:
 
 
 @cache
-def driven_ball() -> ClosedForm:
-    """Let a sampled controller push the same ball along the floor, which knows nothing of its impacts."""
+def driven_ball(floor: bool = True) -> ClosedForm:
+    """Let a sampled controller push the same ball along the floor, which knows nothing of impacts, or as it falls."""
     height = uniform_variable("height", 0.5, 50, "m")
-    mechanism = Mechanism("driven ball", Translational(gravity=(0, -GRAVITY)))
+    mechanism = Mechanism("driven ball" if floor else "driven body", Translational(gravity=(0, -GRAVITY)))
     body = mechanism.body("ball", mass=1, position=(0, height))
     loop = Controller("loop", measured=[body.velocity[0]], commanded=["force"], rate=SAMPLES, function=_to_one)
     mechanism.add(loop)
-    mechanism.add(Floor("floor", body, restitution=BOUNCE, mark=MARK))
+    if floor:
+        mechanism.add(Floor("floor", body, restitution=BOUNCE, mark=MARK))
     mechanism.add(Push("push", body, force=loop.command()))
     mechanism.output("height", body.position[1], units="m")
     mechanism.output("speed", body.velocity[0], units="m/s")
@@ -198,7 +199,8 @@ def driven_ball() -> ClosedForm:
     def exact(h: Array, at: Array) -> tuple[Array, ...]:
         last = np.floor(at * SAMPLES + 1e-9)
         left = (1 - GAIN / SAMPLES) ** last  # of the speed that is missing
-        return ball().exact(h, at)[:, 0], 1 - left * (1 - GAIN * (at - last / SAMPLES)) + 0 * h
+        height = ball().exact(h, at)[:, 0] if floor else h - GRAVITY * at**2 / 2
+        return height, 1 - left * (1 - GAIN * (at - last / SAMPLES)) + 0 * h
 
     return _form(mechanism, [0, 0.3, 0.5, 0.9, 1.2, 1.7, 2.0], [0.9, 1.0, 25.0, 1.1], exact)
 
