@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from uqmbd.compiled.assembly import Equations, Gradients, Turns
 from uqmbd.compiled.cache import cache_folder, cached, source_digest
 from uqmbd.compiled.coupled import CoupledSystems, NodalSystems
 from uqmbd.compiled.emission import Operation
@@ -20,6 +21,8 @@ __all__ = [
     "Contacts",
     "Dynamics",
     "Encounters",
+    "Equations",
+    "Gradients",
     "Kernel",
     "LANES",
     "Method",
@@ -34,6 +37,7 @@ __all__ = [
     "Store",
     "Target",
     "Touching",
+    "Turns",
     "Writer",
     "addresses_of",
     "cache_folder",

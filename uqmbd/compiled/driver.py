@@ -25,6 +25,7 @@ __all__ = [
     "POOL",
     "Contacts",
     "Encounters",
+    "Equations",
     "Pool",
     "Problem",
     "Program",
@@ -32,6 +33,7 @@ __all__ = [
     "Source",
     "Step",
     "Tableau",
+    "Turns",
     "address",
     "aligned",
     "driver",
@@ -151,6 +153,28 @@ class Coupled(ctypes.Structure):
     )
 
 
+class Equations(ctypes.Structure):
+    """``Equations`` of assembly.h."""
+
+    _fields_ = (
+        ("program", Program),
+        *((name, _INT) for name in ("rows", "equations", "solved", "certain", "unknowns", "entries", "lower")),
+        *((name, _POINTER) for name in ("values", "starts", "columns", "from_", "factors")),
+        *((name, _POINTER) for name in ("next", "ends", "others", "rows_of")),
+        *((name, _POINTER) for name in ("first", "below", "changes", "places", "owners")),
+        ("shortest", _DOUBLE),
+    )
+
+
+class Turns(ctypes.Structure):
+    """``Turns`` of assembly.h."""
+
+    _fields_ = (
+        *((name, _POINTER) for name in ("coordinates", "free")),
+        *((name, _INT) for name in ("bodies", "size", "dimension")),
+    )
+
+
 _FUNCTIONS: dict[str, tuple[Any, Sequence[Any]]] = {
     "run_program": (None, [_POINTER, _POINTER]),
     "evaluate": (None, [_POINTER, _POINTER, _POINTER, _INT, _INT, _INT, _POINTER, _INT, _POINTER]),
@@ -162,6 +186,9 @@ _FUNCTIONS: dict[str, tuple[Any, Sequence[Any]]] = {
     "coupled_place": (None, [_POINTER, _POINTER]),
     "coupled_rate": (None, [_POINTER, _POINTER, _POINTER]),
     "coupled_excess": (None, [_POINTER, _POINTER, _POINTER]),
+    "assembly_memory": (_INT, [_POINTER]),
+    "close_poses": (None, [*[_POINTER] * 4, _INT, _INT, _POINTER, _INT, _POINTER, _POINTER]),
+    "least_speeds": (None, [*[_POINTER] * 3, _INT, _INT, _POINTER, _POINTER]),
     "sizes": (None, [_POINTER]),
 }
 """Results and arguments of the functions."""
@@ -181,7 +208,7 @@ class _Driver:
         places = addresses_of(tuple(_FUNCTIONS), _object_code())
         for (name, (result, arguments)), place in zip(_FUNCTIONS.items(), places, strict=True):
             setattr(self, name, ctypes.CFUNCTYPE(result, *arguments)(place))
-        kinds = (Step, Program, Source, Tableau, Problem, Pool, Coupled, Contacts, Encounters)
+        kinds = (Step, Program, Source, Tableau, Problem, Pool, Coupled, Contacts, Encounters, Equations, Turns)
         found = np.zeros(len(kinds), dtype=np.int64)
         self.sizes(address(found))
         assert found.tolist() == [ctypes.sizeof(kind) for kind in kinds], "driver.bc was made from other sources"

@@ -189,7 +189,7 @@ class Program:
         -------
         array, shape (K, result)
         """
-        table, kept, count = self._sources(sources, count)
+        table, kept, count = self.sources(sources, count)
         if out is None:
             out = np.empty((count, len(self.results)))
         if count and len(self.results):
@@ -212,7 +212,7 @@ class Program:
 
         The arrays are those of `__call__`, of float64 with columns side by side; they stay where they are.
         """
-        table, kept, count = self._sources(sources, None)
+        table, kept, count = self.sources(sources, None)
         given = [x.data if isinstance(x, Columns) else x for x in sources]
         if not (
             out.flags.c_contiguous
@@ -230,7 +230,7 @@ class Program:
 
     def largest(self, *sources: Array | Columns, states: int, count: int | None = None) -> Array:
         """Find the largest magnitudes of the results of `states` states each, shape (K / states, result)."""
-        table, kept, count = self._sources(sources, count)
+        table, kept, count = self.sources(sources, count)
         out = np.zeros((count // states, len(self.results)))
         if count and len(self.results):
             work, most, structure = aligned(self.rows), aligned(len(self.results)), self.part.structure
@@ -248,7 +248,8 @@ class Program:
             )
         return out
 
-    def _sources(self, sources: Sequence[Array | Columns], count: int | None) -> tuple[Any, list[Array], int]:
+    def sources(self, sources: Sequence[Array | Columns], count: int | None) -> tuple[Any, list[Array], int]:
+        """Lay out arguments for the driver: a table, what it points to, and the number of states."""
         rows, kept, to = [], list[Array](), 0
         for source in sources:
             columns = source if isinstance(source, Columns) else Columns(source)

@@ -5,6 +5,7 @@
 #include "dop853.c"
 #include "tables.c"
 #include "coupled.c"
+#include "assembly.c"
 
 /* Sizes of the structures, for those who mirror them. */
 void sizes(int64_t *found) {
@@ -17,4 +18,6 @@ void sizes(int64_t *found) {
     found[6] = sizeof(Coupled);
     found[7] = sizeof(Contacts);
     found[8] = sizeof(Encounters);
+    found[9] = sizeof(Equations);
+    found[10] = sizeof(Turns);
 }

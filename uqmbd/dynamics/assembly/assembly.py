@@ -1,7 +1,8 @@
 """Assembly: consistent positions, velocities, accelerations and multipliers from the drawn pose.
 
-Positions by damped Gauss-Newton with the smallest change, vectorised over realisations; the rank of the constraint
-Jacobian by singular values and pivoted QR; velocities with the smallest norm; accelerations from the index-1 system.
+Positions by damped Gauss-Newton with the smallest change, and velocities with the smallest norm: by the driver, and
+where it is undecided by singular values.  The rank of the constraint Jacobian by singular values and pivoted QR;
+accelerations from the index-1 system.
 """
 
 from __future__ import annotations
@@ -13,7 +14,8 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from uqmbd.dynamics.assembly.conditions import met
-from uqmbd.dynamics.assembly.least_norm import completed, least_norm
+from uqmbd.dynamics.assembly.least_norm import least_norm
+from uqmbd.dynamics.assembly.programs import BODY_RATE, closed_poses, least_velocities
 from uqmbd.dynamics.assembly.undefined import REMEDY, undefined
 from uqmbd.dynamics.equations import Model, impossible, state_arguments
 from uqmbd.dynamics.linear import RANK_TOLERANCE, accelerations
@@ -25,8 +27,6 @@ __all__ = ["Start", "assemble", "independent_rows", "placed", "positions", "stat
 
 POSITION_TOLERANCE = 1e-12
 ITERATIONS = 200
-CERTAIN = 1e-3
-"""Part of what a stated velocity may be off by, within which nothing contradicts it."""
 
 
 @dataclass(frozen=True)
@@ -120,11 +120,11 @@ def placed(
 ) -> tuple[Array, Array, list[str]]:
     """Poses of `positions`, the auxiliary states there, and messages."""
     q, messages = _closed(model, drawn, time, parameters, rows)
-    s = model.evaluate(
-        "initial", state_arguments(time, q, np.zeros((len(q), model.layout.states)), np.zeros_like(q)), parameters
-    )["s"]
-    good = np.flatnonzero([not m for m in messages])
-    if model.conditions is not None and len(model.conditions.positions) and len(good):
+    s = np.zeros((len(q), model.layout.states))
+    if model.layout.states:
+        s = model.evaluate("initial", state_arguments(time, q, s, np.zeros_like(q)), parameters)["s"]
+    if model.conditions is not None and len(model.conditions.positions) and not all(messages):
+        good = np.flatnonzero([not m for m in messages])
         q[good], s[good], found = met(model, q[good], s[good], time, parameters[good], rows)
         for k, message in zip(good.tolist(), found, strict=True):
             messages[k] = message
@@ -132,8 +132,24 @@ def placed(
 
 
 def _closed(model: Model, drawn: Array, time: float, parameters: Array, rows: Index | None) -> tuple[Array, list[str]]:
-    """Move drawn poses as little as closes all constraints."""
-    count, n = drawn.shape
+    """Move drawn poses as little as closes all constraints: by the driver, what it leaves by the iteration here."""
+    if rows is None:
+        return _iterated(model, drawn, time, parameters, rows)
+    q, undecided = closed_poses(model, drawn, time, parameters, rows)
+    messages = [""] * len(q)
+    left = np.flatnonzero(undecided)
+    if len(left):
+        q[left], found = _iterated(model, drawn[left], time, parameters[left], rows)
+        for k, message in zip(left.tolist(), found, strict=True):
+            messages[k] = message
+    return q, messages
+
+
+def _iterated(
+    model: Model, drawn: Array, time: float, parameters: Array, rows: Index | None
+) -> tuple[Array, list[str]]:
+    """Move drawn poses as little as closes all constraints, through singular ones, too; say what hinders."""
+    n = drawn.shape[1]
     free = np.setdiff1d(np.arange(n), model.held)
     q = drawn.copy()
     size = np.maximum(1.0, np.abs(drawn[:, : model.dimension]).max(axis=1, initial=0.0))
@@ -288,16 +304,30 @@ def velocities(
     messages : list of str
         Contradictions, by name; empty where there are none.
     """
+    messages = [""] * len(q)
+    conditioned = model.conditions is not None and len(model.conditions.velocities) > 0
+    if not model.statements and not conditioned and "phi_t" not in model.evaluators["velocity"].index:
+        return np.zeros_like(q), messages
+    v, undecided = least_velocities(model, q, s, time, all_parameters)
+    left = np.flatnonzero(undecided)
+    if len(left):
+        v[left], found = _stated(model, q[left], s[left], time, parameters[left], all_parameters[left])
+        for k, message in zip(left.tolist(), found, strict=True):
+            messages[k] = message
+    return v, messages
+
+
+def _stated(
+    model: Model, q: Array, s: Array, time: float, parameters: Array, all_parameters: Array
+) -> tuple[Array, list[str]]:
+    """Solve for `velocities` by singular values where equations are nearly dependent; say which contradict."""
     found = model.evaluate("velocity", state_arguments(time, q, s, np.zeros_like(q)), parameters)
-    count, n = q.shape
     a, b = found["d"], -found["phi_t"]
     conditions = model.conditions
     stated_rates = conditions is not None and len(conditions.velocities) > 0
     if not model.statements and not stated_rates:
-        if not np.any(b):
-            return np.zeros_like(q), [""] * count
         kept = model.layout.kept
-        return least_norm(a[:, kept], b[:, kept], truncate=False), [""] * count
+        return least_norm(a[:, kept], b[:, kept], truncate=False), [""] * len(q)
     rows, values, names = [a, *statement_rows(model, q)], [b], list(model.equations)
     for statement in model.statements:
         stated = all_parameters[:, statement.parameters]
@@ -313,17 +343,12 @@ def velocities(
     scale = np.linalg.norm(a, axis=2)
     scale = np.where(scale > 1e-12, scale, 1.0)
     a, b = a / scale[:, :, None], b / scale
-    kept, first = model.layout.kept, len(model.equations)
     with np.errstate(all="ignore"):
-        v = completed(a[:, kept], b[:, kept], a[:, first:], b[:, first:])
+        v = least_norm(a, b, truncate=True)
     limit = 1e-8 * np.maximum(1.0, np.abs(b).max(axis=1, initial=0.0))
     error = np.abs((a @ v[:, :, None])[:, :, 0] - b)
-    doubtful = np.flatnonzero(~(error.max(axis=1, initial=0.0) <= CERTAIN * limit))
-    if len(doubtful):
-        v[doubtful] = least_norm(a[doubtful], b[doubtful], truncate=True)
-        error[doubtful] = np.abs((a[doubtful] @ v[doubtful][:, :, None])[:, :, 0] - b[doubtful])
     messages = []
-    for k in range(count):
+    for k in range(len(q)):
         if error[k].max(initial=0.0) <= limit[k]:
             messages.append("")
             continue
@@ -361,12 +386,8 @@ def statement_rows(model: Model, q: Array) -> list[Array]:
 
 def _body_rate(e: Array) -> Array:
     """Matrix from quaternion rates to the angular velocity in body axes, ``2 G(e)``."""
-    if e.shape[1] == 2:
-        return 2 * np.stack([-e[:, 1], e[:, 0]], axis=1)[:, None, :]
-    a, b, c, d = e.T
-    return 2 * np.stack(
-        [np.stack([-b, a, d, -c], axis=1), np.stack([-c, -d, a, b], axis=1), np.stack([-d, c, -b, a], axis=1)], axis=1
-    )
+    lines = BODY_RATE[e.shape[1]]
+    return 2 * np.stack([np.stack([sign * e[:, k] for k, sign in line], axis=1) for line in lines], axis=1)
 
 
 def assemble(model: Model, all_parameters: Array, time: float) -> Start:

@@ -7,13 +7,9 @@ import contextlib
 import numpy as np
 
 from uqmbd.dynamics.linear import RANK_TOLERANCE
-from uqmbd.typing import Array, Mask
+from uqmbd.typing import Array
 
-__all__ = ["completed", "least_norm"]
-
-
-CERTAIN = (1e-13, 1e-7)
-"""Squared lengths, of combinations of rows of length one, between which it is doubtful whether they vanish."""
+__all__ = ["least_norm"]
 
 
 def least_norm(a: Array, r: Array, *, truncate: bool) -> Array:
@@ -32,29 +28,6 @@ def least_norm(a: Array, r: Array, *, truncate: bool) -> Array:
         inverse = np.linalg.pinv(a[usable], rcond=RANK_TOLERANCE)
         x[usable] = (inverse @ r[usable][:, :, None])[:, :, 0]
     return x
-
-
-def completed(held: Array, b: Array, stated: Array, c: Array) -> Array:
-    """Solve ``held x = b`` and ``stated x = c`` with the smallest norm, for each realisation.
-
-    Rows of `held` (K, m, n) are independent; those of `stated` (K, s, n), of length one, may follow from others.  NaN
-    where it is doubtful whether they do.
-    """
-    held, b, stated, c = map(np.ascontiguousarray, (held, b, stated, c))  # the order of sums is that of the memory
-    across = stated.transpose(0, 2, 1)
-    gram = held @ held.transpose(0, 2, 1)
-    particular = np.concatenate([b[:, :, None], held @ across], axis=2)
-    found = _lifted(held, _solved(gram, particular))
-    x, free = found[:, :, :1], across - found[:, :, 1:]
-    good: Mask = np.asarray(np.isfinite(found).all(axis=(1, 2)))
-    lengths, vectors = np.linalg.eigh(np.where(good[:, None, None], stated @ free, 0.0))
-    good &= ~((lengths > CERTAIN[0]) & (lengths < CERTAIN[1])).any(axis=1)
-    weights = np.divide(1.0, lengths, out=np.zeros_like(lengths), where=lengths >= CERTAIN[1])
-    missing = vectors.transpose(0, 2, 1) @ (c[:, :, None] - stated @ x)
-    x = x + free @ (vectors @ (weights[:, :, None] * missing))
-    x += _lifted(held, _solved(gram, b[:, :, None] - held @ x))  # what rounding left
-    result: Array = np.where(good[:, None], x[:, :, 0], np.nan)
-    return result
 
 
 def _lifted(a: Array, y: Array) -> Array:

@@ -112,6 +112,11 @@ class Evaluator:
         return {}
 
     @cached_property
+    def others(self) -> dict[Any, Any]:
+        """What else was made of the equations, by whatever tells it apart."""
+        return {}
+
+    @cached_property
     def index(self) -> dict[str, tuple[Index, tuple[Index, ...]]]:
         """For each letter of the targets: columns of the results, and the indices behind the letter."""
         found: dict[str, list[tuple[int, tuple[int, ...]]]] = {}

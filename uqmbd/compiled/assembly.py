@@ -1,0 +1,259 @@
+"""Poses and speeds of the least change that satisfy sparse equations: tables for the driver's ``assembly.c``.
+
+The order of elimination is found here: SciPy's orderings cannot leave rows that may be dependent to the last, and to
+import SuperLU takes longer than to order the rows of a chain of a hundred links.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import heapq
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from uqmbd.compiled import driver as c
+from uqmbd.compiled.driver import address, aligned, driver
+from uqmbd.compiled.programs import Columns, Program
+from uqmbd.typing import Array, Index, Mask
+
+__all__ = ["Equations", "Gradients", "Turns"]
+
+
+class Gradients(NamedTuple):
+    """Entries of the gradients of equations.
+
+    Attributes
+    ----------
+    rows, columns : array of int, shape (entry,)
+        Equation, and unknown by which it is differentiated; -1: one that is not changed.
+    values : array of int, shape (entry,)
+        Rows of the work array.
+    factors : array, shape (entry,)
+        By which these are multiplied.
+    """
+
+    rows: Index
+    columns: Index
+    values: Index
+    factors: Array
+
+    def select(self, which: Mask) -> Gradients:
+        """Take some entries."""
+        return Gradients(self.rows[which], self.columns[which], self.values[which], self.factors[which])
+
+    def beside(self, other: Gradients) -> Gradients:
+        """Take the entries of both."""
+        return Gradients(
+            np.concatenate([self.rows, other.rows]),
+            np.concatenate([self.columns, other.columns]),
+            np.concatenate([self.values, other.values]),
+            np.concatenate([self.factors, other.factors]),
+        )
+
+
+@dataclass(frozen=True)
+class Turns:
+    """Coordinates that describe rotations.
+
+    Attributes
+    ----------
+    coordinates : array of int, shape (body, 2 or 4)
+        Of each body; (body, 0) without rotations.
+    free : array of int, shape (body,)
+        1 where they may be brought to length one, else 0.
+    dimension : int
+        So many first coordinates tell how large the mechanism is.
+    """
+
+    coordinates: Index
+    free: Index
+    dimension: int
+
+
+@dataclass(frozen=True)
+class Equations:
+    """Equations whose values and gradients a program yields.
+
+    Attributes
+    ----------
+    program : Program
+        The first of its arguments are the unknowns.
+    values : array of int, shape (equation,)
+        Row of the value of each equation; -1: zero.
+    gradients : Gradients
+        Their gradients.
+    solved : array of int
+        Which equations are solved for; the others are only looked at.
+    certain : int
+        So many of them are independent; the others may follow from these.
+    unknowns : int
+        Number of unknowns.
+    shortest : float
+        Length from which on a gradient is one.
+    """
+
+    program: Program
+    values: Index
+    gradients: Gradients
+    solved: Index
+    certain: int
+    unknowns: int
+    shortest: float
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Leave out what is made anew: addresses."""
+        return {key: value for key, value in self.__dict__.items() if key != "structure"}
+
+    def close(self, turns: Turns, cosines: Index, *sources: Array | Columns, count: int) -> tuple[Array, Mask]:
+        """Solve by damped Gauss-Newton, from unknowns that are the first of the sources.
+
+        Parameters
+        ----------
+        turns : Turns
+            What bounds a step.
+        cosines : array of int
+            Rows that are negative where a pose is a mirror image of the one that is meant.
+        *sources : array, shape (K, argument), or Columns
+            Arguments of the program.
+        count : int
+            K.
+
+        Returns
+        -------
+        unknowns : array, shape (K, unknown)
+        undecided : array of bool, shape (K,)
+            Where singular equations, a way that leads nowhere or a mirror image want a decision.
+        """
+        first, *others = sources
+        assert isinstance(first, np.ndarray)
+        table, kept, _ = self.program.sources((np.ascontiguousarray(first), *others), count)
+        found, undecided = np.empty((count, self.unknowns)), np.ones(count, dtype=np.int64)
+        bodies, size = turns.coordinates.shape
+        coordinates, free = (np.ascontiguousarray(x, dtype=np.int64) for x in (turns.coordinates, turns.free))
+        bounds = c.Turns(address(coordinates), address(free), bodies if size else 0, size, turns.dimension)
+        structure, memory = self.structure, self._memory()
+        driver().close_poses(
+            *(ctypes.addressof(structure), ctypes.addressof(bounds), address(memory), ctypes.addressof(table)),
+            *(len(kept), count, address(found), len(cosines), address(cosines), address(undecided)),
+        )
+        return found, undecided != 0
+
+    def least(self, *sources: Array | Columns, count: int) -> tuple[Array, Mask]:
+        """Solve ``A x = -value`` with the smallest norm; arguments and results are those of `close`."""
+        table, kept, _ = self.program.sources(sources, count)
+        found, undecided = np.empty((count, self.unknowns)), np.ones(count, dtype=np.int64)
+        structure, memory = self.structure, self._memory()
+        driver().least_speeds(
+            *(ctypes.addressof(structure), address(memory), ctypes.addressof(table)),
+            *(len(kept), count, address(found), address(undecided)),
+        )
+        return found, undecided != 0
+
+    def _memory(self) -> Array:
+        return aligned(driver().assembly_memory(ctypes.addressof(self.structure)))
+
+    @cached_property
+    def structure(self) -> c.Equations:
+        """What the driver reads."""
+        program = self.program.part.structure
+        tables = self._tables
+        found = c.Equations(
+            program,
+            *(self.program.rows, len(self.values), len(self.solved), self.certain, self.unknowns),
+            *(len(self.gradients.rows), len(tables["below"])),
+            *(address(tables[name]) for name, *_ in c.Equations._fields_ if name in tables),
+            self.shortest,
+        )
+        found.kept = program, tables
+        return found
+
+    @cached_property
+    def _tables(self) -> dict[str, Array | Index]:
+        """Entries sorted by the order of elimination, and the triangle of ``A A^T``."""
+        g, number = self.gradients, np.full(len(self.values), -1, dtype=np.int64)
+        number[self.solved] = np.arange(len(self.solved))
+        counted = (number[g.rows] >= 0) & (g.columns >= 0)
+        order, below = _eliminated(_neighbours(number[g.rows[counted]], g.columns[counted], number), self.certain)
+        sequence = np.concatenate([self.solved[order], np.flatnonzero(number < 0)])
+        place = np.argsort(sequence)
+        entries = np.lexsort((g.columns, place[g.rows]))
+        rows, columns = place[g.rows[entries]], g.columns[entries]
+        starts = np.searchsorted(rows, np.arange(len(self.values) + 1))
+        by_column = np.flatnonzero((rows < len(order)) & (columns >= 0))
+        by_column = by_column[np.lexsort((rows[by_column], columns[by_column]))]
+        following, ends = np.zeros((2, len(rows)), dtype=np.int64)
+        following[by_column] = np.arange(len(by_column))
+        ends[by_column] = np.searchsorted(columns[by_column], columns[by_column], side="right")
+        triangle = [[k, *sorted(place[self.solved[sorted(x)]].tolist())] for k, x in enumerate(below)]
+        first = np.cumsum([0, *map(len, triangle)])
+        flat = np.array([i for column in triangle for i in column], dtype=np.int64)
+        owner = np.repeat(np.arange(len(triangle)), np.diff(first))
+        off = np.flatnonzero(flat != owner)
+        left = off[np.lexsort((owner[off], flat[off]))]
+        found = {
+            "values": self.values[sequence],
+            "starts": starts,
+            "columns": columns,
+            "from_": g.values[entries],
+            "factors": g.factors[entries],
+            "next": following,
+            "ends": ends,
+            "others": by_column,
+            "rows_of": rows[by_column],
+            "first": first,
+            "below": flat,
+            "changes": np.searchsorted(flat[left], np.arange(len(triangle) + 1)),
+            "places": left,
+            "owners": owner[left],
+        }
+        return {
+            name: np.ascontiguousarray(x, dtype=float if name == "factors" else np.int64) for name, x in found.items()
+        }
+
+
+def _neighbours(rows: Index, columns: Index, number: Index) -> list[set[int]]:
+    """Find the equations that share an unknown with each."""
+    found: list[set[int]] = [set() for k in number if k >= 0]
+    sharing: dict[int, list[int]] = {}
+    for row, column in zip(rows.tolist(), columns.tolist(), strict=True):
+        sharing.setdefault(column, []).append(row)
+    for together in sharing.values():
+        for row in together:
+            found[row].update(together)
+    for row, others in enumerate(found):
+        others.discard(row)
+    return found
+
+
+def _eliminated(neighbours: list[set[int]], certain: int) -> tuple[Sequence[int], list[set[int]]]:
+    """Eliminate unknowns of a symmetric system by the least degree, the first so many before the others.
+
+    Returns
+    -------
+    order : list of int
+        Unknowns, as they are eliminated.
+    below : list of set of int
+        Those that have an entry in the column of each of them then.
+    """
+    order, below = list[int](), list[set[int]]()
+    for part in (range(certain), range(certain, len(neighbours))):
+        left, heap = set(part), [(len(neighbours[k]), k) for k in part]
+        heapq.heapify(heap)
+        while heap:
+            degree, pivot = heapq.heappop(heap)
+            if pivot not in left or degree != len(neighbours[pivot]):
+                continue  # its degree has changed since
+            left.discard(pivot)
+            others = neighbours[pivot]
+            order.append(pivot)
+            below.append(others)
+            for k in others:
+                neighbours[k] |= others
+                neighbours[k] -= {pivot, k}
+                if k in left:
+                    heapq.heappush(heap, (len(neighbours[k]), k))
+    return order, below

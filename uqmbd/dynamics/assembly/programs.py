@@ -1,0 +1,172 @@
+"""The equations of positions and of velocities as the driver solves them: sparse, with tables of where all stands."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from uqmbd.compiled import Equations, Gradients, Turns, Writer
+from uqmbd.dynamics.equations import Model, Statement
+from uqmbd.typing import Array, Index, Mask
+
+__all__ = ["BODY_RATE", "closed_poses", "least_velocities"]
+
+FLAT = 1e-9, 1e-12
+"""Lengths of gradients, of positions and of velocities, below which they are none."""
+
+BODY_RATE = {
+    2: (((1, -1), (0, 1)),),
+    4: (((1, -1), (0, 1), (3, 1), (2, -1)), ((2, -1), (3, -1), (0, 1), (1, 1)), ((3, -1), (2, 1), (1, -1), (0, 1))),
+}
+"""Half the matrix from the rates of a quaternion to the angular velocity in body axes, ``G(e)``, by its length: of each
+entry which of the quaternion's it is, and its sign."""
+
+
+class _Closing(NamedTuple):
+    equations: Equations
+    turns: Turns
+    cosines: Index
+
+
+def closed_poses(model: Model, drawn: Array, time: float, parameters: Array, rows: Index) -> tuple[Array, Mask]:
+    """Move drawn poses (K, coordinate) as little as closes all constraints, of which `rows` are independent.
+
+    Returns
+    -------
+    q : array, shape (K, coordinate)
+    undecided : array of bool, shape (K,)
+        Which realisations singular equations, a mirror image or the like leave to be decided.
+    """
+    known, key = model.evaluators["position"].others, ("closing", rows.tobytes(), model.held.tobytes())
+    if key not in known:
+        known[key] = _closing(model, rows)
+    found: _Closing = known[key]
+    return found.equations.close(
+        found.turns, found.cosines, drawn, *_rest(model, 1, time, parameters), count=len(drawn)
+    )
+
+
+def least_velocities(model: Model, q: Array, s: Array, time: float, parameters: Array) -> tuple[Array, Mask]:
+    """Solve for the velocities of smallest norm that satisfy constraints, statements and start conditions.
+
+    Returns
+    -------
+    v : array, shape (K, coordinate)
+    undecided : array of bool, shape (K,)
+        Where equations are nearly dependent, or contradict each other.
+    """
+    statements = tuple((x.quantity, tuple(x.coordinates.tolist())) for x in model.statements)
+    values, slopes = _conditions(model, q, s, time, parameters)
+    conditions = values.shape[1]
+    known, key = model.evaluators["velocity"].others, ("speeds", model.layout.kept.tobytes(), statements, conditions)
+    if key not in known:
+        known[key] = _speeds(model, conditions)
+    found: Equations = known[key]
+    numbers = np.concatenate([x.parameters for x in model.statements] or [np.zeros(0, dtype=np.int64)])
+    more = (-parameters[:, numbers], values, slopes, np.ones((1, 1)))
+    return found.least(q, s, *_rest(model, 2, time, parameters), *more, count=len(q))
+
+
+def _conditions(model: Model, q: Array, s: Array, time: float, parameters: Array) -> tuple[Array, Array]:
+    """Residuals of the conditions of velocities (K, c), and their slopes (K, c n)."""
+    if model.conditions is None or not len(model.conditions.velocities):
+        return np.zeros((len(q), 0)), np.zeros((len(q), 0))
+    which = model.conditions.velocities
+    value, _, slope = model.conditions(q, s, time, parameters)
+    return value[:, which], slope[:, which].reshape(len(q), -1)
+
+
+def _rest(model: Model, given: int, time: float, parameters: Array) -> tuple[Array, Array, Array]:
+    """Arguments of an evaluator behind the coordinates (1), or these and the auxiliary states (2): all at rest."""
+    layout = model.layout
+    zeros = layout.width - (layout.coordinates if given == 1 else layout.velocities)
+    return np.zeros((1, zeros)), np.array([[time, 0.0]]), parameters[:, : model.block_parameters]
+
+
+def _closing(model: Model, rows: Index) -> _Closing:
+    evaluator, layout = model.evaluators["position"], model.layout
+    writer, arguments, parameters = _begun(model, 0)
+    results = evaluator.write(writer, arguments, parameters)
+    cosines = np.zeros(0, dtype=np.int64)
+    if "cos" in evaluator.index:
+        cosines = results[evaluator.index["cos"][0]]
+    gradients = _gradients(evaluator.index, "phi_q", results)
+    held = np.isin(gradients.columns, model.held)
+    gradients = gradients._replace(columns=np.where(held, -1, gradients.columns))
+    equations = Equations(
+        program=writer.program(np.zeros(0, dtype=np.int64)),
+        values=_values(evaluator.index, "phi", results, layout.constraints),
+        gradients=gradients,
+        solved=rows,
+        certain=len(rows),
+        unknowns=layout.coordinates,
+        shortest=FLAT[0],
+    )
+    quaternions = model.quaternions()
+    free = np.array([not np.isin(x, model.held).any() for x in quaternions], dtype=np.int64)
+    return _Closing(equations, Turns(quaternions, free, model.dimension), cosines)
+
+
+def _speeds(model: Model, conditions: int) -> Equations:
+    evaluator, layout = model.evaluators["velocity"], model.layout
+    stated, n = sum(len(x.parameters) for x in model.statements), layout.coordinates
+    added = stated + conditions
+    writer, arguments, parameters = _begun(model, added + conditions * n + 1)
+    given = np.arange(len(arguments) + len(parameters), writer.inputs)  # what is stated, residuals, slopes, one
+    results = evaluator.write(writer, arguments, parameters)
+    gradients = _gradients(evaluator.index, "d", results)
+    values, kept = _values(evaluator.index, "phi_t", results, layout.constraints), layout.kept
+    if not added:  # what is redundant is looked at where something is stated that may contradict it
+        gradients = gradients._replace(rows=layout.number[gradients.rows]).select(layout.number[gradients.rows] >= 0)
+        values, kept = values[kept], np.arange(layout.rank)
+    lines = [line for x in model.statements for line in _lines(x, int(given[-1]))]
+    slopes = given[added:-1].reshape(conditions, n)
+    lines += [[(int(place), 1.0, k) for k, place in enumerate(line)] for line in slopes]
+    rows = np.repeat(np.arange(len(lines)), [len(line) for line in lines]) + len(values)
+    places, factors, columns = np.array([x for line in lines for x in line], dtype=float).reshape(-1, 3).T
+    more = Gradients(rows, columns.astype(np.int64), places.astype(np.int64), factors)
+    return Equations(
+        program=writer.program(np.zeros(0, dtype=np.int64)),
+        values=np.concatenate([values, given[:added]]),
+        gradients=gradients.beside(more),
+        solved=np.concatenate([kept, np.arange(len(values), len(values) + added)]),
+        certain=layout.rank,
+        unknowns=n,
+        shortest=FLAT[1],
+    )
+
+
+def _lines(statement: Statement, one: int) -> list[list[tuple[int, float, int]]]:
+    """Gradients of what is stated of a body: rows of values, factors, and velocities by which they are differentiated.
+
+    In row `one` stands a one.
+    """
+    coordinates = statement.coordinates.tolist()
+    if statement.quantity == "velocity":
+        return [[(one, 1.0, k)] for k in coordinates]
+    return [
+        [(coordinates[k], 2.0 * sign, coordinates[i]) for i, (k, sign) in enumerate(line)]
+        for line in BODY_RATE[len(coordinates)]
+    ]
+
+
+def _begun(model: Model, more: int) -> tuple[Writer, Index, Index]:
+    """Begin a program: rows of a state, the time and zero, and of the parameters of the blocks, then so many more."""
+    state, inputs = model.layout.width + 2, model.layout.width + 2 + model.block_parameters
+    rows = np.arange(inputs)
+    return Writer(inputs + more), rows[:state], rows[state:]
+
+
+def _values(index: dict[str, tuple[Index, tuple[Index, ...]]], name: str, results: Index, count: int) -> Index:
+    found = np.full(count, -1, dtype=np.int64)
+    if name in index:
+        columns, (rows,) = index[name]
+        found[rows] = results[columns]
+    return found
+
+
+def _gradients(index: dict[str, tuple[Index, tuple[Index, ...]]], name: str, results: Index) -> Gradients:
+    none = np.zeros(0, dtype=np.int64)
+    entries, (rows, columns) = index.get(name, (none, (none, none)))
+    return Gradients(rows, columns, results[entries], np.ones(len(entries)))
