@@ -42,7 +42,7 @@ def programs():
         values=np.array([one]),
         right=np.array([force]),
     )
-    return Dynamics(1, 1, 2, 1, motion, np.array([1, force]), None, None, None, rows, 2), contacts
+    return Dynamics(1, 1, 2, 1, motion, np.array([1, force]), None, rows, 2), contacts
 
 
 def started(z, p, times, **changes):

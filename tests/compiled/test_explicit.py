@@ -17,7 +17,7 @@ def dynamics(acceleration):
     kernel = compile_kernel([Q, V, T, ZERO, P], [acceleration])
     writer = Writer(5)
     (found,) = writer.call(kernel, np.arange(5)[None]).ravel()
-    return Dynamics(1, 1, 2, 1, writer.part(), np.array([1, found]), None, None, None, writer.size, 2)
+    return Dynamics(1, 1, 2, 1, writer.part(), np.array([1, found]), None, writer.size, 2)
 
 
 OSCILLATOR = dynamics(-P * Q)

@@ -7,7 +7,7 @@ from uqmbd.compiled.cache import cache_folder, cached, source_digest
 from uqmbd.compiled.coupled import CoupledSystems, NodalSystems
 from uqmbd.compiled.emission import Operation
 from uqmbd.compiled.encounters import Contacts, Encounters, Touching
-from uqmbd.compiled.explicit import ORDER, STAGES, Dynamics, Method, Realisations, Status
+from uqmbd.compiled.explicit import ORDER, STAGES, Constraints, Dynamics, Method, Realisations, Status
 from uqmbd.compiled.kernel import Kernel
 from uqmbd.compiled.kernels import compilations, compile_kernel, compile_operations, replaced
 from uqmbd.compiled.native import Target, addresses_of, host, object_code
@@ -17,6 +17,7 @@ from uqmbd.compiled.writer import LANES
 
 __all__ = [
     "Columns",
+    "Constraints",
     "CoupledSystems",
     "Contacts",
     "Dynamics",

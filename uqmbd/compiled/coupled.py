@@ -11,7 +11,7 @@ import numpy as np
 
 from uqmbd.compiled import driver as c
 from uqmbd.compiled.driver import address, aligned, driver
-from uqmbd.compiled.explicit import Dynamics
+from uqmbd.compiled.explicit import Constraints, Dynamics
 from uqmbd.compiled.programs import Part, Step
 from uqmbd.compiled.writer import LANES
 from uqmbd.typing import Array, Index
@@ -242,6 +242,10 @@ class CoupledSystems:
         rate[:n] = rows(velocities * blocks, n)
         rate[n + rated] = rows(begin + systems.size * blocks, len(rated))
         rate[velocities:] = rows(begin, n)
+        # what velocities exceed is found with the coordinates, and nobody asks for residuals
+        nothing, no_rows = Part((), 0), np.zeros(0, dtype=np.int64)
+        excess = self._part("coupled_excess", end)
+        constraints = Constraints(nothing, excess, nothing, nothing, no_rows, 0, rows(end, 2 * n).ravel())
         return Dynamics(
             coordinates=n * blocks,
             velocities=velocities * blocks,
@@ -249,9 +253,7 @@ class CoupledSystems:
             parameters=0,
             motion=self._part("coupled_rate", begin),
             rate=rate.ravel(),
-            values=None,
-            excess=self._part("coupled_excess", end) if constrained else None,
-            surplus=rows(end, 2 * n).ravel() if constrained else None,
+            constraints=constraints if constrained else None,
             rows=end + 2 * n * blocks,
             moving=moving,
             terms=self.terms,

@@ -84,8 +84,9 @@ class Problem(ctypes.Structure):
         ("motion", Program),
         ("rate", _POINTER),
         ("values", Program),
-        ("excess", Program),
-        ("surplus", _POINTER),
+        *((name, Program) for name in ("drift", "place", "move")),
+        *((name, _POINTER) for name in ("surplus", "residuals")),
+        *((name, _INT) for name in ("positions", "equations")),
         ("tableau", _POINTER),
         *((name, _DOUBLE) for name in ("rtol", "moving", "far", "surplus_allowed", "stiff")),
         *((name, _INT) for name in ("patience", "refusals", "attempts", "guarded", "instants")),
@@ -99,7 +100,7 @@ POOL = (
     *("now", "begin", "wanted", "tried", "floor", "limit"),
     *("leg", "last_leg", "first", "column", "status", "attempts", "refused", "stiff"),
     *("fresh", "rejected", "trusted", "told", "steps", "known"),
-    *("node_times", "nodes", "result", "poor"),
+    *("node_times", "nodes", "result", "off", "poor"),
 )
 """Arrays of a pool."""
 

@@ -24,7 +24,7 @@ from uqmbd.compiled.programs import Part
 from uqmbd.compiled.writer import LANES
 from uqmbd.typing import Array, Index
 
-__all__ = ["ORDER", "STAGES", "Dynamics", "Method", "Realisations", "Status"]
+__all__ = ["ORDER", "STAGES", "Constraints", "Dynamics", "Method", "Realisations", "Status"]
 
 STAGES = 12
 ORDER = 8
@@ -55,6 +55,40 @@ Leg = tuple[float, float, bool]
 
 
 @dataclass(frozen=True)
+class Constraints:
+    """How far a state is off the constraints, and the way back, as programs on the work array of `Dynamics`.
+
+    Attributes
+    ----------
+    values : Part
+        The part of the motion that comes before its solution.
+    drift : Part
+        To the residuals.
+    place, move : Part
+        After `motion`, or `values`, and `drift`: by what coordinates, and velocities, exceed the constraints.
+    residuals : array of int, shape (equation,)
+        Rows of the residuals: first those in position, then those in velocity.
+    positions : int
+        How many are in position.
+    surplus : array of int, shape (2 coordinate,)
+        Rows of that.
+    """
+
+    values: Part
+    drift: Part
+    place: Part
+    move: Part
+    residuals: Index
+    positions: int
+    surplus: Index
+
+    @property
+    def operations(self) -> int:
+        """How many operations on rows it takes to find by what a state exceeds them, after its motion."""
+        return self.drift.operations + self.place.operations + self.move.operations
+
+
+@dataclass(frozen=True)
 class Dynamics:
     """Equations of motion, as programs on one work array.
 
@@ -70,12 +104,8 @@ class Dynamics:
         From a state to its rate.
     rate : array of int, shape (width,)
         Rows of the rate.
-    values : Part, optional
-        The part of `motion` that comes before its solution.
-    excess : Part, optional
-        After `motion`, or `values`: by what coordinates and velocities exceed the constraints; None: there are none.
-    surplus : array of int, shape (2 coordinate,)
-        Rows of that.
+    constraints : Constraints, optional
+        None: there are none.
     rows : int
         Of the work array.
     moving : int
@@ -95,14 +125,17 @@ class Dynamics:
     parameters: int
     motion: Part
     rate: Index
-    values: Part | None
-    excess: Part | None
-    surplus: Index | None
+    constraints: Constraints | None
     rows: int
     moving: int
     terms: int = 0
     blocks: int = 1
     cost: int = 1
+
+
+_NOTHING, _NO_ROWS = Part((), 0), np.zeros(0, dtype=np.int64)
+NONE = Constraints(_NOTHING, _NOTHING, _NOTHING, _NOTHING, _NO_ROWS, 0, _NO_ROWS)
+"""No constraints."""
 
 
 @dataclass(frozen=True)
@@ -191,6 +224,8 @@ class Realisations:
     result : array, shape (M, T, width)
         States at the output times before number ``column``, by interpolation: near the constraints until `project` puts
         them there; NaN after these.
+    off : array, shape (M, equation + 1)
+        Largest residuals of the constraints at the output times that `project` has seen, and the largest speed there.
     poor : array of int, shape (M, T)
         Which of them interpolation has led far off the constraints.
     status : array of int, shape (M,)
@@ -236,6 +271,7 @@ class Realisations:
         self.node_times[:, -1], self.nodes[:, -1] = self.times[0], z
         self.result = np.empty((count, len(self.times), width))
         self.result[:, 0], self.result[:, 1:] = z, np.nan
+        self.off = np.zeros((count, self._equations + 1))
         self.poor = np.zeros((count, len(self.times)), dtype=np.int8)
 
     def advance(self, members: Index | None = None) -> None:
@@ -258,9 +294,9 @@ class Realisations:
 
     def project(self) -> None:
         """Put the states at the output times onto the constraints."""
-        if self.dynamics.excess is None:
+        if self.dynamics.constraints is None:
             return
-        queue, workspace = np.arange(len(self.z)), aligned(self.dynamics.rows)
+        queue, workspace = np.arange(len(self.z)), aligned(self.dynamics.rows + self._equations + 1)
         places = (ctypes.addressof(x) for x in (self._problem, self._pool))
         driver().project(*places, address(queue), len(queue), address(workspace))
 
@@ -298,9 +334,15 @@ class Realisations:
         new.__dict__.pop("_pool", None)
         new.__dict__.pop("_problem", None)
         new.dynamics, new.evaluations = dynamics, 0
+        new.off = np.zeros((1, new._equations + 1))
         new.steps[:], new.first[:] = 0, new.column
         self.status[member] = Status.DONE
         return new
+
+    @property
+    def _equations(self) -> int:
+        constraints = self.dynamics.constraints
+        return 0 if constraints is None else len(constraints.residuals)
 
     @cached_property
     def _pool(self) -> c.Pool:
@@ -313,13 +355,15 @@ class Realisations:
     @cached_property
     def _problem(self) -> c.Problem:
         d, m = self.dynamics, self.method
-        parts = [part.structure for part in (d.motion, d.values or Part((), 0), d.excess or Part((), 0))]
+        k = d.constraints or NONE
+        parts = [part.structure for part in (d.motion, k.values, k.drift, k.place, k.move)]
         coefficients = tableau()
         contacts = None if self.contacts is None else self.contacts.structure
         found = c.Problem(
             *(d.terms, d.blocks, d.width, d.coordinates, d.velocities, d.parameters, d.width, d.rows),
-            *(parts[0], address(d.rate), parts[1]),
-            *(parts[2], address(d.surplus), ctypes.addressof(coefficients[0])),
+            *(parts[0], address(d.rate), *parts[1:]),
+            *(0 if d.constraints is None else address(k.surplus), address(k.residuals), k.positions, len(k.residuals)),
+            ctypes.addressof(coefficients[0]),
             *(m.rtol, float(d.moving), m.far, m.surplus, m.stiff),
             *(m.patience, m.refusals, m.attempts, int(m.guarded), len(self.times)),
             *map(address, (self.times, self.leg_ends, self.leg_longest, self.leg_jumps)),

@@ -61,3 +61,22 @@ def test_states_and_outputs(name, count, seed):
     found = integrate(part, TIMES, 1e-6, "dop853").states
     assert np.array_equal(found, states[some])
     assert np.array_equal(part.outputs(TIMES, found), outputs[some])
+
+
+@pytest.mark.parametrize("name", ["swing", "slider-crank"])
+@pytest.mark.parametrize("times", [TIMES, TIMES[:2], TIMES[:6]])
+def test_the_integrator_tells_residuals_that_states_have(name, times):
+    """Of realisations that share a group of lanes as of those that fill several."""
+    mechanism, compiled = model(name)
+    values = mechanism.inputs.from_uniform(np.random.default_rng(1).uniform(size=(13, len(compiled.inputs))))
+    ensemble = Ensemble(compiled, values)
+    found = integrate(ensemble, times, 1e-6, "dop853")
+    layout, drift = compiled.layout, compiled.evaluators["drift"]
+    for k in range(13):
+        states = found.states[k, 1:]
+        arguments = np.column_stack([states, times[1:], np.zeros(len(states))])
+        values = np.abs(drift(arguments, np.tile(ensemble.block[k], (len(states), 1)))).max(axis=0)
+        index = [drift.index[letter][0] for letter in ("phi", "psi") if letter in drift.index]
+        expected = np.append(values[np.concatenate(index)], np.abs(states[:, layout.velocities :]).max())
+        assert np.allclose(found.off[k], expected, rtol=1e-6, atol=1e-13)
+        assert expected[:-1].max() < 1e-7 < expected[-1]

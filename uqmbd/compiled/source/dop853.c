@@ -111,9 +111,15 @@ static void evaluate_rate(const Problem *p, Group *g, V time, V *rate) {
     g->evaluations++;
 }
 
-/* By what the state in the work array, whose rate was evaluated just now, exceeds the constraints. */
+/* By what the state in the work array, whose rate or values were evaluated just now, exceeds the constraints. */
+static void evaluate_surplus(const Problem *p, Group *g) {
+    run_program(&p->drift, g->work);
+    run_program(&p->place, g->work);
+    run_program(&p->move, g->work);
+}
+
 static void find_surplus(const Problem *p, Group *g, V *surplus) {
-    run_program(&p->excess, g->work);
+    evaluate_surplus(p, g);
     for (int64_t i = 0; i < 2 * p->coordinates; i++) surplus[i] = g->work[p->surplus[i]];
 }
 
@@ -245,7 +251,7 @@ static void interpolate(const Problem *p, const Group *g, V part, V *target) {
 static void put_on_constraints(const Problem *p, Group *g, Mask which) {
     if (!p->surplus) return;
     run_program(&p->values, g->work);
-    run_program(&p->excess, g->work);
+    evaluate_surplus(p, g);
     for (int64_t i = 0; i < p->coordinates; i++) {
         V q = g->work[p->surplus[i]], v = g->work[p->surplus[p->coordinates + i]];
         g->work[i] -= choose(which & (q == q), q, splat(0.0));
@@ -532,59 +538,4 @@ int64_t advance(const Problem *p, const Pool *pool, const int64_t *queue, int64_
         }
     }
     return g.evaluations;
-}
-
-enum { CORRECTIONS = 3 };
-
-/* Put the states in the lanes onto the constraints, and back; lanes behind the last one are copies of it. */
-static void project_lanes(const Problem *p, const Pool *pool, V *work, int64_t *member, int64_t *column, int64_t lanes) {
-    int64_t width = p->width, n = p->coordinates;
-    double *rows[LANES];
-    for (int64_t l = 0; l < LANES; l++) {
-        int64_t from = l < lanes ? l : lanes - 1;
-        rows[l] = pool->result + (member[from] * p->instants + column[from]) * width;
-        work[p->time][l] = p->times[column[from]];
-    }
-    to_lanes(work, (const double *const *)rows, width);
-    run_program(&p->values, work);
-    Mask wrong = {0}, again = ~(Mask){0};
-    /* what velocities exceed depends on the coordinates: where these have moved, it is found anew */
-    for (int64_t pass = 0; pass < CORRECTIONS && any(again); pass++) {
-        run_program(&p->excess, work);
-        V most = splat(0.0);
-        for (int64_t i = 0; i < 2 * n; i++) {
-            V off = work[p->surplus[i]];
-            V *x = work + (i < n ? i : p->velocities + i - n);
-            *x -= choose(again & (off == off), off, splat(0.0)); /* a vanishing pivot is noted as poor */
-            most = larger(magnitude(off), most);
-            if (!pass) wrong |= off != off;
-        }
-        if (!pass) wrong |= most > splat(p->far);
-        again &= ~wrong & (most > splat(0.1 * p->rtol));
-    }
-    for (int64_t l = 0; l < lanes; l++) pool->poor[member[l] * p->instants + column[l]] = wrong[l] != 0;
-    to_rows(rows, lanes, work, width);
-}
-
-void project(const Problem *p, const Pool *pool, const int64_t *queue, int64_t count, double *workspace) {
-    V *work = (V *)workspace, *parameters = work + p->time + 2;
-    int64_t member[LANES], column[LANES], held[LANES], lanes = 0;
-    for (int64_t l = 0; l < LANES; l++) held[l] = -1;
-    fill(work, 0.0, p->time + 2 + p->parameters);
-    if (!p->surplus) return;
-    for (int64_t k = 0; k < count; k++) {
-        int64_t m = queue[k];
-        for (int64_t c = pool->first[m]; c < pool->column[m]; c++) {
-            member[lanes] = m;
-            column[lanes] = c;
-            if (held[lanes] != m)
-                for (int64_t i = 0; i < p->parameters; i++) parameters[i][lanes] = pool->parameters[m * p->parameters + i];
-            held[lanes++] = m;
-            if (lanes < LANES) continue;
-            project_lanes(p, pool, work, member, column, lanes);
-            lanes = 0;
-        }
-        pool->first[m] = pool->column[m];
-    }
-    if (lanes) project_lanes(p, pool, work, member, column, lanes);
 }

@@ -54,8 +54,11 @@ typedef struct {
     Program motion;          /* a state -> its rate */
     const int64_t *rate;     /* rows of the rate (width) */
     Program values;          /* the part of motion that comes before its solution */
-    Program excess;          /* after motion, or values: by what coordinates and velocities exceed the constraints */
+    Program drift;           /* residuals of the constraints */
+    Program place, move;     /* after motion, or values, and drift: by what coordinates, and velocities, exceed them */
     const int64_t *surplus;  /* rows of that (2 coordinates); null: there are no constraints */
+    const int64_t *residuals; /* rows of the residuals: first so many in position, then those in velocity */
+    int64_t positions, equations;
     const Tableau *tableau;
     double rtol, moving;     /* relative tolerance, number of entries of a state that change */
     double far;              /* an interpolated state that is farther off the constraints is noted */
@@ -84,6 +87,7 @@ typedef struct {
     int64_t *steps, *known; /* accepted steps; how many of the last states are known */
     double *node_times, *nodes; /* (member, NODES), (member, NODES, width) */
     double *result; /* (member, instant, width) */
+    double *off;    /* (member, equations + 1): largest residuals at the times that were projected, largest speed */
     int8_t *poor;   /* (member, instant): farther off the constraints than interpolation should lead */
     const Encounters *encounters;
 } Pool;
@@ -97,7 +101,7 @@ int64_t advance(const Problem *problem, const Pool *pool, const int64_t *queue, 
                 int64_t budget);
 
 /* Put the states at the output times number first .. column - 1 of members onto the constraints; note which of them
-   were far off.  The workspace has the rows of the problem. */
+   were far off, and what is left.  The workspace has the rows of the problem, and equations + 1 more. */
 void project(const Problem *problem, const Pool *pool, const int64_t *queue, int64_t count, double *workspace);
 
 #endif

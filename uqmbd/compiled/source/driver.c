@@ -3,6 +3,7 @@
 #include "contacts.c"
 #include "events.c"
 #include "dop853.c"
+#include "projection.c"
 #include "tables.c"
 #include "coupled.c"
 #include "assembly.c"

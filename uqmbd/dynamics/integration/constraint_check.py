@@ -25,10 +25,13 @@ BLOCK = 2048
 """States whose residuals are evaluated at once."""
 
 
-def off_constraints(ensemble: Batch, times: Array, states: Array, rtol: float) -> dict[int, tuple[int, str]]:
+def off_constraints(
+    ensemble: Batch, times: Array, states: Array, rtol: float, known: Array | None = None
+) -> dict[int, tuple[int, str]]:
     """Find results that are off the constraints, in position or in velocity, by more than the tolerance.
 
-    At a break time the constraints of either side count.  States are of shape (K, T, width), NaN where there are none.
+    At a break time the constraints of either side count.  States are of shape (K, T, width), NaN where there are none;
+    `known` is what `Trajectories.off` is.
 
     Returns
     -------
@@ -40,7 +43,7 @@ def off_constraints(ensemble: Batch, times: Array, states: Array, rtol: float) -
     if not layout.rank or not len(good):
         return {}
     size = np.clip(np.abs(states[:, 0, : layout.coordinates]).max(axis=1), 1e-3, 1.0)
-    phi, psi, speed = _largest(ensemble, times, states)
+    phi, psi, speed = _largest(ensemble, times, states, known)
     allowed = allowed_residual(rtol)
     scale = allowed * gradient_lengths(ensemble.model, ensemble.start, ensemble.block)
     most = over_allowed(ensemble.model, phi[:, None], psi[:, None], scale, size, np.maximum(speed, 1e-3 * size))
@@ -60,21 +63,35 @@ def off_constraints(ensemble: Batch, times: Array, states: Array, rtol: float) -
     return texts
 
 
-def _largest(ensemble: Batch, times: Array, states: Array) -> tuple[Array, Array, Array]:
+def _largest(ensemble: Batch, times: Array, states: Array, known: Array | None) -> tuple[Array, Array, Array]:
     """Find the largest residuals in position and velocity (K, equation) over the times, and the largest speeds (K,)."""
-    model, layout = ensemble.model, ensemble.model.layout
-    drift = model.evaluators["drift"]
-    passed = range(layout.velocities, layout.width)
-    program = drift.program(layout.width + 2, ensemble.block.shape[1], passed)
+    layout, index = ensemble.model.layout, ensemble.model.evaluators["drift"].index
+    if known is None:
+        found = _evaluated(ensemble, times, states)
+    else:
+        found = np.maximum(known, _evaluated(ensemble, times[:1], states[:, :1]))
+        rest = np.flatnonzero(np.isnan(known).any(axis=1))
+        if len(rest):
+            found[rest] = _evaluated(ensemble.select(rest), times, states[rest])
+    residuals, first = np.zeros((2, len(states), layout.constraints)), 0
+    for which, letter in enumerate(("phi", "psi")):
+        if letter in index:
+            _, (rows,) = index[letter]
+            residuals[which][:, rows] = found[:, first : first + len(rows)]
+            first += len(rows)
+    return residuals[0], residuals[1], found[:, -1]
+
+
+def _evaluated(ensemble: Batch, times: Array, states: Array) -> Array:
+    """Evaluate the largest residuals, first those in position, and the largest speeds: shape (K, residual + 1)."""
+    layout, drift = ensemble.model.layout, ensemble.model.evaluators["drift"]
+    program = drift.program(layout.width + 2, ensemble.block.shape[1], range(layout.velocities, layout.width))
     count = len(times)
     flat, zero = states.reshape(-1, layout.width), Columns(np.zeros((1, 1)))
     largest = program.largest(flat, Columns(times), zero, Columns(ensemble.block, count), states=count)
-    residuals = np.zeros((2, len(states), layout.constraints))
-    for which, letter in enumerate(("phi", "psi")):
-        if letter in drift.index:
-            columns, (rows,) = drift.index[letter]
-            residuals[which][:, rows] = largest[:, columns]
-    return residuals[0], residuals[1], largest[:, len(drift.targets) :].max(axis=1, initial=0.0)
+    columns = [drift.index[letter][0] for letter in ("phi", "psi") if letter in drift.index]
+    speed = largest[:, len(drift.targets) :].max(axis=1, initial=0.0)
+    return np.concatenate([largest[:, np.concatenate(columns)], speed[:, None]], axis=1)
 
 
 def allowed_residual(rtol: float) -> float:

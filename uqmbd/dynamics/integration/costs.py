@@ -28,7 +28,7 @@ LOOK = 1_000_000
 def attempt_cost(dynamics: Dynamics) -> float:
     """Cost of an attempted step of the explicit method to one realisation of eight that share it."""
     evaluation = dynamics.motion.operations + ENTRY * dynamics.width
-    excess = dynamics.excess.operations if dynamics.excess is not None else 0
+    excess = dynamics.constraints.operations if dynamics.constraints is not None else 0
     return (STAGES * evaluation + excess) / LANES
 
 

@@ -139,6 +139,7 @@ class _Integration:
         compared = comparing and self.sampling is None  # from sample to sample somebody else compares
         self.comparison = Comparison(batch, times, rtol, _dynamics(self.model)) if compared else None
         self.dear = [0.0] * len(batch)
+        self.changed: set[int] = set()
 
     # -- the whole integration ---------------------------------------------------------------------------------------
     def run(self) -> None:
@@ -178,9 +179,11 @@ class _Integration:
         notes: list[str] = []
         for watcher in self.watchers.values():
             notes += [note for note in watcher.notes if note not in notes]
-        return Solved(
-            self.main.result, tuple(self.messages), Counters(), tuple(self.final), tuple(notes), tuple(self.dear)
-        )
+        off = self.main.off.copy() if self.model.layout.rank else None
+        if off is not None:  # other equations led some of them, and states were changed
+            off[[*self.others, *self.changed]] = np.nan
+        messages, final, dear = tuple(self.messages), tuple(self.final), tuple(self.dear)
+        return Solved(self.main.result, messages, Counters(), final, tuple(notes), dear, off)
 
     @property
     def counters(self) -> Counters:
@@ -381,6 +384,7 @@ class _Integration:
                     run.advance()
                 if run.status[0] == Status.DONE and np.isfinite(run.result[0, -1]).all():
                     result[member, at] = run.result[0, -1]
+                    self.changed.add(member)
 
 
 def _dynamics(model: Model) -> Dynamics:

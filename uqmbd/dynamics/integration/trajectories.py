@@ -79,6 +79,9 @@ class Trajectories:
         Numbers that the motion yields once, as times of events, by name; NaN where a realisation has none.
     notes : tuple of str
         What was changed on the way: choices of other independent equations.
+    off : array, shape (K, residual + 1), optional
+        Largest residuals of the constraints after the first time, first those in position, and largest speeds, where
+        the integrator has found them on the way; NaN where it has not.
     """
 
     times: Array
@@ -87,6 +90,7 @@ class Trajectories:
     counters: Counters = field(default_factory=Counters)
     scalars: Mapping[str, Array] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    off: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -108,6 +112,8 @@ class Solved:
     dear : tuple of float
         Of each that was stopped because another integrator is cheaper: what the motion would have cost here, by
         counts; else zero; empty: none was.
+    off : array, shape (M, residual + 1), optional
+        As that of `Trajectories`.
     """
 
     states: Array
@@ -116,6 +122,7 @@ class Solved:
     final: tuple[bool, ...] = ()
     notes: tuple[str, ...] = ()
     dear: tuple[float, ...] = ()
+    off: Array | None = None
 
 
 @dataclass(frozen=True)

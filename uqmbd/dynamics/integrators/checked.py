@@ -40,7 +40,7 @@ def checked(method: Method, ensemble: Ensemble, times: Array, rtol: float) -> Tr
     found = method(ensemble, times, rtol) if not jumps else _others(method, ensemble, times, rtol, jumps)
     found = _stopped(found, _violations(ensemble, times, found.states, rtol), 0)
     # the start is a state that could be assembled: the integration has failed, not the assembly
-    return _stopped(found, off_constraints(ensemble, times, found.states, rtol), 1)
+    return _stopped(found, off_constraints(ensemble, times, found.states, rtol, found.off), 1)
 
 
 def _stopped(found: Trajectories, off: dict[int, tuple[int, str]], least: int) -> Trajectories:
@@ -81,4 +81,7 @@ def _others(method: Method, ensemble: Ensemble, times: Array, rtol: float, jumps
     for name, values in found.scalars.items():
         scalars[name] = np.full(count, np.nan)
         scalars[name][rest] = values
-    return replace(found, states=states, messages=tuple(messages), scalars=scalars)
+    off = None if found.off is None else np.full((count, found.off.shape[1]), np.nan)
+    if off is not None and found.off is not None:
+        off[rest] = found.off
+    return replace(found, states=states, messages=tuple(messages), scalars=scalars, off=off)

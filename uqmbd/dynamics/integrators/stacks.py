@@ -39,12 +39,16 @@ class Solution:
         mine = rows[taken]
         states, messages, by = self.solved.states.copy(), list(self.solved.messages), list(self.by)
         states[mine] = other.states[taken]
+        off = None if self.solved.off is None else self.solved.off.copy()
+        if off is not None:
+            off[mine] = np.nan if other.off is None else other.off[taken]
         for row, k in zip(mine.tolist(), taken.tolist(), strict=True):
             messages[row], by[row] = other.messages[k], name
         notes = self.solved.notes + tuple(note for note in other.notes if note not in self.solved.notes)
         counters = self.solved.counters + other.counters
         return Solution(
-            replace(self.solved, states=states, messages=tuple(messages), counters=counters, notes=notes), tuple(by)
+            replace(self.solved, states=states, messages=tuple(messages), counters=counters, notes=notes, off=off),
+            tuple(by),
         )
 
 
@@ -72,7 +76,7 @@ def in_stacks(solve: Solve, ensemble: Ensemble, times: Array, rtol: float, stack
     counters, notes = Counters(), list[str]()
     assembled = np.flatnonzero(start.ok)
     whole = len(assembled) == len(ensemble) <= stack
-    states = np.full((0 if whole else len(ensemble), len(times), layout.width), np.nan)
+    states, off = np.full((0 if whole else len(ensemble), len(times), layout.width), np.nan), None
     for k in range(0, len(assembled), stack):
         members = assembled[k : k + stack]
         if layout.unknowns:
@@ -80,7 +84,7 @@ def in_stacks(solve: Solve, ensemble: Ensemble, times: Array, rtol: float, stack
         else:
             found = Solution.of(integrate_by_ida(ensemble, members, times, rtol), "")
         if whole:
-            states = found.solved.states
+            states, off = found.solved.states, found.solved.off
         else:
             states[members] = found.solved.states
         for member, message in zip(members, found.solved.messages, strict=True):
@@ -97,4 +101,4 @@ def in_stacks(solve: Solve, ensemble: Ensemble, times: Array, rtol: float, stack
             stacklevel=6,
         )
     counters = counters + Counters(by_dop853=by.count("dop853"), by_ida=by.count("ida"))
-    return Trajectories(times, states, tuple(messages), counters, notes=tuple(notes))
+    return Trajectories(times, states, tuple(messages), counters, notes=tuple(notes), off=off)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from uqmbd.compiled import Dynamics, Kernel, Program, Writer
+from uqmbd.compiled import Constraints, Dynamics, Kernel, Part, Program, Writer
 from uqmbd.dynamics.equations import Model
 from uqmbd.dynamics.linear.fronts import FrontalSolver
 from uqmbd.dynamics.linear.residual import RowResiduals
@@ -84,7 +85,9 @@ def _motion(model: Model, writer: Writer, values: Index, solve: Solver, residual
     return Motion(solution, writer.call(residual, np.concatenate([values, solution])[None, :]).ravel())
 
 
-def programs_of(model: Model, solve: Solver, accelerate: Solver, project: Solver, residual: Residual) -> Programs:
+def programs_of(
+    model: Model, solve: Solver, accelerate: Solver, back: tuple[Solver, Solver], residual: Residual
+) -> Programs:
     """Write the programs of a model.
 
     Parameters
@@ -93,8 +96,8 @@ def programs_of(model: Model, solve: Solver, accelerate: Solver, project: Solver
         With its evaluators.
     solve, accelerate : Kernel or FrontalSolver
         From results of the ``acceleration`` evaluator to accelerations and multipliers, and to accelerations only.
-    project : Kernel or FrontalSolver
-        From these results, then those of the ``drift`` evaluator, to what is too much of coordinates and velocities.
+    back : pair of Kernel or FrontalSolver
+        From these results, then those of the ``drift`` evaluator, to what is too much of coordinates; of velocities.
     residual : Kernel or RowResiduals
         From results of the ``acceleration`` evaluator and the solution to how well it satisfies the system.
     """
@@ -114,33 +117,53 @@ def programs_of(model: Model, solve: Solver, accelerate: Solver, project: Solver
             rates[which] = values[results]
         return writer, values, rates
 
-    def surplus(writer: Writer, values: Index) -> Index:
+    def surplus(writer: Writer, values: Index) -> tuple[Index, Index, list[int]]:
+        """Write residuals, and what is too much; rows of both, and where their steps begin and end."""
+        ends = [len(writer.steps)]
         drift = model.evaluators["drift"].write(writer, arguments, parameters)
-        return _solution(project, writer, np.concatenate([values, drift]))
+        found = []
+        for solver in back:
+            ends.append(len(writer.steps))
+            found.append(_solution(solver, writer, np.concatenate([values, drift])))
+        ends.append(len(writer.steps))
+        return drift, np.concatenate(found), ends
 
     writer, values, rates = begun()
     found = _motion(model, writer, values, solve, residual)
     motion = writer.program(np.concatenate([found.solution, rates, found.residual]))
     writer, values, rates = begun()
-    before = len(writer.steps)
+    begin = len(writer.steps)
+    # right behind the values, so that solutions read both where they stand
+    drift, too_much, ends = surplus(writer, values) if layout.rank else (values[:0], values[:0], [begin])
     accelerations = _solution(accelerate, writer, values)
-    steps = len(writer.steps)
-    excess = surplus(writer, values) if layout.rank else None
+    before, after = writer.part(0, begin), writer.part(ends[-1])
+    constraints = None
+    if layout.rank:
+        index = model.evaluators["drift"].index
+        position, velocity = (drift[index[x][0]] if x in index else drift[:0] for x in ("phi", "psi"))
+        residuals, place, move = itertools.starmap(writer.part, itertools.pairwise(ends))
+        constraints = Constraints(
+            values=before,
+            drift=residuals,
+            place=place,
+            move=move,
+            residuals=np.concatenate([position, velocity]),
+            positions=len(position),
+            surplus=too_much,
+        )
     dynamics = Dynamics(
         coordinates=n,
         velocities=velocities,
         width=width,
         parameters=model.block_parameters,
-        motion=writer.part(0, steps),
+        motion=Part(before.steps + after.steps, writer.rows),
         rate=np.concatenate([rows[velocities:width], rates, accelerations]),
-        values=None if excess is None else writer.part(0, before),
-        excess=None if excess is None else writer.part(steps),
-        surplus=excess,
+        constraints=constraints,
         rows=writer.size,
         moving=width - 2 * len(layout.frozen) - layout.held,
         cost=1 + writer.size // SMALL,
     )
     writer = Writer(inputs)
     values = acceleration.write(writer, arguments, parameters)
-    found_excess = surplus(writer, values) if layout.rank else writer.sums([[]]).repeat(2 * n)
+    found_excess = surplus(writer, values)[1] if layout.rank else writer.sums([[]]).repeat(2 * n)
     return Programs(dynamics, motion, writer.program(found_excess), solve, residual)

@@ -57,9 +57,6 @@ class System:
     """Compiled elimination by blocks, of a large system."""
     solve: Kernel | FrontalSolver | None = None
     """Compiled: results of the ``acceleration`` evaluator -> accelerations and multipliers."""
-    project: Kernel | FrontalSolver | None = None
-    """Compiled: these results, then those of the ``drift`` evaluator -> what is too much of coordinates and velocities,
-    by the least norm in the metric of the masses."""
     programs: Programs | None = None
     """Compiled: all that a state determines; None: the system is too large, or singular for all values."""
 
@@ -173,7 +170,7 @@ def _structural_rank(system: System) -> int:
 def _compiled(model: Model, system: System, typical: Array) -> System:
     """Compile the solution of the system for the right-hand sides that occur: in one piece, if it is not too long."""
     given, n = len(model.evaluators["acceleration"].targets), model.layout.coordinates
-    motion, excess = _rights(system, given)
+    motion, place, move = _rights(system, given)
 
     def code(rights: Index, values: int, wanted: int) -> Kernel | None:
         order = system.elimination
@@ -181,12 +178,13 @@ def _compiled(model: Model, system: System, typical: Array) -> System:
         return unroll(order, system.rows, system.columns, system.source, rights, values, wanted)
 
     solve, accelerate = code(motion, given, system.size), code(motion, given, n)
-    project = code(excess, given + len(model.evaluators["drift"].targets), n)
-    if solve is None or accelerate is None or project is None:
+    both = given + len(model.evaluators["drift"].targets)
+    back = code(place, both, n), code(move, both, n)
+    if solve is None or accelerate is None or back[0] is None or back[1] is None:
         return _by_blocks(model, system, typical)
     residual = residual_kernel(system.rows, system.columns, system.source, system.motion, given)
-    compiled = programs_of(model, solve, accelerate, project, residual)
-    return replace(system, solve=solve, project=project, programs=compiled)
+    compiled = programs_of(model, solve, accelerate, (back[0], back[1]), residual)
+    return replace(system, solve=solve, programs=compiled)
 
 
 def _by_blocks(model: Model, system: System, typical: Array) -> System:
@@ -201,15 +199,17 @@ def _by_blocks(model: Model, system: System, typical: Array) -> System:
     fronts = frontal(rounds, system.rows, system.columns, system.source, given, system.size)
     if fronts is None:
         return system
-    motion, excess = _rights(system, given)
-    solve, accelerate, project = (
-        FrontalSolver(fronts, rights, wanted) for rights, wanted in ((motion, system.size), (motion, n), (excess, n))
+    motion, place, move = _rights(system, given)
+    solve, accelerate, *back = (
+        FrontalSolver(fronts, rights, wanted)
+        for rights, wanted in ((motion, system.size), (motion, n), (place, n), (move, n))
     )
     residual = RowResiduals(system.rows, system.columns, system.source, system.motion)
-    compiled = programs_of(model, solve, accelerate, project, residual)
-    return replace(system, fronts=fronts, solve=solve, project=project, programs=compiled)
+    compiled = programs_of(model, solve, accelerate, (back[0], back[1]), residual)
+    return replace(system, fronts=fronts, solve=solve, programs=compiled)
 
 
-def _rights(system: System, given: int) -> tuple[Index, Index]:
-    """Right-hand sides of the motion, and of the projections, whose results come behind the `given` ones."""
-    return system.motion[None], np.where(system.drift < 0, -1, given + system.drift)
+def _rights(system: System, given: int) -> tuple[Index, Index, Index]:
+    """Right-hand sides of the motion, and of both projections, whose results come behind the `given` ones."""
+    place, move = np.where(system.drift < 0, -1, given + system.drift)
+    return system.motion[None], place[None], move[None]
