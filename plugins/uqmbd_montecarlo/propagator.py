@@ -162,7 +162,7 @@ class MonteCarlo(uqmbd.Propagator):
         samples = sample_dataset(
             kept.response, kept.values, problem.labels, status=kept.status, messages=kept.messages, copy=False
         )
-        statistics = self._statistics(samples, found)
+        statistics = self._statistics(problem, samples, found)
         if sums is not None:
             statistics = sums.apply(statistics)
         if found.failures:
@@ -197,8 +197,8 @@ class MonteCarlo(uqmbd.Propagator):
                 "take fewer samples, or a larger keep."
             )
 
-    def _statistics(self, samples: xr.Dataset, found: Gathered) -> xr.Dataset:
-        statistics = statistics_of_samples(samples)
+    def _statistics(self, problem: uqmbd.Problem, samples: xr.Dataset, found: Gathered) -> xr.Dataset:
+        statistics = statistics_of_samples(samples, each=problem.each)
         if self.samples > self.keep:
             for name, value in found.moments.statistics().items():
                 statistics[name] = statistics[name].copy(data=value)

@@ -34,6 +34,7 @@ from uqmbd.propagation.execution import (
     executor_for,
     in_order,
     run_tasks,
+    threads_of,
 )
 from uqmbd.propagation.existence import Existence
 from uqmbd.propagation.observed_model import not_unique_attribute, step_attributes
@@ -231,6 +232,14 @@ class Problem:
         """
         work = (self._packed, self._fingerprint, self.executor, self.checkpoint, self.clock)
         return run_tasks(*work, function, tasks)
+
+    def each(self, function: Callable[[Any], Any], pieces: Sequence[Any]) -> Iterator[Any]:
+        """Apply a function to pieces in order, like `map`, in threads where the study has workers.
+
+        For arithmetic of NumPy on large arrays, as statistics are; the results do not depend on who computes.
+        """
+        threads = threads_of(self.executor) if len(pieces) > 1 else None
+        return map(function, pieces) if threads is None else threads.map(function, pieces)
 
     def require_random(self) -> None:
         """Raise a `uqmbd.StudyError` where nothing is random."""

@@ -4,6 +4,7 @@ import multiprocessing
 import os
 import threading
 import time
+from dataclasses import replace
 
 import chaospy
 import numpy as np
@@ -125,6 +126,24 @@ def test_who_is_asked(integrator, about, who):
     staff = Both()
     study(integrator, samples=8, **about).run(workers=staff)
     assert set(staff.asked) == {who}
+
+
+def test_statistics_are_computed_in_threads_of_this_process():
+    """Pieces of arithmetic meet in two threads, come in order, and need nobody where there is one piece or one worker."""
+    meeting, problem = threading.Barrier(2), study().problem(MonteCarlo(samples=8))
+
+    def met(piece):
+        meeting.wait(10)
+        return piece, os.getpid()
+
+    with Crew(2) as crew, crew.at_work() as staff:
+        many = replace(problem, executor=staff)
+        assert list(many.each(met, range(6))) == [(k, os.getpid()) for k in range(6)]
+        assert not staff.started
+        assert list(many.each(lambda _: threading.current_thread(), [1])) == [threading.main_thread()]
+    for executor in (None, Recorder()):
+        alone = replace(problem, executor=executor).each(lambda _: threading.current_thread(), [1, 2])
+        assert list(alone) == 2 * [threading.main_thread()]
 
 
 def test_work_of_methods_is_given_to_processes():

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
+
 import numpy as np
 import pytest
 import scipy.stats
@@ -96,6 +98,22 @@ def test_two_samples() -> None:
     found = sample_statistics([[1.0], [4.0]])
     assert found["std"].item() == pytest.approx(3 / np.sqrt(2))
     assert np.isfinite(found["std_error_std"].item())
+
+
+def test_who_computes_changes_no_bit() -> None:
+    """Blocks of columns are the same ones for any number of threads, also where samples have failed."""
+    rng = np.random.default_rng(5)
+    response, status = rng.gamma(2.0, size=(4000, 3, 101)), (rng.random(4000) < 0.1).astype(int)
+    alone, blocks = sample_statistics(response, status=status), list[int]()
+
+    def noted(function, pieces):
+        blocks.append(len(pieces))
+        with ThreadPoolExecutor(3) as threads:
+            return list(threads.map(function, pieces))
+
+    together = sample_statistics(response, status=status, each=noted)
+    assert blocks[0] > 3
+    assert {name: x.tobytes() for name, x in alone.items()} == {name: x.tobytes() for name, x in together.items()}
 
 
 def test_failed_samples_never_enter() -> None:

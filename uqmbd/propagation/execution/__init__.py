@@ -18,7 +18,7 @@ from uqmbd.propagation.execution.progress import Lines, Progress, Silent, told
 from uqmbd.propagation.execution.realisations import Realisations
 from uqmbd.propagation.execution.run_folder import claimed, set_aside
 from uqmbd.propagation.execution.tasks import Arrays, run_tasks
-from uqmbd.propagation.execution.workers import Crew, Staff, executor_for, pool
+from uqmbd.propagation.execution.workers import Crew, Staff, executor_for, pool, threads_of
 
 __all__ = [
     "AGAIN",
@@ -46,5 +46,6 @@ __all__ = [
     "pool",
     "run_tasks",
     "set_aside",
+    "threads_of",
     "told",
 ]

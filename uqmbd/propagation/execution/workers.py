@@ -21,7 +21,7 @@ from uqmbd.propagation.execution.parent import end_with_parent
 if TYPE_CHECKING:
     from concurrent.futures import ProcessPoolExecutor
 
-__all__ = ["Crew", "Staff", "executor_for", "pool"]
+__all__ = ["Crew", "Staff", "executor_for", "pool", "threads_of"]
 
 Arguments = ParamSpec("Arguments")
 Result = TypeVar("Result")
@@ -96,6 +96,17 @@ def executor_for(given: Executor | None, *, unlocked: bool) -> Executor | None:
     if not isinstance(given, Staff):
         return given
     return given.threads if unlocked else given.processes
+
+
+def threads_of(given: Executor | None) -> Executor | None:
+    """Return those of our own workers who share the memory of this process; None: there are none.
+
+    Parameters
+    ----------
+    given : concurrent.futures.Executor, optional
+        Those who are there.
+    """
+    return given.threads if isinstance(given, Staff) else None
 
 
 class Crew:
