@@ -23,9 +23,11 @@ __all__ = ["cache_folder", "cached", "source_digest"]
 
 def cache_folder() -> Path:
     """Folder of cached kernels: ``UQMBD_CACHE`` if set, else in the user's cache folder."""
+    if stated := os.environ.get("UQMBD_CACHE"):
+        return Path(stated)
     import platformdirs
 
-    return Path(os.environ.get("UQMBD_CACHE") or platformdirs.user_cache_path("uqmbd") / "kernels")
+    return platformdirs.user_cache_path("uqmbd") / "kernels"
 
 
 def source_digest(folders: Iterable[Path]) -> bytes:

@@ -10,13 +10,17 @@ from typing import Any
 import numpy as np
 import sympy
 
+from uqmbd.compiled import cached
 from uqmbd.dynamics.assembly import independent_rows, not_unique, positions, reaction_symbols, require_conditions
 from uqmbd.dynamics.control import loops_of, require_controllers, unused_commands
 from uqmbd.dynamics.digest import digest_of
 from uqmbd.dynamics.equations import (
     FUSED_LIMIT,
     TIME,
+    Blocks,
+    Evaluators,
     Instance,
+    Later,
     Layout,
     Model,
     ParameterMap,
@@ -24,19 +28,16 @@ from uqmbd.dynamics.equations import (
     angle_counters,
     break_times,
     compiled_conditions,
-    compiled_evaluator,
-    csc_pattern,
-    derive,
     inputs_of_conditions,
     instances_of,
     limits_of,
     output_map,
-    place,
     state_arguments,
 )
+from uqmbd.dynamics.facts import facts_of
 from uqmbd.dynamics.integration import Prescribed, prescribed_by, timed, timed_tables
 from uqmbd.dynamics.linear import index1_system, massless_direction
-from uqmbd.dynamics.notices import deep_contacts, hidden_turns, moved_bodies, size_of
+from uqmbd.dynamics.notices import deep_contacts, hidden_turns, looked_at, moved_bodies, size_of
 from uqmbd.dynamics.observation import prepare
 from uqmbd.dynamics.statics import scalar_map
 from uqmbd.dynamics.undefined_parameter import not_finite
@@ -46,9 +47,6 @@ from uqmbd.typing import Array, Index
 
 __all__ = ["build", "kinematic_model"]
 
-
-FUSED_LENGTH = 6000
-"""Operations of named quantities in a Jacobian up to which it is one kernel: beyond, compilation takes seconds."""
 
 NAMED = 40
 """Redundant equations that a warning names; `uqmbd.check` names them all."""
@@ -99,25 +97,25 @@ def reactions_not_unique(mechanism: Mechanism, time: float = 0.0) -> tuple[str, 
     time : float
         Initial time, s.
     """
-    model, instances = _kinematics(mechanism, time)
+    model, instances, blocks = _kinematics(mechanism, time)
     layout = model.layout
     if layout.constraints == layout.rank:
         return ()
     reactions = [Output(str(s), s, "") for s in reaction_symbols(mechanism, set(model.owners))]
-    outputs = output_map(reactions, *_places(mechanism, layout, instances))
+    outputs = output_map(reactions, *_places(mechanism, layout, instances, blocks))
     parameters = model.parameters(mechanism.inputs.means[None, :])
     q, _ = positions(model, parameters[:, model.drawn], time, parameters)
     return not_unique(model, outputs, q[0], time, parameters[0])
 
 
-def _places(mechanism: Mechanism, layout: Layout, instances: list[Instance]) -> tuple[Any, ...]:
+def _places(mechanism: Mechanism, layout: Layout, instances: list[Instance], blocks: Blocks) -> tuple[Any, ...]:
     """Give what outputs are compiled with, besides themselves."""
     order = {name: k for k, name in enumerate(mechanism.bodies)}
     sizes = (layout.coordinates, layout.states, layout.constraints)
-    return instances, place(instances, order), order, mechanism.inputs.variables, sizes
+    return instances, list(blocks.places), order, mechanism.inputs.variables, sizes
 
 
-def _kinematics(mechanism: Mechanism, time: float) -> tuple[Model, list[Instance]]:
+def _kinematics(mechanism: Mechanism, time: float) -> tuple[Model, list[Instance], Blocks]:
     if not mechanism.bodies:
         raise StudyError(f"mechanism {mechanism.name!r} has no bodies; add one with mechanism.body(...).")
     require_controllers(mechanism)
@@ -132,9 +130,9 @@ def _kinematics(mechanism: Mechanism, time: float) -> tuple[Model, list[Instance
     cosines = tuple(f"{i.component.name}: {label}" for i in instances for label in i.type.cosine_labels)
 
     expressions: list[sympy.Expr] = [p for i in instances for p in i.parameters]
-    blocks = len(expressions)
+    count = len(expressions)
     expressions += [x for body in mechanism.bodies.values() for x in body.pose.q]
-    drawn = np.arange(blocks, blocks + n)
+    drawn = np.arange(count, count + n)
     statements: list[Statement] = []
     held: list[int] = []
     for k, body in enumerate(mechanism.bodies.values()):
@@ -169,7 +167,8 @@ def _kinematics(mechanism: Mechanism, time: float) -> tuple[Model, list[Instance
         nonholonomic=nonholonomic,
         held=sum(len(i.type.states) for i in instances if isinstance(i.component, HeldStates)),
     )
-    kinds = ["position", "velocity", "initial", "acceleration", "energy", *(["drift"] if mechanism.conditions else [])]
+    kinds = ["position", "velocity", "initial", "acceleration", *(["drift"] if mechanism.conditions else [])]
+    blocks = Blocks.of(instances, order)
     model = Model(
         name=mechanism.name,
         time=time,
@@ -192,7 +191,7 @@ def _kinematics(mechanism: Mechanism, time: float) -> tuple[Model, list[Instance
         length=size_of(mechanism) or 1.0,
         limits=limits,
         tensors=tensors,
-        evaluators={kind: compiled_evaluator(kind, instances, order, layout, blocks, fuse=False) for kind in kinds},
+        evaluators=Evaluators({kind: blocks.evaluator(kind, layout, count, fuse=False) for kind in kinds}),
     )
     parameters = model.parameters(inputs.means[None, :])
     if not np.isfinite(parameters).all():
@@ -211,12 +210,11 @@ def _kinematics(mechanism: Mechanism, time: float) -> tuple[Model, list[Instance
     active = np.setdiff1d(kept, holding)
     model = replace(model, layout=replace(layout, kept=kept, frozen=frozen, active=active))
     if mechanism.conditions:
-        places = place(instances, order)
         sizes = (layout.coordinates, layout.states, layout.constraints)
-        conditions = compiled_conditions(mechanism, instances, places, order, sizes, conditioned)
+        conditions = compiled_conditions(mechanism, instances, list(blocks.places), order, sizes, conditioned)
         model = replace(model, conditions=conditions)
         require_conditions(f"mechanism {mechanism.name!r}", model, time, parameters)
-    return model, instances
+    return model, instances, blocks
 
 
 def _links(instances: list[Instance], order: dict[str, int]) -> tuple[tuple[int, int], ...]:
@@ -293,7 +291,7 @@ def _corners(instance: Instance) -> bool:
 
 
 def build(mechanism: Mechanism, time: float = 0.0, *, fuse: bool | None = None) -> Model:
-    """Make the complete model of a mechanism.
+    """Make the complete model of a mechanism, or take it from the cache where its facts are the same.
 
     Parameters
     ----------
@@ -318,28 +316,48 @@ def build(mechanism: Mechanism, time: float = 0.0, *, fuse: bool | None = None) 
     uqmbd.AssemblyError, uqmbd.StudyError
         If it cannot be assembled at the means, or a body can be accelerated by no force.
     """
-    model, instances = _kinematics(mechanism, time)
+    made: list[Model] = []
+
+    def make() -> Model:
+        made.append(_built(mechanism, time, fuse))
+        return made[0]
+
+    facts = facts_of(mechanism, time, fuse, rows=looked_at(mechanism))
+    model: Model = make() if facts is None else cached(("model", facts), make)
+    if not made:
+        _tell_redundant(model)
+    prepare(model)
+    return model
+
+
+def _tell_redundant(model: Model) -> None:
+    """Warn of equations that depend on others."""
+    redundant = np.setdiff1d(np.arange(model.layout.constraints), model.layout.kept)
+    if not len(redundant):
+        return
+    names = ", ".join(repr(model.equations[k]) for k in redundant[:NAMED])
+    more = f" and {len(redundant) - NAMED} more" if len(redundant) > NAMED else ""
+    warnings.warn(
+        f"mechanism {model.name!r}: {len(redundant)} of {model.layout.constraints} constraint equations "
+        f"are redundant and are dropped: {names}{more}. The motion is not affected; "
+        "some reactions are not unique (`uqmbd check` names them).",
+        RedundantConstraintWarning,
+        stacklevel=4,
+    )
+
+
+def _built(mechanism: Mechanism, time: float, fuse: bool | None) -> Model:
+    """Make the complete model of a mechanism from the terms of its components."""
+    model, instances, blocks = _kinematics(mechanism, time)
     layout = model.layout
-    redundant = np.setdiff1d(np.arange(layout.constraints), layout.kept)
-    if len(redundant):
-        names = ", ".join(repr(model.equations[k]) for k in redundant[:NAMED])
-        more = f" and {len(redundant) - NAMED} more" if len(redundant) > NAMED else ""
-        warnings.warn(
-            f"mechanism {mechanism.name!r}: {len(redundant)} of {layout.constraints} constraint equations "
-            f"are redundant and are dropped: {names}{more}. The motion is not affected; "
-            "some reactions are not unique (`uqmbd check` names them).",
-            RedundantConstraintWarning,
-            stacklevel=3,
-        )
-    order = {name: k for k, name in enumerate(mechanism.bodies)}
-    blocks = model.block_parameters
+    _tell_redundant(model)
+    count = model.block_parameters
     fuse = layout.unknowns <= FUSED_LIMIT if fuse is None else fuse
-    evaluators = dict(model.evaluators)
     events = tuple((i.component.name, e.label, len(e.directions)) for i in instances for e in i.type.events)
-    for kind in ("residual", "jacobian", "acceleration", "drift", *(("contact",) if events else ())):
-        small = kind != "jacobian" or _length(instances) <= FUSED_LENGTH
-        evaluators[kind] = compiled_evaluator(kind, instances, order, layout, blocks, fuse=fuse and small)
-    places = _places(mechanism, layout, instances)
+    kinds = ("acceleration", "drift", *(("contact",) if events else ()))
+    made = {kind: blocks.evaluator(kind, layout, count, fuse=fuse) for kind in kinds}
+    evaluators = Evaluators({**model.evaluators.made, **made}, Later.of(blocks, layout, count, fuse=fuse))
+    places = _places(mechanism, layout, instances, blocks)
     outputs, controls = output_map(list(mechanism.outputs.values()), *places), loops_of(mechanism, *places)
     model = replace(
         model,
@@ -354,7 +372,6 @@ def build(mechanism: Mechanism, time: float = 0.0, *, fuse: bool | None = None) 
         controls=controls,
         speeds_commanded=any(i.held and i.type.constraints for i in instances),
         scalars=scalar_map(list(mechanism.scalars.values()), *places),
-        pattern=csc_pattern(evaluators["jacobian"], layout.unknowns),
     )
     parameters = model.parameters(mechanism.inputs.means[None, :])
     drawn = parameters[:, model.drawn]
@@ -368,7 +385,7 @@ def build(mechanism: Mechanism, time: float = 0.0, *, fuse: bool | None = None) 
     )
     model = replace(model, notices=notices)
     model = replace(model, system=index1_system(model, _typical(model, q, time, parameters)))
-    if len(redundant):
+    if layout.constraints > layout.rank:
         unsettled = not_unique(model, outputs, q[0], time, parameters[0])
         model = replace(model, outputs=replace(outputs, not_unique=unsettled))
     body = massless_direction(model, q, np.zeros((1, layout.states)), time, parameters)
@@ -377,7 +394,6 @@ def build(mechanism: Mechanism, time: float = 0.0, *, fuse: bool | None = None) 
             f"body {body!r} can be accelerated without any force: its mass or inertia is zero in a direction "
             "in which it is free to move. Give it mass and inertia, or hold it with a joint."
         )
-    prepare(model)
     return model
 
 
@@ -387,21 +403,6 @@ def _prescribed(mechanism: Mechanism, model: Model) -> Prescribed | None:
         return None
     owners = set(model.owners)
     return prescribed_by([c for c in mechanism.all_components() if c.name in owners], mechanism.inputs.variables)
-
-
-def _length(instances: list[Instance]) -> int:
-    """Operations in the Jacobians of blocks with named quantities; others are short enough."""
-    seen: dict[str, int] = {}
-    for block in {i.type.digest: i.type for i in instances if i.type.quantities}.values():
-        known: set[Any] = set()
-        waiting = list(derive(block).jacobian().expressions)
-        while waiting:
-            e = waiting.pop()
-            if e not in known:
-                known.add(e)
-                waiting += e.args
-        seen[block.digest] = len(known)
-    return sum(seen.get(i.type.digest, 0) for i in instances)
 
 
 def _typical(model: Model, q: Array, time: float, parameters: Array) -> Array:

@@ -22,7 +22,7 @@ from uqmbd.mechanism import (
 )
 from uqmbd.typing import Array
 
-__all__ = ["Move", "deep_contacts", "hidden_turns", "moved_bodies", "moves", "size_of"]
+__all__ = ["Move", "deep_contacts", "hidden_turns", "looked_at", "moved_bodies", "moves", "size_of"]
 
 
 FAR = 1.0
@@ -119,14 +119,7 @@ def hidden_turns(mechanism: Mechanism, model: Model) -> tuple[str, ...]:
         if not name:
             continue
         starts = sympy.sympify(plain(component.values[name])).xreplace({t: sympy.Float(model.time)})
-        drawn = _drawn_angle(component)
-        inputs = mechanism.inputs
-        rows = inputs.means[None, :]
-        if len(inputs):
-            from scipy.stats import qmc
-
-            points = qmc.Halton(len(inputs), scramble=False).random(REALISATIONS + 1)[1:]
-            rows = np.concatenate([rows, inputs.from_uniform(points)])
+        drawn, inputs, rows = _drawn_angle(component), mechanism.inputs, looked_at(mechanism)
         angles, poses = ParameterMap.of([starts, plain(drawn)], list(inputs.variables))(rows).T
         far = np.abs(angles - poses) > np.pi * (1 + 1e-9)
         if not far.any():
@@ -140,6 +133,21 @@ def hidden_turns(mechanism: Mechanism, model: Model) -> tuple[str, ...]:
             "value), with the value at which the driver starts"
         )
     return tuple(found)
+
+
+def looked_at(mechanism: Mechanism) -> Array:
+    """Return the values of the inputs that notices depend on, shape (K, input): the means, and where drivers turn more.
+
+    The latter where an angle is prescribed, at points that are spread over the inputs.
+    """
+    inputs = mechanism.inputs
+    means = inputs.means[None, :]
+    if not len(inputs) or not any(component.prescribed_angle for component in mechanism.all_components()):
+        return means
+    from scipy.stats import qmc
+
+    points = qmc.Halton(len(inputs), scramble=False).random(REALISATIONS + 1)[1:]
+    return np.concatenate([means, inputs.from_uniform(points)])
 
 
 def _drawn_angle(component: Component) -> sympy.Expr:

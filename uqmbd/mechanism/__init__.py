@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from uqmbd.mechanism.body import Body, BodyTerms, Ground, StateSymbol
 from uqmbd.mechanism.components import (
+    BEGUN,
     AngleSymbol,
     Auxiliary,
     Component,
@@ -91,6 +92,7 @@ __all__ = [
     "AtEquilibrium",
     "AtSteady",
     "Auxiliary",
+    "BEGUN",
     "Body",
     "BodyTerms",
     "Component",

@@ -121,7 +121,8 @@ def test_forced_it_says_what_is_wrong_instead(monkeypatch):
     assert np.isnan(found.states[0, -1]).all()
 
 
-def test_too_large_a_mechanism_is_refused_if_forced_and_integrated_otherwise(monkeypatch):
+def test_too_large_a_mechanism_is_refused_if_forced_and_integrated_otherwise(monkeypatch, tmp_path):
+    monkeypatch.setenv("UQMBD_CACHE", str(tmp_path))
     monkeypatch.setattr(unrolled, "LIMIT", 1)
     k = uqmbd.RandomVariable("k", chaospy.Uniform(50, 150))
     with pytest.raises(uqmbd.StudyError, match="'oscillator' has too many equations.*'auto' or 'ida'"):

@@ -5,18 +5,11 @@ from __future__ import annotations
 from uqmbd.dynamics.equations.block import Instance, instances_of
 from uqmbd.dynamics.equations.derivation import Derived, derive
 from uqmbd.dynamics.equations.evaluator import Evaluator, Placement
+from uqmbd.dynamics.equations.evaluators import FUSED_LIMIT, Blocks, Evaluators, Later
 from uqmbd.dynamics.equations.expressions import TIME, plain
 from uqmbd.dynamics.equations.layout import Layout, state_arguments
 from uqmbd.dynamics.equations.limits import impossible, limits_of
-from uqmbd.dynamics.equations.model import (
-    FUSED_LIMIT,
-    Model,
-    Statement,
-    break_times,
-    compiled_evaluator,
-    csc_pattern,
-    place,
-)
+from uqmbd.dynamics.equations.model import Model, Statement, break_times
 from uqmbd.dynamics.equations.outputs import OutputMap, angle_counters, output_map
 from uqmbd.dynamics.equations.parameters import ParameterMap
 from uqmbd.dynamics.equations.start_conditions import Conditions, compiled_conditions, inputs_of_conditions
@@ -24,11 +17,14 @@ from uqmbd.dynamics.equations.tables import Tables
 from uqmbd.dynamics.equations.terms import MechanismTerms, mechanism_terms
 
 __all__ = [
+    "Blocks",
     "Conditions",
     "Derived",
     "Evaluator",
+    "Evaluators",
     "FUSED_LIMIT",
     "Instance",
+    "Later",
     "Layout",
     "MechanismTerms",
     "Model",
@@ -41,16 +37,13 @@ __all__ = [
     "angle_counters",
     "break_times",
     "compiled_conditions",
-    "csc_pattern",
     "derive",
-    "compiled_evaluator",
     "impossible",
     "inputs_of_conditions",
     "instances_of",
     "limits_of",
     "mechanism_terms",
     "output_map",
-    "place",
     "plain",
     "state_arguments",
 ]

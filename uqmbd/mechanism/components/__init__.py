@@ -20,6 +20,7 @@ from uqmbd.mechanism.components.component import (
     VirtualWork,
     flatten,
 )
+from uqmbd.mechanism.components.declaration import BEGUN
 from uqmbd.mechanism.components.joint_motion import AngleSymbol, JointAngle, JointDisplacement, angles_in, told_by
 from uqmbd.mechanism.components.parameter import range_text
 from uqmbd.mechanism.components.parameter_values import settle, stated_in_bodies
@@ -30,6 +31,7 @@ from uqmbd.mechanism.components.user_law import law_at, law_values
 __all__ = [
     "AngleSymbol",
     "Auxiliary",
+    "BEGUN",
     "Component",
     "Constraint",
     "Event",

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import inspect
+import time
 from collections.abc import Mapping, Sequence
 
 from uqmbd.errors import StudyError
 from uqmbd.mechanism.components.local import RESERVED
 from uqmbd.mechanism.components.parameter import Parameter
 
-__all__ = ["python_signature", "require_declared"]
+__all__ = ["BEGUN", "python_signature", "require_declared"]
+
+BEGUN = time.time()
+"""When a component could be written first, s: code that is edited later may not be what runs."""
 
 
 def require_declared(name: str, bodies: Sequence[str], parameters: Mapping[str, Parameter]) -> None:

@@ -1,0 +1,255 @@
+"""The evaluators of a mechanism: its blocks, where they are, and what is compiled of them, at once or when asked for.
+
+Residual and Jacobian, which only some integrators take, and energies are made when somebody asks for them; from
+expressions that travelled as bytes, so that they are the same ones in the process that built the model and in others.
+"""
+
+from __future__ import annotations
+
+import pickle
+import threading
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from uqmbd.dynamics.equations.block import BlockType, Instance
+from uqmbd.dynamics.equations.derivation import derive
+from uqmbd.dynamics.equations.evaluator import Evaluator, Placement, fused, typed
+from uqmbd.dynamics.equations.layout import Kind, Layout
+from uqmbd.mechanism import Controller, HeldStates
+
+__all__ = ["FUSED_LENGTH", "FUSED_LIMIT", "Blocks", "Evaluators", "Later", "place"]
+
+FUSED_LIMIT = 130
+"""Unknowns up to which residual and Jacobian are one kernel: beyond, compilation costs more than it saves."""
+
+FUSED_LENGTH = 6000
+"""Operations of named quantities in a Jacobian up to which it is one kernel: beyond, compilation takes seconds."""
+
+LATER = ("residual", "jacobian", "energy")
+"""Kinds that are compiled when they are asked for."""
+
+_LOCK = threading.RLock()
+
+
+@dataclass(frozen=True)
+class Blocks:
+    """The blocks of a mechanism, and where they are.
+
+    Attributes
+    ----------
+    types : tuple of BlockType
+        Of each instance.
+    places : tuple of Placement
+        With the numbers of all constraint equations.
+    """
+
+    types: tuple[BlockType, ...]
+    places: tuple[Placement, ...]
+
+    @classmethod
+    def of(cls, instances: list[Instance], order: dict[str, int]) -> Blocks:
+        """Place instances; `order` has the index of each body by name."""
+        return cls(tuple(i.type for i in instances), tuple(place(instances, order)))
+
+    def evaluator(self, kind: Kind, layout: Layout, parameters: int, *, fuse: bool) -> Evaluator:
+        """Compile one kind of equations.
+
+        Parameters
+        ----------
+        kind : str
+            Which.
+        layout : Layout
+            Of the model.
+        parameters : int
+            How many the blocks have.
+        fuse : bool
+            As one kernel; a Jacobian only where it is not too long.
+        """
+        places, columns = self.places, layout.columns(kind)
+        if kind in ("residual", "jacobian"):
+            places = _in_unknowns(places, layout)
+            # in y the columns of q, s, v, l, m are their own indices
+            columns = {(x, i + (layout.slices[x].start if x in "qsvlm" else 0)): c for (x, i), c in columns.items()}
+            # behind the zero column stand the values of the frozen coordinates
+            first = len(columns) + 1
+            columns |= {("q", layout.unknowns + i): first + i for i in range(len(layout.frozen))}
+        if fuse and (kind != "jacobian" or self._length <= FUSED_LENGTH):
+            return fused(kind, self.types, places, columns, parameters)
+        return typed(kind, self.types, places, columns)
+
+    @cached_property
+    def _length(self) -> int:
+        """Operations in the Jacobians of blocks with named quantities; others are short enough."""
+        seen: dict[str, int] = {}
+        for block in {b.digest: b for b in self.types if b.quantities}.values():
+            known: set[Any] = set()
+            waiting = list(derive(block).jacobian().expressions)
+            while waiting:
+                e = waiting.pop()
+                if e not in known:
+                    known.add(e)
+                    waiting += e.args
+            seen[block.digest] = len(known)
+        return sum(seen.get(b.digest, 0) for b in self.types)
+
+
+@dataclass(frozen=True)
+class Later:
+    """What evaluators are compiled from when they are asked for.
+
+    Attributes
+    ----------
+    blocks : bytes
+        `Blocks`, pickled: symbols are seldom wanted where numbers are computed, and take time to read.
+    layout, parameters, fuse
+        As for `Blocks.evaluator`.
+    """
+
+    blocks: bytes
+    layout: Layout
+    parameters: int
+    fuse: bool
+
+    @classmethod
+    def of(cls, blocks: Blocks, layout: Layout, parameters: int, *, fuse: bool) -> Later:
+        """Keep blocks; the gravity of the space, which their parameters hold, may be random and large."""
+        bare = {id(b): replace(b, space=replace(b.space, gravity=None)) for b in blocks.types}
+        kept = Blocks(tuple(bare[id(b)] for b in blocks.types), blocks.places)
+        return cls(pickle.dumps(kept), layout, parameters, fuse)
+
+    def evaluator(self, kind: Kind) -> Evaluator:
+        """Compile one kind of equations."""
+        blocks: Blocks = pickle.loads(self.blocks)  # noqa: S301 - made by `of`, and kept as the model is
+        return blocks.evaluator(kind, self.layout, self.parameters, fuse=self.fuse)
+
+
+class Evaluators(Mapping[Kind, Evaluator]):
+    """Evaluators by kind.
+
+    Parameters
+    ----------
+    made : mapping
+        Those that are compiled.
+    later : Later, optional
+        What others are compiled from; None: there are no others.
+    """
+
+    def __init__(self, made: Mapping[Kind, Evaluator], later: Later | None = None) -> None:
+        self.made, self.later = dict(made), later
+
+    def __getitem__(self, kind: Kind) -> Evaluator:
+        """Return an evaluator; one that is compiled now stays."""
+        if kind not in self.made:
+            if self.later is None or kind not in LATER:
+                raise KeyError(kind)
+            with _LOCK:
+                if kind not in self.made:
+                    self.made[kind] = self.later.evaluator(kind)
+        return self.made[kind]
+
+    def __contains__(self, kind: object) -> bool:
+        """Whether there is one, compiled or not."""
+        return kind in self.made or (self.later is not None and kind in LATER)
+
+    def __iter__(self) -> Iterator[Kind]:
+        """Yield the kinds that there are."""
+        return iter(dict.fromkeys([*self.made, *(LATER if self.later is not None else ())]))
+
+    def __len__(self) -> int:
+        """Return how many there are."""
+        return len(list(iter(self)))
+
+
+def place(instances: list[Instance], order: dict[str, int]) -> list[Placement]:
+    """Give every local variable its global index.
+
+    Parameters
+    ----------
+    instances : list of Instance
+        All blocks.
+    order : dict
+        Index of each body by name.
+    """
+    rows = states = cosines = parameters = events = directions = 0
+    holders = _holders(instances)
+    placements = []
+    for instance in instances:
+        block = instance.type
+        size = block.space.size
+        q = np.concatenate([np.arange(size) + order[b.name] * size for b in instance.bodies] or [np.zeros(0, int)])
+        row = np.arange(rows, rows + len(block.constraints))
+        state = np.arange(states, states + len(block.states))
+        one = np.zeros(1, dtype=np.int64)
+        along = sum(len(e.directions) for e in block.events)
+        held = {"h": np.array([holders[h.owner] + h.index for h in instance.held])} if instance.held else {}
+        placements.append(
+            Placement(
+                {
+                    "q": q,
+                    "v": q,
+                    "dq": q,
+                    "dv": q,
+                    "s": state,
+                    "ds": state,
+                    "l": row,
+                    "m": row,
+                    "t": one,
+                    "c": one,
+                    "row": row,
+                    "state": state,
+                    "cos": np.arange(cosines, cosines + len(block.cosines)),
+                    "event": np.arange(events, events + len(block.events)),
+                    "direction": np.arange(directions, directions + along),
+                    **held,
+                },  # fmt: skip
+                np.arange(parameters, parameters + block.parameters),
+            )
+        )
+        rows, states = rows + len(block.constraints), states + len(block.states)
+        cosines, parameters = cosines + len(block.cosines), parameters + block.parameters
+        events, directions = events + len(block.events), directions + along
+    return placements
+
+
+def _holders(instances: list[Instance]) -> dict[Controller, int]:
+    """First auxiliary state of each controller."""
+    found: dict[Controller, int] = {}
+    states = 0
+    for instance in instances:
+        if isinstance(instance.component, HeldStates):
+            found[instance.component.controller] = states
+        states += len(instance.type.states)
+    return found
+
+
+def _in_unknowns(places: tuple[Placement, ...], layout: Layout) -> tuple[Placement, ...]:
+    """Placements whose letters are rows of ``y``: what residual and Jacobian targets need.
+
+    Only multipliers of active equations are in it.  Frozen coordinates come after all unknowns; their velocities are
+    dropped.
+    """
+    slices, n = layout.slices, layout.coordinates
+    unknown, held = np.full(n, -1, dtype=np.int64), np.full(n, -1, dtype=np.int64)
+    unknown[layout.free] = np.arange(n - len(layout.frozen))
+    held[layout.frozen] = layout.unknowns + np.arange(len(layout.frozen))
+    number = np.full(layout.constraints, -1, dtype=np.int64)
+    number[layout.active] = np.arange(len(layout.active))
+    result = []
+    for p in places:
+        letters = dict(p.letters)
+        for letter in ("q", "v", "dq", "dv"):
+            letters[letter] = unknown[p.letters[letter]]
+        for letter in ("l", "m"):
+            letters[letter] = number[p.letters[letter]]
+        for letter in "qsvlm":
+            index = letters[letter]
+            letters[letter] = np.where(index < 0, -1, index + slices[letter].start)
+        if "h" in letters:
+            letters["h"] = letters["h"] + slices["s"].start
+        letters["q"] = np.where(letters["q"] < 0, held[p.letters["q"]], letters["q"])
+        result.append(Placement(letters, p.parameters, layout.unknowns))
+    return tuple(result)
