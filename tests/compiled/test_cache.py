@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import pickle
 import shutil
@@ -9,12 +10,15 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
+import symengine
 from hypothesis import given
 from hypothesis import strategies as st
 
 import uqmbd
-from uqmbd.compiled import Store, compilations, source_digest
+from uqmbd.compiled import Store, compilations, compile_kernel, source_digest
+from uqmbd.mechanism import SplineTable
 from uqmbd_joints import Distance
 
 ROOT = Path(uqmbd.__file__).parents[1]
@@ -264,3 +268,15 @@ def test_full_disk_leaves_nothing_half_written(tmp_path: Path, monkeypatch: pyte
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
     assert abs(found) == pytest.approx(2 * 9.81)
     assert not list((tmp_path / "cache").iterdir())
+
+
+def test_a_cached_kernel_with_a_table_loads_what_looks_it_up(tmp_path: Path) -> None:
+    """As the first compiled code of a process."""
+    x = symengine.Symbol("x")
+    table = SplineTable(np.array([0.0, 1.0, 3.0]), np.array([[1.0], [2.0], [-1.0]]), "natural", "linear")
+    constant = symengine.Function(table.name)(1, x)
+    kernel = compile_kernel([x], [constant], tables={table.name: table})
+    stored = tmp_path / "kernel"
+    stored.write_bytes(pickle.dumps(kernel))
+    script = "import pickle, sys; print(pickle.load(open(sys.argv[1], 'rb'))([[0.5], [2.0]]).ravel().tolist())"
+    assert json.loads(run(script, tmp_path / "cache", stored)) == [1.0, 2.0]  # values where the intervals begin

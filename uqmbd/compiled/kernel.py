@@ -57,6 +57,7 @@ class Kernel:
                 f"This model was compiled for another processor, and the one here lacks {lack}. Expected processors "
                 "that have all that the one has on which a study is started: start it on the least of them."
             )
+        driver()  # holds what kernels call, and has to be loaded before them
         return addresses_of([self.name], self.code)[0]
 
     def __call__(self, arguments: Array, out: Array | None = None) -> Array:
