@@ -73,6 +73,19 @@ class Turns:
     free: Index
     dimension: int
 
+    def __getstate__(self) -> dict[str, Any]:
+        """Leave out what is made anew: addresses."""
+        return {key: value for key, value in self.__dict__.items() if key != "structure"}
+
+    @cached_property
+    def structure(self) -> c.Turns:
+        """What the driver reads."""
+        tables = [np.ascontiguousarray(x, dtype=np.int64) for x in (self.coordinates, self.free)]
+        bodies, size = self.coordinates.shape
+        found = c.Turns(*map(address, tables), bodies if size else 0, size, self.dimension)
+        found.kept = tables
+        return found
+
 
 @dataclass(frozen=True)
 class Equations:
@@ -132,12 +145,9 @@ class Equations:
         assert isinstance(first, np.ndarray)
         table, kept, _ = self.program.sources((np.ascontiguousarray(first), *others), count)
         found, undecided = np.empty((count, self.unknowns)), np.ones(count, dtype=np.int64)
-        bodies, size = turns.coordinates.shape
-        coordinates, free = (np.ascontiguousarray(x, dtype=np.int64) for x in (turns.coordinates, turns.free))
-        bounds = c.Turns(address(coordinates), address(free), bodies if size else 0, size, turns.dimension)
-        structure, memory = self.structure, self._memory()
+        structure, bounds, memory = self.structure, turns.structure, self._memory()
         driver().close_poses(
-            *(ctypes.addressof(structure), ctypes.addressof(bounds), address(memory), ctypes.addressof(table)),
+            *(ctypes.addressof(structure), ctypes.addressof(bounds), address(memory), address(table)),
             *(len(kept), count, address(found), len(cosines), address(cosines), address(undecided)),
         )
         return found, undecided != 0
@@ -148,7 +158,7 @@ class Equations:
         found, undecided = np.empty((count, self.unknowns)), np.ones(count, dtype=np.int64)
         structure, memory = self.structure, self._memory()
         driver().least_speeds(
-            *(ctypes.addressof(structure), address(memory), ctypes.addressof(table)),
+            *(ctypes.addressof(structure), address(memory), address(table)),
             *(len(kept), count, address(found), address(undecided)),
         )
         return found, undecided != 0

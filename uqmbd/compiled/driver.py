@@ -10,7 +10,7 @@ import hashlib
 from collections.abc import Sequence
 from functools import cache
 from importlib.resources import files
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
@@ -41,6 +41,8 @@ __all__ = [
 
 SOURCES = 16
 """Most arrays of arguments of a program: as in program.h."""
+
+_from_buffer: Any = ctypes.c_char.from_buffer
 
 _INT, _DOUBLE, _POINTER = ctypes.c_int64, ctypes.c_double, ctypes.c_void_p
 
@@ -229,7 +231,7 @@ def address(array: np.ndarray[Any, Any] | None) -> int:
     if array is None:
         return 0
     try:  # five times as fast as `array.ctypes`, which single realisations feel
-        return ctypes.addressof(ctypes.c_char.from_buffer(cast(Any, array)))
+        return ctypes.addressof(_from_buffer(array))
     except (TypeError, ValueError):  # nothing in it, not to be written, or with gaps
         return array.ctypes.data
 

@@ -43,6 +43,10 @@ class Batch(Protocol):
         """Values of the frozen coordinates, shape (K, frozen)."""
 
     @property
+    def gradient_lengths(self) -> Array:
+        """Lengths of the gradients of all equations at the start, shape (K, equation)."""
+
+    @property
     def breaks(self) -> Array:
         """Break times, shape (K, break)."""
 

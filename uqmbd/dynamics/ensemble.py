@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from uqmbd.dynamics.assembly import Start, assemble
+from uqmbd.dynamics.assembly import Start, assemble, gradient_lengths
 from uqmbd.dynamics.contact import ContactEvaluator, event_times, impact
 from uqmbd.dynamics.control import Sampling
 from uqmbd.dynamics.equations import Model
@@ -57,7 +57,7 @@ class Ensemble:
             return equilibrium_start(Ensemble(self.model, self.values, start=drawn))
         return assemble(self.model, self.parameters, self.model.time)
 
-    @property
+    @cached_property
     def breaks(self) -> Array:
         """Break times of each realisation, shape (K, break)."""
         added = np.tile(np.array(self.model.added_breaks), (len(self), 1))
@@ -142,6 +142,11 @@ class Ensemble:
     def frozen(self) -> Array:
         """Values of the frozen coordinates, shape (K, frozen)."""
         return np.ascontiguousarray(self.start.q[:, self.model.layout.frozen])
+
+    @cached_property
+    def gradient_lengths(self) -> Array:
+        """Lengths of the gradients of all equations at the start, shape (K, equation); 1 where there is none."""
+        return gradient_lengths(self.model, self.start, self.block)
 
     def residual(self, time: float, y: Array, yp: Array) -> Array:
         """Stabilised index-2 residual.

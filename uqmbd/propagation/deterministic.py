@@ -153,12 +153,12 @@ def simulate(
         variables |= _scalars(mechanism, ensemble, trajectories)
     coords: dict[str, Any] = {"time": ("time", grid, {"units": "s"})}
     if check:
-        coords |= _errors(ensemble, grid, rtol, trajectories, set(variables))
+        coords |= _errors(ensemble, grid, rtol, trajectories, response, set(variables))
     return xr.Dataset(variables, coords=coords, attrs=attrs)
 
 
 def _errors(
-    ensemble: Ensemble, times: Array, rtol: float, first: Trajectories, taken: set[str]
+    ensemble: Ensemble, times: Array, rtol: float, first: Trajectories, response: Array, taken: set[str]
 ) -> dict[str, tuple[Any, ...]]:
     """Coordinates that state the error of the integration of one realisation."""
     from uqmbd.dynamics import integrate, scalars_of
@@ -189,8 +189,7 @@ def _errors(
     if model.outputs.names:
         error = np.full((len(model.outputs.names), len(times)), np.nan)
         if again is not None and not reason:
-            one, other = (ensemble.outputs(times, x.states)[0] for x in (first, again))
-            error = deviation(one, other, model.outputs.turns)
+            error = deviation(response, ensemble.outputs(times, again.states)[0], model.outputs.turns)
         add(model.outputs.names, "output", error, "time")
     if model.scalars is not None and model.scalars.needs_motion:
         values = scalars_of(ensemble, again).values[0] if again is not None and not reason else np.nan

@@ -392,23 +392,23 @@ def _body_rate(e: Array) -> Array:
 
 def assemble(model: Model, all_parameters: Array, time: float) -> Start:
     """Make consistent initial states of realisations (K, parameter), with a message for each that has no assembly."""
-    count = len(all_parameters)
-    layout = model.layout
-    drawn = all_parameters[:, model.drawn]
     bad: NDArray[np.bool_] = np.asarray(~(np.abs(all_parameters) <= LARGEST).all(axis=1))
-    safe = np.where(bad[:, None], np.nan_to_num(all_parameters, nan=1.0, posinf=1.0, neginf=1.0), all_parameters)
-    drawn = np.where(bad[:, None], np.nan_to_num(drawn), drawn)
-    q, s, messages = placed(model, drawn, time, safe, layout.kept_holonomic)
+    safe = all_parameters
+    if bad.any():
+        safe = np.where(bad[:, None], np.nan_to_num(safe, nan=1.0, posinf=1.0, neginf=1.0), safe)
+    q, s, messages = placed(model, safe[:, model.drawn], time, safe, model.layout.kept_holonomic)
     v, contradictions = velocities(model, q, s, time, safe, safe)
     forbidden = impossible(model.limits, model.tensors, safe)
-    messages = [
-        f"a parameter is not finite, or larger than {LARGEST:g}" if b else (n or m or c)
-        for b, n, m, c in zip(bad, forbidden, messages, contradictions, strict=True)
-    ]
-    a, rates = np.zeros_like(q), np.zeros_like(s)
-    multipliers = np.zeros((count, layout.rank))
-    good = np.flatnonzero([not m for m in messages])
-    a[good], multipliers[good], rates[good] = accelerations(model, q[good], s[good], v[good], time, safe[good])
+    if bad.any() or any(forbidden) or any(messages) or any(contradictions):
+        messages = [
+            f"a parameter is not finite, or larger than {LARGEST:g}" if b else (n or m or c)
+            for b, n, m, c in zip(bad, forbidden, messages, contradictions, strict=True)
+        ]
+        good = np.flatnonzero([not m for m in messages])
+        a, rates, multipliers = np.zeros_like(q), np.zeros_like(s), np.zeros((len(q), model.layout.rank))
+        a[good], multipliers[good], rates[good] = accelerations(model, q[good], s[good], v[good], time, safe[good])
+    else:
+        a, multipliers, rates = accelerations(model, q, s, v, time, safe)
     for k in np.flatnonzero(~np.isfinite(a).all(axis=1)):
         messages[k] = (
             undefined(model, q[k], s[k], v[k], time, safe[k])

@@ -91,12 +91,12 @@ def gradient_lengths(model: Model, start: Start, parameters: Array) -> Array:
     evaluator = model.evaluators["velocity"]
     squares = np.zeros((len(parameters), model.layout.constraints))
     columns, (rows, _) = evaluator.index["d"]
+    present, begins = np.unique(rows, return_index=True)  # they are sorted
     for first in range(0, len(parameters), ROWS):
         part = slice(first, first + ROWS)
         q, s = start.q[part], start.s[part]
         values = evaluator(state_arguments(model.time, q, s, np.zeros_like(q)), parameters[part])[:, columns]
-        for k, row in enumerate(rows):
-            squares[part, row] += values[:, k] ** 2
+        squares[part, present] = np.add.reduceat(values**2, begins, axis=1)
     lengths = np.sqrt(squares)
     return np.where(lengths > 1e-9, lengths, 1.0)
 

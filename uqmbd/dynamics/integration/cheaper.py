@@ -12,6 +12,8 @@ tolerances, 30 s.
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
 
 from uqmbd.compiled import LANES, Dynamics
@@ -50,10 +52,15 @@ class Comparison:
     """
 
     def __init__(self, batch: Batch, times: Array, rtol: float, dynamics: Dynamics) -> None:
-        self.batch, self.times, self.rtol, self.attempt = batch, times, rtol, attempt_cost(dynamics)
+        self.batch, self.times, self.rtol, self.dynamics = batch, times, rtol, dynamics
         self.counters = Counters()
         self.allowed: dict[int, tuple[int, int]] = {}
         self.looks: dict[int, int] = {}
+
+    @cached_property
+    def attempt(self) -> float:
+        """Cost of an attempted step."""
+        return attempt_cost(self.dynamics)
 
     def attempts(self, member: int, leg: int, steps: int, now: float, most: int) -> int | None:
         """Return how many more attempts a realisation may make in a leg, up to `most` in all; None: IDA is cheaper."""

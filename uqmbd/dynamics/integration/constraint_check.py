@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from uqmbd.compiled import Columns
-from uqmbd.dynamics.assembly import gradient_lengths, named
+from uqmbd.dynamics.assembly import named
 from uqmbd.dynamics.batch import Batch
 from uqmbd.dynamics.equations import Model
 from uqmbd.dynamics.integration.prescribed import instant
@@ -42,10 +42,10 @@ def off_constraints(
     good = np.flatnonzero(np.isfinite(states[:, 0]).all(axis=1))
     if not layout.rank or not len(good):
         return {}
-    size = np.clip(np.abs(states[:, 0, : layout.coordinates]).max(axis=1), 1e-3, 1.0)
+    size = np.minimum(1.0, np.maximum(1e-3, np.abs(states[:, 0, : layout.coordinates]).max(axis=1)))
     phi, psi, speed = _largest(ensemble, times, states, known)
     allowed = allowed_residual(rtol)
-    scale = allowed * gradient_lengths(ensemble.model, ensemble.start, ensemble.block)
+    scale = allowed * ensemble.gradient_lengths
     most = over_allowed(ensemble.model, phi[:, None], psi[:, None], scale, size, np.maximum(speed, 1e-3 * size))
     good = good[(most[good] > 1.0).any(axis=(1, 2))]
     breaks, texts = ensemble.breaks, dict[int, tuple[int, str]]()

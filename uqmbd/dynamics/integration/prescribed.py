@@ -10,7 +10,7 @@ import numpy as np
 import sympy
 from numpy.typing import NDArray
 
-from uqmbd.dynamics.assembly import gradient_lengths, named
+from uqmbd.dynamics.assembly import named
 from uqmbd.dynamics.batch import Batch
 from uqmbd.dynamics.equations import ParameterMap, plain, state_arguments
 from uqmbd.dynamics.integration.functions_of_time import look
@@ -117,7 +117,7 @@ def position_jumps(ensemble: Batch, times: Array, rtol: float) -> dict[int, str]
     if not breaks.size:
         return {}
     begin, end = float(times[0]), float(times[-1])
-    ok, gradients = ensemble.start.ok, gradient_lengths(model, ensemble.start, ensemble.block)
+    ok, gradients = ensemble.start.ok, ensemble.gradient_lengths
     found: dict[int, str] = {}
     for column in breaks.T:
         some = np.flatnonzero(ok & (column >= begin) & (column <= end))

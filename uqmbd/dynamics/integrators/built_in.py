@@ -160,6 +160,8 @@ class Auto:
     def _solve(self, ensemble: Ensemble, members: Index, times: Array, rtol: float) -> Solution:
         solved = integrate_by_dop853(ensemble, members, times, rtol, comparing=True)
         found, left = Solution.of(solved, Dop853.name), _left(solved)
+        if not len(left):
+            return found
         if ensemble.model.controls:
             return self._from_sample_to_sample(found, left, ensemble.select(members[left]), times, rtol)
         dear = np.array(solved.dear)

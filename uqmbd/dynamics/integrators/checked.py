@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from uqmbd.dynamics.assembly import gradient_lengths, violated
+from uqmbd.dynamics.assembly import violated
 from uqmbd.dynamics.ensemble import Ensemble
 from uqmbd.dynamics.integration import Trajectories, off_constraints, position_jumps
 from uqmbd.typing import Array
@@ -59,8 +59,7 @@ def _violations(ensemble: Ensemble, times: Array, states: Array, rtol: float) ->
     model = ensemble.model
     if model.layout.rank == model.layout.constraints:
         return {}
-    lengths = gradient_lengths(model, ensemble.start, ensemble.block)
-    return violated(model, times, states, ensemble.block, lengths, rtol)
+    return violated(model, times, states, ensemble.block, ensemble.gradient_lengths, rtol)
 
 
 def _others(method: Method, ensemble: Ensemble, times: Array, rtol: float, jumps: dict[int, str]) -> Trajectories:

@@ -56,23 +56,24 @@ def accelerations(
         Accelerations, multipliers of the kept equations, and rates of the auxiliary states; NaN where the system is
         singular.
     """
-    arguments = state_arguments(time, q, s, v)
     if model.system is not None and model.system.programs is not None:
-        return _by_program(model, arguments, parameters)
-    values = model.evaluators["acceleration"](arguments, parameters)
+        return _by_program(model, q, s, v, np.asarray(time, dtype=float), parameters[:, : model.block_parameters])
+    values = model.evaluators["acceleration"](state_arguments(time, q, s, v), parameters)
     return (*_solve(model, values), model.result("acceleration", "s", values))
 
 
-def _by_program(model: Model, arguments: Array, parameters: Array) -> tuple[Array, Array, Array]:
+def _by_program(
+    model: Model, q: Array, s: Array, v: Array, time: Array, parameters: Array
+) -> tuple[Array, Array, Array]:
     """Solve by the compiled elimination, and where that is poor with pivots of each system's own."""
     system: System = model.system
     n, size, states = model.layout.coordinates, system.size, model.layout.states
     assert system.programs is not None
-    parameters = parameters[:, : model.block_parameters]
-    found = system.programs.motion(arguments, parameters)
+    found = system.programs.motion(q, s, v, time.reshape(-1, 1), np.zeros((1, 1)), parameters)
     poor = np.flatnonzero(~(found[:, -1] <= RESIDUAL**2))
     if len(poor):
-        values = model.evaluators["acceleration"](arguments[poor], parameters[poor])
+        times = np.broadcast_to(time, len(q))[poor]
+        values = model.evaluators["acceleration"](state_arguments(times, q[poor], s[poor], v[poor]), parameters[poor])
         found[poor, :size] = _direct(system, values, system.right(values))
     return found[:, :n], found[:, n:size], found[:, size : size + states]
 

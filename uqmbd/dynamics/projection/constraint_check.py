@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from uqmbd.dynamics.assembly import gradient_lengths
 from uqmbd.dynamics.integration import (
     allowed_residual,
     described,
@@ -35,7 +34,7 @@ def projected_off(projected: Projection, times: Array, coefficients: Array, rtol
     size = np.clip(np.abs(ensemble.start.q).max(keepdims=True).ravel(), 1e-3, 1.0)
     speed = np.nanmax(np.abs(coefficients[..., velocities:]), initial=0.0)
     allowed = allowed_residual(rtol)
-    scale = allowed * gradient_lengths(ensemble.model, ensemble.start, ensemble.block).mean(axis=0, keepdims=True)
+    scale = allowed * ensemble.gradient_lengths.mean(axis=0, keepdims=True)
     breaks = ensemble.breaks.reshape(1, -1)
     per = max(1, BLOCK // len(ensemble))
     for first in range(0, len(times), per):
