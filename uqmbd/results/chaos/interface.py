@@ -173,8 +173,11 @@ class Surrogate(ABC):
         standard deviation is at most about that of independent samples, sqrt(p (1 - p) / N), and mostly far less.
         """
         germs = spread_germs(self.space, samples, seed)
-        columns = int(np.prod(self.labels.shape))
-        found = quantiles_of_rows(self._sampler(germs).rows, len(germs), columns, probabilities)
+        columns, single = int(np.prod(self.labels.shape)), germs.shape[1] == 1
+        if single:
+            germs = np.sort(germs, axis=0)
+        drawn = self._sampler(germs).rows
+        found = quantiles_of_rows(drawn, len(germs), columns, probabilities, along=single)
         return found.reshape(len(found), *self.labels.shape)
 
     def circular(self, *, samples: int = SAMPLES, seed: int = 0) -> dict[str, Array]:
