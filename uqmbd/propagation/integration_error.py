@@ -91,7 +91,7 @@ def with_integration_error(node: xr.DataTree, problem: Problem) -> xr.DataTree:
     error, attrs = _measured(problem, str(node.attrs.get("integrated_by", "")))
     error = np.where(np.isfinite(mean.values), error, np.nan)
     attrs = {"long_name": LONG_NAME, **attrs}
-    node["statistics"] = xr.DataTree(statistics.assign(integration_error=(mean.dims, error, attrs)))
+    node.children["statistics"].dataset = statistics.assign(integration_error=(mean.dims, error, attrs))
     return node
 
 

@@ -51,9 +51,10 @@ def _run(propagator: Propagator, problem: Problem, check: bool, *, mixed: bool =
     for name, value in integrated_by(problem.observed.counters, problem.integrator).items():
         node.attrs.setdefault(name, value)
     node = with_integration_error(node, problem) if check else node
-    statistics = node.children["statistics"].to_dataset(inherit=False)
+    statistics = node.children["statistics"]
     chaos = node.children["chaos"].to_dataset(inherit=False) if "chaos" in node.children else None
-    node["statistics"] = xr.DataTree(settled(statistics, problem.rtol, chaos))
+    # in its place: a tree copies what is put into it
+    statistics.dataset = settled(statistics.to_dataset(inherit=False), problem.rtol, chaos)
     return node
 
 

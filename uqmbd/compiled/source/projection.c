@@ -22,7 +22,8 @@ static V take(const Problem *p, V *work, const int64_t *surplus, int64_t to, Mas
     for (int64_t i = 0; i < p->coordinates; i++) {
         V much = work[surplus[i]];
         Mask known = much == much;
-        work[to + i] -= choose(which & known, much, splat(0.0));
+        much = choose(which & known, much, splat(0.0));
+        work[to + i] -= much;
         most = larger(magnitude(much), most);
         *wrong |= ~known;
     }

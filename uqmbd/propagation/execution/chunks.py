@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pickle
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -202,7 +202,7 @@ def compute_chunk(
         for k in np.flatnonzero((status == Status.OK) & ~np.isfinite(response).all(axis=(1, 2))).tolist():
             status[k], messages[k] = Status.NOT_FINITE, not_finite_output(model.outputs.names, times, response[k])
         scalars = None if model.scalars is None else scalars_of(ensemble, trajectories)
-    counters = asdict(trajectories.counters)
+    counters = dict(vars(trajectories.counters))
     if not declares(integrator_class(integrator), "delegates"):
         counters[f"by_{integrator}"] = int(np.count_nonzero(status != Status.ASSEMBLY_FAILED))
     chunk = Chunk(response, status, tuple(messages), counters, scalars)
