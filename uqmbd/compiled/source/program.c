@@ -106,7 +106,7 @@ void largest(const Program *program, V *work, V *most, const Source *sources, in
         for (int64_t k = first; k < end; k += LANES) {
             load(work, sources, cursors, many, end - k < LANES ? end - k : LANES);
             run_program(program, work);
-            for (int64_t r = 0; r < results; r++) most[r] = larger(magnitude(work[rows[r]]), most[r]);
+            for (int64_t r = 0; r < results; r++) count_largest(most + r, work[rows[r]]);
         }
         collect(most, results, out + first / states * results);
     }

@@ -88,8 +88,8 @@ static void note_off(const Problem *p, const Pool *pool, const V *work, const in
     if (most->member < 0) fill(most->rows, 0.0, p->equations + 1);
     most->member = member[0];
     /* lanes behind the last one are copies of it */
-    for (int64_t i = 0; i < p->equations; i++) most->rows[i] = larger(magnitude(work[p->residuals[i]]), most->rows[i]);
-    most->rows[p->equations] = larger(speed, most->rows[p->equations]);
+    for (int64_t i = 0; i < p->equations; i++) count_largest(most->rows + i, work[p->residuals[i]]);
+    count_largest(most->rows + p->equations, speed);
 }
 
 /* Put the states in the lanes onto the constraints, and back; lanes behind the last one are copies of it. */

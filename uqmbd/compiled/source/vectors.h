@@ -21,6 +21,10 @@ INLINE V smaller(V a, V b) { return choose(a < b, a, b); }
 
 INLINE V magnitude(V a) { return __builtin_elementwise_abs(a); }
 
+/* Let the magnitude of x count for the largest one so far.  The zero is added lest a masked store be made of the choice,
+   which takes ten times as long. */
+INLINE void count_largest(V *most, V x) { *most = larger(magnitude(x), *most) + 0.0; }
+
 INLINE V root(V a) { return __builtin_elementwise_sqrt(a); }
 
 INLINE int any(Mask m) {
