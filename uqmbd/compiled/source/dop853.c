@@ -259,34 +259,44 @@ static void put_on_constraints(const Problem *p, Group *g, Mask which) {
     }
 }
 
+/* Write the states in the work array into the results of lanes that are due, and count them. */
+static void write_results(const Problem *p, const Pool *pool, Group *g, Mask due, int64_t *column) {
+    int64_t entries = p->width / p->blocks, stride = p->instants * entries;
+    double *rows[LANES];
+    for (int64_t l = 0; l < LANES; l++) {
+        rows[l] = (double *)g->last; /* needed no more: room for what is not wanted */
+        if (!due[l]) continue;
+        double *at = pool->result + column[l]++ * entries;
+        rows[l] = at + g->member[l] * stride;
+        if (p->terms) store_entries(p, at, stride, g->work, l, g->member[l]);
+    }
+    if (!p->terms) to_rows(rows, LANES, g->work, p->width);
+}
+
 /* Write the interpolated states at the output times up to `last`; `known`: so is the interpolant. */
 static void write_outputs(const Problem *p, const Pool *pool, Group *g, Mask taken, V last, int64_t known) {
-    int64_t width = p->width;
+    int64_t column[LANES];
+    for (int64_t l = 0; l < LANES; l++) column[l] = taken[l] ? pool->column[g->member[l]] : p->instants;
     for (;;) {
-        Mask due = {0};
-        V moment = g->now;
+        Lanes due, moment = {g->now}, until = {last};
         for (int64_t l = 0; l < LANES; l++) {
-            int64_t column = taken[l] ? pool->column[g->member[l]] : p->instants;
-            if (column >= p->instants || p->times[column] > last[l]) continue;
-            due[l] = -1;
-            moment[l] = p->times[column];
+            int64_t here = column[l] < p->instants && p->times[column[l]] <= until.of[l];
+            due.flag[l] = -here;
+            if (here) moment.of[l] = p->times[column[l]];
         }
-        if (!any(due)) return;
+        if (!any(due.mask)) break;
         if (!known) interpolant(p, g);
         known = 1;
-        V *x = g->work;
-        interpolate(p, g, larger(smaller((moment - g->now) / g->size, splat(1.0)), splat(0.0)), x);
-        if (any(g->touching & due)) {
-            g->work[p->time] = smaller(larger(moment, g->low), g->high);
-            put_on_constraints(p, g, due & g->touching);
-            put_on_contacts(p, g, due);
+        interpolate(p, g, larger(smaller((moment.all - g->now) / g->size, splat(1.0)), splat(0.0)), g->work);
+        if (any(g->touching & due.mask)) {
+            g->work[p->time] = smaller(larger(moment.all, g->low), g->high);
+            put_on_constraints(p, g, due.mask & g->touching);
+            put_on_contacts(p, g, due.mask);
         }
-        for (int64_t l = 0; l < LANES; l++) {
-            if (!due[l]) continue;
-            int64_t m = g->member[l], entries = width / p->blocks;
-            store_entries(p, pool->result + pool->column[m]++ * entries, p->instants * entries, x, l, m);
-        }
+        write_results(p, pool, g, due.mask, column);
     }
+    for (int64_t l = 0; l < LANES; l++)
+        if (taken[l]) pool->column[g->member[l]] = column[l];
 }
 
 /* Lanes whose step leads farther off the constraints than tolerances do. */

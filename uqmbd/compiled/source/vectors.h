@@ -11,6 +11,14 @@ enum { LANES = 8 };
 typedef double V __attribute__((vector_size(64), aligned(64)));
 typedef int64_t Mask __attribute__((vector_size(64), aligned(64))); /* -1: yes, 0: no */
 
+/* A vector whose lanes are written one by one: in memory, and read at once. */
+typedef union {
+    V all;
+    Mask mask;
+    double of[LANES];
+    int64_t flag[LANES];
+} Lanes;
+
 INLINE V splat(double x) { return (V){x, x, x, x, x, x, x, x}; }
 
 INLINE V choose(Mask which, V yes, V no) { return (V)(((Mask)yes & which) | ((Mask)no & ~which)); }
