@@ -72,7 +72,7 @@ def kinematic_model(mechanism: Mechanism, time: float = 0.0) -> Model:
     uqmbd.AssemblyError
         If it cannot be assembled at the means.
     """
-    return _kinematics(mechanism, time)[0]
+    return _kinematics(mechanism, time, ("acceleration",))[0]
 
 
 def constraining(mechanism: Mechanism) -> tuple[str, ...]:
@@ -115,7 +115,10 @@ def _places(mechanism: Mechanism, layout: Layout, instances: list[Instance], blo
     return instances, list(blocks.places), order, mechanism.inputs.variables, sizes
 
 
-def _kinematics(mechanism: Mechanism, time: float) -> tuple[Model, list[Instance], Blocks]:
+def _kinematics(
+    mechanism: Mechanism, time: float, others: tuple[str, ...] = ()
+) -> tuple[Model, list[Instance], Blocks]:
+    """Make what assembly needs; acceleration and drift only with start conditions, or among the `others`."""
     if not mechanism.bodies:
         raise StudyError(f"mechanism {mechanism.name!r} has no bodies; add one with mechanism.body(...).")
     require_controllers(mechanism)
@@ -167,7 +170,8 @@ def _kinematics(mechanism: Mechanism, time: float) -> tuple[Model, list[Instance
         nonholonomic=nonholonomic,
         held=sum(len(i.type.states) for i in instances if isinstance(i.component, HeldStates)),
     )
-    kinds = ["position", "velocity", "initial", "acceleration", *(["drift"] if mechanism.conditions else [])]
+    conditioned_kinds = ("acceleration", "drift") if mechanism.conditions else ()
+    kinds = dict.fromkeys(("position", "velocity", "initial", *others, *conditioned_kinds))
     blocks = Blocks.of(instances, order)
     model = Model(
         name=mechanism.name,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -78,14 +79,17 @@ def moves(model: Model, drawn: Array, assembled: Array) -> tuple[Move, ...]:
 
 def size_of(mechanism: Mechanism) -> float:
     """Largest extent of the mechanism as drawn, m, at the means: of all points that are known of its bodies."""
-    frames = {name: Frame(mechanism.space, body.pose.q) for name, body in mechanism.bodies.items()}
-    frames["ground"] = Frame(mechanism.space)
+    poses: dict[str, Sequence[sympy.Expr]] = {name: body.pose.q for name, body in mechanism.bodies.items()}
+    poses["ground"] = mechanism.ground.q
+    frames: dict[str, Frame] = {}
     places = []
     for mark in skeleton(mechanism):
         if mark.kind == "direction":
             continue
         try:
-            places.append([nominal(x) for x in frames[mark.body].point(mark.local)])
+            if mark.body not in frames:  # numbers first: SymPy takes long to turn expressions
+                frames[mark.body] = Frame(mechanism.space, [nominal(x) for x in poses[mark.body]])
+            places.append([float(x) for x in frames[mark.body].point([nominal(x) for x in mark.local])])
         except StudyError:  # no finite number at the means: told elsewhere
             continue
     return float(np.linalg.norm(np.ptp(np.array(places), axis=0))) if places else 0.0
