@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from uqmbd.compiled import CoupledSystems, Method, NodalSystems, Part, Realisations, Status, Writer, compile_kernel
+from uqmbd.compiled.driver import address, aligned, driver
 
 NOTHING = Part((), 0)
 
@@ -218,3 +220,19 @@ def test_interruptions_and_repetitions_change_nothing(monkeypatch):
         systems, _, z = oscillators(1, 25, 15)
         found.append(integrated(systems, z, times, 1e-6).result)
     assert np.array_equal(found[0], found[1]) and np.array_equal(found[0], found[2])
+
+
+def test_lanes_without_a_term_are_numbers_where_lapack_solves():
+    """They are stepped with the others, and what is not finite there would refuse every step."""
+    saddle = Saddle.random(0, 12, 7, 5, 2, 1.0)
+    systems = saddle.systems
+    systems.structure.worth = 0.0  # no iteration is worth it
+    systems.memory[:] = np.nan  # as if something else had been there
+    size = systems.systems.size
+    state, rate = aligned((systems.systems.width + 1) * systems.blocks), aligned(size * systems.blocks)
+    for _ in range(2):
+        rate[:] = np.nan
+        driver().coupled_rate(ctypes.addressof(systems.structure), address(state), address(rate))
+    assert systems.counts[2]
+    assert np.isfinite(rate).all()
+    np.testing.assert_allclose(rate[:, :7].T, saddle.solved(saddle.right), rtol=1e-9)
