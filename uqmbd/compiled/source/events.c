@@ -2,6 +2,7 @@
 #include "group.h"
 
 static const double TINY = 1e-10;     /* gap, over the size of the mechanism, by which an interpolant may be wrong */
+static const double PROJECTED = 10.0; /* tolerances by which a projection may change a guard */
 static const double NARROW = 1e-5;    /* part of two samples to which a lowest value between them is sought */
 
 /* Guards of the interpolant at a part of the step. */
@@ -191,6 +192,15 @@ static Mask resting_fall(const Problem *p, Group *g, int64_t guard, Mask sought,
     return b.sought;
 }
 
+/* Whether the guard of a mark has fallen, and has not risen since, where a step begins.  Its value there differs from
+   that where the last step ended by rounding and projection, which is no fall or rise; by more it has jumped. */
+static int64_t has_fallen(const Group *g, int64_t l, int64_t fallen, double begin) {
+    const Encounters *e = g->pool->encounters;
+    double tiny = TINY * e->length[g->member[l]];
+    if (tiny < PROJECTED * g->floor[l]) tiny = PROJECTED * g->floor[l];
+    return fallen ? begin <= tiny : begin < -tiny;
+}
+
 /* Note the marks until parts of the step. */
 static void note_marks(const Problem *p, Group *g, Mask taken, V until) {
     const Contacts *c = p->contacts;
@@ -198,13 +208,19 @@ static void note_marks(const Problem *p, Group *g, Mask taken, V until) {
     int64_t step = 2 * c->events;
     for (int64_t k = 0; k < c->events; k++) {
         if (c->first[k + 1] > c->first[k]) continue;
-        int64_t first[LANES];
+        int64_t first[LANES] = {0}, fallen[LANES] = {0}; /* sample from which it may fall; whether it has fallen */
+        double since[LANES] = {0};                       /* part of the step */
         const V *value = g->samples + 2 * k;
         Mask sought = taken, some = taken;
-        for (int64_t l = 0; l < LANES; l++) first[l] = 0;
+        for (int64_t l = 0; l < LANES; l++) {
+            if (!taken[l]) continue;
+            first[l] = fallen[l] = has_fallen(g, l, e->resting[g->member[l] * step + 2 * k], value[0][l]);
+            since[l] = 0.0;
+        }
         for (;;) {
             for (int64_t l = 0; l < LANES; l++) {
-                while (first[l] < SAMPLES && value[first[l] * step][l] <= 0.0) first[l]++;
+                if (!sought[l]) continue;
+                while (first[l] && first[l] < SAMPLES && value[first[l] * step][l] <= 0.0) first[l]++;
                 if (first[l] >= SAMPLES) sought[l] = 0;
             }
             if (!any(sought)) break;
@@ -221,8 +237,18 @@ static void note_marks(const Problem *p, Group *g, Mask taken, V until) {
                     e->mark_times[m * e->room + at] = g->now[l] + part[l] * g->size[l];
                     e->noted[m]++;
                 }
+                fallen[l] = 1;
+                since[l] = part[l];
                 while (first[l] <= SAMPLES && (double)first[l] / SAMPLES <= part[l]) first[l]++;
             }
+        }
+        for (int64_t l = 0; l < LANES; l++) {
+            if (!taken[l]) continue;
+            for (int64_t j = 1; j <= SAMPLES; j++) {
+                double part = (double)j / SAMPLES;
+                if (part > since[l] && part <= until[l] && value[j * step][l] > 0.0) fallen[l] = 0;
+            }
+            e->resting[g->member[l] * step + 2 * k] = fallen[l];
         }
     }
 }

@@ -31,7 +31,8 @@ typedef struct {
 typedef struct {
     int64_t *mode;          /* (member, event) */
     double *heading;        /* (member, direction): in which a contact slides that slips */
-    int64_t *resting;       /* (member, 2 event): a guard that is zero has to rise before it can fall */
+    int64_t *resting;       /* (member, 2 event): a guard that is zero, or that of a mark which has fallen, has to rise
+                               before it can fall */
     double *rise;           /* (member, 2 event): its rate then, where that is known */
     double *length, *slow;  /* (member): size of the mechanism, and a speed that is none */
     int64_t *happened;      /* (member): the guard that has fallen */

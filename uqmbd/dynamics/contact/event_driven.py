@@ -168,7 +168,9 @@ class EventDrivenMotion:
     def _begin(self, members: Index) -> None:
         """Find contacts that are closed at the start."""
         inside = self._inside(members)
-        gaps = self.evaluator.guards(inside, self.run.z[members], self.batch.block[members])[:, self.bodies]
+        guards = self.evaluator.guards(inside, self.run.z[members], self.batch.block[members])
+        self.encounters.resting[:, ::2] = guards <= 0  # of marks: what is below has to rise before it can fall
+        gaps = guards[:, self.bodies]
         near = np.any(gaps <= CLOSED * self.length[members, None], axis=1)
         for row in np.flatnonzero(near).tolist():
             m = int(members[row])
@@ -297,7 +299,8 @@ class EventDrivenMotion:
         # the gap rises from zero; that the acceleration is that of before the impact matters to the first step only
         rise, free = after[good], contacts.free[some, : self.n]
         rates = contacts.bias[some, normal] + np.sum(contacts.slope[some, normal] * free, axis=1)
-        e.slow[who], e.resting[who], e.rise[who] = slow[good], 0, 0.0
+        self._rest(who)
+        e.slow[who] = slow[good]
         e.resting[who, 2 * events], e.rise[who, 2 * events] = 1, rise
         run.wanted[who] = np.minimum(run.wanted[who], np.where(rates < 0, -FLIGHT * rise / rates, np.inf))
         return possible
@@ -320,7 +323,7 @@ class EventDrivenMotion:
         """Find which guards are zero, and rise from there, and how long flights last, about."""
         run, e, bodies = self.run, self.encounters, self.bodies
         e.slow[members] = slow = self.chatter.slow(members)
-        e.resting[members], e.rise[members] = 0, 0.0
+        self._rest(members)
         states, mode = run.z[members], e.mode[members][:, bodies]
         free = mode == Touching.OPEN
         gaps = self.evaluator.guards(self._inside(members), states, self.batch.block[members])[:, bodies]
@@ -338,14 +341,17 @@ class EventDrivenMotion:
         flies = closed & (rise > 0) & free.all(axis=1)[:, None] & (rates < 0)
         flight = np.where(flies, -FLIGHT * rise / np.where(flies, rates, -1.0), np.inf).min(axis=1, initial=np.inf)
         run.wanted[members] = np.minimum(run.wanted[members], flight)
-        resting = np.zeros((len(members), 2 * len(self.model.events)), dtype=np.int64)
-        rises = np.zeros(resting.shape)
-        resting[:, 2 * bodies], rises[:, 2 * bodies] = free & closed, rise
+        e.resting[np.ix_(members, 2 * bodies)], e.rise[np.ix_(members, 2 * bodies)] = free & closed, rise
         for row, at in np.argwhere(mode == Touching.SLIP).tolist():
             k, heading = bodies[at], e.heading[members[row]]
             tangents = slice(self.first[k] + 1, self.first[k + 1])
-            resting[row, 2 * k + 1] = contacts.speed[row, tangents] @ heading[tangents] <= slow[row]
-        e.resting[members], e.rise[members] = resting, rises
+            e.resting[members[row], 2 * k + 1] = contacts.speed[row, tangents] @ heading[tangents] <= slow[row]
+
+    def _rest(self, members: Index) -> None:
+        """Let no guard of contacts rest; those of marks are the driver's."""
+        guards = np.concatenate([2 * self.bodies, 2 * self.bodies + 1])
+        self.encounters.resting[np.ix_(members, guards)] = 0
+        self.encounters.rise[members] = 0.0
 
     def _end_legs(self, members: Index) -> None:
         """Let members go on with the next leg that are at the end of one."""
