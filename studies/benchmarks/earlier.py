@@ -31,6 +31,8 @@ from measure import console, spent, table_of
 
 GROUP = 8
 """Realisations of the chains of four-bars."""
+TIMES = 10
+"""Assemblies of what is timed."""
 NUMBERS = (1, 2, 5, 10, 20, 40)
 """Four-bars of a chain."""
 
@@ -87,16 +89,36 @@ def galerkin_study(_: int) -> Callable[[], Any]:
 
 
 def four_bars(number: int) -> Callable[[int], Callable[[], Any]]:
-    """Integrate a group of chains of four-bars for 2 s; it is assembled before."""
+    """Assemble a group of chains of four-bars, and integrate it for 2 s."""
 
     def ready(count: int) -> Callable[[], Any]:
         import mechanisms
 
         from uqmbd.dynamics import Ensemble, build, integrate
 
-        ensemble = Ensemble(build(mechanisms.four_bars(number)), np.zeros((count, 0)))
-        times = np.linspace(0, 2, 201)
-        return lambda: integrate(ensemble, times, 1e-6)
+        model, times = build(mechanisms.four_bars(number)), np.linspace(0, 2, 201)
+        return lambda: integrate(Ensemble(model, np.zeros((count, 0))), times, 1e-6)
+
+    return ready
+
+
+def assembly(kind: str, *about: Any) -> Callable[[int], Callable[[], Any]]:
+    """Assemble realisations, ten times: poses, velocities, accelerations and multipliers."""
+
+    def ready(count: int) -> Callable[[], Any]:
+        import mechanisms
+
+        from uqmbd.dynamics import Ensemble, build
+
+        mechanism = getattr(mechanisms, kind)(*about)
+        points = np.random.default_rng(0).uniform(size=(count, len(mechanism.inputs.names)))
+        model, values = build(mechanism), mechanism.inputs.from_uniform(points)
+
+        def again() -> None:
+            for _ in range(TIMES):
+                assert not any(Ensemble(model, values).start.messages)
+
+        return again
 
     return ready
 
@@ -110,6 +132,15 @@ TASKS = {
     "galerkin": Task("Agile Eye, Galerkin of order 4", galerkin, 1, 1, "run"),
     "galerkin-study": Task("Agile Eye, Galerkin of order 4, whole study", galerkin_study, 1, 1, "run"),
 } | {f"four-bars-{n}": Task(f"chain of {n} four-bars, group of {GROUP}", four_bars(n), GROUP, GROUP) for n in NUMBERS}
+for title, count, *about in (
+    ("slider-cranks", 500, "slider_crank", 6),
+    ("five-bars", 500, "five_bar", True),
+    ("six-link chains", 1000, "links", 6),
+    ("one slider-crank", 1, "slider_crank", 6),
+    ("chains of 40 four-bars", GROUP, "four_bars", 40),
+):
+    name = f"assembly-{title.replace(' ', '-')}"
+    TASKS[name] = Task(f"assembly of {title}, {TIMES} times", assembly(*about), count, count)
 
 
 def serve() -> None:

@@ -148,7 +148,7 @@ class Equations:
         structure, bounds, memory = self.structure, turns.structure, self._memory()
         driver().close_poses(
             *(ctypes.addressof(structure), ctypes.addressof(bounds), address(memory), address(table)),
-            *(len(kept), count, address(found), len(cosines), address(cosines), address(undecided)),
+            *(len(table), count, address(found), len(cosines), address(cosines), address(undecided)),
         )
         return found, undecided != 0
 
@@ -159,7 +159,7 @@ class Equations:
         structure, memory = self.structure, self._memory()
         driver().least_speeds(
             *(ctypes.addressof(structure), address(memory), address(table)),
-            *(len(kept), count, address(found), address(undecided)),
+            *(len(table), count, address(found), address(undecided)),
         )
         return found, undecided != 0
 

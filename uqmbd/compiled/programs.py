@@ -198,7 +198,7 @@ class Program:
                 ctypes.addressof(structure),
                 address(work),
                 address(table),
-                len(kept),
+                len(table),
                 0,
                 count,
                 address(self.results),
@@ -222,7 +222,7 @@ class Program:
         work, evaluate, structure = aligned(self.rows), driver().evaluate, self.part.structure
         call = partial(
             evaluate,
-            *(ctypes.addressof(structure), address(work), address(table), len(kept), 0, count),
+            *(ctypes.addressof(structure), address(work), address(table), len(table), 0, count),
             *(address(self.results), len(self.results), address(out)),
         )
         vars(call)["kept"] = (self, structure, table, kept, work, sources, out)
@@ -239,7 +239,7 @@ class Program:
                 address(work),
                 address(most),
                 address(table),
-                len(kept),
+                len(table),
                 states,
                 count,
                 address(self.results),
@@ -261,8 +261,8 @@ class Program:
             kept.append(data)
             if count is None:
                 count = length
-            # the fields of a `Source`: a table of integers takes half the time of structures
-            rows.append((address(data), data.strides[0] // data.itemsize, width, divisor, max(1, length), to))
+            if width:  # the fields of a `Source`: a table of integers takes half the time of structures
+                rows.append((address(data), data.strides[0] // data.itemsize, width, divisor, max(1, length), to))
             to += width
         assert len(rows) <= c.SOURCES, "the driver takes no more arrays at once"
         if to != self.inputs:
