@@ -1,0 +1,119 @@
+/* An attempted step: stages, the state that it leads to, and the estimate of its error. */
+#include "group.h"
+
+/* Rate of the state in the work array. */
+static void evaluate_rate(const Problem *p, Group *g, V time, V *rate) {
+    g->work[p->time] = smaller(larger(time, g->low), g->high);
+    run_program(&p->motion, g->work);
+    for (int64_t i = 0; i < p->width; i++) rate[i] = g->work[p->rate[i]];
+    if (any(g->touching)) add_forces(p, g, rate);
+    g->evaluations++;
+}
+
+/* By what the state in the work array, whose rate or values were evaluated just now, exceeds the constraints. */
+static void evaluate_surplus(const Problem *p, Group *g) {
+    run_program(&p->drift, g->work);
+    run_program(&p->place, g->work);
+    run_program(&p->move, g->work);
+}
+
+static void find_surplus(const Problem *p, Group *g, V *surplus) {
+    evaluate_surplus(p, g);
+    for (int64_t i = 0; i < 2 * p->coordinates; i++) surplus[i] = g->work[p->surplus[i]];
+}
+
+/* target = base + size * (row of the tableau) . rates, without a base where there is none; rows have multiples of four
+   terms, padded with zeros. */
+static void accumulate(const Problem *p, const Group *g, int64_t row, V size, const V *base, V *target) {
+    const Tableau *t = p->tableau;
+    int64_t width = p->width;
+    for (int64_t j = t->starts[row]; j < t->starts[row + 1]; j += 4) {
+        const V *a = g->rates + t->index[j] * width, *b = g->rates + t->index[j + 1] * width;
+        const V *c = g->rates + t->index[j + 2] * width, *d = g->rates + t->index[j + 3] * width;
+        V wa = t->weights[j] * size, wb = t->weights[j + 1] * size;
+        V wc = t->weights[j + 2] * size, wd = t->weights[j + 3] * size;
+        if (base)
+            for (int64_t i = 0; i < width; i++) target[i] = base[i] + (wa * a[i] + wb * b[i] + wc * c[i] + wd * d[i]);
+        else
+            for (int64_t i = 0; i < width; i++) target[i] = wa * a[i] + wb * b[i] + wc * c[i] + wd * d[i];
+        base = target;
+    }
+}
+
+static void combine(const Problem *p, const Group *g, int64_t row, V *target) {
+    accumulate(p, g, row, g->size, g->z, target);
+}
+
+/* A sum of each realisation: of its lane, or of all lanes. */
+INLINE V folded(const Problem *p, V sum) {
+    if (!p->terms) return sum;
+    double found = 0.0;
+    for (int64_t l = 0; l < LANES; l++) found += sum[l];
+    return splat(found);
+}
+
+/* Size of an entry: of each lane, or of all terms together. */
+INLINE V size_of(const Problem *p, const V *x, int64_t i) {
+    if (!p->terms) return magnitude(x[i]);
+    const V *entry = x + i / p->blocks * p->blocks;
+    V sum = splat(0.0);
+    for (int64_t b = 0; b < p->blocks; b++) sum += entry[b] * entry[b];
+    return root(folded(p, sum));
+}
+
+INLINE V scaled_squares(const Problem *p, const Group *g, const V *x) {
+    V sum = splat(0.0);
+    for (int64_t i = 0; i < p->width; i++) {
+        V part = x[i] / (g->floor + p->rtol * size_of(p, g->z, i));
+        sum += part * part;
+    }
+    return folded(p, sum) / (double)(p->width / p->blocks);
+}
+
+/* Evaluate the rates of lanes that start anew, and guess the first step of those that have none (II.4 of the book). */
+static void start(const Problem *p, Group *g) {
+    int64_t width = p->width;
+    copy(g->work, g->z, width);
+    evaluate_rate(p, g, g->now, g->next);
+    for (int64_t i = 0; i < width; i++) g->rates[i] = choose(g->fresh, g->next[i], g->rates[i]);
+    Mask unknown = g->fresh & (g->wanted <= splat(0.0));
+    g->fresh = (Mask){0};
+    if (!any(unknown)) return;
+    V size = root(scaled_squares(p, g, g->z)), slope = root(scaled_squares(p, g, g->rates));
+    V guess = choose((size < splat(1e-5)) | (slope < splat(1e-5)), splat(1e-6), 0.01 * size / slope);
+    guess = smaller(guess, g->end - g->now);
+    for (int64_t i = 0; i < width; i++) g->work[i] = g->z[i] + guess * g->rates[i];
+    evaluate_rate(p, g, g->now + guess, g->next);
+    for (int64_t i = 0; i < width; i++) g->next[i] -= g->rates[i];
+    V most = larger(slope, root(scaled_squares(p, g, g->next)) / guess);
+    V second = root(root(root(0.01 / larger(most, splat(1e-300)))));
+    second = choose(most <= splat(1e-15), larger(splat(1e-6), 1e-3 * guess), second);
+    V first = smaller(100.0 * guess, second);
+    first = choose(first < splat(1e300), first, 1e-6 * (g->end - g->now));
+    g->wanted = choose(unknown, first, g->wanted);
+}
+
+static void attempt(const Problem *p, Group *g) {
+    int64_t width = p->width;
+    for (int64_t stage = 1; stage < STAGES; stage++) {
+        combine(p, g, stage, g->work);
+        if (stage == STAGES - 1) copy(g->last, g->work, width);
+        evaluate_rate(p, g, g->now + p->tableau->moments[stage] * g->size, g->rates + stage * width);
+    }
+    combine(p, g, ROW_STEP, g->next);
+    copy(g->work, g->next, width);
+    evaluate_rate(p, g, g->now + g->size, g->rates + STAGES * width);
+    V *five = g->dense, *three = g->dense + width, fifth = splat(0.0), third = splat(0.0);
+    accumulate(p, g, ROW_FIFTH, splat(1.0), 0, five);
+    accumulate(p, g, ROW_THIRD, splat(1.0), 0, three);
+    for (int64_t i = 0; i < width; i++) {
+        V scale = 1.0 / (g->floor + p->rtol * larger(size_of(p, g->z, i), size_of(p, g->next, i)));
+        V a = five[i] * scale, b = three[i] * scale;
+        fifth += a * a;
+        third += b * b;
+    }
+    fifth = folded(p, fifth);
+    third = folded(p, third);
+    /* where both vanish so does the error; what is not finite stays so */
+    g->error = g->size * fifth / root((fifth + 0.01 * third) * p->moving + 1e-300);
+}

@@ -1,0 +1,81 @@
+/* Between the ends of a step: the interpolant, and states at output times. */
+#include "group.h"
+
+/* Coefficients of the interpolant of the last attempt. */
+static void interpolant(const Problem *p, Group *g) {
+    int64_t width = p->width;
+    for (int64_t more = 0; more < 3; more++) {
+        int64_t stage = STAGES + 1 + more;
+        combine(p, g, ROW_MORE + more, g->work);
+        evaluate_rate(p, g, g->now + p->tableau->moments[stage] * g->size, g->rates + stage * width);
+    }
+    for (int64_t r = 0; r < DENSE; r++) accumulate(p, g, ROW_DENSE + r, g->size, 0, g->dense + r * width);
+}
+
+/* State at a part of the last attempt. */
+static void interpolate(const Problem *p, const Group *g, V part, V *target) {
+    int64_t width = p->width;
+    V rest = 1.0 - part;
+    for (int64_t i = 0; i < width; i++) {
+        const V *d = g->dense + i;
+        V sum = d[(DENSE - 1) * width];
+#pragma clang loop unroll(full)
+        for (int64_t r = DENSE - 2; r > 0; r -= 2) {
+            sum = d[r * width] + part * sum;
+            sum = d[(r - 1) * width] + rest * sum;
+        }
+        target[i] = g->z[i] + part * sum;
+    }
+}
+
+/* Put the states in the work array onto the constraints. */
+static void put_on_constraints(const Problem *p, Group *g, Mask which) {
+    if (!p->surplus) return;
+    run_program(&p->values, g->work);
+    evaluate_surplus(p, g);
+    for (int64_t i = 0; i < p->coordinates; i++) {
+        V q = g->work[p->surplus[i]], v = g->work[p->surplus[p->coordinates + i]];
+        g->work[i] -= choose(which & (q == q), q, splat(0.0));
+        g->work[p->velocities + i] -= choose(which & (v == v), v, splat(0.0));
+    }
+}
+
+/* Write the states in the work array into the results of lanes that are due, and count them. */
+static void write_results(const Problem *p, const Pool *pool, Group *g, Mask due, int64_t *column) {
+    int64_t entries = p->width / p->blocks, stride = p->instants * entries;
+    double *rows[LANES];
+    for (int64_t l = 0; l < LANES; l++) {
+        rows[l] = (double *)g->last; /* needed no more: room for what is not wanted */
+        if (!due[l]) continue;
+        double *at = pool->result + column[l]++ * entries;
+        rows[l] = at + g->member[l] * stride;
+        if (p->terms) store_entries(p, at, stride, g->work, l, g->member[l]);
+    }
+    if (!p->terms) to_rows(rows, LANES, g->work, p->width);
+}
+
+/* Write the interpolated states at the output times up to `last`; `known`: so is the interpolant. */
+static void write_outputs(const Problem *p, const Pool *pool, Group *g, Mask taken, V last, int64_t known) {
+    int64_t column[LANES];
+    for (int64_t l = 0; l < LANES; l++) column[l] = taken[l] ? pool->column[g->member[l]] : p->instants;
+    for (;;) {
+        Lanes due, moment = {g->now}, until = {last};
+        for (int64_t l = 0; l < LANES; l++) {
+            int64_t here = column[l] < p->instants && p->times[column[l]] <= until.of[l];
+            due.flag[l] = -here;
+            if (here) moment.of[l] = p->times[column[l]];
+        }
+        if (!any(due.mask)) break;
+        if (!known) interpolant(p, g);
+        known = 1;
+        interpolate(p, g, larger(smaller((moment.all - g->now) / g->size, splat(1.0)), splat(0.0)), g->work);
+        if (any(g->touching & due.mask)) {
+            g->work[p->time] = smaller(larger(moment.all, g->low), g->high);
+            put_on_constraints(p, g, due.mask & g->touching);
+            put_on_contacts(p, g, due.mask);
+        }
+        write_results(p, pool, g, due.mask, column);
+    }
+    for (int64_t l = 0; l < LANES; l++)
+        if (taken[l]) pool->column[g->member[l]] = column[l];
+}

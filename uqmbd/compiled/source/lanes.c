@@ -1,0 +1,99 @@
+/* What a group of eight realisations holds, and how a realisation comes into a lane and out of it. */
+#include "group.h"
+
+int64_t advance_workspace(const Problem *p) {
+    int64_t rows = p->rows + (3 + ALL_STAGES + DENSE + NODES) * p->width + 2 * p->coordinates + NODES;
+    return rows * LANES + (p->contacts ? contact_workspace(p->contacts) : 0);
+}
+
+static void place(const Problem *p, Group *g, double *workspace) {
+    V *at = (V *)workspace;
+    int64_t width = p->width;
+    g->work = at;
+    at += p->rows;
+    g->z = at;
+    at += width;
+    g->next = at;
+    at += width;
+    g->last = at;
+    at += width;
+    g->rates = at;
+    at += ALL_STAGES * width;
+    g->dense = at;
+    at += DENSE * width;
+    g->nodes = at;
+    at += NODES * width;
+    g->surplus = at;
+    at += 2 * p->coordinates;
+    g->node_times = at;
+    at += NODES;
+    if (p->contacts) place_contacts(p->contacts, g, at);
+    g->evaluations = 0;
+}
+
+/* Times between which the equations are evaluated: at the ends of a leg forces may jump. */
+static void bounds(const Problem *p, Group *g, int64_t l, int64_t leg) {
+    double begin = g->begin[l], end = p->leg_ends[leg];
+    double size = 1.0;
+    if (begin > size) size = begin;
+    if (-begin > size) size = -begin;
+    if (end > size) size = end;
+    g->end[l] = end;
+    g->bound[l] = p->leg_longest[leg];
+    g->low[l] = begin + 1e-12 * size;
+    g->high[l] = end - 1e-12 * size;
+}
+
+/* Put a row of entries into a lane, and the rows of further terms beside it; where there is no term they are zero. */
+static void load_entries(const Problem *p, const double *rows, V *x, int64_t l, int64_t m, int64_t running) {
+    int64_t entries = p->width / p->blocks;
+    for (int64_t b = 0; b < p->blocks; b++) {
+        int64_t row = m + b * LANES;
+        for (int64_t i = 0; i < entries; i++)
+            x[i * p->blocks + b][l] = !p->terms || (running && row < p->terms) ? rows[row * entries + i] : 0.0;
+    }
+}
+
+static void store_entries(const Problem *p, double *rows, int64_t stride, const V *x, int64_t l, int64_t m) {
+    int64_t entries = p->width / p->blocks;
+    for (int64_t b = 0; b < p->blocks; b++) {
+        int64_t row = m + b * LANES;
+        if (p->terms && row >= p->terms) return;
+        for (int64_t i = 0; i < entries; i++) rows[row * stride + i] = x[i * p->blocks + b][l];
+    }
+}
+
+static void load_lane(const Problem *p, const Pool *pool, Group *g, int64_t l, int64_t m, int64_t running) {
+    int64_t width = p->width;
+    g->member[l] = running ? m : -1;
+    g->running[l] = running ? -1 : 0;
+    load_entries(p, pool->z, g->z, l, m, running);
+    load_entries(p, pool->rate, g->rates, l, m, running);
+    for (int64_t i = 0; p->guarded && i < NODES * width; i++) g->nodes[i][l] = pool->nodes[m * NODES * width + i];
+    for (int64_t i = 0; i < NODES; i++) g->node_times[i][l] = pool->node_times[m * NODES + i];
+    V *parameters = g->work + p->time + 2;
+    for (int64_t i = 0; i < p->parameters; i++) parameters[i][l] = pool->parameters[m * p->parameters + i];
+    g->now[l] = pool->now[m];
+    g->begin[l] = pool->begin[m];
+    g->wanted[l] = pool->wanted[m];
+    g->floor[l] = pool->floor[m];
+    g->limit[l] = pool->limit[m];
+    g->fresh[l] = running && pool->fresh[m] ? -1 : 0;
+    g->touching[l] = running && p->contacts && touches(p->contacts, pool->encounters, m) ? -1 : 0;
+    bounds(p, g, l, pool->leg[m] <= pool->last_leg[m] ? pool->leg[m] : pool->last_leg[m]);
+}
+
+static void store_lane(const Problem *p, const Pool *pool, Group *g, int64_t l) {
+    int64_t width = p->width, m = g->member[l];
+    store_entries(p, pool->z, width / p->blocks, g->z, l, m);
+    store_entries(p, pool->rate, width / p->blocks, g->rates, l, m);
+    for (int64_t i = 0; p->guarded && i < NODES * width; i++) pool->nodes[m * NODES * width + i] = g->nodes[i][l];
+    for (int64_t i = 0; i < NODES; i++) pool->node_times[m * NODES + i] = g->node_times[i][l];
+    pool->now[m] = g->now[l];
+    pool->begin[m] = g->begin[l];
+    pool->wanted[m] = g->wanted[l];
+    pool->tried[m] = g->size[l];
+    pool->fresh[m] = g->fresh[l] ? 1 : 0;
+    g->member[l] = -1;
+    g->running[l] = g->touching[l] = 0;
+}
