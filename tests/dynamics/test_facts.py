@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+import importlib
 import os
 import pickle
 import subprocess
@@ -20,12 +22,14 @@ from hypothesis import strategies as st
 import uqmbd
 from uqmbd.compiled import compilations
 from uqmbd.dynamics import build
-from uqmbd.dynamics.facts import facts_of
+from uqmbd.dynamics.facts import OWN, _original, facts_of
 from uqmbd.laws import length
 from uqmbd_contact import ContactLaw, PlaneContact, depth
 from uqmbd_drivers import RotationDriver
 from uqmbd_joints import Prismatic, Revolute
 from uqmbd_springs import NonlinearSpringDamper, PointForce, SpringDamper, Torque
+
+from ..mechanisms import driven_slider_crank
 
 ROOT = Path(uqmbd.__file__).parents[1]
 PLUGINS = Path(uqmbd.__file__).parents[1] / "plugins"
@@ -162,8 +166,14 @@ def test_each_place_alone_changes_the_facts(key: str) -> None:
 
 
 def test_what_others_write_has_no_facts(monkeypatch: pytest.MonkeyPatch) -> None:
-    class Mine(SpringDamper):
+    class Other(SpringDamper):
         """Written here."""
+
+    class Mine:
+        """What can be called."""
+
+        def __call__(self, *_: object) -> list[Any]:
+            return []
 
     def cart(kind: type[uqmbd.Component], **attributes: Any) -> uqmbd.Mechanism:
         m = uqmbd.Mechanism("cart", uqmbd.Translational())
@@ -173,8 +183,10 @@ def test_what_others_write_has_no_facts(monkeypatch: pytest.MonkeyPatch) -> None
         m.output("x", body.position[0])
         return m
 
-    assert facts_of(cart(SpringDamper)) is not None
-    assert facts_of(cart(Mine)) is None
+    plain = cart(SpringDamper)
+    known = facts_of(plain)
+    assert known is not None
+    assert facts_of(cart(Other)) is None
     assert facts_of(cart(SpringDamper, gain=3)) is None
     posing = type("SpringDamper", (SpringDamper,), {"__module__": SpringDamper.__module__})
     assert facts_of(cart(posing)) is None
@@ -182,8 +194,30 @@ def test_what_others_write_has_no_facts(monkeypatch: pytest.MonkeyPatch) -> None
     body = controlled.bodies["cart"]
     controlled.add(uqmbd.Controller("c", [body.position[0]], ["u"], 10.0, lambda time, measured: measured))
     assert facts_of(controlled) is None
-    monkeypatch.setattr(SpringDamper, "terms", lambda self, p: [])
-    assert facts_of(cart(SpringDamper)) is None
+    original, own = SpringDamper.terms, SpringDamper.prepare
+
+    @functools.wraps(original)
+    def wrapped(self: Any, p: Any) -> Any:
+        return original(self, p)
+
+    patches: dict[str, list[Any]] = {
+        "terms": [lambda self, p: [], wrapped, functools.partialmethod(original), functools.partial(print), Mine()],
+        "prepare": [property(lambda self: own), classmethod(lambda cls: {}), staticmethod(dict)],
+    }
+    for name, values in patches.items():
+        for value in values:
+            with monkeypatch.context() as patch:
+                patch.setattr(SpringDamper, name, value)
+                assert facts_of(plain) is None, (name, value)
+    assert facts_of(plain) == known
+    for place in ("uqmbd_springs.spring.law_at", "uqmbd.dynamics.equations.block.settled_expression"):
+        with monkeypatch.context() as patch:
+            patch.setattr(place, lambda *_: 0, raising=False)
+            assert facts_of(plain) is None, place
+    with monkeypatch.context() as patch:
+        patch.setattr(SpringDamper, "symbol", "coil" if SpringDamper.symbol != "coil" else "damper")
+        assert facts_of(plain) not in (None, known)
+    assert facts_of(plain) == known
 
 
 def pendulum(stiffness: Any = 20.0) -> uqmbd.Mechanism:
@@ -215,11 +249,14 @@ def test_a_model_from_the_cache_is_the_one_that_was_built(
     before = motion(integrator=integrator)
     compiled = compilations[0]
 
-    def asked(*_: object) -> None:
-        raise AssertionError("terms are asked for")
-
-    monkeypatch.setattr("uqmbd.dynamics.equations.block._block", asked)
-    assert motion(integrator=integrator) == before
+    called = set()
+    sys.setprofile(lambda frame, event, _: called.add(frame.f_code.co_name))
+    try:
+        assert motion(integrator=integrator) == before
+    finally:
+        sys.setprofile(None)
+    assert "facts_of" in called
+    assert not called & {"stated", "terms", "_built"}
     assert compilations[0] == compiled
 
 
@@ -248,7 +285,7 @@ def test_what_only_some_integrators_take_is_compiled_for_them(tmp_path: Path, mo
 
 FACTS = """
 import uqmbd
-from uqmbd.dynamics.facts import facts_of
+from uqmbd.dynamics.facts import OWN, _original, facts_of
 from uqmbd_springs import SpringDamper
 
 mechanism = uqmbd.Mechanism("cart", uqmbd.Translational())
@@ -285,8 +322,12 @@ def test_the_code_of_components_is_in_the_facts(tmp_path: Path) -> None:
     assert told() not in (before, "None")
 
 
-def test_studies_have_facts() -> None:
-    """Where all is uqmbd's: not one of its components is a stranger."""
-    from ..mechanisms import driven_slider_crank
-
+def test_what_uqmbd_has_itself_is_known() -> None:
+    """No component or space of its own goes the long way."""
+    packages = [importlib.import_module(x) for x in OWN[1:]]
+    offered = [x for p in packages for x in vars(p).values() if isinstance(x, type) and issubclass(x, uqmbd.Component)]
+    assert len(offered) > 30
+    for kind in (*offered, uqmbd.Spatial, uqmbd.Planar, uqmbd.Translational, uqmbd.Line, uqmbd.Mechanism):
+        known = [x for x in kind.__mro__ if x.__module__.partition(".")[0] in OWN]
+        assert all(map(_original, known)), kind
     assert facts_of(driven_slider_crank(0.3)) is not None

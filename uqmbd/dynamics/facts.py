@@ -9,13 +9,16 @@ SymPy's own text (`sympy.srepr`) takes ten times as long, and leaves out what ra
 
 from __future__ import annotations
 
+import contextlib
+import dataclasses
 import hashlib
+import os
 import sys
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import fields, is_dataclass
-from functools import cache
+from functools import cache, cached_property, partial
 from pathlib import Path
-from types import FunctionType
+from types import FunctionType, GetSetDescriptorType, MemberDescriptorType
 from typing import Any
 
 import numpy as np
@@ -30,6 +33,7 @@ from uqmbd.mechanism import (
     Component,
     EventTime,
     Mechanism,
+    Parameter,
     ReactionSymbol,
     ScalarSymbol,
     SplineTable,
@@ -43,6 +47,16 @@ __all__ = ["facts_of"]
 
 OWN = ("uqmbd", "uqmbd_contact", "uqmbd_drivers", "uqmbd_joints", "uqmbd_springs")
 """Packages whose code belongs to this version of uqmbd."""
+
+WRITING = ("uqmbd.compiled", "uqmbd.dynamics", "uqmbd.mechanism")
+"""Those parts of uqmbd that write equations."""
+
+LIBRARIES = (
+    "abc", "collections", "contextlib", "copy", "dataclasses", "enum", "functools", "hashlib", "html", "importlib",
+    "inspect", "itertools", "json", "math", "numpy", "operator", "os", "pathlib", "scipy", "symengine", "sympy",
+    "typing", "warnings",
+)  # fmt: skip
+"""Packages whose functions modules of uqmbd hold."""
 
 PLAIN = (bool, int, float, complex, str, bytes, type(None))
 
@@ -81,7 +95,7 @@ class _Facts:
     """Digests of the parts of a mechanism; that of a part depends on nothing but its content."""
 
     def __init__(self, mechanism: Mechanism) -> None:
-        if mechanism.controllers:
+        if mechanism.controllers or not _untouched():
             raise _Unknown
         self.of_mechanism = mechanism
         named: list[tuple[str, Any]] = [("ground", mechanism.ground)]
@@ -92,6 +106,7 @@ class _Facts:
         self.inputs = frozenset(mechanism.inputs.variables)
         self.packages: set[str] = set()
         self.types: dict[type, str] = {}
+        self.declarations: dict[type, Sequence[Any]] = {}
         self.known: dict[int, tuple[Any, bytes]] = {}
         """What was looked at, and its digest, by identity: it stays alive as long as its number means it."""
 
@@ -109,7 +124,25 @@ class _Facts:
         if not vars(component).keys() <= OF_OBJECTS:
             raise _Unknown
         attached = [(role, self.owner(frame)) for role, frame in component.attached.items()]
-        return self.own(type(component)), component.name, attached, list(component.values.items())
+        kind = type(component)
+        return self.own(kind), component.name, attached, list(component.values.items()), self.declared(kind)
+
+    def declared(self, kind: type[Component]) -> Sequence[Any]:
+        """Return what a type of component says of itself in data."""
+        if kind not in self.declarations:
+            names = ("bodies", "grounded", "symbol", "prescribed_angle")
+            ranges = [
+                (
+                    x,
+                    *(
+                        getattr(p, y)
+                        for y in ("kind", "units", "minimum", "maximum", "exclusive", "body", "about", "axes")
+                    ),
+                )
+                for x, p in kind.parameters().items()
+            ]
+            self.declarations[kind] = [[getattr(kind, x) for x in names], ranges]
+        return self.declarations[kind]
 
     def owner(self, value: object) -> str:
         """Name a body, the ground or a component."""
@@ -140,6 +173,10 @@ class _Facts:
             if digest is None:
                 raise _Unknown
             yield digest
+            for name in sorted(x for x in sys.modules if x.partition(".")[0] == package):
+                # tables and constants, which may be written to
+                held = {key: x for key, x in vars(sys.modules[name]).items() if key.isupper()}
+                yield self.of([(name, key, x) for key, x in held.items() if isinstance(x, (*PLAIN, tuple, dict))])
 
     def of(self, value: Any) -> bytes:
         """Digest of a value."""
@@ -168,8 +205,8 @@ class _Facts:
         if is_dataclass(value) and not isinstance(value, type):
             names = [x.name for x in fields(value)]
             return ("data", self.own(kind), names), [getattr(value, x) for x in names]
-        if isinstance(value, Mapping):
-            raise _Unknown
+        if isinstance(value, type):
+            return ("type", value.__module__, value.__qualname__), ()
         return ("owner", self.owner(value)), ()
 
     def expression(self, value: sympy.Basic) -> tuple[object, Sequence[Any]]:
@@ -217,12 +254,65 @@ class _Facts:
 
 
 def _original(kind: type) -> bool:
-    """Whether a type is the one that its module defined, and so are its methods."""
+    """Whether a type is the one that its module defined, and all that can be called in it was written by uqmbd."""
     found: Any = sys.modules.get(kind.__module__)
     for name in kind.__qualname__.split("."):
         found = getattr(found, name, None)
-    methods = [x for x in vars(kind).values() if isinstance(x, FunctionType)]
-    return found is kind and all(str(x.__module__).partition(".")[0] in OWN for x in methods)
+    return found is kind and all(map(_written, vars(kind).values()))
+
+
+def _untouched() -> bool:
+    """Whether functions of all modules that write equations were written by uqmbd, or belong to a library."""
+    for name, module in list(sys.modules.items()):
+        if name.partition(".")[0] in OWN[1:] or name.startswith(WRITING):
+            for value in list(vars(module).values()):
+                plain = isinstance(value, (FunctionType, partial)) or hasattr(value, "cache_info")
+                if plain and not _written(value, LIBRARIES):
+                    return False
+    return True
+
+
+def _written(value: Any, libraries: tuple[str, ...] = ()) -> bool:
+    """Whether what stands in a type or a module was written in the folders of uqmbd, or of a library; data are."""
+    if isinstance(value, property):
+        return all(_written(x) for x in (value.fget, value.fset, value.fdel) if x is not None)
+    if isinstance(value, (classmethod, staticmethod)):
+        return _written(value.__func__)
+    if isinstance(value, cached_property):
+        return _written(value.func)
+    if isinstance(value, FunctionType):
+        if str(value.__module__).partition(".")[0] in libraries:
+            return True
+        file = value.__code__.co_filename
+        generated = file == "<string>" and value.__name__.startswith("__")  # by dataclasses
+        generated |= file in (contextlib.__file__, dataclasses.__file__) and hasattr(value, "__wrapped__")
+        inner = [getattr(value, "__wrapped__", None), *(_content(x) for x in value.__closure__ or ())]
+        held = [x for x in inner if isinstance(x, (FunctionType, partial))]
+        return (generated or file.startswith(_folders())) and all(_written(x, libraries) for x in held)
+    if hasattr(value, "cache_info"):
+        return _written(value.__wrapped__, libraries)
+    if isinstance(value, type):
+        return value.__module__.partition(".")[0] in OWN
+    if isinstance(value, (Parameter, GetSetDescriptorType, MemberDescriptorType)):
+        return True
+    return not callable(value) and not hasattr(type(value), "__get__")
+
+
+def _content(cell: Any) -> Any:
+    try:
+        return cell.cell_contents
+    except ValueError:  # it is empty
+        return None
+
+
+def _folders() -> tuple[str, ...]:
+    """Return the folders of the packages of uqmbd that are loaded."""
+    return tuple(_folder(name) for name in OWN if name in sys.modules)
+
+
+@cache
+def _folder(package: str) -> str:
+    return f"{os.path.dirname(sys.modules[package].__file__ or '')}{os.sep}"
 
 
 @cache
