@@ -64,7 +64,7 @@ def diagnostics(projected: uqmbd.ProjectedEnsemble, times: Array, coefficients: 
             "smallest_singular_value": (
                 "probe_time",
                 values,
-                {"long_name": "of the projected constraint Jacobian", "comment": "to 0.15 %; where in doubt exactly"},
+                {"long_name": "of the projected constraint Jacobian", "comment": "to 0.5 %; where in doubt exactly"},
             ),
             "smallest_singular_value_nodes": ("probe_time", of_nodes, {"long_name": "smallest of all nodes"}),
         },

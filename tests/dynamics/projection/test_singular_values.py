@@ -30,7 +30,7 @@ def checked(jacobians: Array, psi: Array, adjoint: Array, weights: Array) -> tup
     """Compute the smallest values, and compare them with those of all matrices."""
     projected, nodal = smallest_singular_values(jacobians, psi, adjoint, weights)
     size = np.linalg.norm(jacobians, ord=2, axis=(2, 3)).max()
-    np.testing.assert_allclose(projected, of_the_whole(jacobians, psi, adjoint), rtol=2e-3, atol=1e-7 * size)
+    np.testing.assert_allclose(projected, of_the_whole(jacobians, psi, adjoint), rtol=6e-3, atol=1e-7 * size)
     exact = np.linalg.svd(jacobians, compute_uv=False)[..., -1].min(axis=1)
     np.testing.assert_allclose(nodal, exact, rtol=1.1e-3, atol=1e-12 * size)
     return projected, nodal
@@ -46,8 +46,9 @@ def checked(jacobians: Array, psi: Array, adjoint: Array, weights: Array) -> tup
     spread=st.sampled_from([0.0, 1e-3, 0.1, 0.5, 2.0]),
     least=st.sampled_from([1.0, 0.1, 1e-3, 1e-6, 0.0]),
     apart=st.booleans(),
+    scales=st.sampled_from([0, 1, 3]),
 )
-def test_smallest_values_are_those_of_the_matrices(seed, terms, more, rows, wide, spread, least, apart):
+def test_smallest_values_are_those_of_the_matrices(seed, terms, more, rows, wide, spread, least, apart, scales):
     """Of Jacobians that vary little or much, are near to singular or singular, and of parts that do not touch."""
     rng = np.random.default_rng(seed)
     psi, adjoint, weights = legendre(terms, terms + more)
@@ -57,6 +58,7 @@ def test_smallest_values_are_those_of_the_matrices(seed, terms, more, rows, wide
     jacobians = (u * s[..., None, :]) @ v
     jacobians = jacobians + spread * psi[:, 1, None, None] * rng.standard_normal(mean.shape) / np.sqrt(rows)
     jacobians = jacobians + spread * rng.standard_normal((3, terms + more, rows, rows + wide)) / rows
+    jacobians = jacobians * 10.0 ** -rng.integers(0, scales + 1, rows)[:, None]
     if apart and rows > 1:
         half, columns = rows // 2, (rows + wide) // 2
         jacobians[:, :, :half, columns:] = 0.0
@@ -77,6 +79,20 @@ def test_what_is_singular_as_a_whole_only_is_found(turn):
     projected, nodal = checked(jacobians, psi, adjoint, weights)
     assert nodal[0] == pytest.approx(1.0, rel=1e-12)
     assert projected[0] < 0.9 * nodal[0]
+
+
+@pytest.mark.parametrize("short", [0.3, 0.1, 0.05, 0.01, 1e-4])
+@pytest.mark.parametrize("across", [0.0, 1e-6, 1e-3])
+def test_a_part_of_another_scale_is_not_missed(short, across):
+    """Constraints with short gradients settle at once; one with a long gradient, whose sign changes, is singular."""
+    psi, adjoint, weights = legendre(5, 8)
+    rows, germ = 21, psi[:, 1] / np.sqrt(3)
+    jacobians = np.zeros((1, 8, rows, rows + 4))
+    jacobians[:, :, range(rows), range(rows)] = short * (1 + 0.05 * germ[:, None] * np.linspace(-1, 1, rows))
+    jacobians[:, :, -1] = 0.0
+    jacobians[0, :, -1, rows], jacobians[0, :, -1, 0] = germ, across
+    projected, nodal = checked(jacobians, psi, adjoint, weights)
+    assert projected[0] < 0.02 * nodal[0] + across
 
 
 def test_a_part_that_is_by_itself_is_not_missed():

@@ -221,7 +221,7 @@ class Projection:
     def smallest_singular_values(self, time: float | Array, state: Array) -> tuple[Array, Array]:
         """Smallest singular value of the projected constraint Jacobian, and the smallest of those at the nodes.
 
-        Rows are those of the kept equations; without constraints both are infinite.  The first is found to 0.15 %,
+        Rows are those of the kept equations; without constraints both are infinite.  The first is found to 0.5 %,
         and to rounding where it is in doubt; the second is the value of a node that no other undercuts by 0.1 %.
 
         Parameters

@@ -1,12 +1,17 @@
-"""How near projected constraint Jacobians are to singular: of some times at once, without the projected matrices.
+"""How near projected constraint Jacobians are to singular: of some times at once, without their eigenvalues.
 
 The projected Jacobian ``A_ij = sum_k adjoint_ik psi_kj d_k`` has P m rows; all eigenvalues of ``A A^T`` took half the
 time of a study.  The smallest one follows from products with the nodal Jacobians ``d_k`` alone, by the method of
 Davidson preconditioned with the mean of ``d_k d_k^T``.  Those of all times are computed together: NumPy's share of a
 step is then paid once.  :func:`scipy.sparse.linalg.lobpcg` takes one problem at a time, and five times as long.
+
+An iteration may stop at an eigenvalue that is not the smallest one, so that none is below is shown: a Cholesky
+factorisation of ``A A^T`` less a bound exists, in single precision where that is enough.
 """
 
 from __future__ import annotations
+
+from typing import Any
 
 import numpy as np
 import scipy.linalg
@@ -16,8 +21,14 @@ from uqmbd.typing import Array, Mask
 __all__ = ["smallest_singular_values"]
 
 
-TOLERANCE = 3e-3
-"""Residual of an eigenvector of the product with the transpose, over the eigenvalue: 0.15 % of the singular value."""
+TOLERANCE = 5e-3
+"""Residual of an eigenvector of the product with the transpose, over the eigenvalue, at which it has converged."""
+
+BOUND = 0.99
+"""Part of an eigenvalue below which it is shown that there is no other: 0.5 % of the singular value."""
+
+SINGLE = 1e-3
+"""Part of the largest eigenvalue from which single precision, of 1e-5 at worst, is enough to show that."""
 
 STEPS = 60
 """Most steps; what has not converged by then is computed from the whole matrix."""
@@ -30,9 +41,6 @@ SMALL = 64
 
 CLOSE = 0.998
 """Part of the smallest value of some nodes that is a bound for those of all others."""
-
-DOUBTFUL = 0.5
-"""Part of the projected value below which that of a node calls it into question."""
 
 
 def smallest_singular_values(jacobians: Array, psi: Array, adjoint: Array, weights: Array) -> tuple[Array, Array]:
@@ -50,8 +58,8 @@ def smallest_singular_values(jacobians: Array, psi: Array, adjoint: Array, weigh
     Returns
     -------
     projected : array, shape (T,)
-        To 0.15 %, but to rounding where that is in doubt: where the iteration does not converge, as for a singular
-        matrix, or where a node is much nearer to singular than the projection seems to be.
+        To 0.5 %, but to rounding where the iteration does not converge, as for a singular matrix, or has missed the
+        smallest one.
     nodal : array, shape (T,)
         Exact values of nodes that no other undercuts by more than 0.1 %.
     """
@@ -65,8 +73,9 @@ def smallest_singular_values(jacobians: Array, psi: Array, adjoint: Array, weigh
             found, settled = _iterated(jacobians, psi, adjoint, np.linalg.inv(mean))
         except np.linalg.LinAlgError:
             pass
-    for k in np.flatnonzero(~settled | ~(nodal > DOUBTFUL * found)):
-        found[k] = _of_the_whole(jacobians[k], psi, adjoint)
+    for k, jacobian in enumerate(jacobians):
+        if not settled[k] or not _bounded(jacobian, psi, adjoint, BOUND * found[k] ** 2):
+            found[k] = _of_the_whole(jacobian, psi, adjoint)
     return found, nodal
 
 
@@ -124,11 +133,29 @@ def _iterated(jacobians: Array, psi: Array, adjoint: Array, inverse: Array) -> t
 
 def _of_the_whole(jacobians: Array, psi: Array, adjoint: Array) -> float:
     """Smallest singular value of one projected Jacobian, from its entries."""
+    # the precision of a root is enough to see a singularity
+    least = scipy.linalg.eigh(_gram(jacobians, psi, adjoint), eigvals_only=True, subset_by_index=[0, 0])[0]
+    return float(np.sqrt(max(least, 0.0)))
+
+
+def _bounded(jacobians: Array, psi: Array, adjoint: Array, bound: float) -> bool:
+    """Whether no eigenvalue of ``A A^T`` is below a bound."""
+    gram = _gram(*(x.astype(np.float32) for x in (jacobians, psi, adjoint)))
+    if not bound > SINGLE * np.abs(gram).sum(axis=0).max():
+        gram = _gram(jacobians, psi, adjoint)
+    gram[np.diag_indices(len(gram))] -= bound
+    try:
+        np.linalg.cholesky(gram)
+    except np.linalg.LinAlgError:
+        return False
+    return True
+
+
+def _gram(jacobians: Any, psi: Any, adjoint: Any) -> Any:
+    """Multiply one projected Jacobian by its transpose, (P m, P m), in the precision that is given."""
     _, rows, columns = jacobians.shape
     terms = psi.shape[1]
     products = np.einsum("ik,kj->ijk", adjoint, psi).reshape(-1, len(psi))
     blocks = (products @ jacobians.reshape(len(psi), -1)).reshape(terms, terms, rows, columns)
     whole = blocks.transpose(0, 2, 1, 3).reshape(terms * rows, -1)
-    # the precision of a root is enough to see a singularity
-    least = scipy.linalg.eigh(whole @ whole.T, eigvals_only=True, subset_by_index=[0, 0])[0]
-    return float(np.sqrt(max(least, 0.0)))
+    return whole @ whole.T
