@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from uqmbd.cli.loading import loading
 from uqmbd.errors import StudyError
 from uqmbd.propagation import load_study
 from uqmbd.wording import format_duration
@@ -45,7 +46,8 @@ def animate_study(
     target = Path(f"{script.stem}.gif") if out is None else out
     # before the work, not after it
     check_target(target)
-    study = load_study(script)
+    with loading():
+        study = load_study(script)
     length = float(study.times[-1] - study.times[0])
     lasting = min(max(length, SECONDS[0]), SECONDS[1]) if seconds is None else seconds
     if not (lasting > 0 and fps > 0):

@@ -10,6 +10,7 @@ from typing import Annotated
 import typer
 
 from uqmbd.cli.failures import explained
+from uqmbd.cli.loading import loading
 
 __all__ = ["app", "main"]
 
@@ -75,7 +76,8 @@ def run(
     resume: Annotated[bool, typer.Option("--resume", help="Continue an unfinished run in DIR.")] = False,
 ) -> None:
     """Run a study; write DIR/results.nc and DIR/report.html."""
-    from uqmbd.cli.run import run_study
+    with loading():
+        from uqmbd.cli.run import run_study
 
     if workers is not None and dask is not None:
         raise typer.BadParameter("give either --workers or --dask, not both")
@@ -94,7 +96,8 @@ def check(
 
     Its bodies, equations, rank, redundant equations, mobility, inputs and propagators.
     """
-    from uqmbd.cli.check import show_check
+    with loading():
+        from uqmbd.cli.check import show_check
 
     show_check(script, figure)
 
@@ -119,7 +122,8 @@ def animate(
     ] = None,
 ) -> None:
     """Show the mechanism in motion: at the means of the inputs, with a cloud of realisations."""
-    from uqmbd.cli.animate import animate_study
+    with loading():
+        from uqmbd.cli.animate import animate_study
 
     animate_study(script, out=out, samples=samples, method=method, fps=fps, seconds=seconds)
 
@@ -139,7 +143,8 @@ def report(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder that holds a results.nc.")],
 ) -> None:
     """Write DIR/report.html again from DIR/results.nc."""
-    from uqmbd.cli.report import rewrite_report
+    with loading():
+        from uqmbd.cli.report import rewrite_report
 
     rewrite_report(folder)
 
@@ -158,6 +163,7 @@ def compare(
     ] = None,
 ) -> None:
     """Show how far results are apart, whether they agree, and what else differs."""
-    from uqmbd.cli.compare import show_comparison
+    with loading():
+        from uqmbd.cli.compare import show_comparison
 
     show_comparison(results, reference=reference, out=out)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from rich.text import Text
 
 from uqmbd import plugins
+from uqmbd.cli.loading import loading
 from uqmbd.cli.picture import draw_figure, require_format
 from uqmbd.cli.tables import console, plain_table
 from uqmbd.errors import StudyError
@@ -43,7 +44,8 @@ def show_check(script: Path, figure: Path | None = None) -> None:
 
     if figure is not None:
         require_format(figure)
-    study = load_study(script)
+    with loading():
+        study = load_study(script)
     if figure is not None:
         draw_figure(study, figure)
     found: Any = uqmbd.check(study.mechanism)

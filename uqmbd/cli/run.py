@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from uqmbd.cli.failures import FAILED
+from uqmbd.cli.loading import loading
 from uqmbd.cli.progress import shown_progress
 from uqmbd.cli.report import keep_motion, write
 from uqmbd.cli.settings import apply_settings, check_labels
@@ -59,11 +60,12 @@ def run_study(
     resume : bool
         Continue an unfinished run in the folder.
     """
-    # before the work, not after it: whatever is wrong with the report should cost no hours
-    import uqmbd.report  # noqa: F401 - an import that fails is to fail here
-
     begin = time.monotonic()
-    study = load_study(script)
+    with loading():
+        # before the work, not after it: whatever is wrong with the report should cost no hours
+        import uqmbd.report  # noqa: F401 - an import that fails is to fail here
+
+        study = load_study(script)
     check_labels(only, study.propagators)
     if settings:
         study = study.with_propagators(apply_settings(settings, study.propagators))

@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 from uqmbd import report, results
 from uqmbd.errors import StudyError
 from uqmbd.report.drawing.ticks import freeze_ticks
-from uqmbd.report.figures.distributions import density
+from uqmbd.report.figures.distributions import density, of_surrogate
 from uqmbd.report.figures.over_time import occurrences
 
 
@@ -95,6 +95,29 @@ def test_densities_of_every_size(scale: float) -> None:
         x, f = density(scale * values, 2000)
         assert np.trapezoid(f * scale, x / scale) == pytest.approx(1.0, abs=0.01)
     assert density(np.full(9, scale)) is None and density(np.array([1.0])) is None
+
+
+@pytest.mark.parametrize("count", [40, 5000])
+def test_densities_are_those_of_scipy(count: int) -> None:
+    """The sum of kernels is SciPy's, of a skewed distribution; many samples are counted in cells first."""
+    from scipy.stats import gaussian_kde
+
+    values = np.random.default_rng(1).gamma(2.0, 3.0, count)
+    x, f = density(values)
+    quartiles = np.subtract(*np.percentile(values, [75, 25])) / 1.349
+    width = 0.9 * min(values.std(ddof=1), quartiles) * count**-0.2
+    oracle = gaussian_kde(values, width / values.std(ddof=1))(x)
+    np.testing.assert_allclose(f, oracle, atol=(1e-12 if count == 40 else 2e-3) * oracle.max())
+
+
+def test_a_surrogate_at_some_times_is_that_at_all(orders: xr.DataTree) -> None:
+    """Samples at chosen times are those of the whole history; the nearest times are taken."""
+    node = orders["collocation-3"]
+    whole = of_surrogate(node, "slider_x")
+    times = whole["time"].values
+    few = of_surrogate(node, "slider_x", np.array([times[3], times[-1], times[-1] + 1.0]))
+    assert few["time"].values.tolist() == [times[3], times[-1]]
+    np.testing.assert_allclose(few.values, whole.values[:, [3, -1]], rtol=1e-12)
 
 
 def test_time_history_counts_every_sample_once(study: xr.DataTree) -> None:

@@ -125,6 +125,20 @@ def test_realisations_lie_above_the_bodies_and_beneath_the_joints(data):
     assert max(cloud.get_colors()[0][:3]) < 0.7
 
 
+def test_pictures_of_moved_artists_are_those_of_new_ones(data):
+    """A film moves what it has drawn; each of its pictures is the one that a film of that time alone begins with."""
+    pictures = list(Film(data, 4, 50).frames())
+    for frame in (0, 5, FRAMES - 1):
+        film = Film(data, 4, 50)
+        shown = film.points.copy()
+        film.__dict__["points"] = shown[:, frame : frame + 1]
+        film.__dict__["canvas"] = Film(data, 4, 50).canvas
+        film.__dict__["reaches"] = film.sketch.reaches(shown[0])
+        (alone,) = film.frames()
+        below = 25  # beneath the time, which is written as text
+        np.testing.assert_array_equal(alone[below:], pictures[frame][below:])
+
+
 def test_a_still_is_where_realisations_are_farthest_apart(data):
     figure = poses(data)
     assert Film(data, 4, 50).widest == int(np.argmax(abs(rim(data) - rim(data)[:1]).max(axis=(0, 2))))

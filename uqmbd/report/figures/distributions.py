@@ -1,4 +1,7 @@
-"""Figures of distributions: the densities of outputs at chosen times, and the inputs that were sampled."""
+"""Figures of distributions: the densities of outputs at chosen times, and the inputs that were sampled.
+
+Kernels are summed here in one line: for SciPy's `gaussian_kde`, `uqmbd report` would wait a second for `scipy.stats`.
+"""
 
 from __future__ import annotations
 
@@ -68,8 +71,6 @@ def density(values: NDArray[np.float64], points: int = 200) -> tuple[NDArray[np.
     >>> density(np.ones(5)) is None
     True
     """
-    from scipy.stats import gaussian_kde
-
     low, high = float(values.min()), float(values.max())
     if len(values) < 2 or constant(low, high):
         return None
@@ -79,15 +80,15 @@ def density(values: NDArray[np.float64], points: int = 200) -> tuple[NDArray[np.
     quartiles = float(np.subtract(*np.percentile(scaled, [75, 25]))) / 1.349
     factor = 0.9 * (min(deviation, quartiles) if quartiles > 0.1 * deviation else deviation) / deviation
     factor *= len(values) ** -0.2
+    places, weights = scaled, np.full(len(scaled), 1 / len(scaled))
     if len(scaled) > 2 * _CELLS:
         # Many samples are counted in fine cells first: the width of a kernel is many cells.
-        weights, edges = np.histogram(scaled, _CELLS, (0.0, 1.0))
-        kernels = gaussian_kde((edges[:-1] + edges[1:])[weights > 0] / 2, factor, weights=weights[weights > 0])
-    else:
-        kernels = gaussian_kde(scaled, factor)
-    reach = 3 * factor * deviation
-    x = np.linspace(-reach, 1 + reach, points)
-    return low + (high - low) * x, kernels(x) / (high - low)
+        counts, edges = np.histogram(scaled, _CELLS, (0.0, 1.0))
+        places, weights = (edges[:-1] + edges[1:])[counts > 0] / 2, counts[counts > 0] / len(scaled)
+    width = factor * deviation
+    x = np.linspace(-3 * width, 1 + 3 * width, points)
+    kernels = np.exp(-0.5 * (np.subtract.outer(x, places) / width) ** 2) @ weights / (np.sqrt(2 * np.pi) * width)
+    return low + (high - low) * x, kernels / (high - low)
 
 
 def histograms(results: Results | Samples, output: str, times: Sequence[float] | None = None) -> Figure:
@@ -129,13 +130,9 @@ def histograms(results: Results | Samples, output: str, times: Sequence[float] |
     import xarray as xr
     from matplotlib.lines import Line2D
 
-    responses = _responses(results, output)
+    responses, chosen = _responses(results, output, times)
     first = next(iter(responses.values()))
     grid_of_times = first["time"].values
-    if times is None:
-        chosen = automatic_times(grid_of_times, first.values.std(axis=0))
-    else:
-        chosen = sorted({int(np.abs(grid_of_times - t).argmin()) for t in times})
     units = str(first["output_units"].item())
     bars = isinstance(results, xr.Dataset) or "samples" in nodes_of(results)[next(iter(responses))].children
     figure, grid = axes_grid(len(chosen), 1.75)
@@ -169,11 +166,15 @@ def histograms(results: Results | Samples, output: str, times: Sequence[float] |
     return figure
 
 
-def _responses(results: Results | Samples, output: str) -> dict[str, xr.DataArray]:
+def _responses(
+    results: Results | Samples, output: str, times: Sequence[float] | None
+) -> tuple[dict[str, xr.DataArray], list[int]]:
+    """Return responses (sample, time), and which times of the first are shown; others may be there at these only."""
     import xarray as xr
 
     if isinstance(results, xr.Dataset):
-        return {"samples": succeeded(results, output)}
+        first = succeeded(results, output)
+        return {"samples": first}, _chosen(first, times)
     nodes = nodes_of(results)
     sampled = {label: node for label, node in nodes.items() if "samples" in node.children}
     surrogates = {label: node for label, node in surrogate_nodes(nodes).items() if label not in sampled}
@@ -182,18 +183,32 @@ def _responses(results: Results | Samples, output: str) -> dict[str, xr.DataArra
     failed = [label for label, node in kept.items() if not np.any(samples_of(node)["status"].values == Status.OK)]
     usable = {label: node for label, node in kept.items() if label not in failed} or kept
     found = {label: succeeded(node, output) for label, node in usable.items()}
+    chosen: list[int] = []
     for label, node in surrogates.items():
+        shown = None
+        if found:
+            leading = next(iter(found.values()))
+            chosen = chosen or _chosen(leading, times)
+            shown = leading["time"].values[chosen]
         # a general joint distribution cannot be sampled without its mechanism
         with contextlib.suppress(StudyError):
-            found[label] = of_surrogate(node, output)
-    return found
+            found[label] = of_surrogate(node, output, shown)
+    first = next(iter(found.values()))
+    return found, chosen or _chosen(first, times)
 
 
-def of_surrogate(node: xr.DataTree, output: str) -> xr.DataArray:
-    """Sample a chaos: a response (sample, time)."""
+def _chosen(response: xr.DataArray, times: Sequence[float] | None) -> list[int]:
+    there = response["time"].values
+    if times is None:
+        return automatic_times(there, response.values.std(axis=0))
+    return sorted({int(np.abs(there - t).argmin()) for t in times})
+
+
+def of_surrogate(node: xr.DataTree, output: str, times: NDArray[np.float64] | None = None) -> xr.DataArray:
+    """Sample a surrogate: a response (sample, time), with the stored times nearest to some, or all."""
     import xarray as xr
 
-    chaos = surrogate_of(node, output)
+    chaos = surrogate_of(node, output, times)
     _, values = chaos.sample(SURROGATE_SAMPLES, seed=0)
     units = chaos.labels.outputs[0].units
     return xr.DataArray(

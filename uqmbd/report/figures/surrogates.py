@@ -40,11 +40,13 @@ def surrogate_nodes(nodes: Mapping[str, xr.DataTree]) -> dict[str, xr.DataTree]:
     return {label: node for label, node in nodes.items() if _has_chaos(node) or "aligned" in node.children}
 
 
-def surrogate_of(node: xr.DataTree, output: str | None = None) -> PolynomialChaos | PiecewiseChaos | AlignedChaos:
-    """Return the surrogate of a method over time, or that of one of its outputs."""
+def surrogate_of(
+    node: xr.DataTree, output: str | None = None, times: NDArray[np.float64] | None = None
+) -> PolynomialChaos | PiecewiseChaos | AlignedChaos:
+    """Return the surrogate of a method over time, or of one output; a chaos at the times nearest to some, if given."""
     if "aligned" in node.children and not _has_chaos(node):
         return surrogate(node, output)
-    return chaos_of(node, output)
+    return chaos_of(node, output, times)
 
 
 def _has_chaos(node: xr.DataTree) -> bool:
@@ -56,8 +58,10 @@ def _has_chaos(node: xr.DataTree) -> bool:
     return found[0] in (plain, ("element", *plain)) and found[1] == ("term", "input")
 
 
-def chaos_of(node: xr.DataTree, output: str | None = None) -> PolynomialChaos | PiecewiseChaos:
-    """Return the chaos of a method, or that of one of its outputs; a method without one is an error."""
+def chaos_of(
+    node: xr.DataTree, output: str | None = None, times: NDArray[np.float64] | None = None
+) -> PolynomialChaos | PiecewiseChaos:
+    """Return the chaos of a method, or of one of its outputs, or at the times nearest to some; none is an error."""
     if not _has_chaos(node):
         raise StudyError(
             f"The propagator {node.name!r} holds no polynomial chaos of outputs over time; this figure is drawn from "
@@ -67,6 +71,8 @@ def chaos_of(node: xr.DataTree, output: str | None = None) -> PolynomialChaos | 
     if output is not None:
         of_output(data, output)  # an unknown name is an error
         data = data.isel(output=[str(name) for name in data["output"].values].index(output) + np.arange(1))
+    if times is not None:
+        data = data.isel(time=np.unique(np.abs(np.subtract.outer(times, data["time"].values)).argmin(axis=1)))
     return chaos_from_dataset(data)
 
 

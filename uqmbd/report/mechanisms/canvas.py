@@ -6,6 +6,7 @@ format; where they lie follows from the axes, plane or spatial.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -15,7 +16,6 @@ import numpy as np
 from uqmbd.typing import Array
 
 if TYPE_CHECKING:
-    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
@@ -88,12 +88,21 @@ class Canvas:
     box: tuple[float, float, float, float]
     spatial: bool
 
-    def artists(self, shapes: Iterable[Shape]) -> list[Artist]:
-        """Make what Matplotlib draws, from the back to the front; it is not yet part of the figure."""
+    def artists(self, shapes: Iterable[Shape], kept: dict[tuple[Any, ...], list[Any]] | None = None) -> list[Any]:
+        """Make what Matplotlib draws, from the back to the front; it is not yet part of the figure.
+
+        Parameters
+        ----------
+        shapes : iterable of Shape
+        kept : dict, optional
+            Artists by their looks, to be moved instead of made again; those that are made are added.
+        """
         from matplotlib.patches import PathPatch
         from matplotlib.path import Path
 
-        made: list[Artist] = []
+        kept = {} if kept is None else kept
+        taken: Counter[tuple[Any, ...]] = Counter()
+        made: list[Any] = []
         for shape in sorted(shapes, key=lambda s: s.order):
             vertices = shape.vertices
             if shape.closed:
@@ -101,12 +110,18 @@ class Canvas:
                 path = Path(np.concatenate([vertices, vertices[:1]]), codes)
             else:
                 path = Path(vertices)
-            patch = PathPatch(
-                path, edgecolor=shape.edge, facecolor="none" if shape.face is None else shape.face, lw=shape.width,
-                ls=shape.style, alpha=shape.alpha, capstyle="round", joinstyle="round", zorder=2 + shape.order,
-                transform=self.figure.dpi_scale_trans,
-            )  # fmt: skip
-            made.append(self.own(patch))
+            looks = (shape.edge, shape.face, shape.width, shape.style, shape.order, shape.alpha)
+            alike = kept.setdefault(looks, [])
+            if taken[looks] == len(alike):
+                patch = PathPatch(
+                    path, edgecolor=shape.edge, facecolor="none" if shape.face is None else shape.face, lw=shape.width,
+                    ls=shape.style, alpha=shape.alpha, capstyle="round", joinstyle="round", zorder=2 + shape.order,
+                    transform=self.figure.dpi_scale_trans,
+                )  # fmt: skip
+                alike.append(self.own(patch))
+            alike[taken[looks]].set_path(path)
+            made.append(alike[taken[looks]])
+            taken[looks] += 1
         return made
 
     def own(self, artist: Any) -> Any:
