@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+import functools
 import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 import xarray as xr
 
 from uqmbd import results
 from uqmbd.errors import StudyError
-from uqmbd.results.storage import storage
+from uqmbd.results.storage import hdf5, storage
 from uqmbd.results.storage import zarr_writer as zarrwriter
 
 MakeNode = Callable[..., xr.DataTree]
@@ -41,6 +43,34 @@ def test_round_trip_is_exact(study: xr.DataTree, tmp_path: Path, ending: str) ->
     twice = results.load(results.save(once, tmp_path / f"a{ending}"))
     assert twice.identical(study)
     assert [p.name for p in tmp_path.iterdir()] == [f"a{ending}"]
+
+
+def _objects(path: Path) -> list[object]:
+    """What an HDF5 file holds: objects with their types, shapes, chunks, dimension scales and attributes, in order."""
+    found: list[object] = []
+
+    def note(name: str, one: h5py.Group | h5py.Dataset) -> None:
+        attrs = {k: str(v) for k, v in one.attrs.items() if k not in ("REFERENCE_LIST", "DIMENSION_LIST")}
+        found.append((name, type(one), attrs))
+        if isinstance(one, h5py.Dataset):
+            scales = [list(dimension.keys()) for dimension in one.dims]
+            found.append((one.dtype, one.shape, one.maxshape, one.chunks, one.compression, scales))
+
+    with h5py.File(path) as file:
+        file.visititems(note)
+        found.append({k: str(v) for k, v in file.attrs.items()})
+    return found
+
+
+def test_file_that_looks_objects_up_once_is_that_of_h5netcdf(
+    study: xr.DataTree, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Written through plain h5py there is the same in it; coordinates take the places of the scales of dimensions."""
+    results.save(study, tmp_path / "once.nc")
+    monkeypatch.setattr(hdf5, "_remembering", lambda: functools.partial(h5py.File, mode="w", track_order=True))
+    results.save(study, tmp_path / "always.nc")
+    assert _objects(tmp_path / "once.nc") == _objects(tmp_path / "always.nc")
+    assert len(_objects(tmp_path / "once.nc")) > 100
 
 
 @pytest.mark.parametrize("ending", ENDINGS)
