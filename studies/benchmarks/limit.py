@@ -45,6 +45,8 @@ from uqmbd.dynamics import Ensemble, build, integrate
 from uqmbd_montecarlo import MonteCarlo
 
 RTOL = 1e-6
+CHUNK = 64
+"""Realisations that are computed one part after the other, as a study computes them."""
 ROUNDS = 20_000
 """Turns of the loops whose peak is measured."""
 CHAINS = 6
@@ -254,18 +256,21 @@ def main() -> None:
     def run(model: Any) -> dict[str, float]:
         """Processor seconds of the parts."""
         phases.seconds.clear()
-        clock = [time.process_time()]
-        phases.now = "assembly"
-        ensemble = Ensemble(model, values)
-        ensemble.start  # noqa: B018 - assembled now
-        clock.append(time.process_time())
-        phases.now = "around"
-        found = integrate(ensemble, times, RTOL)
-        clock.append(time.process_time())
-        phases.now = "outputs"
-        ensemble.outputs(times, found.states)
-        clock.append(time.process_time())
-        spent = dict(zip(("assembly", "around", "outputs"), np.diff(clock).tolist(), strict=True))
+        spent = dict.fromkeys(("assembly", "around", "outputs"), 0.0)
+        for first in range(0, samples, CHUNK):
+            clock = [time.process_time()]
+            phases.now = "assembly"
+            ensemble = Ensemble(model, values[first : first + CHUNK])
+            ensemble.start  # noqa: B018 - assembled now
+            clock.append(time.process_time())
+            phases.now = "around"
+            found = integrate(ensemble, times, RTOL)
+            clock.append(time.process_time())
+            phases.now = "outputs"
+            ensemble.outputs(times, found.states)
+            clock.append(time.process_time())
+            for name, seconds in zip(spent, np.diff(clock).tolist(), strict=True):
+                spent[name] += seconds
         spent["around"] -= sum(phases.seconds.values())
         return spent | dict(phases.seconds)
 
