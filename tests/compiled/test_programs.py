@@ -64,3 +64,17 @@ def test_arguments_from_several_arrays(members, times, seed):
 def test_wrong_number_of_arguments():
     with pytest.raises(ValueError, match="a program of 3 arguments was given 2"):
         program()(np.zeros((4, 2)))
+
+
+@pytest.mark.parametrize("rows", [2, 4, 6])
+def test_arguments_of_another_length_are_refused(rows):
+    """They would be taken again from the first on; that is what `Columns` says."""
+    x, y = se.symbols("x y")
+    writer = Writer(2)
+    program = writer.program(writer.call(compile_kernel([x, y], [x * y]), np.array([[0, 1]])))
+    with pytest.raises(ValueError, match=f"for 5 states was given {rows} rows"):
+        program(np.ones((5, 1)), np.ones((rows, 1)))
+    with pytest.raises(ValueError, match="for 5 states was given 2 rows of arguments, each for 2 states in a row"):
+        program(np.ones((5, 1)), Columns(np.ones((2, 1)), 2))
+    found = program(np.arange(6.0)[:, None], Columns(np.array([[1.0], [2.0], [3.0]]), 2))
+    assert found.ravel().tolist() == [0, 1, 4, 6, 12, 15]

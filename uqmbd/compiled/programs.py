@@ -261,8 +261,13 @@ class Program:
             kept.append(data)
             if count is None:
                 count = length
-            if width:  # the fields of a `Source`: a table of integers takes half the time of structures
-                rows.append((address(data), data.strides[0] // data.itemsize, width, divisor, max(1, length), to))
+            if not width:
+                continue
+            if count % max(1, length * divisor) if isinstance(source, Columns) else length not in (1, count):
+                each = f", each for {divisor} states in a row" if isinstance(source, Columns) else ""
+                raise ValueError(f"a program for {count} states was given {length} rows of arguments{each}")
+            # the fields of a `Source`: a table of integers takes half the time of structures
+            rows.append((address(data), data.strides[0] // data.itemsize, width, divisor, max(1, length), to))
             to += width
         assert len(rows) <= c.SOURCES, "the driver takes no more arrays at once"
         if to != self.inputs:
