@@ -21,7 +21,7 @@ from uqmbd.compiled import Dynamics, Method, Realisations, Status
 from uqmbd.dynamics.batch import Batch
 from uqmbd.dynamics.equations import Model
 from uqmbd.dynamics.integration.cheaper import FIRST, Comparison
-from uqmbd.dynamics.integration.legs import legs_of, legs_of_members
+from uqmbd.dynamics.integration.legs import Leg, legs_of_members
 from uqmbd.dynamics.integration.restarts import speed_jumps
 from uqmbd.dynamics.integration.singular_poses import SingularPoseWatcher
 from uqmbd.dynamics.integration.trajectories import Counters, Solved
@@ -121,13 +121,14 @@ class _Integration:
             method = replace(method, attempts=MOST, patience=2**62)
         self.most = MOST if comparing or patient else STEPS
         length = np.minimum(1.0, np.maximum(1e-3, np.abs(start.q).max(axis=1, initial=0.0)))
+        self.layouts = legs_of_members(batch, times, rtol, samples=samples, jumping=self.jumping)
         self.main = Realisations(
             _dynamics(self.model),
             method,
             start.state,
             batch.block,
             times,
-            legs_of_members(batch, times, rtol, samples=samples, jumping=self.jumping),
+            self.layouts,
             rtol * length,
         )
         self.others: dict[int, Realisations] = {}
@@ -372,19 +373,28 @@ class _Integration:
                 before = result[member, at - 1 : at]
                 if not np.isfinite(before).all():
                     continue
-                model = self.watchers[member].model_at(self.times[at]) if member in self.watchers else self.model
                 grid, one = self.times[at - 1 : at + 1], slice(member, member + 1)
-                legs = [legs_of(self.batch.breaks[member], grid, model.max_step)]
+                if any(grid[0] < time < grid[1] for time in self.sampled):
+                    continue  # what is commanded after a sample is not known any more
+                model = self.watchers[member].model_at(self.times[at]) if member in self.watchers else self.model
                 method = explicit_method(self.rtol, guarded=False, attempts=100)
-                run = Realisations(
-                    _dynamics(model), method, before, self.batch.block[one], grid, legs, np.array([self.rtol])
-                )
+                legs, floor = [self._legs_between(member, *grid.tolist())], self.main.floor[one]
+                run = Realisations(_dynamics(model), method, before, self.batch.block[one], grid, legs, floor)
                 while run.status[0] in (Status.RUNNING, Status.JUMP):
+                    if run.status[0] == Status.JUMP:
+                        change, _ = speed_jumps(self.model, run.z, run.now[0], self.batch.block[one], self.rtol)
+                        run.z[:, self.model.layout.velocities :] += change
                     run.status[0] = Status.RUNNING
                     run.advance()
                 if run.status[0] == Status.DONE and np.isfinite(run.result[0, -1]).all():
                     result[member, at] = run.result[0, -1]
                     self.changed.add(member)
+
+    def _legs_between(self, member: int, begin: float, end: float) -> list[Leg]:
+        """Legs of a member from one time to another."""
+        legs = self.layouts[member if len(self.layouts) > 1 else 0]
+        last = next(leg for leg in legs if leg.end >= end)
+        return [*(leg for leg in legs if begin < leg.end < end), Leg(end, last.longest, jumps=False)]
 
 
 def _dynamics(model: Model) -> Dynamics:
