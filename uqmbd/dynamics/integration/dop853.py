@@ -374,8 +374,8 @@ class _Integration:
                 if not np.isfinite(before).all():
                     continue
                 grid, one = self.times[at - 1 : at + 1], slice(member, member + 1)
-                if any(grid[0] < time < grid[1] for time in self.sampled):
-                    continue  # what is commanded after a sample is not known any more
+                if any(grid[0] < time <= grid[1] for time in self.sampled):
+                    continue  # what is commanded after a sample is not known any more; at one the state is a node
                 model = self.watchers[member].model_at(self.times[at]) if member in self.watchers else self.model
                 method = explicit_method(self.rtol, guarded=False, attempts=100)
                 legs, floor = [self._legs_between(member, *grid.tolist())], self.main.floor[one]
