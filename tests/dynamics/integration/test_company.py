@@ -36,17 +36,31 @@ def slider_crank():
     return driven_slider_crank(uqmbd.RandomVariable("rod", chaospy.Uniform(0.3, 0.5), units="m"))
 
 
+def struck():
+    """A mass on a spring, struck for a moment at a random time, and pulled by a table that begins at another one."""
+    moment = uqmbd.RandomVariable("moment", chaospy.Uniform(0.2, 0.8), units="s")
+    begin = uqmbd.RandomVariable("begin", chaospy.Uniform(0.0, 0.2), units="s")
+    mechanism = uqmbd.Mechanism("struck", uqmbd.Line())
+    body = mechanism.body("body", mass=1.0, position=0.1)
+    mechanism.add(SpringDamper("spring", mechanism.ground, body, 0, 0, 100.0, 0.5, 0.1))
+    mechanism.add(PointForce("blow", body, 0, 100 * sympy.exp(-(((uqmbd.t - moment) / 1e-3) ** 2))))
+    table = uqmbd.spline([0, 0.1, 0.2, 0.4], [0, 1, -2, 0])(uqmbd.t - begin)
+    mechanism.add(PointForce("pull", body, 0, table))
+    mechanism.output("x", body.position[0], units="m")
+    return mechanism
+
+
 MODELS = {}
 
 
 def model(name):
     if name not in MODELS:
-        mechanism = {"swing": swing, "slider-crank": slider_crank}[name]()
+        mechanism = {"swing": swing, "slider-crank": slider_crank, "struck": struck}[name]()
         MODELS[name] = mechanism, build(mechanism)
     return MODELS[name]
 
 
-@pytest.mark.parametrize("name", ["swing", "slider-crank"])
+@pytest.mark.parametrize("name", ["swing", "slider-crank", "struck"])
 @given(st.integers(1, 21), st.integers(0, 2**32 - 1))
 @settings(max_examples=10, deadline=None)
 def test_states_and_outputs(name, count, seed):

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from uqmbd.dynamics.batch import Batch
+from uqmbd.dynamics.equations import Model
 from uqmbd.dynamics.integration.functions_of_time import look
 from uqmbd.dynamics.integration.trajectories import stops
 from uqmbd.typing import Array
@@ -20,8 +21,6 @@ SHARE = 2.0
 """Longest step, over the smallest cell of a leg."""
 NEAR = 8.0
 """Gaps between fast times, over the size of cells there, that are not worth a leg of their own."""
-ALIKE = 64
-"""Realisations that share the legs of functions of time."""
 
 
 class Leg(NamedTuple):
@@ -47,11 +46,16 @@ def pace(ensemble: Batch, times: Array, rtol: float, *, knots: bool = False) -> 
 
     With `knots` legs end at those of tables over time, too, where nothing jumps that a method of variable order sees.
     """
-    legs = _pace(ensemble, times, rtol)
-    if not knots or not ensemble.model.tables:
+    return _laid(ensemble.model, ensemble.values, ensemble.breaks, times, rtol, knots=knots)
+
+
+def _laid(model: Model, values: Array, breaks: Array, times: Array, rtol: float, *, knots: bool) -> tuple[Leg, ...]:
+    """Do so for realisations with given inputs (K, input) and breaks (K, break)."""
+    legs = _pace(model, values, breaks, times, rtol)
+    if not knots or not model.tables:
         return legs
     begin, end = float(times[0]), float(times[-1])
-    found = list(ensemble.model.tables.stretches(ensemble.values, begin, end, rtol))
+    found = list(model.tables.stretches(values, begin, end, rtol))
     if not found:
         return legs
     ends = np.array([leg.end for leg in legs])
@@ -66,11 +70,10 @@ def pace(ensemble: Batch, times: Array, rtol: float, *, knots: bool = False) -> 
     return tuple(Leg(leg.end, float(h), leg.jumps) for leg, h in zip(legs, longest, strict=True))
 
 
-def _pace(ensemble: Batch, times: Array, rtol: float) -> tuple[Leg, ...]:
-    model, breaks = ensemble.model, ensemble.breaks
+def _pace(model: Model, values: Array, breaks: Array, times: Array, rtol: float) -> tuple[Leg, ...]:
     if model.timed is None:
         return legs_of(breaks, times, model.max_step)
-    seen = look(model.timed, ensemble.values, breaks, times, rtol)
+    seen = look(model.timed, values, breaks, times, rtol)
     edges, sizes = _sizes(seen.cells, float(times[0]), float(times[-1]))
     ends, longest = _bands(edges, sizes)
     legs = legs_of(np.concatenate([breaks.ravel(), seen.jumps, ends[:-1]]), times, model.max_step)
@@ -119,18 +122,21 @@ def legs_of_members(
         legs = tuple(Leg(end, min(own, longest), jumps and jumping) for end, own, jumps in legs)
         return _cut(legs, inner) if len(inner) else legs
 
-    if model.timed is not None or model.tables:
-        found: list[tuple[Leg, ...]] = []
-        for first in range(0, len(batch), ALIKE):
-            some = batch.select(np.arange(first, min(first + ALIKE, len(batch))))
-            found += [laid(pace(some, times, rtol, knots=True))] * len(some)
-        return found
-    breaks = batch.breaks
-    if not breaks.shape[1]:
-        return [laid(legs_of(breaks[:1], times, model.max_step))]
-    breaks, which = np.unique(breaks, axis=0, return_inverse=True)
-    own = [laid(legs_of(row[None], times, model.max_step)) for row in breaks]
-    return [own[k] for k in which.ravel().tolist()]
+    # whoever has the same breaks, functions of time and tables over time has the same layout
+    about = [batch.breaks]
+    if model.timed is not None:
+        about += [batch.values[:, uses] for uses in model.timed.uses]
+    if model.tables:
+        about.append(model.tables.lines(batch.values))
+    alike = np.concatenate(about, axis=1)
+    if not alike.shape[1]:
+        alike = np.zeros((len(batch), 1))
+    _, first, which = np.unique(np.nan_to_num(alike, nan=np.inf), axis=0, return_index=True, return_inverse=True)
+    own = [
+        laid(_laid(model, batch.values[k : k + 1], batch.breaks[k : k + 1], times, rtol, knots=True))
+        for k in first.tolist()
+    ]
+    return own if len(own) == 1 else [own[k] for k in which.ravel().tolist()]
 
 
 def _cut(legs: tuple[Leg, ...], samples: Array) -> tuple[Leg, ...]:
