@@ -167,7 +167,7 @@ def compare(
     until: list[float] = []
     said: list[list[Verdict]] = []
     for label, node in nodes.items():
-        statistics = node.children["statistics"].to_dataset()
+        statistics = base if label == chosen else node.children["statistics"].to_dataset()
         _check_same_axes(label, statistics, chosen, base)
         both = [(name, over_time(statistics[name].values), over_time(base[name].values)) for name in ("mean", "std")]
         differences = {name: np.abs(a - b) for name, a, b in both}

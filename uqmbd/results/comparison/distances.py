@@ -30,6 +30,9 @@ def quantile_differences(found: xr.Dataset, base: xr.Dataset) -> Array:
     unknown = np.full(base.sizes["output"], np.nan)
     if "quantile" not in found or "quantile" not in base:
         return unknown
+    if found is base:
+        known = np.isfinite(base["quantile"].transpose("output", ...).values).reshape(len(unknown), -1)
+        return np.where(known.any(axis=1), 0.0, np.nan)
     shared = np.intersect1d(found["probability"].values, base["probability"].values)
     if not len(shared):
         return unknown

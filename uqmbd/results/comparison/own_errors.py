@@ -78,6 +78,8 @@ class OwnError:
 
     def isel(self, used: NDArray[np.bool_]) -> OwnError:
         """Return the same at some of the times (T,)."""
+        if used.all():
+            return self
         names = ("mean", "std", "kurtosis", "noise_mean", "noise_std", "bias", "told", "integration")
         parts = {name: getattr(self, name)[:, used] for name in names}
         return replace(self, **parts, response=None if self.response is None else self.response[:, :, used])
