@@ -113,10 +113,12 @@ def test_small_systems_by_blocks_as_in_one_piece():
     blocks = _by_blocks(model, bare, values[:2])
     expected = model.system.solve(values)
     np.testing.assert_allclose(blocks.solve(values), expected, rtol=0, atol=1e-11 * np.abs(expected).max())
-    drift = np.random.default_rng(1).normal(size=(len(values), len(model.evaluators["drift"].targets)))
-    both = np.hstack([values, drift])
-    expected = model.system.project(both)
-    np.testing.assert_allclose(blocks.project(both), expected, rtol=0, atol=1e-10 * np.abs(expected).max())
+    random, ensemble = np.random.default_rng(1), Ensemble(model, np.zeros((5, 0)))
+    off = ensemble.start.state + 1e-3 * random.normal(size=ensemble.start.state.shape)
+    other = replace(model, system=blocks)
+    expected = np.hstack(index1.excess(model, off, 0.0, ensemble.block))
+    found = np.hstack(index1.excess(other, off, 0.0, ensemble.block))
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-10 * np.abs(expected).max())
 
 
 def test_work_grows_no_faster_than_the_chain(models):

@@ -71,7 +71,11 @@ def accelerations_projected(projected, times, rtol):
 
 @pytest.mark.thorough
 def test_projected_accelerations_do_not_keep_it(mechanisms, project):
-    """Same nodes, same basis, a tolerance that lets the drift be that of the equations: a thousand times more."""
+    """Same nodes, same basis, a tolerance that lets the drift be that of the equations: a thousand times more.
+
+    The drift of ours is that of rounding and of the iteration's tolerance: 1e-8 to 4e-8, after some starts that differ
+    by rounding 3e-7.
+    """
     times = CASES["pendulum"][1]
     projected = project(mechanisms["pendulum"](speed=4.0), 2, nodes=5)
     drifts = []
@@ -83,8 +87,8 @@ def test_projected_accelerations_do_not_keep_it(mechanisms, project):
         energy = projected.weights @ projected.ensemble.energies(times, nodal).sum(axis=1)
         drifts.append(np.abs(energy - energy[0]).max())
     control, ours = drifts
-    assert ours < 3e-8
-    assert control > 1e3 * ours
+    assert ours < 1e-6
+    assert control > 1e5 * ours
 
 
 @pytest.mark.thorough
