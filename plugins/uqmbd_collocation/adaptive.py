@@ -164,7 +164,7 @@ def refine_dimensions(runs: Runs, points: Array, limits: Limits, label: str) -> 
             waiting[level] = grid.add(level)
         waiting.pop(root, None)
         coefficients, multi_index = grid.chaos()
-        scale = _scale(coefficients, runs.problem.rtol)
+        scale = _scale(runs, coefficients)
         changes = scale.measure(*(_sum(k, [*waiting.values(), *ended], scale.std) for k in (0, 1)))
         settled = max(changes) < limits.tolerance
         missed = missed_share(runs, coefficients, multi_index, points) if settled else np.nan
@@ -193,9 +193,9 @@ def refine_dimensions(runs: Runs, points: Array, limits: Limits, label: str) -> 
     return Refinement(fit, tuple(steps), met=not reason)
 
 
-def _scale(coefficients: Array, rtol: float) -> _Scale:
+def _scale(runs: Runs, coefficients: Array) -> _Scale:
     variance = np.sum(coefficients[1:] ** 2, axis=0)
-    return _Scale(np.sqrt(variance), scale_of(coefficients[0], variance, rtol))
+    return _Scale(np.sqrt(variance), scale_of(runs, coefficients[0], variance))
 
 
 def _sum(which: int, changes: list[tuple[Array, Array]], like: Array) -> Array:

@@ -1,168 +1,282 @@
-"""Event-aligned collocation: realisations are followed from event to event, and what lies between is expanded."""
+"""Aligned collocation: realisations are compared at landmarks, and what lies between is expanded.
+
+Landmarks are events, or equal phases of a clock: their times, and the outputs between them in normalised time, are
+smooth in the inputs where outputs at equal times jump, or drift apart.
+"""
 
 from __future__ import annotations
 
 import warnings
 from collections import Counter
+from collections.abc import Iterable
 from dataclasses import dataclass, field
+from typing import Any, Literal
 
 import numpy as np
 import xarray as xr
 
 import uqmbd
-from uqmbd.results import AlignedChaos, AlignedElement, Status
-from uqmbd.typing import Array, Index
-from uqmbd_collocation.plans import Plans
+from uqmbd.results import AlignedChaos, AlignedElement, Landmarks, Status
+from uqmbd.typing import Array
+from uqmbd_collocation.aligned_problem import AlignedProblem, Cut
+from uqmbd_collocation.clocks import TURN
+from uqmbd_collocation.computing import computed
+from uqmbd_collocation.event_paths import EventPaths
+from uqmbd_collocation.fitting import Fit
+from uqmbd_collocation.landmarks import PER_TURN
+from uqmbd_collocation.phase_paths import RUNS, PhasePaths
+from uqmbd_collocation.plans import STREAM, Plans
 from uqmbd_collocation.record import nodes_of, warn_of_failures
+from uqmbd_collocation.refinement import Limits, Refinement, history
 from uqmbd_collocation.runs import Runs
 
-__all__ = ["align_with_events"]
+__all__ = ["Alignment", "align"]
 
+Alignment = Literal["events", "phase"]
+Sequence = tuple[str, ...]
+Paths = EventPaths | PhasePaths
 
-POINTS = 65
-"""Chebyshev points of a segment."""
 NOISE = 1e-10
 """Size of a coefficient in time, over the largest one of its output, that is rounding."""
 
-MOST_SEGMENTS = 60
-"""Segments of a realisation beyond which a motion is not followed: bounces that die down have no end."""
+SPREAD = 4096
+"""Points of the germ space at which the phases that are needed are estimated."""
+
+EXTENSIONS = 6
+"""Fits, each to more phases, until all samples of the statistics reach the last time."""
+
+LATE = 1e-12
+"""Part of the times by which the last landmark may miss the last of them."""
+
+STANDING = 8
+"""Output times of a segment where the clock stands."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Fitted:
+    """An element."""
+
+    chaos: AlignedChaos
+    fit: Fit
+    runs: Runs
+    verified: Runs
+    lost: float
+    """Share of its nodes that belong to another sequence."""
+    refinement: Refinement | None
 
 
 @dataclass
-class _Followed:
-    """Realisations that were followed from event to event, each once."""
+class _Elements:
+    """All elements that were computed, replaced ones too, in that order."""
 
     problem: uqmbd.Problem
-    space: uqmbd.GermSpace
-    least: int = 1
-    spent: int = 0
-    known: dict[bytes, uqmbd.History] = field(default_factory=dict)
+    plans: Plans
+    paths: Paths
+    tolerance: Limits
+    done: list[_Fitted] = field(default_factory=list)
 
-    def at(self, germs: Array) -> list[uqmbd.History]:
-        """Histories at germ points (K, d), with at least as many segments as any has within the output times."""
+    def compute(self, boxes: Iterable[uqmbd.GermBox]) -> list[AlignedChaos]:
+        """Fit and verify the elements of some boxes."""
+        plans, boxes = self.plans, list(boxes)
+        points = uqmbd.Verification.points_of_elements(boxes, len(self.done), plans.verify, plans.seed, STREAM)
+        if len(boxes) == 1 and boxes[0].probability == 1.0:
+            points = [plans.verification_points(boxes[0].space)]
+        found = [self._fitted(box, own) for box, own in zip(boxes, points, strict=True)]
+        self.done += found
+        return [one.chaos for one in found]
+
+    def _fitted(self, box: uqmbd.GermBox, points: Array) -> _Fitted:
+        """Fit an element; anew, where realisations that were computed on the way have more events than those before."""
         while True:
-            missing = [k for k, row in enumerate(germs) if not self._enough(self.known.get(row.tobytes()))]
-            if missing:
-                new = germs[missing]
-                self.problem.progress.start(self.problem.label, self.spent + len(new))
-                found = self.problem.histories(self.space.to_inputs(new), POINTS, self.least)
-                self.spent += len(new)
-                for row, history in zip(new, found, strict=True):
-                    self.known[row.tobytes()] = history
-                    self.problem.progress.advance(self.problem.label, 1)
-            wanted = 1 + max((h.inside for h in self.known.values()), default=1)
-            if wanted > MOST_SEGMENTS:
-                raise uqmbd.StudyError(
-                    f"{self.problem.label}: a realisation has {wanted - 1} segments between events until the last "
-                    f"output time, more than {MOST_SEGMENTS}: bounces die down. End before that, or use elements."
-                )
-            if wanted <= self.least and not missing:
+            before = self.paths.least
+            found = self._fitted_once(box, points)
+            if self.paths.least == before:
+                return found
+
+    def _fitted_once(self, box: uqmbd.GermBox, points: Array) -> _Fitted:
+        """Fit an element to those of its nodes that have the most frequent sequence; verify it at points (V, d)."""
+        paths, problem, plans, local = self.paths, self.problem, self.plans, box.local
+        nodes = plans.first_nodes(local)
+        sequences = paths.sequences(local.to_inputs(nodes))
+        sequence = Counter(sequences).most_common(1)[0][0]
+        lost = float(np.mean([other != sequence for other in sequences]))
+        verified = Runs(problem, local)
+        verification = verified.verification(points)
+        warn_of_failures(verification, problem.label)
+        scale = _scale(verification.response, problem.times) if plans.adaptive != "no" else None
+        marks, late = _marks(paths, local, nodes, sequence), np.zeros(1)
+        for _ in range(EXTENSIONS):
+            cut, labels, landmarks = _cut(paths, problem, sequence, marks)
+            aligned = AlignedProblem(problem, cut, len(labels), paths.points)
+            runs = Runs(aligned, local)
+            runs.scale = scale
+            with warnings.catch_warnings():
+                if lost:
+                    # the share of all such nodes is told in the end
+                    warnings.simplefilter("ignore")
+                fit, refinement = computed(runs, plans, points if scale is not None else points[:0], self.tolerance)
+            edges, nodal = aligned.split(fit.coefficients)
+            known = len(verification.germs) > 0
+            chaos = AlignedChaos(
+                (AlignedElement(uqmbd.GermBox.whole(local), labels, edges, _in_time(nodal), landmarks),),
+                fit.multi_index,
+                problem.labels,
+                verification_germs=verification.germs if known else None,
+                verification_response=verification.response if known else None,
+            )
+            late = chaos.late() if landmarks == "phase" else np.zeros(1)
+            if not (late > LATE * np.ptp(problem.times)).any():
                 break
-            self.least = max(wanted, self.least)
-        return [self.known[row.tobytes()] for row in germs]
+            # so many landmarks more as the last of all samples lacks, at the mean pace of the last ones
+            pace = max(float(np.diff(edges[0])[-PER_TURN:].mean()), 1e-9 * float(np.ptp(problem.times)))
+            more = min(int(np.ceil(late.max() / pace)) + 1, len(marks))
+            marks = np.concatenate([marks, marks[-1] + (1 + np.arange(more)) * TURN / PER_TURN])
+        else:
+            share = float(np.mean(late > LATE * np.ptp(problem.times)))
+            warnings.warn(
+                f"{problem.label}: {share:.2g} of the samples do not reach the last output time within the phases that "
+                "nodes were followed to; statistics are NaN from then on. Raise the order, or truncate the inputs.",
+                stacklevel=2,
+            )
+        return _Fitted(chaos, fit, runs, verified, lost, refinement)
 
-    def _enough(self, history: uqmbd.History | None) -> bool:
-        return history is not None and (bool(history.message) or len(history.labels) >= self.least or history.final)
 
-
-def align_with_events(
-    propagator: uqmbd.Propagator, problem: uqmbd.Problem, space: uqmbd.GermSpace, plans: Plans, most: int
+def align(
+    propagator: uqmbd.Propagator,
+    problem: uqmbd.Problem,
+    space: uqmbd.GermSpace,
+    plans: Plans,
+    paths: Paths,
+    limits: uqmbd.ElementLimits,
+    tolerance: Limits,
 ) -> xr.DataTree:
-    """Expand event times and the motion between events; split the germ space where sequences of events differ.
+    """Expand times of landmarks and the motion between them, in elements where their sequences differ or it is wrong.
 
     Raises
     ------
     uqmbd.StudyError
-        If the mechanism has no events, or too many.
+        If the mechanism has too many events; or no clock.
     uqmbd.IntegrationError
         If realisations fail.
     """
     begin = problem.clock()
-    if not problem.model.events:
-        raise uqmbd.StudyError(
-            f"{problem.label}: alignment='events' needs a mechanism with events, as the impacts of uqmbd_contact; "
-            f"mechanism {problem.mechanism!r} has none. Leave alignment out."
-        )
-    followed = _Followed(problem, space)
-    terms = uqmbd.index_set(space.dimension, plans.order, plans.index_set, plans.weights)
-    boxes = [uqmbd.GermBox.whole(space)]
-    done: list[tuple[uqmbd.GermBox, Array, Array]] = []
-    mixed = 0.0
-    while boxes:
-        box = boxes.pop(0)
-        quadrature = uqmbd.gauss_tensor(box.local, plans.order + 1)
-        sequences = [_sequence(problem, h, followed.least) for h in followed.at(quadrature.nodes)]
-        if len(set(sequences)) == 1:
-            done.append((box, quadrature.nodes, quadrature.weights))
-        elif len(done) + len(boxes) + 2 <= most and (germ := _guilty(box, quadrature.nodes, sequences)) is not None:
-            boxes += box.split(germ)
-        else:
-            done.append((box, quadrature.nodes, quadrature.weights))
-    elements = []
-    for box, nodes, weights in done:
-        element, lost = _element(box, nodes, weights, followed, terms, problem)
-        elements.append(element)
-        mixed += lost * box.probability
-    points, verified = plans.verification_points(space), Runs(problem, space)
-    verification = verified.verification(points)
-    warn_of_failures(verification, problem.label)
-    known = len(verification.germs) > 0
-    chaos = AlignedChaos(
-        tuple(elements),
-        terms,
-        problem.labels,
-        verification_germs=verification.germs if known else None,
-        verification_response=verification.response if known else None,
-    )
+    if isinstance(paths, PhasePaths):
+        nodes = plans.first_nodes(space)
+        if why := paths.find_clock(space.to_inputs(nodes)):
+            raise uqmbd.StudyError(
+                f"{problem.label}: alignment='phase' needs a clock, and there is none: {why}. Observe an angle that "
+                "grows, name it by clock=, or leave alignment out."
+            )
+    work, children = _Elements(problem, plans, paths, tolerance), dict[str, Any]()
+    if limits.elements is None:
+        boxes = _boxes(paths, plans, space, limits.most)
+        chaos, kept = AlignedChaos.joined(work.compute(boxes), boxes), work.done
+    else:
+        refined = uqmbd.refine_elements(space, work.compute, limits, label=problem.label, rtol=problem.rtol)
+        chaos, kept, children = refined.chaos, [work.done[k] for k in refined.kept], {"elements": refined.steps}
+    if len(kept) == 1 and kept[0].refinement is not None:
+        children["refinement"] = history(kept[0].refinement.steps)
+    mixed = sum(one.lost * e.box.probability for one, e in zip(kept, chaos.elements, strict=True))
     if mixed > 0:
         warnings.warn(
-            f"{problem.label}: after {len(elements)} elements the sequence of events still differs within some of "
+            f"{problem.label}: after {len(kept)} elements the sequence of {paths.what} still differs within some of "
             f"them; realisations of about {mixed:.1%} of the probability are represented by their neighbours. Raise "
             "max_elements.",
             stacklevel=3,
         )
     problem.progress.finish(problem.label)
+    failures = sum(int((one.verified.status != Status.OK).sum()) for one in work.done if len(one.verified))
+    verified = Counter[str]()
+    for one in work.done:
+        verified.update(one.verified.counters)
     return problem.node(
         propagator,
         chaos.statistics(),
-        realisations=followed.spent + len(points),
+        realisations=paths.spent + sum(len(one.verified) for one in work.done),
         wall_time=problem.clock() - begin,
-        counters=dict(verified.counters),
-        children={"aligned": chaos.to_dataset(), "nodes": _nodes(followed, verified)},
+        counters=dict(verified + paths.counters),
+        children={"aligned": chaos.to_dataset(), "nodes": _nodes(problem, space, work.done), **children},
         attrs={
-            # a realisation that fails while it is followed ends the method
-            "failures": int((verified.status != Status.OK).sum()) if len(points) else 0,
-            "fit": f"event times and segments by projection with {plans.order + 1} Gauss nodes per input",
-            "terms": len(terms),
-            "highest_degree": int(terms.max()),
-            "elements": len(elements),
-            "segments": max(len(e.events) for e in elements),
-            "verification": len(verification.germs),
+            "failures": failures + paths.failures,
+            "fit": f"{paths.landmarks} and segments by {kept[0].fit.how}",
+            "terms": len(chaos.multi_index),
+            "highest_degree": int(chaos.multi_index.max()),
+            "elements": len(kept),
+            "segments": max(len(e.events) for e in chaos.elements),
+            "verification": sum(
+                len(one.chaos.verification_germs) for one in kept if one.chaos.verification_germs is not None
+            ),
             "mixed": mixed,
+            **paths.attributes(),
+            **({} if kept[0].refinement is None else {"tolerance_met": str(all(map(_met, kept)))}),
         },
     )
 
 
-def _nodes(followed: _Followed, verified: Runs) -> xr.Dataset:
+def _met(one: _Fitted) -> bool:
+    return one.refinement is None or one.refinement.met
+
+
+def _boxes(paths: Paths, plans: Plans, space: uqmbd.GermSpace, most: int) -> list[uqmbd.GermBox]:
+    """Split the germ space until the nodes of each box have the same sequence, or there are enough boxes."""
+    boxes, done = [uqmbd.GermBox.whole(space)], list[uqmbd.GermBox]()
+    while boxes:
+        box = boxes.pop(0)
+        nodes = plans.first_nodes(box.local)
+        sequences = paths.sequences(space.to_inputs(nodes))
+        room = len(done) + len(boxes) + 2 <= most
+        if len(set(sequences)) > 1 and room and (germ := _guilty(box, nodes, sequences)) is not None:
+            boxes += box.split(germ)
+        else:
+            done.append(box)
+    return done
+
+
+def _marks(paths: Paths, local: uqmbd.GermSpace, nodes: Array, sequence: Sequence) -> Array:
+    """Return the phases of landmarks (S,) at first; nothing where landmarks are no phases."""
+    if isinstance(paths, EventPaths) or sequence != RUNS:
+        return np.zeros(0)
+    return paths.marks(local, nodes, uqmbd.Verification.points(local, SPREAD, 0, 0))
+
+
+def _cut(paths: Paths, problem: uqmbd.Problem, sequence: Sequence, marks: Array) -> tuple[Cut, Sequence, Landmarks]:
+    """Return how realisations of an element are cut, what ends its segments, and where they end."""
+    if isinstance(paths, EventPaths):
+        return lambda values: paths.cut(values, sequence), sequence, "events"
+    if len(marks):
+        return lambda values: paths.cut(values, marks), ("",) * len(marks), "phase"
+    segments = -(-len(problem.times) // STANDING)
+    return lambda values: paths.cut_in_time(values, segments), ("",) * segments, "time"
+
+
+def _nodes(problem: uqmbd.Problem, space: uqmbd.GermSpace, done: list[_Fitted]) -> xr.Dataset:
     """Return the dataset `nodes`: those that were followed, and those of the verification."""
-    germs = np.array([np.frombuffer(key) for key in followed.known])
-    status, messages, purpose = np.zeros(len(germs), dtype=np.int64), [""] * len(germs), ["fit"] * len(germs)
-    if len(verified):
-        germs, status = np.concatenate([germs, verified.germs]), np.concatenate([status, verified.status])
-        messages += verified.messages
-        purpose += ["verification"] * len(verified)
-    space = followed.space
-    about = (followed.problem.labels, space.names, space.to_inputs(germs), germs, status, messages)
-    return nodes_of(*about, np.array(purpose, dtype=str))
+    parts = [(one.runs, "fit") for one in done]
+    parts += [(one.verified, "verification") for one in done if len(one.verified)]
+    return nodes_of(
+        problem.labels,
+        space.names,
+        np.concatenate([runs.values for runs, _ in parts]),
+        np.concatenate([runs.germs for runs, _ in parts]),
+        np.concatenate([runs.status for runs, _ in parts]),
+        [message for runs, _ in parts for message in runs.messages],
+        np.concatenate([np.full(len(runs), purpose, dtype="<U12") for runs, purpose in parts]),
+    )
 
 
-def _sequence(problem: uqmbd.Problem, history: uqmbd.History, least: int) -> tuple[str, ...]:
-    if history.message:
-        raise uqmbd.IntegrationError(f"{problem.label}: a realisation failed: {history.message}")
-    return history.labels[:least]
+def _scale(response: Array, times: Array) -> Array:
+    """Return what errors of the time and of the outputs (1 + O,) are compared with, from responses (V, O, T).
+
+    An error of the time is that of the output which moves fastest for its standard deviation.
+    """
+    std = response.std(axis=0).max(axis=-1, initial=0.0)
+    rate = np.abs(np.gradient(response, times, axis=-1)).max(axis=(0, 2), initial=0.0)
+    moving = (std > 0) & (rate > 0)
+    tick = (std[moving] / rate[moving]).min(initial=float(times[-1] - times[0]))
+    return np.concatenate([[tick], np.where(std > 0, std, np.inf)])
 
 
-def _guilty(box: uqmbd.GermBox, nodes: Array, sequences: list[tuple[str, ...]]) -> int | None:
+def _guilty(box: uqmbd.GermBox, nodes: Array, sequences: list[Sequence]) -> int | None:
     """Germ along which a split separates the sequences best."""
     best, germ = np.inf, None
     for k in range(nodes.shape[1]):
@@ -189,26 +303,3 @@ def _in_time(nodal: Array) -> Array:
     large = np.flatnonzero((np.abs(found) > NOISE * size).any(axis=(0, 1, 2)))
     kept: Array = found[..., : int(large[-1]) + 1 if len(large) else 1]
     return kept
-
-
-def _element(
-    box: uqmbd.GermBox, nodes: Array, weights: Array, followed: _Followed, terms: Index, problem: uqmbd.Problem
-) -> tuple[AlignedElement, float]:
-    """Project event times and segments; and the share of nodes whose sequence is another one."""
-    histories = followed.at(nodes)
-    sequences = [_sequence(problem, h, followed.least) for h in histories]
-    chosen = Counter(sequences).most_common(1)[0][0]
-    same = np.array([s == chosen for s in sequences])
-    count = len(chosen)
-    kept = [h for h, ok in zip(histories, same, strict=True) if ok]
-    edges = np.array([h.edges[: count + 1] for h in kept])
-    segments = np.array([h.response[:count] for h in kept])
-    psi = box.local.evaluate(nodes[same], terms)
-    if same.all():
-        adjoint = (psi * weights[:, None]).T
-    else:
-        usable = terms.sum(axis=1) <= max(0, int(np.sqrt(same.sum())) - 1)
-        adjoint = np.zeros(psi.T.shape)
-        adjoint[usable] = np.linalg.pinv(psi[:, usable])
-    found = AlignedElement(box, chosen, adjoint @ edges, _in_time(np.tensordot(adjoint, segments, axes=1)))
-    return found, float(np.mean(~same))

@@ -71,7 +71,7 @@ def raise_order(
                 raise
             warn_unmet(label, limits, steps, f"order {order} cannot be done: {error}")
             return Refinement(fit, tuple(steps))
-        changes = _changes(fit, following, runs.problem.rtol)
+        changes = _changes(runs, fit, following)
         fit = following
         missed = missed_share(runs, fit.coefficients, fit.multi_index, points)
         steps.append(Step(len(runs), len(fit.multi_index), *changes, missed))
@@ -96,12 +96,12 @@ def _most_terms(space: uqmbd.GermSpace) -> int | None:
     return math.prod(values) if len(values) == space.dimension else None
 
 
-def _changes(before: Fit | None, now: Fit, rtol: float) -> tuple[float, float]:
+def _changes(runs: Runs, before: Fit | None, now: Fit) -> tuple[float, float]:
     """Largest change of mean and standard deviation, over the scale of each output."""
     if before is None:
         return np.inf, np.inf
     variance = [np.sum(f.coefficients[1:] ** 2, axis=0) for f in (before, now)]
-    scale = scale_of(now.coefficients[0], variance[1], rtol)[:, None]
+    scale = scale_of(runs, now.coefficients[0], variance[1])[:, None]
     mean = np.abs(now.coefficients[0] - before.coefficients[0]) / scale
     std = np.abs(np.sqrt(variance[1]) - np.sqrt(variance[0])) / scale
     return float(mean.max()), float(std.max())

@@ -133,6 +133,12 @@ class Plans:
             return Projection(rule, terms, False, self.label)
         return Regression(rule.nodes, terms, self.method, self.label)
 
+    def first_nodes(self, space: uqmbd.GermSpace) -> Array:
+        """Return germ points, shape (K, d), where there are realisations in any case."""
+        if self.adaptive == "dimension":
+            return uqmbd.gauss_tensor(space, [min(3, germ.values or 3) for germ in space.germs]).nodes
+        return self.plan(space, self.order).nodes
+
     def verification_points(self, space: uqmbd.GermSpace) -> Array:
         """Return germ points, shape (K, d), that no design uses."""
         return uqmbd.Verification.points(space, self.verify, self.seed, STREAM)

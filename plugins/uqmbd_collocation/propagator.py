@@ -3,23 +3,24 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 import xarray as xr
 
 import uqmbd
 from uqmbd.results import Status
-from uqmbd.typing import Array
-from uqmbd_collocation.adaptive import refine_dimensions
-from uqmbd_collocation.alignment import align_with_events
+from uqmbd_collocation.alignment import align
+from uqmbd_collocation.clocks import require_clock, watched_angles
+from uqmbd_collocation.computing import computed
 from uqmbd_collocation.elements import collocate_elements
-from uqmbd_collocation.fitting import Fit
-from uqmbd_collocation.orders import raise_order
+from uqmbd_collocation.event_paths import EventPaths
+from uqmbd_collocation.phase_paths import PhasePaths
 from uqmbd_collocation.plans import Adaptive, Method, Plans, Terms
 from uqmbd_collocation.record import nodes_dataset, warn_of_failures, warn_of_idle_inputs
-from uqmbd_collocation.refinement import Limits, Refinement, history
+from uqmbd_collocation.refinement import Limits, history
 from uqmbd_collocation.runs import Runs, announced_once
 
 __all__ = ["Collocation"]
@@ -69,11 +70,22 @@ class Collocation(uqmbd.Propagator):
         Most elements of an adaptive refinement.
     threshold : float
         Of an adaptive refinement: error of the surrogate, over the largest standard deviation of each output over time.
-    alignment : {"events"}, optional
-        For mechanisms with events (impacts): expand the times of events, and the motion between them in normalised
-        time, separately.  Outputs at a fixed time jump with the inputs where an event is early or late; these do not.
-        Where the sequence of events is not the same everywhere the germ space is split first, into `max_elements`
-        boxes at most.
+    alignment : {"events", "phase"}, optional
+        Compare realisations at landmarks instead of at equal times, and expand the times of landmarks and the motion
+        between them, in normalised time, separately.  Where the sequence of landmarks is not the same everywhere the
+        germ space is split first, into `max_elements` boxes at most.
+
+        ``events``, for mechanisms with impacts: outputs at a fixed time jump with the inputs where an event is early or
+        late; these do not.
+
+        ``phase``, for motions that turn or swing for long: phases drift apart, and no order follows outputs at a fixed
+        time for long; at a quarter of a turn each they stay alike.  It needs a clock, and realisations that run longer,
+        until the last has reached the phase of the first.  Where the clock stands in some realisations these get
+        elements of their own, at equal times; where there is none the method refuses.
+    clock : str, optional
+        For ``phase``: name of an output, or of a body or joint that has an angle.  An angle that grows is the phase;
+        else that of the oscillation, in the plane of value and rate.  Default: the steadiest that there is, angles
+        first; the results say which.
     transform : {"rosenblatt", "nataf"}
         How dependent inputs become functions of independent germs.
     verify : int
@@ -123,14 +135,15 @@ class Collocation(uqmbd.Propagator):
     elements: int | Literal["adaptive"] | None = None
     max_elements: int = 32
     threshold: float = 0.01
-    alignment: Literal["events"] | None = None
+    alignment: Literal["events", "phase"] | None = None
+    clock: str | None = None
     transform: Literal["rosenblatt", "nataf"] = "rosenblatt"
     verify: Annotated[int, uqmbd.Bounds(0)] = 8
     seed: Annotated[int, uqmbd.Bounds(0)] = 0
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        plans = self._plans(self.node_name)
+        self._plans(self.node_name)
         if self._limits.elements is not None:
             if self.adaptive != "no":
                 raise uqmbd.StudyError(
@@ -141,17 +154,11 @@ class Collocation(uqmbd.Propagator):
                 raise uqmbd.StudyError(
                     "Collocation: elements are split by their top order; order is 0, expected 1 or more."
                 )
-        if self.alignment is not None:
-            own = ("nodes", "level", "samples", "elements", "rule")
-            plans.refuse(own, "alignment='events', which has its own")
-            if self.method != "projection" or self.adaptive != "no":
-                raise uqmbd.StudyError(
-                    "Collocation: alignment='events' projects on Gauss nodes at a fixed order; leave method and "
-                    "adaptive as they are by default."
-                )
+        if self.clock is not None and self.alignment != "phase":
+            raise uqmbd.StudyError(f"Collocation: clock={self.clock!r} means nothing without alignment='phase'.")
         split, aligned = self.elements is not None, self.alignment is not None
         for name, used, what in (
-            ("tolerance", self.adaptive != "no" or aligned, "adaptive='no'"),
+            ("tolerance", self.adaptive != "no", "adaptive='no'"),
             ("max_elements", split or aligned, "elements=None"),
             ("threshold", split, "elements=None"),
         ):
@@ -176,6 +183,10 @@ class Collocation(uqmbd.Propagator):
     def _plans(self, label: str) -> Plans:
         return Plans(label, **{f.name: getattr(self, f.name) for f in fields(Plans) if f.name != "label"})
 
+    def watches(self, mechanism: uqmbd.Mechanism) -> Mapping[str, Any]:
+        """Watch the angles of bodies and joints, where a clock is looked for."""
+        return watched_angles(mechanism) if self.alignment == "phase" else {}
+
     def estimate(self, study: uqmbd.Study) -> uqmbd.Estimate:
         """Count realisations, and the memory of their outputs and of the chaos."""
         space = uqmbd.GermSpace.of(study.mechanism.inputs, self.transform)
@@ -187,8 +198,11 @@ class Collocation(uqmbd.Propagator):
         nodes, terms, boxes = len(planned.nodes), len(planned.multi_index), self._limits.computed
         one = (nodes + self.verify) * (3 * values + terms) + 3 * terms * values
         detail = f"{nodes} nodes, {terms} terms" + (f" in each of {boxes} elements" if boxes > 1 else "")
-        unknown = self._limits.adaptive or self.alignment is not None
-        return uqmbd.Estimate(boxes * nodes + self.verify, 8 * boxes * one, detail, at_most=unknown)
+        if self.alignment is not None:
+            # nodes are followed longer, most of them twice; nobody knows yet where sequences differ
+            detail += ", which are followed longer; more where landmarks differ"
+            return uqmbd.Estimate(2 * boxes * nodes + self.verify, 16 * boxes * one, detail)
+        return uqmbd.Estimate(boxes * nodes + self.verify, 8 * boxes * one, detail, at_most=self._limits.adaptive)
 
     def obstacle(self, study: uqmbd.Study) -> str | None:
         """Say what is in the way: nothing random, a distribution without moments, too many nodes, too few samples."""
@@ -196,7 +210,9 @@ class Collocation(uqmbd.Propagator):
             return reason
         try:
             space = uqmbd.GermSpace.of(study.mechanism.inputs, self.transform)
-            if self.alignment is not None:
+            if self.clock is not None:
+                require_clock(study.problem(self), self.clock)
+            if self.alignment == "events":
                 study.problem(self).require("segments")
             if self.adaptive != "dimension":
                 self._plans(self.node_name).plan(space, self.order).check(space)
@@ -216,11 +232,19 @@ class Collocation(uqmbd.Propagator):
         """
         space, plans = problem.germ_space(self.transform), self._plans(problem.label)
         if self.alignment is not None and not problem.timeless:
-            return align_with_events(self, problem, space, plans, self.max_elements)
+            paths: EventPaths | PhasePaths
+            paths = EventPaths(problem) if self.alignment == "events" else PhasePaths(problem, self.clock)
+            limits = Limits(self.tolerance, self.max_realisations, problem.rtol)
+            return align(self, problem, space, plans, paths, self._limits, limits)
         if self.elements is not None:
             return collocate_elements(self, problem, space, plans, self._limits)
         points = plans.verification_points(space)
-        runs, fit, refinement = self._computed(problem, space, plans, points)
+        limits = Limits(self.tolerance, self.max_realisations, problem.rtol)
+        once = problem if self.adaptive == "no" else announced_once(problem, self.max_realisations)
+        runs = Runs(once, space)
+        fit, refinement = computed(runs, plans, points, limits)
+        if refinement is not None:
+            problem.progress.finish(problem.label)
         verification = runs.verification(points)
         warn_of_failures(verification, problem.label)
         chaos = verification.chaos(fit.coefficients, fit.multi_index, problem.labels)
@@ -255,23 +279,3 @@ class Collocation(uqmbd.Propagator):
             children=children,
             attrs=attrs,
         )
-
-    def _computed(
-        self, problem: uqmbd.Problem, space: uqmbd.GermSpace, plans: Plans, points: Array
-    ) -> tuple[Runs, Fit, Refinement | None]:
-        """Compute what is needed, and fit."""
-        label = problem.label
-        if self.adaptive == "no":
-            planned, runs = plans.plan(space, self.order), Runs(problem, space)
-            planned.check(space)
-            # nodes and verification points share their stacks
-            runs.at(np.concatenate([planned.nodes, points]))
-            return runs, planned.fit(runs), None
-        limits = Limits(self.tolerance, self.max_realisations, problem.rtol)
-        runs = Runs(announced_once(problem, self.max_realisations), space)
-        if self.adaptive == "dimension":
-            found = refine_dimensions(runs, points, limits, label)
-        else:
-            found = raise_order(runs, points, lambda order: plans.plan(space, order), self.order, limits, label)
-        problem.progress.finish(label)
-        return runs, found.fit, found

@@ -71,13 +71,15 @@ class Refinement:
     met: bool = False
 
 
-def scale_of(mean: Array, variance: Array, rtol: float) -> Array:
+def scale_of(runs: Runs, mean: Array, variance: Array) -> Array:
     """Return what changes of each output are compared with, shape (O,), from mean and variance (O, T).
 
-    The largest standard deviation over time; where that is below what the integration can tell, `rtol` times the
-    largest mean.
+    Sizes that the runs have of their own; else the largest standard deviation over time; where that is below what the
+    integration can tell, the relative tolerance times the largest mean.
     """
-    floor = rtol * np.abs(mean).max(axis=-1) + 1e-300
+    if runs.scale is not None:
+        return runs.scale
+    floor = runs.problem.rtol * np.abs(mean).max(axis=-1) + 1e-300
     return np.asarray(np.maximum(np.sqrt(variance.max(axis=-1)), floor))
 
 
@@ -99,7 +101,7 @@ def missed_share(runs: Runs, coefficients: Array, multi_index: Index, points: Ar
         return 0.0
     surrogate = np.einsum("kp,pot->kot", runs.space.evaluate(runs.germs[where], multi_index), coefficients)
     error = np.mean((surrogate - runs.response[where]) ** 2, axis=0)
-    scale = scale_of(coefficients[0], np.sum(coefficients[1:] ** 2, axis=0) + error, runs.problem.rtol)
+    scale = scale_of(runs, coefficients[0], np.sum(coefficients[1:] ** 2, axis=0) + error)
     return float((error.max(axis=-1) / (2 * scale**2)).max())
 
 

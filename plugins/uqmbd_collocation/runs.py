@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass, field, replace
+from typing import Protocol
 
 import numpy as np
 
 import uqmbd
-from uqmbd.results import Status
+from uqmbd.results import Labels, Status
 from uqmbd.typing import Array, Index, Mask
 
 __all__ = ["Runs", "announced_once"]
@@ -18,13 +19,29 @@ DIGITS = 11
 """Decimals to which germ points are compared: rules of different sizes meet in nodes that differ by rounding."""
 
 
+class Source(Protocol):
+    """Whatever computes realisations: a problem, or one whose outputs are other ones."""
+
+    @property
+    def label(self) -> str: ...
+
+    @property
+    def rtol(self) -> float: ...
+
+    @property
+    def labels(self) -> Labels: ...
+
+    def realise(self, values: Array) -> uqmbd.Realisations:
+        """Compute the response to each row of inputs."""
+
+
 @dataclass
 class Runs:
     """All realisations of a collocation so far.
 
     Attributes
     ----------
-    problem : uqmbd.Problem
+    problem : Source
         Who computes them.
     space : uqmbd.GermSpace
         Of the inputs.
@@ -34,7 +51,7 @@ class Runs:
         s.
     """
 
-    problem: uqmbd.Problem
+    problem: Source
     space: uqmbd.GermSpace
     counters: Counter[str] = field(default_factory=Counter)
     wall_time: float = 0.0
@@ -42,9 +59,11 @@ class Runs:
     _germs: list[Array] = field(default_factory=list)
     _parts: list[uqmbd.Realisations] = field(default_factory=list)
     _joined: Array | None = None
+    scale: Array | None = None
+    """What errors of the outputs (O,) are compared with; default: their largest standard deviation."""
 
     @classmethod
-    def filled(cls, problem: uqmbd.Problem, space: uqmbd.GermSpace, germs: Array, found: uqmbd.Realisations) -> Runs:
+    def filled(cls, problem: Source, space: uqmbd.GermSpace, germs: Array, found: uqmbd.Realisations) -> Runs:
         """Return the runs of realisations at `germs` (K, d), each point once."""
         runs = cls(problem, space)
         rows = runs.missing(germs)

@@ -192,6 +192,7 @@ _FUNCTIONS: dict[str, tuple[Any, Sequence[Any]]] = {
     "assembly_memory": (_INT, [_POINTER]),
     "close_poses": (None, [*[_POINTER] * 4, _INT, _INT, _POINTER, _INT, _POINTER, _POINTER]),
     "least_speeds": (None, [*[_POINTER] * 3, _INT, _INT, _POINTER, _POINTER]),
+    "segment_values": (None, [*[_INT] * 6, *[_POINTER] * 6, _DOUBLE]),
     "sizes": (None, [_POINTER]),
 }
 """Results and arguments of the functions."""

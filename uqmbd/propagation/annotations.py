@@ -9,14 +9,21 @@ import types
 import typing
 from functools import lru_cache
 from numbers import Integral, Real
-from typing import Annotated, Any, Literal, Union
+from typing import Annotated, Any, ClassVar, Literal, Protocol, Union
 
 import numpy as np
 
 from uqmbd.errors import StudyError
 from uqmbd.names import did_you_mean
 
-__all__ = ["Bounds", "check_options", "option_types", "plain"]
+__all__ = ["Bounds", "Method", "check_options", "option_types", "plain"]
+
+
+class Method(Protocol):
+    """What a node tells of a method: its registered name; its options are its fields."""
+
+    __dataclass_fields__: ClassVar[dict[str, Any]]
+    name: ClassVar[str]
 
 
 @dataclasses.dataclass(frozen=True)

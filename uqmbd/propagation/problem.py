@@ -12,12 +12,13 @@ from concurrent.futures import Executor
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from uqmbd.dynamics import Capability, Ensemble, Model, ScalarValues, declares, integrator_class, require
 from uqmbd.errors import StudyError, StudyWarning
+from uqmbd.propagation.annotations import Method
 from uqmbd.propagation.execution import (
     Arrays,
     Checkpoint,
@@ -48,13 +49,6 @@ if TYPE_CHECKING:
     import xarray as xr
 
 __all__ = ["Problem", "Realisations"]
-
-
-class Method(Protocol):
-    """What a node tells of a method: its registered name; its options are its fields."""
-
-    __dataclass_fields__: ClassVar[dict[str, Any]]
-    name: ClassVar[str]
 
 
 @dataclass(frozen=True)
@@ -90,6 +84,8 @@ class Problem:
     progress: Progress = field(default_factory=Silent, repr=False)
     checkpoint: Checkpoint | None = field(default=None, repr=False)
     over: Array | None = field(default=None, repr=False)
+    watched: Model | None = field(default=None, repr=False)
+    """The model whose outputs are those of the study, and what the method watches besides (`Propagator.watches`)."""
     existence: Existence = field(default_factory=lambda: Existence({}, {}, {}), repr=False)
     """Which moments of the outputs exist."""
     known: dict[bytes, Chunk] = field(default_factory=dict, repr=False, compare=False)
@@ -117,6 +113,11 @@ class Problem:
         return replace(
             self, label=label, times=self.times[:1], over=self.times, checkpoint=checkpoint, observed=Observed()
         )
+
+    def watching(self, times: Array | None = None) -> Problem:
+        """Return the problem whose outputs are those of the study, then what is watched, at any times (T,)."""
+        times = self.times if times is None else np.array(times, dtype=float)
+        return replace(self, model=self.watched or self.model, watched=None, times=times, observed=Observed())
 
     @property
     def labels(self) -> Labels:

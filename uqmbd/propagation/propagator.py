@@ -12,8 +12,11 @@ from uqmbd.names import check_arguments, check_label, did_you_mean
 from uqmbd.propagation.annotations import check_options, option_types, plain
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     import xarray as xr
 
+    from uqmbd.mechanism import Mechanism
     from uqmbd.propagation.estimate import Estimate
     from uqmbd.propagation.problem import Problem
 
@@ -84,6 +87,18 @@ class Propagator(ABC):
         study : Study
         """
         return None
+
+    def watches(self, mechanism: Mechanism) -> Mapping[str, Any]:
+        """Return what this method needs to know of each realisation besides the outputs: expressions by name.
+
+        It finds them behind the outputs of `Problem.watching`.  A method may override it; by default there is nothing.
+
+        Parameters
+        ----------
+        mechanism : Mechanism
+            Of the study.
+        """
+        return {}
 
     def estimate(self, study: Any) -> Estimate | None:
         """Return what this method would take, or None if it cannot tell: `uqmbd check` shows it.

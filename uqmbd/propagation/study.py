@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import json
+import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
@@ -218,11 +219,30 @@ class Study:
             rtol=self.rtol,
             integrator=self.integrator,
             model=self.model,
+            watched=self._watched(propagator),
             executor=executor,
             existence=self.mechanism.remembered("existence", lambda: existence_of(self.mechanism)),
             progress=told(progress),
             checkpoint=Checkpoint(folder, propagator.node_name) if folder else None,
         )
+
+    def _watched(self, propagator: Propagator) -> Model | None:
+        """Return the model that has what a method watches among its outputs, behind those of the mechanism."""
+        if not (wanted := propagator.watches(self.mechanism)):
+            return None
+
+        def make() -> Model:
+            mechanism = copy.copy(self.mechanism)
+            for name, expression in wanted.items():
+                mechanism.output(name, expression)
+            with warnings.catch_warnings():
+                # what is to be said of the mechanism is said of the model of the study
+                warnings.simplefilter("ignore")
+                model = observed_model(mechanism, float(self.times[0]), self.start)
+            return stepped(model, self.max_step, self.breaks)
+
+        key = ("watched", float(self.times[0]), self.start, self.max_step, self.breaks, *wanted)
+        return self.mechanism.remembered(key, make)
 
     @checked
     def propagate(

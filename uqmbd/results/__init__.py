@@ -5,6 +5,7 @@ from __future__ import annotations
 from uqmbd.results.chaos import (
     AlignedChaos,
     AlignedElement,
+    Landmarks,
     LeastSquares,
     NodeRegression,
     PiecewiseChaos,
@@ -71,6 +72,7 @@ __all__ = [
     "InputInfo",
     "IntegrationShare",
     "Labels",
+    "Landmarks",
     "LeastSquares",
     "Moments",
     "NodeRegression",

@@ -167,14 +167,31 @@ def test_germ_space_is_split_where_the_sequence_of_events_differs():
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"alignment": "impacts"}, "alignment is 'impacts'; expected 'events'"),
-        ({"alignment": "events", "elements": 4}, "elements=4 means nothing with alignment='events'"),
-        ({"alignment": "events", "method": "regression"}, "projects on Gauss nodes"),
+        ({"alignment": "impacts"}, "alignment is 'impacts'; expected one of 'events', 'phase'"),
+        ({"alignment": "events", "clock": "wheel"}, "clock='wheel' means nothing without alignment='phase'"),
     ],
 )
 def test_options_that_contradict_alignment(options, message):
     with pytest.raises(uqmbd.StudyError, match=message):
         Collocation(**options)
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"order": 4, "rule": "smolyak"},
+        {"order": 4, "method": "regression"},
+        {"order": 1, "adaptive": "order", "tolerance": 1e-5},
+        {"order": 3, "elements": 3},
+    ],
+)
+def test_every_way_to_fit_follows_events(options, samples):
+    exact = thrown(*samples, TIMES)[0]
+    found = ball().propagate(Collocation(alignment="events", **options))
+    chaos = AlignedChaos.from_dataset(found["aligned"])
+    error = chaos.evaluate(inputs(chaos, samples))[:, 0] - exact
+    assert np.sqrt((error**2).mean()) < 1e-4
 
 
 def test_a_mechanism_without_events_is_told():

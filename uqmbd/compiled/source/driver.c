@@ -9,6 +9,7 @@
 #include "projection.c"
 #include "tables.c"
 #include "coupled.c"
+#include "segments.c"
 #include "assembly.c"
 
 /* Sizes of the structures, for those who mirror them. */

@@ -6,19 +6,20 @@ import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from operator import index
-from typing import Any, Literal
+from typing import Any, Generic, Literal, TypeVar, overload
 
 import numpy as np
 import xarray as xr
 
 from uqmbd.errors import IntegrationError, StudyError
 from uqmbd.randomness import GermBox, GermSpace
-from uqmbd.results import PiecewiseChaos, PolynomialChaos
+from uqmbd.results import AlignedChaos, PiecewiseChaos, PolynomialChaos
 from uqmbd.typing import Array
 
 __all__ = ["ElementLimits", "ElementRefinement", "refine_elements"]
 
-Compute = Callable[[Sequence[GermBox]], Sequence[PolynomialChaos]]
+Expansion = PolynomialChaos | AlignedChaos
+Joined = TypeVar("Joined", PiecewiseChaos, AlignedChaos)
 
 TOGETHER = 0.25
 """Elements whose contribution to the squared error is more than this part of the largest are split together."""
@@ -26,6 +27,9 @@ TOGETHER = 0.25
 
 ALWAYS_ZERO = 1e-140
 """Largest size of an output, in its units, that is always zero."""
+
+WRONG = 1e6
+"""Squared error, over the variance, of what is not known."""
 
 LOST = 0.1
 """Error, over the local standard deviation, from which the guilty input is told by the local variance."""
@@ -91,13 +95,13 @@ class ElementLimits:
 
 
 @dataclass(frozen=True)
-class ElementRefinement:
+class ElementRefinement(Generic[Joined]):
     """Elements, and how they came about.
 
     Attributes
     ----------
-    chaos : PiecewiseChaos
-        Up to the last time that all elements have.
+    chaos : PiecewiseChaos or AlignedChaos
+        That of all elements together; a `PiecewiseChaos` up to the last time that all have.
     steps : xarray.Dataset
         Over the rounds of splitting: ``elements``, ``computed`` (all so far, replaced ones too), ``error``.  Over the
         splits: their ``round``, the germ that was split (``split_germ``) and where (``split_at``).
@@ -109,7 +113,7 @@ class ElementRefinement:
         Which of them, in the order of computation, are the elements.
     """
 
-    chaos: PiecewiseChaos
+    chaos: Joined
     steps: xr.Dataset
     met: bool
     computed: int
@@ -121,19 +125,43 @@ class _Part:
     """An element with its chaos, and when it was computed."""
 
     box: GermBox
-    chaos: PolynomialChaos
+    chaos: Expansion
     number: int
+
+
+@overload
+def refine_elements(
+    space: GermSpace,
+    compute: Callable[[Sequence[GermBox]], Sequence[PolynomialChaos]],
+    limits: ElementLimits,
+    *,
+    label: str,
+    rtol: float = ...,
+    affordable: Callable[[], int] | None = ...,
+) -> ElementRefinement[PiecewiseChaos]: ...
+
+
+@overload
+def refine_elements(
+    space: GermSpace,
+    compute: Callable[[Sequence[GermBox]], Sequence[AlignedChaos]],
+    limits: ElementLimits,
+    *,
+    label: str,
+    rtol: float = ...,
+    affordable: Callable[[], int] | None = ...,
+) -> ElementRefinement[AlignedChaos]: ...
 
 
 def refine_elements(
     space: GermSpace,
-    compute: Compute,
+    compute: Callable[[Sequence[GermBox]], Sequence[Any]],
     limits: ElementLimits,
     *,
     label: str,
     rtol: float = 1e-6,
     affordable: Callable[[], int] | None = None,
-) -> ElementRefinement:
+) -> ElementRefinement[Any]:
     """Split the germ space where a chaos says that it is not enough.
 
     In each round the error of every element is estimated: at each output and time the larger of the energy of its top
@@ -209,14 +237,24 @@ def refine_elements(
         )
     elif len(parts) < limits.count and not met:
         warnings.warn(f"{label}: {len(parts)} elements instead of {limits.count}. Reason: {reason}.", stacklevel=3)
+    chaos = _joined(parts, label)
+    return ElementRefinement(chaos, _steps(space, rounds, splits), met, computed, tuple(p.number for p in parts))
+
+
+def _joined(parts: list[_Part], label: str) -> PiecewiseChaos | AlignedChaos:
+    """Join the chaoses of all elements; polynomial ones up to the last time that all have."""
+    boxes = [p.box for p in parts]
+    aligned = [p.chaos for p in parts if isinstance(p.chaos, AlignedChaos)]
+    if aligned:
+        return AlignedChaos.joined(aligned, boxes)
     count = min(_times(p.chaos) for p in parts)
     if count < 2 <= max(_times(p.chaos) for p in parts):
         raise IntegrationError(
             f"{label}: an element has results at the first time only; nothing usable is left. Allow more elements, or "
             "raise the order."
         )
-    chaos = PiecewiseChaos(tuple(_until(p.chaos, count) for p in parts), tuple(p.box for p in parts))
-    return ElementRefinement(chaos, _steps(space, rounds, splits), met, computed, tuple(p.number for p in parts))
+    plain = [_until(p.chaos, count) for p in parts if isinstance(p.chaos, PolynomialChaos)]
+    return PiecewiseChaos(tuple(plain), tuple(boxes))
 
 
 def _contributions(parts: list[_Part], rtol: float) -> tuple[Array, Array]:
@@ -228,7 +266,9 @@ def _contributions(parts: list[_Part], rtol: float) -> tuple[Array, Array]:
     centre = np.tensordot(probability, mean, axes=1)
     variance = np.tensordot(probability, std**2 + (mean - centre) ** 2, axes=1)
     # (O, T): relative to the largest standard deviation over time, or to what an integration can tell
-    scale = np.maximum(np.sqrt(variance.max(axis=1)), 100 * rtol * np.abs(centre).max(axis=1) + 1e-300)
+    known = np.isfinite(variance) & np.isfinite(centre)
+    most, size = (np.where(known, x, 0.0).max(axis=1) for x in (variance, np.abs(centre)))
+    scale = np.maximum(np.sqrt(most), 100 * rtol * size + 1e-300)
     # an output that is always zero, as the force of a contact that is open, has no error: its square would be 0 / 0
     scale = np.where(scale > ALWAYS_ZERO, scale, np.inf)[:, None]
     errors, blame = [], []
@@ -241,23 +281,19 @@ def _contributions(parts: list[_Part], rtol: float) -> tuple[Array, Array]:
             # the top order of order 1 is the slope, which is no error
             squared = np.maximum(squared, seen) if int(chaos.multi_index.max()) > 1 else seen
         own = part.box.probability * squared / scale**2
+        # what is not known is as wrong as can be
+        unknown = ~(np.isfinite(squared) & np.isfinite(_columns(chaos.std, count)))
+        own = np.where(unknown, WRONG * part.box.probability, own)
         # one that ends early has no results afterwards: that is as wrong as can be
         early = _times(chaos) == count < max(_times(p.chaos) for p in parts)
-        errors.append(own.ravel() + (1e6 * part.box.probability if early else 0.0))
+        errors.append(own.ravel() + (WRONG * part.box.probability if early else 0.0))
         # where an expansion is not valid at all its top order may name anybody: the local variance is heard too
         lost = bool(squared.max() > LOST**2 * max(float((_columns(chaos.std, count) ** 2).max()), 1e-300))
-        witnesses = [chaos.top_energy_germ, *([_variance_by_germ(chaos)] if lost else [])]
+        witnesses = [chaos.top_energy_germ, *([chaos.variance_germ] if lost else [])]
         shares = [np.stack([_columns(e, count) for e in w]) / scale**2 for w in witnesses]
         sums = [share.mean(axis=2).sum(axis=1) for share in shares]
         blame.append(np.sum([x / (x.sum() or 1.0) for x in sums], axis=0))
     return np.array(errors), np.array(blame)
-
-
-def _variance_by_germ(chaos: PolynomialChaos) -> Array:
-    """Return parts of the variance by germ (d, O, T): a term counts by its degrees."""
-    degrees = chaos.multi_index / np.maximum(chaos.multi_index.sum(axis=1, keepdims=True), 1)
-    found: Array = np.einsum("pd,p...->d...", degrees, chaos.coefficients**2)
-    return found
 
 
 def _chosen(parts: list[_Part], contributions: Array, room: int) -> list[int]:
@@ -278,7 +314,7 @@ def _guilty(box: GermBox, blame: Array) -> int:
     return max(able, key=lambda k: (blame[k], box.probabilities[k], -k))
 
 
-def _times(chaos: PolynomialChaos) -> int:
+def _times(chaos: Expansion) -> int:
     return 1 if chaos.labels.times is None else len(chaos.labels.times)
 
 

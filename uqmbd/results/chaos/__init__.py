@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from uqmbd.results.chaos.aligned import AlignedChaos
-from uqmbd.results.chaos.aligned_element import AlignedElement
+from uqmbd.results.chaos.aligned_element import AlignedElement, Landmarks
 from uqmbd.results.chaos.decay import error_words, percent, stated_words, verdict_of_decay
 from uqmbd.results.chaos.discontinuity import Discontinuity
 from uqmbd.results.chaos.fit import LeastSquares, NodeRegression, least_squares, project, regress_on_nodes
@@ -17,6 +17,7 @@ __all__ = [
     "AlignedChaos",
     "AlignedElement",
     "Discontinuity",
+    "Landmarks",
     "LeastSquares",
     "NodeRegression",
     "PiecewiseChaos",

@@ -1,8 +1,9 @@
-"""Event-aligned polynomial chaos: event times, and the motion between them in normalised time, expanded separately."""
+"""Aligned polynomial chaos: times of landmarks, and the motion between them in normalised time, expanded separately."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -11,8 +12,9 @@ import xarray as xr
 from numpy.typing import ArrayLike
 
 from uqmbd.errors import StudyError
-from uqmbd.results.chaos.aligned_element import AlignedElement, SampledElement, chebyshev
+from uqmbd.results.chaos.aligned_element import AlignedElement, SampledElement
 from uqmbd.results.chaos.boxes import check_filled, rows_of_boxes
+from uqmbd.results.chaos.decay import top_order
 from uqmbd.results.chaos.interface import Samples, Surrogate
 from uqmbd.results.chaos.moments import constant_columns
 from uqmbd.results.chaos.sampling import basis_values, spread_germs
@@ -21,7 +23,7 @@ from uqmbd.results.schema import Labels
 from uqmbd.typing import Array, Index
 
 if TYPE_CHECKING:
-    from uqmbd.randomness import GermSpace
+    from uqmbd.randomness import GermBox, GermSpace
 
 __all__ = ["AlignedChaos"]
 
@@ -30,22 +32,25 @@ MOMENTS = 16_384
 """Samples of the surrogate for mean and standard deviation."""
 FROZEN = 4_096
 """Pairs of samples for Sobol' indices."""
+TOPS = 256
+"""Samples of the surrogate for the energy of its top order."""
 BLOCK = 2_048
 """Samples that are evaluated at once."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class AlignedChaos(Surrogate):
-    """Outputs of a motion with events, as polynomials that follow the events.
+    """Outputs as polynomials that follow the landmarks of a motion: its events, or equal phases of a clock.
 
-    The times of events and the outputs between them, each in its own normalised time, are smooth in the inputs where
-    the outputs at a fixed time jump; they are expanded separately, and put together at a sample.  Statistics come from
-    samples of this surrogate.
+    The times of landmarks and the outputs between them, each in its own normalised time, are smooth in the inputs where
+    the outputs at a fixed time jump, or where phases drift apart; they are expanded separately, and put together at a
+    sample.  Statistics come from samples of this surrogate.  Behind the last landmark of a sample there is NaN: phases
+    are known as far as nearly all samples of the inputs get within the times.
 
     Parameters
     ----------
     elements : sequence of AlignedElement
-        Their boxes fill the germ space; one where the sequence of events is the same everywhere.
+        Their boxes fill the germ space; one where the sequence of landmarks is the same everywhere.
     multi_index : array of int, shape (P, d)
         Degrees of the terms.
     labels : Labels
@@ -70,15 +75,15 @@ class AlignedChaos(Surrogate):
             raise StudyError("Outputs without times have no events to follow; use PolynomialChaos.")
 
     def __repr__(self) -> str:
-        names = "; ".join(", ".join(x for x in e.events if x) or "no events" for e in self.elements)
+        names = "; ".join(", ".join(x for x in e.events if x) or f"equal {e.landmarks}" for e in self.elements)
         return f"<{type(self).__name__} of {', '.join(self.germ_names)} ({names})>"
 
     def edges(self, inputs: ArrayLike) -> Array:
-        """Return event times at inputs (K, d), with begin and end, shape (K, S + 1), s; NaN behind the last one."""
+        """Return times of landmarks at inputs (K, d), with begin and end, (K, S + 1), s; NaN behind the last one."""
         return self.edges_at_germs(self.space.to_germs(np.asarray(inputs, dtype=float)))
 
     def edges_at_germs(self, germs: Array) -> Array:
-        """Return times of the events at germ points (K, d); see :meth:`edges`."""
+        """Return times of the landmarks at germ points (K, d); see :meth:`edges`."""
         most = max(e.edges.shape[1] for e in self.elements)
         found = np.full((len(germs), most), np.nan)
         for sampled in self._sampled(germs):
@@ -92,10 +97,10 @@ class AlignedChaos(Surrogate):
         at = np.asarray(where, dtype=float)
         found = np.full((len(germs), most, len(self.labels.outputs), len(at)), np.nan)
         for s in self._sampled(germs):
-            nodal = np.einsum("kp,pson->kson", s.basis, s.element.segments)
-            shape = nodal.shape[:-1]
-            for column, x in enumerate(at):
-                found[s.rows, : shape[1], :, column] = chebyshev(list(np.moveaxis(nodal, -1, 0)), np.array(2 * x - 1))
+            powers = s.element.segments.shape[-1]
+            polynomials = np.polynomial.chebyshev.chebvander(2 * at - 1, powers - 1)
+            values = np.einsum("kp,pson,tn->ksot", s.basis, s.element.segments, polynomials, optimize=True)
+            found[s.rows, : values.shape[1]] = values
         return found
 
     @property
@@ -128,6 +133,49 @@ class AlignedChaos(Surrogate):
         """Total indices, shape (germ, O, T)."""
         return self._sobol[1]
 
+    @property
+    def top_energy(self) -> Array:
+        """Mean square (O, T) of what the terms of the top order change at samples."""
+        found: Array = self._tops[0]
+        return found
+
+    @property
+    def top_energy_germ(self) -> Array:
+        """The same of the terms that depend on a germ (d, O, T)."""
+        found: Array = self._tops[1:]
+        return found
+
+    @property
+    def variance_germ(self) -> Array:
+        """Variance that vanishes with a germ (d, O, T)."""
+        return np.asarray(self.sobol_total_germ * self.variance)
+
+    @classmethod
+    def joined(cls, chaoses: Sequence[AlignedChaos], boxes: Sequence[GermBox]) -> AlignedChaos:
+        """Join chaoses, each on the conditional distribution in its box, that were not split themselves."""
+        every = {tuple(row) for chaos in chaoses for row in chaos.multi_index.tolist()}
+        terms = sorted(every, key=lambda row: (sum(row), [-k for k in row]))
+        place = {row: k for k, row in enumerate(terms)}
+        elements = []
+        for chaos, box in zip(chaoses, boxes, strict=True):
+            (own,) = chaos.elements
+            rows = [place[tuple(row)] for row in chaos.multi_index.tolist()]
+            edges, segments = (np.zeros((len(terms), *x.shape[1:])) for x in (own.edges, own.segments))
+            edges[rows], segments[rows] = own.edges, own.segments
+            elements.append(AlignedElement(box, own.events, edges, segments, own.landmarks))
+        known = [c for c in chaoses if c.verification_germs is not None and c.verification_response is not None]
+        return cls(
+            tuple(elements),
+            np.array(terms, dtype=np.int64),
+            chaoses[0].labels,
+            np.concatenate([c.verification_germs for c in known if c.verification_germs is not None])
+            if known
+            else None,
+            np.concatenate([c.verification_response for c in known if c.verification_response is not None])
+            if known
+            else None,
+        )
+
     def to_dataset(self) -> xr.Dataset:
         """Build the dataset `aligned` of a propagator's node; see :meth:`from_dataset`."""
         return aligned_dataset(self, self.elements)
@@ -138,26 +186,32 @@ class AlignedChaos(Surrogate):
         return cls(**aligned_arguments(dataset))
 
     def _evaluate(self, germs: Array) -> Array:
+        sampled = self._sampled(germs)
+        if len(sampled) == 1:
+            return sampled[0].values(slice(None), self._times)
         found = np.empty((len(germs), *self.labels.shape))
-        for first in range(0, len(germs), BLOCK):
-            part = slice(first, first + BLOCK)
-            found[part] = self._sampler(germs[part]).columns(slice(None)).reshape(-1, *self.labels.shape)
+        for one in sampled:
+            found[one.rows] = one.values(slice(None), self._times)
         return found
 
     def _sampler(self, germs: Array) -> Samples:
-        blocks = [(k, s) for k in range(0, len(germs), BLOCK) for s in self._sampled(germs[k : k + BLOCK])]
-        outputs, times = np.divmod(np.arange(np.prod(self.labels.shape)), self.labels.shape[1])
+        sampled, count = self._sampled(germs), self.labels.shape[1]
 
-        def rows(part: slice) -> Array:
-            found = np.empty((len(outputs[part]), len(germs)))
-            for output in np.unique(outputs[part]).tolist():
-                columns = np.flatnonzero(outputs[part] == output)
-                wanted = np.asarray(self.labels.times)[times[part][columns]]
-                for first, sampled in blocks:
-                    found[np.ix_(columns, first + sampled.rows)] = sampled.values(output, wanted).T
+        def columns(part: slice) -> Array:
+            first, last, _ = part.indices(int(np.prod(self.labels.shape)))
+            found = np.empty((len(germs), last - first))
+            for output in range(first // count, -(-last // count)):
+                begin, end = max(first, output * count), min(last, (output + 1) * count)
+                times = self._times[begin - output * count : end - output * count]
+                for one in sampled:
+                    found[one.rows, begin - first : end - first] = one.values(slice(output, output + 1), times)[:, 0]
             return found
 
-        return Samples(lambda part: np.ascontiguousarray(rows(part).T), rows)
+        return Samples(columns, lambda part: np.ascontiguousarray(columns(part).T))
+
+    @property
+    def _times(self) -> Array:
+        return np.asarray(self.labels.times)
 
     def _sampled(self, germs: Array) -> list[SampledElement]:
         found = []
@@ -167,6 +221,24 @@ class AlignedChaos(Surrogate):
                 edges = np.maximum.accumulate(basis @ element.edges, axis=1)
                 found.append(SampledElement(element, rows, basis, edges))
         return found
+
+    @cached_property
+    def _tops(self) -> Array:
+        germs = spread_germs(self.space, TOPS, 0)
+        whole, (_, edge) = self.evaluate_germs(germs), top_order(self.multi_index)
+        found = []
+        for left_out in (edge, *(edge & (self.multi_index[:, k] > 0) for k in range(len(self.germ_names)))):
+            kept = ~left_out
+            # the last landmark stays: behind it nothing is known
+            inner = [
+                np.where(np.arange(e.edges.shape[1]) < e.edges.shape[1] - 1, kept[:, None], True) for e in self.elements
+            ]
+            fewer = [
+                replace(e, edges=e.edges * which, segments=e.segments * kept[:, None, None, None])
+                for e, which in zip(self.elements, inner, strict=True)
+            ]
+            found.append(np.mean((whole - replace(self, elements=tuple(fewer)).evaluate_germs(germs)) ** 2, axis=0))
+        return np.array(found)
 
     @cached_property
     def _moments(self) -> tuple[Array, Array, Array, Array]:
@@ -197,13 +269,31 @@ class AlignedChaos(Surrogate):
     def _shape_moments(self) -> tuple[Array, Array]:
         return self._moments[2:]
 
-    @cached_property
-    def _sobol(self) -> tuple[Array, Array]:
+    def late(self) -> Array:
+        """Return by how much (S,), in s, the last landmarks of samples lie before the last time; 0 where they do not.
+
+        The samples are those of all statistics: mean, quantiles and Sobol' indices are NaN at times that one of them
+        does not reach.
+        """
+        a, b = self._frozen
+        mixed = [np.where(np.arange(a.shape[1]) == k, b, a) for k in range(a.shape[1])]
+        germs = np.concatenate([spread_germs(self.space, MOMENTS, 0), a, b, *mixed])
+        last = [sampled.edges[:, -1] for sampled in self._sampled(germs)]
+        return np.maximum(float(self._times[-1]) - np.concatenate(last), 0.0)
+
+    @property
+    def _frozen(self) -> tuple[Array, Array]:
+        """Germ points of Sobol' indices: two of each pair."""
         from scipy.stats import qmc
 
         d = len(self.germ_names)
         uniform = np.clip(qmc.Sobol(2 * d, seed=0).random(FROZEN), 1e-12, 1 - 1e-12)
-        a, b = self.space.from_uniform(uniform[:, :d]), self.space.from_uniform(uniform[:, d:])
+        return self.space.from_uniform(uniform[:, :d]), self.space.from_uniform(uniform[:, d:])
+
+    @cached_property
+    def _sobol(self) -> tuple[Array, Array]:
+        d = len(self.germ_names)
+        a, b = self._frozen
         other = self.evaluate_germs(b)
         base = self.evaluate_germs(a)
         variance = 0.5 * (base.var(axis=0) + other.var(axis=0))

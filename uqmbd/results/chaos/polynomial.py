@@ -232,6 +232,13 @@ class PolynomialChaos(Surrogate):
         found: Array = np.einsum("pd,p...->d...", degrees, self.coefficients[edge] ** 2)
         return found
 
+    @property
+    def variance_germ(self) -> Array:
+        """Parts of the variance by germ (d, O, T): a term counts by its degrees."""
+        degrees = self.multi_index / np.maximum(self.multi_index.sum(axis=1, keepdims=True), 1)
+        found: Array = np.einsum("pd,p...->d...", degrees, self.coefficients**2)
+        return found
+
     def decay(self) -> xr.Dataset:
         """Build a dataset of how the coefficients fall with the order.
 

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, get_args
 
 import numpy as np
 import xarray as xr
 
 from uqmbd.errors import StudyError
-from uqmbd.results.chaos.aligned_element import AlignedElement
+from uqmbd.results.chaos.aligned_element import AlignedElement, Landmarks
 from uqmbd.results.chaos.boxes import rows_of_boxes
 from uqmbd.results.chaos.interface import Surrogate
 from uqmbd.results.schema import InputInfo, Labels, fixed_width, output_infos
@@ -139,7 +139,7 @@ def piecewise_arguments(dataset: xr.Dataset | xr.DataTree) -> tuple[tuple[GermBo
 
 
 def aligned_dataset(chaos: Surrogate, elements: Sequence[AlignedElement]) -> xr.Dataset:
-    """Store an event-aligned chaos."""
+    """Store an aligned chaos."""
     terms = len(chaos.multi_index)
     most, powers = (max(e.segments.shape[k] for e in elements) for k in (1, 3))
     edges = np.full((len(elements), terms, most + 1), np.nan)
@@ -162,6 +162,11 @@ def aligned_dataset(chaos: Surrogate, elements: Sequence[AlignedElement]) -> xr.
         ),
         "multi_index": (("term", "input"), chaos.multi_index, {"long_name": _DEGREES}),
         "event": (("element", "segment"), fixed_width(np.array(events).ravel()).reshape(len(elements), most)),
+        "landmarks": (
+            "element",
+            np.array([e.landmarks for e in elements], dtype=np.str_),
+            {"long_name": "what ends segments"},
+        ),
         "segments": ("element", np.array([e.segments.shape[1] for e in elements]), {"long_name": "number of segments"}),
         "probability": ("element", np.array([e.box.probability for e in elements])),
         **_ends([e.box for e in elements]),
@@ -182,10 +187,19 @@ def aligned_arguments(dataset: xr.Dataset | xr.DataTree) -> dict[str, Any]:
             tuple(str(x) for x in data["event"].values[k, :count]),
             data["edge_coefficients"].values[k, :, : count + 1],
             segments[k, :, :count],
+            *((_landmarks(str(data["landmarks"].values[k])),) if "landmarks" in data else ()),
         )
         for k, (box, count) in enumerate(zip(_boxes(data, space), data["segments"].values.tolist(), strict=True))
     ]
     return {"elements": elements, "multi_index": data["multi_index"].values, "labels": labels} | _verified(data)
+
+
+def _landmarks(text: str) -> Landmarks:
+    for known in get_args(Landmarks):
+        if text == known:
+            found: Landmarks = known
+            return found
+    raise StudyError(f"Landmarks of an aligned chaos are {text!r}; expected one of {', '.join(get_args(Landmarks))}.")
 
 
 def _dataset(chaos: Surrogate, variables: dict[str, Any]) -> xr.Dataset:

@@ -1,0 +1,73 @@
+"""A problem whose outputs are the times of landmarks, and what lies between these.
+
+Every rule, fit and refinement works on it as on the problem itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+import uqmbd
+from uqmbd.results import Labels, OutputInfo
+from uqmbd.typing import Array
+from uqmbd_collocation.landmarks import Landmarked
+
+__all__ = ["AlignedProblem", "Cut"]
+
+Cut = Callable[[Array], tuple[Landmarked, uqmbd.Realisations]]
+"""From inputs (K, d) to realisations from landmark to landmark, and what became of them."""
+
+
+@dataclass(frozen=True, eq=False)
+class AlignedProblem:
+    """Outputs are the time, then those of the study, at the points of all segments, one behind the other.
+
+    Attributes
+    ----------
+    problem : uqmbd.Problem
+        That of the study.
+    cut : callable
+        Computes realisations from landmark to landmark.
+    segments, points : int
+        How many segments there are, and points of each.
+    """
+
+    problem: uqmbd.Problem
+    cut: Cut
+    segments: int
+    points: int
+
+    @property
+    def label(self) -> str:
+        """Of the propagator."""
+        return self.problem.label
+
+    @property
+    def rtol(self) -> float:
+        """Relative tolerance of the integration."""
+        return self.problem.rtol
+
+    @property
+    def labels(self) -> Labels:
+        """The time in front of the outputs; columns are numbered in place of times."""
+        inner = self.problem.labels
+        columns = np.arange(float(self.segments * self.points))
+        return replace(inner, outputs=(OutputInfo("time", "s"), *inner.outputs), times=columns)
+
+    def realise(self, values: Array) -> uqmbd.Realisations:
+        """Compute realisations, cut at the landmarks: response (K, 1 + O, segments * points)."""
+        cut, found = self.cut(values)
+        where = (1 - np.cos(np.pi * np.arange(self.points) / (self.points - 1))) / 2
+        times = cut.edges[:, :-1, None] + where * np.diff(cut.edges, axis=1)[:, :, None]
+        rows = np.concatenate([times[:, :, None], cut.response], axis=2)
+        response = rows.transpose(0, 2, 1, 3).reshape(len(rows), rows.shape[2], -1)
+        return replace(found, response=response)
+
+    def split(self, coefficients: Array) -> tuple[Array, Array]:
+        """Return coefficients (P, S + 1) of the landmarks, and (P, S, O, N) of the outputs at the points."""
+        rows = coefficients.reshape(*coefficients.shape[:2], self.segments, self.points)
+        edges = np.concatenate([rows[:, 0, :, 0], rows[:, 0, -1:, -1]], axis=1)
+        return edges, rows[:, 1:].transpose(0, 2, 1, 3)

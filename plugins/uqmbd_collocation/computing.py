@@ -1,0 +1,43 @@
+"""From realisations to a fit: at a fixed order, or refined."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from uqmbd.typing import Array
+from uqmbd_collocation.adaptive import refine_dimensions
+from uqmbd_collocation.fitting import Fit
+from uqmbd_collocation.orders import raise_order
+from uqmbd_collocation.plans import Plans
+from uqmbd_collocation.refinement import Limits, Refinement
+from uqmbd_collocation.runs import Runs
+
+__all__ = ["computed"]
+
+
+def computed(runs: Runs, plans: Plans, points: Array, limits: Limits) -> tuple[Fit, Refinement | None]:
+    """Compute what is needed, and fit.
+
+    Parameters
+    ----------
+    runs : Runs
+        Realisations so far; what is computed is added.
+    plans : Plans
+        Where they are needed.
+    points : array, shape (V, d)
+        Germ points of the verification; computed with the nodes.
+    limits : Limits
+        Of a refinement.
+    """
+    label, space = runs.problem.label, runs.space
+    if plans.adaptive == "no":
+        planned = plans.plan(space, plans.order)
+        planned.check(space)
+        # nodes and verification points share their stacks
+        runs.at(np.concatenate([planned.nodes, points]))
+        return planned.fit(runs), None
+    if plans.adaptive == "dimension":
+        found = refine_dimensions(runs, points, limits, label)
+    else:
+        found = raise_order(runs, points, lambda order: plans.plan(space, order), plans.order, limits, label)
+    return found.fit, found

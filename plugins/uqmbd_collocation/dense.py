@@ -1,0 +1,95 @@
+"""Outputs of realisations between their times: splines through evenly spaced values, with their error."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import BSpline, make_interp_spline
+
+import uqmbd
+from uqmbd.typing import Array
+
+__all__ = ["DEGREE", "Dense", "dense"]
+
+
+DEGREE = 7
+"""Of the splines: their error falls with the eighth power of the distance of values."""
+
+RESOLVED = 1e-5
+"""Error of a spline through every second value, over the range of an output: that through all is 2^8 times better."""
+
+FIRST, MOST = 1024, 1 << 17
+"""Times that are tried first, and at most."""
+
+NUMBERS = 1 << 26
+"""Values (8 bytes each) of all realisations that are held at once."""
+
+
+@dataclass(frozen=True, eq=False)
+class Dense:
+    """Outputs of K realisations as functions of time.
+
+    Attributes
+    ----------
+    times : array, shape (T,)
+        Evenly spaced, s.
+    values : array, shape (K, O, T)
+        NaN where a realisation failed.
+    error : float
+        Estimated error of the interpolation, over the range of an output: the largest.
+    """
+
+    times: Array
+    values: Array
+    error: float
+
+    def spline(self, k: int) -> BSpline:
+        """Return the outputs of one realisation as a function from times (N,) to (N, O)."""
+        return make_interp_spline(self.times, self.values[k].T, DEGREE)
+
+
+def dense(problem: uqmbd.Problem, values: Array, end: float, least: int = FIRST) -> tuple[Dense, uqmbd.Realisations]:
+    """Compute realisations at so many times that splines through them are accurate.
+
+    Parameters
+    ----------
+    problem : uqmbd.Problem
+        Who computes them; from its first time on.
+    values : array, shape (K, input)
+        Inputs.
+    end : float
+        Last time, s.
+    least : int
+        Times that are tried first.
+
+    Returns
+    -------
+    Dense
+        With the estimated error, where it is not small too: outputs that have kinks are never resolved.
+    uqmbd.Realisations
+        As they were computed.
+    """
+    rows = problem.labels.shape[0]
+    most = max(least, min(MOST, NUMBERS // max(1, len(values) * rows)))
+    count = least
+    while True:
+        times = np.linspace(float(problem.times[0]), end, count)
+        found = problem.watching(times).realise(values)
+        error = _error(times, found.response[found.good])
+        if error <= RESOLVED or 2 * count > most:
+            return Dense(times, found.response, error / 2 ** (DEGREE + 1)), found
+        count *= 2
+
+
+def _error(times: Array, values: Array) -> float:
+    """Error of splines through every second value (K, O, T), at the others, over the range of each output."""
+    if not len(values):
+        return 0.0
+    rows = values.reshape(-1, len(times)).T
+    half = make_interp_spline(times[::2], rows[::2], DEGREE)
+    inside = slice(DEGREE, len(times) - DEGREE, 2)
+    wrong = np.abs(half(times[inside]) - rows[inside])
+    size = np.ptp(rows, axis=0).reshape(values.shape[:2]).max(axis=0)
+    scale = np.broadcast_to(np.where(size > 0, size, 1.0), values.shape[:2]).ravel()
+    return float((wrong.max(axis=0) / scale).max())
