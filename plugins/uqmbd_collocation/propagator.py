@@ -12,12 +12,9 @@ import xarray as xr
 
 import uqmbd
 from uqmbd.results import Status
-from uqmbd_collocation.alignment import align
-from uqmbd_collocation.clocks import require_clock, watched_angles
+from uqmbd_collocation.alignment import EventPaths, PhasePaths, align, require_clock, watched_angles
 from uqmbd_collocation.computing import computed
 from uqmbd_collocation.elements import collocate_elements
-from uqmbd_collocation.event_paths import EventPaths
-from uqmbd_collocation.phase_paths import PhasePaths
 from uqmbd_collocation.plans import Adaptive, Method, Plans, Terms
 from uqmbd_collocation.record import nodes_dataset, warn_of_failures, warn_of_idle_inputs
 from uqmbd_collocation.refinement import Limits, history

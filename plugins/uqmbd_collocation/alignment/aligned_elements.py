@@ -18,13 +18,13 @@ import xarray as xr
 import uqmbd
 from uqmbd.results import AlignedChaos, AlignedElement, Landmarks, Status
 from uqmbd.typing import Array
-from uqmbd_collocation.aligned_problem import AlignedProblem, Cut
-from uqmbd_collocation.clocks import TURN
+from uqmbd_collocation.alignment.aligned_problem import AlignedProblem, Cut
+from uqmbd_collocation.alignment.clocks import TURN
+from uqmbd_collocation.alignment.event_paths import EventPaths
+from uqmbd_collocation.alignment.landmarks import PER_TURN
+from uqmbd_collocation.alignment.phase_paths import RUNS, PhasePaths
 from uqmbd_collocation.computing import computed
-from uqmbd_collocation.event_paths import EventPaths
 from uqmbd_collocation.fitting import Fit
-from uqmbd_collocation.landmarks import PER_TURN
-from uqmbd_collocation.phase_paths import RUNS, PhasePaths
 from uqmbd_collocation.plans import STREAM, Plans
 from uqmbd_collocation.record import nodes_of, warn_of_failures
 from uqmbd_collocation.refinement import Limits, Refinement, history

@@ -8,8 +8,8 @@ import numpy as np
 from scipy.interpolate import make_interp_spline
 
 from uqmbd.typing import Array
-from uqmbd_collocation.clocks import TURN, Clock
-from uqmbd_collocation.dense import DEGREE, Dense
+from uqmbd_collocation.alignment.clocks import TURN, Clock
+from uqmbd_collocation.alignment.dense import DEGREE, Dense
 
 __all__ = ["PER_TURN", "Landmarked", "marks_behind", "phase_landmarks", "segment_points", "time_landmarks"]
 

@@ -11,7 +11,7 @@ import numpy as np
 import uqmbd
 from uqmbd.results import Status
 from uqmbd.typing import Array
-from uqmbd_collocation.landmarks import Landmarked
+from uqmbd_collocation.alignment.landmarks import Landmarked
 
 __all__ = ["EventPaths"]
 

@@ -13,7 +13,7 @@ import numpy as np
 import uqmbd
 from uqmbd.results import Labels, OutputInfo
 from uqmbd.typing import Array
-from uqmbd_collocation.landmarks import Landmarked
+from uqmbd_collocation.alignment.landmarks import Landmarked
 
 __all__ = ["AlignedProblem", "Cut"]
 

@@ -11,9 +11,9 @@ import numpy as np
 import uqmbd
 from uqmbd.results import Status
 from uqmbd.typing import Array
-from uqmbd_collocation.clocks import Clock, choose_clock
-from uqmbd_collocation.dense import FIRST, Dense, dense
-from uqmbd_collocation.landmarks import PER_TURN, Landmarked, marks_behind, phase_landmarks, time_landmarks
+from uqmbd_collocation.alignment.clocks import Clock, choose_clock
+from uqmbd_collocation.alignment.dense import FIRST, Dense, dense
+from uqmbd_collocation.alignment.landmarks import PER_TURN, Landmarked, marks_behind, phase_landmarks, time_landmarks
 
 __all__ = ["PhasePaths"]
 

@@ -17,7 +17,7 @@ import sympy
 
 import uqmbd
 from uqmbd.typing import Array, Mask
-from uqmbd_collocation.dense import Dense
+from uqmbd_collocation.alignment.dense import Dense
 
 __all__ = ["TURN", "Clock", "Phases", "choose_clock", "require_clock", "watched_angles"]
 

@@ -1,0 +1,10 @@
+"""Realisations compared at landmarks instead of at equal times: events, or equal phases of a clock."""
+
+from __future__ import annotations
+
+from uqmbd_collocation.alignment.aligned_elements import align
+from uqmbd_collocation.alignment.clocks import require_clock, watched_angles
+from uqmbd_collocation.alignment.event_paths import EventPaths
+from uqmbd_collocation.alignment.phase_paths import PhasePaths
+
+__all__ = ["EventPaths", "PhasePaths", "align", "require_clock", "watched_angles"]
