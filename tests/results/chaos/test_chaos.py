@@ -18,7 +18,7 @@ from uqmbd.randomness.joint import JointInput
 from uqmbd.randomness.space.germ_space import GermSpace
 from uqmbd.randomness.variable import random_vector
 from uqmbd.results import PolynomialChaos
-from uqmbd.results.chaos.moments import skewness_kurtosis
+from uqmbd.results.chaos.terms import skewness_kurtosis
 
 
 def space_of(**distributions: object) -> GermSpace:

@@ -14,8 +14,8 @@ from uqmbd.randomness.germs.germ import Germ
 from uqmbd.randomness.index_sets import index_set
 from uqmbd.randomness.space.germ_space import GermSpace
 from uqmbd.results import PolynomialChaos
-from uqmbd.results.chaos import moments as chaos_moments
-from uqmbd.results.chaos import products as chaos_products
+from uqmbd.results.chaos.terms import moments as chaos_moments
+from uqmbd.results.chaos.terms import products as chaos_products
 
 
 def large(inputs: int, order: int, times: int) -> PolynomialChaos:

@@ -16,9 +16,9 @@ from uqmbd.results.chaos.aligned_element import AlignedElement, SampledElement
 from uqmbd.results.chaos.boxes import check_filled, rows_of_boxes
 from uqmbd.results.chaos.decay import top_order
 from uqmbd.results.chaos.interface import Samples, Surrogate
-from uqmbd.results.chaos.moments import constant_columns
 from uqmbd.results.chaos.sampling import basis_values, spread_germs
 from uqmbd.results.chaos.storage import aligned_arguments, aligned_dataset
+from uqmbd.results.chaos.terms import constant_columns
 from uqmbd.results.schema import Labels
 from uqmbd.typing import Array, Index
 

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 import xarray as xr
 
-from uqmbd.results.chaos.moments import constant_columns, standard_deviation
 from uqmbd.results.chaos.stated_error import first_above, reference_spread
+from uqmbd.results.chaos.terms import constant_columns, standard_deviation
 from uqmbd.results.schema import Labels, fixed_width
 from uqmbd.results.statistics import divisor
 from uqmbd.typing import Array, Index, Mask

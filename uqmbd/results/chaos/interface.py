@@ -14,9 +14,9 @@ from numpy.typing import ArrayLike, NDArray
 from uqmbd.display import html_of
 from uqmbd.errors import StudyError
 from uqmbd.results.chaos.decay import verdict_of_error
-from uqmbd.results.chaos.moments import constant_columns
 from uqmbd.results.chaos.sampling import affordable, kernel_density, quantiles_of_rows, random_germs, spread_germs
 from uqmbd.results.chaos.stated_error import first_above, stated_error
+from uqmbd.results.chaos.terms import constant_columns
 from uqmbd.results.schema import (
     DEFAULT_PROBABILITIES,
     Labels,

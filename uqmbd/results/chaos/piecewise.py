@@ -15,9 +15,9 @@ from uqmbd.results.chaos.boxes import check_filled, rows_of_boxes
 from uqmbd.results.chaos.decay import decay_dataset, energy_of_germs, energy_of_orders, percent
 from uqmbd.results.chaos.interface import Samples, Surrogate
 from uqmbd.results.chaos.polynomial import PolynomialChaos
-from uqmbd.results.chaos.sobol import closed_variance
 from uqmbd.results.chaos.stated_error import reference_spread
 from uqmbd.results.chaos.storage import piecewise_arguments, piecewise_dataset
+from uqmbd.results.chaos.terms import closed_variance
 from uqmbd.results.schema import Labels
 from uqmbd.results.statistics import divisor
 from uqmbd.threads import one_thread

@@ -19,16 +19,18 @@ from uqmbd.results.chaos.decay import (
 )
 from uqmbd.results.chaos.discontinuity import Discontinuity, find_discontinuities
 from uqmbd.results.chaos.interface import FEWER, Samples, Surrogate, frozen
-from uqmbd.results.chaos.moments import shape_route, skewness_kurtosis, standard_deviation
 from uqmbd.results.chaos.sampling import affordable, basis_values, sampled_shape
-from uqmbd.results.chaos.sobol import (
+from uqmbd.results.chaos.storage import chaos_arguments, chaos_dataset
+from uqmbd.results.chaos.terms import (
     first_order_masks,
     interaction_mask,
     second_order_masks,
+    shape_route,
+    skewness_kurtosis,
+    standard_deviation,
     total_order_masks,
     variance_shares,
 )
-from uqmbd.results.chaos.storage import chaos_arguments, chaos_dataset
 from uqmbd.results.schema import Labels, check_shape
 from uqmbd.threads import one_thread
 from uqmbd.typing import Array, Index, Mask

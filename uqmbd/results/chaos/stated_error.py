@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from uqmbd.results.chaos.moments import constant_columns
+from uqmbd.results.chaos.terms import constant_columns
 from uqmbd.results.statistics import divisor
 from uqmbd.typing import Array
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from uqmbd.results.chaos.moments import column_blocks, constant_columns, standard_deviation
+from uqmbd.results.chaos.terms.moments import column_blocks, constant_columns, standard_deviation
 from uqmbd.threads import one_thread
 from uqmbd.typing import Array, Index, Mask
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from uqmbd.errors import StudyError
-from uqmbd.results.chaos.products import ProductTable, product_count, product_table
+from uqmbd.results.chaos.terms.products import ProductTable, product_count, product_table
 from uqmbd.results.statistics import divisor
 from uqmbd.threads import one_thread
 from uqmbd.typing import Array, Index, Mask
