@@ -12,7 +12,7 @@ import xarray as xr
 
 import uqmbd
 from uqmbd.results import Status
-from uqmbd_collocation.alignment import EventPaths, PhasePaths, align, require_clock, watched_angles
+from uqmbd_collocation.alignment import EventPaths, PhasePaths, align
 from uqmbd_collocation.computing import computed
 from uqmbd_collocation.elements import collocate_elements
 from uqmbd_collocation.plans import Adaptive, Method, Plans, Terms
@@ -182,7 +182,7 @@ class Collocation(uqmbd.Propagator):
 
     def watches(self, mechanism: uqmbd.Mechanism) -> Mapping[str, Any]:
         """Watch the angles of bodies and joints, where a clock is looked for."""
-        return watched_angles(mechanism) if self.alignment == "phase" else {}
+        return uqmbd.watched_angles(mechanism) if self.alignment == "phase" else {}
 
     def estimate(self, study: uqmbd.Study) -> uqmbd.Estimate:
         """Count realisations, and the memory of their outputs and of the chaos."""
@@ -208,7 +208,7 @@ class Collocation(uqmbd.Propagator):
         try:
             space = uqmbd.GermSpace.of(study.mechanism.inputs, self.transform)
             if self.clock is not None:
-                require_clock(study.problem(self), self.clock)
+                uqmbd.require_clock(study.problem(self), self.clock)
             if self.alignment == "events":
                 study.problem(self).require("segments")
             if self.adaptive != "dimension":

@@ -3,7 +3,21 @@
 from __future__ import annotations
 
 from uqmbd.propagation.annotations import Bounds, option_types
-from uqmbd.propagation.chaos import ElementLimits, ElementRefinement, NodeFit, Verification, fit_nodes, refine_elements
+from uqmbd.propagation.chaos import (
+    Clock,
+    Dense,
+    ElementLimits,
+    ElementRefinement,
+    NodeFit,
+    Phases,
+    Verification,
+    choose_clock,
+    dense,
+    fit_nodes,
+    refine_elements,
+    require_clock,
+    watched_angles,
+)
 from uqmbd.propagation.deterministic import input_point, simulate
 from uqmbd.propagation.equilibrium import eigenfrequencies, static_equilibrium
 from uqmbd.propagation.estimate import Estimate
@@ -18,17 +32,22 @@ from uqmbd.propagation.study import Study
 
 __all__ = [
     "Bounds",
+    "Clock",
+    "Dense",
     "ElementLimits",
     "ElementRefinement",
     "Estimate",
     "History",
     "Lines",
+    "Phases",
     "Problem",
     "Progress",
     "Propagator",
     "Realisations",
     "Study",
+    "choose_clock",
     "claimed",
+    "dense",
     "eigenfrequencies",
     "input_point",
     "load_study",
@@ -40,8 +59,10 @@ __all__ = [
     "fit_nodes",
     "nothing_random",
     "refine_elements",
+    "require_clock",
     "set_aside",
     "simulate",
     "static_equilibrium",
     "stepped",
+    "watched_angles",
 ]

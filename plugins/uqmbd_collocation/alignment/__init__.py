@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from uqmbd_collocation.alignment.aligned_elements import align
-from uqmbd_collocation.alignment.clocks import require_clock, watched_angles
 from uqmbd_collocation.alignment.event_paths import EventPaths
 from uqmbd_collocation.alignment.phase_paths import PhasePaths
 
-__all__ = ["EventPaths", "PhasePaths", "align", "require_clock", "watched_angles"]
+__all__ = ["EventPaths", "PhasePaths", "align"]

@@ -19,9 +19,8 @@ import uqmbd
 from uqmbd.results import AlignedChaos, AlignedElement, Landmarks, Status
 from uqmbd.typing import Array
 from uqmbd_collocation.alignment.aligned_problem import AlignedProblem, Cut
-from uqmbd_collocation.alignment.clocks import TURN
 from uqmbd_collocation.alignment.event_paths import EventPaths
-from uqmbd_collocation.alignment.landmarks import PER_TURN
+from uqmbd_collocation.alignment.landmarks import PER_TURN, TURN
 from uqmbd_collocation.alignment.phase_paths import RUNS, PhasePaths
 from uqmbd_collocation.computing import computed
 from uqmbd_collocation.fitting import Fit

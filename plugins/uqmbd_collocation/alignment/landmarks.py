@@ -7,12 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import make_interp_spline
 
+import uqmbd
 from uqmbd.typing import Array
-from uqmbd_collocation.alignment.clocks import TURN, Clock
-from uqmbd_collocation.alignment.dense import DEGREE, Dense
 
-__all__ = ["PER_TURN", "Landmarked", "marks_behind", "phase_landmarks", "segment_points", "time_landmarks"]
+__all__ = ["PER_TURN", "TURN", "Landmarked", "marks_behind", "phase_landmarks", "segment_points", "time_landmarks"]
 
+
+TURN = 2 * np.pi
 
 PER_TURN = 4
 """Landmarks of a turn."""
@@ -43,14 +44,16 @@ def segment_points(count: int) -> Array:
     return found
 
 
-def phase_landmarks(found: Dense, clock: Clock, marks: Array, end: float, outputs: int, points: int) -> Landmarked:
+def phase_landmarks(
+    found: uqmbd.Dense, clock: uqmbd.Clock, marks: Array, end: float, outputs: int, points: int
+) -> Landmarked:
     """Cut realisations where their phases pass given values.
 
     Parameters
     ----------
-    found : Dense
+    found : uqmbd.Dense
         Realisations, which are fine.
-    clock : Clock
+    clock : uqmbd.Clock
         Tells their phases.
     marks : array, shape (S,)
         Increasing phases of the landmarks behind the first, which is the start, rad.
@@ -73,7 +76,7 @@ def phase_landmarks(found: Dense, clock: Clock, marks: Array, end: float, output
     return Landmarked(edges, response)
 
 
-def time_landmarks(found: Dense, edges: Array, outputs: int, points: int) -> Landmarked:
+def time_landmarks(found: uqmbd.Dense, edges: Array, outputs: int, points: int) -> Landmarked:
     """Cut realisations, which are fine, at the same times (S + 1,), s; see `phase_landmarks`."""
     moments = edges[:-1, None] + segment_points(points) * np.diff(edges)[:, None]
     response = np.empty((len(found.values), len(edges) - 1, outputs, points))
@@ -86,7 +89,7 @@ def time_landmarks(found: Dense, edges: Array, outputs: int, points: int) -> Lan
 def _times_of(times: Array, phase: Array, marks: Array) -> Array:
     """Find the times (S,) at which a phase (T,) passes given values; NaN where it does not reach one."""
     highest = np.maximum.accumulate(phase)
-    spline = make_interp_spline(times, phase, DEGREE)
+    spline = make_interp_spline(times, phase, uqmbd.Dense.degree)
     rate = spline.derivative()
     right = np.clip(np.searchsorted(highest, marks), 1, len(times) - 1)
     low, high = times[right - 1], times[right]

@@ -11,8 +11,6 @@ import numpy as np
 import uqmbd
 from uqmbd.results import Status
 from uqmbd.typing import Array
-from uqmbd_collocation.alignment.clocks import Clock, choose_clock
-from uqmbd_collocation.alignment.dense import FIRST, Dense, dense
 from uqmbd_collocation.alignment.landmarks import PER_TURN, Landmarked, marks_behind, phase_landmarks, time_landmarks
 
 __all__ = ["PhasePaths"]
@@ -36,7 +34,7 @@ RUNS, STANDS = ("the clock runs",), ("the clock stands",)
 class _Path:
     """One realisation: where it is among those that were computed with it, and what became of it."""
 
-    found: Dense
+    found: uqmbd.Dense
     row: int
     status: int
     message: str
@@ -52,7 +50,7 @@ class PhasePaths:
         That of the study.
     wanted : str, optional
         Name of the clock that the user asks for.
-    clock : Clock
+    clock : uqmbd.Clock
         Set by `find_clock`.
     spent : int
         Realisations so far, those that were computed anew counted again.
@@ -66,7 +64,7 @@ class PhasePaths:
 
     problem: uqmbd.Problem
     wanted: str | None = None
-    clock: Clock | None = None
+    clock: uqmbd.Clock | None = None
     spent: int = 0
     counters: Counter[str] = field(default_factory=Counter)
     longest: float = 1.0
@@ -107,7 +105,7 @@ class PhasePaths:
         groups, paths = self._groups(values, AHEAD)
         if not groups:
             return f"all realisations failed: {paths[0].message}"
-        self.clock, why = choose_clock(self.problem, groups[0][0], self.end, self.wanted)
+        self.clock, why = uqmbd.choose_clock(self.problem, groups[0][0], self.end, self.wanted)
         return why
 
     def sequences(self, values: Array) -> list[tuple[str, ...]]:
@@ -184,12 +182,12 @@ class PhasePaths:
         return uqmbd.Realisations(values, np.zeros((len(values), 0, 0)), status, messages, {}, 0.0)
 
     @property
-    def _clock(self) -> Clock:
+    def _clock(self) -> uqmbd.Clock:
         if self.clock is None:
             raise uqmbd.StudyError(f"{self.problem.label}: no clock was chosen.")
         return self.clock
 
-    def _groups(self, values: Array, factor: float) -> tuple[list[tuple[Dense, list[int]]], list[_Path]]:
+    def _groups(self, values: Array, factor: float) -> tuple[list[tuple[uqmbd.Dense, list[int]]], list[_Path]]:
         """Realisations (K) for so many times the output times, put together where they have the same times."""
         until = self.begin + factor * (self.end - self.begin)
         keys = [row.tobytes() for row in np.ascontiguousarray(values, dtype=float)]
@@ -199,7 +197,7 @@ class PhasePaths:
                 missing[key] = k
         if missing:
             rows = values[list(missing.values())]
-            found, told = dense(self.problem.watching(), rows, until, max(FIRST, 2 * len(self.problem.times)))
+            found, told = uqmbd.dense(self.problem.watching(), rows, until, 2 * len(self.problem.times))
             self.spent += len(rows)
             self.counters.update(told.counters)
             self.longest, self.error = max(self.longest, factor), max(self.error, found.error)

@@ -2,15 +2,24 @@
 
 from __future__ import annotations
 
+from uqmbd.propagation.chaos.clocks import Clock, Phases, choose_clock, require_clock, watched_angles
+from uqmbd.propagation.chaos.dense import Dense, dense
 from uqmbd.propagation.chaos.elements import ElementLimits, ElementRefinement, refine_elements
 from uqmbd.propagation.chaos.nodes import NodeFit, fit_nodes
 from uqmbd.propagation.chaos.verification import Verification
 
 __all__ = [
+    "Clock",
+    "Dense",
     "NodeFit",
+    "Phases",
     "Verification",
+    "choose_clock",
+    "dense",
     "fit_nodes",
     "ElementLimits",
     "ElementRefinement",
     "refine_elements",
+    "require_clock",
+    "watched_angles",
 ]

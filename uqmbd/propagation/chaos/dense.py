@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from scipy.interpolate import BSpline, make_interp_spline
 
-import uqmbd
+from uqmbd.propagation.problem import Problem, Realisations
 from uqmbd.typing import Array
 
-__all__ = ["DEGREE", "Dense", "dense"]
+__all__ = ["Dense", "dense"]
 
 
 DEGREE = 7
@@ -44,12 +45,14 @@ class Dense:
     values: Array
     error: float
 
+    degree: ClassVar[int] = DEGREE
+
     def spline(self, k: int) -> BSpline:
         """Return the outputs of one realisation as a function from times (N,) to (N, O)."""
         return make_interp_spline(self.times, self.values[k].T, DEGREE)
 
 
-def dense(problem: uqmbd.Problem, values: Array, end: float, least: int = FIRST) -> tuple[Dense, uqmbd.Realisations]:
+def dense(problem: Problem, values: Array, end: float, least: int = 0) -> tuple[Dense, Realisations]:
     """Compute realisations at so many times that splines through them are accurate.
 
     Parameters
@@ -61,7 +64,7 @@ def dense(problem: uqmbd.Problem, values: Array, end: float, least: int = FIRST)
     end : float
         Last time, s.
     least : int
-        Times that are tried first.
+        Times that are tried first, at least.
 
     Returns
     -------
@@ -71,6 +74,7 @@ def dense(problem: uqmbd.Problem, values: Array, end: float, least: int = FIRST)
         As they were computed.
     """
     rows = problem.labels.shape[0]
+    least = max(least, FIRST)
     most = max(least, min(MOST, NUMBERS // max(1, len(values) * rows)))
     count = least
     while True:

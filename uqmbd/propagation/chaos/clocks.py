@@ -15,11 +15,12 @@ from typing import Any
 import numpy as np
 import sympy
 
-import uqmbd
+from uqmbd.errors import StudyError
+from uqmbd.propagation.chaos.dense import Dense
+from uqmbd.propagation.problem import Problem
 from uqmbd.typing import Array, Mask
-from uqmbd_collocation.alignment.dense import Dense
 
-__all__ = ["TURN", "Clock", "Phases", "choose_clock", "require_clock", "watched_angles"]
+__all__ = ["Clock", "Phases", "choose_clock", "require_clock", "watched_angles"]
 
 
 TURN = 2 * np.pi
@@ -144,7 +145,7 @@ def watched_angles(mechanism: Any) -> Mapping[str, Any]:
     return found
 
 
-def choose_clock(problem: uqmbd.Problem, found: Dense, end: float, wanted: str | None) -> tuple[Clock | None, str]:
+def choose_clock(problem: Problem, found: Dense, end: float, wanted: str | None) -> tuple[Clock | None, str]:
     """Choose what tells the phase in all realisations, or as many as possible; else say why there is none.
 
     An angle that grows comes before an oscillation; of several the steadiest.
@@ -185,7 +186,7 @@ def choose_clock(problem: uqmbd.Problem, found: Dense, end: float, wanted: str |
     return None, f"a clock turns or swings on, without standing, for a turn at least in some realisation; {what}"
 
 
-def require_clock(problem: uqmbd.Problem, wanted: str) -> Clock:
+def require_clock(problem: Problem, wanted: str) -> Clock:
     """Return the clock of a name.
 
     Raises
@@ -195,14 +196,14 @@ def require_clock(problem: uqmbd.Problem, wanted: str) -> Clock:
     """
     known = {clock.name: clock for clock in reversed(_candidates(problem))}
     if wanted not in known:
-        raise uqmbd.StudyError(
+        raise StudyError(
             f"{problem.label}: clock is {wanted!r}; expected the name of an output, or of a body or joint that has an "
             f"angle: {', '.join(map(repr, reversed(known)))}."
         )
     return known[wanted]
 
 
-def _candidates(problem: uqmbd.Problem) -> list[Clock]:
+def _candidates(problem: Problem) -> list[Clock]:
     """Return whatever may be a clock: outputs, then the angles that are watched."""
     outputs = problem.labels.outputs
     names = [o.name.removeprefix(WATCHED) for o in problem.watching().labels.outputs[len(outputs) :]]
