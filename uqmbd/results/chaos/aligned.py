@@ -15,10 +15,10 @@ from uqmbd.errors import StudyError
 from uqmbd.results.chaos.aligned_element import AlignedElement, SampledElement
 from uqmbd.results.chaos.boxes import check_filled, rows_of_boxes
 from uqmbd.results.chaos.decay import top_order
-from uqmbd.results.chaos.interface import Samples, Surrogate
+from uqmbd.results.chaos.interface import Samples
+from uqmbd.results.chaos.sampled import MOMENTS, TOPS, SampledSurrogate
 from uqmbd.results.chaos.sampling import basis_values, spread_germs
 from uqmbd.results.chaos.storage import aligned_arguments, aligned_dataset
-from uqmbd.results.chaos.terms import constant_columns
 from uqmbd.results.schema import Labels
 from uqmbd.typing import Array, Index
 
@@ -28,18 +28,8 @@ if TYPE_CHECKING:
 __all__ = ["AlignedChaos"]
 
 
-MOMENTS = 16_384
-"""Samples of the surrogate for mean and standard deviation."""
-FROZEN = 4_096
-"""Pairs of samples for Sobol' indices."""
-TOPS = 256
-"""Samples of the surrogate for the energy of its top order."""
-BLOCK = 2_048
-"""Samples that are evaluated at once."""
-
-
 @dataclass(frozen=True, eq=False, repr=False)
-class AlignedChaos(Surrogate):
+class AlignedChaos(SampledSurrogate):
     """Outputs as polynomials that follow the landmarks of a motion: its events, or equal phases of a clock.
 
     The times of landmarks and the outputs between them, each in its own normalised time, are smooth in the inputs where
@@ -102,53 +92,6 @@ class AlignedChaos(Surrogate):
             values = np.einsum("kp,pson,tn->ksot", s.basis, s.element.segments, polynomials, optimize=True)
             found[s.rows, : values.shape[1]] = values
         return found
-
-    @property
-    def mean(self) -> Array:
-        """Expectation, shape (O, T), in the units of the outputs."""
-        return self._moments[0]
-
-    @property
-    def variance(self) -> Array:
-        """Variance, shape (O, T)."""
-        return self._moments[1]
-
-    @property
-    def std(self) -> Array:
-        """Standard deviation, shape (O, T), in the units of the outputs."""
-        return np.sqrt(self._moments[1])
-
-    @property
-    def shape_samples(self) -> int:
-        """Samples of the surrogate from which skewness and kurtosis are."""
-        return MOMENTS
-
-    @property
-    def sobol_first_germ(self) -> Array:
-        """First-order indices, shape (germ, O, T), by Jansen's estimators on the surrogate."""
-        return self._sobol[0]
-
-    @property
-    def sobol_total_germ(self) -> Array:
-        """Total indices, shape (germ, O, T)."""
-        return self._sobol[1]
-
-    @property
-    def top_energy(self) -> Array:
-        """Mean square (O, T) of what the terms of the top order change at samples."""
-        found: Array = self._tops[0]
-        return found
-
-    @property
-    def top_energy_germ(self) -> Array:
-        """The same of the terms that depend on a germ (d, O, T)."""
-        found: Array = self._tops[1:]
-        return found
-
-    @property
-    def variance_germ(self) -> Array:
-        """Variance that vanishes with a germ (d, O, T)."""
-        return np.asarray(self.sobol_total_germ * self.variance)
 
     @classmethod
     def joined(cls, chaoses: Sequence[AlignedChaos], boxes: Sequence[GermBox]) -> AlignedChaos:
@@ -240,35 +183,6 @@ class AlignedChaos(Surrogate):
             found.append(np.mean((whole - replace(self, elements=tuple(fewer)).evaluate_germs(germs)) ** 2, axis=0))
         return np.array(found)
 
-    @cached_property
-    def _moments(self) -> tuple[Array, Array, Array, Array]:
-        """Mean, variance, skewness and kurtosis (O, T)."""
-        germs = spread_germs(self.space, MOMENTS, 0)
-        shift = self.evaluate_germs(germs[:1])[0]
-        sums = np.zeros((4, *self.labels.shape))
-        for first in range(0, len(germs), BLOCK):
-            x = self.evaluate_germs(germs[first : first + BLOCK]) - shift
-            power = x.copy()
-            for k in range(4):
-                sums[k] += power.sum(axis=0)
-                power *= x
-        one, two, three, four = sums / len(germs)
-        variance = np.maximum(two - one**2, 0.0)
-        constant = constant_columns(shift + one, np.sqrt(variance))
-        scale = np.where(constant, 1.0, np.sqrt(variance))
-        third = (three - 3 * one * two + 2 * one**3) / scale**3
-        fourth = (four - 4 * one * three + 6 * one**2 * two - 3 * one**4) / scale**4
-        return (
-            shift + one,
-            np.where(constant, 0.0, variance),
-            np.where(constant, 0.0, third),
-            np.where(constant, 3.0, fourth),
-        )
-
-    @property
-    def _shape_moments(self) -> tuple[Array, Array]:
-        return self._moments[2:]
-
     def late(self) -> Array:
         """Return by how much (S,), in s, the last landmarks of samples lie before the last time; 0 where they do not.
 
@@ -280,31 +194,3 @@ class AlignedChaos(Surrogate):
         germs = np.concatenate([spread_germs(self.space, MOMENTS, 0), a, b, *mixed])
         last = [sampled.edges[:, -1] for sampled in self._sampled(germs)]
         return np.maximum(float(self._times[-1]) - np.concatenate(last), 0.0)
-
-    @property
-    def _frozen(self) -> tuple[Array, Array]:
-        """Germ points of Sobol' indices: two of each pair."""
-        from scipy.stats import qmc
-
-        d = len(self.germ_names)
-        uniform = np.clip(qmc.Sobol(2 * d, seed=0).random(FROZEN), 1e-12, 1 - 1e-12)
-        return self.space.from_uniform(uniform[:, :d]), self.space.from_uniform(uniform[:, d:])
-
-    @cached_property
-    def _sobol(self) -> tuple[Array, Array]:
-        d = len(self.germ_names)
-        a, b = self._frozen
-        other = self.evaluate_germs(b)
-        base = self.evaluate_germs(a)
-        variance = 0.5 * (base.var(axis=0) + other.var(axis=0))
-        constant = variance <= 1e-24 * (1.0 + self.mean**2)
-        scale = np.where(constant, 1.0, variance)
-        first, total = np.zeros((2, d, *self.labels.shape))
-        for k in range(d):
-            mixed = a.copy()
-            mixed[:, k] = b[:, k]
-            found = self.evaluate_germs(mixed)
-            first[k] = 1.0 - np.mean((other - found) ** 2, axis=0) / (2 * scale)
-            total[k] = np.mean((base - found) ** 2, axis=0) / (2 * scale)
-        zero = np.broadcast_to(constant, first.shape)
-        return np.where(zero, 0.0, np.clip(first, 0, 1)), np.where(zero, 0.0, np.clip(total, 0, 1))
