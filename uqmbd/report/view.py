@@ -11,7 +11,7 @@ from functools import cached_property
 import numpy as np
 import xarray as xr
 
-from uqmbd.results import failed_methods, propagator_nodes, varies
+from uqmbd.results import failed_methods, propagator_nodes, surrogate_parts, varies
 from uqmbd.results.statistics import rtol_of
 from uqmbd.status import Status
 
@@ -44,8 +44,9 @@ class Method:
 
     @cached_property
     def surrogate_data(self) -> xr.Dataset:
-        """What a surrogate is stored in: one chaos, or several that follow events."""
-        return self.node.children["chaos" if "chaos" in self.node.children else "aligned"].to_dataset()
+        """What a surrogate is stored in; where outputs have surrogates of several kinds, that with the most terms."""
+        held = [data for part in surrogate_parts(self.node).values() for data in part.children.values()]
+        return max((d.to_dataset() for d in held if "term" in d.sizes), key=lambda data: int(data.sizes["term"]))
 
     @cached_property
     def scalars(self) -> Method | None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from uqmbd.results.chaos import (
     AlignedChaos,
     AlignedElement,
+    ComposedChaos,
     Landmarks,
     LeastSquares,
     NodeRegression,
@@ -14,7 +15,9 @@ from uqmbd.results.chaos import (
     least_squares,
     project,
     regress_on_nodes,
+    stored_as,
     surrogate,
+    surrogate_parts,
 )
 from uqmbd.results.comparison import (
     IntegrationShare,
@@ -66,6 +69,7 @@ from uqmbd.status import Status
 __all__ = [
     "AlignedChaos",
     "AlignedElement",
+    "ComposedChaos",
     "DEFAULT_PROBABILITIES",
     "STATUS_MEANINGS",
     "Status",
@@ -114,7 +118,9 @@ __all__ = [
     "statistics_dataset",
     "statistics_of_samples",
     "study_tree",
+    "stored_as",
     "surrogate",
+    "surrogate_parts",
     "unwrap_samples",
     "validate",
     "varies",

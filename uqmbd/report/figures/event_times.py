@@ -14,7 +14,7 @@ from uqmbd.errors import StudyError
 from uqmbd.report.drawing import COLOURS, arrange, axes_grid, constant, draw_histogram, few_ticks, wrapped
 from uqmbd.report.figures.distributions import SURROGATE_SAMPLES, density
 from uqmbd.report.figures.selection import Results, nodes_of
-from uqmbd.results import AlignedChaos
+from uqmbd.results import AlignedChaos, surrogate_parts
 from uqmbd.wording import format_number
 
 if TYPE_CHECKING:
@@ -50,9 +50,13 @@ class EventTime:
 
 def has_events(node: xr.DataTree) -> bool:
     """Tell whether a method followed events, and there were any."""
-    if "aligned" not in node.children or "event" not in node.children["aligned"].data_vars:
-        return False
-    return bool(np.any(node.children["aligned"].to_dataset()["event"].values != ""))
+    return bool(_followed(node))
+
+
+def _followed(node: xr.DataTree) -> list[xr.DataTree]:
+    """Return the aligned chaoses of a method that follow events."""
+    found = [part.children["aligned"] for part in surrogate_parts(node).values() if "aligned" in part.children]
+    return [x for x in found if "event" in x.data_vars and bool(np.any(x.to_dataset()["event"].values != ""))]
 
 
 def events_of(node: xr.DataTree) -> list[EventTime]:
@@ -60,7 +64,7 @@ def events_of(node: xr.DataTree) -> list[EventTime]:
     from uqmbd.randomness import located
     from uqmbd.results.chaos import random_germs
 
-    chaos = AlignedChaos.from_dataset(node.children["aligned"])
+    chaos = AlignedChaos.from_dataset(_followed(node)[0])
     germs = random_germs(chaos.space, SURROGATE_SAMPLES, 0)
     edges = chaos.edges_at_germs(germs)
     where = located([element.box for element in chaos.elements], germs)

@@ -12,7 +12,16 @@ from numpy.typing import NDArray
 
 from uqmbd.errors import StudyError
 from uqmbd.report.figures.selection import Results, nodes_of, of_output
-from uqmbd.results import AlignedChaos, PiecewiseChaos, PolynomialChaos, chaos_from_dataset, surrogate, varies
+from uqmbd.results import (
+    AlignedChaos,
+    ComposedChaos,
+    PiecewiseChaos,
+    PolynomialChaos,
+    chaos_from_dataset,
+    surrogate,
+    surrogate_parts,
+    varies,
+)
 
 __all__ = [
     "chaos_nodes",
@@ -36,17 +45,21 @@ def chaos_nodes(nodes: Mapping[str, xr.DataTree]) -> dict[str, xr.DataTree]:
 
 
 def surrogate_nodes(nodes: Mapping[str, xr.DataTree]) -> dict[str, xr.DataTree]:
-    """Return the methods that hold a surrogate of outputs over time: one chaos, or one that follows events."""
-    return {label: node for label, node in nodes.items() if _has_chaos(node) or "aligned" in node.children}
+    """Return the methods that hold a surrogate of outputs over time: one chaos, aligned ones, or parts of both."""
+    return {label: node for label, node in nodes.items() if _has_chaos(node) or _is_aligned(node)}
 
 
 def surrogate_of(
     node: xr.DataTree, output: str | None = None, times: NDArray[np.float64] | None = None
-) -> PolynomialChaos | PiecewiseChaos | AlignedChaos:
+) -> PolynomialChaos | PiecewiseChaos | AlignedChaos | ComposedChaos:
     """Return the surrogate of a method over time, or of one output; a chaos at the times nearest to some, if given."""
-    if "aligned" in node.children and not _has_chaos(node):
+    if _is_aligned(node) and not _has_chaos(node):
         return surrogate(node, output)
     return chaos_of(node, output, times)
+
+
+def _is_aligned(node: xr.DataTree) -> bool:
+    return "aligned" in node.children or "composed" in node.children
 
 
 def _has_chaos(node: xr.DataTree) -> bool:
@@ -78,8 +91,10 @@ def chaos_of(
 
 def order_of(node: xr.DataTree) -> int:
     """Return the order of a method's surrogate: the largest degree of any input."""
-    child = next(name for name in ("chaos", "aligned") if name in node.children)
-    return int(np.max(node.children[child].to_dataset()["multi_index"].values, initial=0))
+    parts = [data for part in surrogate_parts(node).values() for data in part.children.values()]
+    return max(
+        int(np.max(data.to_dataset()["multi_index"].values, initial=0)) for data in parts if "multi_index" in data
+    )
 
 
 def finest(nodes: Mapping[str, xr.DataTree]) -> str:

@@ -159,7 +159,7 @@ def _integrated(study: Study, times: Array, values: Array) -> tuple[Array, str]:
 def _of_method(study: Study, times: Array, samples: int, seed: int, method: str) -> tuple[Array, Array]:
     """Return inputs (realisation, input) and coordinates (realisation, time, coordinate), as a method has them."""
     from uqmbd.propagation import Study
-    from uqmbd.results import surrogate
+    from uqmbd.results import surrogate, surrogate_parts
 
     propagators = {p.node_name: p for p in study.propagators}
     if method not in propagators:
@@ -183,7 +183,7 @@ def _of_method(study: Study, times: Array, samples: int, seed: int, method: str)
         data = data.isel(sample=np.flatnonzero(data["status"].values == Status.OK)[:samples])
         drawn = data["inputs"].sel(input=list(observed.inputs.names)).transpose("sample", "input")
         return drawn.values, data["response"].sel(output=names).transpose("sample", "time", "output").values
-    if {"chaos", "aligned"} & set(node.children):
+    if surrogate_parts(node):
         chaos = surrogate(node)
         inputs, response = chaos.sample(samples, seed)
         known = [output.name for output in chaos.labels.outputs]

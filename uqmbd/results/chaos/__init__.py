@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from uqmbd.results.chaos.aligned import AlignedChaos
 from uqmbd.results.chaos.aligned_element import AlignedElement, Landmarks
+from uqmbd.results.chaos.composed import ComposedChaos, chaos_from_dataset, stored_as
 from uqmbd.results.chaos.decay import error_words, percent, stated_words, verdict_of_decay
 from uqmbd.results.chaos.discontinuity import Discontinuity
 from uqmbd.results.chaos.fit import LeastSquares, NodeRegression, least_squares, project, regress_on_nodes
@@ -11,11 +12,12 @@ from uqmbd.results.chaos.piecewise import PiecewiseChaos
 from uqmbd.results.chaos.polynomial import PolynomialChaos
 from uqmbd.results.chaos.sampling import random_germs, spread_germs
 from uqmbd.results.chaos.stated_error import SPREAD_FLOOR, reference_spread
-from uqmbd.results.chaos.surrogates import chaos_from_dataset, surrogate
+from uqmbd.results.chaos.surrogates import surrogate, surrogate_parts
 
 __all__ = [
     "AlignedChaos",
     "AlignedElement",
+    "ComposedChaos",
     "Discontinuity",
     "Landmarks",
     "LeastSquares",
@@ -33,6 +35,8 @@ __all__ = [
     "regress_on_nodes",
     "spread_germs",
     "stated_words",
+    "stored_as",
     "surrogate",
+    "surrogate_parts",
     "verdict_of_decay",
 ]

@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import xarray as xr
 
 from uqmbd.errors import StudyError
-from uqmbd.results.chaos.aligned import AlignedChaos
-from uqmbd.results.chaos.piecewise import PiecewiseChaos
-from uqmbd.results.chaos.polynomial import PolynomialChaos
+from uqmbd.results.chaos.composed import KINDS, ComposedChaos, Part
 
-__all__ = ["chaos_from_dataset", "surrogate"]
+__all__ = ["surrogate", "surrogate_parts"]
 
 
-def surrogate(node: xr.DataTree, output: str | None = None) -> PolynomialChaos | PiecewiseChaos | AlignedChaos:
-    """Return the surrogate of a method: one polynomial chaos, one of elements, or one that follows events.
+def surrogate(node: xr.DataTree, output: str | None = None, times: Sequence[int] | None = None) -> Part | ComposedChaos:
+    """Return the surrogate of a method: one polynomial chaos, one of elements, an aligned one, or one of several kinds.
 
     All of them evaluate, sample, and give statistics and densities alike.
 
@@ -24,10 +24,13 @@ def surrogate(node: xr.DataTree, output: str | None = None) -> PolynomialChaos |
         The node of a propagator.
     output : str, optional
         Only this output is read, which is faster; default: all.
+    times : sequence of int, optional
+        Only these of its times are read, by their numbers; default: all.
 
     Returns
     -------
-    PolynomialChaos, PiecewiseChaos or AlignedChaos
+    PolynomialChaos, PiecewiseChaos, AlignedChaos or ComposedChaos
+        The last one where outputs have surrogates of different kinds, and all of them are read.
 
     Raises
     ------
@@ -38,7 +41,7 @@ def surrogate(node: xr.DataTree, output: str | None = None) -> PolynomialChaos |
     --------
     >>> import chaospy, uqmbd
     >>> from uqmbd.randomness import GermSpace, JointInput
-    >>> from uqmbd.results import labels, propagator_node
+    >>> from uqmbd.results import PolynomialChaos, labels, propagator_node
     >>> space = GermSpace.of(JointInput.of([uqmbd.RandomVariable("k", chaospy.Normal(1, 0.1))]))
     >>> chaos = PolynomialChaos([[[1.0]], [[0.5]]], [[0], [1]], space, labels(["x"], ["k"], [0.0]))
     >>> node = propagator_node("mine", chaos.statistics(), propagator="p", realisations=2, wall_time=0.0,
@@ -46,25 +49,40 @@ def surrogate(node: xr.DataTree, output: str | None = None) -> PolynomialChaos |
     >>> surrogate(node, "x").evaluate([[1.2]]).round(9).tolist()
     [[[2.0]]]
     """
-    kind = next((name for name in ("chaos", "aligned") if name in node.children), None)
-    if kind is None:
+    parts = surrogate_parts(node)
+    if not parts:
         raise StudyError(f"The propagator {node.name!r} holds no surrogate; collocation and Galerkin make one.")
-    data = node.children[kind].to_dataset()
+    found, names = {}, []
+    for name, part in parts.items():
+        kind = _kind(part)
+        data = part.children[kind].to_dataset()
+        own = [str(x) for x in data["output"].values]
+        names += own
+        if times is not None and "time" in data.sizes:
+            data = data.isel(time=list(times))
+        if output is None:
+            found[name] = (kind, data)
+        elif output in own:
+            return KINDS[kind](data.isel(output=own.index(output) + np.arange(1)))
     if output is not None:
-        names = [str(name) for name in data["output"].values]
-        if output not in names:
-            raise StudyError(f"There is no output {output!r}; there are {', '.join(map(repr, names))}.")
-        data = data.isel(output=names.index(output) + np.arange(1))
-    return AlignedChaos.from_dataset(data) if kind == "aligned" else chaos_from_dataset(data)
+        raise StudyError(f"There is no output {output!r}; there are {', '.join(map(repr, names))}.")
+    if list(found) == [""]:
+        kind, data = found[""]
+        return KINDS[kind](data)
+    return ComposedChaos.from_datasets(found)
 
 
-def chaos_from_dataset(dataset: xr.Dataset | xr.DataTree) -> PolynomialChaos | PiecewiseChaos:
-    """Make the chaos of a result, of one element or of several, from its dataset `chaos`.
+def surrogate_parts(node: xr.DataTree) -> dict[str, xr.DataTree]:
+    """Return what holds the surrogates of a method's outputs: the node itself, or its parts by their names; or nothing.
 
-    Raises
-    ------
-    StudyError
-        If it is no such dataset.
+    Each has a child ``chaos`` or ``aligned``, with some of the outputs.
     """
-    kind = PiecewiseChaos if "element" in dataset.dims else PolynomialChaos
-    return kind.from_dataset(dataset)
+    if _kind(node):
+        return {"": node}
+    if "composed" not in node.children:
+        return {}
+    return {str(name): part for name, part in node.children["composed"].children.items() if _kind(part)}
+
+
+def _kind(node: xr.DataTree) -> str:
+    return next((name for name in KINDS if name in node.children), "")

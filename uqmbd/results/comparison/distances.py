@@ -14,7 +14,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from uqmbd.errors import UqmbdError
-from uqmbd.results.chaos import AlignedChaos, chaos_from_dataset, spread_germs
+from uqmbd.results.chaos import spread_germs, surrogate, surrogate_parts
 from uqmbd.results.comparison.own_errors import OwnError
 from uqmbd.status import Status
 from uqmbd.typing import Array
@@ -129,26 +129,27 @@ def _realisations_at(node: xr.DataTree, where: Sequence[int]) -> tuple[Array, fl
 
     With them how many count as independent: infinite for those of a chaos.  None where a method kept neither.
     """
-    for name in ("samples", "chaos", "aligned"):
-        if name not in node.children:
-            continue
-        data = node.children[name].to_dataset()
-        if "time" in data.sizes:
-            if max(where, default=0) >= data.sizes["time"]:  # it ended early
-                continue
-            data = data.isel(time=list(where))
-        if name == "samples":
+    if "samples" in node.children:
+        data = node.children["samples"].to_dataset()
+        if _reaches(data, where):
+            data = data.isel(time=list(where)) if "time" in data.sizes else data
             response = data["response"].isel(sample=np.flatnonzero(data["status"].values == Status.OK)).values
             if len(response):
                 return response.reshape(*response.shape[:2], -1), float(len(response))
-            continue
-        try:
-            chaos = AlignedChaos.from_dataset(data) if name == "aligned" else chaos_from_dataset(data)
-        except (UqmbdError, KeyError, ValueError):  # of another kind, whose results stand without
-            continue
-        values = chaos.evaluate_germs(spread_germs(chaos.space, SURROGATE_SAMPLES, 0))
-        return values.reshape(*values.shape[:2], -1), np.inf
-    return None
+    held = [data.to_dataset() for part in surrogate_parts(node).values() for data in part.children.values()]
+    if not held or not all(_reaches(data, where) for data in held):
+        return None
+    try:
+        chaos = surrogate(node, times=where)
+    except (UqmbdError, KeyError, ValueError):  # of another kind, whose results stand without
+        return None
+    values = chaos.evaluate_germs(spread_germs(chaos.space, SURROGATE_SAMPLES, 0))
+    return values.reshape(*values.shape[:2], -1), np.inf
+
+
+def _reaches(data: xr.Dataset, where: Sequence[int]) -> bool:
+    """Whether results were there at all of some times: those of a method that ended early were not."""
+    return "time" not in data.sizes or max(where, default=0) < data.sizes["time"]
 
 
 def _comparison_times(times: Array, base: OwnError, fine: NDArray[np.intp]) -> list[int]:

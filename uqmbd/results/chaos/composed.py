@@ -1,0 +1,219 @@
+"""A surrogate whose outputs have surrogates of different kinds: each output the one that follows it best."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+import xarray as xr
+
+from uqmbd.errors import StudyError
+from uqmbd.results.chaos.aligned import AlignedChaos
+from uqmbd.results.chaos.discontinuity import Discontinuity
+from uqmbd.results.chaos.interface import Samples, Surrogate
+from uqmbd.results.chaos.piecewise import PiecewiseChaos
+from uqmbd.results.chaos.polynomial import PolynomialChaos
+from uqmbd.results.schema import Labels
+from uqmbd.typing import Array, Index, Mask
+
+__all__ = ["KINDS", "ComposedChaos", "Part", "chaos_from_dataset", "stored_as"]
+
+Part = PolynomialChaos | PiecewiseChaos | AlignedChaos
+"""Surrogates that can be stored."""
+
+
+def chaos_from_dataset(dataset: xr.Dataset | xr.DataTree) -> PolynomialChaos | PiecewiseChaos:
+    """Make the chaos of a result, of one element or of several, from its dataset `chaos`.
+
+    Raises
+    ------
+    StudyError
+        If it is no such dataset.
+    """
+    kind = PiecewiseChaos if "element" in dataset.dims else PolynomialChaos
+    return kind.from_dataset(dataset)
+
+
+KINDS: Mapping[str, Callable[[xr.Dataset], Part]] = {"chaos": chaos_from_dataset, "aligned": AlignedChaos.from_dataset}
+"""How the surrogate of a dataset is made, by the name of the dataset in a node."""
+
+
+def stored_as(chaos: Part) -> str:
+    """Return the name of the dataset that a surrogate is stored in."""
+    return "aligned" if isinstance(chaos, AlignedChaos) else "chaos"
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ComposedChaos(Surrogate):
+    """Outputs, each from a surrogate of its own kind.
+
+    Parameters
+    ----------
+    parts : mapping of str to surrogate
+        By the name of what they have in common; each has some of the outputs, at the same times, of the same inputs and
+        verification realisations.
+    outputs : sequence of str
+        Names of all outputs, in their order.
+    """
+
+    parts: Mapping[str, Part]
+    outputs: tuple[str, ...]
+    labels: Labels = field(init=False)
+
+    def __post_init__(self) -> None:
+        """Check that each output is there once."""
+        object.__setattr__(self, "parts", dict(self.parts))
+        object.__setattr__(self, "outputs", tuple(self.outputs))
+        infos = [o for part in self.parts.values() for o in part.labels.outputs]
+        if sorted(o.name for o in infos) != sorted(self.outputs):
+            raise StudyError(
+                f"Parts of a chaos must have each output once; they have {', '.join(o.name for o in infos)}, and the "
+                f"outputs are {', '.join(self.outputs)}."
+            )
+        infos.sort(key=lambda o: self.outputs.index(o.name))
+        first = next(iter(self.parts.values()))
+        object.__setattr__(self, "labels", replace(first.labels, outputs=tuple(infos)))
+        object.__setattr__(self, "space", first.space)
+        same = all(_equal(p.verification_germs, first.verification_germs) for p in self.parts.values())
+        object.__setattr__(self, "verification_germs", first.verification_germs if same else None)
+
+    def __repr__(self) -> str:
+        names = "; ".join(
+            f"{name}: {', '.join(o.name for o in part.labels.outputs)}" for name, part in self.parts.items()
+        )
+        return f"<{type(self).__name__} of {', '.join(self.germ_names)} ({names})>"
+
+    @property
+    def multi_index(self) -> Index:  # type: ignore[override]
+        """Degrees of the terms (P, d), of the part that has most."""
+        return max((part.multi_index for part in self.parts.values()), key=len)
+
+    @cached_property
+    def verification_response(self) -> Array | None:  # type: ignore[override]
+        """Realisations (V, O, T) at the verification points."""
+        if self.verification_germs is None:
+            return None
+        return self._gathered(lambda part: np.asarray(part.verification_response), 1)
+
+    @cached_property
+    def mean(self) -> Array:
+        """Expectation, shape (O, T), in the units of the outputs."""
+        return self._gathered(lambda part: part.mean, 0)
+
+    @cached_property
+    def std(self) -> Array:
+        """Standard deviation, shape (O, T), in the units of the outputs."""
+        return self._gathered(lambda part: part.std, 0)
+
+    @cached_property
+    def variance(self) -> Array:
+        """Variance, shape (O, T)."""
+        return self._gathered(lambda part: part.variance, 0)
+
+    @property
+    def shape_samples(self) -> int:
+        """Samples of the surrogate from which skewness and kurtosis are, of the part that has fewest."""
+        return min((part.shape_samples for part in self.parts.values() if part.shape_samples), default=0)
+
+    @cached_property
+    def sobol_first_germ(self) -> Array:
+        """First-order indices, shape (germ, O, T)."""
+        return self._gathered(lambda part: part.sobol_first_germ, 1)
+
+    @cached_property
+    def sobol_total_germ(self) -> Array:
+        """Total indices, shape (germ, O, T)."""
+        return self._gathered(lambda part: part.sobol_total_germ, 1)
+
+    def discontinuities(self) -> tuple[Discontinuity | None, ...]:
+        """Suspect each output of a discontinuity in the germ space, or not (None), where it is a plain polynomial."""
+        found: list[Discontinuity | None] = [None] * len(self.outputs)
+        for part, rows in zip(self.parts.values(), self._rows, strict=True):
+            if isinstance(part, PolynomialChaos):
+                for row, one in zip(rows, part.discontinuities(), strict=True):
+                    found[row] = one
+        return tuple(found)
+
+    def to_datasets(self) -> dict[str, xr.Dataset]:
+        """Build the datasets of a propagator's node, by their paths under it; see :meth:`from_datasets`."""
+        found = {}
+        for (name, part), rows in zip(self.parts.items(), self._rows, strict=True):
+            place = ("output", np.array(rows), {"long_name": "number of the output in the study"})
+            found[f"composed/{name}/{stored_as(part)}"] = part.to_dataset().assign(place=place)
+        return found
+
+    @classmethod
+    def from_datasets(cls, datasets: Mapping[str, tuple[str, xr.Dataset]]) -> ComposedChaos:
+        """Make it from the datasets of its parts, each with the name of its kind, without the mechanism."""
+        places = {
+            str(name): int(place)
+            for _, data in datasets.values()
+            for name, place in zip(data["output"].values, data["place"].values, strict=True)
+        }
+        parts = {name: KINDS[kind](data) for name, (kind, data) in datasets.items()}
+        return cls(parts, tuple(sorted(places, key=lambda name: places[name])))
+
+    @property
+    def _rows(self) -> list[list[int]]:
+        return [[self.outputs.index(o.name) for o in part.labels.outputs] for part in self.parts.values()]
+
+    def _gathered(self, read: Callable[[Part], Array], axis: int) -> Array:
+        """Put values of the parts together along the axis of the outputs."""
+        found = np.concatenate([read(part) for part in self.parts.values()], axis=axis)
+        order = np.argsort([row for rows in self._rows for row in rows])
+        return np.take(found, order, axis=axis)
+
+    def _evaluate(self, germs: Array) -> Array:
+        return self._gathered(lambda part: part.evaluate_germs(germs), 1)
+
+    def _sampler(self, germs: Array) -> Samples:
+        drawn = [part._sampler(germs) for part in self.parts.values()]
+        owner = {row: (k, n) for k, rows in enumerate(self._rows) for n, row in enumerate(rows)}
+        times = int(np.prod(self.labels.shape[1:]))
+
+        def pieces(part: slice) -> Sequence[tuple[Samples, slice]]:
+            first, last, _ = part.indices(int(np.prod(self.labels.shape)))
+            found = []
+            for output in range(first // times, -(-last // times)):
+                k, n = owner[output]
+                begin, end = max(first, output * times), min(last, (output + 1) * times)
+                shift = (n - output) * times
+                found.append((drawn[k], slice(begin + shift, end + shift)))
+            return found
+
+        return Samples(
+            lambda part: np.concatenate([one.columns(where) for one, where in pieces(part)], axis=1),
+            lambda part: np.concatenate([one.rows(where) for one, where in pieces(part)], axis=0),
+        )
+
+    @cached_property
+    def _shape_moments(self) -> tuple[Array, Array]:
+        found = [self._gathered(lambda part, k=k: part._shape_moments[k], 0) for k in range(2)]  # type: ignore[misc]
+        return found[0], found[1]
+
+    @cached_property
+    def _stated_error(self) -> Array:
+        return self._gathered(lambda part: part._stated_error, 0)
+
+    @cached_property
+    def _constant(self) -> Mask:
+        return np.asarray(self._gathered(lambda part: part._constant.astype(float), 0) > 0)
+
+    def _suspicions(self) -> tuple[str, ...]:
+        return self._said(lambda part: part._suspicions())
+
+    def _verdicts_of_decay(self, tolerance: float) -> tuple[str, ...]:
+        return self._said(lambda part: part._verdicts_of_decay(tolerance))
+
+    def _said(self, say: Callable[[Part], tuple[str, ...]]) -> tuple[str, ...]:
+        words = [""] * len(self.outputs)
+        for part, rows in zip(self.parts.values(), self._rows, strict=True):
+            for row, said in zip(rows, say(part), strict=True):
+                words[row] = said
+        return tuple(words)
+
+
+def _equal(one: Array | None, other: Array | None) -> bool:
+    return one is other if one is None or other is None else np.array_equal(one, other)
