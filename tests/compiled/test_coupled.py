@@ -53,7 +53,6 @@ class Saddle:
         rows, columns = np.nonzero(a.any(axis=0))
         ends = np.cumsum([2 * n + 2, len(rows), size, 2 * size, size, size, size])
         entries, motion, constraint, to, guess, solution = (np.arange(*x) for x in zip(ends, ends[1:], strict=False))
-        diagonal = np.flatnonzero((rows == columns) & (rows < n))
 
         def outside(work, new):
             if not new:
@@ -63,7 +62,7 @@ class Saddle:
         nodal = NodalSystems(
             *(2 * n, n, 0, NOTHING, NOTHING, NOTHING, NOTHING, int(ends[-1]), int(to[0]), int(guess[0]), solution),
             *(np.searchsorted(rows, np.arange(size + 1)), columns, entries, motion, constraint.reshape(2, size)),
-            *(np.zeros(0, dtype=np.int64), entries[diagonal], motion[:n]),
+            np.zeros(0, dtype=np.int64),
         )
         systems = CoupledSystems(nodal, psi, adjoint, np.zeros((nodes, 0)), outside)
         for where, values in ((entries, a[:, rows, columns]), (motion, right), (constraint, np.hstack([*drift]))):
@@ -149,7 +148,7 @@ def oscillators(seed, nodes, terms):
     nodal = NodalSystems(
         *(3, 1, 1, values, NOTHING, NOTHING, writer.part(begin), writer.size, int(right), int(guess)),
         *(np.array([solution]), np.array([0, 1]), some[0], np.array([mass]), np.array([force]), some[1]),
-        *(np.array([rate]), np.array([mass]), np.array([force])),
+        np.array([rate]),
     )
     systems = CoupledSystems(nodal, psi, adjoint, p[:, None])
     m, k = ((adjoint * x) @ psi for x in (1 + p / 400, p))

@@ -56,8 +56,6 @@ class NodalSystems:
         The same of right-hand sides whose solutions are by what coordinates and velocities exceed the constraints.
     rates : array of int, shape (auxiliary state,)
         Rows of the rates of auxiliary states.
-    masses, forces : array of int
-        Rows of masses, and of the forces on them.
     """
 
     width: int
@@ -77,8 +75,6 @@ class NodalSystems:
     motion: Index
     constraints: Index
     rates: Index
-    masses: Index
-    forces: Index
 
     @property
     def size(self) -> int:
@@ -133,7 +129,6 @@ class CoupledSystems:
         self._outside = _OUTSIDE(0) if outside is None else _OUTSIDE(self._guarded(outside))
         tables = systems.starts, systems.columns, systems.entries, systems.motion, systems.constraints, systems.rates
         self._tables = [np.ascontiguousarray(x, dtype=np.int64) for x in (systems.solution, *tables)]
-        self._typical = [np.ascontiguousarray(x, dtype=np.int64) for x in (systems.masses, systems.forces)]
         self._parts = [x.structure for x in (systems.values, systems.drift, systems.factor, systems.solve)]
         self.structure = c.Coupled(
             *(terms, nodes, systems.width, systems.coordinates, size, len(systems.rates)),
@@ -142,7 +137,6 @@ class CoupledSystems:
             *self._parts,
             *(ctypes.cast(self._outside, ctypes.c_void_p), systems.right, systems.guess),
             *map(address, self._tables),
-            *(len(systems.masses), *map(address, self._typical)),
             *(1e-12, 1e-10, worth, gesv, address(self.counts), address(self.correction), 0),
         )
         self.memory = aligned(driver().coupled_memory(self._address))

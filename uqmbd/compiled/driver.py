@@ -149,8 +149,6 @@ class Coupled(ctypes.Structure):
         ("outside", _POINTER),
         *((name, _INT) for name in ("right", "guess")),
         *((name, _POINTER) for name in ("solution", "starts", "columns", "entries", "motion", "constraints", "rate")),
-        ("typical", _INT),
-        *((name, _POINTER) for name in ("masses", "forces")),
         *((name, _DOUBLE) for name in ("tolerance", "tolerance_drift", "worth")),
         *((name, _POINTER) for name in ("gesv", "counts", "correction", "memory")),
     )

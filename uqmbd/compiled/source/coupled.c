@@ -2,7 +2,7 @@
 
 enum { PLAIN = 6, AGAIN = 50 };
 
-static const double ROUNDING = 1e-13; /* change of the accelerations, over what forces alone would cause */
+static const double ROUNDING = 1e-14; /* of a row, over the sum of the magnitudes that it adds up */
 
 INLINE int64_t in_eights(int64_t count) { return (count + LANES - 1) / LANES; }
 
@@ -152,6 +152,25 @@ static void take_defect(const Coupled *c, const int64_t *rows, const V *x) {
     }
 }
 
+/* Right-hand sides as large as rounding makes the defects of `x`, of signs as irregular as that has. */
+static void take_rounding(const Coupled *c, const int64_t *rows, const V *x) {
+    uint64_t draw = 1;
+    spread(c, x, c->size, c->guess);
+    for (int64_t k = 0; k < in_eights(c->nodes); k++) {
+        V *work = c->work + k * c->rows;
+        const V *guess = work + c->guess;
+        for (int64_t i = 0; i < c->size; i++) {
+            V sum = rows[i] >= 0 ? magnitude(work[rows[i]]) : splat(0.0);
+            for (int64_t e = c->starts[i]; e < c->starts[i + 1]; e++)
+                sum += magnitude(work[c->entries[e]] * guess[c->columns[e]]);
+            for (int64_t l = 0; l < LANES; l++) {
+                draw = draw * 6364136223846793005u + 1442695040888963407u;
+                work[c->right + i][l] = draw >> 63 ? ROUNDING * sum[l] : -ROUNDING * sum[l];
+            }
+        }
+    }
+}
+
 /* Coefficients of the solutions at the nodes. */
 static void solve(const Coupled *c, V *found) {
     if (c->outside)
@@ -165,26 +184,6 @@ static void solve(const Coupled *c, V *found) {
 static void precondition(const Coupled *c, const V *defect, V *found) {
     spread(c, defect, c->size, c->right);
     solve(c, found);
-}
-
-/* Acceleration that the forces alone would cause: a scale where they hold each other in balance. */
-static double typical_acceleration(const Coupled *c) {
-    double found = 0.0;
-    for (int64_t i = 0; i < c->typical; i++) {
-        V mass = splat(0.0), force = splat(0.0);
-        for (int64_t k = 0; k < in_eights(c->nodes); k++) {
-            const V *work = c->work + k * c->rows;
-            mass = larger(mass, magnitude(work[c->masses[i]]));
-            force = larger(force, magnitude(work[c->forces[i]]));
-        }
-        double m = 0.0, f = 0.0;
-        for (int64_t l = 0; l < LANES; l++) {
-            if (mass[l] > m) m = mass[l];
-            if (force[l] > f) f = force[l];
-        }
-        if (m > 0.0 && f / m > found) found = f / m;
-    }
-    return found;
 }
 
 /* -- the projected system ------------------------------------------------------------------------------------------- */
@@ -329,13 +328,13 @@ static void solve_motion(const Coupled *c, V *found) {
     solve(c, first);
     for (int64_t i = 0; i < count; i++) found[i] = first[i] + c->correction[i];
     int guessed = largest_of(c->correction, count) > 0.0, converged = 0;
-    double before = 0.0, scale = 1.0;
-    while (done < PLAIN) {
+    double before = 0.0, moved = 0.0, wanted = 0.0;
+    while (!converged && done < PLAIN) {
         take_defect(c, c->motion, found);
         gather(c, 0, c->right, c->size, image);
         precondition(c, image, change);
         c->counts[ITERATIONS]++;
-        double moved = largest_of(change, accelerations);
+        moved = largest_of(change, accelerations);
         if (guessed && !(moved <= largest_of(first, accelerations))) {
             /* the last correction, of a state that may have been far from this one, is worse than none */
             copy(found, first, count);
@@ -349,24 +348,23 @@ static void solve_motion(const Coupled *c, V *found) {
             return;
         }
         /* over the size of the solution itself, never over that of the guess */
-        scale = largest_of(found, accelerations) + 1e-300;
-        double size = moved / scale;
-        converged = size <= c->tolerance || (done && size * (size / before) <= 0.3 * c->tolerance);
-        if (converged) break;
-        if (done == 1) { /* is there more than rounding left? */
-            double floor = ROUNDING * typical_acceleration(c);
-            converged = moved <= floor;
-            if (converged) break;
-            if (floor / c->tolerance > scale) scale = floor / c->tolerance;
-            size = moved / scale;
-        }
-        if (done++ && size > 0.5 * before) break;
-        before = size;
+        wanted = c->tolerance * (largest_of(found, accelerations) + 1e-300);
+        converged = moved <= wanted || (done && moved * (moved / before) <= 0.3 * wanted);
+        if (done && moved > 0.5 * before) break; /* only rounding is left, or this iteration is too slow */
+        before = moved;
+        done++;
+    }
+    if (!converged) {
+        take_rounding(c, c->motion, found);
+        solve(c, change);
+        double floor = largest_of(change, accelerations);
+        converged = moved <= floor;
+        if (wanted < floor) wanted = floor;
     }
     if (!converged) {
         take_right(c, c->motion);
         gather(c, 0, c->right, c->size, right);
-        solve_slowly(c, right, found, c->tolerance * scale);
+        solve_slowly(c, right, found, wanted);
     }
     if (!finite(largest_of(found, count))) return;
     for (int64_t i = 0; i < count; i++) c->correction[i] = found[i] - first[i];

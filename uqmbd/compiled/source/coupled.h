@@ -45,8 +45,6 @@ typedef struct {
     const int64_t *starts, *columns, *entries; /* of each row of a system; columns and rows of its entries */
     const int64_t *motion, *constraints;       /* rows of the right-hand sides (size), (2, size); -1: zero */
     const int64_t *rate;                       /* rows of the rates of auxiliary states */
-    int64_t typical;                           /* number of ... */
-    const int64_t *masses, *forces;            /* ... rows of masses, and of the forces on them */
     double tolerance;       /* relative size of the last change of the accelerations */
     double tolerance_drift; /* the same of what exceeds the constraints */
     double worth;           /* iterations that take as long as a factorisation of the whole system; < 0: it is too large */

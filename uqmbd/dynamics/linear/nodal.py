@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 
 from uqmbd.compiled import Kernel, NodalSystems, Operation, Part, Writer, cached, compile_operations
-from uqmbd.dynamics.equations import Evaluator, Model
+from uqmbd.dynamics.equations import Model
 from uqmbd.dynamics.linear.index1 import DENSE_LIMIT, System
 from uqmbd.dynamics.linear.unrolled import eliminated, worth_while
 from uqmbd.typing import Array, Index
@@ -85,7 +85,6 @@ def _written(model: Model, system: System) -> Nodal:
         library = partial(_outside, system, values, right, solution)
     ends.append(len(writer.steps))
     parts = [Part(tuple(writer.steps[a:b]), writer.rows) for a, b in zip(ends, ends[1:], strict=False)]
-    masses, forces = _masses_and_forces(model.evaluators["acceleration"])
     rates, rated = np.zeros((2, 0), dtype=np.int64)
     if "s" in model.evaluators["acceleration"].index:
         rates, (rated,) = model.evaluators["acceleration"].index["s"]
@@ -107,8 +106,6 @@ def _written(model: Model, system: System) -> Nodal:
         motion=_taken(values, system.motion),
         constraints=_taken(drift, system.drift),
         rates=values[rates],
-        masses=values[masses],
-        forces=values[forces],
     )
     return Nodal(systems, rated, library)
 
@@ -116,17 +113,6 @@ def _written(model: Model, system: System) -> Nodal:
 def _taken(rows: Index, which: Index) -> Index:
     """Rows of some results; -1: there is none."""
     return np.where(which < 0, -1, rows[which] if len(rows) else -1)
-
-
-def _masses_and_forces(evaluator: Evaluator) -> tuple[Index, Index]:
-    """Find the results that are masses of coordinates, and the forces on these."""
-    if "mass" not in evaluator.index or "force" not in evaluator.index:
-        return np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
-    (forces, (on,)), (masses, (i, k)) = evaluator.index["force"], evaluator.index["mass"]
-    own = {int(a): int(m) for m, a, b in zip(masses, i, k, strict=True) if a == b}
-    pairs = [(own[int(a)], int(f)) for f, a in zip(forces, on, strict=True) if int(a) in own]
-    found = np.array(pairs, dtype=np.int64).reshape(-1, 2)
-    return found[:, 0], found[:, 1]
 
 
 def _factorised(system: System, given: int) -> tuple[Kernel | None, Kernel | None]:
