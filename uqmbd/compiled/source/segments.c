@@ -1,102 +1,118 @@
-/* Outputs of samples that are expanded from landmark to landmark, at given times. */
+/* Outputs of samples that are expanded from landmark to landmark, at given times: eight samples at once. */
 #include "vectors.h"
 
-typedef double Loose __attribute__((vector_size(64), aligned(8)));
+enum { FOUR = 4, PAIR = 2 }; /* polynomials whose sums do not wait for one another; times that are taken at once */
 
-enum { GROUP = 32 }; /* samples that share what is in the cache */
-
-/* Coefficients of one segment of a sample: a combination (P) of those of the terms (P, N), N in vectors. */
-INLINE void combined_of(int64_t terms, int64_t vectors, const double *basis, const V *coefficients, V *local) {
-    V first = splat(0.0), second = first;
-    for (int64_t p = 0; p < terms; p++) {
-        first += basis[p] * coefficients[p * vectors];
-        if (vectors > 1)
-            second += basis[p] * coefficients[p * vectors + 1];
-    }
-    local[0] = first;
-    if (vectors > 1)
-        local[1] = second;
-    for (int64_t n = 2; n < vectors; n++) {
-        V sum = splat(0.0);
-        for (int64_t p = 0; p < terms; p++)
-            sum += basis[p] * coefficients[p * vectors + n];
-        local[n] = sum;
+/* Coefficients of one output in one segment at eight samples: combinations (N) of those of the terms (P, M). */
+INLINE void combined_of(int64_t terms, int64_t powers, int64_t width, const V *basis, const double *coefficients,
+                        V *local) {
+    for (int64_t n = 0; n < powers; n += FOUR) {
+        const double *from = coefficients + n;
+        V sum0 = splat(0.0), sum1 = sum0, sum2 = sum0, sum3 = sum0;
+        for (int64_t p = 0; p < terms; p++, from += width) {
+            const V b = basis[p];
+            sum0 += b * from[0];
+            sum1 += b * from[1];
+            sum2 += b * from[2];
+            sum3 += b * from[3];
+        }
+        local[n] = sum0;
+        local[n + 1] = sum1;
+        local[n + 2] = sum2;
+        local[n + 3] = sum3;
     }
 }
 
-/* Chebyshev polynomials at eight points from -1 to 1: at least three. */
-INLINE void chebyshev(int64_t count, V x, V *found) {
-    const V twice = 2.0 * x, second = twice * x - 1.0, step = 2.0 * second;
-    found[0] = splat(1.0);
-    found[1] = x;
-    found[2] = second;
-    if (count > 3)
-        found[3] = step * x - x;
-    /* two chains, of even and of odd ones */
-    for (int64_t n = 4; n < count; n++)
-        found[n] = step * found[n - 2] - found[n - 4];
+/* Chebyshev polynomials of `powers` degrees (4 or more) at two times of eight samples, from -1 to 1. */
+INLINE void chebyshev(int64_t powers, const V *x, V *found) {
+    const V second0 = 2.0 * x[0] * x[0] - 1.0, second1 = 2.0 * x[1] * x[1] - 1.0;
+    const V step0 = 2.0 * second0, step1 = 2.0 * second1;
+    found[0] = found[1] = splat(1.0);
+    found[2] = x[0];
+    found[3] = x[1];
+    found[4] = second0;
+    found[5] = second1;
+    found[6] = step0 * x[0] - x[0];
+    found[7] = step1 * x[1] - x[1];
+    /* chains of even and of odd ones */
+    for (int64_t n = 4; n < powers; n++) {
+        found[2 * n] = step0 * found[2 * n - 4] - found[2 * n - 8];
+        found[2 * n + 1] = step1 * found[2 * n - 3] - found[2 * n - 7];
+    }
 }
 
-/* A sum of Chebyshev polynomials. */
-INLINE V summed(int64_t count, const double *coefficients, const V *polynomials) {
-    V even = splat(0.0), odd = even;
-    int64_t n = 0;
-    for (; n + 1 < count; n += 2) {
-        even += coefficients[n] * polynomials[n];
-        odd += coefficients[n + 1] * polynomials[n + 1];
+/* Sums of Chebyshev polynomials at two times; `powers` is even. */
+INLINE void summed(int64_t powers, const V *coefficients, const V *polynomials, V *found) {
+    V even0 = splat(0.0), even1 = even0, odd0 = even0, odd1 = even0;
+    for (int64_t n = 0; n < powers; n += 2) {
+        even0 += coefficients[n] * polynomials[2 * n];
+        even1 += coefficients[n] * polynomials[2 * n + 1];
+        odd0 += coefficients[n + 1] * polynomials[2 * n + 2];
+        odd1 += coefficients[n + 1] * polynomials[2 * n + 3];
     }
-    if (n < count)
-        even += coefficients[n] * polynomials[n];
-    return even + odd;
+    found[0] = even0 + odd0;
+    found[1] = even1 + odd1;
 }
 
 /* Values (K, C, T) at T increasing times of C outputs of K samples.
 
    Sample k begins segment s at edges[k (S + 1) + s].  In a segment an output is a sum of `powers` Chebyshev polynomials
-   (3 or more) of its normalised time, whose coefficients are a combination of P terms: basis (K, P) times coefficients
-   (S, C, P, N), N being `powers` filled up to whole vectors.  NaN behind the last edge, by more than `slack`.
-   Behind the times there is room for seven more; `work` has room for (powers + C vectors) vectors. */
+   (a multiple of 4) of its normalised time, whose coefficients are a combination of P terms: basis (K, P) times
+   coefficients (S, C, P, powers).  NaN behind the last edge, by more than `slack`.  Times before the first edge belong
+   to the begin.  `work` has room for (2 + C) powers + P + 4 vectors. */
 void segment_values(int64_t samples, int64_t segments, int64_t outputs, int64_t terms, int64_t powers, int64_t count,
                     const double *edges, const double *basis, const double *coefficients, const double *times,
                     double *found, double *work, double slack) {
-    const int64_t vectors = (powers + LANES - 1) / LANES;
-    const V *table = (const V *)coefficients;
-    V *power = (V *)work, *local = power + powers;
-    for (int64_t group = 0; group < samples; group += GROUP) {
-        const int64_t most = group + GROUP < samples ? group + GROUP : samples;
-        int64_t place[GROUP] = {0};
-        for (int64_t s = 0; s < segments; s++)
-            for (int64_t k = group; k < most; k++) {
-                const double begin = edges[k * (segments + 1) + s], end = edges[k * (segments + 1) + s + 1];
-                const int64_t first = place[k - group];
-                int64_t last = first;
-                while (last < count && (times[last] < end || (s == segments - 1 && times[last] <= end + slack)))
-                    last++;
-                place[k - group] = last;
-                if (last == first)
-                    continue;
-                for (int64_t o = 0; o < outputs; o++)
-                    combined_of(terms, vectors, basis + k * terms, table + (s * outputs + o) * terms * vectors,
-                                local + o * vectors);
-                const V scale = splat(end > begin ? 2.0 / (end - begin) : 0.0);
-                for (int64_t j = first; j < last; j += LANES) {
-                    /* a time before the first edge belongs to the begin */
-                    const V at = (*(const Loose *)(times + j) - begin) * scale - 1.0;
-                    const V x = smaller(larger(at, splat(-1.0)), splat(1.0));
-                    chebyshev(powers, x, power);
-                    for (int64_t o = 0; o < outputs; o++) {
-                        const V sum = summed(powers, (const double *)(local + o * vectors), power);
-                        double *to = found + (k * outputs + o) * count + j;
-                        /* what is written beyond this segment is written again by the next one */
-                        if (j + LANES <= count)
-                            *(Loose *)to = sum;
-                        else
-                            for (int64_t l = 0; j + l < count; l++)
-                                to[l] = sum[l];
+    V *power = (V *)work, *local = power + PAIR * powers, *own = local + outputs * powers;
+    for (int64_t group = 0; group < samples; group += LANES) {
+        const int64_t lanes = samples - group < LANES ? samples - group : LANES;
+        int64_t place[LANES] = {0};
+        for (int64_t l = 0; l < LANES; l++)
+            for (int64_t p = 0; p < terms; p++)
+                ((double *)own)[p * LANES + l] = basis[(group + (l < lanes ? l : 0)) * terms + p];
+        for (int64_t s = 0; s < segments; s++) {
+            int64_t first[LANES] = {0}, most = 0;
+            double *begin = (double *)(own + terms), *scale = begin + LANES, *at = scale + LANES;
+            for (int64_t l = 0; l < lanes; l++) {
+                const double *edge = edges + (group + l) * (segments + 1) + s;
+                const double limit = s == segments - 1 ? edge[1] + slack : edge[1];
+                int64_t last = place[l];
+                first[l] = last;
+                while (last < count && times[last] < limit) last++;
+                if (s == segments - 1 && last < count && times[last] == limit) last++;
+                place[l] = last;
+                if (last - first[l] > most) most = last - first[l];
+                begin[l] = edge[0];
+                scale[l] = edge[1] > edge[0] ? 2.0 / (edge[1] - edge[0]) : 0.0;
+            }
+            if (!most) continue;
+            for (int64_t o = 0; o < outputs; o++)
+                combined_of(terms, powers, powers, own, coefficients + (s * outputs + o) * terms * powers,
+                            local + o * powers);
+            for (int64_t step = 0; step < most; step += PAIR) {
+                /* times of a sample that has none left: any */
+                for (int64_t i = 0; i < PAIR; i++)
+                    for (int64_t l = 0; l < lanes; l++) {
+                        const int64_t j = first[l] + step + i;
+                        at[i * LANES + l] = times[j < count ? j : count - 1];
+                    }
+                V x[PAIR];
+                for (int64_t i = 0; i < PAIR; i++)
+                    x[i] = smaller(larger((((V *)at)[i] - *(V *)begin) * *(V *)scale - 1.0, splat(-1.0)), splat(1.0));
+                chebyshev(powers, x, power);
+                for (int64_t o = 0; o < outputs; o++) {
+                    double *sum = at;
+                    summed(powers, local + o * powers, power, (V *)sum);
+                    for (int64_t l = 0; l < lanes; l++) {
+                        double *to = found + ((group + l) * outputs + o) * count + first[l] + step;
+                        const int64_t left = place[l] - first[l] - step;
+                        if (left > 0) to[0] = sum[l];
+                        if (left > 1) to[1] = sum[LANES + l];
                     }
                 }
             }
-        for (int64_t k = group; k < most; k++)
+        }
+        for (int64_t k = group; k < group + lanes; k++)
             for (int64_t o = 0; o < outputs; o++)
                 for (int64_t j = place[k - group]; j < count; j++)
                     found[(k * outputs + o) * count + j] = __builtin_nan("");

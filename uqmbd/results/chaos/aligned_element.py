@@ -62,5 +62,4 @@ class SampledElement:
 
     def values(self, outputs: slice, times: Array) -> Array:
         """Evaluate some outputs at increasing times (T,), shape (K, C, T); NaN behind the last edge of a sample."""
-        powers = self.element.segments.shape[-1]
-        return segment_values(self.element.table[:, outputs], powers, self.edges, self.basis, times)
+        return segment_values(self.element.table[:, outputs], self.edges, self.basis, times)
