@@ -70,19 +70,22 @@ class Collocation(uqmbd.Propagator):
     alignment : {"events", "phase"}, optional
         Compare realisations at landmarks instead of at equal times, and expand the times of landmarks and the motion
         between them, in normalised time, separately.  Where the sequence of landmarks is not the same everywhere the
-        germ space is split first, into `max_elements` boxes at most.
+        germ space is split first, into `max_elements` boxes at most; with `elements` it is split by the error, which is
+        large there.  Results tell the share of realisations that still have another sequence (``mixed``).
 
         ``events``, for mechanisms with impacts: outputs at a fixed time jump with the inputs where an event is early or
         late; these do not.
 
         ``phase``, for motions that turn or swing for long: phases drift apart, and no order follows outputs at a fixed
         time for long; at a quarter of a turn each they stay alike.  It needs a clock, and realisations that run longer,
-        until the last has reached the phase of the first.  Where the clock stands in some realisations these get
-        elements of their own, at equal times; where there is none the method refuses.
+        until the last has reached the phase of the first; one that fails there, behind the last output time, before it
+        has reached the phase has failed.  What turns may turn backwards in some realisations, or swing: these get
+        elements of their own.  So do those where the clock stands, which are compared at equal times; a warning tells
+        their share (``standing``).  Where there is no clock the method refuses.
     clock : str, optional
         For ``phase``: name of an output, or of a body or joint that has an angle.  An angle that grows is the phase;
-        else that of the oscillation, in the plane of value and rate.  Default: the steadiest that there is, angles
-        first; the results say which.
+        else that of the oscillation, in the plane of value and rate.  Default: what turns in some realisations, else
+        what swings in most, the steadier first; the results say which.
     transform : {"rosenblatt", "nataf"}
         How dependent inputs become functions of independent germs.
     verify : int

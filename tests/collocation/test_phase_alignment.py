@@ -5,7 +5,6 @@ from __future__ import annotations
 import chaospy
 import numpy as np
 import pytest
-import sympy
 
 import uqmbd
 from uqmbd.results import AlignedChaos, load, save, study_tree, surrogate
@@ -107,26 +106,6 @@ def test_unknown_clock_is_refused_before_anything_is_computed():
     assert obstacle is not None and "clock is 'disk'" in obstacle
     with pytest.raises(uqmbd.StudyError, match="clock is 'disk'; expected the name of an output.*'height', 'disc'"):
         disc(3, 31).propagate(Collocation(order=2, alignment="phase", clock="disk"))
-
-
-def test_pendulum_that_swings_or_turns_is_split():
-    """Below a start speed it swings, above it turns: two kinds of motion, each aligned, none in silence."""
-    speed = uqmbd.RandomVariable("speed", chaospy.Uniform(5.0, 8.0), units="rad/s")
-    mechanism = uqmbd.Mechanism("pendulum", uqmbd.Planar(gravity=(0, -9.81)))
-    rod = mechanism.body(
-        "rod", mass=1, inertia=0, position=(0, -1), angle=-sympy.pi / 2, velocity=(speed, 0), angular_velocity=speed
-    )
-    mechanism.add(Revolute("pivot", mechanism.ground, rod, point_i=(0, 0), point_j=(-1, 0)))
-    mechanism.output("height", rod.position[1], units="m")
-    study = uqmbd.Study("pendulum", mechanism, times=np.linspace(0, 6, 121), propagators=[])
-    with pytest.warns(UserWarning, match="the sequence of phases still differs within some of them"):
-        node = study.propagate(Collocation(order=3, alignment="phase", clock="rod", max_elements=6))
-    kinds = [(e.box.upper[0], e.landmarks) for e in surrogate(node).elements]
-    # the speed that just reaches the top is 2 sqrt(g l)
-    threshold = (2 * np.sqrt(9.81) - 6.5) / 1.5
-    for upper, kind in kinds:
-        assert kind == ("time" if upper < threshold + 0.1 else "phase")
-    assert len(kinds) > 1
 
 
 @pytest.mark.parametrize("options", [{"order": 4}, {"order": 1}, {"order": 0, "adaptive": "order"}])

@@ -21,7 +21,8 @@ from uqmbd.typing import Array
 from uqmbd_collocation.alignment.aligned_problem import AlignedProblem, Cut
 from uqmbd_collocation.alignment.event_paths import EventPaths
 from uqmbd_collocation.alignment.landmarks import PER_TURN, TURN
-from uqmbd_collocation.alignment.phase_paths import RUNS, PhasePaths
+from uqmbd_collocation.alignment.phase_paths import STANDS, PhasePaths
+from uqmbd_collocation.alignment.watching import Watching
 from uqmbd_collocation.computing import computed
 from uqmbd_collocation.fitting import Fit
 from uqmbd_collocation.plans import STREAM, Plans
@@ -59,8 +60,9 @@ class _Fitted:
     fit: Fit
     runs: Runs
     verified: Runs
+    sequence: Sequence
     lost: float
-    """Share of its nodes that belong to another sequence."""
+    """Share of its nodes, and verification realisations, that belong to another sequence."""
     refinement: Refinement | None
 
 
@@ -99,8 +101,11 @@ class _Elements:
         sequences = paths.sequences(local.to_inputs(nodes))
         sequence = Counter(sequences).most_common(1)[0][0]
         lost = float(np.mean([other != sequence for other in sequences]))
-        verified = Runs(problem, local)
+        watching = Watching(problem, paths)
+        verified = Runs(watching, local)
         verification = verified.verification(points)
+        if (elsewhere := watching.elsewhere(sequence)).any():
+            lost = (lost * len(nodes) + elsewhere.sum()) / (len(nodes) + len(elsewhere))
         warn_of_failures(verification, problem.label)
         scale = _scale(verification.response, problem.times) if plans.adaptive != "no" else None
         marks, late = _marks(paths, local, nodes, sequence), np.zeros(1)
@@ -137,7 +142,7 @@ class _Elements:
                 "nodes were followed to; statistics are NaN from then on. Raise the order, or truncate the inputs.",
                 stacklevel=2,
             )
-        return _Fitted(chaos, fit, runs, verified, lost, refinement)
+        return _Fitted(chaos, fit, runs, verified, sequence, lost, refinement)
 
 
 def align(
@@ -179,10 +184,13 @@ def align(
     if mixed > 0:
         warnings.warn(
             f"{problem.label}: after {len(kept)} elements the sequence of {paths.what} still differs within some of "
-            f"them; realisations of about {mixed:.1%} of the probability are represented by their neighbours. Raise "
-            "max_elements.",
+            f"them; realisations of about {max(mixed, 1e-3):.1%} of the probability are represented by their "
+            f"neighbours. {_remedy(limits, len(kept))}.",
             stacklevel=3,
         )
+    standing = sum(e.box.probability for one, e in zip(kept, chaos.elements, strict=True) if one.sequence == STANDS)
+    if standing > 0 and isinstance(paths, PhasePaths):
+        warnings.warn(paths.of_standing(standing, [one.sequence for one in kept]), stacklevel=3)
     problem.progress.finish(problem.label)
     failures = sum(int((one.verified.status != Status.OK).sum()) for one in work.done if len(one.verified))
     verified = Counter[str]()
@@ -205,11 +213,19 @@ def align(
             "verification": sum(
                 len(one.chaos.verification_germs) for one in kept if one.chaos.verification_germs is not None
             ),
-            "mixed": mixed,
-            **paths.attributes(),
+            "mixed": float(mixed),
+            **({"standing": float(standing)} if isinstance(paths, PhasePaths) else {}),
+            **paths.attributes([one.sequence for one in kept]),
             **({} if kept[0].refinement is None else {"tolerance_met": str(all(map(_met, kept)))}),
         },
     )
+
+
+def _remedy(limits: uqmbd.ElementLimits, count: int) -> str:
+    """Say what makes elements smaller where sequences differ."""
+    if limits.elements is None:
+        return "Raise max_elements" if count >= limits.most else "Give elements='adaptive', which splits by the error"
+    return "Raise max_elements" if limits.adaptive else "Raise elements"
 
 
 def _met(one: _Fitted) -> bool:
@@ -233,9 +249,9 @@ def _boxes(paths: Paths, plans: Plans, space: uqmbd.GermSpace, most: int) -> lis
 
 def _marks(paths: Paths, local: uqmbd.GermSpace, nodes: Array, sequence: Sequence) -> Array:
     """Return the phases of landmarks (S,) at first; nothing where landmarks are no phases."""
-    if isinstance(paths, EventPaths) or sequence != RUNS:
+    if isinstance(paths, EventPaths):
         return np.zeros(0)
-    return paths.marks(local, nodes, uqmbd.Verification.points(local, SPREAD, 0, 0))
+    return paths.marks(local, nodes, uqmbd.Verification.points(local, SPREAD, 0, 0), sequence)
 
 
 def _cut(paths: Paths, problem: uqmbd.Problem, sequence: Sequence, marks: Array) -> tuple[Cut, Sequence, Landmarks]:
@@ -243,7 +259,7 @@ def _cut(paths: Paths, problem: uqmbd.Problem, sequence: Sequence, marks: Array)
     if isinstance(paths, EventPaths):
         return lambda values: paths.cut(values, sequence), sequence, "events"
     if len(marks):
-        return lambda values: paths.cut(values, marks), ("",) * len(marks), "phase"
+        return lambda values: paths.cut(values, marks, sequence), ("",) * len(marks), "phase"
     segments = -(-len(problem.times) // STANDING)
     return lambda values: paths.cut_in_time(values, segments), ("",) * segments, "time"
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
@@ -10,7 +11,7 @@ import numpy as np
 
 import uqmbd
 from uqmbd.results import Status
-from uqmbd.typing import Array
+from uqmbd.typing import Array, Mask
 from uqmbd_collocation.alignment.landmarks import Landmarked
 
 __all__ = ["EventPaths"]
@@ -57,7 +58,11 @@ class EventPaths:
                 f"uqmbd_contact; mechanism {self.problem.mechanism!r} has none. Leave alignment out."
             )
 
-    def attributes(self) -> dict[str, Any]:
+    def elsewhere(self, sequence: tuple[str, ...], seen: Array) -> Mask:
+        """Say of which realisations (K, output, T) the outputs alone show that they have another sequence: of none."""
+        return np.zeros(len(seen), dtype=bool)
+
+    def attributes(self, sequences: Iterable[tuple[str, ...]]) -> dict[str, Any]:
         """Return what the results say of the alignment besides."""
         return {}
 

@@ -44,27 +44,22 @@ def segment_points(count: int) -> Array:
     return found
 
 
-def phase_landmarks(
-    found: uqmbd.Dense, clock: uqmbd.Clock, marks: Array, end: float, outputs: int, points: int
-) -> Landmarked:
+def phase_landmarks(found: uqmbd.Dense, phases: uqmbd.Phases, marks: Array, outputs: int, points: int) -> Landmarked:
     """Cut realisations where their phases pass given values.
 
     Parameters
     ----------
     found : uqmbd.Dense
         Realisations, which are fine.
-    clock : uqmbd.Clock
-        Tells their phases.
+    phases : uqmbd.Phases
+        Of these.
     marks : array, shape (S,)
         Increasing phases of the landmarks behind the first, which is the start, rad.
-    end : float
-        Last time of the study, s.
     outputs : int
         So many of the rows are outputs of the study.
     points : int
         Points of a segment.
     """
-    phases = clock.phases(found, end)
     where = segment_points(points)
     edges = np.empty((len(phases.values), len(marks) + 1))
     response = np.empty((len(edges), len(marks), outputs, points))

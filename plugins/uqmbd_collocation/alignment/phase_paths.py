@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
 
@@ -10,8 +11,9 @@ import numpy as np
 
 import uqmbd
 from uqmbd.results import Status
-from uqmbd.typing import Array
+from uqmbd.typing import Array, Mask
 from uqmbd_collocation.alignment.landmarks import PER_TURN, Landmarked, marks_behind, phase_landmarks, time_landmarks
+from uqmbd_collocation.alignment.starts import Starts
 
 __all__ = ["PhasePaths"]
 
@@ -22,22 +24,32 @@ AHEAD = 1.15
 LONGEST = 8.0
 """How much longer at most."""
 
+MARGIN = 0.02
+"""Part of the output times by which realisations are followed farther than they seem to need."""
+
+TRIES = 8
+"""Integrations in which a realisation reaches the phase that is needed."""
+
 POINTS = 16
 """Chebyshev points of a segment, a quarter of a turn."""
 
-RUNS: tuple[str, ...]
-STANDS: tuple[str, ...]
-RUNS, STANDS = ("the clock runs",), ("the clock stands",)
+Sequence = tuple[str, ...]
+STANDS: Sequence = ("the clock stands",)
 
 
 @dataclass(frozen=True)
 class _Path:
-    """One realisation: where it is among those that were computed with it, and what became of it."""
+    """One realisation: where it is among those that were computed with it, and what became of it.
+
+    It is known until the end of `found`, and is known to fail, with the reason `beyond`, on the way to `limit`.
+    """
 
     found: uqmbd.Dense
     row: int
     status: int
     message: str
+    limit: float = np.inf
+    beyond: str = ""
 
 
 @dataclass
@@ -50,14 +62,12 @@ class PhasePaths:
         That of the study.
     wanted : str, optional
         Name of the clock that the user asks for.
-    clock : uqmbd.Clock
+    clock : Clock
         Set by `find_clock`.
     spent : int
         Realisations so far, those that were computed anew counted again.
     counters : Counter
         Of the solver, summed.
-    longest : float
-        How much longer than the output times realisations were followed, at most.
     error : float
         Of the interpolation, over the range of an output: the largest.
     """
@@ -67,9 +77,12 @@ class PhasePaths:
     clock: uqmbd.Clock | None = None
     spent: int = 0
     counters: Counter[str] = field(default_factory=Counter)
-    longest: float = 1.0
     error: float = 0.0
+    starts: Starts | None = None
+    better: str = ""
+    """Name of a clock that runs in all nodes, where another one is asked for."""
     _known: dict[bytes, _Path] = field(default_factory=dict)
+    _late: set[bytes] = field(default_factory=set)
 
     points: ClassVar[int] = POINTS
     least: ClassVar[int] = 0
@@ -78,17 +91,36 @@ class PhasePaths:
 
     @property
     def failures(self) -> int:
-        """Realisations that failed."""
-        return sum(path.status != Status.OK for path in self._known.values())
+        """Realisations that failed, those included that do so before they reach the phase that is needed."""
+        return len(self._late) + sum(path.status != Status.OK for path in self._known.values())
 
-    def attributes(self) -> dict[str, Any]:
-        """Return what the results say of the alignment."""
+    @property
+    def longest(self) -> float:
+        """How much longer than the output times realisations were followed, at most."""
+        ends = [path.found.times[-1] for path in self._known.values() if path.status == Status.OK]
+        return float((max(ends, default=self.end) - self.begin) / (self.end - self.begin))
+
+    def attributes(self, sequences: Iterable[Sequence]) -> dict[str, Any]:
+        """Return what the results say of the alignment, from the sequences of the elements."""
+        used = [kind for kind, name in zip(self._clock.kinds, self._kinds, strict=True) if name in set(sequences)]
         return {
             "clock": self._clock.name,
-            "clock_kind": "angle" if self._clock.turn else "oscillation",
+            "clock_kind": ", ".join(dict.fromkeys("angle" if kind.turn else "oscillation" for kind in used)),
             "longer": self.longest,
             "interpolation_error": self.error,
         }
+
+    def of_standing(self, share: float, sequences: list[Sequence]) -> str:
+        """Say that the clock stands in realisations of a share of the probability, from the sequences of elements."""
+        standing = sequences.count(STANDS)
+        text = (
+            f"{self.problem.label}: the clock, {self._clock.words}, stands or turns back in realisations of about "
+            f"{max(share, 1e-3):.1%} of the probability. There is no common phase: they are compared at equal times, "
+            f"in {standing} of {len(sequences)} elements, where a chaos holds for some turns only."
+        )
+        return text + (
+            f" The clock {self.better!r} runs in all nodes; try clock={self.better!r}." if self.better else ""
+        )
 
     @property
     def begin(self) -> float:
@@ -102,23 +134,48 @@ class PhasePaths:
 
     def find_clock(self, values: Array) -> str:
         """Choose the clock from realisations at inputs (K, d); return why there is none, or nothing."""
-        groups, paths = self._groups(values, AHEAD)
+        groups, paths = self._groups(values)
         if not groups:
             return f"all realisations failed: {paths[0].message}"
-        self.clock, why = uqmbd.choose_clock(self.problem, groups[0][0], self.end, self.wanted)
+        found, rows = max(groups, key=lambda group: len(group[1]))
+        self.clock, why = uqmbd.choose_clock(self.problem, found, self.end, self.wanted)
+        if self.clock is not None and self.wanted is not None:
+            other, _ = uqmbd.choose_clock(self.problem, found, self.end, None)
+            if other is not None and other.name != self.clock.name and self._in_all(other, found):
+                self.better = other.name
+        swings = self.clock.kinds[-1] if self.clock else None
+        if swings and not swings.turn:
+            phases = swings.phases(found, self.end)
+            runs = phases.running(self.end)
+            self.starts = Starts.of(values[rows][runs], phases.values[runs, 0]) if runs.any() else None
         return why
 
-    def sequences(self, values: Array) -> list[tuple[str, ...]]:
-        """Say of realisations at inputs (K, d) whether the clock runs; those that fail go with the others."""
-        found = [RUNS] * len(values)
-        groups, _ = self._groups(values, AHEAD)
+    def sequences(self, values: Array) -> list[Sequence]:
+        """Say how the clock runs in realisations at inputs (K, d); those that fail go with the others."""
+        found = np.full(len(values), len(self._kinds))
+        groups, paths = self._groups(values)
         for seen, rows in groups:
-            for k, runs in zip(rows, self._clock.phases(seen, self.end).running(self.end), strict=True):
-                found[k] = RUNS if runs else STANDS
-        return found
+            runs = [self._phases(kind, seen, values[rows]).running(self.end) for kind in self._clock.kinds]
+            found[rows] = np.argmax([*runs, np.ones(len(rows), dtype=bool)], axis=0)
+        failed = np.array([path.status != Status.OK for path in paths])
+        found[failed] = Counter(found[~failed].tolist()).most_common(1)[0][0] if not failed.all() else 0
+        return [[*self._kinds, STANDS][k] for k in found]
 
-    def marks(self, space: uqmbd.GermSpace, germs: Array, spread: Array) -> Array:
-        """Return the phases of landmarks (S,) that all realisations of an element need.
+    def elsewhere(self, sequence: Sequence, seen: Array) -> Mask:
+        """Say which realisations (K, watched, T), at the output times, surely do not have a sequence.
+
+        They are too few times for an oscillation, but tell whether an angle turns.
+        """
+        if not self._clock.turn or sequence not in (*self._kinds, STANDS):
+            return np.zeros(len(seen), dtype=bool)
+        at_times = uqmbd.Dense(self.problem.times, seen, 0.0)
+        turns = [kind.phases(at_times, self.end).running(self.end) for kind in self._clock.kinds[:2]]
+        if sequence in self._kinds[:2]:
+            return np.asarray(~turns[self._kinds.index(sequence)])
+        return np.asarray(turns[0] | turns[1])
+
+    def marks(self, space: uqmbd.GermSpace, germs: Array, spread: Array, sequence: Sequence) -> Array:
+        """Return the phases of landmarks (S,) that all realisations of an element need; none where its clock stands.
 
         Parameters
         ----------
@@ -128,13 +185,21 @@ class PhasePaths:
             Nodes.
         spread : array, shape (N, d)
             Where the chaos is evaluated: the phases there are those of a polynomial of order 2 through the nodes.
+        sequence : tuple of str
+            Of the element.
         """
-        begins, ends, used = [], [], []
-        for seen, rows in self._groups(space.to_inputs(germs), AHEAD)[0]:
-            phases = self._clock.phases(seen, self.end)
-            begins.append(phases.values[:, 0])
-            ends.append(phases.at(self.end))
-            used += rows
+        if sequence == STANDS:
+            return np.zeros(0)
+        values = space.to_inputs(germs)
+        same = np.array([other == sequence for other in self.sequences(values)])
+        kind = self._kind(sequence)
+        begins, ends, used = [], [], list[int]()
+        for seen, rows in self._groups(values)[0]:
+            phases = self._phases(kind, seen, values[rows])
+            fine = np.flatnonzero(same[rows])
+            begins.append(phases.values[fine, 0])
+            ends.append(phases.at(self.end)[fine])
+            used += [rows[k] for k in fine]
         known = np.stack([np.concatenate(begins), np.concatenate(ends)], axis=1)
         terms = uqmbd.index_set(space.dimension, 2)
         terms = terms if len(used) >= 2 * len(terms) else terms[terms.sum(axis=1) <= 1]
@@ -143,43 +208,53 @@ class PhasePaths:
         others = np.concatenate([known, space.evaluate(spread, terms) @ fit])
         return marks_behind(others[:, 0], float(others[:, 1].max()) + 2 * np.pi / PER_TURN)
 
-    def cut(self, values: Array, marks: Array) -> tuple[Landmarked, uqmbd.Realisations]:
+    def cut(self, values: Array, marks: Array, sequence: Sequence) -> tuple[Landmarked, uqmbd.Realisations]:
         """Return realisations from phase to phase; one that does not reach the last has failed."""
-        factor, outputs = max(AHEAD, self.longest), self.problem.labels.shape[0]
-        while True:
-            groups, paths = self._groups(values, factor)
-            short = 0.0
-            for seen, _ in groups:
-                phases = self._clock.phases(seen, self.end)
-                short = max(short, phases.lacking(float(marks[-1])))
-            if not short or factor >= LONGEST:
+        kind, outputs, last = self._kind(sequence), self.problem.labels.shape[0], float(marks[-1])
+        for _ in range(TRIES):
+            needed = np.full(len(values), -np.inf)
+            groups, paths = self._groups(values)
+            for seen, rows in groups:
+                needed[rows] = self._phases(kind, seen, values[rows]).reaching(last)
+            if not self._continue(values, paths, needed):
                 break
-            factor = min(LONGEST, 1.0 + (factor - 1.0 + short / (self.end - self.begin)) * 1.05)
         edges = np.full((len(values), len(marks) + 1), np.nan)
         response = np.full((len(values), len(marks), outputs, POINTS), np.nan)
         for seen, rows in groups:
-            part = phase_landmarks(seen, self._clock, marks, self.end, outputs, POINTS)
+            part = phase_landmarks(seen, self._phases(kind, seen, values[rows]), marks, outputs, POINTS)
             edges[rows], response[rows] = part.edges, part.response
-        return Landmarked(edges, response), self._told(values, paths, edges)
+        return Landmarked(edges, response), self._told(values, paths, edges, sequence)
 
     def cut_in_time(self, values: Array, segments: int) -> tuple[Landmarked, uqmbd.Realisations]:
         """Return realisations in segments of the same times."""
         outputs = self.problem.labels.shape[0]
-        groups, paths = self._groups(values, AHEAD)
+        groups, paths = self._groups(values)
         edges = np.full((len(values), segments + 1), np.nan)
         response = np.full((len(values), segments, outputs, POINTS), np.nan)
         for seen, rows in groups:
             part = time_landmarks(seen, np.linspace(self.begin, self.end, segments + 1), outputs, POINTS)
             edges[rows], response[rows] = part.edges, part.response
-        return Landmarked(edges, response), self._told(values, paths, edges)
+        return Landmarked(edges, response), self._told(values, paths, edges, STANDS)
 
-    def _told(self, values: Array, paths: list[_Path], edges: Array) -> uqmbd.Realisations:
+    def _told(self, values: Array, paths: list[_Path], edges: Array, sequence: Sequence) -> uqmbd.Realisations:
         status = np.array([path.status for path in paths])
         lost = (status == Status.OK) & ~np.isfinite(edges).all(axis=1)
-        late = f"the clock, {self._clock.words}, does not reach the phase that others have at the last output time"
-        messages = tuple(late if x else path.message for x, path in zip(lost, paths, strict=True))
+        same = np.array([other == sequence for other in self.sequences(values)])
+        self._late.update(row.tobytes() for row in np.ascontiguousarray(values, dtype=float)[lost & same])
+        until = f"until the clock, {self._clock.words}, reaches the phase that others have at the last output time"
+        messages = []
+        for path, gone in zip(paths, lost, strict=True):
+            reason = path.message
+            if gone and path.beyond:
+                reason = f"{path.beyond} (it is followed beyond the last output time, {until})"
+            elif gone:
+                reason = (
+                    f"the clock, {self._clock.words}, does not reach the phase that others have at the last output "
+                    f"time, until t = {path.found.times[-1]:g} s"
+                )
+            messages.append(reason)
         status = np.where(lost, int(Status.INTEGRATION_FAILED), status)
-        return uqmbd.Realisations(values, np.zeros((len(values), 0, 0)), status, messages, {}, 0.0)
+        return uqmbd.Realisations(values, np.zeros((len(values), 0, 0)), status, tuple(messages), {}, 0.0)
 
     @property
     def _clock(self) -> uqmbd.Clock:
@@ -187,25 +262,34 @@ class PhasePaths:
             raise uqmbd.StudyError(f"{self.problem.label}: no clock was chosen.")
         return self.clock
 
-    def _groups(self, values: Array, factor: float) -> tuple[list[tuple[uqmbd.Dense, list[int]]], list[_Path]]:
-        """Realisations (K) for so many times the output times, put together where they have the same times."""
-        until = self.begin + factor * (self.end - self.begin)
+    @property
+    def _kinds(self) -> list[Sequence]:
+        """What the sequences of realisations are called in which the clock runs, kind by kind."""
+        names = [kind.words for kind in self._clock.kinds]
+        if len(names) > 1:
+            names[1] += ", backwards"
+        return [(name,) for name in names]
+
+    def _kind(self, sequence: Sequence) -> uqmbd.Clock:
+        return self._clock.kinds[self._kinds.index(sequence)]
+
+    def _in_all(self, clock: uqmbd.Clock, found: uqmbd.Dense) -> bool:
+        good = np.isfinite(found.values).all(axis=(1, 2))
+        if not good.all():
+            return False
+        return bool(np.any([k.phases(found, self.end).running(self.end) for k in clock.kinds], axis=0).all())
+
+    def _phases(self, kind: uqmbd.Clock, seen: uqmbd.Dense, values: Array) -> uqmbd.Phases:
+        """Read the phases of realisations at inputs (K, d)."""
+        near = self.starts.near(values) if self.starts is not None and not kind.turn else None
+        return kind.phases(seen, self.end, near)
+
+    def _groups(self, values: Array) -> tuple[list[tuple[uqmbd.Dense, list[int]]], list[_Path]]:
+        """Realisations (K) as far as they are known, put together where they have the same times."""
         keys = [row.tobytes() for row in np.ascontiguousarray(values, dtype=float)]
-        missing: dict[bytes, int] = {}
-        for k, key in enumerate(keys):
-            if key not in self._known or self._known[key].found.times[-1] < until - 1e-9 * abs(until):
-                missing[key] = k
+        missing = {key: k for k, key in enumerate(keys) if key not in self._known}
         if missing:
-            rows = values[list(missing.values())]
-            found, told = uqmbd.dense(self.problem.watching(), rows, until, 2 * len(self.problem.times))
-            self.spent += len(rows)
-            self.counters.update(told.counters)
-            self.longest, self.error = max(self.longest, factor), max(self.error, found.error)
-            status = np.where(told.good | (told.status != Status.OK), told.status, int(Status.NOT_FINITE))
-            beyond = f" (followed beyond the last output time, to t = {until:g} s, since phases are compared)"
-            for n, key in enumerate(missing):
-                message = told.messages[n] or "an output is not finite" if status[n] != Status.OK else ""
-                self._known[key] = _Path(found, n, int(status[n]), message and message + beyond)
+            self._follow(values[list(missing.values())], self.begin + AHEAD * (self.end - self.begin))
         paths = [self._known[key] for key in keys]
         groups: dict[int, list[int]] = {}
         for k, path in enumerate(paths):
@@ -216,3 +300,43 @@ class PhasePaths:
             whole = paths[members[0]].found
             found_groups.append((replace(whole, values=whole.values[[paths[k].row for k in members]]), members))
         return found_groups, paths
+
+    def _continue(self, values: Array, paths: list[_Path], needed: Array) -> bool:
+        """Follow realisations (K, d) that are known for too short, until times (K,), s; say if there are any.
+
+        Those that fail farther on are followed one by one, as far as each of them needs.
+        """
+        longest = self.begin + LONGEST * (self.end - self.begin)
+        known = np.array([path.found.times[-1] for path in paths])
+        limits = np.array([path.limit for path in paths])
+        short = (needed > known) & np.isfinite(needed) & (known < longest) & (needed < limits)
+        farther = np.minimum(needed + MARGIN * (self.end - self.begin), longest)
+        free = short & np.isinf(limits)
+        if free.any():
+            self._follow(np.unique(values[free], axis=0), float(farther[free].max()))
+        for k in np.flatnonzero(short & ~free):
+            self._follow(values[k : k + 1], float(min(farther[k], (needed[k] + limits[k]) / 2)))
+            key = np.ascontiguousarray(values[k], dtype=float).tobytes()
+            if self._known[key].limit < limits[k]:
+                # it fails on this shorter way, too: it is not tried again
+                self._known[key] = replace(self._known[key], limit=float(needed[k]))
+        return bool(short.any())
+
+    def _follow(self, values: Array, until: float) -> None:
+        """Compute realisations; what fails behind the last output time is kept as far as it is known."""
+        found, told = uqmbd.dense(self.problem.watching(), values, until, 2 * len(self.problem.times))
+        self.spent += len(values)
+        self.counters.update(told.counters)
+        self.error = max(self.error, found.error)
+        status = np.where(told.good | (told.status != Status.OK), told.status, int(Status.NOT_FINITE))
+        keys = [row.tobytes() for row in np.ascontiguousarray(values, dtype=float)]
+        reasons = [told.messages[n] or "an output is not finite" for n in range(len(values))]
+        beyond = until > self.end + 1e-9 * (self.end - self.begin)
+        again = [n for n, key in enumerate(keys) if beyond and status[n] != Status.OK and key not in self._known]
+        if again:
+            self._follow(values[again], self.end)
+        for n, key in enumerate(keys):
+            if status[n] == Status.OK or not beyond:
+                self._known[key] = _Path(found, n, int(status[n]), reasons[n] if status[n] != Status.OK else "")
+            else:
+                self._known[key] = replace(self._known[key], limit=until, beyond=reasons[n])

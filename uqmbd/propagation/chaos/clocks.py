@@ -30,6 +30,12 @@ LEAST_TURNS = 1.0
 WATCHED = "angle_of_"
 """Before the name of a body or joint whose angle is watched."""
 
+ENOUGH = 0.5
+"""Share of realisations in which an oscillation tells the phase, at least, for it to be one of the mechanism."""
+
+EVEN = 0.3
+"""Least rate of a clock, over its mean one, from which it is no worse than steadier ones."""
+
 STEADY = 0.02
 """Least rate of a clock, over its mean one: below it nearly stands, and times of equal phase are far apart."""
 
@@ -61,13 +67,30 @@ class Clock:
         """What it is."""
         return f"the angle {self.name!r}" if self.turn else f"the oscillation of {self.name!r}"
 
-    def phases(self, found: Dense, end: float) -> Phases:
-        """Read the phases (K, T) of realisations, rad; `end` is the last time that counts for an oscillation."""
-        values = found.values[:, self.row]
-        phase = values / self.turn * TURN if self.turn else self._swinging(found, values, end)
-        return Phases(found.times, phase)
+    @property
+    def kinds(self) -> tuple[Clock, ...]:
+        """In which ways realisations may be told the phase by it: what turns may turn backwards in some, or swing."""
+        return (self, replace(self, turn=-self.turn), replace(self, turn=0.0)) if self.turn else (self,)
 
-    def _swinging(self, found: Dense, values: Array, end: float) -> Array:
+    def phases(self, found: Dense, end: float, near: Array | None = None) -> Phases:
+        """Read the phases (K, T) of realisations, rad.
+
+        Parameters
+        ----------
+        found : Dense
+            Realisations.
+        end : float
+            Last time that counts for the middle and the size of an oscillation, s.
+        near : array, shape (K,), optional
+            Of an oscillation: phases near which realisations start, rad; default: `start`.
+        """
+        values = found.values[:, self.row]
+        if self.turn:
+            return Phases(found.times, values / self.turn * TURN)
+        near = np.full(len(values), self.start) if near is None else near
+        return Phases(found.times, self._swinging(found, values, end, near))
+
+    def _swinging(self, found: Dense, values: Array, end: float, near: Array) -> Array:
         """Phases in the plane of value and rate, both centred and scaled in each realisation."""
         within = found.times <= end * (1 + 1e-12)
         rate = np.stack([found.spline(k).derivative()(found.times)[:, self.row] for k in range(len(values))])
@@ -75,7 +98,7 @@ class Clock:
         fastest = np.abs(rate[:, within]).max(axis=1, keepdims=True)
         centred = (values - (low + high) / 2) / _divisor((high - low) / 2)
         phase = np.unwrap(np.arctan2(-rate / _divisor(fastest), centred), axis=1)
-        return np.asarray(phase - TURN * np.round((phase[:, :1] - self.start) / TURN))
+        return np.asarray(phase - TURN * np.round((phase[:, :1] - near[:, None]) / TURN))
 
     def fitted(self, found: Dense, end: float) -> Clock:
         """Return the clock that runs forwards in most of some realisations, and starts near where these do."""
@@ -108,13 +131,15 @@ class Phases:
         """Return the phases (K,) at a time, rad."""
         return np.array([np.interp(time, self.times, row) for row in self.values])
 
-    def lacking(self, phase: float) -> float:
-        """Return how much longer it takes until all have reached a phase, s, if they go on as they do at the end."""
+    def reaching(self, phase: float) -> Array:
+        """Estimate when a phase is reached, s, shape (K,), if realisations go on as they do at the end; inf: never."""
         last = self.values[:, -1]
         back = max(2, len(self.times) // 8)
         rate = (last - self.values[:, -back]) / (self.times[-1] - self.times[-back])
-        missing = np.maximum(phase - last, 0.0)
-        return float((missing / np.maximum(rate, 1e-12)).max(initial=0.0))
+        mean = (last - self.values[:, 0]) / (self.times[-1] - self.times[0])
+        runs = rate > STEADY * np.abs(mean)
+        behind = np.where(runs, np.maximum(phase - last, 0.0) / np.where(runs, rate, 1.0), np.inf)
+        return np.asarray(self.times[-1] + np.where(self.values.max(axis=1) >= phase, 0.0, behind))
 
     def steadiness(self, end: float) -> float:
         """Return the least rate over the mean one, of the worst realisation, until a time."""
@@ -148,11 +173,13 @@ def watched_angles(mechanism: Any) -> Mapping[str, Any]:
 def choose_clock(problem: Problem, found: Dense, end: float, wanted: str | None) -> tuple[Clock | None, str]:
     """Choose what tells the phase in all realisations, or as many as possible; else say why there is none.
 
-    An angle that grows comes before an oscillation; of several the steadiest.
+    What turns in some realisations comes first, also where it swings in others: another output that oscillates in all
+    of them changes its motion there, too.  Then what tells the phase in most realisations, angles before others, the
+    steadier, and the first of equals; one that is very unsteady comes behind.
 
     Parameters
     ----------
-    problem : uqmbd.Problem
+    problem : Problem
         That of the study.
     found : Dense
         Realisations, with what is watched.
@@ -166,24 +193,51 @@ def choose_clock(problem: Problem, found: Dense, end: float, wanted: str | None)
     uqmbd.StudyError
         If there is nothing of the wanted name.
     """
-    known = _candidates(problem) if wanted is None else [require_clock(problem, wanted)]
+    known = _candidates(problem)
+    asked = known if wanted is None else [require_clock(problem, wanted)]
     good = np.isfinite(found.values).all(axis=(1, 2))
     if not good.any():
         return None, "all realisations failed"
     seen = Dense(found.times, found.values[good], found.error)
-    best: tuple[tuple[float, bool, float], Clock] | None = None
-    # an angle may oscillate, too
-    for clock in [*known, *(Clock(c.name, c.row, 0.0) for c in known if c.turn)]:
-        clock = clock.fitted(seen, end)
-        phases = clock.phases(seen, end)
-        share = float(phases.running(end).mean())
-        rank = (round(share, 3), bool(clock.turn), phases.steadiness(end))
-        if share > 0 and (best is None or rank > best[0]):
-            best = rank, clock
-    if best is not None:
-        return best[1], ""
-    what = f"neither does {wanted!r}" if wanted else f"none of {', '.join(repr(c.name) for c in known)} does"
-    return None, f"a clock turns or swings on, without standing, for a turn at least in some realisation; {what}"
+    fits = [_Fitness.of(clock, seen, end) for clock in asked]
+    best = max(fits, key=lambda fit: fit.rank)
+    if best.share >= ENOUGH or (best.turns and best.share > 0):
+        return best.clock, ""
+    others = [] if wanted is None else [_Fitness.of(clock, seen, end) for clock in known if clock.name != wanted]
+    whole = [fit.clock for fit in others if fit.share == 1.0]
+    said = f"neither does {wanted!r}" if wanted else f"none of {', '.join(repr(c.name) for c in known)} does"
+    why = f"a clock turns or swings on, without standing or turning back, for a turn at least; {said}"
+    if len(seen.values) > 1 and best.share:
+        count = round(best.share * len(seen.values))
+        why += f" (at best {best.clock.words}, in {count} of {len(seen.values)} realisations)"
+    return None, why + (f", but {whole[0].words} does so in all realisations" if whole else "")
+
+
+@dataclass(frozen=True)
+class _Fitness:
+    """How well a clock tells the phase: in which share of realisations, in which of them by turning, how steadily."""
+
+    clock: Clock
+    share: float
+    turns: float
+    angle: bool
+    steadiness: float
+
+    @classmethod
+    def of(cls, clock: Clock, seen: Dense, end: float) -> _Fitness:
+        forwards = clock.fitted(seen, end)
+        runs = np.stack([kind.phases(seen, end).running(end) for kind in forwards.kinds])
+        share, turns = float(runs.any(axis=0).mean()), float(runs[:2].any(axis=0).mean()) if clock.turn else 0.0
+        # an angle that never turns is an oscillation
+        if clock.turn and not turns:
+            forwards = replace(clock, turn=0.0).fitted(seen, end)
+        return cls(forwards, share, turns, bool(clock.turn), forwards.phases(seen, end).steadiness(end))
+
+    @property
+    def rank(self) -> tuple[bool, float, bool, bool, float]:
+        # rounded: of clocks that differ by rounding the first is taken
+        common, even = self.turns > 0 and self.share >= ENOUGH, self.steadiness >= EVEN
+        return common, round(self.share, 3), even, self.angle, round(self.steadiness, 1)
 
 
 def require_clock(problem: Problem, wanted: str) -> Clock:
