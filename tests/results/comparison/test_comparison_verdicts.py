@@ -381,3 +381,24 @@ def test_an_integration_that_is_too_coarse_leads_the_recommendation():
         study = uqmbd.Study("pendulum", mechanism, np.linspace(0, 20, 41), methods, rtol=rtol)
         said = study.run()["comparison"].attrs["recommendation"]
         assert said.startswith("Lower rtol first: the error of the time integration is up to") is coarse
+
+
+@pytest.mark.parametrize("name", ["mean", "std"])
+def test_what_does_not_know_its_statistics_at_a_time_is_never_recommended(name):
+    """Cheaper and exact wherever it is known: at one time it is not."""
+    axes = results.labels(["x"], [], [0.0, 1.0, 2.0])
+
+    def node(label, cost, **wrong):
+        known = {"std_error_mean": [[1e-3] * 3], "std_error_std": [[1e-3] * 3]}
+        values = {"mean": np.zeros((1, 3)), "std": np.ones((1, 3))} | wrong
+        statistics = results.statistics_dataset(axes, **values, **known)
+        return results.propagator_node(label, statistics, propagator="p", realisations=cost, wall_time=0.01 * cost)
+
+    hole = np.array([[0.0 if name == "mean" else 1.0] * 2 + [np.nan]])
+    found = results.recommend(
+        results.compare([node("many", 10000), node("few", 1000), node("holed", 10, **{name: hole})])
+    )
+    assert found[0].startswith("Use few:")
+    assert any(s.startswith("holed does not know its mean or standard deviation at 1 time;") for s in found[1:])
+    two = results.recommend(results.compare([node("many", 10000), node("holed", 10, **{name: hole})], reference="many"))
+    assert two[0].startswith("No other method") and "Use holed" not in " ".join(two)

@@ -127,8 +127,9 @@ def compare(
         from samples, or from 4096 samples of a chaos; NaN where there are none; ``ks_by_chance (method)``: which of the
         latter equal distributions exceed at the level.
 
-        ``wall_time`` (s), ``realisations`` and ``failures`` by method, ``solver_counters (method, counter)``. Where
-        the results of a method, or of the reference, end before the last time, differences are over the times that
+        ``unknown_times``: how many times there are at which a method does not know the mean or standard deviation of
+        an output; one that has any is not recommended.  ``wall_time`` (s), ``realisations`` and ``failures`` by
+        method, ``solver_counters (method, counter)``. Where the results of a method, or of the reference, end before the last time, differences are over the times that
         both have; ``compared_until`` (s, by method) is the last of them, NaN if there is none, and so are then the
         differences. The attribute ``reference`` names the reference, whose differences are 0. A single method has no
         distances, counters, or recommendation. (Select with ``.sel({"method": label})``: ``method=`` means another
@@ -165,6 +166,7 @@ def compare(
     own = {label: own_statements(node, errors[label]) for label, node in nodes.items()}
     columns: dict[str, list[Any]] = {}
     until: list[float] = []
+    unknown: list[int] = []
     said: list[list[Verdict]] = []
     for label, node in nodes.items():
         statistics = base if label == chosen else node.children["statistics"].to_dataset()
@@ -172,6 +174,7 @@ def compare(
         both = [(name, over_time(statistics[name].values), over_time(base[name].values)) for name in ("mean", "std")]
         differences = {name: np.abs(a - b) for name, a, b in both}
         common = np.all([np.isfinite(d).all(axis=0) for d in differences.values()], axis=0)
+        unknown.append(int((~np.isfinite(np.concatenate([a for _, a, _ in both]))).any(axis=0).sum()))
         until.append(float(times[common].max(initial=-np.inf)) if common.any() else np.nan)
         for name, _, expected in both:
             known = differences[name][:, common]
@@ -219,6 +222,7 @@ def compare(
             **variables,
             "reference_std_max": ("output", _largest(_finite(base["std"].values))),
             **_until(until, "time" in base["mean"].dims),
+            "unknown_times": ("method", np.array(unknown, dtype=np.int64)),
             "wall_time": ("method", np.array([float(a.get("wall_time", np.nan)) for a in attributes]), {"units": "s"}),
             "realisations": ("method", np.array([int(a.get("realisations", 0)) for a in attributes], dtype=np.int64)),
             "failures": ("method", np.array([int(a.get("failures", 0)) for a in attributes], dtype=np.int64)),

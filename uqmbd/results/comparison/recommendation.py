@@ -89,9 +89,9 @@ def loose(nodes: Mapping[str, xr.DataTree]) -> tuple[str, ...]:
 def recommend(comparison: xr.Dataset) -> tuple[str, ...]:
     """Recommend a method, in sentences that can be read in a minute.
 
-    The cheapest whose every output that varies agrees with the reference, and whose own error is at most 1 % of the
-    standard deviation, or at most 5 %, or the least; then what is to be said of the others.  Of methods that differ by
-    chance only, in cost and error, none is preferred.
+    The cheapest whose every output that varies is known at all times and agrees with the reference, and whose own error
+    is at most 1 % of the standard deviation, or at most 5 %, or the least; then what is to be said of the others.  Of
+    methods that differ by chance only, in cost and error, none is preferred.
 
     Parameters
     ----------
@@ -125,13 +125,17 @@ def recommend(comparison: xr.Dataset) -> tuple[str, ...]:
     costs = _costs(comparison)
     if all(found[m][0] == NO_SPREAD for m in methods):
         return ("No output varies beyond the integration error: one realisation tells as much as any method.",)
-    fit = [m for m in methods if found[m][0] in (AGREES, REFERENCE, NO_SPREAD)]
+    fit = [m for m in methods if found[m][0] in (AGREES, REFERENCE, NO_SPREAD) and not _unknown(comparison, m)]
     same = _same(comparison, reference)
-    if fit == [reference]:
-        equal: list[str] = []
+    equal: list[str] = []
+    if not fit:
+        lead = "Use none: there is none that knows all its statistics at all times and agrees with the reference."
+    elif fit == [reference]:
+        holed = any(_unknown(comparison, m) for m in methods)
+        whole = ", and knows its statistics at all times" if holed else ""
         lead = (
-            f"No other method agrees with {reference}, the reference{_known(comparison, reference)}: rely on none of "
-            "them before the reasons below are understood."
+            f"No other method agrees with {reference}, the reference{_known(comparison, reference)}{whole}: rely on "
+            "none of them before the reasons below are understood."
         )
     elif len(same) == len(methods):
         equal = methods
@@ -144,7 +148,15 @@ def recommend(comparison: xr.Dataset) -> tuple[str, ...]:
         equal = [m for m in fit if m == best or _equal(m, best, same, errors, costs, comparison)]
         lead = f"Use {_listed(equal, 'or')}: {_reasons(equal, fit, best, comparison, costs)}."
     others = [_other(comparison, m, reference, found[m]) for m in methods if m not in (*equal, reference)]
+    if unknown := _unknown(comparison, reference):
+        others.append(f"{reference}, the reference, {unknown}.")
     return (lead, *others)
+
+
+def _unknown(comparison: xr.Dataset, method: str) -> str:
+    """Say at how many times a method does not know its statistics, or nothing."""
+    count = int(comparison["unknown_times"].sel({"method": method})) if "unknown_times" in comparison else 0
+    return f"does not know its mean or standard deviation at {count} time{'' if count == 1 else 's'}" if count else ""
 
 
 def _listed(names: list[str], last: str) -> str:
@@ -264,6 +276,8 @@ def _duration(seconds: float) -> str:
 
 def _other(comparison: xr.Dataset, method: str, reference: str, found: tuple[str, str, str]) -> str:
     kind, text, which = found
+    if kind in (AGREES, NO_SPREAD) and (unknown := _unknown(comparison, method)):
+        return f"{method} {unknown}; at the others it agrees with {reference}{_known(comparison, method)}."
     if kind in (AGREES, NO_SPREAD):
         return f"{method} agrees with {reference}{_known(comparison, method)}."
     where = f" ({which})" if which else ""
