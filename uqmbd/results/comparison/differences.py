@@ -69,9 +69,9 @@ def choose_reference(nodes: Mapping[str, xr.DataTree], *, rtol: float = 0.0) -> 
 
     def trust(label: str) -> tuple[bool, int, float, int]:
         node = nodes[label]
-        whole = "ends_at" not in node.attrs
         found, times = own_error(node, max(rtol, rtol_of(node))), _times(node.children["statistics"].to_dataset())
-        fine = np.asarray(np.isfinite(found.std).all(axis=0))
+        fine = np.asarray((np.isfinite(found.std) & np.isfinite(found.mean)).all(axis=0))
+        whole = bool(fine.all())
         error = float(found.isel(fine).relative(times[fine]).max(initial=0.0)) if fine.any() else np.inf
         states = np.isfinite(error)
         good = states and error <= ROUGH if found.samples else bool((found.stated <= COARSE).all())
@@ -129,7 +129,8 @@ def compare(
 
         ``unknown_times``: how many times there are at which a method does not know the mean or standard deviation of
         an output; one that has any is not recommended.  ``wall_time`` (s), ``realisations`` and ``failures`` by
-        method, ``solver_counters (method, counter)``. Where the results of a method, or of the reference, end before the last time, differences are over the times that
+        method, ``solver_counters (method, counter)``. Where the results of a method, or of the reference, end before
+        the last time, differences are over the times that
         both have; ``compared_until`` (s, by method) is the last of them, NaN if there is none, and so are then the
         differences. The attribute ``reference`` names the reference, whose differences are 0. A single method has no
         distances, counters, or recommendation. (Select with ``.sel({"method": label})``: ``method=`` means another
