@@ -7,18 +7,17 @@ from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import Annotated, Any, ClassVar, Literal
 
-import numpy as np
 import xarray as xr
 
 import uqmbd
-from uqmbd.results import Status
 from uqmbd_collocation.alignment import EventPaths, PhasePaths, align
-from uqmbd_collocation.computing import computed
 from uqmbd_collocation.elements import collocate_elements
+from uqmbd_collocation.expanded import Expanded
+from uqmbd_collocation.families import FAMILIES, Family, expand_families, impossible
+from uqmbd_collocation.plain import expand
 from uqmbd_collocation.plans import Adaptive, Method, Plans, Terms
-from uqmbd_collocation.record import nodes_dataset, warn_of_failures, warn_of_idle_inputs
-from uqmbd_collocation.refinement import Limits, history
-from uqmbd_collocation.runs import Runs, announced_once
+from uqmbd_collocation.refinement import Limits
+from uqmbd_collocation.runs import announced_once
 
 __all__ = ["Collocation"]
 
@@ -67,7 +66,7 @@ class Collocation(uqmbd.Propagator):
         Most elements of an adaptive refinement.
     threshold : float
         Of an adaptive refinement: error of the surrogate, over the largest standard deviation of each output over time.
-    alignment : {"events", "phase"}, optional
+    alignment : {"events", "phase", "auto"} or tuple of str, optional
         Compare realisations at landmarks instead of at equal times, and expand the times of landmarks and the motion
         between them, in normalised time, separately.  Where the sequence of landmarks is not the same everywhere the
         germ space is split first, into `max_elements` boxes at most; with `elements` it is split by the error, which is
@@ -82,10 +81,19 @@ class Collocation(uqmbd.Propagator):
         has reached the phase has failed.  What turns may turn backwards in some realisations, or swing: these get
         elements of their own.  So do those where the clock stands, which are compared at equal times; a warning tells
         their share (``standing``).  Where there is no clock the method refuses.
+
+        A tuple of ``plain`` (at equal times), ``events`` and ``phase``: each output takes the one whose error is
+        smallest at the verification realisations, root mean square over time, as with a ball on a plate that turns.
+        ``auto``: of all that are possible for the mechanism. Realisations are shared as far as possible: nodes that are
+        followed for a clock serve the plain one, and the verification realisations are the same for all. A refinement
+        is one of each family. The attributes ``alignment``, ``alignment_error`` and ``alignment_left_out`` of the
+        results (JSON) say for each output what it takes and its error, and what is not possible and why; their child
+        ``families`` holds the errors of all. Of few verification realisations the smallest error is a little small.
+        A warning says which outputs none follows, and from when on.
     clock : str, optional
-        For ``phase``: name of an output, or of a body or joint that has an angle.  An angle that grows is the phase;
-        else that of the oscillation, in the plane of value and rate.  Default: what turns in some realisations, else
-        what swings in most, the steadier first; the results say which.
+        For ``phase``, alone or among others: name of an output, or of a body or joint that has an angle.  An angle that
+        grows is the phase; else that of the oscillation, in the plane of value and rate.  Default: what turns in some
+        realisations, else what swings in most, the steadier first; the results say which.
     transform : {"rosenblatt", "nataf"}
         How dependent inputs become functions of independent germs.
     verify : int
@@ -135,7 +143,7 @@ class Collocation(uqmbd.Propagator):
     elements: int | Literal["adaptive"] | None = None
     max_elements: int = 32
     threshold: float = 0.01
-    alignment: Literal["events", "phase"] | None = None
+    alignment: Literal["events", "phase", "auto"] | tuple[Family, ...] | None = None
     clock: str | None = None
     transform: Literal["rosenblatt", "nataf"] = "rosenblatt"
     verify: Annotated[int, uqmbd.Bounds(0)] = 8
@@ -154,8 +162,9 @@ class Collocation(uqmbd.Propagator):
                 raise uqmbd.StudyError(
                     "Collocation: elements are split by their top order; order is 0, expected 1 or more."
                 )
-        if self.clock is not None and self.alignment != "phase":
+        if self.clock is not None and "phase" not in self.families:
             raise uqmbd.StudyError(f"Collocation: clock={self.clock!r} means nothing without alignment='phase'.")
+        self._check_families()
         split, aligned = self.elements is not None, self.alignment is not None
         for name, used, what in (
             ("tolerance", self.adaptive != "no", "adaptive='no'"),
@@ -177,6 +186,36 @@ class Collocation(uqmbd.Propagator):
         return self._plans(self.node_name).grid
 
     @property
+    def families(self) -> tuple[Family, ...]:
+        """The ways to expand that `alignment` names; none: at equal times, as ever."""
+        if self.alignment is None:
+            return ()
+        if self.alignment == "auto":
+            return FAMILIES
+        return (self.alignment,) if isinstance(self.alignment, str) else tuple(self.alignment)
+
+    def _check_families(self) -> None:
+        """Refuse what does not go with a choice between families."""
+        if self.alignment is None or self.alignment in ("events", "phase"):
+            return
+        given = f"Collocation: alignment={self.alignment!r}"
+        if len(self.families) < 2 or len(set(self.families)) < len(self.families):
+            raise uqmbd.StudyError(
+                f"{given}; a tuple names two or more different families, of {', '.join(map(repr, FAMILIES))}. One is "
+                "given as a word, as alignment='phase', and plain is alignment=None."
+            )
+        if not self.verify:
+            raise uqmbd.StudyError(
+                f"{given} chooses by the error at verification realisations, and verify is 0; expected 1 or more."
+            )
+        if self.elements is not None:
+            raise uqmbd.StudyError(
+                f"{given} contradicts elements={self.elements!r}: elements are refined for one family; name it, as "
+                "alignment='phase'. Where sequences of landmarks differ families split by themselves, into "
+                "max_elements boxes at most."
+            )
+
+    @property
     def _limits(self) -> uqmbd.ElementLimits:
         return uqmbd.ElementLimits(self.elements, self.max_elements, self.threshold)
 
@@ -185,24 +224,39 @@ class Collocation(uqmbd.Propagator):
 
     def watches(self, mechanism: uqmbd.Mechanism) -> Mapping[str, Any]:
         """Watch the angles of bodies and joints, where a clock is looked for."""
-        return uqmbd.watched_angles(mechanism) if self.alignment == "phase" else {}
+        return uqmbd.watched_angles(mechanism) if "phase" in self.families else {}
 
     def estimate(self, study: uqmbd.Study) -> uqmbd.Estimate:
         """Count realisations, and the memory of their outputs and of the chaos."""
         space = uqmbd.GermSpace.of(study.mechanism.inputs, self.transform)
         values = len(study.mechanism.outputs) * len(study.times) + len(study.mechanism.scalars)
+        ways, left_out = self._possible(study)
         if self.adaptive != "no":
-            most = self.max_realisations
-            return uqmbd.Estimate(most, 8 * 3 * most * values, f"{most} realisations", at_most=True)
+            most = self.max_realisations * len(ways)
+            return uqmbd.Estimate(most, 8 * 3 * most * values, f"{most} realisations{left_out}", at_most=True)
         planned = self._plans(self.node_name).plan(space, self.order)
         nodes, terms, boxes = len(planned.nodes), len(planned.multi_index), self._limits.computed
         one = (nodes + self.verify) * (3 * values + terms) + 3 * terms * values
         detail = f"{nodes} nodes, {terms} terms" + (f" in each of {boxes} elements" if boxes > 1 else "")
-        if self.alignment is not None:
+        if ways != ("plain",):
             # nodes are followed longer, most of them twice; nobody knows yet where sequences differ
             detail += ", which are followed longer; more where landmarks differ"
-            return uqmbd.Estimate(2 * boxes * nodes + self.verify, 16 * boxes * one, detail)
+            aligned = [name for name in ways if name != "plain"]
+            # a plain chaos reads those that are followed for a clock
+            alone = nodes if "plain" in ways and "phase" not in ways else 0
+            count = 2 * boxes * nodes * len(aligned) + alone + self.verify
+            detail += f"; families {', '.join(ways)}" if len(ways) > 1 else ""
+            return uqmbd.Estimate(count, 16 * boxes * one * len(ways), detail + left_out)
         return uqmbd.Estimate(boxes * nodes + self.verify, 8 * boxes * one, detail, at_most=self._limits.adaptive)
+
+    def _possible(self, study: uqmbd.Study) -> tuple[tuple[Family, ...], str]:
+        """Return the families that may be possible, and say which are left out."""
+        ways = self.families or FAMILIES[:1]
+        if self.alignment != "auto":
+            return ways, ""
+        reasons = {name: impossible(study.problem(self), name) for name in ways}
+        said = "; ".join(f"left out: {name}, {why}" for name, why in reasons.items() if why)
+        return tuple(name for name in ways if not reasons[name]), f"; {said}" if said else ""
 
     def obstacle(self, study: uqmbd.Study) -> str | None:
         """Say what is in the way: nothing random, a distribution without moments, too many nodes, too few samples."""
@@ -212,8 +266,9 @@ class Collocation(uqmbd.Propagator):
             space = uqmbd.GermSpace.of(study.mechanism.inputs, self.transform)
             if self.clock is not None:
                 uqmbd.require_clock(study.problem(self), self.clock)
-            if self.alignment == "events":
-                study.problem(self).require("segments")
+            ways = () if self.alignment == "auto" else self.families
+            if why := next(filter(None, (impossible(study.problem(self), name) for name in ways)), ""):
+                return why
             if self.adaptive != "dimension":
                 self._plans(self.node_name).plan(space, self.order).check(space)
         except uqmbd.StudyError as error:
@@ -231,51 +286,25 @@ class Collocation(uqmbd.Propagator):
             If failures leave too few realisations.
         """
         space, plans = problem.germ_space(self.transform), self._plans(problem.label)
-        if self.alignment is not None and not problem.timeless:
-            paths: EventPaths | PhasePaths
-            paths = EventPaths(problem) if self.alignment == "events" else PhasePaths(problem, self.clock)
-            limits = Limits(self.tolerance, self.max_realisations, problem.rtol)
-            return align(self, problem, space, plans, paths, self._limits, limits)
+        limits = Limits(self.tolerance, self.max_realisations, problem.rtol)
+        begin = problem.clock()
+        if self.families and not problem.timeless:
+            found = self._aligned(problem, space, plans, limits)
+            problem.progress.finish(problem.label)
+            return found.node(self, problem, problem.clock() - begin)
         if self.elements is not None:
             return collocate_elements(self, problem, space, plans, self._limits)
-        points = plans.verification_points(space)
-        limits = Limits(self.tolerance, self.max_realisations, problem.rtol)
         once = problem if self.adaptive == "no" else announced_once(problem, self.max_realisations)
-        runs = Runs(once, space)
-        fit, refinement = computed(runs, plans, points, limits)
-        if refinement is not None:
+        found, wall_time = expand(once, space, plans, limits)
+        if self.adaptive != "no":
             problem.progress.finish(problem.label)
-        verification = runs.verification(points)
-        warn_of_failures(verification, problem.label)
-        chaos = verification.chaos(fit.coefficients, fit.multi_index, problem.labels)
-        warn_of_idle_inputs(runs, fit, problem.label)
-        # a refinement has words of its own, and samples that are too few look the same
-        plain = self.adaptive == "no" and bool(plans.grid)
-        suspicions = [one.words() for one in chaos.discontinuities() if plain and one and one.clear]
-        if suspicions:
-            warnings.warn(f"{problem.label}: {'; '.join(suspicions)}.", stacklevel=2)
-        statistics = chaos.statistics()
-        if fit.leave_one_out is not None:
-            note = {"long_name": "leave-one-out error of the regression, over the variance of the samples"}
-            statistics = statistics.assign(leave_one_out=(problem.labels.dims, fit.leave_one_out, note))
-        children = {"chaos": chaos.to_dataset(), "nodes": nodes_dataset(runs, runs.at(points), fit)}
-        attrs = {
-            "failures": int((runs.status != Status.OK).sum()),
-            "fit": fit.how,
-            "terms": len(fit.multi_index),
-            "highest_degree": int(fit.multi_index.max()),
-            "nodes": len(np.unique(fit.where)) + fit.failed,
-            "verification": len(verification.germs),
-        }
-        if refinement is not None:
-            children["refinement"] = history(refinement.steps)
-            attrs["tolerance_met"] = str(refinement.met)
-        return problem.node(
-            self,
-            statistics,
-            realisations=len(runs),
-            wall_time=runs.wall_time,
-            counters=dict(runs.counters),
-            children=children,
-            attrs=attrs,
-        )
+        return found.node(self, problem, wall_time)
+
+    def _aligned(self, problem: uqmbd.Problem, space: uqmbd.GermSpace, plans: Plans, limits: Limits) -> Expanded:
+        about = (self._limits, limits)
+        if self.alignment == "events":
+            return align(problem, space, plans, EventPaths(problem), *about)
+        if self.alignment == "phase":
+            return align(problem, space, plans, PhasePaths(problem, self.clock), *about)
+        wanted = self.alignment != "auto"
+        return expand_families(problem, space, plans, *about, self.families, self.clock, wanted=wanted)

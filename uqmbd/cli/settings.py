@@ -192,6 +192,8 @@ def _type_name(annotation: Any) -> str:
         return " or ".join(_type_name(member) for member in members)
     if origin is Literal:
         return " or ".join(repr(member) for member in members)
+    if origin is tuple and typing.get_origin(members[0]) is Literal:
+        return "several of " + ", ".join(repr(member) for member in typing.get_args(members[0]))
     if annotation is types.NoneType:
         return "none"
     if annotation is Any:

@@ -122,6 +122,8 @@ def plain(value: Any, annotation: Any) -> Any:
     """
     for member in _members(annotation):
         base, bounds = _bounded(member)
+        if _several(base) and isinstance(value, list):
+            return tuple(value)
         if bounds is None or value is None or not _is_one(value, member):
             continue
         if typing.get_origin(base) is tuple:
@@ -152,6 +154,11 @@ def _each(value: Any) -> list[Any]:
     return list(value) if isinstance(value, (tuple, list, range)) else [value]
 
 
+def _several(base: Any) -> bool:
+    """Tell whether an alternative is a row of words."""
+    return typing.get_origin(base) is tuple and typing.get_origin(typing.get_args(base)[0]) is Literal
+
+
 def _literals(annotation: Any) -> list[Any]:
     """Return the values that an annotation lists."""
     members = [m for m in _members(annotation) if typing.get_origin(m) is Literal]
@@ -168,6 +175,8 @@ def _is_one(value: Any, member: Any) -> bool:
     if bounds is not None and typing.get_origin(base) is tuple:
         kind, numbers = typing.get_args(base)[0], _each(value)
         return bool(numbers) and all(_is_one(x, kind) and bounds.hold(x) for x in numbers)
+    if _several(base):
+        return isinstance(value, (tuple, list)) and all(_is_one(x, typing.get_args(base)[0]) for x in value)
     truth = isinstance(value, (bool, np.bool_))
     if typing.get_origin(base) is Literal:
         return isinstance(value, (str, int, type(None))) and any(
@@ -195,6 +204,8 @@ def _expected(annotation: Any, words: list[str]) -> str:
             kinds.append(kind + (bounds.words if bounds else "") + (" for each input" if row else ""))
     if words:
         kinds.append(f"one of {', '.join(words)}" if len(words) > 1 else words[0])
+    for base in filter(_several, _members(annotation)):
+        kinds.append(f"a tuple of {', '.join(repr(x) for x in typing.get_args(typing.get_args(base)[0]))}")
     kinds += ["None"] if types.NoneType in _members(annotation) else []
     return (", or " if any("," in kind for kind in kinds[:-1]) else " or ").join(kinds)
 

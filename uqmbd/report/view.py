@@ -45,8 +45,8 @@ class Method:
     @cached_property
     def surrogate_data(self) -> xr.Dataset:
         """What a surrogate is stored in; where outputs have surrogates of several kinds, that with the most terms."""
-        held = [data for part in surrogate_parts(self.node).values() for data in part.children.values()]
-        return max((d.to_dataset() for d in held if "term" in d.sizes), key=lambda data: int(data.sizes["term"]))
+        held = [data.to_dataset() for _, data in surrogate_parts(self.node).values()]
+        return max(held, key=lambda data: int(data.sizes["term"]))
 
     @cached_property
     def scalars(self) -> Method | None:

@@ -24,6 +24,7 @@ from uqmbd_collocation.alignment.landmarks import PER_TURN, TURN
 from uqmbd_collocation.alignment.phase_paths import STANDS, PhasePaths
 from uqmbd_collocation.alignment.watching import Watching
 from uqmbd_collocation.computing import computed
+from uqmbd_collocation.expanded import Expanded
 from uqmbd_collocation.fitting import Fit
 from uqmbd_collocation.plans import STREAM, Plans
 from uqmbd_collocation.record import nodes_of, warn_of_failures
@@ -74,6 +75,8 @@ class _Elements:
     plans: Plans
     paths: Paths
     tolerance: Limits
+    given: uqmbd.Verification | None = None
+    """Verification realisations that are known; else each element has its own."""
     done: list[_Fitted] = field(default_factory=list)
 
     def compute(self, boxes: Iterable[uqmbd.GermBox]) -> list[AlignedChaos]:
@@ -82,6 +85,10 @@ class _Elements:
         points = uqmbd.Verification.points_of_elements(boxes, len(self.done), plans.verify, plans.seed, STREAM)
         if len(boxes) == 1 and boxes[0].probability == 1.0:
             points = [plans.verification_points(boxes[0].space)]
+        if self.given is not None:
+            # a refinement cannot do without any
+            known = [self.given.germs[box.contains(self.given.germs)] for box in boxes]
+            points = [a if len(a) or plans.adaptive == "no" else b for a, b in zip(known, points, strict=True)]
         found = [self._fitted(box, own) for box, own in zip(boxes, points, strict=True)]
         self.done += found
         return [one.chaos for one in found]
@@ -103,7 +110,7 @@ class _Elements:
         lost = float(np.mean([other != sequence for other in sequences]))
         watching = Watching(problem, paths)
         verified = Runs(watching, local)
-        verification = verified.verification(points)
+        verification = self._known(box, points) or verified.verification(points)
         if (elsewhere := watching.elsewhere(sequence)).any():
             lost = (lost * len(nodes) + elsewhere.sum()) / (len(nodes) + len(elsewhere))
         warn_of_failures(verification, problem.label)
@@ -144,16 +151,22 @@ class _Elements:
             )
         return _Fitted(chaos, fit, runs, verified, sequence, lost, refinement)
 
+    def _known(self, box: uqmbd.GermBox, points: Array) -> uqmbd.Verification | None:
+        """Return the given realisations in a box, if they are those at some points (V, d)."""
+        if self.given is None or len(points) != (inside := box.contains(self.given.germs)).sum():
+            return None
+        return uqmbd.Verification(box.local, self.given.germs[inside], self.given.response[inside], len(points))
+
 
 def align(
-    propagator: uqmbd.Propagator,
     problem: uqmbd.Problem,
     space: uqmbd.GermSpace,
     plans: Plans,
     paths: Paths,
     limits: uqmbd.ElementLimits,
     tolerance: Limits,
-) -> xr.DataTree:
+    given: uqmbd.Verification | None = None,
+) -> Expanded:
     """Expand times of landmarks and the motion between them, in elements where their sequences differ or it is wrong.
 
     Raises
@@ -163,7 +176,6 @@ def align(
     uqmbd.IntegrationError
         If realisations fail.
     """
-    begin = problem.clock()
     if isinstance(paths, PhasePaths):
         nodes = plans.first_nodes(space)
         if why := paths.find_clock(space.to_inputs(nodes)):
@@ -171,7 +183,7 @@ def align(
                 f"{problem.label}: alignment='phase' needs a clock, and there is none: {why}. Observe an angle that "
                 "grows, name it by clock=, or leave alignment out."
             )
-    work, children = _Elements(problem, plans, paths, tolerance), dict[str, Any]()
+    work, children = _Elements(problem, plans, paths, tolerance, given), dict[str, Any]()
     if limits.elements is None:
         boxes = _boxes(paths, plans, space, limits.most)
         chaos, kept = AlignedChaos.joined(work.compute(boxes), boxes), work.done
@@ -196,13 +208,12 @@ def align(
     verified = Counter[str]()
     for one in work.done:
         verified.update(one.verified.counters)
-    return problem.node(
-        propagator,
-        chaos.statistics(),
-        realisations=paths.spent + sum(len(one.verified) for one in work.done),
-        wall_time=problem.clock() - begin,
-        counters=dict(verified + paths.counters),
-        children={"aligned": chaos.to_dataset(), "nodes": _nodes(problem, space, work.done), **children},
+    return Expanded(
+        chaos,
+        paths.spent + sum(len(one.verified) for one in work.done),
+        verified + paths.counters,
+        _nodes(problem, space, work.done),
+        children=children,
         attrs={
             "failures": failures + paths.failures,
             "fit": f"{paths.landmarks} and segments by {kept[0].fit.how}",

@@ -30,6 +30,9 @@ MARGIN = 0.02
 TRIES = 8
 """Integrations in which a realisation reaches the phase that is needed."""
 
+ACCURATE = 1e-6
+"""Error of the interpolation, over the range of an output, up to which it stands for realisations at output times."""
+
 POINTS = 16
 """Chebyshev points of a segment, a quarter of a turn."""
 
@@ -235,6 +238,28 @@ class PhasePaths:
             part = time_landmarks(seen, np.linspace(self.begin, self.end, segments + 1), outputs, POINTS)
             edges[rows], response[rows] = part.edges, part.response
         return Landmarked(edges, response), self._told(values, paths, edges, STANDS)
+
+    def at_times(self, values: Array) -> uqmbd.Realisations:
+        """Return realisations at the output times: read from those that are followed, where these are accurate.
+
+        Others are computed: outputs with kinks, and what fails behind the last output time.
+        """
+        outputs, times = self.problem.labels.shape[0], self.problem.times
+        response = np.full((len(values), outputs, len(times)), np.nan)
+        for seen, rows in self._groups(values)[0]:
+            if seen.error <= ACCURATE and seen.times[-1] >= self.end:
+                for n, k in enumerate(rows):
+                    response[k] = seen.spline(n)(times)[:, :outputs].T
+        status, messages = np.zeros(len(values), dtype=np.int64), [""] * len(values)
+        left = np.flatnonzero(~np.isfinite(response).all(axis=(1, 2)))
+        if len(left):
+            found = self.problem.realise(values[left])
+            self.spent += len(left)
+            self.counters.update(found.counters)
+            response[left], status[left] = found.response, found.status
+            for at, message in zip(left.tolist(), found.messages, strict=True):
+                messages[at] = message
+        return uqmbd.Realisations(values, response, status, tuple(messages), {}, 0.0)
 
     def _told(self, values: Array, paths: list[_Path], edges: Array, sequence: Sequence) -> uqmbd.Realisations:
         status = np.array([path.status for path in paths])

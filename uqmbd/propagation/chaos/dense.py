@@ -20,6 +20,9 @@ DEGREE = 7
 RESOLVED = 1e-5
 """Error of a spline through every second value, over the range of an output: that through all is 2^8 times better."""
 
+BETWEEN = 0.9
+"""Share of the times that decides where there are events."""
+
 FIRST, MOST = 1024, 1 << 17
 """Times that are tried first, and at most."""
 
@@ -80,20 +83,22 @@ def dense(problem: Problem, values: Array, end: float, least: int = 0) -> tuple[
     while True:
         times = np.linspace(float(problem.times[0]), end, count)
         found = problem.watching(times).realise(values)
-        error = _error(times, found.response[found.good])
-        if error <= RESOLVED or 2 * count > most:
-            return Dense(times, found.response, error / 2 ** (DEGREE + 1)), found
+        wrong = _error(times, found.response[found.good])
+        # kinks and jumps at events are never resolved; what lies between them is, where it is so at most times
+        decisive = np.quantile(wrong, BETWEEN, axis=0) if problem.model.events and len(wrong) else wrong
+        if decisive.max(initial=0.0) <= RESOLVED or 2 * count > most:
+            return Dense(times, found.response, float(wrong.max(initial=0.0)) / 2 ** (DEGREE + 1)), found
         count *= 2
 
 
-def _error(times: Array, values: Array) -> float:
-    """Error of splines through every second value (K, O, T), at the others, over the range of each output."""
+def _error(times: Array, values: Array) -> Array:
+    """Errors of splines through every second value (K, O, T), at the others, over the range of each output: (N, KO)."""
     if not len(values):
-        return 0.0
+        return np.zeros((0, 0))
     rows = values.reshape(-1, len(times)).T
     half = make_interp_spline(times[::2], rows[::2], DEGREE)
     inside = slice(DEGREE, len(times) - DEGREE, 2)
     wrong = np.abs(half(times[inside]) - rows[inside])
     size = np.ptp(rows, axis=0).reshape(values.shape[:2]).max(axis=0)
     scale = np.broadcast_to(np.where(size > 0, size, 1.0), values.shape[:2]).ravel()
-    return float((wrong.max(axis=0) / scale).max())
+    return np.asarray(wrong / scale)

@@ -55,8 +55,8 @@ def has_events(node: xr.DataTree) -> bool:
 
 def _followed(node: xr.DataTree) -> list[xr.DataTree]:
     """Return the aligned chaoses of a method that follow events."""
-    found = [part.children["aligned"] for part in surrogate_parts(node).values() if "aligned" in part.children]
-    return [x for x in found if "event" in x.data_vars and bool(np.any(x.to_dataset()["event"].values != ""))]
+    found = [data for kind, data in surrogate_parts(node).values() if kind == "aligned" and "event" in data.data_vars]
+    return [data for data in found if bool(np.any(data.to_dataset()["event"].values != ""))]
 
 
 def events_of(node: xr.DataTree) -> list[EventTime]:

@@ -91,10 +91,8 @@ def chaos_of(
 
 def order_of(node: xr.DataTree) -> int:
     """Return the order of a method's surrogate: the largest degree of any input."""
-    parts = [data for part in surrogate_parts(node).values() for data in part.children.values()]
-    return max(
-        int(np.max(data.to_dataset()["multi_index"].values, initial=0)) for data in parts if "multi_index" in data
-    )
+    degrees = [data.to_dataset()["multi_index"].values for _, data in surrogate_parts(node).values()]
+    return max(int(np.max(one, initial=0)) for one in degrees)
 
 
 def finest(nodes: Mapping[str, xr.DataTree]) -> str:

@@ -53,9 +53,8 @@ def surrogate(node: xr.DataTree, output: str | None = None, times: Sequence[int]
     if not parts:
         raise StudyError(f"The propagator {node.name!r} holds no surrogate; collocation and Galerkin make one.")
     found, names = {}, []
-    for name, part in parts.items():
-        kind = _kind(part)
-        data = part.children[kind].to_dataset()
+    for name, (kind, part) in parts.items():
+        data = part.to_dataset()
         own = [str(x) for x in data["output"].values]
         names += own
         if times is not None and "time" in data.sizes:
@@ -72,16 +71,17 @@ def surrogate(node: xr.DataTree, output: str | None = None, times: Sequence[int]
     return ComposedChaos.from_datasets(found)
 
 
-def surrogate_parts(node: xr.DataTree) -> dict[str, xr.DataTree]:
-    """Return what holds the surrogates of a method's outputs: the node itself, or its parts by their names; or nothing.
+def surrogate_parts(node: xr.DataTree) -> dict[str, tuple[str, xr.DataTree]]:
+    """Return what the surrogates of a method's outputs are stored in, each with the name of its kind.
 
-    Each has a child ``chaos`` or ``aligned``, with some of the outputs.
+    By the names of the parts that a composed one has; else there is one, without a name, or none.
     """
-    if _kind(node):
-        return {"": node}
+    if kind := _kind(node):
+        return {"": (kind, node.children[kind])}
     if "composed" not in node.children:
         return {}
-    return {str(name): part for name, part in node.children["composed"].children.items() if _kind(part)}
+    parts = node.children["composed"].children
+    return {str(name): (kind, part.children[kind]) for name, part in parts.items() if (kind := _kind(part))}
 
 
 def _kind(node: xr.DataTree) -> str:

@@ -1,0 +1,70 @@
+"""What a way to expand outputs has found, and the node that is made of it."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import xarray as xr
+
+import uqmbd
+from uqmbd.results import AlignedChaos, ComposedChaos, PiecewiseChaos, PolynomialChaos, stored_as
+from uqmbd.typing import Array
+
+__all__ = ["Expanded"]
+
+
+@dataclass(frozen=True, eq=False)
+class Expanded:
+    """A surrogate of all outputs, and what it took.
+
+    Attributes
+    ----------
+    chaos : surrogate
+        With its verification realisations.
+    realisations : int
+        How many were computed.
+    counters : mapping
+        Of the solver.
+    nodes : xarray.Dataset
+        Where realisations were.
+    attrs : mapping
+        Attributes of the node.
+    children : mapping
+        Further datasets of the node.
+    leave_one_out : array, shape (O, T), optional
+        Of a regression.
+    """
+
+    chaos: PolynomialChaos | PiecewiseChaos | AlignedChaos | ComposedChaos
+    realisations: int
+    counters: Counter[str]
+    nodes: xr.Dataset
+    attrs: Mapping[str, Any]
+    children: Mapping[str, xr.Dataset] = field(default_factory=dict)
+    leave_one_out: Array | None = None
+
+    @property
+    def stored(self) -> dict[str, xr.Dataset]:
+        """The surrogate as datasets, by their paths under the node."""
+        if isinstance(self.chaos, ComposedChaos):
+            return self.chaos.to_datasets()
+        return {stored_as(self.chaos): self.chaos.to_dataset()}
+
+    def node(self, propagator: uqmbd.Propagator, problem: uqmbd.Problem, wall_time: float) -> xr.DataTree:
+        """Make the node of the method, which took so many seconds."""
+        statistics = self.chaos.statistics()
+        if self.leave_one_out is not None:
+            note = {"long_name": "leave-one-out error of the regression, over the variance of the samples"}
+            statistics = statistics.assign(leave_one_out=(problem.labels.dims, self.leave_one_out, note))
+        return problem.node(
+            propagator,
+            statistics,
+            realisations=self.realisations,
+            wall_time=wall_time,
+            counters=dict(self.counters),
+            children={**self.stored, "nodes": self.nodes, **self.children},
+            attrs=self.attrs,
+        )

@@ -1,0 +1,317 @@
+"""Several ways to expand outputs, from shared realisations: each output takes the one with the least verified error."""
+
+from __future__ import annotations
+
+import json
+import warnings
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, Literal, get_args
+
+import numpy as np
+import xarray as xr
+
+import uqmbd
+from uqmbd.results import AlignedChaos, ComposedChaos, Labels, PiecewiseChaos, PolynomialChaos
+from uqmbd.typing import Array
+from uqmbd_collocation.alignment import EventPaths, PhasePaths, align
+from uqmbd_collocation.expanded import Expanded
+from uqmbd_collocation.plain import expand
+from uqmbd_collocation.plans import Plans
+from uqmbd_collocation.refinement import Limits
+
+__all__ = ["FAMILIES", "Family", "expand_families", "impossible"]
+
+Family = Literal["plain", "events", "phase"]
+FAMILIES: tuple[Family, ...] = get_args(Family)
+"""The simplest first: of several that are as good as another it is taken."""
+
+FIRST: tuple[Family, ...] = ("phase", "events", "plain")
+"""In which order they are computed: the realisations of the first ones serve the others."""
+
+EQUAL = 1e-6
+"""Error, over the largest standard deviation of an output, below which none is better than another."""
+
+LARGE = 0.05
+"""The same: beyond it an output is not followed."""
+
+Part = PolynomialChaos | PiecewiseChaos | AlignedChaos
+
+
+@dataclass
+class _Work:
+    """What the families have in common."""
+
+    problem: uqmbd.Problem
+    space: uqmbd.GermSpace
+    plans: Plans
+    limits: uqmbd.ElementLimits
+    tolerance: Limits
+    phase: PhasePaths
+    events: EventPaths | None = None
+    given: uqmbd.Verification | None = None
+    found: dict[Family, Expanded] = field(default_factory=dict)
+    told: dict[Family, list[Warning]] = field(default_factory=dict)
+    left_out: dict[Family, str] = field(default_factory=dict)
+    beside: int = 0
+    """Realisations that are none of those that are followed."""
+    counters: Counter[str] = field(default_factory=Counter)
+    """Of these."""
+
+    def expand(self, family: Family) -> Expanded:
+        """Expand all outputs in the way of a family: here a further one joins."""
+        if family == "phase":
+            return self._aligned(self.phase)
+        if family == "events":
+            self.events = EventPaths(self.problem)
+            return self._aligned(self.events)
+        followed = self.phase.spent > 0
+        source = _AtTimes(self.problem, self.phase) if followed else self.problem
+        found, _ = expand(source, self.space, self.plans, self.tolerance, self.given)
+        if not followed:
+            self.beside += found.realisations
+            self.counters.update(found.counters)
+        return found
+
+    def _aligned(self, paths: EventPaths | PhasePaths) -> Expanded:
+        found = align(self.problem, self.space, self.plans, paths, self.limits, self.tolerance, self.given)
+        self.beside += found.realisations - paths.spent
+        self.counters.update(found.counters - paths.counters)
+        return found
+
+    def attempt(self, family: Family, wanted: bool) -> None:
+        """Expand in the way of a family; one that is not wanted by name may fail."""
+        with warnings.catch_warnings(record=True) as told:
+            warnings.simplefilter("always")
+            try:
+                found = self.expand(family)
+            except (uqmbd.StudyError, uqmbd.IntegrationError) as error:
+                if wanted:
+                    raise
+                self.left_out[family] = self.reason(error)
+                return
+        self.told[family] = [one.message for one in told if isinstance(one.message, Warning)]
+        if self.given is None and found.chaos.verification_germs is not None:
+            germs, response = found.chaos.verification_germs, found.chaos.verification_response
+            assert response is not None
+            self.given = uqmbd.Verification(self.space, germs, response, len(germs))
+        self.found[family] = found
+
+    def reason(self, error: Exception) -> str:
+        """Return what an error says, without the name of the method."""
+        return str(error).removeprefix(f"{self.problem.label}: ")
+
+    @property
+    def realisations(self) -> int:
+        """All that were computed, those of families that failed included."""
+        return self.beside + self.phase.spent + (self.events.spent if self.events else 0)
+
+    @property
+    def all_counters(self) -> Counter[str]:
+        """Of all these."""
+        return self.counters + self.phase.counters + (self.events.counters if self.events else Counter())
+
+
+@dataclass(frozen=True)
+class _AtTimes:
+    """A problem whose realisations are read from those that were followed for a clock."""
+
+    problem: uqmbd.Problem
+    paths: PhasePaths
+
+    @property
+    def label(self) -> str:
+        return self.problem.label
+
+    @property
+    def rtol(self) -> float:
+        return self.problem.rtol
+
+    @property
+    def labels(self) -> Labels:
+        return self.problem.labels
+
+    def realise(self, values: Array) -> uqmbd.Realisations:
+        """Compute realisations, or read them."""
+        return self.paths.at_times(values)
+
+
+def impossible(problem: uqmbd.Problem, family: Family) -> str:
+    """Say why a family is impossible, as far as that is known before anything is computed; else nothing."""
+    try:
+        if family == "events":
+            EventPaths(problem)
+            problem.require("segments")
+    except uqmbd.StudyError as error:
+        return str(error).removeprefix(f"{problem.label}: ")
+    return ""
+
+
+def expand_families(
+    problem: uqmbd.Problem,
+    space: uqmbd.GermSpace,
+    plans: Plans,
+    limits: uqmbd.ElementLimits,
+    tolerance: Limits,
+    names: Sequence[Family],
+    clock: str | None,
+    *,
+    wanted: bool,
+) -> Expanded:
+    """Expand in several ways, and take for each output the one with the least error at the verification realisations.
+
+    Parameters
+    ----------
+    problem, space, plans, limits, tolerance
+        Of the study, and of the method.
+    names : sequence of str
+        Families.
+    clock : str, optional
+        Name of a clock.
+    wanted : bool
+        Whether all of them must be possible; else those that are not are left out.
+
+    Raises
+    ------
+    uqmbd.StudyError, uqmbd.IntegrationError
+        If a family that is wanted is impossible, or all are.
+    """
+    work = _Work(problem, space, plans, limits, tolerance, PhasePaths(problem, clock))
+    for family in sorted(names, key=FIRST.index):
+        if not wanted and (why := impossible(problem, family)):
+            work.left_out[family] = why
+        else:
+            work.attempt(family, wanted)
+    if not work.found:
+        raise uqmbd.StudyError(f"{problem.label}: no family of alignment is possible. {_reasons(work.left_out)}")
+    if work.given is None:
+        raise uqmbd.IntegrationError(
+            f"{problem.label}: all verification realisations failed, and families of alignment are chosen by them; "
+            "name one family, as alignment='phase', or leave alignment out."
+        )
+    chaoses = {name: _verified(work.found[name].chaos, work.given) for name in FAMILIES if name in work.found}
+    errors = {name: _errors(chaos, work.given.response) for name, chaos in chaoses.items()}
+    spread = _largest(work.given.response.std(axis=0), np.abs(work.given.response).mean(axis=0))
+    over = {name: np.sqrt(np.mean(error**2, axis=-1)) / spread for name, error in errors.items()}
+    taken = [min(over, key=lambda name: max(float(over[name][k]), EQUAL)) for k in range(len(spread))]
+    largest = _largest(np.array([chaoses[name].std[k] for k, name in enumerate(taken)]), spread[:, None])
+    for name in work.found:
+        for message in work.told[name]:
+            if name in taken or isinstance(message, uqmbd.UnusedInputWarning):
+                warnings.warn(message, stacklevel=3)
+    found = _composed(work, chaoses, taken, {name: error * spread / largest for name, error in over.items()})
+    lost = np.array([errors[name][k] for k, name in enumerate(taken)]) / largest[:, None]
+    if said := _not_followed(problem, taken, lost, work.left_out):
+        warnings.warn(said, stacklevel=3)
+    return found
+
+
+def _composed(
+    work: _Work, chaoses: Mapping[Family, Part], taken: Sequence[Family], errors: Mapping[Family, Array]
+) -> Expanded:
+    """Put the outputs together, each from the family that it takes; errors (O,) are those of all families."""
+    outputs = [o.name for o in work.problem.labels.outputs]
+    used = [name for name in FAMILIES if name in taken]
+    parts: dict[str, Part] = {
+        n: _of_outputs(chaoses[n], [k for k, family in enumerate(taken) if family == n]) for n in used
+    }
+    own = [work.found[name] for name in used]
+    attrs: dict[str, Any] = {}
+    for one in own:
+        attrs |= one.attrs
+    attrs |= {
+        "failures": sum(one.attrs["failures"] for one in work.found.values()),
+        "fit": "; ".join(f"{name}: {one.attrs['fit']}" for name, one in zip(used, own, strict=True)),
+        **{name: max(one.attrs[name] for one in own) for name in ("terms", "highest_degree")},
+        "verification": len(work.given.germs) if work.given is not None else 0,
+        "alignment": json.dumps(dict(zip(outputs, taken, strict=True))),
+        "alignment_error": json.dumps(
+            {n: float(errors[f][k]) for k, (n, f) in enumerate(zip(outputs, taken, strict=True))}
+        ),
+        "alignment_left_out": json.dumps(work.left_out),
+    }
+    if met := [one.attrs["tolerance_met"] for one in own if "tolerance_met" in one.attrs]:
+        attrs["tolerance_met"] = str(all(one == "True" for one in met))
+    about = {
+        "long_name": "error at the verification realisations",
+        "comment": "root mean square over them and over time, over the largest standard deviation over time",
+    }
+    table = xr.Dataset(
+        {
+            "error": (("family", "output"), np.array([errors[name] for name in chaoses]), about),
+            "taken": ("output", np.array(taken, dtype=np.str_), {"long_name": "family of the surrogate"}),
+        },
+        coords={"family": np.array(list(chaoses), dtype=np.str_), "output": np.array(outputs, dtype=np.str_)},
+    )
+    return Expanded(
+        next(iter(parts.values())) if len(parts) == 1 else ComposedChaos(parts, tuple(outputs)),
+        work.realisations,
+        work.all_counters,
+        _nodes(work),
+        attrs,
+        {"families": table, **(own[0].children if len(own) == 1 else {})},
+        own[0].leave_one_out if len(own) == 1 else None,
+    )
+
+
+def _nodes(work: _Work) -> xr.Dataset:
+    """Return where realisations were, and which family needed them."""
+    about = {"long_name": "family that needed the realisation"}
+    return xr.concat(
+        [
+            one.nodes.drop_vars("weight", errors="ignore").assign(
+                family=("node", np.full(one.nodes.sizes["node"], name, dtype="<U16"), about)
+            )
+            for name, one in work.found.items()
+        ],
+        "node",
+    )
+
+
+def _verified(chaos: Any, given: uqmbd.Verification) -> Part:
+    """Return a chaos with the verification realisations that are common to all."""
+    found: Part = replace(chaos, verification_germs=given.germs, verification_response=given.response)
+    return found
+
+
+def _errors(chaos: Part, response: Array) -> Array:
+    """Return root mean squares (O, T) over the verification realisations; infinite where the chaos is not known."""
+    assert chaos.verification_germs is not None
+    wrong = chaos.evaluate_germs(chaos.verification_germs) - response
+    return np.asarray(np.sqrt(np.mean(np.where(np.isfinite(wrong), wrong, np.inf) ** 2, axis=0)))
+
+
+def _largest(std: Array, instead: Array) -> Array:
+    """Return the largest standard deviations over time (O,), from (O, T); where there is none, of something else."""
+    found, other = std.max(axis=-1), instead.max(axis=-1)
+    return np.asarray(np.where(found > 0, found, np.where(other > 0, other, 1.0)))
+
+
+def _of_outputs(chaos: Part, rows: list[int]) -> Part:
+    """Return the chaos of some of the outputs."""
+    if len(rows) == len(chaos.labels.outputs):
+        return chaos
+    return type(chaos).from_dataset(chaos.to_dataset().isel(output=rows))
+
+
+def _reasons(left_out: Mapping[Family, str]) -> str:
+    return " ".join(f"{name}: {why}" for name, why in left_out.items())
+
+
+def _not_followed(
+    problem: uqmbd.Problem, taken: Sequence[Family], errors: Array, left_out: Mapping[Family, str]
+) -> str:
+    """Say which outputs no family follows, from their errors (O, T) over the largest standard deviation."""
+    said = []
+    for output, family, error in zip(problem.labels.outputs, taken, errors, strict=True):
+        if (above := error > LARGE).any():
+            begin, whole = float(problem.times[above.argmax()]), float(np.sqrt(np.mean(error**2)))
+            said.append(f"{output.name!r} (best: {family}, error {whole:.2g}, above {LARGE:g} from t = {begin:g} s on)")
+    if not said:
+        return ""
+    return (
+        f"{problem.label}: no family of alignment follows {', '.join(said)}; errors are those at the verification "
+        "realisations, over the largest standard deviation. Raise the order, give elements, or end earlier. "
+        + (f"Left out: {_reasons(left_out)}" if left_out else "")
+    ).rstrip()

@@ -1,0 +1,77 @@
+"""Plain collocation: outputs at equal times, expanded on the whole germ space."""
+
+from __future__ import annotations
+
+import warnings
+
+import numpy as np
+
+import uqmbd
+from uqmbd.results import Status
+from uqmbd_collocation.computing import computed
+from uqmbd_collocation.expanded import Expanded
+from uqmbd_collocation.plans import Plans
+from uqmbd_collocation.record import nodes_dataset, warn_of_failures, warn_of_idle_inputs
+from uqmbd_collocation.refinement import Limits, history
+from uqmbd_collocation.runs import Runs, Source
+
+__all__ = ["expand"]
+
+
+def expand(
+    source: Source, space: uqmbd.GermSpace, plans: Plans, limits: Limits, given: uqmbd.Verification | None = None
+) -> tuple[Expanded, float]:
+    """Compute realisations, fit and verify; return what was found, and the seconds that realisations took.
+
+    Parameters
+    ----------
+    source : Source
+        Computes realisations.
+    space, plans, limits
+        Of the study, and of the method.
+    given : uqmbd.Verification, optional
+        Realisations that are known; default: they are computed.
+
+    Raises
+    ------
+    uqmbd.IntegrationError
+        If failures leave too few realisations.
+    """
+    label, runs, points = source.label, Runs(source, space), plans.verification_points(space)
+    if given is not None:
+        points = given.germs
+        count = len(points)
+        known = uqmbd.Realisations(
+            space.to_inputs(points), given.response, np.zeros(count, dtype=np.int64), ("",) * count, {}, 0.0
+        )
+        runs = Runs.filled(source, space, points, known)
+    fit, refinement = computed(runs, plans, points, limits)
+    verification = runs.verification(points)
+    warn_of_failures(verification, label)
+    chaos = verification.chaos(fit.coefficients, fit.multi_index, source.labels)
+    warn_of_idle_inputs(runs, fit, label)
+    # a refinement has words of its own, and samples that are too few look the same
+    plain = plans.adaptive == "no" and bool(plans.grid)
+    suspicions = [one.words() for one in chaos.discontinuities() if plain and one and one.clear]
+    if suspicions:
+        warnings.warn(f"{label}: {'; '.join(suspicions)}.", stacklevel=2)
+    attrs = {
+        "failures": int((runs.status != Status.OK).sum()),
+        "fit": fit.how,
+        "terms": len(fit.multi_index),
+        "highest_degree": int(fit.multi_index.max()),
+        "nodes": len(np.unique(fit.where)) + fit.failed,
+        "verification": len(verification.germs),
+    }
+    # those that are known stand in front, and were told by whoever knows them
+    nodes, before = nodes_dataset(runs, runs.at(points), fit), 0 if given is None else len(points)
+    found = Expanded(
+        chaos,
+        len(runs) - before,
+        runs.counters,
+        nodes.isel(node=slice(before, None)),
+        attrs if refinement is None else {**attrs, "tolerance_met": str(refinement.met)},
+        {} if refinement is None else {"refinement": history(refinement.steps)},
+        fit.leave_one_out,
+    )
+    return found, runs.wall_time
