@@ -8,6 +8,7 @@ from .dynamics import Counters as Counters
 from .dynamics import Ensemble as Ensemble
 from .dynamics import Integrator as Integrator
 from .dynamics import MechanismTerms as MechanismTerms
+from .dynamics import PhaseMotion as PhaseMotion
 from .dynamics import ProjectedEnsemble as ProjectedEnsemble
 from .dynamics import ProjectedTrajectories as ProjectedTrajectories
 from .dynamics import Segment as Segment
@@ -70,6 +71,7 @@ from .mechanism import smallest_rotation as smallest_rotation
 from .mechanism import spline as spline
 from .mechanism import step as step
 from .mechanism import t as t
+from .mechanism import time_derivative as time_derivative
 from .plugins import hookimpl as hookimpl
 from .propagation import Bounds as Bounds
 from .propagation import Clock as Clock

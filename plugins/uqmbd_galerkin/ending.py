@@ -8,11 +8,13 @@ import numpy as np
 import xarray as xr
 
 import uqmbd
-from uqmbd.results import PiecewiseChaos, PolynomialChaos
+from uqmbd.results import AlignedChaos, PiecewiseChaos, PolynomialChaos
 from uqmbd.typing import Array, Mask
 
 __all__ = ["finished", "horizons", "no_motion", "padded", "warn", "warn_of_doubt"]
 
+
+Chaos = PolynomialChaos | PiecewiseChaos | AlignedChaos
 
 DOUBTFUL = 0.1
 """Stated error, over the standard deviation, from which a result is not given without a warning."""
@@ -48,7 +50,7 @@ def warn(
     warn_of_doubt(problem, chaos, "", remedy)
 
 
-def warn_of_doubt(problem: uqmbd.Problem, chaos: PolynomialChaos | PiecewiseChaos, how: str, remedy: str) -> None:
+def warn_of_doubt(problem: uqmbd.Problem, chaos: Chaos, how: str, remedy: str) -> None:
     """Say from when on the stated error is too large; `how` the chaos was made, as " with 4 elements", or empty."""
     doubtful = horizons(chaos, DOUBTFUL, problem.rtol)
     if doubtful:
@@ -59,14 +61,14 @@ def warn_of_doubt(problem: uqmbd.Problem, chaos: PolynomialChaos | PiecewiseChao
         )
 
 
-def horizons(chaos: PolynomialChaos | PiecewiseChaos, limit: float, rtol: float) -> dict[str, float]:
+def horizons(chaos: Chaos, limit: float, rtol: float) -> dict[str, float]:
     """Find the first time at which the stated error of an output exceeds a limit; outputs that never do are left out.
 
     An output that varies by no more than the tolerance of the integration has no error worth a word.
 
     Parameters
     ----------
-    chaos : uqmbd.results.PolynomialChaos or uqmbd.results.PiecewiseChaos
+    chaos : uqmbd.results.PolynomialChaos, uqmbd.results.PiecewiseChaos or uqmbd.results.AlignedChaos
         Without verification data nothing is known, and nothing found.
     limit : float
         Over the standard deviation.

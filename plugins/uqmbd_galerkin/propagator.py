@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 import xarray as xr
@@ -12,6 +13,8 @@ import xarray as xr
 import uqmbd
 from uqmbd.results import PolynomialChaos
 from uqmbd.typing import Array, Index
+from uqmbd_galerkin.aligned import galerkin_in_phase
+from uqmbd_galerkin.clock_rates import PILOTS, watched_rates
 from uqmbd_galerkin.diagnostics import diagnostics
 from uqmbd_galerkin.elements import galerkin_elements
 from uqmbd_galerkin.ending import finished, horizons, no_motion, padded, warn
@@ -58,6 +61,14 @@ class Galerkin(uqmbd.Propagator):
         Most elements of an adaptive refinement.
     threshold : float
         Of an adaptive refinement: error of the surrogate, over the largest standard deviation of each output over time.
+    alignment : {"phase"}, optional
+        Take the phase of a clock as the independent variable, in place of the time, which is expanded like the states:
+        where realisations turn or swing at rates of their own, an expansion at equal times must fail, one at equal
+        phases does not.  The phase counts from the start of each realisation.  It needs a clock that runs in all
+        realisations; functions of time must be smooth; impacts and controllers, which belong to moments in time, are
+        refused.  Results are of the kind of `Collocation(alignment="phase")`.
+    clock : str, optional
+        Output, body or joint whose angle, or oscillation, tells the phase.  Default: one is found.
     transform : {"rosenblatt", "nataf"}
         How dependent inputs become functions of independent germs.
     linear_solver : {"auto", "dense", "sparse", "krylov-nodal", "krylov-mean"}
@@ -96,6 +107,8 @@ class Galerkin(uqmbd.Propagator):
     elements: int | Literal["adaptive"] | None = None
     max_elements: int = 32
     threshold: float = 0.01
+    alignment: Literal["phase"] | None = None
+    clock: str | None = None
     transform: Literal["rosenblatt", "nataf"] = "rosenblatt"
     linear_solver: LinearSolver = "auto"
     integrator: Literal["auto", "dop853", "ida"] | None = None
@@ -121,10 +134,30 @@ class Galerkin(uqmbd.Propagator):
                 f"Galerkin: elements={self.elements!r} needs an order of 1 or more, and cannot be combined with "
                 f"stop_at; order is {self.order}, stop_at {self.stop_at!r}."
             )
+        self._require_alignable()
         if self.stop_at is not None and not self.verify:
             raise uqmbd.StudyError(
                 f"Galerkin: stop_at is {self.stop_at!r} with verify=0; expected verification realisations that can "
                 "tell the error."
+            )
+
+    def _require_alignable(self) -> None:
+        """Raise where options do not go with the alignment."""
+        if self.alignment is None:
+            if self.clock is not None:
+                raise uqmbd.StudyError(f"Galerkin: clock={self.clock!r} means nothing without alignment='phase'.")
+            return
+        wrong = {
+            "elements": self.elements is not None,
+            "stop_at": self.stop_at is not None,
+            "linear_solver": self.linear_solver != "auto",
+            "integrator": self.integrator not in (None, "auto", "dop853"),
+        }
+        if any(wrong.values()):
+            name = next(x for x, given in wrong.items() if given)
+            raise uqmbd.StudyError(
+                f"Galerkin: {name}={getattr(self, name)!r} does not go with alignment='phase', which integrates one "
+                f"expansion explicitly, by DOP853; leave {name} out, or use collocation with alignment='phase'."
             )
 
     @property
@@ -153,6 +186,10 @@ class Galerkin(uqmbd.Propagator):
         detail = f"{nodes} nodes, {terms} terms" + (f" in each of {boxes} elements" if boxes > 1 else "")
         return uqmbd.Estimate(boxes * nodes + self.verify, memory, detail, at_most=self._limits.adaptive)
 
+    def watches(self, mechanism: uqmbd.Mechanism) -> Mapping[str, Any]:
+        """Watch the rates of what may be a clock."""
+        return watched_rates(mechanism) if self.alignment == "phase" else {}
+
     def obstacle(self, study: uqmbd.Study) -> str | None:
         """Say what is in the way: nothing random, a distribution without moments, a rule that does not fit, no pose."""
         if reason := uqmbd.nothing_random(study.mechanism.inputs, study.mechanism.name):
@@ -171,6 +208,8 @@ class Galerkin(uqmbd.Propagator):
                 ensemble = problem.ensemble(space.to_inputs(rule.nodes))
                 how.refuse_impacts(ensemble, terms=len(terms), nodes=len(rule.nodes))
                 self._projected(self.node_name, ensemble, space, terms, rule)
+                if self.clock is not None:
+                    uqmbd.require_clock(problem, self.clock)
         except (uqmbd.StudyError, uqmbd.AssemblyError) as error:
             return str(error).removeprefix(f"{self.node_name}: ")
         return None
@@ -182,13 +221,19 @@ class Galerkin(uqmbd.Propagator):
         rule = how.quadrature(space, terms)
         if not problem.timeless:
             self.require_integrator(problem)
+            if self.alignment is not None and problem.integrator not in ("auto", "dop853") and self.integrator is None:
+                raise uqmbd.StudyError(
+                    f"{problem.label}: alignment='phase' integrates explicitly, by DOP853, and the study's integrator "
+                    f"is {problem.integrator!r}. Use integrator='dop853', or collocation."
+                )
             one = problem.ensemble(space.to_inputs(rule.nodes[:1]))
             how.refuse_impacts(one, terms=len(terms), nodes=len(rule.nodes))
         if self.elements is not None:
             solvers = (self.integrator or problem.integrator, self.linear_solver)
             return galerkin_elements(self, problem, space, self._limits, (how, *solvers, self.verify), begin)
         if not problem.timeless:
-            ensemble = problem.ensemble(space.to_inputs(rule.nodes))
+            seen = problem if self.alignment is None else problem.watching()
+            ensemble = seen.ensemble(space.to_inputs(rule.nodes))
             projected = self._projected(problem.label, ensemble, space, terms, rule)
         germs = uqmbd.Verification.points(space, self.verify, self.seed, STREAM)
         verification = uqmbd.Verification.of(space, germs, problem.realise(space.to_inputs(germs)))
@@ -201,6 +246,11 @@ class Galerkin(uqmbd.Propagator):
                 f"over all of it means little. Truncate the distributions. Reason: {verification.reason}",
                 stacklevel=2,
             )
+
+        if self.alignment is not None:
+            pilots = space.to_inputs(uqmbd.Verification.points(space, max(self.verify, PILOTS), self.seed, STREAM))
+            about = (terms, rule, projected, verification, pilots, self.clock)
+            return galerkin_in_phase(self, problem, space, *about, begin)
 
         def respond(coefficients: Array, count: int) -> PolynomialChaos:
             nodal = projected.nodal(coefficients[:, :count])

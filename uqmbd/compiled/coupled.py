@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
@@ -137,11 +138,13 @@ class CoupledSystems:
             *self._parts,
             *(ctypes.cast(self._outside, ctypes.c_void_p), systems.right, systems.guess),
             *map(address, self._tables),
-            *(1e-12, 1e-10, worth, gesv, address(self.counts), address(self.correction), 0),
+            *(1e-12, 1e-10, worth, gesv, address(self.counts), address(self.correction), 0, 0, 0),
         )
         self.memory = aligned(driver().coupled_memory(self._address))
         self.structure.memory = address(self.memory)
         self._state = aligned(systems.width * self.blocks + 2)
+        self._nodes, self._lanes = nodes, lanes
+        self._times, self._paces = aligned(groups), aligned(groups)
 
     def _guarded(self, outside: Callable[[Array, bool], None]) -> Callable[[int], None]:
         """Keep an exception, which cannot pass the driver, until `_told` raises it; there is no solution then."""
@@ -192,7 +195,13 @@ class CoupledSystems:
         driver().coupled_rate(self._address, address(self._state), address(found))
         self._told()
         rows = self._coefficients(found)
-        return rows[:, : self.systems.size], rows[:, self.systems.size :]
+        rates = rows[:, self.systems.size :]
+        if self.structure.paces and rates.shape[1]:
+            # the driver gathers rates per time
+            nodal = self.work[:, self.systems.rates].transpose(0, 2, 1).reshape(-1, rates.shape[1])[: self._nodes]
+            paces = self._paces.ravel()[: self._nodes, None]
+            rates = self.adjoint.reshape(self._nodes, -1)[:, : self.terms].T @ (paces * nodal)
+        return rows[:, : self.systems.size], rates
 
     def excess(self, time: float, state: Array) -> tuple[Array, Array]:
         """Find by what coefficients (P, width) exceed the projected constraints.
@@ -209,6 +218,24 @@ class CoupledSystems:
         self._told()
         rows = self._coefficients(found)
         return rows[:, :n], rows[:, n:]
+
+    @contextmanager
+    def in_phase(self, times: Array, paces: Array) -> Iterator[None]:
+        """Let the nodes have times of their own, and a phase as the independent variable, within a ``with`` statement.
+
+        `rate` gives rates per phase, then, and the time that it is given does not count.
+
+        Parameters
+        ----------
+        times, paces : array, shape (K,)
+            Time of each node, s, and its time per phase, s/rad.
+        """
+        self._times.ravel()[:], self._paces.ravel()[:] = times[self._lanes], paces[self._lanes]
+        self.structure.times, self.structure.paces = address(self._times), address(self._paces)
+        try:
+            yield
+        finally:
+            self.structure.times = self.structure.paces = 0
 
     def dynamics(self, velocities: int, rated: Index, moving: int, *, constrained: bool) -> Dynamics:
         """Describe the equations of motion of all coefficients, as one problem.

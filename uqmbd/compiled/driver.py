@@ -150,7 +150,7 @@ class Coupled(ctypes.Structure):
         *((name, _INT) for name in ("right", "guess")),
         *((name, _POINTER) for name in ("solution", "starts", "columns", "entries", "motion", "constraints", "rate")),
         *((name, _DOUBLE) for name in ("tolerance", "tolerance_drift", "worth")),
-        *((name, _POINTER) for name in ("gesv", "counts", "correction", "memory")),
+        *((name, _POINTER) for name in ("gesv", "counts", "correction", "memory", "times", "paces")),
     )
 
 

@@ -33,7 +33,7 @@ from uqmbd.dynamics.integrators import (
     require,
     require_for,
 )
-from uqmbd.dynamics.projection import ProjectedTrajectories
+from uqmbd.dynamics.projection import PhaseMotion, ProjectedTrajectories
 from uqmbd.dynamics.statics import (
     Equilibrium,
     Modes,
@@ -59,6 +59,7 @@ __all__ = [
     "Model",
     "Modes",
     "ParameterMap",
+    "PhaseMotion",
     "ProjectedEnsemble",
     "ProjectedTrajectories",
     "ScalarValues",

@@ -178,8 +178,8 @@ class Ensemble:
 
         Parameters
         ----------
-        times : array, shape (T,)
-            s.
+        times : array, shape (T,) or (K, T)
+            Of all realisations, or of each, s.
         states : array, shape (K, T, 2 coordinate + state)
             All coordinates, auxiliary states and velocities; accelerations and reactions are solved for.
 
@@ -284,7 +284,7 @@ class Ensemble:
         return ContactEvaluator(self.model)
 
     def energies(self, times: Array, states: Array) -> Array:
-        """Kinetic and potential energy along trajectories, J, shape (K, 2, T)."""
+        """Kinetic and potential energy along trajectories, J, shape (K, 2, T); arguments as of `outputs`."""
         return energies(self, times, states)
 
 

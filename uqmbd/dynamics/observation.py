@@ -15,14 +15,18 @@ __all__ = ["energies", "observe", "observe_along", "prepare"]
 
 
 def observe_along(batch: Batch, outputs: OutputMap, times: Array, states: Array) -> Array:
-    """Evaluate outputs along trajectories (K, T, width), angles unwrapped over the times: shape (K, output, T)."""
+    """Evaluate outputs along trajectories (K, T, width), angles unwrapped over the times: shape (K, output, T).
+
+    Times are those of all, (T,), or each one's own, (K, T).
+    """
     members, count = states.shape[:2]
+    times = np.asarray(times, dtype=float).ravel()
     flat = states.reshape(members * count, -1)
     if _compiled(batch.model):
         owners = Columns(batch.block, count), Columns(batch.values, count)
         found = _by_program(batch.model, outputs, flat, Columns(times), *owners)
     else:
-        found = observe(batch, outputs, flat, np.tile(times, members), np.repeat(np.arange(members), count))
+        found = observe(batch, outputs, flat, np.resize(times, members * count), np.repeat(np.arange(members), count))
     # times side by side: whoever reads all of them takes several times as long otherwise
     return outputs.unwrap(np.ascontiguousarray(found.reshape(members, count, -1).transpose(0, 2, 1)))
 
@@ -133,8 +137,9 @@ def _add_contacts(model: Model, states: Array, time: Array, parameters: Array, a
 
 
 def energies(batch: Batch, times: Array, states: Array) -> Array:
-    """Kinetic and potential energy along trajectories (K, T, width), J: shape (K, 2, T)."""
-    arguments = state_arguments(np.tile(times, len(states)), states.reshape(-1, states.shape[2]))
+    """Kinetic and potential energy along trajectories (K, T, width), J, at times as of `observe_along`: (K, 2, T)."""
+    flat = states.reshape(-1, states.shape[2])
+    arguments = state_arguments(np.resize(times, len(flat)), flat)
     parameters = np.repeat(batch.block, states.shape[1], axis=0)
     found = batch.model.evaluate("energy", arguments, parameters)["energy"]
     return found.reshape(len(states), states.shape[1], 2).transpose(0, 2, 1)

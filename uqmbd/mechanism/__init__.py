@@ -84,6 +84,7 @@ from uqmbd.mechanism.imported import (
 from uqmbd.mechanism.inertia import is_tensor_of_body
 from uqmbd.mechanism.mechanism import Mechanism
 from uqmbd.mechanism.output import Output
+from uqmbd.mechanism.rates import time_derivative
 from uqmbd.mechanism.skeleton import skeleton
 from uqmbd.mechanism.start import StartCondition
 
@@ -166,6 +167,7 @@ __all__ = [
     "polynomial",
     "spline",
     "step",
+    "time_derivative",
     "t",
     "told",
     "told_by",

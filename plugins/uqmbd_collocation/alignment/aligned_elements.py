@@ -37,9 +37,6 @@ Alignment = Literal["events", "phase"]
 Sequence = tuple[str, ...]
 Paths = EventPaths | PhasePaths
 
-NOISE = 1e-10
-"""Size of a coefficient in time, over the largest one of its output, that is rounding."""
-
 SPREAD = 4096
 """Points of the germ space at which the phases that are needed are estimated."""
 
@@ -129,7 +126,7 @@ class _Elements:
             edges, nodal = aligned.split(fit.coefficients)
             known = len(verification.germs) > 0
             chaos = AlignedChaos(
-                (AlignedElement(uqmbd.GermBox.whole(local), labels, edges, _in_time(nodal), landmarks),),
+                (AlignedElement.through(uqmbd.GermBox.whole(local), labels, edges, nodal, landmarks),),
                 fit.multi_index,
                 problem.labels,
                 verification_germs=verification.germs if known else None,
@@ -318,14 +315,3 @@ def _guilty(box: uqmbd.GermBox, nodes: Array, sequences: list[Sequence]) -> int 
         if mixed < best:
             best, germ = mixed, k
     return germ
-
-
-def _in_time(nodal: Array) -> Array:
-    """Chebyshev coefficients of values (..., P) at the points of a segment, without those that are rounding."""
-    count = nodal.shape[-1]
-    vander = np.polynomial.chebyshev.chebvander(-np.cos(np.pi * np.arange(count) / (count - 1)), count - 1)
-    found = nodal @ np.linalg.inv(vander).T
-    size = np.abs(found).max(axis=(0, 1, 3), keepdims=True)
-    large = np.flatnonzero((np.abs(found) > NOISE * size).any(axis=(0, 1, 2)))
-    kept: Array = found[..., : int(large[-1]) + 1 if len(large) else 1]
-    return kept

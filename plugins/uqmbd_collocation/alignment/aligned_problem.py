@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 import uqmbd
-from uqmbd.results import Labels, OutputInfo
+from uqmbd.results import AlignedElement, Labels, OutputInfo
 from uqmbd.typing import Array
 from uqmbd_collocation.alignment.landmarks import Landmarked
 
@@ -60,7 +60,7 @@ class AlignedProblem:
     def realise(self, values: Array) -> uqmbd.Realisations:
         """Compute realisations, cut at the landmarks: response (K, 1 + O, segments * points)."""
         cut, found = self.cut(values)
-        where = (1 - np.cos(np.pi * np.arange(self.points) / (self.points - 1))) / 2
+        where = AlignedElement.points(self.points)
         times = cut.edges[:, :-1, None] + where * np.diff(cut.edges, axis=1)[:, :, None]
         rows = np.concatenate([times[:, :, None], cut.response], axis=2)
         response = rows.transpose(0, 2, 1, 3).reshape(len(rows), rows.shape[2], -1)

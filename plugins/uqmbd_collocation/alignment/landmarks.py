@@ -8,9 +8,10 @@ import numpy as np
 from scipy.interpolate import make_interp_spline
 
 import uqmbd
+from uqmbd.results import AlignedElement
 from uqmbd.typing import Array
 
-__all__ = ["PER_TURN", "TURN", "Landmarked", "marks_behind", "phase_landmarks", "segment_points", "time_landmarks"]
+__all__ = ["PER_TURN", "TURN", "Landmarked", "marks_behind", "phase_landmarks", "time_landmarks"]
 
 
 TURN = 2 * np.pi
@@ -31,17 +32,11 @@ class Landmarked:
     edges : array, shape (K, S + 1)
         Times of the landmarks, s; NaN where a realisation does not reach one.
     response : array, shape (K, S, O, N)
-        Outputs at `segment_points` of each segment.
+        Outputs at `uqmbd.results.AlignedElement.points` of each segment.
     """
 
     edges: Array
     response: Array
-
-
-def segment_points(count: int) -> Array:
-    """Chebyshev points of the second kind in a segment's normalised time, from 0 to 1, shape (count,)."""
-    found: Array = (1 - np.cos(np.pi * np.arange(count) / (count - 1))) / 2
-    return found
 
 
 def phase_landmarks(found: uqmbd.Dense, phases: uqmbd.Phases, marks: Array, outputs: int, points: int) -> Landmarked:
@@ -60,7 +55,7 @@ def phase_landmarks(found: uqmbd.Dense, phases: uqmbd.Phases, marks: Array, outp
     points : int
         Points of a segment.
     """
-    where = segment_points(points)
+    where = AlignedElement.points(points)
     edges = np.empty((len(phases.values), len(marks) + 1))
     response = np.empty((len(edges), len(marks), outputs, points))
     for k, phase in enumerate(phases.values):
@@ -73,7 +68,7 @@ def phase_landmarks(found: uqmbd.Dense, phases: uqmbd.Phases, marks: Array, outp
 
 def time_landmarks(found: uqmbd.Dense, edges: Array, outputs: int, points: int) -> Landmarked:
     """Cut realisations, which are fine, at the same times (S + 1,), s; see `phase_landmarks`."""
-    moments = edges[:-1, None] + segment_points(points) * np.diff(edges)[:, None]
+    moments = edges[:-1, None] + AlignedElement.points(points) * np.diff(edges)[:, None]
     response = np.empty((len(found.values), len(edges) - 1, outputs, points))
     for k in range(len(response)):
         values = found.spline(k)(moments.ravel())[:, :outputs]

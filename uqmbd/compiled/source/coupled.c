@@ -123,29 +123,34 @@ void coupled_place(const Coupled *c, const V *state) {
     spread(c, state, c->width, 0);
     for (int64_t k = 0; k < in_eights(c->nodes); k++) {
         V *work = c->work + k * c->rows;
-        work[c->time] = splat(time);
+        work[c->time] = c->times ? c->times[k] : splat(time);
         run_program(&c->values, work);
         if (!c->outside) run_program(&c->factor, work);
     }
     if (c->outside) c->outside(FACTORISE);
 }
 
-/* Take right-hand sides from rows; -1: zero. */
-static void take_right(const Coupled *c, const int64_t *rows) {
+/* A right-hand side of eight nodes, times their paces, if there are any. */
+INLINE V at_pace(const V *paces, int64_t k, V value) { return paces ? paces[k] * value : value; }
+
+/* Take right-hand sides from rows, times the paces of the nodes, if there are any; -1: zero. */
+static void take_right(const Coupled *c, const int64_t *rows, const V *paces) {
     for (int64_t k = 0; k < in_eights(c->nodes); k++) {
         V *work = c->work + k * c->rows;
-        for (int64_t i = 0; i < c->size; i++) work[c->right + i] = rows[i] < 0 ? splat(0.0) : work[rows[i]];
+        for (int64_t i = 0; i < c->size; i++) {
+            work[c->right + i] = rows[i] < 0 ? splat(0.0) : at_pace(paces, k, work[rows[i]]);
+        }
     }
 }
 
-/* Right-hand sides less the products of the systems with `x`; rows null: minus the products alone. */
+/* Right-hand sides of motion less the products of the systems with `x`; rows null: minus the products alone. */
 static void take_defect(const Coupled *c, const int64_t *rows, const V *x) {
     spread(c, x, c->size, c->guess);
     for (int64_t k = 0; k < in_eights(c->nodes); k++) {
         V *work = c->work + k * c->rows;
         const V *guess = work + c->guess;
         for (int64_t i = 0; i < c->size; i++) {
-            V sum = rows && rows[i] >= 0 ? work[rows[i]] : splat(0.0);
+            V sum = rows && rows[i] >= 0 ? at_pace(c->paces, k, work[rows[i]]) : splat(0.0);
             for (int64_t e = c->starts[i]; e < c->starts[i + 1]; e++) sum -= work[c->entries[e]] * guess[c->columns[e]];
             work[c->right + i] = sum;
         }
@@ -160,7 +165,7 @@ static void take_rounding(const Coupled *c, const int64_t *rows, const V *x) {
         V *work = c->work + k * c->rows;
         const V *guess = work + c->guess;
         for (int64_t i = 0; i < c->size; i++) {
-            V sum = rows[i] >= 0 ? magnitude(work[rows[i]]) : splat(0.0);
+            V sum = rows[i] >= 0 ? magnitude(at_pace(c->paces, k, work[rows[i]])) : splat(0.0);
             for (int64_t e = c->starts[i]; e < c->starts[i + 1]; e++)
                 sum += magnitude(work[c->entries[e]] * guess[c->columns[e]]);
             for (int64_t l = 0; l < LANES; l++) {
@@ -314,7 +319,7 @@ static void solve_motion(const Coupled *c, V *found) {
     int64_t count = length(c), accelerations = c->coordinates * in_eights(c->terms), done = 0;
     V *first = vector(c, FIRST), *change = vector(c, CHANGE), *image = vector(c, IMAGE), *right = vector(c, RIGHT);
     c->counts[SYSTEMS]++;
-    take_right(c, c->motion);
+    take_right(c, c->motion, c->paces);
     if (c->counts[AVOIDED] && c->nodes > c->terms) {
         c->counts[AVOIDED]--;
         gather(c, 0, c->right, c->size, right);
@@ -362,7 +367,7 @@ static void solve_motion(const Coupled *c, V *found) {
         if (wanted < floor) wanted = floor;
     }
     if (!converged) {
-        take_right(c, c->motion);
+        take_right(c, c->motion, c->paces);
         gather(c, 0, c->right, c->size, right);
         solve_slowly(c, right, found, wanted);
     }
@@ -404,7 +409,7 @@ void coupled_excess(const void *context, const V *state, V *results) {
     (void)state; /* its values are in the work arrays */
     for (int64_t k = 0; k < in_eights(c->nodes); k++) run_program(&c->drift, c->work + k * c->rows);
     for (int64_t side = 0; side < 2; side++) {
-        take_right(c, c->constraints + side * c->size);
+        take_right(c, c->constraints + side * c->size, 0);
         if (c->nodes == c->terms) {
             solve(c, found);
         } else {

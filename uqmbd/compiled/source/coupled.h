@@ -5,7 +5,10 @@
 
    with a system A_k, b_k at each node.  Values at eight nodes are the lanes of a vector in a work array, of which there is
    one for each eight nodes; coefficients of eight terms are the lanes of a vector, of which there are `blocks` for each
-   entry of a state, one after the other.  Lanes without a term are zero; those without a node are copies of the last. */
+   entry of a state, one after the other.  Lanes without a term are zero; those without a node are copies of the last.
+
+   With a phase in place of the time as the independent variable each node has a time of its own, and a pace: its time per
+   phase, with which b_k is multiplied; accelerations and multipliers are those per phase then. */
 #ifndef UQMBD_COUPLED_H
 #define UQMBD_COUPLED_H
 
@@ -52,6 +55,7 @@ typedef struct {
     int64_t *counts; /* COUNTS */
     V *correction;   /* by what the last solution differed from the projected nodal ones (size) */
     V *memory;       /* coupled_memory */
+    const V *times, *paces; /* of eight nodes each; null: all have the time of the state, and the pace 1 */
 } Coupled;
 
 /* Vectors of the work arrays, and of `memory`. */

@@ -12,7 +12,15 @@ from uqmbd.dynamics.integrators.capabilities import require, require_for
 from uqmbd.dynamics.integrators.protocol import declares
 from uqmbd.dynamics.integrators.registry import integrator_class
 from uqmbd.dynamics.integrators.sampled import projected_in_samples
-from uqmbd.dynamics.projection import LINEAR_SOLVERS, ProjectedTrajectories, Projection, Watch, projected_off
+from uqmbd.dynamics.projection import (
+    LINEAR_SOLVERS,
+    PhaseMotion,
+    PhaseRates,
+    ProjectedTrajectories,
+    Projection,
+    Watch,
+    projected_off,
+)
 from uqmbd.errors import StudyError
 from uqmbd.typing import Array
 
@@ -97,6 +105,38 @@ class ProjectedEnsemble(Projection):
         coefficients = found.coefficients.copy()
         coefficients[:, max(1, first) :] = np.nan
         return replace(found, coefficients=coefficients, message=text)
+
+    def in_phase(self, rates: PhaseRates, times: Array, rtol: float = 1e-6, state: Array | None = None) -> PhaseMotion:
+        """Begin to integrate the coefficients with the phase of a clock as the independent variable.
+
+        Realisations are compared at equal phase since the start, and the time is a state that is expanded, too.
+
+        Parameters
+        ----------
+        rates : callable
+            The clock: from times (K,), s, and states (K, 2 coordinate + state) of the nodes to the rates (K,) of the
+            phases there, rad/s, which are positive.
+        times : array, shape (T,)
+            Output times, s, to look at functions of time; the first is the start.
+        rtol : float
+            Relative tolerance.
+        state : array, shape (P, 2 coordinate + state), optional
+            Coefficients at the start.  Default: those of the ensemble.
+
+        Returns
+        -------
+        PhaseMotion
+            Its method ``at(phases)`` integrates on, and returns coefficients (P, N, 2 coordinate + state + 1) at
+            phases (N,), rad, with the time behind the states; ``counters`` says what it cost.
+
+        Raises
+        ------
+        uqmbd.StudyError
+            Where there are impacts or controllers, functions of time that are not smooth, or too many equations.
+        uqmbd.IntegrationError
+            Where the clock does not run forwards at a node at the start.
+        """
+        return PhaseMotion(self, rates, np.asarray(times, dtype=float), rtol, state)
 
 
 def _solved(

@@ -208,9 +208,12 @@ class Projection:
         return self.coupled.excess(state, time, tolerance=1e-10)
 
     def constraints(self, times: Array, nodal: Array) -> Array:
-        """Root of the expectation of the squared constraints, summed, of nodal states (K, T, width); shape (T,)."""
+        """Root of the expectation of the squared constraints, summed, of nodal states (K, T, width); shape (T,).
+
+        Times are those of all nodes, (T,), or of each, (K, T).
+        """
         count, number, _ = nodal.shape
-        arguments = state_arguments(np.tile(times, count), nodal.reshape(count * number, -1))
+        arguments = state_arguments(np.resize(times, count * number), nodal.reshape(count * number, -1))
         evaluator = self.model.evaluators["drift"]
         found = evaluator(arguments, np.repeat(self.ensemble.block, number, axis=0)).reshape(count, number, -1)
         entry = evaluator.index.get("phi")

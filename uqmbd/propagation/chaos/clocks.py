@@ -260,10 +260,11 @@ def require_clock(problem: Problem, wanted: str) -> Clock:
 def _candidates(problem: Problem) -> list[Clock]:
     """Return whatever may be a clock: outputs, then the angles that are watched."""
     outputs = problem.labels.outputs
-    names = [o.name.removeprefix(WATCHED) for o in problem.watching().labels.outputs[len(outputs) :]]
+    watched = enumerate(o.name for o in problem.watching().labels.outputs)
     return [
         *(Clock(o.name, k, _turn(o.units, o.turn)) for k, o in enumerate(outputs)),
-        *(Clock(name, len(outputs) + k, TURN) for k, name in enumerate(names)),
+        # a method may watch more than angles
+        *(Clock(x.removeprefix(WATCHED), k, TURN) for k, x in watched if k >= len(outputs) and x.startswith(WATCHED)),
     ]
 
 

@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 
 from uqmbd.dynamics import Ensemble, Model, integrator_class, off_constraints, position_jumps
 from uqmbd.propagation.execution.tasks import Arrays
+from uqmbd.results import AlignedElement
 from uqmbd.typing import Array
 
-__all__ = ["History", "event_histories", "segment_points"]
+__all__ = ["History", "event_histories"]
 
 
 MARGIN = 1
@@ -34,7 +35,8 @@ class History:
     edges : array, shape (S + 1,)
         Times at which segments begin and end, s.
     response : array, shape (S, output, P)
-        Outputs at `segment_points` of each segment; at its ends right after and right before the events.
+        Outputs at `uqmbd.results.AlignedElement.points` of each segment; at its ends right after and right before the
+        events.
     message : str
         Reason of failure, or empty.
     inside : int
@@ -49,12 +51,6 @@ class History:
     message: str = ""
     inside: int = 0
     final: bool = False
-
-
-def segment_points(count: int) -> Array:
-    """Chebyshev points of the second kind in a segment's normalised time, from 0 to 1, shape (count,)."""
-    found: Array = (1 - np.cos(np.pi * np.arange(count) / (count - 1))) / 2
-    return found
 
 
 def event_histories(
@@ -128,7 +124,7 @@ def followed(
     pieces = run.segments if final else run.segments[:-1]
     # where nothing ends a motion, the output times do
     ends = [max(p.begin, min(p.end, end)) if final and p is pieces[-1] else p.end for p in pieces]
-    where = segment_points(points)
+    where = AlignedElement.points(points)
     moments = [p.begin + where * (last - p.begin) for p, last in zip(pieces, ends, strict=True)]
     states = [p.states(at) for p, at in zip(pieces, moments, strict=True)]
     at, every = np.concatenate(moments), np.concatenate(states)[None]

@@ -18,6 +18,9 @@ if TYPE_CHECKING:
 __all__ = ["AlignedElement", "Landmarks", "SampledElement"]
 
 
+NOISE = 1e-10
+"""Size of a coefficient in time, over the largest one of its output, that is rounding."""
+
 Landmarks = Literal["events", "phase", "time"]
 
 
@@ -44,6 +47,27 @@ class AlignedElement:
     edges: Array
     segments: Array
     landmarks: Landmarks = "events"
+
+    @staticmethod
+    def points(count: int) -> Array:
+        """Return Chebyshev points of the second kind in a segment's normalised time, from 0 to 1, shape (count,)."""
+        found: Array = (1 - np.cos(np.pi * np.arange(count) / (count - 1))) / 2
+        return found
+
+    @classmethod
+    def through(
+        cls, box: GermBox, events: tuple[str, ...], edges: Array, values: Array, landmarks: Landmarks
+    ) -> AlignedElement:
+        """Make it from coefficients (P, S, O, N) of the outputs at the `points` of each segment.
+
+        Powers of the normalised time whose coefficients are rounding are left out.
+        """
+        count = values.shape[-1]
+        vander = np.polynomial.chebyshev.chebvander(2 * cls.points(count) - 1, count - 1)
+        found = values @ np.linalg.inv(vander).T
+        size = np.abs(found).max(axis=(0, 1, 3), keepdims=True)
+        large = np.flatnonzero((np.abs(found) > NOISE * size).any(axis=(0, 1, 2)))
+        return cls(box, events, edges, found[..., : int(large[-1]) + 1 if len(large) else 1], landmarks)
 
     @cached_property
     def table(self) -> Array:

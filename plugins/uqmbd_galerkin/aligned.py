@@ -1,0 +1,231 @@
+"""Galerkin aligned at equal phase: the phase of a clock is the independent variable, and the time is expanded, too."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+
+import uqmbd
+from uqmbd.results import AlignedChaos, AlignedElement
+from uqmbd.typing import Array, Index
+from uqmbd_galerkin.clock_rates import TURN, ClockRates, find_clock
+from uqmbd_galerkin.ending import padded, warn_of_doubt
+from uqmbd_galerkin.phase_segments import PER_TURN, in_segments, points_of
+
+__all__ = ["galerkin_in_phase"]
+
+
+EXTENSIONS = 6
+"""How often phases are added until all samples of the statistics reach the last time."""
+
+LATE = 1e-12
+"""Part of the times by which the last landmark may miss the last of them."""
+
+LONGEST = 8.0
+"""How much longer than the output times nodes are followed, at most."""
+
+IN_TIME = 4
+"""Segments of a start that is integrated in time."""
+
+
+@dataclass(eq=False)
+class _Path:
+    """Coefficients (P, S, N, width + 1) of states and time at the points of segments, one after the other.
+
+    Attributes
+    ----------
+    phase : float
+        That is reached, rad.
+    """
+
+    motion: uqmbd.PhaseMotion
+    parts: list[Array]
+    phase: float = 0.0
+
+    def follow(self, turns: float) -> None:
+        """Integrate on."""
+        count = max(1, int(np.ceil(turns * PER_TURN)))
+        edges = np.asarray(self.phase + np.arange(count + 1) * (TURN / PER_TURN), dtype=np.float64)
+        points = points_of(edges)
+        # the first point of a segment is the last one of that before
+        phases, inverse = np.unique(points.ravel(), return_inverse=True)
+        found = self.motion.at(phases)[:, inverse]
+        self.parts.append(found.reshape(len(found), *points.shape, -1))
+        self.phase = float(edges[-1])
+
+    @property
+    def coefficients(self) -> Array:
+        return np.concatenate(self.parts, axis=1)
+
+    @property
+    def last(self) -> Array:
+        """Coefficients (P,) of the time at the end, s."""
+        found: Array = self.parts[-1][:, -1, -1, -1]
+        return found
+
+
+def galerkin_in_phase(
+    propagator: uqmbd.Propagator,
+    problem: uqmbd.Problem,
+    space: uqmbd.GermSpace,
+    terms: Index,
+    rule: uqmbd.Quadrature,
+    projected: uqmbd.ProjectedEnsemble,
+    verification: uqmbd.Verification,
+    pilots: Array,
+    wanted: str | None,
+    begin: float,
+) -> xr.DataTree:
+    """Find a clock, integrate in its phase, and summarise.
+
+    Parameters
+    ----------
+    propagator, problem, space
+        As they are given.
+    terms : array of int, shape (P, d)
+        The multi-index.
+    rule : uqmbd.Quadrature
+        The nodes.
+    projected : uqmbd.ProjectedEnsemble
+        The equations, with what the clock needs among the outputs.
+    verification : uqmbd.Verification
+        Realisations from which the error is stated.
+    pilots : array, shape (K, input)
+        Inputs of realisations from which the clock is found.
+    wanted : str, optional
+        Name of the clock.
+    begin : float
+        When it began, s.
+    """
+    times, label = problem.times, problem.label
+    rates, piloted = find_clock(problem, projected.ensemble, pilots, wanted)
+    problem.progress.start(label, 1)
+    path = _started(problem, projected, rates)
+    box = uqmbd.GermBox.whole(space)
+    end, length = float(times[-1]), float(times[-1] - times[0])
+    try:
+        _follow_nodes(path, projected, end)
+        for extension in range(EXTENSIONS + 1):
+            late = _late(path, box, terms, problem)
+            if not (late > LATE * length).any() or extension == EXTENSIONS or path.last[0] > end + LONGEST * length:
+                break
+            pace = (path.last[0] - path.parts[-1][0, 0, 0, -1]) / (path.parts[-1].shape[1] / PER_TURN)
+            path.follow(1.05 * float(late.max()) / pace)
+    except uqmbd.IntegrationError as stopped:
+        raise uqmbd.StudyError(
+            f"{label}: alignment='phase' with the clock {rates.clock.name!r}: {str(stopped).rstrip('.')}. Nodes are "
+            "followed until all have reached the phase of the fastest. Use Collocation(alignment='phase', elements=...)"
+            ", name another clock, truncate the inputs, or study a shorter time."
+        ) from None
+    if (late > LATE * length).any():
+        warnings.warn(
+            f"{label}: {np.mean(late > LATE * length):.2g} of the samples do not reach the last output time within the "
+            "phases that were integrated; statistics are NaN from then on. Raise the order, or truncate the inputs.",
+            stacklevel=3,
+        )
+    outputs = len(problem.labels.outputs)
+    coefficients = path.coefficients
+    edges, response, error = in_segments(projected, coefficients, outputs)
+    known = len(verification.germs) > 0
+    element = AlignedElement.through(
+        box, ("",) * response.shape[1], projected.project(edges), projected.project(response), "phase"
+    )
+    chaos = AlignedChaos(
+        (element,),
+        terms,
+        problem.labels,
+        verification_germs=verification.germs if known else None,
+        verification_response=verification.response if known else None,
+    )
+    problem.progress.finish(label)
+    remedy = "raise the order, use collocation with alignment='phase', or study a shorter time"
+    warn_of_doubt(problem, chaos, " aligned at equal phase", remedy)
+    return problem.node(
+        propagator,
+        padded(chaos.statistics(), times),
+        realisations=len(rule) + verification.asked + piloted,
+        wall_time=problem.clock() - begin,
+        counters=path.motion.counters,
+        children={
+            "aligned": chaos.to_dataset(),
+            "diagnostics": _diagnostics(projected, coefficients, rates),
+        },
+        attrs={
+            "failures": verification.failures,
+            "terms": len(terms),
+            "nodes": len(rule),
+            "unknowns": projected.unknowns + len(terms),
+            "quadrature": rule.name,
+            "integrated_by": "dop853",
+            "start_corrections": projected.start.corrections,
+            "verification": len(verification.germs),
+            "clock": rates.clock.name,
+            "clock_kind": "angle" if rates.clock.turn else "oscillation",
+            "longer": float((edges[:, -1].max() - times[0]) / length),
+            "interpolation_error": error,
+            "segments": response.shape[1],
+            "turns": path.phase / TURN,
+        },
+    )
+
+
+def _started(problem: uqmbd.Problem, projected: uqmbd.ProjectedEnsemble, rates: ClockRates) -> _Path:
+    """Begin in phase; where the clock starts at rest, in time until it runs."""
+    times, rtol = problem.times, problem.rtol
+    if rates.until <= times[0]:
+        return _Path(projected.in_phase(rates, times, rtol), [])
+    points = points_of(np.linspace(times[0], rates.until, IN_TIME + 1))
+    own, inverse = np.unique(points.ravel(), return_inverse=True)
+    found = projected.integrate(own, rtol, "dop853")
+    if found.message:
+        raise uqmbd.IntegrationError(f"{problem.label}: {found.message}")
+    whole = np.zeros((*found.coefficients.shape[:2], found.coefficients.shape[2] + 1))
+    whole[..., :-1] = found.coefficients
+    whole[0, :, -1] = own
+    later = np.array([rates.until, max(times[-1], 2 * rates.until - times[0])])
+    motion = projected.in_phase(rates, later, rtol, found.coefficients[:, -1])
+    return _Path(motion, [whole[:, inverse].reshape(len(whole), *points.shape, -1)])
+
+
+def _follow_nodes(path: _Path, projected: uqmbd.ProjectedEnsemble, end: float) -> None:
+    """Integrate until all nodes have reached a time."""
+    path.follow(1.0)
+    while True:
+        times = projected.nodal(path.last)
+        if times.min() >= end:
+            return
+        before = projected.nodal(path.parts[-1][:, 0, 0, -1])
+        pace = ((times - before) / (path.parts[-1].shape[1] / PER_TURN)).min()
+        # where it slows down, there is more to come
+        path.follow(min(float((end - times.min()) / pace), path.phase / TURN))
+
+
+def _late(path: _Path, box: uqmbd.GermBox, terms: Index, problem: uqmbd.Problem) -> Array:
+    """By how much (S,) the last landmarks of the samples of all statistics lie before the last time, s."""
+    edges = np.stack([path.parts[0][:, 0, 0, -1], path.last], axis=1)
+    outputs = problem.labels.shape[0]
+    element = AlignedElement(box, ("",), edges, np.zeros((len(terms), 1, outputs, 1)), "phase")
+    return AlignedChaos((element,), terms, problem.labels).late()
+
+
+def _diagnostics(projected: uqmbd.ProjectedEnsemble, coefficients: Array, rates: ClockRates) -> xr.Dataset:
+    """Follow invariants of the projected motion over the landmarks."""
+    nodal = projected.nodal(coefficients[:, :, 0])
+    times, states = nodal[..., -1], nodal[..., :-1]
+    energy = projected.weights @ projected.ensemble.energies(times, states).sum(axis=1)
+    drift = projected.constraints(times, states)
+    phase = np.arange(len(energy)) * (TURN / PER_TURN)
+    if rates.until > times[0, 0]:
+        phase = np.concatenate([np.full(IN_TIME, np.nan), phase[:-IN_TIME]])
+    what = "landmark"
+    return xr.Dataset(
+        {
+            "energy": (what, energy, {"units": "J", "long_name": "expectation of kinetic and potential energy"}),
+            "constraint_rms": (what, drift, {"long_name": "root of the expectation of the squared constraints"}),
+            "mean_time": (what, projected.weights @ times, {"units": "s", "long_name": "expectation of the time"}),
+        },
+        coords={"phase": (what, phase, {"units": "rad", "long_name": "since the clock runs"})},
+    )

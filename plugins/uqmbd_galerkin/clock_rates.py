@@ -1,0 +1,169 @@
+"""The clock of a projected motion: its phase is the independent variable, so that its rate at states is needed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+import uqmbd
+from uqmbd.typing import Array
+
+__all__ = ["PILOTS", "TURN", "ClockRates", "find_clock", "watched_rates"]
+
+
+TURN = 2 * np.pi
+
+FIRST, SECOND = "clock_rate_of_", "clock_acceleration_of_"
+"""Before the name of what may be a clock: its first and second derivative in time."""
+
+PILOTS = 8
+"""Realisations, at least, from which the clock is found."""
+
+AT_REST = 0.3
+"""Rate of an angle at the start, over that a radian later, below which the motion is started in time."""
+
+STARTED = 1.0
+"""Angle, rad, that is passed in time where the motion starts at rest: the time per angle is infinite there."""
+
+
+def watched_rates(mechanism: Any) -> Mapping[str, Any]:
+    """Return what may be a clock besides the outputs, and the rates of all that may be one, as expressions by name."""
+    found = dict(uqmbd.watched_angles(mechanism))
+    known = {name: output.expression for name, output in mechanism.outputs.items()} | found
+    for name, expression in known.items():
+        rate = expression
+        for prefix in (FIRST, SECOND):
+            try:
+                rate = uqmbd.time_derivative(rate)
+            except uqmbd.StudyError:
+                # what has accelerations or reactions in it, or in its rate, is no clock
+                break
+            if not rate.free_symbols:
+                break
+            found[prefix + name] = rate
+    return found
+
+
+@dataclass(frozen=True, eq=False)
+class ClockRates:
+    """Rates of the phase at the nodes; called with times (K,) and states (K, width).
+
+    Attributes
+    ----------
+    clock : uqmbd.Clock
+        That of the realisations.
+    ensemble : uqmbd.Ensemble
+        The nodes, whose outputs have what is watched behind those of the study.
+    rows : tuple of int
+        Of value, rate and second rate among the outputs.
+    centre, reach, speed : float
+        Of an oscillation: where value and rate are centred, and their scales; those of all realisations.
+    until : float
+        Time up to which the motion is followed in time, s: that of the start, or later where it starts at rest.
+    """
+
+    clock: uqmbd.Clock
+    ensemble: uqmbd.Ensemble
+    rows: tuple[int, int, int]
+    centre: float
+    reach: float
+    speed: float
+    until: float
+
+    def __call__(self, times: Array, states: Array) -> Array:
+        """Return rates (K,), rad/s."""
+        value, rate, second = self.ensemble.outputs(times[:, None], states[:, None])[:, self.rows, 0].T
+        if self.clock.turn:
+            return np.asarray(rate * (TURN / self.clock.turn))
+        x, y = (value - self.centre) / self.reach, -rate / self.speed
+        # of the angle of the point (x, y)
+        return np.asarray((-x * second / self.speed - y * rate / self.reach) / (x**2 + y**2))
+
+
+def find_clock(
+    problem: uqmbd.Problem, ensemble: uqmbd.Ensemble, pilots: Array, wanted: str | None
+) -> tuple[ClockRates, int]:
+    """Choose a clock from realisations that are followed to the last output time.
+
+    Parameters
+    ----------
+    problem : uqmbd.Problem
+        That of the study.
+    ensemble : uqmbd.Ensemble
+        The nodes, with what is watched.
+    pilots : array, shape (K, input)
+        Inputs of the realisations.
+    wanted : str, optional
+        Name of the clock.
+
+    Returns
+    -------
+    ClockRates
+    int
+        Realisations that were computed.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If there is none, or it stands in some of them.
+    """
+    end = float(problem.times[-1])
+    names = [o.name for o in problem.watching().labels.outputs]
+    found, told = uqmbd.dense(problem.watching(), pilots, end, 2 * len(problem.times))
+    label = f"{problem.label}: alignment='phase' needs a clock"
+
+    def rows_of(clock: uqmbd.Clock) -> tuple[int, int, int] | None:
+        name = names[clock.row]
+        known = [names.index(x) if x in names else None for x in (FIRST + name, SECOND + name)]
+        if known[0] is None or (known[1] is None and not clock.turn):
+            return None
+        return clock.row, known[0], known[0] if known[1] is None else known[1]
+
+    if not told.good.all():
+        raise uqmbd.StudyError(
+            f"{label}, and {int((~told.good).sum())} of {len(pilots)} realisations from which it is found fail: "
+            f"{told.most_frequent_reason()} Truncate the distributions."
+        )
+    clock, why = uqmbd.choose_clock(problem, found, end, wanted)
+    if clock is None:
+        raise uqmbd.StudyError(
+            f"{label}, and there is none: {why}. Observe an angle that grows, name it by clock=, use collocation with "
+            "elements, or leave alignment out."
+        )
+    rows = rows_of(clock)
+    if rows is None:
+        what = "its acceleration" if FIRST + names[clock.row] in names else "its rate"
+        raise uqmbd.StudyError(
+            f"{label} whose rate at a state is known, and {clock.words} depends on what has none: {what} contains "
+            "accelerations, reactions or commands. Name a position or an angle by clock=."
+        )
+    phases = clock.phases(found, end)
+    runs = phases.running(end)
+    if not runs.all():
+        worst = pilots[int(np.argmin(runs))]
+        values = ", ".join(f"{n} = {x:.6g}" for n, x in zip(problem.inputs.names, worst, strict=True))
+        raise uqmbd.StudyError(
+            f"{label} that runs in all realisations, and {clock.words} stands or turns back in {int((~runs).sum())} of "
+            f"{len(runs)}, the first at {values}. Use Collocation(alignment='phase', elements=...), truncate the "
+            f"inputs, or name another clock."
+        )
+    value = found.values[:, clock.row]
+    low, high = value.min(axis=1), value.max(axis=1)
+    rate = np.abs(found.values[:, rows[1]]).max(axis=1)
+    about = float(((low + high) / 2).mean()), float(((high - low) / 2).mean()), float(rate.mean())
+    return ClockRates(clock, ensemble, rows, *about, _start(clock, found, phases, rows[1])), len(pilots)
+
+
+def _start(clock: uqmbd.Clock, found: uqmbd.Dense, phases: uqmbd.Phases, row: int) -> float:
+    """Time up to which the motion is followed in time: an angle that starts at rest takes infinite time per phase."""
+    begin = float(found.times[0])
+    if not clock.turn:
+        return begin
+    moved = phases.values - phases.values[:, :1]
+    passed = (moved >= STARTED).argmax(axis=1)
+    rates = found.values[:, row] / clock.turn
+    later = rates[np.arange(len(rates)), passed]
+    return begin if (rates[:, 0] > AT_REST * later).all() else float(found.times[passed.max()])

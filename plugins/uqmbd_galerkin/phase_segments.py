@@ -1,0 +1,93 @@
+"""From states at equal phases to outputs in normalised time between landmarks."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.polynomial import chebyshev
+
+import uqmbd
+from uqmbd.results import AlignedElement
+from uqmbd.typing import Array
+
+__all__ = ["PER_TURN", "POINTS", "in_segments", "points_of"]
+
+
+PER_TURN = 4
+"""Segments of a turn."""
+
+POINTS = 32
+"""Chebyshev points of a segment, a quarter of a turn, at which states are known."""
+
+IN_TIME = 20
+"""Chebyshev points of a segment's normalised time at which outputs are wanted."""
+
+NEWTON = 8
+"""Steps in which the phase of a time is found."""
+
+
+def points_of(edges: Array) -> Array:
+    """Return the points (S, N) of segments between edges (S + 1,)."""
+    return np.asarray(edges[:-1, None] + AlignedElement.points(POINTS) * np.diff(edges)[:, None])
+
+
+def in_segments(projected: uqmbd.ProjectedEnsemble, coefficients: Array, outputs: int) -> tuple[Array, Array, float]:
+    """Evaluate outputs at the points of segments in each node's normalised time.
+
+    Parameters
+    ----------
+    projected : uqmbd.ProjectedEnsemble
+        The nodes.
+    coefficients : array, shape (P, S, N, width + 1)
+        Of states and time at the points of the segments' phases.
+    outputs : int
+        The first ones are wanted.
+
+    Returns
+    -------
+    edges : array, shape (K, S + 1)
+        Times of the landmarks, s.
+    response : array, shape (K, S, O, N)
+        Outputs at their Chebyshev points.
+    error : float
+        Of the interpolation, over the range of an output: the largest.
+    """
+    terms, segments, count, width = coefficients.shape
+    flat = coefficients.reshape(terms, -1)
+    edges = np.empty((len(projected.weights), segments + 1))
+    response = np.empty((len(edges), segments, outputs, IN_TIME))
+    error = 0.0
+    # of one node at a time: states of all are many
+    for k, basis in enumerate(projected.psi):
+        whole = (basis @ flat).reshape(segments, count, width)
+        times, states = whole[..., -1], whole[..., :-1].reshape(1, -1, width - 1)
+        one = projected.ensemble.select(np.array([k]))
+        values = one.outputs(times.reshape(1, -1), states)[0, :outputs].reshape(outputs, segments, count)
+        edges[k] = np.append(times[:, 0], times[-1, -1])
+        response[k], wrong = _in_time(times, values.transpose(1, 0, 2))
+        error = max(error, wrong)
+    return edges, response, error
+
+
+def _in_time(times: Array, values: Array) -> tuple[Array, float]:
+    """Values (S, O, IN_TIME) at points of the times, from (S, O, N) at those of the phases, where times are (S, N)."""
+    count, where = times.shape[1], AlignedElement.points(IN_TIME)
+    clock, found = times @ _to_coefficients(count), values @ _to_coefficients(count)
+    pace = chebyshev.chebder(clock, axis=1)
+    wanted: Array = times[:, :1] + where * (times[:, -1:] - times[:, :1])
+    at: Array = np.broadcast_to(2 * where - 1, wanted.shape)
+    for _ in range(NEWTON):
+        polynomials = chebyshev.chebvander(at, count - 1)
+        now = np.einsum("snc,sc->sn", polynomials, clock)
+        slope = np.einsum("snc,sc->sn", polynomials[..., :-1], pace)
+        at = np.asarray(np.clip(at - (now - wanted) / np.where(slope > 0, slope, np.inf), -1.0, 1.0), dtype=np.float64)
+    result = np.einsum("snc,soc->son", chebyshev.chebvander(at, count - 1), found)
+    size = np.ptp(values, axis=(0, 2))
+    # coefficients fall geometrically: what is left out is about the last ones, in phase as in time
+    last = np.concatenate([found[..., -2:], (result @ _to_coefficients(IN_TIME))[..., -2:]], axis=2)
+    return result, float((np.abs(last).max(axis=(0, 2)) / np.where(size > 0, size, 1.0)).max(initial=0.0))
+
+
+def _to_coefficients(count: int) -> Array:
+    """Matrix (N, N) by which rows of values at Chebyshev points are multiplied."""
+    vander = chebyshev.chebvander(2 * AlignedElement.points(count) - 1, count - 1)
+    return np.asarray(np.linalg.inv(vander).T, dtype=np.float64)

@@ -1,0 +1,250 @@
+"""A projected ensemble with a phase as the independent variable, in place of the time.
+
+Realisations are compared at equal phase of a clock instead of at equal time.  With the rate ``w(q, v, t) > 0`` of the
+phase and the pace ``p = 1 / w`` the equations of a realisation are, with a dash for the derivative by the phase,::
+
+    q' = p v,   M v' + D^T (p lambda) = p (Q - h),   D v' = p gamma,   t' = p
+
+and the time is a state.  States and multipliers, ``p lambda``, are expanded in the basis and each equation is projected
+by the nodes and weights of the projection in time, where it is ``Psi^T W r``; constraints ``Phi(q, t) = 0`` and their
+rates hold as ``E[Phi psi_j] = 0``, to which each step is put back.  The phase counts from the start: where realisations
+start at different phases of the clock, it is the phase since then that is equal.
+
+SciPy's DOP853 makes the steps: the clock is an output, and outputs are evaluated by Python, not by the driver.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from scipy.integrate import DOP853
+
+from uqmbd.dynamics.integration import longest_step
+from uqmbd.dynamics.projection.dop853 import SOLVED
+from uqmbd.dynamics.projection.ensemble import Projection
+from uqmbd.errors import IntegrationError, StudyError
+from uqmbd.typing import Array
+
+__all__ = ["PhaseMotion", "PhaseRates"]
+
+PhaseRates = Callable[[Array, Array], Array]
+"""From times (K,) and states (K, width) of the nodes to the rates (K,) of their phases, rad/s."""
+
+STEADY = 0.02
+"""Least rate of the phase at a node, over its mean one: below it the clock stands."""
+
+SETTLED = np.pi / 2
+"""Phase from which on the mean rate is known."""
+
+EXCESS = 1e-3
+"""Relative accuracy of what a step exceeds the constraints by."""
+
+OWN = 1e-13
+"""Relative tolerance of the time, which grows: its absolute one holds."""
+
+
+class PhaseMotion:
+    """Coefficients of states and of the time as functions of the phase.
+
+    Parameters
+    ----------
+    projected : Projection
+        The equations.
+    rates : callable
+        The clock.
+    times : array, shape (T,)
+        Output times, s: functions of time are looked at up to the last.
+    rtol : float
+        Relative tolerance.
+    state : array, shape (P, width), optional
+        Coefficients to start from at the first of the times; default: those of the start.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If something happens at moments in time, or needs an implicit integrator.
+    """
+
+    def __init__(
+        self, projected: Projection, rates: PhaseRates, times: Array, rtol: float, state: Array | None = None
+    ) -> None:
+        self.projected, self._rates, self._rtol = projected, rates, rtol
+        self._refuse(times)
+        first = projected.start.state if state is None else state
+        self._layout = projected.model.layout
+        self._shape = projected.terms, self._layout.width + 1
+        self._begin = float(times[0])
+        self._evaluations = self._steps = 0
+        whole = np.zeros(self._shape)
+        whole[:, :-1] = first
+        # the first polynomial is 1
+        whole[0, -1] = self._begin
+        paces = self._paces(*self._nodal(whole))
+        if not np.isfinite(paces).all():
+            raise self._standing(whole, 0.0)
+        size = max(1e-3, float(np.abs(projected.ensemble.start.q).max(initial=0.0)))
+        absolute, relative = np.full((2, *self._shape), rtol)
+        absolute *= min(1.0, size)
+        absolute[:, -1], relative[:, -1] = rtol * float(paces.mean()), OWN
+        tolerances = {"rtol": relative.ravel(), "atol": absolute.ravel()}
+        self._solver: Any = DOP853(self._rate, 0.0, whole.ravel(), np.inf, max_step=self._most(paces), **tolerances)
+        self._dense: Any = None
+        self._start = whole.ravel()
+
+    @property
+    def counters(self) -> dict[str, int]:
+        """Steps, evaluations of the rates, and what the projected systems took."""
+        return {"steps": self._steps, "evaluations": self._evaluations, **self.projected.coupled.counters}
+
+    def at(self, phases: Array) -> Array:
+        """Integrate, and return coefficients (P, N, width + 1) at increasing phases (N,), rad; the time is last.
+
+        They may not lie before those of the last call.
+
+        Raises
+        ------
+        uqmbd.IntegrationError
+            If the clock stands at a node, or the equations cannot be integrated.
+        """
+        phases = np.asarray(phases, dtype=float)
+        found, done = np.empty((len(phases), *self._shape)), 0
+        while done < len(phases):
+            now = int(np.searchsorted(phases, self._solver.t, "right"))
+            if now > done:
+                part = phases[done:now]
+                dense = self._start[:, None] if self._dense is None else self._dense(part)
+                found[done:now] = dense.T.reshape(-1, *self._shape)
+                done = now
+            else:
+                self._step()
+        return np.ascontiguousarray(found.swapaxes(0, 1))
+
+    def _step(self) -> None:
+        solver = self._solver
+        with np.errstate(all="ignore"):
+            solver.step()
+        whole = solver.y.reshape(self._shape)
+        if solver.status == "failed":
+            nodal = self._nodal(whole)
+            slowest = np.nanmin(self._rates(*nodal) / self._mean(nodal[0], solver.t))
+            if slowest < 10 * STEADY:
+                raise self._standing(whole, solver.t)
+            raise IntegrationError(
+                f"mechanism {self.projected.model.name!r}: the projected equations cannot be integrated beyond the "
+                f"phase {solver.t:.6g} rad, t = {whole[0, -1]:.6g} s in the mean: the step has become too small. The "
+                "expansion may have stopped being valid: raise the order, or use collocation."
+            )
+        self._steps += 1
+        # before the state is put on the constraints
+        self._dense = solver.dense_output()
+        if self._layout.rank:
+            whole = self._constrained(whole)
+            solver.y = whole.ravel()
+            solver.f = self._rate(solver.t, solver.y)
+        times, states = self._nodal(whole)
+        paces = self._paces(times, states)
+        # written so that what is no number stands, too
+        if solver.t > SETTLED and not (paces * self._mean(times, solver.t) <= 1 / STEADY).all():
+            raise self._standing(whole, solver.t)
+        solver.max_step = self._most(paces)
+
+    def _nodal(self, whole: Array) -> tuple[Array, Array]:
+        found = self.projected.psi @ whole
+        return np.ascontiguousarray(found[:, -1]), np.ascontiguousarray(found[:, :-1])
+
+    def _mean(self, times: Array, phase: float) -> Array:
+        """Mean rates (K,) so far."""
+        return np.asarray(phase / np.maximum(times - self._begin, 1e-300))
+
+    def _most(self, paces: Array) -> float:
+        """Longest step: that of functions of time, and of forces with corners, at the fastest node."""
+        return float(self._longest / paces.max())
+
+    def _paces(self, times: Array, states: Array) -> Array:
+        """Time per phase (K,), s/rad; NaN where the clock does not run forwards."""
+        rates = self._rates(times, states)
+        found: Array = np.divide(1.0, rates, out=np.full(len(rates), np.nan), where=rates > 0)
+        return found
+
+    def rates(self, whole: Array) -> tuple[Array, Array]:
+        """Find the derivatives by the phase.
+
+        Parameters
+        ----------
+        whole : array, shape (P, width + 1)
+            Coefficients of states and time.
+
+        Returns
+        -------
+        rates : array, shape (P, width + 1)
+            NaN where the clock does not run forwards at a node, or nothing converges.
+        multipliers : array, shape (P, kept)
+            Of the kept equations, times the time per phase.
+        """
+        self._evaluations += 1
+        projected, n, first = self.projected, self._layout.coordinates, self._layout.velocities
+        times, states = self._nodal(whole)
+        paces = self._paces(times, states)
+        found = np.full(self._shape, np.nan)
+        if not np.isfinite(paces).all():
+            return found, np.full((self._shape[0], 0), np.nan)
+        with projected.coupled.systems.in_phase(times, paces):
+            solved, rates = projected.coupled.solve(whole[:, :-1], 0.0, SOLVED * self._rtol)
+        # coefficients of coordinates: those of their velocities, of which each node takes another time
+        found[:, :n] = projected.adjoint @ (paces[:, None] * states[:, first:])
+        found[:, n:first] = rates
+        found[:, first:-1] = solved[:, :n]
+        found[:, -1] = projected.adjoint @ paces
+        return found, solved[:, n:]
+
+    def _rate(self, phase: float, flat: Array) -> Array:
+        found, _ = self.rates(flat.reshape(self._shape))
+        return np.asarray(found.ravel())
+
+    def _constrained(self, whole: Array) -> Array:
+        """Put coefficients on the projected constraints, which hold at equal phase."""
+        times, _ = self._nodal(whole)
+        found = whole.copy()
+        with self.projected.coupled.systems.in_phase(times, np.ones(len(times))):
+            q, v = self.projected.coupled.excess(whole[:, :-1], 0.0, EXCESS)
+        found[:, : self._layout.coordinates] -= q
+        found[:, self._layout.velocities : -1] -= v
+        return found
+
+    def _standing(self, whole: Array, phase: float) -> IntegrationError:
+        times, states = self._nodal(whole)
+        rates = self._rates(times, states)
+        # of the start nothing is known but the rate
+        share = rates / self._mean(times, phase) if phase > SETTLED else rates
+        worst = int(np.argmin(np.where(np.isfinite(share), share, -np.inf)))
+        ensemble = self.projected.ensemble
+        values = ", ".join(f"{n} = {x:.6g}" for n, x in zip(ensemble.model.inputs, ensemble.values[worst], strict=True))
+        return IntegrationError(
+            f"the clock stands, or nearly so, at the node {values}: at t = {times[worst]:.6g} s, "
+            f"{phase / (2 * np.pi):.3g} turns from the start, its rate is {rates[worst]:.3g} rad/s"
+            + (f", {share[worst]:.2g} of the mean one" if phase > SETTLED else "")
+        )
+
+    def _refuse(self, times: Array) -> None:
+        """Refuse what happens at moments in time, which are at another phase in each realisation."""
+        projected, model = self.projected, self.projected.model
+        where = f"mechanism {model.name!r}: with a phase as the independent variable"
+        if model.controls:
+            raise StudyError(f"{where} controllers, which sample in time, cannot be followed; use collocation.")
+        if names := dict.fromkeys(component for component, _, directions in model.events if directions):
+            raise StudyError(
+                f"{where} impacts cannot be followed, as those of {', '.join(map(repr, names))}; use collocation with "
+                "alignment='events'."
+            )
+        if not projected.coupled.compiled:
+            raise StudyError(f"{where} the explicit integrator is used, for which this mechanism is too large.")
+        legs = projected.ensemble.pace(times, self._rtol)
+        if len(legs) > 1:
+            raise StudyError(
+                f"{where} functions of time must be smooth, as each moment is at another phase in each realisation; "
+                f"something sets in, jumps or has a knot at t = {legs[0].end:.6g} s. Use collocation with "
+                "alignment='phase'."
+            )
+        self._longest = min(legs[0].longest, longest_step(model.rough, times))
