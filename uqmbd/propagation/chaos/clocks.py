@@ -36,8 +36,12 @@ ENOUGH = 0.5
 EVEN = 0.3
 """Least rate of a clock, over its mean one, from which it is no worse than steadier ones."""
 
-STEADY = 0.02
-"""Least rate of a clock, over its mean one: below it nearly stands, and times of equal phase are far apart."""
+STEADY = 1e-3
+"""Least rate of a clock, over its mean one: below it nearly stands, and times of equal phase are far apart.
+
+Near a separatrix a motion is slow beside the saddle: the Kraichnan-Orszag problem has elements at equal phase down to
+xi = 1e-3 by this, which sixteen points of a quarter turn resolve; with 0.02 its variance is ten times as wrong.
+"""
 
 
 @dataclass(frozen=True)

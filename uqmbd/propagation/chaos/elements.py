@@ -261,8 +261,8 @@ def _contributions(parts: list[_Part], rtol: float) -> tuple[Array, Array]:
     """Return what each element adds to the squared error (E, C), and the energy of its top order by germ (E, d)."""
     count = min(_times(p.chaos) for p in parts)
     probability = np.array([p.box.probability for p in parts])
-    mean = np.stack([_columns(p.chaos.mean, count) for p in parts])
-    std = np.stack([_columns(p.chaos.std, count) for p in parts])
+    moments = [_moments(p.chaos) for p in parts]
+    mean, std = (np.stack([_columns(row, count) for row in rows]) for rows in zip(*moments, strict=True))
     centre = np.tensordot(probability, mean, axes=1)
     variance = np.tensordot(probability, std**2 + (mean - centre) ** 2, axes=1)
     # (O, T): relative to the largest standard deviation over time, or to what an integration can tell
@@ -272,7 +272,7 @@ def _contributions(parts: list[_Part], rtol: float) -> tuple[Array, Array]:
     # an output that is always zero, as the force of a contact that is open, has no error: its square would be 0 / 0
     scale = np.where(scale > ALWAYS_ZERO, scale, np.inf)[:, None]
     errors, blame = [], []
-    for part in parts:
+    for part, spread in zip(parts, std, strict=True):
         chaos = part.chaos
         squared = _columns(chaos.top_energy, count)
         if chaos.verification_germs is not None and chaos.verification_response is not None:
@@ -282,18 +282,23 @@ def _contributions(parts: list[_Part], rtol: float) -> tuple[Array, Array]:
             squared = np.maximum(squared, seen) if int(chaos.multi_index.max()) > 1 else seen
         own = part.box.probability * squared / scale**2
         # what is not known is as wrong as can be
-        unknown = ~(np.isfinite(squared) & np.isfinite(_columns(chaos.std, count)))
+        unknown = ~(np.isfinite(squared) & np.isfinite(spread))
         own = np.where(unknown, WRONG * part.box.probability, own)
         # one that ends early has no results afterwards: that is as wrong as can be
         early = _times(chaos) == count < max(_times(p.chaos) for p in parts)
         errors.append(own.ravel() + (WRONG * part.box.probability if early else 0.0))
         # where an expansion is not valid at all its top order may name anybody: the local variance is heard too
-        lost = bool(squared.max() > LOST**2 * max(float((_columns(chaos.std, count) ** 2).max()), 1e-300))
+        lost = part.box.space.dimension > 1 and bool(squared.max() > LOST**2 * max(float((spread**2).max()), 1e-300))
         witnesses = [chaos.top_energy_germ, *([chaos.variance_germ] if lost else [])]
         shares = [np.stack([_columns(e, count) for e in w]) / scale**2 for w in witnesses]
         sums = [share.mean(axis=2).sum(axis=1) for share in shares]
         blame.append(np.sum([x / (x.sum() or 1.0) for x in sums], axis=0))
     return np.array(errors), np.array(blame)
+
+
+def _moments(chaos: Expansion) -> tuple[Array, Array]:
+    """Return mean and standard deviation of an element, with which errors are compared."""
+    return chaos.rough_moments if isinstance(chaos, AlignedChaos) else (chaos.mean, chaos.std)
 
 
 def _chosen(parts: list[_Part], contributions: Array, room: int) -> list[int]:

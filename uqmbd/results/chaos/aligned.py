@@ -28,6 +28,10 @@ if TYPE_CHECKING:
 __all__ = ["AlignedChaos"]
 
 
+ROUNDING = 1e-12
+"""Part of the times by which the last landmark of a sample may miss the last of them."""
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class AlignedChaos(SampledSurrogate):
     """Outputs as polynomials that follow the landmarks of a motion: its events, or equal phases of a clock.
@@ -182,6 +186,17 @@ class AlignedChaos(SampledSurrogate):
             ]
             found.append(np.mean((whole - replace(self, elements=tuple(fewer)).evaluate_germs(germs)) ** 2, axis=0))
         return np.array(found)
+
+    @cached_property
+    def rough_moments(self) -> tuple[Array, Array]:
+        """Mean and standard deviation (O, T) from few samples: sizes with which errors are compared.
+
+        They are NaN where samples of the statistics have no results.
+        """
+        found = self.evaluate_germs(spread_germs(self.space, TOPS, 0))
+        late = float(self.late().max())
+        known = self._times <= self._times[-1] - (late if late > ROUNDING * float(np.ptp(self._times)) else 0.0)
+        return np.where(known, found.mean(axis=0), np.nan), np.where(known, found.std(axis=0), np.nan)
 
     def late(self) -> Array:
         """Return by how much (S,), in s, the last landmarks of samples lie before the last time; 0 where they do not.
