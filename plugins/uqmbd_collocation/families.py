@@ -17,9 +17,9 @@ from uqmbd.results import AlignedChaos, ComposedChaos, Labels, PiecewiseChaos, P
 from uqmbd.typing import Array
 from uqmbd_collocation.alignment import EventPaths, PhasePaths, align
 from uqmbd_collocation.expanded import Expanded
-from uqmbd_collocation.plain import expand
+from uqmbd_collocation.plain import expand, warn_of_discontinuities
 from uqmbd_collocation.plans import Plans
-from uqmbd_collocation.refinement import Limits
+from uqmbd_collocation.refinement import Limits, UnmetWarning
 
 __all__ = ["FAMILIES", "Family", "expand_families", "impossible"]
 
@@ -68,7 +68,7 @@ class _Work:
             return self._aligned(self.events)
         followed = self.phase.spent > 0
         source = _AtTimes(self.problem, self.phase) if followed else self.problem
-        found, _ = expand(source, self.space, self.plans, self.tolerance, self.given)
+        found, _ = expand(source, self.space, self.plans, self.tolerance, self.given, quiet=True)
         if not followed:
             self.beside += found.realisations
             self.counters.update(found.counters)
@@ -198,7 +198,8 @@ def expand_families(
     largest = _largest(np.array([chaoses[name].std[k] for k, name in enumerate(taken)]), spread[:, None])
     for name in work.found:
         for message in work.told[name]:
-            if name in taken or isinstance(message, uqmbd.UnusedInputWarning):
+            # whether a tolerance is met counts for the outputs that take the family, not for all that it refined
+            if name in taken and not isinstance(message, UnmetWarning) or isinstance(message, uqmbd.UnusedInputWarning):
                 warnings.warn(message, stacklevel=3)
     found = _composed(work, chaoses, taken, {name: error * spread / largest for name, error in over.items()})
     lost = np.array([errors[name][k] for k, name in enumerate(taken)]) / largest[:, None]
@@ -213,16 +214,17 @@ def _composed(
     """Put the outputs together, each from the family that it takes; errors (O,) are those of all families."""
     outputs = [o.name for o in work.problem.labels.outputs]
     used = [name for name in FAMILIES if name in taken]
-    parts: dict[str, Part] = {
-        n: _of_outputs(chaoses[n], [k for k, family in enumerate(taken) if family == n]) for n in used
-    }
+    rows = {name: [k for k, family in enumerate(taken) if family == name] for name in used}
+    parts: dict[str, Part] = {name: _of_outputs(chaoses[name], rows[name]) for name in used}
+    if isinstance(at_equal_times := parts.get("plain"), PolynomialChaos):
+        warn_of_discontinuities(at_equal_times, work.plans, work.problem.label)
     own = [work.found[name] for name in used]
     attrs: dict[str, Any] = {}
     for one in own:
         attrs |= one.attrs
     attrs |= {
         "failures": sum(one.attrs["failures"] for one in work.found.values()),
-        "fit": "; ".join(f"{name}: {one.attrs['fit']}" for name, one in zip(used, own, strict=True)),
+        "fit": own[0].attrs["fit"] if len(own) == 1 else _fits(work, rows),
         **{name: max(one.attrs[name] for one in own) for name in ("terms", "highest_degree")},
         "verification": len(work.given.germs) if work.given is not None else 0,
         "alignment": json.dumps(dict(zip(outputs, taken, strict=True))),
@@ -231,8 +233,16 @@ def _composed(
         ),
         "alignment_left_out": json.dumps(work.left_out),
     }
-    if met := [one.attrs["tolerance_met"] for one in own if "tolerance_met" in one.attrs]:
-        attrs["tolerance_met"] = str(all(one == "True" for one in met))
+    if any("tolerance_met" in one.attrs for one in own):
+        largest = max(float(errors[name][k]) for k, name in enumerate(taken))
+        attrs["tolerance_met"] = str(largest <= work.tolerance.tolerance)
+        if largest > work.tolerance.tolerance:
+            warnings.warn(
+                f"{work.problem.label}: the tolerance {work.tolerance.tolerance:g} was not met by all outputs; the "
+                f"largest error at the verification realisations is {largest:.2g}. Allow more realisations.",
+                UnmetWarning,
+                stacklevel=4,
+            )
     about = {
         "long_name": "error at the verification realisations",
         "comment": "root mean square over them and over time, over the largest standard deviation over time",
@@ -253,6 +263,13 @@ def _composed(
         {"families": table, **(own[0].children if len(own) == 1 else {})},
         own[0].leave_one_out if len(own) == 1 else None,
     )
+
+
+def _fits(work: _Work, rows: Mapping[Family, Sequence[int]]) -> str:
+    """Say how outputs are fitted, from the numbers of those that take a family."""
+    outputs = [o.name for o in work.problem.labels.outputs]
+    said = (f"{', '.join(outputs[k] for k in own)}: {work.found[name].attrs['fit']}" for name, own in rows.items())
+    return "; ".join(said)
 
 
 def _nodes(work: _Work) -> xr.Dataset:

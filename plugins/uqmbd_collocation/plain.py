@@ -7,7 +7,7 @@ import warnings
 import numpy as np
 
 import uqmbd
-from uqmbd.results import Status
+from uqmbd.results import PolynomialChaos, Status
 from uqmbd_collocation.computing import computed
 from uqmbd_collocation.expanded import Expanded
 from uqmbd_collocation.plans import Plans
@@ -15,11 +15,16 @@ from uqmbd_collocation.record import nodes_dataset, warn_of_failures, warn_of_id
 from uqmbd_collocation.refinement import Limits, history
 from uqmbd_collocation.runs import Runs, Source
 
-__all__ = ["expand"]
+__all__ = ["expand", "warn_of_discontinuities"]
 
 
 def expand(
-    source: Source, space: uqmbd.GermSpace, plans: Plans, limits: Limits, given: uqmbd.Verification | None = None
+    source: Source,
+    space: uqmbd.GermSpace,
+    plans: Plans,
+    limits: Limits,
+    given: uqmbd.Verification | None = None,
+    quiet: bool = False,
 ) -> tuple[Expanded, float]:
     """Compute realisations, fit and verify; return what was found, and the seconds that realisations took.
 
@@ -31,6 +36,8 @@ def expand(
         Of the study, and of the method.
     given : uqmbd.Verification, optional
         Realisations that are known; default: they are computed.
+    quiet : bool
+        Whether nothing is said of outputs that look discontinuous.
 
     Raises
     ------
@@ -50,11 +57,8 @@ def expand(
     warn_of_failures(verification, label)
     chaos = verification.chaos(fit.coefficients, fit.multi_index, source.labels)
     warn_of_idle_inputs(runs, fit, label)
-    # a refinement has words of its own, and samples that are too few look the same
-    plain = plans.adaptive == "no" and bool(plans.grid)
-    suspicions = [one.words() for one in chaos.discontinuities() if plain and one and one.clear]
-    if suspicions:
-        warnings.warn(f"{label}: {'; '.join(suspicions)}.", stacklevel=2)
+    if not quiet:
+        warn_of_discontinuities(chaos, plans, label)
     attrs = {
         "failures": int((runs.status != Status.OK).sum()),
         "fit": fit.how,
@@ -75,3 +79,12 @@ def expand(
         fit.leave_one_out,
     )
     return found, runs.wall_time
+
+
+def warn_of_discontinuities(chaos: PolynomialChaos, plans: Plans, label: str) -> None:
+    """Warn of outputs that look discontinuous in the inputs."""
+    # a refinement has words of its own, and samples that are too few look the same
+    plain = plans.adaptive == "no" and bool(plans.grid)
+    suspicions = [one.words() for one in chaos.discontinuities() if plain and one and one.clear]
+    if suspicions:
+        warnings.warn(f"{label}: {'; '.join(suspicions)}.", stacklevel=3)

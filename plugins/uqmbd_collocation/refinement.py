@@ -12,7 +12,7 @@ from uqmbd.typing import Array, Index
 from uqmbd_collocation.fitting import Fit
 from uqmbd_collocation.runs import Runs
 
-__all__ = ["Limits", "Refinement", "Step", "history", "missed_share", "scale_of", "warn_unmet"]
+__all__ = ["Limits", "Refinement", "Step", "UnmetWarning", "history", "missed_share", "scale_of", "warn_unmet"]
 
 
 @dataclass(frozen=True)
@@ -105,6 +105,10 @@ def missed_share(runs: Runs, coefficients: Array, multi_index: Index, points: Ar
     return float((error.max(axis=-1) / (2 * scale**2)).max())
 
 
+class UnmetWarning(UserWarning):
+    """A refinement ended before its tolerance was met."""
+
+
 def warn_unmet(label: str, limits: Limits, steps: list[Step], reason: str) -> None:
     """Warn that a refinement ended before its tolerance was met."""
     known = bool(steps) and np.isfinite(steps[-1].change)
@@ -114,6 +118,7 @@ def warn_unmet(label: str, limits: Limits, steps: list[Step], reason: str) -> No
         reason += f". So small changes may be errors of the integration (rtol={limits.rtol:g}): try a smaller rtol"
     warnings.warn(
         f"{label}: the tolerance {limits.tolerance:g} was not met with {spent} realisations{last}. Reason: {reason}",
+        UnmetWarning,
         stacklevel=3,
     )
 

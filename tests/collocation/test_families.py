@@ -254,7 +254,6 @@ def test_options_that_contradict(options, message):
         {"adaptive": "dimension", "tolerance": 1e-3},
     ],
 )
-@pytest.mark.filterwarnings("ignore:.*is not met")
 def test_every_way_to_fit(options):
     """A disc that spins up from rest by a random torque: its angle is a polynomial, a point of it is not."""
     torque = uqmbd.RandomVariable("torque", chaospy.Normal(1.0, 0.05), units="N m")
@@ -268,6 +267,8 @@ def test_every_way_to_fit(options):
     node = study.propagate(Collocation(alignment="auto", **options))
     families, errors, _ = told(node)
     assert families == {"height": "phase", "angle": "plain"}
+    # a plain chaos of the height never settles; that counts for nobody
+    assert node.attrs.get("tolerance_met", "True") == "True"
     drawn = np.random.default_rng(1).normal(1.0, 0.05, 300)
     angle = 0.3 + drawn[:, None] / 0.5 * study.times**2 / 2
     exact = np.stack([0.2 * np.sin(angle), angle], axis=1)
