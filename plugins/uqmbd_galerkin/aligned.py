@@ -176,7 +176,7 @@ def _started(problem: uqmbd.Problem, projected: uqmbd.ProjectedEnsemble, rates: 
     """Begin in phase; where the clock starts at rest, in time until it runs."""
     times, rtol = problem.times, problem.rtol
     if rates.until <= times[0]:
-        return _Path(projected.in_phase(rates, times, rtol), [])
+        return _Path(_in_phase(problem, projected, rates, times, projected.start.state), [])
     points = points_of(np.linspace(times[0], rates.until, IN_TIME + 1))
     own, inverse = np.unique(points.ravel(), return_inverse=True)
     found = projected.integrate(own, rtol, "dop853")
@@ -186,8 +186,17 @@ def _started(problem: uqmbd.Problem, projected: uqmbd.ProjectedEnsemble, rates: 
     whole[..., :-1] = found.coefficients
     whole[0, :, -1] = own
     later = np.array([rates.until, max(times[-1], 2 * rates.until - times[0])])
-    motion = projected.in_phase(rates, later, rtol, found.coefficients[:, -1])
+    motion = _in_phase(problem, projected, rates, later, found.coefficients[:, -1])
     return _Path(motion, [whole[:, inverse].reshape(len(whole), *points.shape, -1)])
+
+
+def _in_phase(
+    problem: uqmbd.Problem, projected: uqmbd.ProjectedEnsemble, rates: ClockRates, times: Array, state: Array
+) -> uqmbd.PhaseMotion:
+    """Bring all nodes to the same phase of the clock at first."""
+    nodal = projected.nodal(state)
+    ahead = rates.ahead(np.full(len(nodal), times[0]), nodal, TURN / PER_TURN)
+    return projected.in_phase(rates, times, problem.rtol, state, *ahead)
 
 
 def _follow_nodes(path: _Path, projected: uqmbd.ProjectedEnsemble, end: float) -> None:

@@ -19,6 +19,9 @@ TURN = 2 * np.pi
 FIRST, SECOND = "clock_rate_of_", "clock_acceleration_of_"
 """Before the name of what may be a clock: its first and second derivative in time."""
 
+TOGETHER, APART = 1e-9, np.pi
+"""Phases, rad, by which nodes differ, between which they are brought to the same one."""
+
 PILOTS = 8
 """Realisations, at least, from which the clock is found."""
 
@@ -75,12 +78,34 @@ class ClockRates:
 
     def __call__(self, times: Array, states: Array) -> Array:
         """Return rates (K,), rad/s."""
-        value, rate, second = self.ensemble.outputs(times[:, None], states[:, None])[:, self.rows, 0].T
+        value, rate, second = self._seen(times, states)
         if self.clock.turn:
             return np.asarray(rate * (TURN / self.clock.turn))
         x, y = (value - self.centre) / self.reach, -rate / self.speed
         # of the angle of the point (x, y)
         return np.asarray((-x * second / self.speed - y * rate / self.reach) / (x**2 + y**2))
+
+    def ahead(self, times: Array, states: Array, step: float) -> tuple[Array | None, float]:
+        """Say what phases nodes have to pass until all are at the same one, rad, shape (K,), and how much that is.
+
+        It is a multiple of `step` in the mean, and no less for anyone.  Nothing where all are at the same phase, or so
+        far apart that it is not known in which turn they are.
+        """
+        value, rate, _ = self._seen(times, states)
+        if self.clock.turn:
+            phase = value / self.clock.turn * TURN
+        else:
+            phase = np.arctan2(-rate / self.speed, (value - self.centre) / self.reach)
+            middle = np.angle(np.exp(1j * phase).mean())
+            phase = middle + np.angle(np.exp(1j * (phase - middle)))
+        if not TOGETHER < np.ptp(phase) < APART:
+            return None, 0.0
+        ahead = (np.floor(phase.max() / step) + 2) * step - phase
+        return ahead, max(1, round(float(ahead.mean()) / step)) * step
+
+    def _seen(self, times: Array, states: Array) -> Array:
+        """Value, rate and second rate (3, K)."""
+        return self.ensemble.outputs(times[:, None], states[:, None])[:, self.rows, 0].T
 
 
 def find_clock(

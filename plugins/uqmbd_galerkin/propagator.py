@@ -64,9 +64,9 @@ class Galerkin(uqmbd.Propagator):
     alignment : {"phase"}, optional
         Take the phase of a clock as the independent variable, in place of the time, which is expanded like the states:
         where realisations turn or swing at rates of their own, an expansion at equal times must fail, one at equal
-        phases does not.  The phase counts from the start of each realisation.  It needs a clock that runs in all
-        realisations; functions of time must be smooth; impacts and controllers, which belong to moments in time, are
-        refused.  Results are of the kind of `Collocation(alignment="phase")`.
+        phases does not.  Realisations that start at different phases are brought to the same one first.  It needs a
+        clock that runs in all realisations, and functions of time that are smooth; impacts and controllers, which
+        belong to moments in time, are refused.  Results are of the kind of `Collocation(alignment="phase")`.
     clock : str, optional
         Output, body or joint whose angle, or oscillation, tells the phase.  Default: one is found.
     transform : {"rosenblatt", "nataf"}

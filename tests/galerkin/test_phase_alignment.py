@@ -124,9 +124,9 @@ def test_phases_that_differ_at_the_start_are_right():
             )
         return np.array(found)
 
-    node = run(mechanism, 8, Galerkin(order=6, alignment="phase"))
+    node = run(mechanism, 8, Galerkin(order=6, alignment="phase", verify=2))
     assert node.attrs["clock_kind"] == "oscillation"
-    assert error(node, mechanism, 30, exact).max() < 3e-3
+    assert error(node, mechanism, 30, exact).max() < 1e-3
 
 
 @pytest.mark.thorough
@@ -169,12 +169,12 @@ def test_fewer_terms_than_nodes_follow_the_realisations():
 def test_a_clock_that_starts_at_rest_is_started_in_time():
     """A crank that a damped torque sets in motion: the time per angle is infinite at the start."""
     mechanism = crank(speed=0, torque=0.6, damping=0.02)
-    node = run(mechanism, 4, Galerkin(order=4, alignment="phase", verify=4))
+    node = run(mechanism, 4, Galerkin(order=3, alignment="phase", verify=4))
     study = uqmbd.Study("study", mechanism, node["statistics"]["time"].values, [Galerkin()], rtol=1e-10)
     values = inputs_of(mechanism, 20)
     expected = study.problem(study.propagators[0]).realise(values).response
     off = surrogate(node).evaluate(values) - expected
-    assert (np.sqrt((off**2).mean(axis=0)).max(axis=1) < 5e-3 * expected.std(axis=0).max(axis=1)).all()
+    assert (np.sqrt((off**2).mean(axis=0)).max(axis=1) < 1e-3 * expected.std(axis=0).max(axis=1)).all()
 
 
 @pytest.mark.thorough

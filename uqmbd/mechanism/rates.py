@@ -35,13 +35,13 @@ def time_derivative(expression: Any) -> sympy.Expr:
 
     Examples
     --------
-    >>> import sympy, uqmbd
+    >>> import uqmbd
     >>> mechanism = uqmbd.Mechanism("falling", uqmbd.Translational(gravity=(0, -10)))
     >>> stone = mechanism.body("stone", mass=1, velocity=(3, 4))
-    >>> speed = sympy.sqrt(stone.velocity.dot(stone.velocity))
-    >>> mechanism.output("deceleration", -uqmbd.time_derivative(speed), units="m/s^2")
-    >>> uqmbd.simulate(mechanism, [0, 0.4])["deceleration"].values.round(9).tolist()
-    [8.0, 0.0]
+    >>> energy = stone.velocity.dot(stone.velocity) / 2
+    >>> mechanism.output("power", uqmbd.time_derivative(energy), units="W")
+    >>> uqmbd.simulate(mechanism, [0, 0.2])["power"].values.round(9).tolist()
+    [-40.0, -20.0]
     """
     whole = sympy.sympify(expression)
     found: list[sympy.Expr] = []

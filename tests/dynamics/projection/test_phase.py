@@ -9,7 +9,7 @@ import mpmath
 import numpy as np
 import pytest
 import sympy
-from scipy.integrate import solve_ivp
+from scipy.integrate import quad, solve_ivp
 
 import uqmbd
 from uqmbd_joints import Distance, Revolute
@@ -170,6 +170,36 @@ def test_each_node_moves_by_itself_where_nothing_is_truncated():
         assert found.sol(times[k])[1] == pytest.approx(rate[k], rel=1e-7)
         assert angle[k] == pytest.approx(phases, abs=1e-7)
     assert np.ptp(times[:, -1]) > 0.04
+
+
+def test_nodes_are_brought_to_the_same_phase_of_the_clock():
+    """Bobs that start at different angles: the energy of each says how fast it is wherever it is."""
+    start = uqmbd.RandomVariable("start", chaospy.Uniform(-0.5, 0.5))
+    mechanism = uqmbd.Mechanism("bob", uqmbd.Translational(gravity=(0, -10)))
+    c, s = sympy.cos(start), sympy.sin(start)
+    bob = mechanism.body("bob", mass=1, position=(c, s), velocity=(-9 * s, 9 * c))
+    mechanism.add(Distance("rod", mechanism.ground, bob, (0, 0), (0, 0), 1))
+    x, y = bob.position
+    mechanism.output("rate", x * bob.velocity[1] - y * bob.velocity[0], units="rad/s")
+    projected, rates = projection(mechanism, 3, 4)
+    ahead = 3.0 - projected.ensemble.values[:, 0]
+    motion = projected.in_phase(rates, np.array([0.0, 5.0]), 1e-10, ahead=ahead, within=2.0)
+    phases = np.array([0.0, 1.0, 2.0, 4.0, 20.0])
+    nodal = projected.nodal(motion.at(phases))
+    first = projected.ensemble.values[:, :1]
+    angle = np.where(phases < 2, first + phases / 2 * ahead[:, None], 1.0 + phases)
+    assert nodal[..., 0] == pytest.approx(np.cos(angle), abs=1e-8)
+    assert nodal[..., 1] == pytest.approx(np.sin(angle), abs=1e-8)
+    speed = np.hypot(nodal[..., 2], nodal[..., 3])
+    assert speed**2 / 2 + 10 * nodal[..., 1] == pytest.approx(np.broadcast_to(40.5 + 10 * np.sin(first), speed.shape))
+    # the time from the start to each angle, by quadrature
+    for k, (begin,) in enumerate(first):
+        level = 81 + 20 * np.sin(begin)
+        for j in range(5):
+            expected, _ = quad(
+                lambda a, level=level: (level - 20 * np.sin(a)) ** -0.5, begin, angle[k, j], epsabs=1e-11, limit=200
+            )
+            assert nodal[k, j, -1] == pytest.approx(expected, abs=1e-8)
 
 
 @pytest.mark.parametrize("rtol", [1e-5, 1e-8])

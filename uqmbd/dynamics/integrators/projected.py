@@ -106,10 +106,19 @@ class ProjectedEnsemble(Projection):
         coefficients[:, max(1, first) :] = np.nan
         return replace(found, coefficients=coefficients, message=text)
 
-    def in_phase(self, rates: PhaseRates, times: Array, rtol: float = 1e-6, state: Array | None = None) -> PhaseMotion:
+    def in_phase(
+        self,
+        rates: PhaseRates,
+        times: Array,
+        rtol: float = 1e-6,
+        state: Array | None = None,
+        ahead: Array | None = None,
+        within: float = 0.0,
+    ) -> PhaseMotion:
         """Begin to integrate the coefficients with the phase of a clock as the independent variable.
 
-        Realisations are compared at equal phase since the start, and the time is a state that is expanded, too.
+        The phase counts from the start; the time is a state that is expanded, too.  Nodes that start at different
+        phases of the clock are brought to the same one by `ahead`.
 
         Parameters
         ----------
@@ -122,6 +131,11 @@ class ProjectedEnsemble(Projection):
             Relative tolerance.
         state : array, shape (P, 2 coordinate + state), optional
             Coefficients at the start.  Default: those of the ensemble.
+        ahead : array, shape (K,), optional
+            Phase of the clock that each node passes, rad, while the phase passes `within` for the first time.
+            Default: the same.
+        within : float
+            rad.
 
         Returns
         -------
@@ -136,7 +150,7 @@ class ProjectedEnsemble(Projection):
         uqmbd.IntegrationError
             Where the clock does not run forwards at a node at the start.
         """
-        return PhaseMotion(self, rates, np.asarray(times, dtype=float), rtol, state)
+        return PhaseMotion(self, rates, np.asarray(times, dtype=float), rtol, state, ahead, within)
 
 
 def _solved(

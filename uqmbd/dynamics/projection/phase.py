@@ -7,8 +7,11 @@ phase and the pace ``p = 1 / w`` the equations of a realisation are, with a dash
 
 and the time is a state.  States and multipliers, ``p lambda``, are expanded in the basis and each equation is projected
 by the nodes and weights of the projection in time, where it is ``Psi^T W r``; constraints ``Phi(q, t) = 0`` and their
-rates hold as ``E[Phi psi_j] = 0``, to which each step is put back.  The phase counts from the start: where realisations
-start at different phases of the clock, it is the phase since then that is equal.
+rates hold as ``E[Phi psi_j] = 0``, to which each step is put back.
+
+The phase counts from the start.  Where realisations start at different phases of the clock, each is slowed down or
+sped up at first, ``w`` times a number, until all have reached the same phase of the clock at the same phase from the
+start; from then on both are alike.
 
 SciPy's DOP853 makes the steps: the clock is an output, and outputs are evaluated by Python, not by the driver.
 """
@@ -60,6 +63,10 @@ class PhaseMotion:
         Relative tolerance.
     state : array, shape (P, width), optional
         Coefficients to start from at the first of the times; default: those of the start.
+    ahead : array, shape (K,), optional
+        Phase that each node passes, rad, while the phase passes `within`; default: `within`.
+    within : float
+        rad.
 
     Raises
     ------
@@ -68,7 +75,14 @@ class PhaseMotion:
     """
 
     def __init__(
-        self, projected: Projection, rates: PhaseRates, times: Array, rtol: float, state: Array | None = None
+        self,
+        projected: Projection,
+        rates: PhaseRates,
+        times: Array,
+        rtol: float,
+        state: Array | None = None,
+        ahead: Array | None = None,
+        within: float = 0.0,
     ) -> None:
         self.projected, self._rates, self._rtol = projected, rates, rtol
         self._refuse(times)
@@ -76,22 +90,30 @@ class PhaseMotion:
         self._layout = projected.model.layout
         self._shape = projected.terms, self._layout.width + 1
         self._begin = float(times[0])
+        self._within, self._ahead = within, np.full(len(projected.psi), within) if ahead is None else ahead
         self._evaluations = self._steps = 0
         whole = np.zeros(self._shape)
         whole[:, :-1] = first
         # the first polynomial is 1
         whole[0, -1] = self._begin
-        paces = self._paces(*self._nodal(whole))
-        if not np.isfinite(paces).all():
-            raise self._standing(whole, 0.0)
-        size = max(1e-3, float(np.abs(projected.ensemble.start.q).max(initial=0.0)))
-        absolute, relative = np.full((2, *self._shape), rtol)
-        absolute *= min(1.0, size)
-        absolute[:, -1], relative[:, -1] = rtol * float(paces.mean()), OWN
-        tolerances = {"rtol": relative.ravel(), "atol": absolute.ravel()}
-        self._solver: Any = DOP853(self._rate, 0.0, whole.ravel(), np.inf, max_step=self._most(paces), **tolerances)
+        self._size = min(1.0, max(1e-3, float(np.abs(projected.ensemble.start.q).max(initial=0.0))))
         self._dense: Any = None
         self._start = whole.ravel()
+        legs = [(within, self._ahead / within)] if within else []
+        self._legs = [*legs, (np.inf, np.ones(len(self._ahead)))]
+        self._solver = self._leg(0.0, whole)
+
+    def _leg(self, phase: float, whole: Array) -> Any:
+        """Begin to integrate up to where the nodes change their rates."""
+        bound, self._faster = self._legs.pop(0)
+        paces = self._paces(*self._nodal(whole))
+        if not np.isfinite(paces).all():
+            raise self._standing(whole, phase)
+        absolute, relative = np.full((2, *self._shape), self._rtol)
+        absolute *= self._size
+        absolute[:, -1], relative[:, -1] = self._rtol * float(paces.mean()), OWN
+        tolerances = {"rtol": relative.ravel(), "atol": absolute.ravel()}
+        return DOP853(self._rate, phase, whole.ravel(), bound, max_step=self._most(paces), **tolerances)
 
     @property
     def counters(self) -> dict[str, int]:
@@ -144,11 +166,14 @@ class PhaseMotion:
             solver.y = whole.ravel()
             solver.f = self._rate(solver.t, solver.y)
         times, states = self._nodal(whole)
-        paces = self._paces(times, states)
+        share = self._rates(times, states) / self._mean(times, solver.t)
         # written so that what is no number stands, too
-        if solver.t > SETTLED and not (paces * self._mean(times, solver.t) <= 1 / STEADY).all():
+        if solver.t > SETTLED and not (share >= STEADY).all():
             raise self._standing(whole, solver.t)
-        solver.max_step = self._most(paces)
+        if solver.status == "finished":
+            self._solver = self._leg(solver.t, whole)
+        else:
+            solver.max_step = self._most(self._paces(times, states))
 
     def _nodal(self, whole: Array) -> tuple[Array, Array]:
         found = self.projected.psi @ whole
@@ -156,7 +181,9 @@ class PhaseMotion:
 
     def _mean(self, times: Array, phase: float) -> Array:
         """Mean rates (K,) so far."""
-        return np.asarray(phase / np.maximum(times - self._begin, 1e-300))
+        early = phase < self._within
+        passed = phase / self._within * self._ahead if early else phase + self._ahead - self._within
+        return np.asarray(passed / np.maximum(times - self._begin, 1e-300))
 
     def _most(self, paces: Array) -> float:
         """Longest step: that of functions of time, and of forces with corners, at the fastest node."""
@@ -165,7 +192,7 @@ class PhaseMotion:
     def _paces(self, times: Array, states: Array) -> Array:
         """Time per phase (K,), s/rad; NaN where the clock does not run forwards."""
         rates = self._rates(times, states)
-        found: Array = np.divide(1.0, rates, out=np.full(len(rates), np.nan), where=rates > 0)
+        found: Array = np.divide(self._faster, rates, out=np.full(len(rates), np.nan), where=rates > 0)
         return found
 
     def rates(self, whole: Array) -> tuple[Array, Array]:
