@@ -134,7 +134,8 @@ def test_realisations_are_counted_once(composed):
     assert node.attrs["verification"] == 8
     assert int((nodes["purpose"] == "verification").sum()) == 8
     followed = [int(((nodes["family"] == name) & (nodes["purpose"] == "fit")).sum()) for name in ("events", "phase")]
-    assert followed == [16, 16] and node.attrs["realisations"] >= 8 + 32
+    # the nodes of the plain family are those of the phases, kinks of the ball or not, some of them followed twice
+    assert followed == [16, 16] and 8 + 32 <= node.attrs["realisations"] <= 8 + 48
 
 
 def test_short_damped_motion_stays_plain():
@@ -148,9 +149,9 @@ def test_short_damped_motion_stays_plain():
     exact = damped(k, 1.0, study.times)
     wrong = surrogate(node).evaluate(k[:, None])[:, 0] - exact
     assert np.sqrt((wrong**2).mean()) / exact.std(axis=0).max() < 2 * errors["x"] + 1e-6
-    # nodes are read from those that were followed: as near to computed ones as the interpolation is
+    # nodes are those that were followed, at the output times; their last step is another one, since they go on
     alone = study.propagate(Collocation(order=6))
-    np.testing.assert_allclose(surrogate(node).coefficients, surrogate(alone).coefficients, atol=1e-7)
+    np.testing.assert_allclose(surrogate(node).coefficients, surrogate(alone).coefficients, rtol=0, atol=1e-10)
 
 
 def test_long_motion_takes_phases():

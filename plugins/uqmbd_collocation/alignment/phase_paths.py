@@ -30,9 +30,6 @@ MARGIN = 0.02
 TRIES = 8
 """Integrations in which a realisation reaches the phase that is needed."""
 
-ACCURATE = 1e-6
-"""Error of the interpolation, over the range of an output, up to which it stands for realisations at output times."""
-
 POINTS = 16
 """Chebyshev points of a segment, a quarter of a turn."""
 
@@ -240,16 +237,12 @@ class PhasePaths:
         return Landmarked(edges, response), self._told(values, paths, edges, STANDS)
 
     def at_times(self, values: Array) -> uqmbd.Realisations:
-        """Return realisations at the output times: read from those that are followed, where these are accurate.
-
-        Others are computed: outputs with kinks, and what fails behind the last output time.
-        """
-        outputs, times = self.problem.labels.shape[0], self.problem.times
-        response = np.full((len(values), outputs, len(times)), np.nan)
+        """Return realisations at the output times: of those that are followed, and anew of those that failed."""
+        outputs = self.problem.labels.shape[0]
+        response = np.full((len(values), *self.problem.labels.shape), np.nan)
         for seen, rows in self._groups(values)[0]:
-            if seen.error <= ACCURATE and seen.times[-1] >= self.end:
-                for n, k in enumerate(rows):
-                    response[k] = seen.spline(n)(times)[:, :outputs].T
+            if seen.asked is not None:
+                response[rows] = seen.asked[:, :outputs]
         status, messages = np.zeros(len(values), dtype=np.int64), [""] * len(values)
         left = np.flatnonzero(~np.isfinite(response).all(axis=(1, 2)))
         if len(left):
@@ -323,7 +316,7 @@ class PhasePaths:
         found_groups = []
         for members in groups.values():
             whole = paths[members[0]].found
-            found_groups.append((replace(whole, values=whole.values[[paths[k].row for k in members]]), members))
+            found_groups.append((whole.of([paths[k].row for k in members]), members))
         return found_groups, paths
 
     def _continue(self, values: Array, paths: list[_Path], needed: Array) -> bool:
@@ -349,7 +342,8 @@ class PhasePaths:
 
     def _follow(self, values: Array, until: float) -> None:
         """Compute realisations; what fails behind the last output time is kept as far as it is known."""
-        found, told = uqmbd.dense(self.problem.watching(), values, until, 2 * len(self.problem.times))
+        times = self.problem.times
+        found, told = uqmbd.dense(self.problem.watching(), values, until, 2 * len(times), times)
         self.spent += len(values)
         self.counters.update(told.counters)
         self.error = max(self.error, found.error)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
@@ -42,20 +43,29 @@ class Dense:
         NaN where a realisation failed.
     error : float
         Estimated error of the interpolation, over the range of an output: the largest.
+    asked : array, shape (K, O, N), optional
+        Outputs at other times that were asked for, computed and not interpolated.
     """
 
     times: Array
     values: Array
     error: float
+    asked: Array | None = None
 
     degree: ClassVar[int] = DEGREE
+
+    def of(self, rows: Sequence[int]) -> Dense:
+        """Return some of the realisations."""
+        return replace(self, values=self.values[rows], asked=None if self.asked is None else self.asked[rows])
 
     def spline(self, k: int) -> BSpline:
         """Return the outputs of one realisation as a function from times (N,) to (N, O)."""
         return make_interp_spline(self.times, self.values[k].T, DEGREE)
 
 
-def dense(problem: Problem, values: Array, end: float, least: int = 0) -> tuple[Dense, Realisations]:
+def dense(
+    problem: Problem, values: Array, end: float, least: int = 0, asked: Array | None = None
+) -> tuple[Dense, Realisations]:
     """Compute realisations at so many times that splines through them are accurate.
 
     Parameters
@@ -68,6 +78,8 @@ def dense(problem: Problem, values: Array, end: float, least: int = 0) -> tuple[
         Last time, s.
     least : int
         Times that are tried first, at least.
+    asked : array, shape (N,), optional
+        Further times, at which outputs are wanted as they are computed.
 
     Returns
     -------
@@ -82,12 +94,15 @@ def dense(problem: Problem, values: Array, end: float, least: int = 0) -> tuple[
     count = least
     while True:
         times = np.linspace(float(problem.times[0]), end, count)
-        found = problem.watching(times).realise(values)
-        wrong = _error(times, found.response[found.good])
+        every = times if asked is None else np.union1d(times, asked)
+        found = problem.watching(every).realise(values)
+        evenly = found.response[..., np.searchsorted(every, times)]
+        wrong = _error(times, evenly[found.good])
         # kinks and jumps at events are never resolved; what lies between them is, where it is so at most times
         decisive = np.quantile(wrong, BETWEEN, axis=0) if problem.model.events and len(wrong) else wrong
         if decisive.max(initial=0.0) <= RESOLVED or 2 * count > most:
-            return Dense(times, found.response, float(wrong.max(initial=0.0)) / 2 ** (DEGREE + 1)), found
+            others = None if asked is None else found.response[..., np.searchsorted(every, asked)]
+            return Dense(times, evenly, float(wrong.max(initial=0.0)) / 2 ** (DEGREE + 1), others), found
         count *= 2
 
 
