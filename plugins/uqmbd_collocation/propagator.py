@@ -100,7 +100,8 @@ class Collocation(uqmbd.Propagator):
         Realisations at points that no node uses, from which the error of the surrogate is stated; 0: none.  They
         end a refinement, so that after one the stated error is a little more likely to be small than without.
         Eight points hardly see what is rare: for least squares on few samples of normal inputs, which errs in the
-        tails, look at the leave-one-out error too.
+        tails, look at the leave-one-out error too.  For an aligned chaos 32 state its error to within a factor of two,
+        as a rule; where inputs are normal and errors grow in the tails no number of some hundred does surely.
     seed : int
         Of designs and of the verification points.
     label : str, optional

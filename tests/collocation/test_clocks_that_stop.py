@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 import warnings
 
 import chaospy
@@ -11,7 +12,9 @@ import sympy
 from scipy.integrate import solve_ivp
 
 import uqmbd
-from uqmbd.results import surrogate
+from uqmbd.cli.tables import show_summary
+from uqmbd.report import write_report
+from uqmbd.results import load, save, study_tree, surrogate
 from uqmbd_collocation import Collocation
 from uqmbd_joints import Revolute
 from uqmbd_springs import PointForce, SpringDamper, Torque
@@ -206,3 +209,29 @@ def test_double_pendulum_at_120_degrees_is_refused():
         study.propagate(Collocation(order=4, alignment="phase"))
     text = str(told.value)
     assert "needs a clock, and there is none" in text and "'upper'" in text and "leave alignment out" in text
+
+
+def test_report_and_table_of_a_run_say_which_clock_was_taken(tmp_path, capsys):
+    """By name and kind, how far it runs, how much longer realisations were followed, and where it stands."""
+    study = disc(
+        chaospy.Uniform(0.4, 1.6),
+        np.linspace(0, 12, 121),
+        lambda body: -0.8 * sympy.cos(body.angle) - 0.3 * body.angular_velocity,
+    )
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        node = study.propagate(Collocation(order=3, alignment="phase", clock="disc", max_elements=4))
+    assert node.attrs["standing"] > 0
+    least, most = node.attrs["clock_turns"]
+    # without the friction the largest torque turns it so often
+    assert 1 < least < most < 1.6 / INERTIA * 12**2 / 2 / (2 * np.pi)
+    tree = study_tree([node], study="disc", mechanism="disc")
+    show_summary(tree, files={})
+    assert "disc (angle" in capsys.readouterr().out
+    save(tree, tmp_path / "results.nc")
+    write_report(load(tmp_path / "results.nc"), tmp_path / "report.html")
+    text = html.unescape((tmp_path / "report.html").read_text())
+    assert "realisations are compared at equal phase of the angle 'disc'" in text
+    assert f"makes {least:.3g} to {most:.3g} turns until the last output time" in text
+    assert f"followed {node.attrs['longer']:.3g} times as long" in text
+    assert f"in about {node.attrs['standing']:.1%} of them it stands" in text

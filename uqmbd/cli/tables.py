@@ -81,6 +81,8 @@ def show_summary(tree: xr.DataTree, *, files: Mapping[str, Path], title: str = "
         table.add_row("without these values", "", *_failed(still.get(label) for label in nodes))
     spent = (float(node.attrs.get("wall_time", 0.0)) for node in nodes.values())
     table.add_row("wall time", "", *(format_duration(time, rough=True) for time in spent))
+    if any("clock" in node.attrs for node in nodes.values()):
+        table.add_row("clock", "", *(Text(_clock(node)) for node in nodes.values()))
     table.add_row("integration error", "", *(_integration(node) for node in nodes.values()))
     screen.print(table)
     if len(names) > LINES:
@@ -90,6 +92,12 @@ def show_summary(tree: xr.DataTree, *, files: Mapping[str, Path], title: str = "
     for kind, path in files.items():
         # Not through rich, which would wrap a long path where it cannot be copied any more.
         print(f"{kind:<{width}}  {path}")
+
+
+def _clock(node: xr.DataTree) -> str:
+    """Name what tells the phase at which realisations were compared."""
+    known = node.attrs
+    return f"{known['clock']} ({known.get('clock_kind', '')})" if "clock" in known else "–"
 
 
 def _integration(node: xr.DataTree) -> str:

@@ -75,6 +75,28 @@ class Method:
         return str(self.node.attrs.get("fit", ""))
 
     @property
+    def clock(self) -> str:
+        """Of which clock realisations were compared at equal phase, how far it runs, and what that cost; or empty."""
+        known = self.node.attrs
+        if "clock" not in known:
+            return ""
+        name = f"{str(known['clock'])!r}"
+        kinds = {
+            "angle": f"the angle {name}",
+            "oscillation": f"the oscillation of {name}",
+            "angle, oscillation": f"the angle {name}, or of its oscillation where it does not turn",
+        }
+        said = f"realisations are compared at equal phase of {kinds.get(str(known.get('clock_kind')), name)}"
+        least, most = np.ravel(known.get("clock_turns", (math.nan, math.nan))).tolist()
+        if math.isfinite(most) and most:
+            said += f", which makes {least:.3g} to {most:.3g} turns until the last output time"
+        if (longer := float(known.get("longer", 1.0))) > 1:
+            said += f"; they were followed {longer:.3g} times as long as the output times"
+        if standing := float(known.get("standing", 0.0)):
+            said += f"; in about {standing:.1%} of them it stands, and they are compared at equal times"
+        return said
+
+    @property
     def ends_at(self) -> float | None:
         """Time at which its results end, before that of the study."""
         return None if "ends_at" not in self.node.attrs else float(self.node.attrs["ends_at"])

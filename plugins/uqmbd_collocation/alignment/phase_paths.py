@@ -78,6 +78,8 @@ class PhasePaths:
     spent: int = 0
     counters: Counter[str] = field(default_factory=Counter)
     error: float = 0.0
+    turns: tuple[float, float] = (np.inf, 0.0)
+    """Turns that the clock makes in nodes until the last output time, at least and at most."""
     starts: Starts | None = None
     better: str = ""
     """Name of a clock that runs in all nodes, where another one is asked for."""
@@ -106,6 +108,7 @@ class PhasePaths:
         return {
             "clock": self._clock.name,
             "clock_kind": ", ".join(dict.fromkeys("angle" if kind.turn else "oscillation" for kind in used)),
+            "clock_turns": list(self.turns),
             "longer": self.longest,
             "interpolation_error": self.error,
         }
@@ -201,6 +204,8 @@ class PhasePaths:
             ends.append(phases.at(self.end)[fine])
             used += [rows[k] for k in fine]
         known = np.stack([np.concatenate(begins), np.concatenate(ends)], axis=1)
+        turned = (known[:, 1] - known[:, 0]) / (2 * np.pi)
+        self.turns = (min(self.turns[0], float(turned.min())), max(self.turns[1], float(turned.max())))
         terms = uqmbd.index_set(space.dimension, 2)
         terms = terms if len(used) >= 2 * len(terms) else terms[terms.sum(axis=1) <= 1]
         psi = space.evaluate(germs[used], terms)

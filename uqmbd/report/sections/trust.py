@@ -79,6 +79,7 @@ def _verdicts(method: Method, said: Mapping[tuple[str, str], str]) -> Content:
     if sizes.get("element", 1) > 1:
         what += f" in each of {sizes['element']} elements"
     what += f", {method.fit}" if method.fit else ""
+    what += f"; {method.clock}" if method.clock else ""
     try:
         seen: tuple[Discontinuity | None, ...] = getattr(surrogate_of(method.node), "discontinuities", tuple)()
         words = {one.output: f". {one.words()}" for one in seen if one is not None and method.varies(one.output)}

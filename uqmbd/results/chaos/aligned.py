@@ -132,6 +132,17 @@ class AlignedChaos(SampledSurrogate):
         """Make it from the dataset `aligned` of a result, without the mechanism."""
         return cls(**aligned_arguments(dataset))
 
+    @property
+    def _verification_weights(self) -> Array | None:
+        """Each element counts by its probability, however many of the realisations are in it."""
+        if self.verification_germs is None or len(self.elements) == 1:
+            return None
+        weights = np.zeros(len(self.verification_germs))
+        boxes = [e.box for e in self.elements]
+        for box, rows in zip(boxes, rows_of_boxes(boxes, self.verification_germs), strict=True):
+            weights[rows] = box.probability / max(len(rows), 1)
+        return np.asarray(weights / weights.sum())
+
     def _evaluate(self, germs: Array) -> Array:
         sampled = self._sampled(germs)
         if len(sampled) == 1:
