@@ -126,7 +126,7 @@ class Contacts(ctypes.Structure):
 
 
 ENCOUNTERS = (
-    *("mode", "heading", "resting", "rise", "length", "slow"),
+    *("mode", "heading", "internal", "resting", "rise", "length", "slow"),
     *("happened", "noted", "mark", "mark_times"),
 )
 """Arrays of what happens to contacts."""

@@ -111,6 +111,8 @@ class Encounters:
         What each contact does, see `Touching`.
     heading : array, shape (M, direction)
         In which direction a contact slides that slips.
+    internal : array, shape (M, direction)
+        Forces of redundant contacts that last, beside the least ones: they move nothing, and enter the guards.
     resting : array of int, shape (M, 2 event)
         Guards that are zero, and have to rise before they can fall: of each event that of its gap (or of the normal
         force, while it lasts), then that of its friction.
@@ -129,6 +131,7 @@ class Encounters:
     def __init__(self, contacts: Contacts, count: int, *, watched: bool = True) -> None:
         events, directions = len(contacts.guard), len(contacts.speed)
         self.mode, self.heading = np.zeros((count, events), dtype=np.int64), np.zeros((count, directions))
+        self.internal = np.zeros((count, directions))
         self.resting, self.rise = np.zeros((count, 2 * events), dtype=np.int64), np.zeros((count, 2 * events))
         self.length, self.slow = np.zeros((2, count))
         self.happened, self.noted = np.zeros((2, count), dtype=np.int64)

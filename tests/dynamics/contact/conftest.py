@@ -84,6 +84,23 @@ def ball():
     return mechanism
 
 
+def groove():
+    """A ball in a groove of two planes, along which it rolls or slides."""
+    mechanism = uqmbd.Mechanism("groove", uqmbd.Spatial(gravity=(-3, -0.5, -9)))
+    body = mechanism.body(
+        "ball",
+        mass=1,
+        inertia=(0.004, 0.004, 0.004),
+        position=(0.2, 0, 0.2 + HEIGHT),
+        velocity=(VX / 2, VY / 2, VY),
+        angular_velocity=(SPIN / 3, SPIN, -SPIN / 2),
+    )
+    zero = (0, 0, 0)
+    for name, up in (("floor", (TILT, 0, 1)), ("wall", (1, 0, 0))):
+        mechanism.add(PlaneImpact(name, mechanism.ground, body, zero, zero, up, 0.1, restitution=E, friction=MU))
+    return mechanism
+
+
 def ceiling():
     """A point thrown up a tilted wall and a ceiling that it just touches, or not: the height is that of the throw."""
     mechanism = uqmbd.Mechanism("ceiling", uqmbd.Translational(gravity=(0, -10)))
@@ -96,5 +113,5 @@ def ceiling():
 @pytest.fixture
 def falling():
     """Make a mechanism by its name."""
-    makers = {make.__name__: make for make in (disc, rod, corner, ball, ceiling)}
+    makers = {make.__name__: make for make in (disc, rod, corner, ball, ceiling, groove)}
     return lambda name: makers[name]()

@@ -22,14 +22,16 @@ static void find_guards(const Problem *p, Group *g, V part) {
         if (!g->touching[l]) continue;
         const int64_t *mode = g->pool->encounters->mode + g->member[l] * c->events;
         const double *heading = g->pool->encounters->heading + g->member[l] * c->directions;
+        const double *internal = g->pool->encounters->internal + g->member[l] * c->directions;
         answer(p, g, l, &s);
         find_forces(p, g, l, &s);
         for (int64_t k = 0, at = 0; k < c->events; k++) {
             if (mode[k] == OPEN) continue;
             int64_t tangents = mode[k] == SMOOTH ? 0 : c->first[k + 1] - c->first[k] - 1;
-            double normal = s.force[at], friction = 0.0, along = 0.0;
+            double normal = s.force[at] + internal[c->first[k]], friction = 0.0, along = 0.0;
             for (int64_t t = 1; t <= tangents; t++) {
-                friction += s.force[at + t] * s.force[at + t];
+                double force = s.force[at + t] + internal[c->first[k] + t];
+                friction += force * force;
                 along += g->work[c->speed[c->first[k] + t]][l] * heading[c->first[k] + t];
             }
             g->guards[2 * k][l] = normal;

@@ -31,6 +31,8 @@ typedef struct {
 typedef struct {
     int64_t *mode;          /* (member, event) */
     double *heading;        /* (member, direction): in which a contact slides that slips */
+    double *internal;       /* (member, direction): forces of redundant contacts that last, beside the least ones, which
+                               move nothing */
     int64_t *resting;       /* (member, 2 event): a guard that is zero, or that of a mark which has fallen, has to rise
                                before it can fall */
     double *rise;           /* (member, 2 event): its rate then, where that is known */

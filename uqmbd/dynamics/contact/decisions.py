@@ -101,16 +101,31 @@ class Decisions:
             sliding = contacts.sliding(k)[0]
             fast = float(np.linalg.norm(sliding))
             if fast > self.slow(member):  # it has only turned
-                self._keep(member, Lasting(lasting.modes, {**lasting.headings, k: sliding / fast}), contacts)
+                self._keep(member, lasting._replace(headings={**lasting.headings, k: sliding / fast}), contacts)
                 return z
             z = self.settle(member, time, z)
             if member in self.lasting and self.lasting[member].modes.get(k) == "stick":
                 self.records.add(member, time, k, "stick")
             return z
-        self.records.add(member, time, k, "slip")
-        force = contact_motion(contacts, lasting).force[0, contacts.tangents(k)]
-        modes: dict[int, Mode] = {**lasting.modes, k: "slip"}
-        self._keep(member, Lasting(modes, {**lasting.headings, k: heading_of(force)}), contacts)
+        return self._slipping(member, time, z, k, contacts)
+
+    def _slipping(self, member: int, time: float, z: Array, event: int, contacts: Contacts) -> Array:
+        """State after friction has come to its limit in a contact that sticks."""
+        before = self.lasting[member]
+        if len(before.modes) > 1:
+            # others may slip, too, or internal forces hold the bodies
+            z = self.settle(member, time, z)
+            after = self.lasting.get(member, Lasting({}, {}))
+            if self.messages[member] or after.modes.get(event) != "stick" or after.internal is not None:
+                for k, mode in before.modes.items():
+                    if mode == "stick" and after.modes.get(k) == "slip":
+                        self.records.add(member, time, k, "slip")
+                return z
+            before, contacts = after, self.contacts(member, time, z)
+        self.records.add(member, time, event, "slip")
+        force = contact_motion(contacts, before).force[0, contacts.tangents(event)]
+        slips: dict[int, Mode] = {**before.modes, event: "slip"}
+        self._keep(member, Lasting(slips, {**before.headings, event: heading_of(force)}), contacts)
         return z
 
     def _hit(self, member: int, time: float, z: Array, event: int, contacts: Contacts) -> Array:
@@ -170,6 +185,11 @@ class Decisions:
             and abs(contacts.speed[0, contacts.normal(k)]) <= slow
         ]
         if (found := lasting_contacts(contacts, near, slow)) is None:
+            # speeds across the surfaces that are none leave slidings that are not those of bodies which stay together
+            z = self._onto(member, time, z, dict.fromkeys(near, "slip"))
+            contacts = self.contacts(member, time, z)
+            found = lasting_contacts(contacts, near, slow)
+        if found is None:
             names = ", ".join(repr(self.model.events[k][0]) for k in near)
             self.messages[member] = (
                 f"{names}: no forces satisfy the laws of contact and friction at t = {time:.6g} s; what slides is "
@@ -177,14 +197,19 @@ class Decisions:
             )
             return z
         self._keep(member, found[0], contacts)
-        modes = found[0].modes
+        modes, headings, _ = found[0]
         for k in before:
             if k not in modes:
                 self.records.add(member, time, k, "lift-off")
         for k in modes:
             if k not in before:
                 self.records.add(member, time, k, "rest")
-        return self._onto(member, time, z, modes) if modes else z
+        # a sliding that is none is let go where the contact starts to slide the other way
+        held: dict[int, Mode] = {
+            k: "stick" if k in headings and contacts.sliding(k)[0] @ headings[k] < 0 else mode
+            for k, mode in modes.items()
+        }
+        return self._onto(member, time, z, held) if modes else z
 
     def _modes(self, member: int) -> dict[int, Mode]:
         return self.lasting[member].modes if member in self.lasting else {}
@@ -192,11 +217,13 @@ class Decisions:
     def _keep(self, member: int, lasting: Lasting, contacts: Contacts) -> None:
         """Remember what lasts, and tell the driver."""
         e = self.encounters
-        e.mode[member], e.heading[member] = Touching.OPEN, 0.0
+        e.mode[member], e.heading[member], e.internal[member] = Touching.OPEN, 0.0, 0.0
         self.lasting.pop(member, None)
         if not lasting.modes:
             return
         self.lasting[member] = lasting
+        if lasting.internal is not None:
+            e.internal[member] = lasting.internal
         for k, mode in lasting.modes.items():
             if not contacts.rubs(k):
                 e.mode[member, k] = Touching.SMOOTH
@@ -207,10 +234,10 @@ class Decisions:
 
     def turned(self, member: int) -> None:
         """Read the directions of sliding that the driver has followed."""
-        modes, headings = self.lasting[member]
+        headings = self.lasting[member].headings
         first = self.evaluator.first
         followed = {k: self.encounters.heading[member, first[k] + 1 : first[k + 1]].copy() for k in headings}
-        self.lasting[member] = Lasting(modes, followed)
+        self.lasting[member] = self.lasting[member]._replace(headings=followed)
 
     def _onto(self, member: int, time: float, z: Array, modes: dict[int, Mode]) -> Array:
         """Put a state onto constraints and lasting contacts."""

@@ -10,8 +10,10 @@ References
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+import itertools
+import math
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -38,15 +40,23 @@ CLOSED = 1e-9
 """Gap, over the size of the mechanism, that is none."""
 RESTS = 1e-8
 """Acceleration along a surface, over those without contacts, that is none."""
+HELD = 1 + 1e-9
+"""Friction of a contact that sticks, over its limit, at most: as the driver has it."""
+UNMOVED = 1e-6
+"""Acceleration by internal forces, over those by each of them, that is none; and such forces, over all, that are."""
 STILL = 1e-7
 """Speed, over that of the mechanism, that is none: in a contact that lasts, whose velocities are projected."""
 
 
 class Lasting(NamedTuple):
-    """Contacts that last: whether each sticks or slips, and in which direction each slides that slips."""
+    """Contacts that last: whether each sticks or slips, and in which direction each slides that slips.
+
+    Of redundant contacts also `internal` forces, shape (direction,), beside the least ones: they move nothing.
+    """
 
     modes: dict[int, Mode]
     headings: dict[int, Array]
+    internal: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -135,7 +145,8 @@ def contact_motion(contacts: Contacts, lasting: Lasting) -> ContactMotion:
             coupled[n] = (tangents, -contacts.law[:, k, 1:] * direction)
     force = contact_forces(contacts.delassus, -free[:, rows], rows, coupled)
     motion = contacts.free + np.einsum("tnw,tw->tn", contacts.answer, force)
-    return ContactMotion(motion, force, free + np.einsum("tvw,tw->tv", contacts.delassus, force))
+    rate = free + np.einsum("tvw,tw->tv", contacts.delassus, force)
+    return ContactMotion(motion, force if lasting.internal is None else force + lasting.internal, rate)
 
 
 def _direction(sliding: Array, heading: Array) -> Array:
@@ -191,36 +202,76 @@ def lasting_contacts(contacts: Contacts, near: list[int], slow: float) -> tuple[
     free = contacts.bias[0] + contacts.slope[0] @ contacts.free[0, : contacts.coordinates]
     spread = np.array(columns).reshape(len(rows), len(unit)).T
     problem = Collision(contacts.delassus[0][rows] @ spread, free[rows], tuple(touches), np.zeros(len(near)))
-    if (force := next(solutions(problem), None)) is None:
+    possible = solutions(problem)
+    if (force := next(possible, None)) is None:
         return None
     after = problem.after(force)
     still = RESTS * float(np.abs(problem.before).max(initial=0.0))
-    moving = dict(headings)
-    # redundant contacts that stick have no unique forces; one at the limit of friction is then better told to slip
-    for at_limit in ("stick", "slip"):
-        modes, headings = dict[int, Mode](), dict(moving)
-        for k, touch in zip(near, touches, strict=True):
-            friction, normal = force[list(touch.tangents)], float(force[touch.normal])
-            if normal <= EXACT * problem.units[touch.normal] * float(np.abs(force / problem.units).max()):
-                continue
-            stays = len(friction) > 0 and bool(np.linalg.norm(after[list(touch.tangents)]) <= still)
-            if at_limit == "slip":
-                stays = stays and bool(np.linalg.norm(friction) < touch.friction * normal * (1 - 1e-9))
-            modes[k] = "stick" if stays else "slip"
-            if len(friction) and not stays:
-                headings[k] = heading_of(friction)
-        resting = contact_motion(contacts, Lasting(modes, headings))
-        if (resting.force[0, [contacts.normal(k) for k in modes]] >= 0).all():
-            break
-    # of redundant contacts, whose forces are not unique, those that the least forces would pull are left out
-    while modes and resting.force[0, contacts.normal(worst := _least_pressed(contacts, resting, modes))] < 0:
-        del modes[worst]
-        resting = contact_motion(contacts, Lasting(modes, headings))
-    return Lasting(modes, {k: x for k, x in headings.items() if k in modes}), resting
+    modes = dict[int, Mode]()
+    for k, touch in zip(near, touches, strict=True):
+        friction, normal = force[list(touch.tangents)], float(force[touch.normal])
+        if normal <= EXACT * problem.units[touch.normal] * float(np.abs(force / problem.units).max()):
+            continue
+        stays = len(friction) > 0 and bool(np.linalg.norm(after[list(touch.tangents)]) <= still)
+        modes[k] = "stick" if stays else "slip"
+        if len(friction) and not stays:
+            headings[k] = heading_of(friction)
+    lasting = Lasting(modes, {k: x for k, x in headings.items() if k in modes})
+    resting = contact_motion(contacts, lasting)
+    forces = (spread @ x for x in itertools.chain([force], possible))
+    if (internal := _internal(contacts, lasting, forces, resting.force[0])) is None:
+        return lasting, resting
+    return lasting._replace(internal=internal), replace(resting, force=resting.force + internal)
 
 
-def _least_pressed(contacts: Contacts, resting: ContactMotion, modes: Mapping[int, Mode]) -> int:
-    return min(modes, key=lambda k: resting.force[0, contacts.normal(k)])
+def _internal(contacts: Contacts, lasting: Lasting, forces: Iterable[Array], least: Array) -> Array | None:
+    """Find forces (direction,) beside the `least` ones with which the laws hold; None where they hold by those.
+
+    Forces of redundant contacts are not unique: a disc that rests in a corner may be wedged more or less, and its least
+    forces may pull, or be more than friction holds.  On the line through them and others that satisfy the laws, which
+    are given, those in the middle of what does are taken.
+    """
+    modes = lasting.modes
+    if len(modes) < 2 or all(_within(contacts, k, mode, least, 2 - HELD) for k, mode in modes.items()):
+        return None
+    matrix = contacts.delassus[0]
+    unit = 1 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+    for force in forces:
+        forth, back = (
+            min(_way(contacts, k, mode, force, end) for k, mode in modes.items()) for end in (least, 2 * force - least)
+        )
+        found = np.asarray((1 - (forth - back) / 2) * (force - least))
+        moved, alone = unit * np.abs(matrix @ found), unit * (np.abs(matrix) @ np.abs(found))
+        large = float(np.abs(found).max()) > UNMOVED * float(np.abs(force).max())
+        if large and moved.max() <= UNMOVED * alone.max():
+            return found
+    return None
+
+
+def _within(contacts: Contacts, event: int, mode: Mode, force: Array, most: float) -> bool:
+    """Whether a contact is pressed, and sticks by no more than this share of the largest friction."""
+    normal = float(force[contacts.normal(event)])
+    if normal < 0 or mode == "slip":
+        return not normal < 0
+    return not np.linalg.norm(force[contacts.tangents(event)]) > most * contacts.law[0, event, 1] * normal
+
+
+def _way(contacts: Contacts, event: int, mode: Mode, begin: Array, end: Array) -> float:
+    """Share of the way between two forces of a contact, of which the first satisfies its laws, on which they do."""
+    normal, tangents = contacts.normal(event), contacts.tangents(event)
+    push, more = float(begin[normal]), float(end[normal] - begin[normal])
+    if _within(contacts, event, mode, end, HELD):
+        return 1.0
+    if mode == "slip":
+        return max(0.0, push / (push - float(end[normal])))
+    most = (HELD * float(contacts.law[0, event, 1])) ** 2
+    pull, turn = begin[tangents], end[tangents] - begin[tangents]
+    # friction squared less its limit squared: of second order, not positive at the beginning
+    constant = float(pull @ pull) - most * push**2
+    slope, curvature = 2 * (float(pull @ turn) - most * push * more), float(turn @ turn) - most * more**2
+    if constant >= 0:
+        return 0.0
+    return min(1.0, -2 * constant / (slope + math.sqrt(max(0.0, slope**2 - 4 * curvature * constant))))
 
 
 def heading_of(friction: Array) -> Array:

@@ -30,6 +30,7 @@ class _Piece:
     z: Array
     mode: Array
     heading: Array
+    internal: Array
     slow: float
 
 
@@ -48,7 +49,8 @@ def followed_segments(motion: EventDrivenMotion) -> SegmentedMotion:
         pieces.append(
             _Piece(
                 *(float(run.now[0]), float(run.begin[0]), int(run.leg[0]), float(run.wanted[0])),
-                *(run.z[0].copy(), e.mode[0].copy(), e.heading[0].copy(), float(e.slow[0])),
+                *(run.z[0].copy(), e.mode[0].copy(), e.heading[0].copy(), e.internal[0].copy()),
+                float(e.slow[0]),
             )
         )
 
@@ -77,7 +79,7 @@ def _states(motion: EventDrivenMotion, piece: _Piece, times: Array) -> Array:
         for k in range(piece.leg, int(run.last_leg[0]) + 1)
     ]
     encounters = Encounters(contacts, 1, watched=False)
-    encounters.mode[0], encounters.heading[0] = piece.mode, piece.heading
+    encounters.mode[0], encounters.heading[0], encounters.internal[0] = piece.mode, piece.heading, piece.internal
     encounters.length[:], encounters.slow[:] = motion.length, piece.slow
     grid = np.concatenate([[piece.begin], np.asarray(times, dtype=float)[order]])
     again = Realisations(
