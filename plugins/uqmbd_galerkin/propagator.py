@@ -321,6 +321,9 @@ class Galerkin(uqmbd.Propagator):
         self, label: str, ensemble: uqmbd.Ensemble, space: uqmbd.GermSpace, terms: Index, rule: uqmbd.Quadrature
     ) -> uqmbd.ProjectedEnsemble:
         try:
-            return uqmbd.ProjectedEnsemble(ensemble, space.evaluate(rule.nodes, terms), rule.weights)
+            found = uqmbd.ProjectedEnsemble(ensemble, space.evaluate(rule.nodes, terms), rule.weights)
         except uqmbd.AssemblyError as error:
             raise no_motion(label, error) from None
+        if self.alignment is not None:
+            found.require_phase()
+        return found

@@ -14,9 +14,10 @@ from scipy.special import ellipj, ellipk
 import uqmbd
 from uqmbd.results import AlignedChaos, surrogate
 from uqmbd_collocation import Collocation
+from uqmbd_contact import PlaneImpact
 from uqmbd_galerkin import Galerkin
 from uqmbd_joints import Prismatic, Revolute
-from uqmbd_springs import Torque
+from uqmbd_springs import PointForce, Torque
 
 
 def pendulum(angle=1.2, spread=0.05, speed=0.0):
@@ -256,3 +257,23 @@ def test_a_clock_whose_rate_is_not_known_is_refused():
     mechanism.output("pull", mechanism.components["pin"].reaction_force[1], units="N")
     with pytest.raises(uqmbd.StudyError, match="whose rate at a state is known, and the oscillation of 'pull'"):
         run(mechanism, 4, Galerkin(order=1, alignment="phase", clock="pull"), rtol=1e-6)
+
+
+@pytest.mark.parametrize("what", ["impact", "controller"])
+def test_what_happens_at_moments_in_time_is_refused_before_anything_is_computed(what):
+    length = uqmbd.RandomVariable("length", chaospy.Uniform(0.9, 1.1), units="m")
+    mechanism = uqmbd.Mechanism("ball", uqmbd.Translational(gravity=(0, -9.81)))
+    ball = mechanism.body("ball", mass=1, position=(0, length))
+    mechanism.output("y", ball.position[1], units="m")
+    if what == "impact":
+        mechanism.add(PlaneImpact("floor", mechanism.ground, ball, (0, 0), (0, 0), (0, 1), restitution=0.8))
+    else:
+        push = uqmbd.Controller("push", measured=["y"], commanded=["force"], rate=10, function=lambda time, seen: -seen)
+        mechanism.add(push)
+        mechanism.add(PointForce("force", ball, (0, 0), (push.command(), 0)))
+    method = Galerkin(order=1, index_set="tensor", alignment="phase")
+    study = uqmbd.Study("study", mechanism, [0, 1], [method])
+    message = "with a phase as the independent variable " + ("impacts" if what == "impact" else "controllers")
+    assert message in method.obstacle(study)
+    with pytest.raises(uqmbd.StudyError, match=message):
+        study.propagate(method)

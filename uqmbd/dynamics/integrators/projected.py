@@ -20,6 +20,7 @@ from uqmbd.dynamics.projection import (
     Projection,
     Watch,
     projected_off,
+    require_phase,
 )
 from uqmbd.errors import StudyError
 from uqmbd.typing import Array
@@ -105,6 +106,16 @@ class ProjectedEnsemble(Projection):
         coefficients = found.coefficients.copy()
         coefficients[:, max(1, first) :] = np.nan
         return replace(found, coefficients=coefficients, message=text)
+
+    def require_phase(self) -> None:
+        """Raise where no phase can be the independent variable, whatever the clock.
+
+        Raises
+        ------
+        uqmbd.StudyError
+            Where there are impacts or controllers, or too many equations.
+        """
+        require_phase(self)
 
     def in_phase(
         self,

@@ -6,7 +6,7 @@ from uqmbd.dynamics.projection.constraint_check import projected_off
 from uqmbd.dynamics.projection.dop853 import integrate_coefficients
 from uqmbd.dynamics.projection.ensemble import ProjectedStart, Projection
 from uqmbd.dynamics.projection.ida import LINEAR_SOLVERS, LinearSolver, implicit
-from uqmbd.dynamics.projection.phase import PhaseMotion, PhaseRates
+from uqmbd.dynamics.projection.phase import PhaseMotion, PhaseRates, require_phase
 from uqmbd.dynamics.projection.trajectories import ProjectedTrajectories, Watch
 
 __all__ = [
@@ -21,4 +21,5 @@ __all__ = [
     "implicit",
     "integrate_coefficients",
     "projected_off",
+    "require_phase",
 ]

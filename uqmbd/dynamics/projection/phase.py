@@ -30,7 +30,7 @@ from uqmbd.dynamics.projection.ensemble import Projection
 from uqmbd.errors import IntegrationError, StudyError
 from uqmbd.typing import Array
 
-__all__ = ["PhaseMotion", "PhaseRates"]
+__all__ = ["PhaseMotion", "PhaseRates", "require_phase"]
 
 PhaseRates = Callable[[Array, Array], Array]
 """From times (K,) and states (K, width) of the nodes to the rates (K,) of their phases, rad/s."""
@@ -85,7 +85,8 @@ class PhaseMotion:
         within: float = 0.0,
     ) -> None:
         self.projected, self._rates, self._rtol = projected, rates, rtol
-        self._refuse(times)
+        require_phase(projected)
+        self._longest = self._smooth(times)
         first = projected.start.state if state is None else state
         self._layout = projected.model.layout
         self._shape = projected.terms, self._layout.width + 1
@@ -254,24 +255,35 @@ class PhaseMotion:
             + (f", {share[worst]:.2g} of the mean one" if phase > SETTLED else "")
         )
 
-    def _refuse(self, times: Array) -> None:
-        """Refuse what happens at moments in time, which are at another phase in each realisation."""
-        projected, model = self.projected, self.projected.model
-        where = f"mechanism {model.name!r}: with a phase as the independent variable"
-        if model.controls:
-            raise StudyError(f"{where} controllers, which sample in time, cannot be followed; use collocation.")
-        if names := dict.fromkeys(component for component, _, directions in model.events if directions):
-            raise StudyError(
-                f"{where} impacts cannot be followed, as those of {', '.join(map(repr, names))}; use collocation with "
-                "alignment='events'."
-            )
-        if not projected.coupled.compiled:
-            raise StudyError(f"{where} the explicit integrator is used, for which this mechanism is too large.")
+    def _smooth(self, times: Array) -> float:
+        """Return the longest step in time, s; refuse functions of time that are not smooth."""
+        projected = self.projected
         legs = projected.ensemble.pace(times, self._rtol)
         if len(legs) > 1:
             raise StudyError(
-                f"{where} functions of time must be smooth, as each moment is at another phase in each realisation; "
-                f"something sets in, jumps or has a knot at t = {legs[0].end:.6g} s. Use collocation with "
-                "alignment='phase'."
+                f"mechanism {projected.model.name!r}: with a phase as the independent variable functions of time must "
+                "be smooth, as each moment is at another phase in each realisation; something sets in, jumps or has a "
+                f"knot at t = {legs[0].end:.6g} s. Use collocation with alignment='phase'."
             )
-        self._longest = min(legs[0].longest, longest_step(model.rough, times))
+        return min(legs[0].longest, longest_step(projected.model.rough, times))
+
+
+def require_phase(projected: Projection) -> None:
+    """Refuse what happens at moments in time, which are at another phase in each realisation, and what is too large.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        What is in the way.
+    """
+    model = projected.model
+    where = f"mechanism {model.name!r}: with a phase as the independent variable"
+    if model.controls:
+        raise StudyError(f"{where} controllers, which sample in time, cannot be followed; use collocation.")
+    if names := dict.fromkeys(component for component, _, directions in model.events if directions):
+        raise StudyError(
+            f"{where} impacts cannot be followed, as those of {', '.join(map(repr, names))}; use collocation with "
+            "alignment='events'."
+        )
+    if not projected.coupled.compiled:
+        raise StudyError(f"{where} the explicit integrator is used, for which this mechanism is too large.")
