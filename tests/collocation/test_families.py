@@ -83,6 +83,7 @@ def composed():
     return study, study.propagate(Collocation(order=3, alignment="auto"))
 
 
+@pytest.mark.thorough
 def test_ball_beside_a_plate_that_turns(composed):
     """Events for the ball, phases for a point of the plate, and equal times for its angle: all by closed forms."""
     study, node = composed
@@ -107,6 +108,7 @@ def test_ball_beside_a_plate_that_turns(composed):
     np.testing.assert_allclose(chaos.mean, exact.mean(axis=0), atol=0.05)
 
 
+@pytest.mark.thorough
 def test_statistics_of_one_node(composed, tmp_path):
     """Sobol' indices know which input each output depends on; a file without the mechanism has the same bits."""
     _, node = composed
@@ -127,6 +129,7 @@ def test_statistics_of_one_node(composed, tmp_path):
     assert isinstance(surrogate(read, "mark"), AlignedChaos) and isinstance(surrogate(read, "angle"), PolynomialChaos)
 
 
+@pytest.mark.thorough
 def test_realisations_are_counted_once(composed):
     """Nodes of the plain family and of both others, and one set of verification realisations."""
     _, node = composed
@@ -154,6 +157,7 @@ def test_short_damped_motion_stays_plain():
     np.testing.assert_allclose(surrogate(node).coefficients, surrogate(alone).coefficients, rtol=0, atol=1e-10)
 
 
+@pytest.mark.thorough
 def test_long_motion_takes_phases():
     """Over 24 turns; the plain family costs no realisation beyond those that are followed."""
     study = oscillator(15, 301)
@@ -171,6 +175,7 @@ def test_long_motion_takes_phases():
     np.testing.assert_array_equal(surrogate(node).evaluate(k[:9, None]), surrogate(alone).evaluate(k[:9, None]))
 
 
+@pytest.mark.thorough
 def test_what_no_family_follows_is_said():
     """Two frequencies drift apart: one clock does not serve their sum, and the warning says from when on."""
     other = uqmbd.RandomVariable("other", chaospy.Uniform(140, 180), units="N/m")

@@ -84,6 +84,8 @@ def parse_value(text: str, annotation: Any) -> Any:
     (1e-06, 12, None, False)
     >>> parse_value("3,4", tuple[int, ...]), parse_value("sobol", Literal["random", "sobol"])
     ((3, 4), 'sobol')
+    >>> parse_value("plain,phase", Literal["auto"] | tuple[Literal["plain", "phase"], ...] | None)
+    ('plain', 'phase')
     """
     origin, members = typing.get_origin(annotation), typing.get_args(annotation)
     if origin is typing.Annotated:
@@ -184,6 +186,8 @@ def _type_name(annotation: Any) -> str:
 
     >>> _type_name(int | None), _type_name(Literal["a", "b"]), _type_name(tuple[int, ...])
     ('int or none', "'a' or 'b'", 'tuple[int, ...]')
+    >>> _type_name(tuple[Literal["a", "b"], ...])
+    "several of 'a', 'b'"
     """
     origin, members = typing.get_origin(annotation), typing.get_args(annotation)
     if origin is typing.Annotated:

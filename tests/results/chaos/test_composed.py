@@ -5,6 +5,8 @@ from __future__ import annotations
 import chaospy
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 import uqmbd
 from uqmbd.randomness import GermBox, GermSpace, JointInput
@@ -61,6 +63,7 @@ def composed():
     return ComposedChaos({"plain": plain, "events": aligned}, ("a", "b", "c", "d"))
 
 
+@pytest.mark.thorough
 def test_outputs_are_those_of_the_parts():
     """Values, moments, indices, quantiles, densities and stated errors of each output are its part's, to the bit."""
     plain, aligned, known = parts()
@@ -83,6 +86,7 @@ def test_outputs_are_those_of_the_parts():
         assert whole.horizon()[name] == part.horizon()[name]
 
 
+@pytest.mark.thorough
 def test_stored_in_one_node_and_read_whole_or_by_output(tmp_path):
     """Bits survive a file; an output is read from its part alone; figures and sections find them."""
     whole = composed()
@@ -118,3 +122,35 @@ def test_an_output_missing_or_twice_is_refused():
     plain, aligned, _ = parts()
     with pytest.raises(uqmbd.StudyError, match="each output once; they have b, c, a, d, and the outputs are a, b, c"):
         ComposedChaos({"plain": plain, "events": aligned}, ("a", "b", "c"))
+
+
+@pytest.mark.thorough
+@settings(max_examples=25, deadline=None)
+@given(st.lists(st.integers(0, 2), min_size=5, max_size=5), st.permutations(range(5)), st.integers(0, 2**32 - 1))
+def test_any_partition_of_a_chaos_is_the_chaos(owners, order, seed):
+    """Outputs of one polynomial chaos, dealt to up to three parts in any order, give it back in all that it tells."""
+    inputs = [uqmbd.RandomVariable("u", chaospy.Uniform(-1, 1)), uqmbd.RandomVariable("v", chaospy.Normal(0, 1))]
+    space = GermSpace.of(JointInput.of(inputs))
+    draw = np.random.default_rng(seed)
+    names, terms = [f"y{k}" for k in range(5)], [[0, 0], [1, 0], [0, 1], [1, 1]]
+    germs, known, coefficients = draw.normal(size=(4, 2)), draw.normal(size=(4, 5, 3)), draw.normal(size=(4, 5, 3))
+
+    def some(rows):
+        axes = labels([names[k] for k in rows], ["u", "v"], TIMES[:3])
+        return PolynomialChaos(coefficients[:, rows], terms, space, axes, germs, known[:, rows])
+
+    dealt = {f"part{n}": rows for n in range(3) if (rows := [k for k in order if owners[k] == n])}
+    whole, composed = some(list(range(5))), ComposedChaos({n: some(rows) for n, rows in dealt.items()}, tuple(names))
+    again = ComposedChaos.from_datasets(
+        {path.split("/")[1]: ("chaos", data) for path, data in composed.to_datasets().items()}
+    )
+    for found in (composed, again):
+        assert found.labels == whole.labels or [o.name for o in found.labels.outputs] == names
+        close = {"rtol": 1e-12, "atol": 1e-12}
+        np.testing.assert_allclose(found.evaluate_germs(germs), whole.evaluate_germs(germs), **close)
+        for what in ("mean", "std", "variance", "skewness", "kurtosis", "sobol_first", "sobol_total"):
+            np.testing.assert_allclose(getattr(found, what), getattr(whole, what), **close)
+        np.testing.assert_allclose(found.verification_error(), whole.verification_error(), **close)
+        np.testing.assert_allclose(found.verification_response, known, rtol=0)
+        np.testing.assert_allclose(found.quantiles([0.2], samples=64), whole.quantiles([0.2], samples=64), **close)
+        assert found.verdicts() == whole.verdicts() and found.discontinuities() == whole.discontinuities()
