@@ -89,6 +89,7 @@ from .propagation import Realisations as Realisations
 from .propagation import Study as Study
 from .propagation import Verification as Verification
 from .propagation import choose_clock as choose_clock
+from .propagation import clock_at_means as clock_at_means
 from .propagation import dense as dense
 from .propagation import eigenfrequencies as eigenfrequencies
 from .propagation import fit_nodes as fit_nodes

@@ -227,6 +227,13 @@ class Collocation(uqmbd.Propagator):
         """Watch the angles of bodies and joints, where a clock is looked for."""
         return uqmbd.watched_angles(mechanism) if "phase" in self.families else {}
 
+    def remarks(self, study: uqmbd.Study) -> tuple[str, ...]:
+        """Say which clock there is, at the means of the inputs."""
+        problem = study.problem(self)
+        if "phase" not in self.families or problem.timeless or not len(study.mechanism.inputs):
+            return ()
+        return (uqmbd.clock_at_means(problem, self.clock),)
+
     def estimate(self, study: uqmbd.Study) -> uqmbd.Estimate:
         """Count realisations, and the memory of their outputs and of the chaos."""
         space = uqmbd.GermSpace.of(study.mechanism.inputs, self.transform)

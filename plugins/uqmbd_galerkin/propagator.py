@@ -173,6 +173,13 @@ class Galerkin(uqmbd.Propagator):
         given = {f.name: getattr(self, f.name) for f in fields(Discretisation) if f.name != "label"}
         return Discretisation(label, **given)
 
+    def remarks(self, study: uqmbd.Study) -> tuple[str, ...]:
+        """Say which clock there is, at the means of the inputs."""
+        problem = study.problem(self)
+        if self.alignment is None or problem.timeless or not len(study.mechanism.inputs):
+            return ()
+        return (uqmbd.clock_at_means(problem, self.clock),)
+
     def estimate(self, study: uqmbd.Study) -> uqmbd.Estimate:
         """Count nodes and terms, and the memory of what is known at all nodes and times."""
         space = uqmbd.GermSpace.of(study.mechanism.inputs, self.transform)

@@ -235,3 +235,18 @@ def test_report_and_table_of_a_run_say_which_clock_was_taken(tmp_path, capsys):
     assert f"makes {least:.3g} to {most:.3g} turns until the last output time" in text
     assert f"followed {node.attrs['longer']:.3g} times as long" in text
     assert f"in about {node.attrs['standing']:.1%} of them it stands" in text
+
+
+@pytest.mark.parametrize("clock", [None, "disc", "height"])
+def test_check_says_which_clock_there_is(clock):
+    """At the means of the inputs: the wheel turns at 3 rad/s, the disc by a torque of 1 N m from rest."""
+    study = disc(chaospy.Uniform(0.9, 1.1), np.linspace(0, 8, 81), other=3.0)
+    (text,) = Collocation(order=2, alignment="phase", clock=clock).remarks(study)
+    # by default the steadier
+    turns = {None: 24 / (2 * np.pi), "disc": 64 / (2 * np.pi)}
+    if clock == "height":
+        assert text.startswith("no clock at the means of the inputs: ") and "neither does 'height'" in text
+        return
+    assert text.startswith(f"the clock is the angle {clock or 'wheel'!r} at the means of the inputs, ")
+    assert f", {turns[clock]:.3g} turns until the last output time" in text
+    assert Collocation(order=2).remarks(study) == ()

@@ -1,4 +1,4 @@
-"""`uqmbd check`: what a study would compute, found out without computing it."""
+"""`uqmbd check`: what a study would compute, found out without computing it, but for a realisation at the means."""
 
 from __future__ import annotations
 
@@ -230,6 +230,9 @@ def _show_propagators(screen: Console, study: Study) -> None:
         table.add_row(*names, _fit(propagator, study), Text(_takes(propagator, study)), Text(options))
     screen.print()
     screen.print(table if study.propagators else "The study has no propagators.")
+    for propagator in study.propagators:
+        for remark in _remarks(propagator, study):
+            screen.print(f"{propagator.node_name}: {remark}.", markup=False)
     used = {type(propagator).name for propagator in study.propagators}
     others = sorted(set(plugins.propagators()) - used)
     if others:
@@ -253,3 +256,13 @@ def _takes(propagator: Any, study: Study) -> str:
     with Isolated(Exception, SystemExit):  # what is in the way is told there
         found = propagator.estimate(study)
     return found.words if isinstance(found, Estimate) else ""
+
+
+def _remarks(propagator: Any, study: Study) -> tuple[str, ...]:
+    """Ask a propagator what else it says; what is in the way is told where it fits."""
+    found: tuple[str, ...] = ()
+    if isinstance(propagator, Propagator):
+        with Isolated(Exception, SystemExit), warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            found = tuple(map(str, propagator.remarks(study)))
+    return found

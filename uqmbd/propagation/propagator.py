@@ -88,6 +88,17 @@ class Propagator(ABC):
         """
         return None
 
+    def remarks(self, study: Any) -> tuple[str, ...]:
+        """Return what is to be said of a study beforehand, in sentences without a full stop: `uqmbd check` shows it.
+
+        A method may override it, and follow a realisation for it; by default there is nothing.
+
+        Parameters
+        ----------
+        study : Study
+        """
+        return ()
+
     def watches(self, mechanism: Mechanism) -> Mapping[str, Any]:
         """Return what this method needs to know of each realisation besides the outputs: expressions by name.
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from uqmbd.propagation.chaos.clocks import Clock, Phases, choose_clock, require_clock, watched_angles
+from uqmbd.propagation.chaos.clocks import Clock, Phases, choose_clock, clock_at_means, require_clock, watched_angles
 from uqmbd.propagation.chaos.dense import Dense, dense
 from uqmbd.propagation.chaos.elements import ElementLimits, ElementRefinement, refine_elements
 from uqmbd.propagation.chaos.nodes import NodeFit, fit_nodes
@@ -15,6 +15,7 @@ __all__ = [
     "Phases",
     "Verification",
     "choose_clock",
+    "clock_at_means",
     "dense",
     "fit_nodes",
     "ElementLimits",

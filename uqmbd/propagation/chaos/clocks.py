@@ -16,11 +16,11 @@ import numpy as np
 import sympy
 
 from uqmbd.errors import StudyError
-from uqmbd.propagation.chaos.dense import Dense
+from uqmbd.propagation.chaos.dense import Dense, dense
 from uqmbd.propagation.problem import Problem
 from uqmbd.typing import Array, Mask
 
-__all__ = ["Clock", "Phases", "choose_clock", "require_clock", "watched_angles"]
+__all__ = ["Clock", "Phases", "choose_clock", "clock_at_means", "require_clock", "watched_angles"]
 
 
 TURN = 2 * np.pi
@@ -215,6 +215,35 @@ def choose_clock(problem: Problem, found: Dense, end: float, wanted: str | None)
         count = round(best.share * len(seen.values))
         why += f" (at best {best.clock.words}, in {count} of {len(seen.values)} realisations)"
     return None, why + (f", but {whole[0].words} does so in all realisations" if whole else "")
+
+
+def clock_at_means(problem: Problem, wanted: str | None = None) -> str:
+    """Follow the realisation at the means of the inputs, and say which clock it has, in words.
+
+    Parameters
+    ----------
+    problem : Problem
+        That of the study.
+    wanted : str, optional
+        Name of an output, a body or a joint; default: whatever serves.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If there is nothing of the wanted name.
+    """
+    end = float(problem.times[-1])
+    found, told = dense(problem.watching(), problem.inputs.means[None], end, 2 * len(problem.times))
+    if not told.good.all():
+        return f"no clock can be found, for the realisation at the means fails: {told.most_frequent_reason()}"
+    clock, why = choose_clock(problem, found, end, wanted)
+    if clock is None:
+        return f"no clock at the means of the inputs: {why}"
+    phase = clock.phases(found, end).values[0]
+    return (
+        f"the clock is {clock.words} at the means of the inputs, {(phase[-1] - phase[0]) / TURN:.3g} turns until the "
+        "last output time"
+    )
 
 
 @dataclass(frozen=True)
