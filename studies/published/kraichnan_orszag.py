@@ -91,7 +91,7 @@ study = uqmbd.Study(
     times=np.linspace(0, 100, 1001),
     rtol=1e-8,
     propagators=[
-        Collocation(order=7, elements=24, label="plain"),
-        Collocation(order=7, elements=24, alignment="phase", clock="y3", label="aligned"),
+        Collocation(order=7, elements=32, label="plain"),
+        Collocation(order=7, elements=32, alignment="phase", clock="y3", label="aligned"),
     ],
 )

@@ -185,7 +185,14 @@ def align(
         boxes = _boxes(paths, plans, space, limits.most)
         chaos, kept = AlignedChaos.joined(work.compute(boxes), boxes), work.done
     else:
-        refined = uqmbd.refine_elements(space, work.compute, limits, label=problem.label, rtol=problem.rtol)
+        refined = uqmbd.refine_elements(
+            space,
+            work.compute,
+            limits,
+            label=problem.label,
+            rtol=problem.rtol,
+            lost=lambda number: work.done[number].lost,
+        )
         chaos, kept, children = refined.chaos, [work.done[k] for k in refined.kept], {"elements": refined.steps}
     if len(kept) == 1 and kept[0].refinement is not None:
         children["refinement"] = history(kept[0].refinement.steps)

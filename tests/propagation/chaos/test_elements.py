@@ -13,8 +13,9 @@ import sympy
 
 import uqmbd
 from uqmbd import report
+from uqmbd.randomness import JointInput
 from uqmbd.report.figures.elements import elements_in_words
-from uqmbd.results import PiecewiseChaos, chaos_from_dataset, validate
+from uqmbd.results import PiecewiseChaos, PolynomialChaos, chaos_from_dataset, labels, validate
 from uqmbd_collocation import Collocation
 from uqmbd_galerkin import Galerkin
 from uqmbd_joints import Distance
@@ -279,3 +280,24 @@ def test_an_output_that_is_always_zero_does_not_count(method, elements):
             node = uqmbd.Study("falling", mechanism, np.linspace(0, 0.5, 11), [method(**options)]).run()[method.name]
         found.append(node["statistics"]["std"].sel(output="z").values)
     assert found[0] == pytest.approx(found[1], rel=1e-12)
+
+
+@pytest.mark.parametrize("told", [True, False])
+def test_what_a_chaos_does_not_follow_counts_as_an_error(told):
+    """Realisations beyond 0.3 move otherwise: elements get so small there that few of them are mixed."""
+    space = uqmbd.GermSpace.of(JointInput.of([uqmbd.RandomVariable("x", U)]), "rosenblatt")
+    axes, shares = labels(["y"], ["x"], [0.0, 1.0]), list[float]()
+
+    def compute(boxes):
+        for box in boxes:
+            low, high = box.lower[0], box.upper[0]
+            beyond = float(np.clip((high - 0.3) / (high - low), 0, 1))
+            shares.append(min(beyond, 1 - beyond))
+        line = np.array([[[0.0, 0.0]], [[1.0, 1.0]], [[0.0, 0.0]]])
+        return [PolynomialChaos(line, [[0], [1], [2]], box.local, axes) for box in boxes]
+
+    limits = uqmbd.ElementLimits("adaptive", 40, 0.05)
+    found = uqmbd.refine_elements(space, compute, limits, label="", lost=shares.__getitem__ if told else None)
+    mixed = sum(shares[k] * box.probability for k, box in zip(found.kept, found.chaos.boxes, strict=True))
+    assert found.met
+    assert (mixed <= 0.05**2) == told == (len(found.kept) > 1)

@@ -138,6 +138,7 @@ def refine_elements(
     label: str,
     rtol: float = ...,
     affordable: Callable[[], int] | None = ...,
+    lost: Callable[[int], float] | None = ...,
 ) -> ElementRefinement[PiecewiseChaos]: ...
 
 
@@ -150,6 +151,7 @@ def refine_elements(
     label: str,
     rtol: float = ...,
     affordable: Callable[[], int] | None = ...,
+    lost: Callable[[int], float] | None = ...,
 ) -> ElementRefinement[AlignedChaos]: ...
 
 
@@ -161,6 +163,7 @@ def refine_elements(
     label: str,
     rtol: float = 1e-6,
     affordable: Callable[[], int] | None = None,
+    lost: Callable[[int], float] | None = None,
 ) -> ElementRefinement[Any]:
     """Split the germ space where a chaos says that it is not enough.
 
@@ -184,6 +187,9 @@ def refine_elements(
         Relative tolerance of the integration, below which nothing is told apart.
     affordable : callable, optional
         Says before each round how many elements may still be split.
+    lost : callable, optional
+        Says of an element, by its number in the order of computation, which share of its realisations the chaos does
+        not follow: there it is as wrong as the largest standard deviation.
 
     Warns
     -----
@@ -200,7 +206,7 @@ def refine_elements(
     rounds: list[tuple[int, int, float]] = []
     splits: list[tuple[int, int, float]] = []
     while True:
-        contributions, blame = _contributions(parts, rtol)
+        contributions, blame = _contributions(parts, rtol, lost)
         error = float(np.sqrt(contributions.sum(axis=0).max()))
         rounds.append((len(parts), computed, error))
         if limits.adaptive and error <= limits.threshold:
@@ -257,7 +263,7 @@ def _joined(parts: list[_Part], label: str) -> PiecewiseChaos | AlignedChaos:
     return PiecewiseChaos(tuple(plain), tuple(boxes))
 
 
-def _contributions(parts: list[_Part], rtol: float) -> tuple[Array, Array]:
+def _contributions(parts: list[_Part], rtol: float, lost_share: Callable[[int], float] | None) -> tuple[Array, Array]:
     """Return what each element adds to the squared error (E, C), and the energy of its top order by germ (E, d)."""
     count = min(_times(p.chaos) for p in parts)
     probability = np.array([p.box.probability for p in parts])
@@ -280,7 +286,8 @@ def _contributions(parts: list[_Part], rtol: float) -> tuple[Array, Array]:
             seen = _columns(np.mean(wrong**2, axis=0), count)
             # the top order of order 1 is the slope, which is no error
             squared = np.maximum(squared, seen) if int(chaos.multi_index.max()) > 1 else seen
-        own = part.box.probability * squared / scale**2
+        share = lost_share(part.number) if lost_share else 0.0
+        own = part.box.probability * np.maximum(squared / scale**2, share)
         # what is not known is as wrong as can be
         unknown = ~(np.isfinite(squared) & np.isfinite(spread))
         own = np.where(unknown, WRONG * part.box.probability, own)
