@@ -10,7 +10,7 @@ from typing import Any
 import xarray as xr
 
 import uqmbd
-from uqmbd.results import AlignedChaos, ComposedChaos, PiecewiseChaos, PolynomialChaos, stored_as
+from uqmbd.results import AlignedChaos, ComposedChaos, PiecewiseChaos, PolynomialChaos, QuasiPeriodicChaos, stored_as
 from uqmbd.typing import Array
 
 __all__ = ["Expanded"]
@@ -38,7 +38,7 @@ class Expanded:
         Of a regression.
     """
 
-    chaos: PolynomialChaos | PiecewiseChaos | AlignedChaos | ComposedChaos
+    chaos: PolynomialChaos | PiecewiseChaos | AlignedChaos | QuasiPeriodicChaos | ComposedChaos
     realisations: int
     counters: Counter[str]
     nodes: xr.Dataset

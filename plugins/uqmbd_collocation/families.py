@@ -13,30 +13,34 @@ import numpy as np
 import xarray as xr
 
 import uqmbd
-from uqmbd.results import AlignedChaos, ComposedChaos, Labels, PiecewiseChaos, PolynomialChaos
+from uqmbd.results import AlignedChaos, ComposedChaos, Labels, PiecewiseChaos, PolynomialChaos, QuasiPeriodicChaos
 from uqmbd.typing import Array
 from uqmbd_collocation.alignment import EventPaths, PhasePaths, align
 from uqmbd_collocation.expanded import Expanded
 from uqmbd_collocation.plain import expand, warn_of_discontinuities
 from uqmbd_collocation.plans import Plans
 from uqmbd_collocation.refinement import Limits, UnmetWarning
+from uqmbd_collocation.two_frequency import expand_series
 
 __all__ = ["FAMILIES", "Family", "expand_families", "impossible"]
 
-Family = Literal["plain", "events", "phase"]
+Family = Literal["plain", "events", "phase", "two-frequency"]
 FAMILIES: tuple[Family, ...] = get_args(Family)
 """The simplest first: of several that are as good as another it is taken."""
 
-FIRST: tuple[Family, ...] = ("phase", "events", "plain")
+FIRST: tuple[Family, ...] = ("phase", "events", "plain", "two-frequency")
 """In which order they are computed: the realisations of the first ones serve the others."""
 
 EQUAL = 1e-6
 """Error, over the largest standard deviation of an output, below which none is better than another."""
 
+ENOUGH = 0.01
+"""The same: where all outputs are followed that well two frequencies are not looked for unless they are named."""
+
 LARGE = 0.05
 """The same: beyond it an output is not followed."""
 
-Part = PolynomialChaos | PiecewiseChaos | AlignedChaos
+Part = PolynomialChaos | PiecewiseChaos | AlignedChaos | QuasiPeriodicChaos
 
 
 @dataclass
@@ -66,6 +70,11 @@ class _Work:
         if family == "events":
             self.events = EventPaths(self.problem)
             return self._aligned(self.events)
+        if family == "two-frequency":
+            found = expand_series(self.problem, self.space, self.plans, self.limits, self.tolerance, self.given)
+            self.beside += found.realisations
+            self.counters.update(found.counters)
+            return found
         followed = self.phase.spent > 0
         source = _AtTimes(self.problem, self.phase) if followed else self.problem
         found, _ = expand(source, self.space, self.plans, self.tolerance, self.given, quiet=True)
@@ -97,6 +106,14 @@ class _Work:
             assert response is not None
             self.given = uqmbd.Verification(self.space, germs, response, len(germs))
         self.found[family] = found
+
+    def worst(self) -> float:
+        """Return the error of the output that is followed worst so far, over its largest standard deviation."""
+        if self.given is None or not self.found:
+            return np.inf
+        spread = _largest(self.given.response.std(axis=0), np.abs(self.given.response).mean(axis=0))
+        errors = [_errors(_verified(one.chaos, self.given), self.given.response) for one in self.found.values()]
+        return float(np.min([np.sqrt(np.mean(e**2, axis=-1)) / spread for e in errors], axis=0).max())
 
     def reason(self, error: Exception) -> str:
         """Return what an error says, without the name of the method."""
@@ -181,7 +198,8 @@ def expand_families(
     for family in sorted(names, key=FIRST.index):
         if not wanted and (why := impossible(problem, family)):
             work.left_out[family] = why
-        else:
+        elif wanted or family != "two-frequency" or work.worst() > ENOUGH:
+            # two frequencies take realisations of their own: unless named, they are for what nothing else follows
             work.attempt(family, wanted)
     if not work.found:
         raise uqmbd.StudyError(f"{problem.label}: no family of alignment is possible. {_reasons(work.left_out)}")

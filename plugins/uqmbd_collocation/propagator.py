@@ -18,6 +18,7 @@ from uqmbd_collocation.plain import expand
 from uqmbd_collocation.plans import Adaptive, Method, Plans, Terms
 from uqmbd_collocation.refinement import Limits
 from uqmbd_collocation.runs import announced_once
+from uqmbd_collocation.two_frequency import expand_series
 
 __all__ = ["Collocation"]
 
@@ -66,7 +67,7 @@ class Collocation(uqmbd.Propagator):
         Most elements of an adaptive refinement.
     threshold : float
         Of an adaptive refinement: error of the surrogate, over the largest standard deviation of each output over time.
-    alignment : {"events", "phase", "auto"} or tuple of str, optional
+    alignment : {"events", "phase", "two-frequency", "auto"} or tuple of str, optional
         Compare realisations at landmarks instead of at equal times, and expand the times of landmarks and the motion
         between them, in normalised time, separately.  Where the sequence of landmarks is not the same everywhere the
         germ space is split first, into `max_elements` boxes at most; with `elements` it is split by the error, which is
@@ -82,9 +83,19 @@ class Collocation(uqmbd.Propagator):
         elements of their own.  So do those where the clock stands, which are compared at equal times; a warning tells
         their share (``standing``).  Where there is no clock the method refuses.
 
-        A tuple of ``plain`` (at equal times), ``events`` and ``phase``: each output takes the one whose error is
-        smallest at the verification realisations, root mean square over time, as with a ball on a plate that turns.
-        ``auto``: of all that are possible for the mechanism. Realisations are shared as far as possible: nodes that are
+        ``two-frequency``, for motions that swing with one or two frequencies and do not die down, as a double pendulum
+        at moderate angles: there is no clock that all share.  Each realisation is a sum of harmonics of its own
+        frequencies, which are found by its spectrum, and fitted; frequencies and amplitudes are expanded.  It needs no
+        landmarks, and splits the germ space by `elements` only.  Motions that are no such sums (chaotic, damped, with
+        impacts) are refused, with what is left of them; the attributes ``frequency_1``, ``frequency_2``
+        (``frequency_units``), ``harmonics`` and ``residual`` (largest over nodes and outputs, over the root mean square
+        of the motion) tell the fit.
+
+        A tuple of ``plain`` (at equal times), ``events``, ``phase`` and ``two-frequency``: each output takes the one
+        whose error is smallest at the verification realisations, root mean square over time, as with a ball on a plate
+        that turns.
+        ``auto``: of all that are possible for the mechanism, of ``two-frequency`` only where the others leave an error
+        above 1 % of the largest standard deviation. Realisations are shared as far as possible: nodes that are
         followed for a clock serve the plain one, and the verification realisations are the same for all. A refinement
         is one of each family. The attributes ``alignment``, ``alignment_error`` and ``alignment_left_out`` of the
         results (JSON) say for each output what it takes and its error, and what is not possible and why; their child
@@ -144,7 +155,7 @@ class Collocation(uqmbd.Propagator):
     elements: int | Literal["adaptive"] | None = None
     max_elements: int = 32
     threshold: float = 0.01
-    alignment: Literal["events", "phase", "auto"] | tuple[Family, ...] | None = None
+    alignment: Literal["events", "phase", "two-frequency", "auto"] | tuple[Family, ...] | None = None
     clock: str | None = None
     transform: Literal["rosenblatt", "nataf"] = "rosenblatt"
     verify: Annotated[int, uqmbd.Bounds(0)] = 8
@@ -166,7 +177,7 @@ class Collocation(uqmbd.Propagator):
         if self.clock is not None and "phase" not in self.families:
             raise uqmbd.StudyError(f"Collocation: clock={self.clock!r} means nothing without alignment='phase'.")
         self._check_families()
-        split, aligned = self.elements is not None, self.alignment is not None
+        split, aligned = self.elements is not None, self.alignment not in (None, "two-frequency")
         for name, used, what in (
             ("tolerance", self.adaptive != "no", "adaptive='no'"),
             ("max_elements", split or aligned, "elements=None"),
@@ -197,7 +208,7 @@ class Collocation(uqmbd.Propagator):
 
     def _check_families(self) -> None:
         """Refuse what does not go with a choice between families."""
-        if self.alignment is None or self.alignment in ("events", "phase"):
+        if self.alignment is None or self.alignment in ("events", "phase", "two-frequency"):
             return
         given = f"Collocation: alignment={self.alignment!r}"
         if len(self.families) < 2 or len(set(self.families)) < len(self.families):
@@ -314,5 +325,7 @@ class Collocation(uqmbd.Propagator):
             return align(problem, space, plans, EventPaths(problem), *about)
         if self.alignment == "phase":
             return align(problem, space, plans, PhasePaths(problem, self.clock), *about)
+        if self.alignment == "two-frequency":
+            return expand_series(problem, space, plans, *about)
         wanted = self.alignment != "auto"
         return expand_families(problem, space, plans, *about, self.families, self.clock, wanted=wanted)

@@ -15,7 +15,7 @@ from uqmbd.typing import Array, Index
 from uqmbd_collocation.fitting import Fit
 from uqmbd_collocation.runs import Runs
 
-__all__ = ["nodes_dataset", "nodes_of", "warn_of_failures", "warn_of_idle_inputs"]
+__all__ = ["nodes_dataset", "nodes_of", "nodes_of_elements", "warn_of_failures", "warn_of_idle_inputs"]
 
 
 IDLE = 1e-13
@@ -48,6 +48,30 @@ def nodes_of(
         "purpose": ("node", purpose),
     }
     return xr.Dataset(data, coords={**labels.input_coords(), "germ": np.array([str(name) for name in names])})
+
+
+def nodes_of_elements(labels: Labels, names: Sequence[str], runs: Sequence[tuple[Runs, Runs]]) -> xr.Dataset:
+    """Return the dataset `nodes` of elements, from the realisations of each: those of its fit, and of its verification.
+
+    Parameters
+    ----------
+    labels : uqmbd.results.Labels
+        Of the problem.
+    names : sequence of str
+        Of the germs.
+    runs : sequence of pairs of Runs
+        Those of a verification may be none.
+    """
+    parts = [(fit, "fit") for fit, _ in runs] + [(other, "verification") for _, other in runs if len(other)]
+    return nodes_of(
+        labels,
+        names,
+        np.concatenate([one.values for one, _ in parts]),
+        np.concatenate([one.germs for one, _ in parts]),
+        np.concatenate([one.status for one, _ in parts]),
+        [message for one, _ in parts for message in one.messages],
+        np.concatenate([np.full(len(one), purpose, dtype="<U12") for one, purpose in parts]),
+    )
 
 
 def nodes_dataset(runs: Runs, verification: Index, fit: Fit) -> xr.Dataset:

@@ -223,7 +223,7 @@ def test_estimate_counts_all_families():
         ("plain", "phase"): 2 * nodes + 8,
         ("events", "phase"): 4 * nodes + 8,
         ("plain", "events"): 3 * nodes + 8,
-        "auto": 4 * nodes + 8,
+        "auto": 6 * nodes + 8,
     }
     estimate = Collocation(order=3, alignment="auto").estimate(oscillator(1, 11))
     assert "left out: events" in estimate.detail
@@ -236,10 +236,13 @@ def test_estimate_counts_all_families():
         ({"alignment": ("plain", "phase"), "elements": 4}, "contradicts elements=4: elements are refined for one"),
         ({"alignment": ("phase",)}, "a tuple names two or more different families"),
         ({"alignment": ("phase", "phase")}, "a tuple names two or more different families"),
-        ({"alignment": ("phase", "impacts")}, "alignment is .*'impacts'.*; expected one of 'events', 'phase', 'auto'"),
+        (
+            {"alignment": ("phase", "impacts")},
+            "alignment is .*'impacts'.*; expected one of 'events', 'phase', 'two-frequency', 'auto'",
+        ),
         (
             {"alignment": "plain"},
-            "alignment is 'plain'; expected one of 'events', 'phase', 'auto', or a tuple of 'plain'",
+            "alignment is 'plain'; expected one of 'events', 'phase', 'two-frequency', 'auto', or a tuple of 'plain'",
         ),
         ({"alignment": ("plain", "events"), "clock": "x"}, "clock='x' means nothing without alignment='phase'"),
     ],

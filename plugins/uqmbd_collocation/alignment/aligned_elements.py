@@ -13,7 +13,6 @@ from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import numpy as np
-import xarray as xr
 
 import uqmbd
 from uqmbd.results import AlignedChaos, AlignedElement, Landmarks, Status
@@ -27,7 +26,7 @@ from uqmbd_collocation.computing import computed
 from uqmbd_collocation.expanded import Expanded
 from uqmbd_collocation.fitting import Fit
 from uqmbd_collocation.plans import STREAM, Plans
-from uqmbd_collocation.record import nodes_of, warn_of_failures
+from uqmbd_collocation.record import nodes_of_elements, warn_of_failures
 from uqmbd_collocation.refinement import Limits, Refinement, history
 from uqmbd_collocation.runs import Runs
 
@@ -216,7 +215,7 @@ def align(
         chaos,
         paths.spent + sum(len(one.verified) for one in work.done),
         verified + paths.counters,
-        _nodes(problem, space, work.done),
+        nodes_of_elements(problem.labels, space.names, [(one.runs, one.verified) for one in work.done]),
         children=children,
         attrs={
             "failures": failures + paths.failures,
@@ -277,21 +276,6 @@ def _cut(paths: Paths, problem: uqmbd.Problem, sequence: Sequence, marks: Array)
         return lambda values: paths.cut(values, marks, sequence), ("",) * len(marks), "phase"
     segments = -(-len(problem.times) // STANDING)
     return lambda values: paths.cut_in_time(values, segments), ("",) * segments, "time"
-
-
-def _nodes(problem: uqmbd.Problem, space: uqmbd.GermSpace, done: list[_Fitted]) -> xr.Dataset:
-    """Return the dataset `nodes`: those that were followed, and those of the verification."""
-    parts = [(one.runs, "fit") for one in done]
-    parts += [(one.verified, "verification") for one in done if len(one.verified)]
-    return nodes_of(
-        problem.labels,
-        space.names,
-        np.concatenate([runs.values for runs, _ in parts]),
-        np.concatenate([runs.germs for runs, _ in parts]),
-        np.concatenate([runs.status for runs, _ in parts]),
-        [message for runs, _ in parts for message in runs.messages],
-        np.concatenate([np.full(len(runs), purpose, dtype="<U12") for runs, purpose in parts]),
-    )
 
 
 def _scale(response: Array, times: Array) -> Array:

@@ -13,13 +13,13 @@ import xarray as xr
 
 from uqmbd.errors import IntegrationError, StudyError
 from uqmbd.randomness import GermBox, GermSpace
-from uqmbd.results import AlignedChaos, PiecewiseChaos, PolynomialChaos
+from uqmbd.results import AlignedChaos, PiecewiseChaos, PolynomialChaos, QuasiPeriodicChaos
 from uqmbd.typing import Array
 
 __all__ = ["ElementLimits", "ElementRefinement", "refine_elements"]
 
-Expansion = PolynomialChaos | AlignedChaos
-Joined = TypeVar("Joined", PiecewiseChaos, AlignedChaos)
+Expansion = PolynomialChaos | AlignedChaos | QuasiPeriodicChaos
+Joined = TypeVar("Joined", PiecewiseChaos, AlignedChaos, QuasiPeriodicChaos)
 
 TOGETHER = 0.25
 """Elements whose contribution to the squared error is more than this part of the largest are split together."""
@@ -100,7 +100,7 @@ class ElementRefinement(Generic[Joined]):
 
     Attributes
     ----------
-    chaos : PiecewiseChaos or AlignedChaos
+    chaos : PiecewiseChaos, AlignedChaos or QuasiPeriodicChaos
         That of all elements together; a `PiecewiseChaos` up to the last time that all have.
     steps : xarray.Dataset
         Over the rounds of splitting: ``elements``, ``computed`` (all so far, replaced ones too), ``error``.  Over the
@@ -153,6 +153,18 @@ def refine_elements(
     affordable: Callable[[], int] | None = ...,
     lost: Callable[[int], float] | None = ...,
 ) -> ElementRefinement[AlignedChaos]: ...
+
+
+@overload
+def refine_elements(
+    space: GermSpace,
+    compute: Callable[[Sequence[GermBox]], Sequence[QuasiPeriodicChaos]],
+    limits: ElementLimits,
+    *,
+    label: str,
+    rtol: float = ...,
+    affordable: Callable[[], int] | None = ...,
+) -> ElementRefinement[QuasiPeriodicChaos]: ...
 
 
 def refine_elements(
@@ -247,12 +259,15 @@ def refine_elements(
     return ElementRefinement(chaos, _steps(space, rounds, splits), met, computed, tuple(p.number for p in parts))
 
 
-def _joined(parts: list[_Part], label: str) -> PiecewiseChaos | AlignedChaos:
+def _joined(parts: list[_Part], label: str) -> PiecewiseChaos | AlignedChaos | QuasiPeriodicChaos:
     """Join the chaoses of all elements; polynomial ones up to the last time that all have."""
     boxes = [p.box for p in parts]
     aligned = [p.chaos for p in parts if isinstance(p.chaos, AlignedChaos)]
     if aligned:
         return AlignedChaos.joined(aligned, boxes)
+    waves = [p.chaos for p in parts if isinstance(p.chaos, QuasiPeriodicChaos)]
+    if waves:
+        return QuasiPeriodicChaos.joined(waves, boxes)
     count = min(_times(p.chaos) for p in parts)
     if count < 2 <= max(_times(p.chaos) for p in parts):
         raise IntegrationError(

@@ -17,6 +17,7 @@ from uqmbd.results import (
     ComposedChaos,
     PiecewiseChaos,
     PolynomialChaos,
+    QuasiPeriodicChaos,
     chaos_from_dataset,
     surrogate,
     surrogate_parts,
@@ -51,15 +52,15 @@ def surrogate_nodes(nodes: Mapping[str, xr.DataTree]) -> dict[str, xr.DataTree]:
 
 def surrogate_of(
     node: xr.DataTree, output: str | None = None, times: NDArray[np.float64] | None = None
-) -> PolynomialChaos | PiecewiseChaos | AlignedChaos | ComposedChaos:
+) -> PolynomialChaos | PiecewiseChaos | AlignedChaos | QuasiPeriodicChaos | ComposedChaos:
     """Return the surrogate of a method over time, or of one output; a chaos at the times nearest to some, if given."""
-    if _is_aligned(node) and not _has_chaos(node):
+    if _is_aligned(node):
         return surrogate(node, output)
     return chaos_of(node, output, times)
 
 
 def _is_aligned(node: xr.DataTree) -> bool:
-    return "aligned" in node.children or "composed" in node.children
+    return "chaos" not in node.children and bool(surrogate_parts(node))
 
 
 def _has_chaos(node: xr.DataTree) -> bool:

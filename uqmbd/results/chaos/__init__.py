@@ -10,6 +10,8 @@ from uqmbd.results.chaos.discontinuity import Discontinuity
 from uqmbd.results.chaos.fit import LeastSquares, NodeRegression, least_squares, project, regress_on_nodes
 from uqmbd.results.chaos.piecewise import PiecewiseChaos
 from uqmbd.results.chaos.polynomial import PolynomialChaos
+from uqmbd.results.chaos.quasi_periodic import QuasiPeriodicChaos
+from uqmbd.results.chaos.quasi_periodic_element import QuasiPeriodicElement
 from uqmbd.results.chaos.sampling import random_germs, spread_germs
 from uqmbd.results.chaos.stated_error import SPREAD_FLOOR, reference_spread
 from uqmbd.results.chaos.surrogates import surrogate, surrogate_parts
@@ -24,6 +26,8 @@ __all__ = [
     "NodeRegression",
     "PiecewiseChaos",
     "PolynomialChaos",
+    "QuasiPeriodicChaos",
+    "QuasiPeriodicElement",
     "SPREAD_FLOOR",
     "chaos_from_dataset",
     "error_words",

@@ -15,12 +15,13 @@ from uqmbd.results.chaos.discontinuity import Discontinuity
 from uqmbd.results.chaos.interface import Samples, Surrogate
 from uqmbd.results.chaos.piecewise import PiecewiseChaos
 from uqmbd.results.chaos.polynomial import PolynomialChaos
+from uqmbd.results.chaos.quasi_periodic import QuasiPeriodicChaos
 from uqmbd.results.schema import Labels
 from uqmbd.typing import Array, Index, Mask
 
 __all__ = ["KINDS", "ComposedChaos", "Part", "chaos_from_dataset", "stored_as"]
 
-Part = PolynomialChaos | PiecewiseChaos | AlignedChaos
+Part = PolynomialChaos | PiecewiseChaos | AlignedChaos | QuasiPeriodicChaos
 """Surrogates that can be stored."""
 
 
@@ -36,12 +37,18 @@ def chaos_from_dataset(dataset: xr.Dataset | xr.DataTree) -> PolynomialChaos | P
     return kind.from_dataset(dataset)
 
 
-KINDS: Mapping[str, Callable[[xr.Dataset], Part]] = {"chaos": chaos_from_dataset, "aligned": AlignedChaos.from_dataset}
+KINDS: Mapping[str, Callable[[xr.Dataset], Part]] = {
+    "chaos": chaos_from_dataset,
+    "aligned": AlignedChaos.from_dataset,
+    "quasi_periodic": QuasiPeriodicChaos.from_dataset,
+}
 """How the surrogate of a dataset is made, by the name of the dataset in a node."""
 
 
 def stored_as(chaos: Part) -> str:
     """Return the name of the dataset that a surrogate is stored in."""
+    if isinstance(chaos, QuasiPeriodicChaos):
+        return "quasi_periodic"
     return "aligned" if isinstance(chaos, AlignedChaos) else "chaos"
 
 

@@ -1,4 +1,4 @@
-"""The datasets `chaos` and `aligned` of a propagator's node, and the way back: plain arrays and texts."""
+"""The datasets of a chaos in a propagator's node, and the way back: plain arrays and texts."""
 
 from __future__ import annotations
 
@@ -12,8 +12,9 @@ from uqmbd.errors import StudyError
 from uqmbd.results.chaos.aligned_element import AlignedElement, Landmarks
 from uqmbd.results.chaos.boxes import rows_of_boxes
 from uqmbd.results.chaos.interface import Surrogate
+from uqmbd.results.chaos.quasi_periodic_element import QuasiPeriodicElement
 from uqmbd.results.schema import InputInfo, Labels, fixed_width, output_infos
-from uqmbd.typing import Array, Mask
+from uqmbd.typing import Array, Index, Mask
 
 if TYPE_CHECKING:
     from uqmbd.randomness import GermBox, GermSpace
@@ -25,6 +26,8 @@ __all__ = [
     "chaos_dataset",
     "piecewise_arguments",
     "piecewise_dataset",
+    "quasi_periodic_arguments",
+    "quasi_periodic_dataset",
 ]
 
 BOUNDS = ("lower", "upper")
@@ -192,6 +195,70 @@ def aligned_arguments(dataset: xr.Dataset | xr.DataTree) -> dict[str, Any]:
         for k, (box, count) in enumerate(zip(_boxes(data, space), data["segments"].values.tolist(), strict=True))
     ]
     return {"elements": elements, "multi_index": data["multi_index"].values, "labels": labels} | _verified(data)
+
+
+def quasi_periodic_dataset(
+    chaos: Surrogate, elements: Sequence[QuasiPeriodicElement], lattice: Index, origin: float
+) -> xr.Dataset:
+    """Store a quasi-periodic chaos: multiples (H, M) of its base frequencies, and the time from which phases count."""
+    of_output, of_wave = ("element", "term", "output"), ("element", "term", "output", "harmonic")
+    variables: dict[str, Any] = {
+        "frequency_coefficients": (
+            ("element", "term", "base"),
+            np.array([e.frequencies for e in elements]),
+            {"long_name": "coefficients of the base frequencies", "units": "rad/s"},
+        ),
+        "constant_coefficients": (
+            of_output,
+            np.array([e.constants for e in elements]),
+            {"long_name": "coefficients of what is constant", "comment": "in the units of the outputs"},
+        ),
+        "drift_coefficients": (
+            of_output,
+            np.array([e.drifts for e in elements]),
+            {"long_name": "coefficients of mean rates", "comment": "in the units of the outputs, per second"},
+        ),
+        "cosine_coefficients": (
+            of_wave,
+            np.array([e.waves.real for e in elements]),
+            {"long_name": "coefficients of the cosines", "comment": "in the units of the outputs"},
+        ),
+        "sine_coefficients": (
+            of_wave,
+            np.array([-e.waves.imag for e in elements]),
+            {"long_name": "coefficients of the sines", "comment": "in the units of the outputs"},
+        ),
+        "harmonics": (("harmonic", "base"), lattice, {"long_name": "multiples of the base frequencies"}),
+        "origin": ((), origin, {"long_name": "time from which phases count", "units": "s"}),
+        "multi_index": (("term", "input"), chaos.multi_index, {"long_name": _DEGREES}),
+        "probability": ("element", np.array([e.box.probability for e in elements])),
+        **_ends([e.box for e in elements]),
+    }
+    if chaos.verification_germs is not None:
+        variables |= _verification(chaos)
+    return _dataset(chaos, variables)
+
+
+def quasi_periodic_arguments(dataset: xr.Dataset | xr.DataTree) -> dict[str, Any]:
+    """Return the arguments of `QuasiPeriodicChaos` that a dataset was made from."""
+    parts = ("frequency", "constant", "drift", "cosine", "sine")
+    needed = (*(f"{part}_coefficients" for part in parts), "harmonics", "origin", "multi_index", *BOUNDS)
+    data, labels, space = _read(dataset, "quasi_periodic", needed)
+    last = ("base", "output", "output", "output", "output")
+    dims: list[tuple[str, ...]] = [("element", "term", name) for name in last]
+    dims[3:] = [(*row, "harmonic") for row in dims[3:]]
+    found = [data[f"{part}_coefficients"].transpose(*row).values for part, row in zip(parts, dims, strict=True)]
+    elements = [
+        QuasiPeriodicElement(box, found[0][k], found[1][k], found[2][k], found[3][k] - 1j * found[4][k])
+        for k, box in enumerate(_boxes(data, space))
+    ]
+    return {
+        "elements": elements,
+        "lattice": data["harmonics"].transpose("harmonic", "base").values,
+        "origin": float(data["origin"]),
+        "multi_index": data["multi_index"].transpose("term", "input").values,
+        "labels": labels,
+    } | _verified(data)
 
 
 def _landmarks(text: str) -> Landmarks:

@@ -29,7 +29,7 @@ def surrogate(node: xr.DataTree, output: str | None = None, times: Sequence[int]
 
     Returns
     -------
-    PolynomialChaos, PiecewiseChaos, AlignedChaos or ComposedChaos
+    PolynomialChaos, PiecewiseChaos, AlignedChaos, QuasiPeriodicChaos or ComposedChaos
         The last one where outputs have surrogates of different kinds, and all of them are read.
 
     Raises

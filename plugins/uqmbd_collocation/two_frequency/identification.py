@@ -1,0 +1,298 @@
+"""Frequencies and harmonics that realisations have in common, found in one of them and followed to the others.
+
+The same combination of frequencies must have the same place in all realisations: from the nearest one that is known,
+the fit goes from a short window, in which frequencies may be far off, to the whole one, in which they are sharp.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import permutations
+
+import numpy as np
+
+from uqmbd.typing import Array, Index, Mask
+from uqmbd_collocation.two_frequency.lattice import Base, ball, bases
+from uqmbd_collocation.two_frequency.lines import strongest_lines
+from uqmbd_collocation.two_frequency.series import Series, Signals, fit_series, refine
+
+__all__ = ["QUASI_PERIODIC", "Identified", "Kind", "follow", "identify"]
+
+
+QUASI_PERIODIC = 0.01
+"""Residual of a motion that counts as quasi-periodic, over the scale of an output."""
+
+GOAL = 3e-6
+"""Residual at which no harmonics are added any more."""
+
+NEGLIGIBLE = 0.03
+"""Size of a harmonic over the residual, or over `GOAL`, below which it is left out."""
+
+ORDERS = (1, 2, 3, 5, 7, 9, 11, 13, 15, 19, 23, 31)
+"""Orders of harmonics that are tried."""
+
+MANY = 300
+"""Harmonics of a series at most."""
+
+USEFUL = 0.7
+"""Factor by which the residual falls where an order is worth its harmonics."""
+
+CROWDED = 0.25
+"""Numbers of a series over those that a signal of its length and highest frequency can hold, at most."""
+
+LINES = 10
+"""Lines of a spectrum that tell the base."""
+
+MAIN = 0.03
+"""Size of a line over that of the strongest beyond which it serves short windows."""
+
+APART = 3.0
+"""Distance of main lines, from each other and from zero, over the resolution of the first window."""
+
+PROBES = 3
+"""Realisations, beside the one in the middle, that choose the harmonics."""
+
+ATTEMPTS = 8
+"""Pairs of lines that are tried as the base of a realisation."""
+
+
+@dataclass(frozen=True, eq=False)
+class Kind:
+    """What realisations have in common.
+
+    Attributes
+    ----------
+    main : array of int, shape (C, M)
+        Combinations of the base frequencies in the strongest lines.
+    lattice : array of int, shape (H, M)
+        All combinations of the series.
+    """
+
+    main: Index
+    lattice: Index
+
+
+@dataclass(frozen=True, eq=False)
+class Identified:
+    """Realisations as series.
+
+    Attributes
+    ----------
+    kind : Kind
+        What they have in common.
+    series : tuple of Series
+        Of each; of a few only where these are not quasi-periodic.
+    """
+
+    kind: Kind
+    series: tuple[Series, ...]
+
+    @property
+    def residuals(self) -> Array:
+        """Largest residual of each realisation (K,), over the scale of the output."""
+        return np.array([float(one.residual.max(initial=0.0)) for one in self.series])
+
+    @property
+    def bad(self) -> Mask:
+        """Which realisations (K,) are not quasi-periodic."""
+        return np.asarray(~(self.residuals <= QUASI_PERIODIC))
+
+
+def identify(signals: Sequence[Signals], places: Array) -> Identified | None:
+    """Find base frequencies and harmonics of realisations.
+
+    Parameters
+    ----------
+    signals : sequence of Signals
+        Of K realisations, of the same times.
+    places : array, shape (K, d)
+        Their inputs, each over its spread.
+
+    Returns
+    -------
+    Identified or None
+        With the least share of realisations that are not quasi-periodic; None where no line was found.
+    """
+    best: Identified | None = None
+    begin = int(np.argmin(np.sum((places - places.mean(axis=0)) ** 2, axis=1)))
+    for _ in range(2):
+        for base in _bases(signals[begin]):
+            found = _identified(signals, places, begin, base)
+            if not found.bad.any():
+                return found
+            if best is None or (found.bad.sum(), found.residuals.max()) < (best.bad.sum(), best.residuals.max()):
+                best = found
+        if best is None or best.bad.all():
+            break
+        # two frequencies that are commensurate in the middle are told apart elsewhere
+        begin = int(np.argmax(best.residuals))
+    if best is None or not best.bad.all():
+        return best
+    # nobody is quasi-periodic where the middle is not, but a few others are heard
+    others = [k for k in range(0, len(signals), max(1, len(signals) // PROBES)) if k != begin][:PROBES]
+    alone = [_alone(signals[k], base)[1] for k in others for base in _bases(signals[k])[-1:]]
+    return Identified(best.kind, (*best.series[:1], *alone))
+
+
+def follow(
+    signals: Sequence[Signals], places: Array, kind: Kind, known: Sequence[Series], known_places: Array
+) -> list[Series]:
+    """Fit series of a kind to realisations, each from the nearest that is known.
+
+    Parameters
+    ----------
+    signals : sequence of Signals
+        Of K realisations.
+    places : array, shape (K, d)
+        Their inputs, each over its spread.
+    kind : Kind
+        Of the series.
+    known : sequence of Series
+        At least one.
+    known_places : array, shape (N, d)
+        Where these are.
+    """
+    done, where = list(known), [*known_places]
+    found: dict[int, Series] = {}
+    while len(found) < len(signals):
+        left = [k for k in range(len(signals)) if k not in found]
+        distance = np.linalg.norm(places[left][:, None] - np.array(where), axis=2)
+        k = left[int(np.argmin(distance.min(axis=1)))]
+        guesses = _guesses(places[k], np.array(where), np.array([one.frequencies for one in done]))
+        found[k] = _followed(signals[k], guesses, kind)
+        if found[k].residual.max(initial=0.0) <= QUASI_PERIODIC:
+            done.append(found[k])
+            where.append(places[k])
+    return [found[k] for k in range(len(signals))]
+
+
+def _bases(signals: Signals) -> list[Base]:
+    lines = strongest_lines(signals, LINES)
+    return bases(lines, 2 * np.pi / signals.length) if len(lines.frequencies) else []
+
+
+def _identified(signals: Sequence[Signals], places: Array, begin: int, base: Base) -> Identified:
+    """Fit all realisations, from one of them whose base is known."""
+    kind, first = _alone(signals[begin], base)
+    if first.residual.max(initial=0.0) > QUASI_PERIODIC:
+        return Identified(kind, (first,))
+    if len(signals) > 1:
+        # those farthest away may need other harmonics
+        others = np.argsort(-np.linalg.norm(places - places[begin], axis=1), kind="stable")[:PROBES]
+        short = follow([signals[k] for k in others], places[others], kind, [first], places[begin : begin + 1])
+        parts = [kind.lattice]
+        parts += [_harmonics(signals[k], one.frequencies, kind.lattice) for k, one in zip(others, short, strict=True)]
+        kind = Kind(kind.main, np.unique(np.concatenate(parts), axis=0))
+        first = refine(signals[begin], first.frequencies, kind.lattice)
+    rest = [k for k in range(len(signals)) if k != begin]
+    found = follow([signals[k] for k in rest], places[rest], kind, [first], places[begin : begin + 1])
+    found.insert(begin, first)
+    return Identified(kind, tuple(found))
+
+
+def _alone(signals: Signals, base: Base) -> tuple[Kind, Series]:
+    """Find main lines and harmonics of a realisation whose base is known, and fit it."""
+    series = fit_series(signals, base.frequencies, base.lattice)
+    size = np.sqrt(np.mean(series.sizes() ** 2, axis=1))
+    order = np.argsort(-size)
+    main = base.lattice[order[size[order] >= MAIN * size.max()]]
+    if np.linalg.matrix_rank(main) < len(base.frequencies):
+        main = base.lattice[order]
+    lattice = _harmonics(signals, base.frequencies, base.lattice)
+    return Kind(main, lattice), refine(signals, base.frequencies, lattice)
+
+
+def _harmonics(signals: Signals, frequencies: Array, least: Index) -> Index:
+    """Return combinations (H, M) that a realisation needs: of the lowest order that leaves a small residual.
+
+    Parameters
+    ----------
+    signals : Signals
+        Of the realisation.
+    frequencies : array, shape (M,)
+        Of the base, rad/s.
+    least : array of int, shape (C, M)
+        Combinations that are there in any case.
+    """
+    nyquist = np.pi / signals.times[1]
+    series = refine(signals, frequencies, least)
+    best, useless = series, 0
+    for order in ORDERS:
+        lattice = np.unique(np.concatenate([_one_sign(least), ball(order, len(frequencies))]), axis=0)
+        values = np.abs(lattice @ series.frequencies)
+        lattice = lattice[(values < 0.8 * nyquist) & (values > 0)]
+        # what lines up to the highest of the series can tell apart
+        held = 2 * signals.length * float(np.abs(lattice @ series.frequencies).max(initial=0.0)) / (2 * np.pi)
+        if 2 * len(lattice) > CROWDED * held or len(lattice) > MANY:
+            break
+        series = refine(signals, best.frequencies, lattice)
+        useful = series.residual.max(initial=0.0) < USEFUL * best.residual.max(initial=0.0)
+        # what is there in any case makes no difference
+        useless = 0 if useful else useless + (order > np.abs(least).sum(axis=1).max())
+        if series.residual.max(initial=0.0) < best.residual.max(initial=0.0):
+            best = series
+        if best.residual.max(initial=0.0) < GOAL or useless > 1:
+            break
+    size = best.sizes().max(axis=1, initial=0.0)
+    kept = size > NEGLIGIBLE * max(float(best.residual.max(initial=0.0)), GOAL)
+    found: Index = best.lattice[kept]
+    return found if len(found) and np.linalg.matrix_rank(found) == len(frequencies) else least
+
+
+def _one_sign(lattice: Index) -> Index:
+    """Return combinations whose first number that is not zero is positive."""
+    first = np.take_along_axis(lattice, (lattice != 0).argmax(axis=1)[:, None], axis=1)
+    found: Index = lattice * np.sign(first)
+    return found
+
+
+def _guesses(place: Array, places: Array, frequencies: Array) -> list[Array]:
+    """Return frequencies that are likely at a place (d,): of a plane through all known ones, and of the nearest."""
+    nearest = frequencies[np.argmin(np.linalg.norm(places - place, axis=1))]
+    found = [nearest]
+    if len(places) > places.shape[1] + 1:
+        plane = np.concatenate([np.ones((len(places), 1)), places], axis=1)
+        slopes = np.linalg.lstsq(plane, frequencies, rcond=1e-8)[0]
+        found.insert(0, np.concatenate([[1.0], place]) @ slopes)
+    return found
+
+
+def _followed(signals: Signals, guesses: list[Array], kind: Kind) -> Series:
+    """Fit a series from frequencies that are roughly known; where that fails, from pairs of lines."""
+    best = _sharpened(signals, guesses[0], kind)
+    others = iter(guesses[1:])
+    for further in (False, True):
+        for guess in _from_lines(signals, guesses[0], kind) if further else others:
+            if best.residual.max(initial=0.0) <= QUASI_PERIODIC:
+                return best
+            other = _sharpened(signals, guess, kind)
+            best = other if other.misfit < best.misfit else best
+    return best
+
+
+def _sharpened(signals: Signals, guess: Array, kind: Kind) -> Series:
+    """Fit frequencies in windows that double, then all harmonics in the whole one."""
+    lines = np.sort(np.abs(kind.main @ guess))
+    closest = float(np.diff(np.concatenate([[0.0], lines])).min())
+    length = APART * 2 * np.pi / max(closest, 1e-12 * float(lines.max()))
+    now = guess
+    while length < signals.length:
+        now = refine(signals.until(length), now, kind.main).frequencies
+        length *= 2
+    return refine(signals, refine(signals, now, kind.main).frequencies, kind.lattice)
+
+
+def _from_lines(signals: Signals, guess: Array, kind: Kind) -> list[Array]:
+    """Return base frequencies whose main combinations are lines of the spectrum, the nearest to a guess first."""
+    lines = strongest_lines(signals, LINES).frequencies
+    rows = [0]
+    for k in range(1, len(kind.main)):
+        if len(rows) < len(guess) and np.linalg.matrix_rank(kind.main[[*rows, k]]) > len(rows):
+            rows.append(k)
+    if len(rows) < len(guess) or len(lines) < len(guess):
+        return []
+    signs = np.sign(kind.main[rows] @ guess)
+    found = [np.linalg.solve(kind.main[rows], signs * np.array(some)) for some in permutations(lines, len(guess))]
+    found.sort(key=lambda frequencies: float(np.linalg.norm(frequencies / guess - 1)))
+    return found[:ATTEMPTS]

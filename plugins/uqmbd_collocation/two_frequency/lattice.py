@@ -1,0 +1,114 @@
+"""Which lines of a spectrum are combinations of which base frequencies, and which combinations a series needs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from uqmbd.typing import Array, Index
+from uqmbd_collocation.two_frequency.lines import Lines
+
+__all__ = ["Base", "ball", "bases"]
+
+
+HIGHEST = {1: 24, 2: 8}
+"""Order |k1| + |k2| of a line that tells something of a base of one frequency, and of two."""
+
+NEAR = 0.2
+"""Distance of a line from a combination, over the resolution 2 pi / length, at which it is taken for it."""
+
+MISSED = 100
+"""What a line that is no combination counts, in orders."""
+
+
+@dataclass(frozen=True, eq=False)
+class Base:
+    """Frequencies of whose combinations lines are.
+
+    Attributes
+    ----------
+    frequencies : array, shape (M,)
+        rad/s, rising.
+    lattice : array of int, shape (C, M)
+        The lines that are combinations, the strongest first.
+    """
+
+    frequencies: Array
+    lattice: Index
+
+
+def ball(order: int, dimension: int) -> Index:
+    """Return combinations (H, M) up to an order |k1| + ... but zero, one of each two that differ by the sign.
+
+    Examples
+    --------
+    >>> ball(2, 2).tolist()
+    [[0, 1], [0, 2], [1, -1], [1, 0], [1, 1], [2, 0]]
+    """
+    grid = np.stack(np.meshgrid(*[np.arange(-order, order + 1)] * dimension, indexing="ij"), axis=-1)
+    rows = grid.reshape(-1, dimension)
+    first = np.take_along_axis(rows, (rows != 0).argmax(axis=1)[:, None], axis=1)[:, 0]
+    found: Index = rows[(np.abs(rows).sum(axis=1) <= order) & (first > 0)]
+    return found
+
+
+def bases(lines: Lines, resolution: float) -> list[Base]:
+    """Return the simplest base of one frequency, where all lines are multiples, then that of two, if there is one.
+
+    The simplest has the least sum of orders of all lines; its frequencies are lines, differences of two, or halves of
+    these, for a line need not be there itself (a height of a pendulum has none but even combinations).
+
+    Parameters
+    ----------
+    lines : Lines
+        Of a realisation.
+    resolution : float
+        2 pi / length, rad/s.
+    """
+    f = lines.frequencies
+    pairs = [abs(a - b) for a, b in combinations(f, 2)] + [a + b for a, b in combinations(f, 2)]
+    several = np.array([*f, *(f / 2), *(f / 3), *pairs, *(x / 2 for x in pairs)])
+    several = _different(several[several > resolution], NEAR / 4 * resolution)
+    found = []
+    for dimension in (1, 2):
+        terms = ball(HIGHEST[dimension], dimension)
+        order = np.abs(terms).sum(axis=1)
+        best: tuple[float, int] | None = None
+        groups = np.array(list(combinations(several, dimension)))
+        for n in range(len(groups)):
+            cost = _orders(f, terms @ groups[n], order, NEAR * resolution).sum()
+            if best is None or cost < best[0]:
+                best = float(cost), n
+        if best is None or (dimension == 1 and best[0] >= MISSED):
+            continue
+        frequencies = np.sort(groups[best[1]])
+        found.append(Base(frequencies, _combinations(f, frequencies, terms, NEAR * resolution)))
+    return found
+
+
+def _orders(lines: Array, values: Array, order: Index, tolerance: float) -> Array:
+    """Least order (L,) of the combinations near each line."""
+    near = np.abs(lines[:, None] - np.abs(values)) <= tolerance
+    return np.asarray(np.where(near, order, MISSED).min(axis=1))
+
+
+def _combinations(lines: Array, base: Array, terms: Index, tolerance: float) -> Index:
+    """Return the combination (C, M) of each line, of the least order, without those that have none."""
+    order = np.abs(terms).sum(axis=1)
+    near = np.abs(lines[:, None] - np.abs(terms @ base)) <= tolerance
+    cost = np.where(near, order, MISSED)
+    chosen = terms[cost.argmin(axis=1)[cost.min(axis=1) < MISSED]]
+    _, first = np.unique(chosen, axis=0, return_index=True)
+    found: Index = chosen[np.sort(first)]
+    return found
+
+
+def _different(values: Array, tolerance: float) -> Array:
+    """Return values of which no two are nearer than a tolerance, in their order."""
+    kept: list[float] = []
+    for value in values:
+        if all(abs(value - other) > tolerance for other in kept):
+            kept.append(float(value))
+    return np.array(kept)

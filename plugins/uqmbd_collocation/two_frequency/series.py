@@ -1,0 +1,203 @@
+"""Quasi-periodic series fitted to signals: frequencies by Gauss and Newton's method, amplitudes by least squares.
+
+:func:`scipy.optimize.least_squares` on the same residuals forms the whole design matrix again for each difference
+quotient; the derivative by a frequency is known here (variable projection), which takes a fifth of the time.
+
+References
+----------
+G. Golub and V. Pereyra, Inverse Problems 19 (2003) R1-R26 (variable projection; Kaufman's derivative).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve
+
+from uqmbd.typing import Array, Index
+
+__all__ = ["Series", "Signals", "fit_series", "refine"]
+
+
+RIDGE = 1e-5
+"""Weight of the amplitudes beside that of the residuals: where two frequencies meet, only their sum is known."""
+
+GROWTH, HEAVIEST = 4.0, 256.0
+"""Factor of that weight from order to order, and its largest value: lower orders come first."""
+
+STEPS = 12
+"""Of Gauss and Newton's method, at most."""
+
+SETTLED = 1e-11
+"""Change of a phase at the end, rad, at which it ends."""
+
+FARTHEST = 1.0
+"""Change of a phase at the end, rad, in one step."""
+
+FEWEST = 512
+"""Values that a signal has at least."""
+
+HALVINGS = 6
+"""Of a step that makes the residual larger."""
+
+
+@dataclass(frozen=True, eq=False)
+class Signals:
+    """Outputs of one realisation.
+
+    Attributes
+    ----------
+    times : array, shape (N,)
+        Evenly spaced, from 0 on, s.
+    values : array, shape (N, O)
+        Over their scales.
+    """
+
+    times: Array
+    values: Array
+
+    @property
+    def length(self) -> float:
+        """Of the time, s."""
+        return float(self.times[-1])
+
+    def until(self, end: float) -> Signals:
+        """Return the part until a time, s."""
+        count = int(np.searchsorted(self.times, end * (1 + 1e-12), side="right"))
+        return Signals(self.times[:count], self.values[:count])
+
+    def thinned(self, lost: float) -> Signals:
+        """Return every n-th value, where what these cannot show has less than a share of the energy."""
+        power = np.sum(np.abs(np.fft.rfft(self.values * self.window[:, None], axis=0)) ** 2, axis=1)
+        above = np.cumsum(power[::-1])[::-1] / max(float(power.sum()), 1e-300)
+        stride = 1
+        # three quarters of the band that is left stay free of what is mirrored
+        while len(self.times) > 2 * FEWEST * stride and above[int(0.75 * len(power) / (2 * stride))] < lost:
+            stride *= 2
+        return Signals(self.times[::stride], self.values[::stride])
+
+    @property
+    def window(self) -> Array:
+        """Weights (N,) of Hann's window, whose sum is 1: lines that are left out disturb others little."""
+        found: Array = np.sin(np.pi * (np.arange(len(self.times)) + 0.5) / len(self.times)) ** 2
+        return np.asarray(found / found.sum())
+
+
+@dataclass(frozen=True, eq=False)
+class Series:
+    """Sum of harmonics of few frequencies, a constant, and a drift.
+
+    Attributes
+    ----------
+    frequencies : array, shape (M,)
+        Of the base, rad/s.
+    lattice : array of int, shape (H, M)
+        Multiples of the base frequencies in each harmonic.
+    amplitudes : array, shape (2 + 2 H, O)
+        Constants, drifts (1/s), cosines, sines.
+    residual : array, shape (O,)
+        Root mean square over all times, each counted alike.
+    misfit : float
+        Mean square of the weighted residuals of all signals: what is made least.
+    """
+
+    frequencies: Array
+    lattice: Index
+    amplitudes: Array
+    residual: Array
+    misfit: float
+
+    def at(self, times: Array) -> Array:
+        """Return the sum at times (N,): (N, O)."""
+        return np.asarray(_design(times, self.frequencies, self.lattice) @ self.amplitudes)
+
+    def sizes(self) -> Array:
+        """Return the size (H, O) of each harmonic."""
+        half = len(self.lattice)
+        return np.hypot(self.amplitudes[2 : 2 + half], self.amplitudes[2 + half :])
+
+
+@dataclass(frozen=True, eq=False)
+class _Solved:
+    """Amplitudes at given frequencies."""
+
+    design: Array
+    factor: tuple[Array, bool]
+    amplitudes: Array
+    left: Array
+    misfit: float
+
+
+def fit_series(signals: Signals, frequencies: Array, lattice: Index) -> Series:
+    """Fit the amplitudes at given frequencies (M,), rad/s."""
+    return _series(signals, frequencies, lattice, _solve(signals, frequencies, lattice))
+
+
+def refine(signals: Signals, frequencies: Array, lattice: Index) -> Series:
+    """Fit frequencies, from a guess (M,), and amplitudes."""
+    now, found = np.array(frequencies, dtype=float), _solve(signals, frequencies, lattice)
+    for _ in range(STEPS):
+        step = _step(signals, now, lattice, found)
+        farthest = float(np.abs(step).max(initial=0.0)) * signals.length
+        if farthest > FARTHEST:
+            step = step * (FARTHEST / farthest)
+        for _ in range(HALVINGS):
+            following = _solve(signals, now + step, lattice)
+            if following.misfit <= found.misfit:
+                break
+            step = step / 2
+        else:
+            break
+        now, found = now + step, following
+        if farthest < SETTLED:
+            break
+    return _series(signals, now, lattice, found)
+
+
+def _series(signals: Signals, frequencies: Array, lattice: Index, found: _Solved) -> Series:
+    amplitudes = found.amplitudes.copy()
+    amplitudes[1] /= signals.length
+    residual = np.sqrt(np.mean(found.left**2, axis=0))
+    return Series(np.array(frequencies), lattice, amplitudes, residual, found.misfit)
+
+
+def _design(times: Array, frequencies: Array, lattice: Index) -> Array:
+    phases = times[:, None] * (lattice @ frequencies)
+    ones = np.ones((len(times), 1))
+    return np.concatenate([ones, times[:, None], np.cos(phases), np.sin(phases)], axis=1)
+
+
+def _solve(signals: Signals, frequencies: Array, lattice: Index) -> _Solved:
+    design = _design(signals.times, frequencies, lattice)
+    # a drift counts by what it adds until the end
+    design[:, 1] /= signals.length
+    weights = signals.window[:, None]
+    order = np.abs(lattice).sum(axis=1)
+    heavy = np.minimum(GROWTH ** (order - 1.0), HEAVIEST)
+    ridge = RIDGE**2 * np.concatenate([[0.0, 0.0], heavy, heavy]) ** 2
+    weighted = design * weights
+    gram = design.T @ weighted
+    gram[np.diag_indices_from(gram)] += ridge
+    factor = cho_factor(gram)
+    amplitudes = cho_solve(factor, weighted.T @ signals.values)
+    left = signals.values - design @ amplitudes
+    misfit = float(np.sum(weights * left**2) + np.sum(ridge[:, None] * amplitudes**2))
+    return _Solved(design, factor, amplitudes, left, misfit)
+
+
+def _step(signals: Signals, frequencies: Array, lattice: Index, found: _Solved) -> Array:
+    """Change of the frequencies (M,) by the linearised residuals, of which what amplitudes can follow is taken off."""
+    half, weights = len(lattice), signals.window[:, None]
+    cosines, sines = found.design[:, 2 : 2 + half], found.design[:, 2 + half :]
+    slopes = []
+    for multiples in lattice.T:
+        used = np.flatnonzero(multiples)
+        a = found.amplitudes[2 + used] * multiples[used, None]
+        b = found.amplitudes[2 + half + used] * multiples[used, None]
+        slope = signals.times[:, None] * (cosines[:, used] @ b - sines[:, used] @ a)
+        slope -= found.design @ cho_solve(found.factor, found.design.T @ (weights * slope))
+        slopes.append((np.sqrt(weights) * slope).ravel())
+    jacobian = np.array(slopes).T
+    step: Array = np.linalg.lstsq(jacobian, (np.sqrt(weights) * found.left).ravel(), rcond=1e-9)[0]
+    return step

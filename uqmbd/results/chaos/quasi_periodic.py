@@ -1,0 +1,185 @@
+"""Quasi-periodic polynomial chaos: frequencies and amplitudes are expanded, and put together at any time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+import xarray as xr
+from numpy.typing import ArrayLike
+
+from uqmbd.errors import StudyError
+from uqmbd.results.chaos.boxes import check_filled, rows_of_boxes
+from uqmbd.results.chaos.decay import top_order
+from uqmbd.results.chaos.interface import Samples
+from uqmbd.results.chaos.quasi_periodic_element import QuasiPeriodicElement, SampledWaves
+from uqmbd.results.chaos.sampled import TOPS, SampledSurrogate
+from uqmbd.results.chaos.sampling import basis_values, spread_germs
+from uqmbd.results.chaos.storage import quasi_periodic_arguments, quasi_periodic_dataset
+from uqmbd.results.schema import Labels
+from uqmbd.typing import Array, Index
+
+if TYPE_CHECKING:
+    from uqmbd.randomness import GermBox, GermSpace
+
+__all__ = ["QuasiPeriodicChaos"]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class QuasiPeriodicChaos(SampledSurrogate):
+    """Outputs as sums of harmonics of one or two frequencies, whose frequencies and amplitudes are polynomials.
+
+    Where realisations oscillate with frequencies of their own their phases drift apart, and no order follows outputs at
+    a fixed time for long; frequencies and amplitudes stay smooth functions of the inputs.  At a sample they are put
+    together: ``y(t) = c + d t + sum_h a_h cos(w_h t) + b_h sin(w_h t)`` with ``w_h = k_h1 w1 + k_h2 w2`` and t from
+    `origin` on.  Statistics come from samples of this surrogate.
+
+    Parameters
+    ----------
+    elements : sequence of QuasiPeriodicElement
+        Their boxes fill the germ space.
+    lattice : array of int, shape (H, M)
+        Multiples k of the base frequencies in each harmonic.
+    origin : float
+        Time from which phases count, s.
+    multi_index : array of int, shape (P, d)
+        Degrees of the terms.
+    labels : Labels
+        Outputs, inputs and times.
+    verification_germs, verification_response : array, shape (V, d) and (V, O, T), optional
+        Realisations that did not enter the coefficients.
+    """
+
+    elements: tuple[QuasiPeriodicElement, ...]
+    lattice: Index
+    origin: float
+    multi_index: Index
+    labels: Labels
+    verification_germs: Array | None = None
+    verification_response: Array | None = None
+    space: GermSpace = field(init=False)
+
+    def __post_init__(self) -> None:
+        """Check that the elements fill the space."""
+        object.__setattr__(self, "elements", tuple(self.elements))
+        check_filled([e.box for e in self.elements])
+        object.__setattr__(self, "space", self.elements[0].box.space)
+        if self.labels.times is None:
+            raise StudyError("Outputs without times have no frequencies; use PolynomialChaos.")
+
+    def __repr__(self) -> str:
+        numbers = f"{len(self.lattice)} harmonics of {self.lattice.shape[1]} frequencies"
+        return f"<{type(self).__name__} of {', '.join(self.germ_names)} ({numbers})>"
+
+    def frequencies(self, inputs: ArrayLike) -> Array:
+        """Return the base frequencies (K, M) at inputs (K, d), rad/s."""
+        germs = self.space.to_germs(np.asarray(inputs, dtype=float))
+        found = np.empty((len(germs), self.lattice.shape[1]))
+        for one in self._sampled(germs):
+            found[one.rows] = one.frequencies
+        return found
+
+    def amplitudes(self, inputs: ArrayLike) -> Array:
+        """Return the size (K, O, H) of each harmonic at inputs (K, d), in the units of the outputs."""
+        germs = self.space.to_germs(np.asarray(inputs, dtype=float))
+        found = np.empty((len(germs), len(self.labels.outputs), len(self.lattice)))
+        for one in self._sampled(germs):
+            found[one.rows] = np.abs(one.waves)
+        return found
+
+    @classmethod
+    def joined(cls, chaoses: Sequence[QuasiPeriodicChaos], boxes: Sequence[GermBox]) -> QuasiPeriodicChaos:
+        """Join chaoses of the same harmonics, each on the conditional distribution in its box, that were not split."""
+        every = {tuple(row) for chaos in chaoses for row in chaos.multi_index.tolist()}
+        terms = sorted(every, key=lambda row: (sum(row), [-k for k in row]))
+        place = {row: k for k, row in enumerate(terms)}
+        elements = []
+        for chaos, box in zip(chaoses, boxes, strict=True):
+            (own,) = chaos.elements
+            rows = [place[tuple(row)] for row in chaos.multi_index.tolist()]
+            parts = (own.frequencies, own.constants, own.drifts, own.waves)
+            frequencies, constants, drifts, waves = (np.zeros((len(terms), *x.shape[1:]), x.dtype) for x in parts)
+            frequencies[rows], constants[rows], drifts[rows], waves[rows] = parts
+            elements.append(QuasiPeriodicElement(box, frequencies, constants, drifts, waves))
+        first = chaoses[0]
+        germs = [c.verification_germs for c in chaoses if c.verification_germs is not None]
+        response = [c.verification_response for c in chaoses if c.verification_response is not None]
+        return cls(
+            tuple(elements),
+            first.lattice,
+            first.origin,
+            np.array(terms, dtype=np.int64),
+            first.labels,
+            np.concatenate(germs) if germs else None,
+            np.concatenate(response) if response else None,
+        )
+
+    def to_dataset(self) -> xr.Dataset:
+        """Build the dataset `quasi_periodic` of a propagator's node; see :meth:`from_dataset`."""
+        return quasi_periodic_dataset(self, self.elements, self.lattice, self.origin)
+
+    @classmethod
+    def from_dataset(cls, dataset: xr.Dataset | xr.DataTree) -> QuasiPeriodicChaos:
+        """Make it from the dataset `quasi_periodic` of a result, without the mechanism."""
+        return cls(**quasi_periodic_arguments(dataset))
+
+    def _evaluate(self, germs: Array) -> Array:
+        found = np.empty((len(germs), *self.labels.shape))
+        for one in self._sampled(germs):
+            found[one.rows] = one.values(slice(None), self._times - self.origin)
+        return found
+
+    def _sampler(self, germs: Array) -> Samples:
+        sampled, count = self._sampled(germs), self.labels.shape[1]
+
+        def columns(part: slice) -> Array:
+            first, last, _ = part.indices(int(np.prod(self.labels.shape)))
+            found = np.empty((len(germs), last - first))
+            for output in range(first // count, -(-last // count)):
+                begin, end = max(first, output * count), min(last, (output + 1) * count)
+                times = self._times[begin - output * count : end - output * count]
+                for one in sampled:
+                    values = one.values(slice(output, output + 1), times - self.origin)
+                    found[one.rows, begin - first : end - first] = values[:, 0]
+            return found
+
+        return Samples(columns, lambda part: np.ascontiguousarray(columns(part).T))
+
+    @property
+    def _times(self) -> Array:
+        return np.asarray(self.labels.times)
+
+    def _sampled(self, germs: Array) -> list[SampledWaves]:
+        found = []
+        for element, rows in zip(self.elements, rows_of_boxes([e.box for e in self.elements], germs), strict=True):
+            if len(rows):
+                basis = basis_values(element.box.local, germs[rows], self.multi_index)
+                waves = np.tensordot(basis, element.waves, 1)
+                frequencies, constants, drifts = (
+                    basis @ x for x in (element.frequencies, element.constants, element.drifts)
+                )
+                found.append(SampledWaves(rows, frequencies, constants, drifts, waves, self.lattice))
+        return found
+
+    @cached_property
+    def _tops(self) -> Array:
+        germs = spread_germs(self.space, TOPS, 0)
+        whole, (_, edge) = self.evaluate_germs(germs), top_order(self.multi_index)
+        found = []
+        for left_out in (edge, *(edge & (self.multi_index[:, k] > 0) for k in range(len(self.germ_names)))):
+            kept = ~left_out[:, None]
+            fewer = [
+                replace(
+                    e,
+                    frequencies=e.frequencies * kept,
+                    constants=e.constants * kept,
+                    drifts=e.drifts * kept,
+                    waves=e.waves * kept[:, :, None],
+                )
+                for e in self.elements
+            ]
+            found.append(np.mean((whole - replace(self, elements=tuple(fewer)).evaluate_germs(germs)) ** 2, axis=0))
+        return np.array(found)
