@@ -179,7 +179,9 @@ def find_clock(
     low, high = value.min(axis=1), value.max(axis=1)
     rate = np.abs(found.values[:, rows[1]]).max(axis=1)
     about = float(((low + high) / 2).mean()), float(((high - low) / 2).mean()), float(rate.mean())
-    return ClockRates(clock, ensemble, rows, *about, _start(clock, found, phases, rows[1])), len(pilots)
+    return ClockRates(clock, ensemble, rows, *about, _start(clock, found, phases, rows[1])), len(
+        pilots
+    ) * found.integrations
 
 
 def _start(clock: uqmbd.Clock, found: uqmbd.Dense, phases: uqmbd.Phases, row: int) -> float:

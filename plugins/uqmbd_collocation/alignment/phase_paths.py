@@ -85,6 +85,8 @@ class PhasePaths:
     """Name of a clock that runs in all nodes, where another one is asked for."""
     _known: dict[bytes, _Path] = field(default_factory=dict)
     _late: set[bytes] = field(default_factory=set)
+    _fine: int = 0
+    """Times that resolved the last realisations."""
 
     points: ClassVar[int] = POINTS
     least: ClassVar[int] = 0
@@ -348,8 +350,9 @@ class PhasePaths:
     def _follow(self, values: Array, until: float) -> None:
         """Compute realisations; what fails behind the last output time is kept as far as it is known."""
         times = self.problem.times
-        found, told = uqmbd.dense(self.problem.watching(), values, until, 2 * len(times), times)
-        self.spent += len(values)
+        found, told = uqmbd.dense(self.problem.watching(), values, until, max(2 * len(times), self._fine), times)
+        self._fine = len(found.times)
+        self.spent += len(values) * found.integrations
         self.counters.update(told.counters)
         self.error = max(self.error, found.error)
         status = np.where(told.good | (told.status != Status.OK), told.status, int(Status.NOT_FINITE))

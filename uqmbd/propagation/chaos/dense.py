@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import ClassVar
@@ -24,6 +25,15 @@ RESOLVED = 1e-5
 BETWEEN = 0.9
 """Share of the times that decides where there are events."""
 
+ACCEPTABLE = 1e-3
+"""The same, where outputs have kinks, and more times than there may be would not resolve them."""
+
+UNSEEN = 0.1
+"""Error of a spline that misses what there is: from it no order is seen."""
+
+GROWTH = 4
+"""By how much more times are tried next, at most, and at least 1.5 times as many."""
+
 FIRST, MOST = 1024, 1 << 17
 """Times that are tried first, and at most."""
 
@@ -45,12 +55,15 @@ class Dense:
         Estimated error of the interpolation, over the range of an output: the largest.
     asked : array, shape (K, O, N), optional
         Outputs at other times that were asked for, computed and not interpolated.
+    integrations : int
+        How often each realisation was integrated, at more times again.
     """
 
     times: Array
     values: Array
     error: float
     asked: Array | None = None
+    integrations: int = 1
 
     degree: ClassVar[int] = DEGREE
 
@@ -84,26 +97,61 @@ def dense(
     Returns
     -------
     Dense
-        With the estimated error, where it is not small too: outputs that have kinks are never resolved.
+        With the estimated error, where it is not small too: outputs that have kinks are resolved to 0.1 % at best.
     uqmbd.Realisations
         As they were computed.
     """
     rows = problem.labels.shape[0]
     least = max(least, FIRST)
     most = max(least, min(MOST, NUMBERS // max(1, len(values) * rows)))
-    count = least
+    tried, spent, count = 0, Counter[str](), least
     while True:
         times = np.linspace(float(problem.times[0]), end, count)
         every = times if asked is None else np.union1d(times, asked)
         found = problem.watching(every).realise(values)
+        tried += 1
+        spent.update(found.counters)
         evenly = found.response[..., np.searchsorted(every, times)]
-        wrong = _error(times, evenly[found.good])
+        errors = [_error(times[::step], evenly[found.good][..., ::step]) for step in (2, 1)]
         # kinks and jumps at events are never resolved; what lies between them is, where it is so at most times
-        decisive = np.quantile(wrong, BETWEEN, axis=0) if problem.model.events and len(wrong) else wrong
-        if decisive.max(initial=0.0) <= RESOLVED or 2 * count > most:
-            others = None if asked is None else found.response[..., np.searchsorted(every, asked)]
-            return Dense(times, evenly, float(wrong.max(initial=0.0)) / 2 ** (DEGREE + 1), others), found
-        count *= 2
+        between = bool(problem.model.events) and errors[1].size > 0
+        coarse, fine = (_largest(np.quantile(x, BETWEEN, axis=0) if between else x) for x in errors)
+        following = _next(count, coarse, fine, most)
+        if following is None:
+            break
+        count = following
+    others = None if asked is None else found.response[..., np.searchsorted(every, asked)]
+    coarser, error = map(_largest, errors)
+    left = error / 2 ** _order(coarser, error)
+    return Dense(times, evenly, left, others, tried), replace(found, counters=dict(spent))
+
+
+def _largest(wrong: Array) -> float:
+    return float(wrong.max(initial=0.0))
+
+
+def _next(count: int, coarser: float, error: float, most: int) -> int | None:
+    """Return how many times are tried next, after so many with their error, and that of half as many; none: enough.
+
+    Smooth outputs follow the order of the splines.  Where errors fall so slowly that no number of times that there may
+    be resolves them (kinks), so many are enough as make them acceptable, if any do.
+    """
+    if error <= RESOLVED or count >= most:
+        return None
+    if error > UNSEEN:
+        return min(most, GROWTH * count)
+    order = _order(coarser, error)
+    last = error * (count / most) ** order
+    wanted = ACCEPTABLE if last > RESOLVED else RESOLVED
+    if error <= wanted or last > ACCEPTABLE:
+        return None
+    factor = (error / wanted) ** (1 / max(order, 1.0))
+    return min(most, int(count * np.clip(1.1 * factor, 1.5, GROWTH)))
+
+
+def _order(coarser: float, error: float) -> float:
+    """Return with which power of the distance of times an error falls, at most that of the splines."""
+    return float(np.clip(np.log2(max(coarser, 1e-300) / max(error, 1e-300)), 0.0, DEGREE + 1))
 
 
 def _error(times: Array, values: Array) -> Array:
