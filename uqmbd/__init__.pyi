@@ -96,6 +96,7 @@ from .propagation import fit_nodes as fit_nodes
 from .propagation import nothing_random as nothing_random
 from .propagation import refine_elements as refine_elements
 from .propagation import require_clock as require_clock
+from .propagation import require_outputs_over_time as require_outputs_over_time
 from .propagation import simulate as simulate
 from .propagation import static_equilibrium as static_equilibrium
 from .propagation import watched_angles as watched_angles

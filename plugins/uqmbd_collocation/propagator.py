@@ -283,6 +283,8 @@ class Collocation(uqmbd.Propagator):
             return reason
         try:
             space = uqmbd.GermSpace.of(study.mechanism.inputs, self.transform)
+            if self.families:
+                uqmbd.require_outputs_over_time(study.problem(self), f"alignment={self.alignment!r}")
             if self.clock is not None:
                 uqmbd.require_clock(study.problem(self), self.clock)
             ways = () if self.alignment == "auto" else self.families
@@ -307,6 +309,8 @@ class Collocation(uqmbd.Propagator):
         space, plans = problem.germ_space(self.transform), self._plans(problem.label)
         limits = Limits(self.tolerance, self.max_realisations, problem.rtol)
         begin = problem.clock()
+        if self.families:
+            uqmbd.require_outputs_over_time(problem, f"alignment={self.alignment!r}")
         if self.families and not problem.timeless:
             found = self._aligned(problem, space, plans, limits)
             problem.progress.finish(problem.label)

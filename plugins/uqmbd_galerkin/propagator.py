@@ -209,6 +209,8 @@ class Galerkin(uqmbd.Propagator):
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore", uqmbd.RedundantConstraintWarning)
                 problem = study.problem(self)
+            if self.alignment is not None:
+                uqmbd.require_outputs_over_time(problem, f"alignment={self.alignment!r}")
             # outputs without a time are evaluated at the nodes: the motion is not projected for them
             if problem.model.outputs.names:
                 self.require_integrator(problem)
@@ -223,6 +225,8 @@ class Galerkin(uqmbd.Propagator):
 
     def propagate(self, problem: uqmbd.Problem) -> xr.DataTree:
         """Verify, project, integrate, and summarise."""
+        if self.alignment is not None:
+            uqmbd.require_outputs_over_time(problem, f"alignment={self.alignment!r}")
         begin, space, how = problem.clock(), problem.germ_space(self.transform), self._discretisation(problem.label)
         terms = how.basis(space)
         rule = how.quadrature(space, terms)

@@ -38,6 +38,15 @@ def coupled(ratio: float, end: float, count: int) -> uqmbd.Study:
     return uqmbd.Study("coupled", mechanism, times=np.linspace(0, end, count), rtol=1e-10, propagators=[])
 
 
+def damped() -> uqmbd.Study:
+    """One of the masses, of which harmonics of the time that is studied tell nearly all."""
+    mechanism = uqmbd.Mechanism("damped", uqmbd.Line())
+    mass = mechanism.body("mass", mass=0.1, position=0.1)
+    mechanism.add(SpringDamper("spring", mechanism.ground, mass, 0, 0, STIFFNESS, damping=0.005, free_length=0))
+    mechanism.output("x", mass.position[0], units="m")
+    return uqmbd.Study("damped", mechanism, times=np.linspace(0, 40, 401), rtol=1e-9, propagators=[])
+
+
 def exact(inputs, times):
     """Outputs (K, 2, T) of the coupled oscillators, by their modes."""
     c, k = np.asarray(inputs).T[:, :, None]
@@ -200,8 +209,9 @@ def test_double_pendulum_beside_a_thousand_realisations():
     [
         (pendulums(2.1, 30, 61), "2.* of 2.* are not.*chaotic"),
         (pendulums(0.3, 60, 61, damping=0.05), "dies down"),
+        (damped(), "have one of which .* s show 0.* periods"),
     ],
-    ids=["chaotic", "damped"],
+    ids=["chaotic", "damped", "hardly damped"],
 )
 def test_other_motions_are_refused(study, why):
     with pytest.raises(uqmbd.StudyError, match=why):

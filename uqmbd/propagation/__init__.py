@@ -17,6 +17,7 @@ from uqmbd.propagation.chaos import (
     fit_nodes,
     refine_elements,
     require_clock,
+    require_outputs_over_time,
     watched_angles,
 )
 from uqmbd.propagation.deterministic import input_point, simulate
@@ -62,6 +63,7 @@ __all__ = [
     "nothing_random",
     "refine_elements",
     "require_clock",
+    "require_outputs_over_time",
     "set_aside",
     "simulate",
     "static_equilibrium",

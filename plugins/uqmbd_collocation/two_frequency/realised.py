@@ -24,6 +24,9 @@ __all__ = ["SeriesProblem", "Waves"]
 LONGEST = 8.0
 """How much longer than the output times realisations are followed at most."""
 
+SEEN = 1.5
+"""Periods of each frequency that realisations show, at least."""
+
 PERIODS = 30.0
 """Periods of the slowest frequency in which all harmonics can be told apart: where there are fewer, and something is
 left, realisations are followed longer."""
@@ -258,6 +261,7 @@ class SeriesProblem:
         self.residual = max(self.residual, float(worst.max(initial=0.0)))
         bad = ~(worst <= QUASI_PERIODIC)
         if not bad.any():
+            self._refuse_slow(series)
             return
         output = self.problem.labels.outputs[int(left.max(axis=0).argmax())].name
         until = float(self.problem.times[0]) + self.longer * self.length
@@ -267,6 +271,21 @@ class SeriesProblem:
             f"what is left has {worst.max():.2g} of the root mean square of {output!r}, and {QUASI_PERIODIC:g} is "
             "allowed. The motion is chaotic, dies down, has impacts or more frequencies. Use alignment='phase' where "
             "one angle or oscillation goes on, elements, or leave alignment out."
+        )
+
+    def _refuse_slow(self, series: Sequence[Series]) -> None:
+        """Raise where a frequency is that of the time which was looked at, as of a motion that dies down."""
+        seen = self.longer * self.length
+        slowest = np.array([float(np.abs(one.frequencies).min(initial=np.inf)) for one in series])
+        slow = slowest * seen < 2 * np.pi * SEEN
+        if not slow.any():
+            return
+        raise uqmbd.StudyError(
+            f"{self.label}: alignment='two-frequency' needs motions that are sums of harmonics of one or two "
+            f"frequencies; {slow.sum()} of {len(slow)} realisations that were looked at have one of which {seen:g} s "
+            f"show {slowest.min() * seen / (2 * np.pi):.2g} periods, and {SEEN:g} are needed: such a motion may as "
+            "well die down, or grow. Study a longer time; use alignment='phase' where one angle or oscillation goes "
+            "on, or leave alignment out."
         )
 
     def _keep(self, values: Array, series: Sequence[Series]) -> None:

@@ -2,7 +2,15 @@
 
 from __future__ import annotations
 
-from uqmbd.propagation.chaos.clocks import Clock, Phases, choose_clock, clock_at_means, require_clock, watched_angles
+from uqmbd.propagation.chaos.clocks import (
+    Clock,
+    Phases,
+    choose_clock,
+    clock_at_means,
+    require_clock,
+    require_outputs_over_time,
+    watched_angles,
+)
 from uqmbd.propagation.chaos.dense import Dense, dense
 from uqmbd.propagation.chaos.elements import ElementLimits, ElementRefinement, refine_elements
 from uqmbd.propagation.chaos.nodes import NodeFit, fit_nodes
@@ -22,5 +30,6 @@ __all__ = [
     "ElementRefinement",
     "refine_elements",
     "require_clock",
+    "require_outputs_over_time",
     "watched_angles",
 ]

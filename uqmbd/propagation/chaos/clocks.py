@@ -14,13 +14,22 @@ from typing import Any
 
 import numpy as np
 import sympy
+from scipy.interpolate import make_interp_spline
 
 from uqmbd.errors import StudyError
 from uqmbd.propagation.chaos.dense import Dense, dense
 from uqmbd.propagation.problem import Problem
 from uqmbd.typing import Array, Mask
 
-__all__ = ["Clock", "Phases", "choose_clock", "clock_at_means", "require_clock", "watched_angles"]
+__all__ = [
+    "Clock",
+    "Phases",
+    "choose_clock",
+    "clock_at_means",
+    "require_clock",
+    "require_outputs_over_time",
+    "watched_angles",
+]
 
 
 TURN = 2 * np.pi
@@ -97,7 +106,9 @@ class Clock:
     def _swinging(self, found: Dense, values: Array, end: float, near: Array) -> Array:
         """Phases in the plane of value and rate, both centred and scaled in each realisation."""
         within = found.times <= end * (1 + 1e-12)
-        rate = np.stack([found.spline(k).derivative()(found.times)[:, self.row] for k in range(len(values))])
+        rate = np.stack(
+            [make_interp_spline(found.times, own, Dense.degree).derivative()(found.times) for own in values]
+        )
         low, high = values[:, within].min(axis=1, keepdims=True), values[:, within].max(axis=1, keepdims=True)
         fastest = np.abs(rate[:, within]).max(axis=1, keepdims=True)
         centred = (values - (low + high) / 2) / _divisor((high - low) / 2)
@@ -271,6 +282,28 @@ class _Fitness:
         # rounded: of clocks that differ by rounding the first is taken
         common, even = self.turns > 0 and self.share >= ENOUGH, self.steadiness >= EVEN
         return common, round(self.share, 3), even, self.angle, round(self.steadiness, 1)
+
+
+def require_outputs_over_time(problem: Problem, option: str) -> None:
+    """Refuse an option that means nothing for outputs without a time, where a study has no others.
+
+    Parameters
+    ----------
+    problem : uqmbd.Problem
+        That of the study.
+    option : str
+        As it was given, ``alignment='phase'``.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If all outputs are without a time.
+    """
+    if not problem.model.outputs.names:
+        raise StudyError(
+            f"{problem.label}: {option} is about outputs over time, and the study has only such without a time; leave "
+            "it out."
+        )
 
 
 def require_clock(problem: Problem, wanted: str) -> Clock:
