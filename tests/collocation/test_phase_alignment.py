@@ -121,3 +121,14 @@ def test_statistics_are_known_for_skewed_inputs(options):
     statistics = study.propagate(Collocation(alignment="phase", **options))["statistics"].to_dataset()
     for name in ("mean", "std", "quantile", "sobol_total", "verification_error"):
         assert np.isfinite(statistics[name]).all(), name
+
+
+@pytest.mark.thorough
+@pytest.mark.filterwarnings("ignore:collocation")
+@pytest.mark.parametrize("alignment", ["phase", ("plain", "phase")])
+def test_a_surrogate_that_misses_everything_says_so(alignment):
+    """At order 0 the surrogate is constant and the oscillator is not: stated errors are 1, as those of its chaos."""
+    node = oscillator(5, 51).propagate(Collocation(order=0, alignment=alignment))
+    stated = node["statistics"]["verification_error"].values
+    np.testing.assert_array_equal(stated, surrogate(node).verification_error())
+    assert (stated[:, 5:] > 0.9).all()

@@ -14,6 +14,7 @@ from uqmbd.propagation.integration_error import with_integration_error
 from uqmbd.propagation.problem import Problem
 from uqmbd.propagation.propagator import Propagator
 from uqmbd.results import InputInfo, Labels, with_scalars
+from uqmbd.results.chaos import verified_std
 from uqmbd.results.statistics import settled
 from uqmbd.threads import one_thread
 
@@ -52,9 +53,9 @@ def _run(propagator: Propagator, problem: Problem, check: bool, *, mixed: bool =
         node.attrs.setdefault(name, value)
     node = with_integration_error(node, problem) if check else node
     statistics = node.children["statistics"]
-    chaos = node.children["chaos"].to_dataset(inherit=False) if "chaos" in node.children else None
+    seen = verified_std(node, statistics["std"].shape)
     # in its place: a tree copies what is put into it
-    statistics.dataset = settled(statistics.to_dataset(inherit=False), problem.rtol, chaos)
+    statistics.dataset = settled(statistics.to_dataset(inherit=False), problem.rtol, seen)
     return node
 
 

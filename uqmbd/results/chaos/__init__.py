@@ -14,7 +14,13 @@ from uqmbd.results.chaos.quasi_periodic import QuasiPeriodicChaos
 from uqmbd.results.chaos.quasi_periodic_element import QuasiPeriodicElement
 from uqmbd.results.chaos.sampling import random_germs, spread_germs
 from uqmbd.results.chaos.stated_error import SPREAD_FLOOR, reference_spread
-from uqmbd.results.chaos.surrogates import surrogate, surrogate_parts
+from uqmbd.results.chaos.surrogates import (
+    StoredSurrogate,
+    stored_surrogates,
+    surrogate,
+    surrogate_parts,
+    verified_std,
+)
 
 __all__ = [
     "AlignedChaos",
@@ -29,6 +35,7 @@ __all__ = [
     "QuasiPeriodicChaos",
     "QuasiPeriodicElement",
     "SPREAD_FLOOR",
+    "StoredSurrogate",
     "chaos_from_dataset",
     "error_words",
     "least_squares",
@@ -40,7 +47,9 @@ __all__ = [
     "spread_germs",
     "stated_words",
     "stored_as",
+    "stored_surrogates",
     "surrogate",
     "surrogate_parts",
     "verdict_of_decay",
+    "verified_std",
 ]

@@ -3,14 +3,40 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 import xarray as xr
 
 from uqmbd.errors import StudyError
 from uqmbd.results.chaos.composed import KINDS, ComposedChaos, Part
+from uqmbd.typing import Array, Index
 
-__all__ = ["surrogate", "surrogate_parts"]
+__all__ = ["StoredSurrogate", "stored_surrogates", "surrogate", "surrogate_parts", "verified_std"]
+
+
+class StoredSurrogate(NamedTuple):
+    """The surrogate of some outputs as it is stored: its kind, its dataset, and the numbers of these outputs."""
+
+    kind: str
+    data: xr.Dataset
+    rows: Index
+
+    @property
+    def equal_times(self) -> bool:
+        """Whether it is one expansion at equal times over the whole germ space."""
+        data = self.data
+        return (
+            {"multi_index", "coefficients"} <= set(data.data_vars)
+            and data["multi_index"].dims == ("term", "input")
+            and data["coefficients"].dims[:2] == ("term", "output")
+        )
+
+    @property
+    def split(self) -> bool:
+        """Whether it consists of elements that more of them would improve."""
+        # an aligned one that is not split has one element
+        return self.data.sizes.get("element", 0) > (0 if self.kind == "chaos" else 1)
 
 
 def surrogate(node: xr.DataTree, output: str | None = None, times: Sequence[int] | None = None) -> Part | ComposedChaos:
@@ -82,6 +108,35 @@ def surrogate_parts(node: xr.DataTree) -> dict[str, tuple[str, xr.DataTree]]:
         return {}
     parts = node.children["composed"].children
     return {str(name): (kind, part.children[kind]) for name, part in parts.items() if (kind := _kind(part))}
+
+
+def stored_surrogates(node: xr.DataTree) -> tuple[StoredSurrogate, ...]:
+    """Return the surrogates that a method's results hold, of whatever kind, without making them; none: empty.
+
+    Parameters
+    ----------
+    node : xarray.DataTree
+        The node of a propagator, or its child ``scalars``.
+    """
+    found = []
+    for kind, part in surrogate_parts(node).values():
+        data = part.to_dataset()
+        rows = data["place"].values if "place" in data else np.arange(data.sizes.get("output", 0))
+        found.append(StoredSurrogate(kind, data, np.asarray(rows, dtype=np.intp)))
+    return tuple(found)
+
+
+def verified_std(node: xr.DataTree, shape: tuple[int, ...]) -> Array:
+    """Return the standard deviation of the verification realisations, of the shape of a method's statistics.
+
+    0 where there are none.
+    """
+    found = np.zeros(shape)
+    for _, data, rows in stored_surrogates(node):
+        known = data.get("verification_response")
+        if known is not None and known.shape[1:] == (len(rows), *shape[1:]):
+            found[rows] = known.values.std(axis=0)
+    return found
 
 
 def _kind(node: xr.DataTree) -> str:

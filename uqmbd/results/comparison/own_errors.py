@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from uqmbd.results.chaos import reference_spread
+from uqmbd.results.chaos import reference_spread, stored_surrogates
 from uqmbd.results.statistics import divisor, integration_error, over_time, studentised, varying
 from uqmbd.status import Status
 from uqmbd.typing import Array
@@ -222,18 +222,24 @@ def _surrogate(node: xr.DataTree, statistics: xr.Dataset, std: Array) -> tuple[A
     """Return the bound (O, T) of what a surrogate misses, its stated error (O,), and the same over time (O, T)."""
     from scipy.special import chdtri
 
-    chaos = node.children["chaos"].to_dataset() if "chaos" in node.children else xr.Dataset()
-    source = next((d for d in (statistics, chaos) if "verification_error" in d), None)
-    if source is None:
-        return np.zeros_like(std), np.full(len(std), np.nan), np.full_like(std, np.nan)
-    error = source["verification_error"]
-    others = [d for d in error.dims if d not in ("output", "time")]
-    told = np.abs(over_time((error.max(others) if others else error).values))
+    # how many realisations another method's error is from nobody knows
+    told, verified = np.full_like(std, np.nan), np.full((len(std), 1), 8.0)
+    sources = [(statistics, np.arange(len(std)))]
+    for _, data, rows in stored_surrogates(node):
+        verified[rows] = max(int(data.sizes.get("verification", 8)), 1)
+        if "verification_error" not in statistics:
+            sources.append((data, rows))
+    sources = [(data, rows) for data, rows in sources if "verification_error" in data]
+    if not sources:
+        return np.zeros_like(std), np.full(len(std), np.nan), told
+    for data, rows in sources:
+        error = data["verification_error"]
+        others = [d for d in error.dims if d not in ("output", "time")]
+        told[rows] = np.abs(over_time((error.max(others) if others else error).values))
     # where results end early there is no spread
     found = np.where(np.isfinite(std), told * reference_spread(np.nan_to_num(std)), np.nan)
-    verified = max(int(chaos.sizes.get("verification", 8)), 1)
     # the mean square of so few errors may be too small
-    margin = float(np.sqrt(verified / chdtri(verified, 1.0 - CONFIDENCE)))
+    margin = np.sqrt(verified / chdtri(verified, 1.0 - CONFIDENCE))
     known = np.isfinite(found).all(axis=0) & np.isfinite(std).all(axis=0)
     times = statistics["time"].values[known] if "time" in statistics.dims else np.zeros(1)
     scale = root_mean_square(std[:, known], times)
@@ -242,18 +248,22 @@ def _surrogate(node: xr.DataTree, statistics: xr.Dataset, std: Array) -> tuple[A
 
 
 def _orders(node: xr.DataTree, outputs: int) -> tuple[int | None, Array]:
-    """Return the order of a chaos, and the part of the standard deviation in its highest terms (O,)."""
-    unknown = np.full(outputs, np.nan)
-    chaos = node.children["chaos"].to_dataset() if "chaos" in node.children else xr.Dataset()
-    if not {"multi_index", "coefficients"} <= set(chaos.data_vars):
-        return None, unknown
-    if chaos["multi_index"].dims != ("term", "input") or chaos["coefficients"].dims[:2] != ("term", "output"):
-        return None, unknown
-    degree = chaos["multi_index"].values.sum(axis=1)
-    square = chaos["coefficients"].values.reshape(len(degree), outputs, -1) ** 2
-    whole = square[degree > 0].sum(axis=(0, 2))
-    top = square[degree == max(int(degree.max()), 1)].sum(axis=(0, 2))
-    return int(degree.max()), np.sqrt(np.where(whole > 0, top / divisor(whole), 0.0))
+    """Return the highest order of a surrogate, and the part of the standard deviation in its highest terms (O,).
+
+    That part is known of expansions at equal times.
+    """
+    orders, top = [], np.full(outputs, np.nan)
+    for part in stored_surrogates(node):
+        if "multi_index" not in part.data or part.data["multi_index"].dims != ("term", "input"):
+            continue
+        degree = part.data["multi_index"].values.sum(axis=1)
+        orders.append(int(degree.max()))
+        if part.equal_times:
+            square = part.data["coefficients"].values.reshape(len(degree), len(part.rows), -1) ** 2
+            whole = square[degree > 0].sum(axis=(0, 2))
+            highest = square[degree == max(orders[-1], 1)].sum(axis=(0, 2))
+            top[part.rows] = np.sqrt(np.where(whole > 0, highest / divisor(whole), 0.0))
+    return max(orders, default=None), top
 
 
 def _response(node: xr.DataTree, shape: tuple[int, ...]) -> Array | None:

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 import xarray as xr
 
-from uqmbd.results.chaos import stated_words, verdict_of_decay
+from uqmbd.results.chaos import stated_words, stored_surrogates, verdict_of_decay
 from uqmbd.results.comparison.own_errors import OwnError, own_error
 from uqmbd.results.statistics import rtol_of
 
@@ -46,6 +46,7 @@ def own_statements(node: xr.DataTree, own: OwnError | None = None) -> list[str]:
     statistics = node.children["statistics"].to_dataset()
     times = np.asarray(statistics["time"].values, dtype=float) if "time" in statistics["mean"].dims else None
     known = np.isfinite(found.std).all(axis=0)
+    split = {row for part in stored_surrogates(node) if part.split for row in part.rows.tolist()}
     said = []
     for o, name in enumerate(str(value) for value in statistics["output"].values):
         told = found.told[o, known]
@@ -58,8 +59,7 @@ def own_statements(node: xr.DataTree, own: OwnError | None = None) -> list[str]:
             said.append(stated_words("samples", told, at, np.inf))
         else:
             at = None if times is None else times[known]
-            split = "chaos" in node.children and "element" in node.children["chaos"].sizes
-            said.append(stated_words("surrogate", told, at, LIMIT, _REMEDIES["elements" if split else "chaos"]))
+            said.append(stated_words("surrogate", told, at, LIMIT, _REMEDIES["elements" if o in split else "chaos"]))
     return said
 
 
@@ -98,14 +98,13 @@ def statements(tree: xr.DataTree, nodes: Mapping[str, xr.DataTree]) -> dict[tupl
 
 
 def _decay(node: xr.DataTree, name: str, output: int) -> str:
-    """Say how the coefficients of a plain chaos have fallen; empty where there is none."""
-    data = node.children["chaos"].to_dataset() if "chaos" in node.children else xr.Dataset()
-    if not {"multi_index", "coefficients"} <= set(data.data_vars):
+    """Say how the coefficients of an expansion at equal times have fallen; empty where there is none."""
+    part = next((x for x in stored_surrogates(node) if x.equal_times and output in x.rows), None)
+    if part is None or part.data["coefficients"].ndim > 3:
         return ""
-    dims = data["coefficients"].dims
-    if data["multi_index"].dims != ("term", "input") or dims[:2] != ("term", "output") or len(dims) > 3:
-        return ""
-    coefficients, index = data["coefficients"].values[:, output], data["multi_index"].values
+    data, dims = part.data, part.data["coefficients"].dims
+    row = part.rows.tolist().index(output)
+    coefficients, index = data["coefficients"].values[:, row], data["multi_index"].values
     germs = [str(value) for value in data["germ" if "germ" in data.coords else "input"].values]
     times = np.asarray(data["time"].values, dtype=float) if "time" in dims else None
     if times is not None:

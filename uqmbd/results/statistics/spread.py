@@ -78,7 +78,7 @@ def varies(node: xr.DataTree, output: str) -> bool:
     return bool(varying(statistics, rtol_of(node))[[str(n) for n in statistics["output"].values].index(output)])
 
 
-def settled(statistics: xr.Dataset, rtol: float = 0.0, chaos: xr.Dataset | None = None) -> xr.Dataset:
+def settled(statistics: xr.Dataset, rtol: float = 0.0, verified: Array | None = None) -> xr.Dataset:
     """Return statistics in which what does not vary has no shares, no shape and no error of a spread.
 
     Sobol' indices and the stated error of a surrogate are 0 there, and so is the skewness; the kurtosis is 3.  Mean and
@@ -90,14 +90,13 @@ def settled(statistics: xr.Dataset, rtol: float = 0.0, chaos: xr.Dataset | None 
         Of a method.
     rtol : float
         Tolerance of the integration; 0: not known.
-    chaos : xarray.Dataset, optional
-        Of a surrogate: what varies at its verification realisations varies, whatever the surrogate makes of it.
+    verified : array, shape (O, T), or (O) without a time, optional
+        Standard deviation of the verification realisations of a surrogate: what varies there varies, whatever the
+        surrogate makes of it.
     """
     moves = varying(statistics, rtol)
-    if chaos is not None and "verification_response" in chaos:
-        known = chaos["verification_response"]
-        if known.dims == ("verification", *statistics["std"].dims) and known.shape[1:] == statistics["std"].shape:
-            moves = moves | varying(statistics.assign(std=statistics["std"].copy(data=known.values.std(axis=0))), rtol)
+    if verified is not None:
+        moves = moves | varying(statistics.assign(std=statistics["std"].copy(data=verified)), rtol)
     if moves.all():
         return statistics
     mask = xr.DataArray(moves, dims="output")

@@ -13,6 +13,7 @@ from uqmbd.dynamics import Ensemble, derive, instances_of, integrate
 from uqmbd.errors import AssemblyError
 from uqmbd.mechanism import Component, Space
 from uqmbd.propagation import Propagator, Study
+from uqmbd.results import surrogate_parts
 from uqmbd.testing.components.cases import Case, moving_case, name_of
 from uqmbd.testing.components.energy import is_timeless
 from uqmbd.testing.propagators import check_schema, described, quiet, stated_errors
@@ -141,17 +142,17 @@ def _check_energy(energy: np.ndarray[Any, np.dtype[np.float64]], title: str) -> 
 
 
 def _compare(found: Mapping[str, Any]) -> None:
-    """Compare each method with the first that makes a chaos, or else the first."""
+    """Compare each method with the first that makes a surrogate, or else the first."""
     if len(found) < 2:
         return
-    first = next((what for what, node in found.items() if "chaos" in node.children), next(iter(found)))
+    first = next((what for what, node in found.items() if surrogate_parts(node)), next(iter(found)))
     reference = found[first].children["statistics"].to_dataset()
     scale = reference["std"].max("time").values[:, None]
     known = stated_errors(found[first])
     for what, node in found.items():
         statistics, errors = node.children["statistics"].to_dataset(), stated_errors(node)
         for k, name in enumerate(("mean", "std")):
-            if name == "std" and "chaos" not in node.children and "std_error_std" not in statistics:
+            if name == "std" and not surrogate_parts(node) and "std_error_std" not in statistics:
                 continue  # a method that says nothing of its error, and perhaps of the spread neither
             a, b = statistics[name].values, reference[name].values
             size = np.abs(reference["mean"]).max("time").values[:, None]

@@ -12,6 +12,7 @@ import xarray as xr
 from uqmbd.errors import StudyError
 from uqmbd.propagation import Propagator, Study
 from uqmbd.results import validate
+from uqmbd.results.chaos import stored_surrogates
 from uqmbd.testing.solutions import Known
 from uqmbd.typing import Array
 
@@ -90,14 +91,18 @@ def stated_errors(node: xr.DataTree) -> tuple[Array, Array]:
     statistics = node.children["statistics"].to_dataset()
     shape = statistics["mean"].shape
     surrogate = np.zeros(shape)
-    chaos = node.children.get("chaos")
-    if chaos is not None and "verification_error" in chaos.data_vars:
-        std = statistics["std"].values
-        spread = np.maximum(std, 0.01 * std.max(axis=-1, keepdims=True))
-        error = chaos.to_dataset()["verification_error"]
-        # elements, where there are several, are independent: the largest error bounds all
-        extra = [d for d in error.dims if d not in ("output", "time")]
-        surrogate = SURROGATE * error.max(extra).values * spread
+    std = statistics["std"].values
+    spread = np.maximum(std, 0.01 * std.max(axis=-1, keepdims=True))
+    for _, data, rows in stored_surrogates(node):
+        if "verification_error" in data:
+            # elements, where there are several, are independent: the largest error bounds all
+            error = data["verification_error"]
+            told = error.max([d for d in error.dims if d not in ("output", "time")]).values
+        elif "verification_error" in statistics:
+            told = statistics["verification_error"].values[rows]
+        else:
+            continue
+        surrogate[rows] = SURROGATE * told * spread[rows]
     names = ("std_error_mean", "std_error_std")
     noise = [ERRORS * statistics[n].values if n in statistics else np.zeros(shape) for n in names]
     return noise[0] + surrogate, noise[1] + surrogate
