@@ -59,7 +59,9 @@ class Collocation(uqmbd.Propagator):
     tolerance : float
         Of a refinement: relative to the largest standard deviation of each output over time.
     max_realisations : int
-        Most realisations, verification included.
+        Most different realisations, verification included; of several families of alignment, those of each.  What is
+        followed anew, for longer or at more times, is the same realisation: the results' ``realisations`` count it
+        again.
     elements : int or "adaptive", optional
         Split the germ space into so many boxes, or until `threshold` is met, each with a chaos of its own: where the
         response jumps or has a kink (contact, friction, locking).  A split element is computed anew.
