@@ -76,6 +76,7 @@ from .plugins import hookimpl as hookimpl
 from .propagation import Bounds as Bounds
 from .propagation import Clock as Clock
 from .propagation import Dense as Dense
+from .propagation import Doubt as Doubt
 from .propagation import ElementLimits as ElementLimits
 from .propagation import ElementRefinement as ElementRefinement
 from .propagation import Estimate as Estimate
@@ -91,7 +92,9 @@ from .propagation import Verification as Verification
 from .propagation import choose_clock as choose_clock
 from .propagation import clock_at_means as clock_at_means
 from .propagation import dense as dense
+from .propagation import doubts as doubts
 from .propagation import eigenfrequencies as eigenfrequencies
+from .propagation import errors_over_largest as errors_over_largest
 from .propagation import fit_nodes as fit_nodes
 from .propagation import nothing_random as nothing_random
 from .propagation import refine_elements as refine_elements
@@ -99,6 +102,7 @@ from .propagation import require_clock as require_clock
 from .propagation import require_outputs_over_time as require_outputs_over_time
 from .propagation import simulate as simulate
 from .propagation import static_equilibrium as static_equilibrium
+from .propagation import varying as varying
 from .propagation import watched_angles as watched_angles
 from .randomness import GermBox as GermBox
 from .randomness import GermSpace as GermSpace

@@ -22,7 +22,7 @@ from uqmbd_collocation.plans import Plans
 from uqmbd_collocation.refinement import Limits, UnmetWarning
 from uqmbd_collocation.two_frequency import expand_series
 
-__all__ = ["FAMILIES", "Family", "expand_families", "impossible"]
+__all__ = ["FAMILIES", "Family", "expand_families", "impossible", "warn_of_doubt"]
 
 Family = Literal["plain", "events", "phase", "two-frequency"]
 FAMILIES: tuple[Family, ...] = get_args(Family)
@@ -221,8 +221,11 @@ def expand_families(
                 warnings.warn(message, stacklevel=3)
     found = _composed(work, chaoses, taken, {name: error * spread / largest for name, error in over.items()})
     lost = np.array([errors[name][k] for k, name in enumerate(taken)]) / largest[:, None]
-    if said := _not_followed(problem, taken, lost, work.left_out):
-        warnings.warn(said, stacklevel=3)
+    loud = np.array([uqmbd.varying(chaoses[name], problem.rtol)[k] for k, name in enumerate(taken)])
+    if wrong := uqmbd.doubts(problem.labels, lost, LARGE, loud):
+        said = [one.words(f"best: {taken[one.row]}, ") for one in wrong]
+        also = f" Left out: {_reasons(work.left_out)}" if work.left_out else ""
+        warnings.warn(_doubtful(problem, "no family of alignment follows", said, "") + also, stacklevel=3)
     return found
 
 
@@ -334,19 +337,19 @@ def _reasons(left_out: Mapping[Family, str]) -> str:
     return " ".join(f"{name}: {why}" for name, why in left_out.items())
 
 
-def _not_followed(
-    problem: uqmbd.Problem, taken: Sequence[Family], errors: Array, left_out: Mapping[Family, str]
-) -> str:
-    """Say which outputs no family follows, from their errors (O, T) over the largest standard deviation."""
-    said = []
-    for output, family, error in zip(problem.labels.outputs, taken, errors, strict=True):
-        if (above := error > LARGE).any():
-            begin, whole = float(problem.times[above.argmax()]), float(np.sqrt(np.mean(error**2)))
-            said.append(f"{output.name!r} (best: {family}, error {whole:.2g}, above {LARGE:g} from t = {begin:g} s on)")
-    if not said:
-        return ""
+def warn_of_doubt(problem: uqmbd.Problem, chaos: Part | ComposedChaos, family: Family) -> None:
+    """Say which outputs a family does not follow that alone was asked for, and from when on."""
+    if chaos.verification_response is None:
+        return
+    errors, loud = uqmbd.errors_over_largest(chaos), uqmbd.varying(chaos, problem.rtol)
+    if found := uqmbd.doubts(chaos.labels, errors, LARGE, loud):
+        said = [one.words() for one in found]
+        other = ", or try alignment='auto', which takes the best family for each output"
+        warnings.warn(_doubtful(problem, f"alignment={family!r} does not follow", said, other), stacklevel=4)
+
+
+def _doubtful(problem: uqmbd.Problem, what: str, said: Sequence[str], other: str) -> str:
     return (
-        f"{problem.label}: no family of alignment follows {', '.join(said)}; errors are those at the verification "
-        "realisations, over the largest standard deviation. Raise the order, give elements, or end earlier. "
-        + (f"Left out: {_reasons(left_out)}" if left_out else "")
-    ).rstrip()
+        f"{problem.label}: {what} {', '.join(said)}; errors are those at the verification realisations, over the "
+        f"largest standard deviation. Raise the order, give elements, or end earlier{other}."
+    )

@@ -13,7 +13,7 @@ import uqmbd
 from uqmbd_collocation.alignment import EventPaths, PhasePaths, align
 from uqmbd_collocation.elements import collocate_elements
 from uqmbd_collocation.expanded import Expanded
-from uqmbd_collocation.families import FAMILIES, Family, expand_families, impossible
+from uqmbd_collocation.families import FAMILIES, Family, expand_families, impossible, warn_of_doubt
 from uqmbd_collocation.plain import expand
 from uqmbd_collocation.plans import Adaptive, Method, Plans, Terms
 from uqmbd_collocation.refinement import Limits
@@ -327,11 +327,14 @@ class Collocation(uqmbd.Propagator):
 
     def _aligned(self, problem: uqmbd.Problem, space: uqmbd.GermSpace, plans: Plans, limits: Limits) -> Expanded:
         about = (self._limits, limits)
-        if self.alignment == "events":
-            return align(problem, space, plans, EventPaths(problem), *about)
-        if self.alignment == "phase":
-            return align(problem, space, plans, PhasePaths(problem, self.clock), *about)
-        if self.alignment == "two-frequency":
-            return expand_series(problem, space, plans, *about)
-        wanted = self.alignment != "auto"
-        return expand_families(problem, space, plans, *about, self.families, self.clock, wanted=wanted)
+        if len(self.families) > 1:
+            wanted = self.alignment != "auto"
+            return expand_families(problem, space, plans, *about, self.families, self.clock, wanted=wanted)
+        (family,) = self.families
+        if family == "two-frequency":
+            found = expand_series(problem, space, plans, *about)
+        else:
+            paths = EventPaths(problem) if family == "events" else PhasePaths(problem, self.clock)
+            found = align(problem, space, plans, paths, *about)
+        warn_of_doubt(problem, found.chaos, family)
+        return found

@@ -52,11 +52,13 @@ def warn(
 
 def warn_of_doubt(problem: uqmbd.Problem, chaos: Chaos, how: str, remedy: str) -> None:
     """Say from when on the stated error is too large; `how` the chaos was made, as " with 4 elements", or empty."""
-    doubtful = horizons(chaos, DOUBTFUL, problem.rtol)
-    if doubtful:
+    if chaos.verification_response is None:
+        return
+    found = uqmbd.doubts(chaos.labels, chaos.verification_error(), DOUBTFUL, uqmbd.varying(chaos, problem.rtol))
+    if found:
         warnings.warn(
             f"{problem.label}: the stated error passes {DOUBTFUL:.0%} of the standard deviation{how}, in "
-            f"{_listed(doubtful)}; do not trust it from there on: {remedy}.",
+            f"{', '.join(one.words() for one in found)}; do not trust it from there on: {remedy}.",
             stacklevel=4,
         )
 
@@ -80,16 +82,10 @@ def horizons(chaos: Chaos, limit: float, rtol: float) -> dict[str, float]:
     dict of str to float
         Times in s by the name of the output.
     """
-    response = chaos.verification_response
-    if response is None:
+    if chaos.verification_response is None:
         return {}
-    outputs = chaos.labels.outputs
-    size = np.abs(chaos.mean).max(axis=1)
-    alike = np.array([size[[o.units == other.units for other in outputs]].max() for o in outputs])
-    spread = np.maximum(chaos.std, response.std(axis=0)).max(axis=1)
-    loud = spread > rtol * np.maximum(100 * size, alike)
-    found = chaos.horizon(limit)
-    return {o.name: t for o, some in zip(outputs, loud, strict=True) if some and (t := found[o.name]) is not None}
+    found = uqmbd.doubts(chaos.labels, chaos.verification_error(), limit, uqmbd.varying(chaos, rtol))
+    return {one.output: one.begin for one in found}
 
 
 def _listed(horizon: dict[str, float]) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 
 import chaospy
 import numpy as np
@@ -181,7 +182,8 @@ def test_what_no_family_follows_is_said():
     other = uqmbd.RandomVariable("other", chaospy.Uniform(140, 180), units="N/m")
     study = oscillator(12, 121, stiffness=(STIFFNESS, other))
     with pytest.warns(
-        UserWarning, match=r"no family of alignment follows 'sum' \(best: .*, error .*, above 0.05 from t"
+        UserWarning,
+        match=r"no family of alignment follows 'sum' from t = .* s on \(best: .*, error up to .*, above 0.05",
     ):
         node = study.propagate(Collocation(order=2, alignment=("plain", "phase")))
     _, errors, _ = told(node)
@@ -192,6 +194,24 @@ def test_what_no_family_follows_is_said():
     chaos = surrogate(node, "sum")
     wrong = np.sqrt(((chaos.evaluate(k)[:, 0] - exact) ** 2).mean()) / exact.std(axis=0).max()
     assert wrong / 3 < errors["sum"] < 3 * wrong
+
+
+def test_one_family_says_what_it_does_not_follow():
+    """Two springs swing at two frequencies: the phase of one does not serve the sum, and the warning holds the truth."""
+    other = uqmbd.RandomVariable("other", chaospy.Uniform(140, 180), units="N/m")
+    study = oscillator(12, 121, stiffness=(STIFFNESS, other))
+    with pytest.warns(UserWarning, match="alignment='phase' does not follow 'sum' from t = ") as told_so:
+        node = study.propagate(Collocation(order=2, alignment="phase", verify=40))
+    (text,) = [str(one.message) for one in told_so if "does not follow" in str(one.message)]
+    begin, largest = (float(re.search(f"{what} ([0-9.]+)", text)[1]) for what in ("from t =", "error up to"))
+    draw = np.random.default_rng(0)
+    k = np.stack([draw.uniform(90, 110, 400), draw.uniform(140, 180, 400)], axis=1)
+    exact = damped(k[:, 0], 0.0, study.times) + damped(k[:, 1], 0.0, study.times)
+    wrong = np.sqrt(((surrogate(node, "sum").evaluate(k)[:, 0] - exact) ** 2).mean(axis=0)) / exact.std(axis=0).max()
+    assert wrong.max() / 2 < largest < 2 * wrong.max()
+    assert wrong[study.times < begin].max() < 0.1 and wrong[study.times >= begin].max() > 0.05
+    # one frequency is followed: not a word, which would be an error here
+    oscillator(12, 121).propagate(Collocation(order=3, alignment="phase"))
 
 
 def test_what_is_not_possible_is_left_out_or_refused():

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
+
 import chaospy
 import numpy as np
 import pytest
@@ -118,7 +120,12 @@ def test_statistics_are_known_for_skewed_inputs(options):
     mechanism.add(Torque("drive", body, torque=torque))
     mechanism.output("height", body.point((0.2, 0))[1], units="m")
     study = uqmbd.Study("disc", mechanism, times=np.linspace(0, 6, 61), propagators=[])
-    statistics = study.propagate(Collocation(alignment="phase", **options))["statistics"].to_dataset()
+    # a straight line through phases of such a torque is wrong, and says so
+    wrong = (
+        pytest.warns(UserWarning, match="does not follow 'height' from") if options == {"order": 1} else nullcontext()
+    )
+    with wrong:
+        statistics = study.propagate(Collocation(alignment="phase", **options))["statistics"].to_dataset()
     for name in ("mean", "std", "quantile", "sobol_total", "verification_error"):
         assert np.isfinite(statistics[name]).all(), name
 

@@ -12,6 +12,7 @@ from uqmbd.propagation.chaos.clocks import (
     watched_angles,
 )
 from uqmbd.propagation.chaos.dense import Dense, dense
+from uqmbd.propagation.chaos.doubts import Doubt, doubts, errors_over_largest, varying
 from uqmbd.propagation.chaos.elements import ElementLimits, ElementRefinement, refine_elements
 from uqmbd.propagation.chaos.nodes import NodeFit, fit_nodes
 from uqmbd.propagation.chaos.verification import Verification
@@ -19,17 +20,21 @@ from uqmbd.propagation.chaos.verification import Verification
 __all__ = [
     "Clock",
     "Dense",
+    "Doubt",
     "NodeFit",
     "Phases",
     "Verification",
     "choose_clock",
     "clock_at_means",
     "dense",
+    "doubts",
+    "errors_over_largest",
     "fit_nodes",
     "ElementLimits",
     "ElementRefinement",
     "refine_elements",
     "require_clock",
     "require_outputs_over_time",
+    "varying",
     "watched_angles",
 ]

@@ -8,6 +8,7 @@ from uqmbd.results.chaos.composed import ComposedChaos, chaos_from_dataset, stor
 from uqmbd.results.chaos.decay import error_words, percent, stated_words, verdict_of_decay
 from uqmbd.results.chaos.discontinuity import Discontinuity
 from uqmbd.results.chaos.fit import LeastSquares, NodeRegression, least_squares, project, regress_on_nodes
+from uqmbd.results.chaos.interface import Surrogate
 from uqmbd.results.chaos.piecewise import PiecewiseChaos
 from uqmbd.results.chaos.polynomial import PolynomialChaos
 from uqmbd.results.chaos.quasi_periodic import QuasiPeriodicChaos
@@ -36,6 +37,7 @@ __all__ = [
     "QuasiPeriodicElement",
     "SPREAD_FLOOR",
     "StoredSurrogate",
+    "Surrogate",
     "chaos_from_dataset",
     "error_words",
     "least_squares",

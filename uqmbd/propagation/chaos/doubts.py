@@ -1,0 +1,105 @@
+"""Outputs of a chaos that must not be trusted: how wrong, and from when on."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from uqmbd.results import Labels
+from uqmbd.results.chaos import Surrogate, reference_spread
+from uqmbd.typing import Array, Mask
+
+__all__ = ["Doubt", "doubts", "errors_over_largest", "varying"]
+
+
+@dataclass(frozen=True)
+class Doubt:
+    """An output whose error exceeds a limit.
+
+    Attributes
+    ----------
+    output : str
+        Its name.
+    row : int
+        Its place among the outputs.
+    limit : float
+        What is exceeded.
+    begin : float
+        First time at which it is, s.
+    above : int
+        Number of times at which it is.
+    times : int
+        Number of all times.
+    largest : float
+        Largest error over time.
+    """
+
+    output: str
+    row: int
+    limit: float
+    begin: float
+    above: int
+    times: int
+    largest: float
+
+    def words(self, note: str = "") -> str:
+        """Return the output, from when on its error is too large, and how large it gets; a note in front of these."""
+        return (
+            f"{self.output!r} from t = {self.begin:.6g} s on ({note}error up to {self.largest:.2g}, above "
+            f"{self.limit:g} at {self.above} of {self.times} times)"
+        )
+
+
+def doubts(labels: Labels, errors: Array, limit: float, loud: Mask) -> Sequence[Doubt]:
+    """Find the outputs whose error exceeds a limit at some time.
+
+    Parameters
+    ----------
+    labels : uqmbd.results.Labels
+        With times.
+    errors : array, shape (O, T)
+        Errors; NaN where nothing is known.
+    limit : float
+        Of the errors.
+    loud : array of bool, shape (O,)
+        Outputs that vary, see `varying`; the others are left out.
+    """
+    assert labels.times is not None
+    found = []
+    for row, (output, error) in enumerate(zip(labels.outputs, errors, strict=True)):
+        if loud[row] and (above := error > limit).any():
+            begin, largest = float(labels.times[above.argmax()]), float(error[above].max())
+            found.append(Doubt(output.name, row, limit, begin, int(above.sum()), len(error), largest))
+    return found
+
+
+def errors_over_largest(chaos: Surrogate) -> Array:
+    """Return the stated errors (O, T) over the largest standard deviation over time of each output.
+
+    Where all realisations come to nearly the same, as at nodal points, a chaos need not follow what little is left.
+    """
+    largest = chaos.std.max(axis=-1, keepdims=True)
+    relative = reference_spread(chaos.std) / np.where(largest > 0, largest, 1.0)
+    return chaos.verification_error() * np.where(largest > 0, relative, 1.0)
+
+
+def varying(chaos: Surrogate, rtol: float) -> Mask:
+    """Say which outputs (O,) vary by more than the integration errs, in the chaos or at its verification realisations.
+
+    Parameters
+    ----------
+    chaos : uqmbd.results.Surrogate
+        Of outputs over time.
+    rtol : float
+        Relative tolerance of the integration. The error of 100 steps, and that of outputs with the same units, which
+        may be terms of this one, are worth no word.
+    """
+    outputs = chaos.labels.outputs
+    size = np.abs(chaos.mean).max(axis=1)
+    alike = np.array([size[[o.units == other.units for other in outputs]].max() for o in outputs])
+    std = chaos.std
+    if chaos.verification_response is not None:
+        std = np.maximum(std, chaos.verification_response.std(axis=0))
+    return np.asarray(std.max(axis=1) > rtol * np.maximum(100 * size, alike))
