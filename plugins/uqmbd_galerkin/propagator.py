@@ -191,7 +191,13 @@ class Galerkin(uqmbd.Propagator):
         # an element is solved at a time, and leaves its coefficients
         memory += 8 * (boxes - 1) * terms * times * outputs
         detail = f"{nodes} nodes, {terms} terms" + (f" in each of {boxes} elements" if boxes > 1 else "")
-        return uqmbd.Estimate(boxes * nodes + self.verify, memory, detail, at_most=self._limits.adaptive)
+        count = boxes * nodes + self.verify
+        if self.alignment is not None and outputs:
+            # nobody knows yet at how many times the clock must be known
+            pilots = max(self.verify, PILOTS)
+            count += pilots
+            detail += f", {pilots} realisations for the clock, again where their splines need more times"
+        return uqmbd.Estimate(count, memory, detail, at_most=self._limits.adaptive)
 
     def watches(self, mechanism: uqmbd.Mechanism) -> Mapping[str, Any]:
         """Watch the rates of what may be a clock."""

@@ -277,3 +277,14 @@ def test_what_happens_at_moments_in_time_is_refused_before_anything_is_computed(
     assert message in method.obstacle(study)
     with pytest.raises(uqmbd.StudyError, match=message):
         study.propagate(method)
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("verify", [3, 12])
+def test_the_estimate_counts_the_realisations_for_the_clock(verify):
+    """As many as the results say, where they are integrated once; the estimate in time has none."""
+    method = Galerkin(order=2, alignment="phase", verify=verify)
+    study = uqmbd.Study("p", pendulum(angle=0.5), times=np.linspace(0, 2, 11), rtol=1e-7, propagators=[method])
+    node = study.propagate(method)
+    assert node.attrs["realisations"] == method.estimate(study).realisations == 9 + verify + max(verify, 8)
+    assert Galerkin(order=2, verify=verify).estimate(study).realisations == 9 + verify
