@@ -115,3 +115,43 @@ def test_what_varies_at_the_realisations_is_not_settled(kind):
     )
     assert not settled(still, 1e-6)["verification_error"].values.any()
     validate(node)
+
+
+def spoilt(node, path, change):
+    """The node with one of its datasets changed."""
+    made = node.copy(deep=True)
+    made[path].dataset = change(made[path].to_dataset(inherit=False))
+    return made
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda d: d.drop_vars("segment_coefficients"), "no variable 'segment_coefficients'"),
+        (lambda d: d.assign(segment_coefficients=d["segment_coefficients"] * np.nan), "not finite"),
+        (lambda d: d.assign(edge_coefficients=d["edge_coefficients"] * np.inf), "not finite"),
+        (lambda d: d.assign(multi_index=d["multi_index"] - 1), "a negative degree"),
+        (lambda d: d.assign(upper=d["lower"]), "not below 'upper'"),
+        (lambda d: d.assign_coords(time=d["time"] + 1.0), "other than that of 'statistics'"),
+        (lambda d: d.assign_coords(output=[f"{x}_" for x in d["output"].values]), "other than that of 'statistics'"),
+    ],
+)
+@pytest.mark.parametrize("kind", ["aligned", "composed"])
+def test_breaches_in_aligned_surrogates_are_told(kind, change, message):
+    """Wherever one is stored: alone, or as a part of a composed one."""
+    node = node_of(chaos(kind, ("x", "y"), 2, 1))
+    path = "aligned" if kind == "aligned" else "composed/phase/aligned"
+    validate(node)
+    with pytest.raises(uqmbd.StudyError, match=f"{path}.*{message}"):
+        validate(spoilt(node, path, change))
+
+
+def test_a_composed_surrogate_has_each_output_once():
+    node = node_of(chaos("composed", ("x", "y"), 2, 1))
+    for place, message in ((1, "other than that of"), (7, "numbers of outputs"), (0.5, "numbers of outputs")):
+        with pytest.raises(uqmbd.StudyError, match=message):
+            validate(spoilt(node, "composed/phase/aligned", lambda d, k=place: d.assign(place=("output", [k]))))
+    del node["composed"]["plain"]
+    with pytest.raises(uqmbd.StudyError, match="parts of the outputs"):
+        validate(node)

@@ -11,6 +11,7 @@ import xarray as xr
 from uqmbd.errors import StudyError
 from uqmbd.results.schema.datasets import check_version
 from uqmbd.status import Status
+from uqmbd.typing import Array
 
 __all__ = ["propagator_nodes", "validate"]
 
@@ -31,6 +32,23 @@ _TIMELESS: Mapping[str, Mapping[str, tuple[str, ...]]] = {
     "samples": {"response": ("sample", "output"), "inputs": ("sample", "input"), "status": ("sample",)},
     "chaos": {"multi_index": ("term", "input")},
 }
+_OF_TERM = ("element", "term", "output")
+_WITHOUT_TIME: Mapping[str, Mapping[str, tuple[str, ...]]] = {
+    "aligned": {
+        "edge_coefficients": ("element", "term", "edge"),
+        "segment_coefficients": ("element", "term", "segment", "output", "power"),
+        "segments": ("element",),
+    },
+    "quasi_periodic": {
+        "frequency_coefficients": ("element", "term", "base"),
+        "constant_coefficients": _OF_TERM,
+        "drift_coefficients": _OF_TERM,
+        "cosine_coefficients": (*_OF_TERM, "harmonic"),
+        "sine_coefficients": (*_OF_TERM, "harmonic"),
+        "harmonics": ("harmonic", "base"),
+    },
+}
+"""Variables of surrogates whose coefficients are not those of outputs at times."""
 _TEXT_ATTRS = ("propagator", "label", "uqmbd_version", "versions", "options", "solver_counters", "created")
 _JSON_ATTRS = ("versions", "options", "solver_counters")
 
@@ -139,8 +157,10 @@ def _validate_node(node: xr.DataTree, label: object) -> None:
     _validate_statistics(statistics, end)
     if "samples" in node.children:
         _validate_samples(node.children["samples"], statistics, node)
-    if "chaos" in node.children:
-        _validate_chaos(node.children["chaos"], statistics, end)
+    names = statistics.coords["output"].values
+    _validate_surrogates(node, statistics, end, names)
+    if "composed" in node.children:
+        _validate_composed(node.children["composed"], statistics, end, names)
     if "scalars" in node.children:
         _validate_timeless(node.children["scalars"])
 
@@ -291,24 +311,76 @@ def _validate_samples(node: xr.DataTree, statistics: xr.DataTree, parent: xr.Dat
     )
 
 
-def _validate_chaos(node: xr.DataTree, statistics: xr.DataTree, end: float) -> None:
-    # a chaos of elements has a dimension of these first
-    elements = ("element",) if "coefficients" in node.data_vars and "element" in node["coefficients"].dims else ()
-    _dims(node, "coefficients", (*elements, "term", "output", "time"))
-    _dims(node, "multi_index", ("term", "input"))
+def _validate_surrogates(node: xr.DataTree, statistics: xr.DataTree, end: float, names: Array) -> None:
+    """Check what a node, or a part of a composed surrogate, holds of the outputs of some names."""
+    times = statistics.coords["time"].values
+    times = times[times <= end]
+    if "chaos" in node.children:
+        _validate_chaos(node.children["chaos"], names, times, end)
+    for kind in (name for name in _WITHOUT_TIME if name in node.children):
+        part = node.children[kind]
+        for name, dims in _WITHOUT_TIME[kind].items():
+            _dims(part, name, dims)
+        _validate_axes(part, names, times, end)
+        _validate_degrees(part)
+        data = part.to_dataset()
+        for name in (str(n) for n in data.data_vars if str(n).endswith("_coefficients")):
+            values = data[name]
+            if name == "edge_coefficients":
+                # elements of fewer segments have fewer edges
+                values = values.where(
+                    xr.DataArray(np.arange(values.sizes["edge"]), dims="edge") <= data["segments"], 0.0
+                )
+            _values(part, name, _not_finite(values), "a value that is not finite", "a number")
+        for name in ("lower", "upper"):
+            _dims(part, name, ("element", "input"))
+        _values(part, "lower", ~(data["lower"] < data["upper"]), "a lower end that is not below 'upper'", "a box")
+        if "verification_response" in data:
+            _dims(part, "verification_response", ("verification", *_OVER_TIME))
+
+
+def _validate_composed(node: xr.DataTree, statistics: xr.DataTree, end: float, names: Array) -> None:
+    """Check the parts of a composed surrogate: each output has one, at its place."""
+    seen: list[int] = []
+    for part in node.children.values():
+        kinds = [name for name in ("chaos", *_WITHOUT_TIME) if name in part.children]
+        _require(len(kinds) == 1, part.path, f"the surrogates {kinds}", "one")
+        data = part.children[kinds[0]]
+        _dims(data, "place", ("output",))
+        place = data.to_dataset()["place"].values
+        known = place.dtype.kind in "iu" and bool(np.all((place >= 0) & (place < len(names))))
+        _require(known, f"{data.path}/place", f"{place}", "numbers of outputs of 'statistics'")
+        _validate_surrogates(part, statistics, end, names[place])
+        seen += place.tolist()
+    every = list(range(len(names)))
+    _require(sorted(seen) == every, node.path, f"parts of the outputs {sorted(seen)}", f"each of {every} once")
+
+
+def _validate_axes(node: xr.DataTree, names: Array, times: Array, end: float) -> None:
     for name, dim in {"output": "output", "input": "input"}.items():
         if name in node.coords:
             _text_coord(node, name, dim)
-    times = statistics.coords["time"].values
-    for name, expected in {"output": statistics.coords["output"].values, "time": times[times <= end]}.items():
+    for name, expected in {"output": names, "time": times}.items():
         same = name not in node.coords or np.array_equal(node.coords[name].values, expected)
         wanted = "the same" if name == "output" or np.isinf(end) else "the same up to 'ends_at'"
         _require(same, f"{node.path}/{name}", "a coordinate other than that of 'statistics'", wanted)
-    data = node.to_dataset()
-    _values(node, "coefficients", _not_finite(data["coefficients"]), "a value that is not finite", "a number")
-    degrees = data["multi_index"]
+
+
+def _validate_degrees(node: xr.DataTree) -> None:
+    _dims(node, "multi_index", ("term", "input"))
+    degrees = node.to_dataset()["multi_index"]
     _require(degrees.dtype.kind in "iu", f"{node.path}/multi_index", f"the type {degrees.dtype}", "whole numbers")
     _values(node, "multi_index", degrees < 0, "a negative degree", "none")
+
+
+def _validate_chaos(node: xr.DataTree, names: Array, times: Array, end: float) -> None:
+    # a chaos of elements has a dimension of these first
+    elements = ("element",) if "coefficients" in node.data_vars and "element" in node["coefficients"].dims else ()
+    _dims(node, "coefficients", (*elements, "term", "output", "time"))
+    _validate_axes(node, names, times, end)
+    data = node.to_dataset()
+    _values(node, "coefficients", _not_finite(data["coefficients"]), "a value that is not finite", "a number")
+    _validate_degrees(node)
     if "verification_error" in data:
         _dims(node, "verification_error", (*elements, "output", "time"))
         _values(node, "verification_error", ~(data["verification_error"] >= 0), "no error", "a number, not negative")
