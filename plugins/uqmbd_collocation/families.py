@@ -111,7 +111,8 @@ class _Work:
         """Return the error of the output that is followed worst so far, over its largest standard deviation."""
         if self.given is None or not self.found:
             return np.inf
-        spread = _largest(self.given.response.std(axis=0), np.abs(self.given.response).mean(axis=0))
+        size = np.abs(self.given.response).mean(axis=0)
+        spread = _largest(self.given.response.std(axis=0), size, self.problem.rtol)
         errors = [_errors(_verified(one.chaos, self.given), self.given.response) for one in self.found.values()]
         return float(np.min([np.sqrt(np.mean(e**2, axis=-1)) / spread for e in errors], axis=0).max())
 
@@ -210,10 +211,11 @@ def expand_families(
         )
     chaoses = {name: _verified(work.found[name].chaos, work.given) for name in FAMILIES if name in work.found}
     errors = {name: _errors(chaos, work.given.response) for name, chaos in chaoses.items()}
-    spread = _largest(work.given.response.std(axis=0), np.abs(work.given.response).mean(axis=0))
+    size = np.abs(work.given.response).mean(axis=0)
+    spread = _largest(work.given.response.std(axis=0), size, problem.rtol)
     over = {name: np.sqrt(np.mean(error**2, axis=-1)) / spread for name, error in errors.items()}
     taken = [min(over, key=lambda name: max(float(over[name][k]), EQUAL)) for k in range(len(spread))]
-    largest = _largest(np.array([chaoses[name].std[k] for k, name in enumerate(taken)]), spread[:, None])
+    largest = _largest(np.array([chaoses[name].std[k] for k, name in enumerate(taken)]), size, problem.rtol)
     for name in work.found:
         for message in work.told[name]:
             # whether a tolerance is met counts for the outputs that take the family, not for all that it refined
@@ -320,10 +322,10 @@ def _errors(chaos: Part, response: Array) -> Array:
     return np.asarray(np.sqrt(np.mean(np.where(np.isfinite(wrong), wrong, np.inf) ** 2, axis=0)))
 
 
-def _largest(std: Array, instead: Array) -> Array:
-    """Return the largest standard deviations over time (O,), from (O, T); where there is none, of something else."""
-    found, other = std.max(axis=-1), instead.max(axis=-1)
-    return np.asarray(np.where(found > 0, found, np.where(other > 0, other, 1.0)))
+def _largest(std: Array, size: Array, rtol: float) -> Array:
+    """Return the largest standard deviations over time (O,), from (O, T); sizes where they are rounding of these."""
+    found, other = std.max(axis=-1), size.max(axis=-1)
+    return np.asarray(np.where(found > rtol * other, found, np.where(other > 0, other, 1.0)))
 
 
 def _of_outputs(chaos: Part, rows: list[int]) -> Part:

@@ -214,6 +214,31 @@ def test_one_family_says_what_it_does_not_follow():
     oscillator(12, 121).propagate(Collocation(order=3, alignment="phase"))
 
 
+def test_outputs_that_do_not_vary_are_followed():
+    """A disc whose motion is prescribed by no input: its height is the same in all realisations but for rounding."""
+    mechanism = plate(np.linspace(0, 1, 2)).mechanism
+    other = mechanism.body("other", mass=1, inertia=0.1, position=(5, 0), angle=0.4, angular_velocity=2.0)
+    mechanism.add(Revolute("pin", mechanism.ground, other, point_i=(5, 0), point_j=(0, 0)))
+    mechanism.output("still", other.point((0.2, 0))[1], units="m")
+    study = uqmbd.Study("still", mechanism, times=np.linspace(0, 0.6, 31), rtol=1e-9, propagators=[])
+    node = study.propagate(Collocation(order=2, alignment=("plain", "events")))
+    exact = 0.2 * np.sin(0.4 + 2.0 * study.times)
+    np.testing.assert_allclose(node["statistics"]["mean"].sel(output="still"), exact, atol=1e-7)
+    _, errors, _ = told(node)
+    assert errors["still"] < 1e-6
+
+
+def test_a_clock_that_impacts_reset_is_named_so():
+    """A ball that bounces has no clock: the message names events and what goes with them."""
+    mechanism = uqmbd.Mechanism("ball", uqmbd.Planar(gravity=(0, -G)))
+    ball = mechanism.body("ball", mass=1, inertia=0.1, position=(0, HEIGHT), velocity=(0, 0))
+    mechanism.add(PlaneImpact("floor", mechanism.ground, ball, (0, 0), (0, 0), (0, 1), restitution=RESTITUTION))
+    mechanism.output("height", ball.position[1], units="m")
+    study = uqmbd.Study("ball", mechanism, times=np.linspace(0, 1, 51), propagators=[])
+    with pytest.raises(uqmbd.StudyError, match="no event resets, as impacts do.*'events'.*'auto'"):
+        study.propagate(Collocation(order=2, alignment="phase"))
+
+
 def test_what_is_not_possible_is_left_out_or_refused():
     """A mass that comes to rest has neither clock nor events: auto says so, a name is refused."""
     study = oscillator(5, 51, damping=40)

@@ -175,6 +175,12 @@ def align(
     if isinstance(paths, PhasePaths):
         nodes = plans.first_nodes(space)
         if why := paths.find_clock(space.to_inputs(nodes)):
+            if problem.model.events:
+                what = f"alignment='phase' needs a clock that no event resets, as impacts do; there is none: {why}"
+                raise uqmbd.StudyError(
+                    f"{problem.label}: {what}. Take alignment='events', which compares motions between events, or "
+                    "alignment='auto', which takes what follows each output best; or leave alignment out."
+                )
             raise uqmbd.StudyError(
                 f"{problem.label}: alignment='phase' needs a clock, and there is none: {why}. Observe an angle that "
                 "grows, name it by clock=, or leave alignment out."
