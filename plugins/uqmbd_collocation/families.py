@@ -15,7 +15,7 @@ import xarray as xr
 import uqmbd
 from uqmbd.results import AlignedChaos, ComposedChaos, Labels, PiecewiseChaos, PolynomialChaos, QuasiPeriodicChaos
 from uqmbd.typing import Array
-from uqmbd_collocation.alignment import EventPaths, PhasePaths, align
+from uqmbd_collocation.alignment import EventPaths, Impossible, PhasePaths, align
 from uqmbd_collocation.expanded import Expanded
 from uqmbd_collocation.plain import expand, warn_of_discontinuities
 from uqmbd_collocation.plans import Plans
@@ -117,7 +117,9 @@ class _Work:
         return float(np.min([np.sqrt(np.mean(e**2, axis=-1)) / spread for e in errors], axis=0).max())
 
     def reason(self, error: Exception) -> str:
-        """Return what an error says, without the name of the method."""
+        """Return what an error says, without the name of the method, and without advice for one family."""
+        if isinstance(error, Impossible):
+            return error.reason
         return str(error).removeprefix(f"{self.problem.label}: ")
 
     @property
@@ -161,6 +163,8 @@ def impossible(problem: uqmbd.Problem, family: Family) -> str:
         if family == "events":
             EventPaths(problem)
             problem.require("segments")
+    except Impossible as error:
+        return error.reason
     except uqmbd.StudyError as error:
         return str(error).removeprefix(f"{problem.label}: ")
     return ""

@@ -246,6 +246,7 @@ def test_what_is_not_possible_is_left_out_or_refused():
     families, _, left_out = told(node)
     assert families == {"x": "plain"} and set(left_out) == {"events", "phase"}
     assert "needs a clock, and there is none" in left_out["phase"]
+    assert not any("eave alignment out" in reason or "by clock=" in reason for reason in left_out.values())
     with pytest.raises(uqmbd.StudyError, match="needs a clock, and there is none"):
         study.propagate(Collocation(order=2, alignment=("plain", "phase")))
     obstacle = Collocation(order=2, alignment=("plain", "events")).obstacle(study)

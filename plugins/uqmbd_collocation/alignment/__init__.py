@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from uqmbd_collocation.alignment.aligned_elements import align
 from uqmbd_collocation.alignment.event_paths import EventPaths
+from uqmbd_collocation.alignment.impossible import Impossible
 from uqmbd_collocation.alignment.phase_paths import PhasePaths
 
-__all__ = ["EventPaths", "PhasePaths", "align"]
+__all__ = ["Impossible", "EventPaths", "PhasePaths", "align"]

@@ -19,6 +19,7 @@ from uqmbd.results import AlignedChaos, AlignedElement, Landmarks, Status
 from uqmbd.typing import Array
 from uqmbd_collocation.alignment.aligned_problem import AlignedProblem, Cut
 from uqmbd_collocation.alignment.event_paths import EventPaths
+from uqmbd_collocation.alignment.impossible import Impossible
 from uqmbd_collocation.alignment.landmarks import PER_TURN, TURN
 from uqmbd_collocation.alignment.phase_paths import STANDS, PhasePaths
 from uqmbd_collocation.alignment.watching import Watching
@@ -177,13 +178,16 @@ def align(
         if why := paths.find_clock(space.to_inputs(nodes)):
             if problem.model.events:
                 what = f"alignment='phase' needs a clock that no event resets, as impacts do; there is none: {why}"
-                raise uqmbd.StudyError(
-                    f"{problem.label}: {what}. Take alignment='events', which compares motions between events, or "
-                    "alignment='auto', which takes what follows each output best; or leave alignment out."
+                raise Impossible(
+                    problem.label,
+                    what,
+                    "Take alignment='events', which compares motions between events, or alignment='auto', which takes "
+                    "what follows each output best; or leave alignment out.",
                 )
-            raise uqmbd.StudyError(
-                f"{problem.label}: alignment='phase' needs a clock, and there is none: {why}. Observe an angle that "
-                "grows, name it by clock=, or leave alignment out."
+            raise Impossible(
+                problem.label,
+                f"alignment='phase' needs a clock, and there is none: {why}",
+                "Observe an angle that grows, name it by clock=, or leave alignment out.",
             )
     work, children = _Elements(problem, plans, paths, tolerance, given), dict[str, Any]()
     if limits.elements is None:

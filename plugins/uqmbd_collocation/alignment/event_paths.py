@@ -12,6 +12,7 @@ import numpy as np
 import uqmbd
 from uqmbd.results import Status
 from uqmbd.typing import Array, Mask
+from uqmbd_collocation.alignment.impossible import Impossible
 from uqmbd_collocation.alignment.landmarks import Landmarked
 
 __all__ = ["EventPaths"]
@@ -53,9 +54,11 @@ class EventPaths:
     def __post_init__(self) -> None:
         """Refuse a mechanism without events."""
         if not self.problem.model.events:
-            raise uqmbd.StudyError(
-                f"{self.problem.label}: alignment='events' needs a mechanism with events, as the impacts of "
-                f"uqmbd_contact; mechanism {self.problem.mechanism!r} has none. Leave alignment out."
+            raise Impossible(
+                self.problem.label,
+                "alignment='events' needs a mechanism with events, as the impacts of uqmbd_contact; mechanism "
+                f"{self.problem.mechanism!r} has none",
+                "Leave alignment out.",
             )
 
     def elsewhere(self, sequence: tuple[str, ...], seen: Array) -> Mask:

@@ -1,0 +1,25 @@
+"""A way to align that a mechanism does not allow: the reason, and what to do where it was asked for by name."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import uqmbd
+
+__all__ = ["Impossible"]
+
+
+class Impossible(uqmbd.StudyError):
+    """A family that is impossible; where it is one of several the reason alone is told."""
+
+    def __init__(self, label: str, reason: str, advice: str) -> None:
+        super().__init__(f"{label}: {reason}. {advice}")
+        self.parts = label, reason, advice
+
+    @property
+    def reason(self) -> str:
+        """Why, without advice."""
+        return self.parts[1]
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), self.parts
