@@ -265,3 +265,18 @@ def test_a_comparison_of_files_keeps_what_the_files_hold(tmp_path, capsys, monke
         np.testing.assert_array_equal(part.labels.times, TIMES[:76:15])
         at = np.isin(whole.labels.times, part.labels.times)
         np.testing.assert_array_equal(part.evaluate(values), whole.evaluate(values)[..., at])
+
+
+@pytest.mark.parametrize("exponent", [-45, 30, -300])
+def test_statistics_know_no_units(aligned, exponent):
+    """Outputs in other units, of numbers however small, have the same shape and the same shares of variance."""
+    chaos = AlignedChaos.from_dataset(aligned["aligned"])
+    elements = [dataclasses.replace(e, segments=np.ldexp(e.segments, exponent)) for e in chaos.elements]
+    other = dataclasses.replace(
+        chaos, elements=tuple(elements), verification_germs=None, verification_response=None
+    ).statistics()
+    known = chaos.statistics()
+    for name in ("skewness", "kurtosis", "sobol_first", "sobol_total"):
+        np.testing.assert_allclose(other[name], known[name], rtol=1e-9, atol=1e-9)
+    for name in ("mean", "std"):
+        np.testing.assert_allclose(np.ldexp(other[name], -exponent), known[name], rtol=1e-12)

@@ -85,22 +85,28 @@ class SampledSurrogate(Surrogate):
         """Mean, variance, skewness and kurtosis (O, T)."""
         germs = spread_germs(self.space, MOMENTS, 0)
         shift = self.evaluate_germs(germs[:1])[0]
-        sums = np.zeros((4, *self.labels.shape))
+        sums, size = np.zeros((4, *self.labels.shape)), np.zeros(self.labels.shape, dtype=np.int64)
         for first in range(0, len(germs), BLOCK):
             x = self.evaluate_germs(germs[first : first + BLOCK]) - shift
+            if not first:
+                # by powers of two: fourth powers of small numbers are numbers still, and nothing is rounded
+                largest = np.abs(x).max(axis=0)
+                size = np.frexp(np.where(np.isfinite(largest), largest, 0.0))[1].astype(np.int64)
+            x = np.ldexp(x, -size)
             power = x.copy()
             for k in range(4):
                 sums[k] += power.sum(axis=0)
                 power *= x
         one, two, three, four = sums / len(germs)
         variance = np.maximum(two - one**2, 0.0)
-        constant = constant_columns(shift + one, np.sqrt(variance))
+        mean = shift + np.ldexp(one, size)
+        constant = constant_columns(mean, np.ldexp(np.sqrt(variance), size)) | (variance == 0)
         scale = np.where(constant, 1.0, np.sqrt(variance))
         third = (three - 3 * one * two + 2 * one**3) / scale**3
         fourth = (four - 4 * one * three + 6 * one**2 * two - 3 * one**4) / scale**4
         return (
-            shift + one,
-            np.where(constant, 0.0, variance),
+            mean,
+            np.where(constant, 0.0, np.ldexp(variance, 2 * size)),
             np.where(constant, 0.0, third),
             np.where(constant, 3.0, fourth),
         )
@@ -125,7 +131,7 @@ class SampledSurrogate(Surrogate):
         other = self.evaluate_germs(b)
         base = self.evaluate_germs(a)
         variance = 0.5 * (base.var(axis=0) + other.var(axis=0))
-        constant = variance <= 1e-24 * (1.0 + self.mean**2)
+        constant = constant_columns(self.mean, np.sqrt(variance)) | (variance == 0)
         scale = np.where(constant, 1.0, variance)
         first, total = np.zeros((2, d, *self.labels.shape))
         for k in range(d):
