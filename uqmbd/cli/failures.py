@@ -59,7 +59,7 @@ def warnings_as_lines() -> Iterator[None]:
         file: TextIO | None = None,
         line: str | None = None,
     ) -> None:
-        ours = category.__module__.partition(".")[0] == "uqmbd" or category is UserWarning
+        ours = issubclass(category, UserWarning)
         text = f"Warning: {message}" if ours else f"Warning: {category.__name__}: {message} ({filename}, line {lineno})"
         if text not in seen:
             seen.add(text)

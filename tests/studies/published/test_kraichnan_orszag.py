@@ -69,7 +69,9 @@ def variance_error(made, node, times):
 
 
 @pytest.mark.thorough
-@pytest.mark.filterwarnings("ignore:.*the sequence of phases still differs", "ignore:.*stands or turns back")
+@pytest.mark.filterwarnings(
+    "ignore:.*the sequence of phases still differs", "ignore:.*stands or turns back", "ignore:.*does not follow"
+)
 def test_few_elements_hold_where_plain_ones_fail(made):
     """Ten elements each, to t = 40; aligned ones are at equal phase, or near the separatrix at equal times."""
     times = np.linspace(0, 40, 101)
@@ -81,7 +83,9 @@ def test_few_elements_hold_where_plain_ones_fail(made):
 
 
 @pytest.mark.slow
-@pytest.mark.filterwarnings("ignore:.*the sequence of phases still differs", "ignore:.*stands or turns back")
+@pytest.mark.filterwarnings(
+    "ignore:.*the sequence of phases still differs", "ignore:.*stands or turns back", "ignore:.*does not follow"
+)
 def test_variance_to_100(made):
     """Within 1 % of the quadrature of the exact solution, by the elements that the study says."""
     study = made["study"]

@@ -19,16 +19,18 @@ SciPy's DOP853 makes the steps: the clock is an output, and outputs are evaluate
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.integrate import DOP853
 
 from uqmbd.dynamics.integration import longest_step
 from uqmbd.dynamics.projection.dop853 import SOLVED
 from uqmbd.dynamics.projection.ensemble import Projection
 from uqmbd.errors import IntegrationError, StudyError
 from uqmbd.typing import Array
+
+if TYPE_CHECKING:
+    pass
 
 __all__ = ["PhaseMotion", "PhaseRates", "require_phase"]
 
@@ -114,6 +116,8 @@ class PhaseMotion:
         absolute *= self._size
         absolute[:, -1], relative[:, -1] = self._rtol * float(paces.mean()), OWN
         tolerances = {"rtol": relative.ravel(), "atol": absolute.ravel()}
+        from scipy.integrate import DOP853
+
         return DOP853(self._rate, phase, whole.ravel(), bound, max_step=self._most(paces), **tolerances)
 
     @property

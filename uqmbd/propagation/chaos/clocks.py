@@ -14,7 +14,6 @@ from typing import Any
 
 import numpy as np
 import sympy
-from scipy.interpolate import make_interp_spline
 
 from uqmbd.errors import StudyError
 from uqmbd.propagation.chaos.dense import Dense, dense
@@ -106,9 +105,7 @@ class Clock:
     def _swinging(self, found: Dense, values: Array, end: float, near: Array) -> Array:
         """Phases in the plane of value and rate, both centred and scaled in each realisation."""
         within = found.times <= end * (1 + 1e-12)
-        rate = np.stack(
-            [make_interp_spline(found.times, own, Dense.degree).derivative()(found.times) for own in values]
-        )
+        rate = np.stack([found.through(own).derivative()(found.times) for own in values])
         low, high = values[:, within].min(axis=1, keepdims=True), values[:, within].max(axis=1, keepdims=True)
         fastest = np.abs(rate[:, within]).max(axis=1, keepdims=True)
         centred = (values - (low + high) / 2) / _divisor((high - low) / 2)

@@ -5,13 +5,15 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
-from scipy.interpolate import BSpline, make_interp_spline
 
 from uqmbd.propagation.problem import Problem, Realisations
 from uqmbd.typing import Array
+
+if TYPE_CHECKING:
+    from scipy.interpolate import BSpline
 
 __all__ = ["Dense", "dense"]
 
@@ -73,7 +75,11 @@ class Dense:
 
     def spline(self, k: int) -> BSpline:
         """Return the outputs of one realisation as a function from times (N,) to (N, O)."""
-        return make_interp_spline(self.times, self.values[k].T, DEGREE)
+        return self.through(self.values[k].T)
+
+    def through(self, values: Array) -> BSpline:
+        """Return the spline through values (T,) or (T, N) at the times."""
+        return _spline(self.times, values)
 
 
 def dense(
@@ -126,6 +132,12 @@ def dense(
     return Dense(times, evenly, left, others, tried), replace(found, counters=dict(spent))
 
 
+def _spline(times: Array, values: Array) -> BSpline:
+    from scipy.interpolate import make_interp_spline
+
+    return make_interp_spline(times, values, DEGREE)
+
+
 def _largest(wrong: Array) -> float:
     return float(wrong.max(initial=0.0))
 
@@ -159,7 +171,7 @@ def _error(times: Array, values: Array) -> Array:
     if not len(values):
         return np.zeros((0, 0))
     rows = values.reshape(-1, len(times)).T
-    half = make_interp_spline(times[::2], rows[::2], DEGREE)
+    half = _spline(times[::2], rows[::2])
     inside = slice(DEGREE, len(times) - DEGREE, 2)
     wrong = np.abs(half(times[inside]) - rows[inside])
     size = np.ptp(rows, axis=0).reshape(values.shape[:2]).max(axis=0)
