@@ -13,13 +13,14 @@ import numpy as np
 import xarray as xr
 
 import uqmbd
-from uqmbd.results import AlignedChaos, ComposedChaos, Labels, PiecewiseChaos, PolynomialChaos, QuasiPeriodicChaos
+from uqmbd.results import AlignedChaos, ComposedChaos, PiecewiseChaos, PolynomialChaos, QuasiPeriodicChaos
 from uqmbd.typing import Array
 from uqmbd_collocation.alignment import EventPaths, Impossible, PhasePaths, align
 from uqmbd_collocation.expanded import Expanded
 from uqmbd_collocation.plain import expand, warn_of_discontinuities
 from uqmbd_collocation.plans import Plans
 from uqmbd_collocation.refinement import Limits, UnmetWarning
+from uqmbd_collocation.runs import Derived
 from uqmbd_collocation.two_frequency import expand_series
 
 __all__ = ["FAMILIES", "Family", "expand_families", "impossible", "warn_of_doubt"]
@@ -134,23 +135,11 @@ class _Work:
 
 
 @dataclass(frozen=True)
-class _AtTimes:
+class _AtTimes(Derived):
     """A problem whose realisations are read from those that were followed for a clock."""
 
     problem: uqmbd.Problem
     paths: PhasePaths
-
-    @property
-    def label(self) -> str:
-        return self.problem.label
-
-    @property
-    def rtol(self) -> float:
-        return self.problem.rtol
-
-    @property
-    def labels(self) -> Labels:
-        return self.problem.labels
 
     def realise(self, values: Array) -> uqmbd.Realisations:
         """Compute realisations, or read them."""

@@ -12,7 +12,7 @@ import uqmbd
 from uqmbd.results import Labels, Status
 from uqmbd.typing import Array, Index, Mask
 
-__all__ = ["Runs", "announced_once"]
+__all__ = ["Derived", "Runs", "announced_once"]
 
 
 DIGITS = 11
@@ -33,6 +33,27 @@ class Source(Protocol):
 
     def realise(self, values: Array) -> uqmbd.Realisations:
         """Compute the response to each row of inputs."""
+
+
+class Derived:
+    """A source of realisations that is made from a problem, as which it is called; outputs are the same unless said."""
+
+    problem: uqmbd.Problem
+
+    @property
+    def label(self) -> str:
+        """Of the propagator."""
+        return self.problem.label
+
+    @property
+    def rtol(self) -> float:
+        """Relative tolerance of the integration."""
+        return self.problem.rtol
+
+    @property
+    def labels(self) -> Labels:
+        """Names and units of outputs, inputs and times."""
+        return self.problem.labels
 
 
 @dataclass

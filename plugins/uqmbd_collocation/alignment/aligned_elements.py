@@ -26,7 +26,7 @@ from uqmbd_collocation.alignment.watching import Watching
 from uqmbd_collocation.computing import computed
 from uqmbd_collocation.expanded import Expanded
 from uqmbd_collocation.fitting import Fit
-from uqmbd_collocation.plans import STREAM, Plans
+from uqmbd_collocation.plans import Plans
 from uqmbd_collocation.record import nodes_of_elements, warn_of_failures
 from uqmbd_collocation.refinement import Limits, Refinement, history
 from uqmbd_collocation.runs import Runs
@@ -79,9 +79,7 @@ class _Elements:
     def compute(self, boxes: Iterable[uqmbd.GermBox]) -> list[AlignedChaos]:
         """Fit and verify the elements of some boxes."""
         plans, boxes = self.plans, list(boxes)
-        points = uqmbd.Verification.points_of_elements(boxes, len(self.done), plans.verify, plans.seed, STREAM)
-        if len(boxes) == 1 and boxes[0].probability == 1.0:
-            points = [plans.verification_points(boxes[0].space)]
+        points = plans.points_of_elements(boxes, len(self.done))
         if self.given is not None:
             # a refinement cannot do without any
             known = [self.given.germs[box.contains(self.given.germs)] for box in boxes]

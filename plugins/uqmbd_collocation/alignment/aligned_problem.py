@@ -14,6 +14,7 @@ import uqmbd
 from uqmbd.results import AlignedElement, Labels, OutputInfo
 from uqmbd.typing import Array
 from uqmbd_collocation.alignment.landmarks import Landmarked
+from uqmbd_collocation.runs import Derived
 
 __all__ = ["AlignedProblem", "Cut"]
 
@@ -22,7 +23,7 @@ Cut = Callable[[Array], tuple[Landmarked, uqmbd.Realisations]]
 
 
 @dataclass(frozen=True, eq=False)
-class AlignedProblem:
+class AlignedProblem(Derived):
     """Outputs are the time, then those of the study, at the points of all segments, one behind the other.
 
     Attributes
@@ -39,16 +40,6 @@ class AlignedProblem:
     cut: Cut
     segments: int
     points: int
-
-    @property
-    def label(self) -> str:
-        """Of the propagator."""
-        return self.problem.label
-
-    @property
-    def rtol(self) -> float:
-        """Relative tolerance of the integration."""
-        return self.problem.rtol
 
     @property
     def labels(self) -> Labels:

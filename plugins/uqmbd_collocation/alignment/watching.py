@@ -8,8 +8,8 @@ from typing import Protocol
 import numpy as np
 
 import uqmbd
-from uqmbd.results import Labels
 from uqmbd.typing import Array, Mask
+from uqmbd_collocation.runs import Derived
 
 __all__ = ["Watching"]
 
@@ -21,7 +21,7 @@ class Paths(Protocol):
 
 
 @dataclass
-class Watching:
+class Watching(Derived):
     """A problem whose realisations are watched.
 
     Attributes
@@ -35,21 +35,6 @@ class Watching:
     problem: uqmbd.Problem
     paths: Paths
     _seen: list[Array] = field(default_factory=list)
-
-    @property
-    def label(self) -> str:
-        """Of the propagator."""
-        return self.problem.label
-
-    @property
-    def rtol(self) -> float:
-        """Relative tolerance of the integration."""
-        return self.problem.rtol
-
-    @property
-    def labels(self) -> Labels:
-        """Those of the study."""
-        return self.problem.labels
 
     def realise(self, values: Array) -> uqmbd.Realisations:
         """Compute realisations, and keep what is watched of those that do not fail."""

@@ -15,7 +15,7 @@ from uqmbd.typing import Array
 from uqmbd_collocation.computing import computed
 from uqmbd_collocation.expanded import Expanded
 from uqmbd_collocation.fitting import Fit
-from uqmbd_collocation.plans import STREAM, Plans
+from uqmbd_collocation.plans import Plans
 from uqmbd_collocation.record import nodes_of_elements, warn_of_failures
 from uqmbd_collocation.refinement import Limits, Refinement, history
 from uqmbd_collocation.runs import Runs
@@ -49,9 +49,7 @@ class _Elements:
     def compute(self, boxes: Iterable[uqmbd.GermBox]) -> list[QuasiPeriodicChaos]:
         """Fit and verify the elements of some boxes."""
         plans, boxes = self.plans, list(boxes)
-        points = uqmbd.Verification.points_of_elements(boxes, len(self.done), plans.verify, plans.seed, STREAM)
-        if len(boxes) == 1 and boxes[0].probability == 1.0:
-            points = [plans.verification_points(boxes[0].space)]
+        points = plans.points_of_elements(boxes, len(self.done))
         found = [self._fitted(box, own) for box, own in zip(boxes, points, strict=True)]
         self.done += found
         return [one.chaos for one in found]

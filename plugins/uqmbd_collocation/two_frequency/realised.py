@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 import uqmbd
 from uqmbd.results import Labels, OutputInfo, Status
 from uqmbd.typing import Array, Index, Mask
+from uqmbd_collocation.runs import Derived
 from uqmbd_collocation.two_frequency.identification import QUASI_PERIODIC, Identified, Kind, follow, identify
 from uqmbd_collocation.two_frequency.series import Series, Signals, fit_series
 
@@ -69,7 +70,7 @@ class Waves:
 
 
 @dataclass
-class SeriesProblem:
+class SeriesProblem(Derived):
     """Outputs are the base frequencies, then for each output of the study its constant, drift, cosines and sines.
 
     Attributes
@@ -105,16 +106,6 @@ class SeriesProblem:
     _spread: Array = field(default_factory=lambda: np.zeros(0))
     _known: dict[bytes, Series] = field(default_factory=dict)
     _lost: dict[bytes, tuple[int, str]] = field(default_factory=dict)
-
-    @property
-    def label(self) -> str:
-        """Of the propagator."""
-        return self.problem.label
-
-    @property
-    def rtol(self) -> float:
-        """Relative tolerance of the integration."""
-        return self.problem.rtol
 
     @property
     def length(self) -> float:

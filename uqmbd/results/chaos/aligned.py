@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from uqmbd.errors import StudyError
 from uqmbd.results.chaos.aligned_element import AlignedElement, SampledElement
-from uqmbd.results.chaos.boxes import check_filled, rows_of_boxes
+from uqmbd.results.chaos.boxes import check_filled, rows_of_boxes, terms_of_all, verification_of_all
 from uqmbd.results.chaos.decay import top_order
 from uqmbd.results.chaos.interface import Samples
 from uqmbd.results.chaos.sampled import MOMENTS, TOPS, SampledSurrogate
@@ -100,28 +100,14 @@ class AlignedChaos(SampledSurrogate):
     @classmethod
     def joined(cls, chaoses: Sequence[AlignedChaos], boxes: Sequence[GermBox]) -> AlignedChaos:
         """Join chaoses, each on the conditional distribution in its box, that were not split themselves."""
-        every = {tuple(row) for chaos in chaoses for row in chaos.multi_index.tolist()}
-        terms = sorted(every, key=lambda row: (sum(row), [-k for k in row]))
-        place = {row: k for k, row in enumerate(terms)}
+        terms, places = terms_of_all(chaoses)
         elements = []
-        for chaos, box in zip(chaoses, boxes, strict=True):
+        for chaos, box, rows in zip(chaoses, boxes, places, strict=True):
             (own,) = chaos.elements
-            rows = [place[tuple(row)] for row in chaos.multi_index.tolist()]
             edges, segments = (np.zeros((len(terms), *x.shape[1:])) for x in (own.edges, own.segments))
             edges[rows], segments[rows] = own.edges, own.segments
             elements.append(AlignedElement(box, own.events, edges, segments, own.landmarks))
-        known = [c for c in chaoses if c.verification_germs is not None and c.verification_response is not None]
-        return cls(
-            tuple(elements),
-            np.array(terms, dtype=np.int64),
-            chaoses[0].labels,
-            np.concatenate([c.verification_germs for c in known if c.verification_germs is not None])
-            if known
-            else None,
-            np.concatenate([c.verification_response for c in known if c.verification_response is not None])
-            if known
-            else None,
-        )
+        return cls(tuple(elements), terms, chaoses[0].labels, *verification_of_all(chaoses))
 
     def to_dataset(self) -> xr.Dataset:
         """Build the dataset `aligned` of a propagator's node; see :meth:`from_dataset`."""

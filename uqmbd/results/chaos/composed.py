@@ -17,7 +17,7 @@ from uqmbd.results.chaos.piecewise import PiecewiseChaos
 from uqmbd.results.chaos.polynomial import PolynomialChaos
 from uqmbd.results.chaos.quasi_periodic import QuasiPeriodicChaos
 from uqmbd.results.schema import Labels
-from uqmbd.typing import Array, Index, Mask
+from uqmbd.typing import Array, Mask
 
 __all__ = ["KINDS", "ComposedChaos", "Part", "chaos_from_dataset", "stored_as"]
 
@@ -63,6 +63,13 @@ class ComposedChaos(Surrogate):
         verification realisations.
     outputs : sequence of str
         Names of all outputs, in their order.
+
+    Attributes
+    ----------
+    multi_index : array of int, shape (P, d)
+        Degrees of the terms of the part that has most.
+    verification_germs, verification_response : array or None
+        Those of the parts, where these have the same.
     """
 
     parts: Mapping[str, Part]
@@ -84,25 +91,18 @@ class ComposedChaos(Surrogate):
         object.__setattr__(self, "labels", replace(first.labels, outputs=tuple(infos)))
         object.__setattr__(self, "space", first.space)
         same = all(_equal(p.verification_germs, first.verification_germs) for p in self.parts.values())
-        object.__setattr__(self, "verification_germs", first.verification_germs if same else None)
+        known = same and first.verification_germs is not None
+        response = self._gathered(lambda part: np.asarray(part.verification_response), 1) if known else None
+        object.__setattr__(self, "verification_germs", first.verification_germs if known else None)
+        object.__setattr__(self, "verification_response", response)
+        longest = max((part.multi_index for part in self.parts.values()), key=len)
+        object.__setattr__(self, "multi_index", longest)
 
     def __repr__(self) -> str:
         names = "; ".join(
             f"{name}: {', '.join(o.name for o in part.labels.outputs)}" for name, part in self.parts.items()
         )
         return f"<{type(self).__name__} of {', '.join(self.germ_names)} ({names})>"
-
-    @property
-    def multi_index(self) -> Index:  # type: ignore[override]
-        """Degrees of the terms (P, d), of the part that has most."""
-        return max((part.multi_index for part in self.parts.values()), key=len)
-
-    @cached_property
-    def verification_response(self) -> Array | None:  # type: ignore[override]
-        """Realisations (V, O, T) at the verification points."""
-        if self.verification_germs is None:
-            return None
-        return self._gathered(lambda part: np.asarray(part.verification_response), 1)
 
     @cached_property
     def mean(self) -> Array:
@@ -197,8 +197,8 @@ class ComposedChaos(Surrogate):
 
     @cached_property
     def _shape_moments(self) -> tuple[Array, Array]:
-        found = [self._gathered(lambda part, k=k: part._shape_moments[k], 0) for k in range(2)]  # type: ignore[misc]
-        return found[0], found[1]
+        skewness = self._gathered(lambda part: part._shape_moments[0], 0)
+        return skewness, self._gathered(lambda part: part._shape_moments[1], 0)
 
     @cached_property
     def _stated_error(self) -> Array:

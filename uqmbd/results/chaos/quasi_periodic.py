@@ -12,7 +12,7 @@ import xarray as xr
 from numpy.typing import ArrayLike
 
 from uqmbd.errors import StudyError
-from uqmbd.results.chaos.boxes import check_filled, rows_of_boxes
+from uqmbd.results.chaos.boxes import check_filled, rows_of_boxes, terms_of_all, verification_of_all
 from uqmbd.results.chaos.decay import top_order
 from uqmbd.results.chaos.interface import Samples
 from uqmbd.results.chaos.quasi_periodic_element import QuasiPeriodicElement, SampledWaves
@@ -93,29 +93,16 @@ class QuasiPeriodicChaos(SampledSurrogate):
     @classmethod
     def joined(cls, chaoses: Sequence[QuasiPeriodicChaos], boxes: Sequence[GermBox]) -> QuasiPeriodicChaos:
         """Join chaoses of the same harmonics, each on the conditional distribution in its box, that were not split."""
-        every = {tuple(row) for chaos in chaoses for row in chaos.multi_index.tolist()}
-        terms = sorted(every, key=lambda row: (sum(row), [-k for k in row]))
-        place = {row: k for k, row in enumerate(terms)}
+        terms, places = terms_of_all(chaoses)
         elements = []
-        for chaos, box in zip(chaoses, boxes, strict=True):
+        for chaos, box, rows in zip(chaoses, boxes, places, strict=True):
             (own,) = chaos.elements
-            rows = [place[tuple(row)] for row in chaos.multi_index.tolist()]
             parts = (own.frequencies, own.constants, own.drifts, own.waves)
             frequencies, constants, drifts, waves = (np.zeros((len(terms), *x.shape[1:]), x.dtype) for x in parts)
             frequencies[rows], constants[rows], drifts[rows], waves[rows] = parts
             elements.append(QuasiPeriodicElement(box, frequencies, constants, drifts, waves))
         first = chaoses[0]
-        germs = [c.verification_germs for c in chaoses if c.verification_germs is not None]
-        response = [c.verification_response for c in chaoses if c.verification_response is not None]
-        return cls(
-            tuple(elements),
-            first.lattice,
-            first.origin,
-            np.array(terms, dtype=np.int64),
-            first.labels,
-            np.concatenate(germs) if germs else None,
-            np.concatenate(response) if response else None,
-        )
+        return cls(tuple(elements), first.lattice, first.origin, terms, first.labels, *verification_of_all(chaoses))
 
     def to_dataset(self) -> xr.Dataset:
         """Build the dataset `quasi_periodic` of a propagator's node; see :meth:`from_dataset`."""
