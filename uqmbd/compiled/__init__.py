@@ -12,7 +12,7 @@ from uqmbd.compiled.kernel import Kernel
 from uqmbd.compiled.kernels import compilations, compile_kernel, compile_operations, replaced
 from uqmbd.compiled.native import Target, addresses_of, host, object_code
 from uqmbd.compiled.programs import Columns, Part, Program, Writer
-from uqmbd.compiled.segments import segment_table, segment_values
+from uqmbd.compiled.segments import SegmentTable
 from uqmbd.compiled.store import Store
 from uqmbd.compiled.writer import LANES
 
@@ -35,6 +35,7 @@ __all__ = [
     "Program",
     "Realisations",
     "STAGES",
+    "SegmentTable",
     "Status",
     "Store",
     "Target",
@@ -50,7 +51,5 @@ __all__ = [
     "host",
     "object_code",
     "replaced",
-    "segment_table",
-    "segment_values",
     "source_digest",
 ]

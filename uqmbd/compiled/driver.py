@@ -30,6 +30,7 @@ __all__ = [
     "Problem",
     "Program",
     "SOURCES",
+    "Segments",
     "Source",
     "Step",
     "Tableau",
@@ -176,6 +177,15 @@ class Turns(ctypes.Structure):
     )
 
 
+class Segments(ctypes.Structure):
+    """``Segments`` of segments.c."""
+
+    _fields_ = (
+        *((name, _INT) for name in ("segments", "outputs", "terms", "blocks")),
+        *((name, _POINTER) for name in ("edges", "used", "counts", "starts", "coefficients")),
+    )
+
+
 _FUNCTIONS: dict[str, tuple[Any, Sequence[Any]]] = {
     "run_program": (None, [_POINTER, _POINTER]),
     "evaluate": (None, [_POINTER, _POINTER, _POINTER, _INT, _INT, _INT, _POINTER, _INT, _POINTER]),
@@ -190,7 +200,8 @@ _FUNCTIONS: dict[str, tuple[Any, Sequence[Any]]] = {
     "assembly_memory": (_INT, [_POINTER]),
     "close_poses": (None, [*[_POINTER] * 4, _INT, _INT, _POINTER, _INT, _POINTER, _POINTER]),
     "least_speeds": (None, [*[_POINTER] * 3, _INT, _INT, _POINTER, _POINTER]),
-    "segment_values": (None, [*[_INT] * 6, *[_POINTER] * 6, _DOUBLE]),
+    "segment_edges": (None, [_POINTER, _INT, *[_POINTER] * 3]),
+    "segment_values": (None, [_POINTER, *[_INT] * 4, *[_POINTER] * 4, _INT, _DOUBLE, _DOUBLE, _POINTER, _POINTER]),
     "sizes": (None, [_POINTER]),
 }
 """Results and arguments of the functions."""
@@ -211,9 +222,11 @@ class _Driver:
         for (name, (result, arguments)), place in zip(_FUNCTIONS.items(), places, strict=True):
             setattr(self, name, ctypes.CFUNCTYPE(result, *arguments)(place))
         kinds = (Step, Program, Source, Tableau, Problem, Pool, Coupled, Contacts, Encounters, Equations, Turns)
-        found = np.zeros(len(kinds), dtype=np.int64)
+        found = np.zeros(len(kinds) + 1, dtype=np.int64)
         self.sizes(address(found))
-        assert found.tolist() == [ctypes.sizeof(kind) for kind in kinds], "driver.bc was made from other sources"
+        assert found.tolist() == [ctypes.sizeof(kind) for kind in (*kinds, Segments)], (
+            "driver.bc was made from other sources"
+        )
 
     def __getattr__(self, name: str) -> Any:
         raise AttributeError(name)

@@ -25,4 +25,5 @@ void sizes(int64_t *found) {
     found[8] = sizeof(Encounters);
     found[9] = sizeof(Equations);
     found[10] = sizeof(Turns);
+    found[11] = sizeof(Segments);
 }

@@ -130,12 +130,9 @@ class AlignedChaos(SampledSurrogate):
         return np.asarray(weights / weights.sum())
 
     def _evaluate(self, germs: Array) -> Array:
-        sampled = self._sampled(germs)
-        if len(sampled) == 1:
-            return sampled[0].values(slice(None), self._times)
         found = np.empty((len(germs), *self.labels.shape))
-        for one in sampled:
-            found[one.rows] = one.values(slice(None), self._times)
+        for one in self._sampled(germs):
+            one.evaluate(slice(len(self.labels.outputs)), self._times, found)
         return found
 
     def _sampler(self, germs: Array) -> Samples:
@@ -147,8 +144,10 @@ class AlignedChaos(SampledSurrogate):
             for output in range(first // count, -(-last // count)):
                 begin, end = max(first, output * count), min(last, (output + 1) * count)
                 times = self._times[begin - output * count : end - output * count]
+                values = np.empty((len(germs), 1, len(times)))
                 for one in sampled:
-                    found[one.rows, begin - first : end - first] = one.values(slice(output, output + 1), times)[:, 0]
+                    one.evaluate(slice(output, output + 1), times, values)
+                found[:, begin - first : end - first] = values[:, 0]
             return found
 
         return Samples(columns, lambda part: np.ascontiguousarray(columns(part).T))
@@ -162,8 +161,7 @@ class AlignedChaos(SampledSurrogate):
         for element, rows in zip(self.elements, rows_of_boxes([e.box for e in self.elements], germs), strict=True):
             if len(rows):
                 basis = basis_values(element.box.local, germs[rows], self.multi_index)
-                edges = np.maximum.accumulate(basis @ element.edges, axis=1)
-                found.append(SampledElement(element, rows, basis, edges))
+                found.append(SampledElement(element, rows, basis))
         return found
 
     @cached_property

@@ -7,10 +7,9 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
-from uqmbd.compiled import segment_table, segment_values
-from uqmbd.typing import Array
+from uqmbd.compiled import SegmentTable
+from uqmbd.typing import Array, Index
 
 if TYPE_CHECKING:
     from uqmbd.randomness import GermBox
@@ -70,20 +69,24 @@ class AlignedElement:
         return cls(box, events, edges, found[..., : int(large[-1]) + 1 if len(large) else 1], landmarks)
 
     @cached_property
-    def table(self) -> Array:
-        """The coefficients as they are evaluated, shape (S, O, P, M)."""
-        return segment_table(self.segments)
+    def table(self) -> SegmentTable:
+        """The coefficients as they are evaluated."""
+        return SegmentTable.of(self.edges, self.segments)
 
 
 @dataclass(frozen=True)
 class SampledElement:
-    """Samples in one element: their numbers (K,), basis (K, P), and edges (K, S + 1)."""
+    """Samples in one element: their numbers (K,), in any order, and basis (K, P)."""
 
     element: AlignedElement
-    rows: NDArray[np.intp]
+    rows: Index
     basis: Array
-    edges: Array
 
-    def values(self, outputs: slice, times: Array) -> Array:
-        """Evaluate some outputs at increasing times (T,), shape (K, C, T); NaN behind the last edge of a sample."""
-        return segment_values(self.element.table[:, outputs], self.edges, self.basis, times)
+    @property
+    def edges(self) -> Array:
+        """Times of landmarks, with begin and end (K, S + 1), s."""
+        return self.element.table.edges_at(self.basis)
+
+    def evaluate(self, outputs: slice, times: Array, found: Array) -> None:
+        """Evaluate some outputs at increasing times (T,), into rows of (N, C, T); NaN behind a sample's last edge."""
+        self.element.table.evaluate(self.basis, times, outputs, found, self.rows)
