@@ -105,8 +105,9 @@ class Collocation(uqmbd.Propagator):
         A warning says which outputs none follows, and from when on.
     clock : str, optional
         For ``phase``, alone or among others: name of an output, or of a body or joint that has an angle.  An angle that
-        grows is the phase; else that of the oscillation, in the plane of value and rate.  Default: what turns in some
-        realisations, else what swings in most, the steadier first; the results say which.
+        grows is the phase; else that of the oscillation, from extreme to extreme, whose size and middle may change
+        slowly.  Default: what turns in some realisations, else what swings in most, the steadier first; the results say
+        which.
     transform : {"rosenblatt", "nataf"}
         How dependent inputs become functions of independent germs.
     verify : int

@@ -165,7 +165,7 @@ def find_clock(
             f"{label} whose rate at a state is known, and {clock.words} depends on what has none: {what} contains "
             "accelerations, reactions or commands. Name a position or an angle by clock=."
         )
-    phases = clock.phases(found, end)
+    phases = clock.phases(found)
     runs = phases.running(end)
     if not runs.all():
         worst = pilots[int(np.argmin(runs))]

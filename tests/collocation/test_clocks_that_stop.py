@@ -120,11 +120,11 @@ def test_pendulum_that_always_swings_follows_its_oscillation():
 
 
 def test_crank_that_stalls_is_counted_and_gets_elements_of_its_own():
-    """A friction of 0.5 N m with a weight: below some torque the disc never gets over the top."""
+    """A weight, and a friction by which it does not swing: below some torque the disc never gets over the top."""
     study = disc(
         chaospy.Uniform(0.4, 1.6),
         np.linspace(0, 12, 121),
-        lambda body: -0.8 * sympy.cos(body.angle) - 0.3 * body.angular_velocity,
+        lambda body: -0.8 * sympy.cos(body.angle) - 1.0 * body.angular_velocity,
         other=3.0,
     )
     with pytest.warns(UserWarning) as told:
@@ -134,7 +134,7 @@ def test_crank_that_stalls_is_counted_and_gets_elements_of_its_own():
     assert text.endswith("try clock='wheel'.")
 
     def rates(_, y, torque):
-        return [y[1], (torque - 0.8 * np.cos(y[0]) - 0.3 * y[1]) / INERTIA]
+        return [y[1], (torque - 0.8 * np.cos(y[0]) - 1.0 * y[1]) / INERTIA]
 
     torque = np.random.default_rng(3).uniform(0.4, 1.6, 200)
     turned = [solve_ivp(rates, (0, 12), [0.3, 0.0], "DOP853", args=(x,), rtol=1e-8).y[0, -1] - 0.3 for x in torque]
@@ -216,7 +216,7 @@ def test_report_and_table_of_a_run_say_which_clock_was_taken(tmp_path, capsys):
     study = disc(
         chaospy.Uniform(0.4, 1.6),
         np.linspace(0, 12, 121),
-        lambda body: -0.8 * sympy.cos(body.angle) - 0.3 * body.angular_velocity,
+        lambda body: -0.8 * sympy.cos(body.angle) - 1.0 * body.angular_velocity,
     )
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
@@ -245,8 +245,19 @@ def test_check_says_which_clock_there_is(clock):
     # by default the steadier
     turns = {None: 24 / (2 * np.pi), "disc": 64 / (2 * np.pi)}
     if clock == "height":
-        assert text.startswith("no clock at the means of the inputs: ") and "neither does 'height'" in text
+        # the start at rest counts as an extreme: from 0.3 rad to the top are two quarters instead of one
+        assert text.startswith("the clock is the oscillation of 'height' at the means of the inputs, 10.5 turns")
         return
     assert text.startswith(f"the clock is the angle {clock or 'wheel'!r} at the means of the inputs, ")
     assert f", {turns[clock]:.3g} turns until the last output time" in text
     assert Collocation(order=2).remarks(study) == ()
+
+
+def test_check_says_that_there_is_no_clock():
+    study = disc(
+        chaospy.Uniform(0.4, 0.5),
+        np.linspace(0, 12, 121),
+        lambda body: -0.8 * sympy.cos(body.angle) - 1.0 * body.angular_velocity,
+    )
+    (text,) = Collocation(order=2, alignment="phase", clock="height").remarks(study)
+    assert text.startswith("no clock at the means of the inputs: ") and "neither does 'height'" in text

@@ -12,7 +12,7 @@ import uqmbd
 from uqmbd.results import AlignedChaos, load, save, study_tree, surrogate
 from uqmbd_collocation import Collocation
 from uqmbd_joints import Revolute
-from uqmbd_springs import SpringDamper, Torque
+from uqmbd_springs import PointForce, SpringDamper, Torque
 
 STIFFNESS = uqmbd.RandomVariable("k", chaospy.Uniform(90, 110), units="N/m")
 TORQUE = uqmbd.RandomVariable("torque", chaospy.Normal(1.0, 0.05), units="N m")
@@ -56,6 +56,49 @@ def test_oscillator_over_many_periods():
     assert relative(surrogate(node), k[:, None], exact).max() < 2e-3
     stated = node["statistics"]["verification_error"].max()
     assert stated < 4e-3
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("end", [40, 100])
+def test_oscillator_that_dies_down(end):
+    """Closed form over up to 160 periods; nodes are at rest after 58 to 64 s, each after its number of swings."""
+    damping = uqmbd.RandomVariable("c", chaospy.Uniform(0.18, 0.22), units="N s/m")
+    mechanism = uqmbd.Mechanism("damped", uqmbd.Line())
+    mass = mechanism.body("mass", mass=1, position=0.1)
+    spring = {"stiffness": STIFFNESS, "free_length": 0, "damping": damping}
+    mechanism.add(SpringDamper("spring", mechanism.ground, mass, 0, 0, **spring))
+    mechanism.output("x", mass.position[0], units="m")
+    study = uqmbd.Study("damped", mechanism, times=np.linspace(0, end, 20 * end + 1), rtol=1e-9, propagators=[])
+    node = study.propagate(Collocation(order=4, alignment="phase"))
+    assert node.attrs["clock"] == "x" and node.attrs["clock_kind"] == "oscillation"
+    # a thousandth of the first swing is left where the decay is fastest; of the same phase, frequencies differ by 10 %
+    if end > 60:
+        first, last = node.attrs["clock_rests"]
+        assert 0.9 * np.log(1000) / 0.11 < first < last < 1.1 * np.log(1000) / 0.11
+    random = np.random.default_rng(0)
+    inputs = np.stack([random.uniform(0.18, 0.22, 200), random.uniform(90, 110, 200)], axis=1)
+    c, k = inputs.T[:, :, None]
+    rate = np.sqrt(k - c**2 / 4)
+    decay = np.exp(-c / 2 * study.times)
+    exact = 0.1 * decay * (np.cos(rate * study.times) + c / 2 / rate * np.sin(rate * study.times))
+    assert relative(surrogate(node), inputs, exact[:, None]).max() < 2e-3
+
+
+@pytest.mark.thorough
+def test_oscillation_about_a_middle_that_moves_away():
+    """A force that grows moves the middle by three times the size of the swing: closed form over 64 periods."""
+    mechanism = uqmbd.Mechanism("moving", uqmbd.Line())
+    mass = mechanism.body("mass", mass=1, position=0.1)
+    mechanism.add(SpringDamper("spring", mechanism.ground, mass, 0, 0, stiffness=STIFFNESS, free_length=0))
+    mechanism.add(PointForce("force", mass, 0, 0.75 * uqmbd.t))
+    mechanism.output("x", mass.position[0], units="m")
+    study = uqmbd.Study("moving", mechanism, times=np.linspace(0, 40, 801), rtol=1e-9, propagators=[])
+    node = study.propagate(Collocation(order=4, alignment="phase"))
+    assert node.attrs["clock"] == "x" and node.attrs["clock_kind"] == "oscillation"
+    k = np.random.default_rng(0).uniform(90, 110, 200)[:, None]
+    rate = np.sqrt(k)
+    exact = 0.1 * np.cos(rate * study.times) + 0.75 / k * (study.times - np.sin(rate * study.times) / rate)
+    assert relative(surrogate(node), k, exact[:, None]).max() < 1e-3
 
 
 @pytest.mark.parametrize(

@@ -20,7 +20,7 @@ from uqmbd.typing import Array
 from uqmbd_collocation.alignment.aligned_problem import AlignedProblem, Cut
 from uqmbd_collocation.alignment.event_paths import EventPaths
 from uqmbd_collocation.alignment.impossible import Impossible
-from uqmbd_collocation.alignment.landmarks import PER_TURN, TURN
+from uqmbd_collocation.alignment.landmarks import PER_TURN, STANDING, Marks
 from uqmbd_collocation.alignment.phase_paths import STANDS, PhasePaths
 from uqmbd_collocation.alignment.watching import Watching
 from uqmbd_collocation.computing import computed
@@ -45,9 +45,6 @@ EXTENSIONS = 6
 
 LATE = 1e-12
 """Part of the times by which the last landmark may miss the last of them."""
-
-STANDING = 8
-"""Output times of a segment where the clock stands."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,8 +132,7 @@ class _Elements:
                 break
             # so many landmarks more as the last of all samples lacks, at the mean pace of the last ones
             pace = max(float(np.diff(edges[0])[-PER_TURN:].mean()), 1e-9 * float(np.ptp(problem.times)))
-            more = min(int(np.ceil(late.max() / pace)) + 1, len(marks))
-            marks = np.concatenate([marks, marks[-1] + (1 + np.arange(more)) * TURN / PER_TURN])
+            marks = marks.farther(float(late.max()), pace)
         else:
             share = float(np.mean(late > LATE * np.ptp(problem.times)))
             warnings.warn(
@@ -269,19 +265,19 @@ def _boxes(paths: Paths, plans: Plans, space: uqmbd.GermSpace, most: int) -> lis
     return done
 
 
-def _marks(paths: Paths, local: uqmbd.GermSpace, nodes: Array, sequence: Sequence) -> Array:
-    """Return the phases of landmarks (S,) at first; nothing where landmarks are no phases."""
+def _marks(paths: Paths, local: uqmbd.GermSpace, nodes: Array, sequence: Sequence) -> Marks:
+    """Return the landmarks at first; none where these are no phases."""
     if isinstance(paths, EventPaths):
-        return np.zeros(0)
+        return Marks(np.zeros(0))
     return paths.marks(local, nodes, uqmbd.Verification.points(local, SPREAD, 0, 0), sequence)
 
 
-def _cut(paths: Paths, problem: uqmbd.Problem, sequence: Sequence, marks: Array) -> tuple[Cut, Sequence, Landmarks]:
+def _cut(paths: Paths, problem: uqmbd.Problem, sequence: Sequence, marks: Marks) -> tuple[Cut, Sequence, Landmarks]:
     """Return how realisations of an element are cut, what ends its segments, and where they end."""
     if isinstance(paths, EventPaths):
         return lambda values: paths.cut(values, sequence), sequence, "events"
-    if len(marks):
-        return lambda values: paths.cut(values, marks, sequence), ("",) * len(marks), "phase"
+    if marks.count:
+        return lambda values: paths.cut(values, marks, sequence), ("",) * marks.count, "phase"
     segments = -(-len(problem.times) // STANDING)
     return lambda values: paths.cut_in_time(values, segments), ("",) * segments, "time"
 

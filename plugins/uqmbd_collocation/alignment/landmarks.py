@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.interpolate import make_interp_spline
 
 import uqmbd
 from uqmbd.results import AlignedElement
 from uqmbd.typing import Array
 
-__all__ = ["PER_TURN", "TURN", "Landmarked", "marks_behind", "phase_landmarks", "time_landmarks"]
+__all__ = ["PER_TURN", "STANDING", "TURN", "Landmarked", "Marks", "marks_behind", "phase_landmarks", "time_landmarks"]
 
 
 TURN = 2 * np.pi
@@ -19,8 +18,39 @@ TURN = 2 * np.pi
 PER_TURN = 4
 """Landmarks of a turn."""
 
-NEWTON = 6
-"""Steps in which the time of a phase is found."""
+STANDING = 8
+"""Output times of a segment where the clock stands."""
+
+
+@dataclass(frozen=True, eq=False)
+class Marks:
+    """Where realisations of an element are cut.
+
+    Attributes
+    ----------
+    phases : array, shape (S,)
+        Increasing phases of the landmarks behind the first, which is the start, rad.
+    tail : float
+        What is compared at equal time behind the last of these, s, where the clock comes to rest.
+    parts : int
+        Segments of that.
+    """
+
+    phases: Array
+    tail: float = 0.0
+    parts: int = 0
+
+    @property
+    def count(self) -> int:
+        """Segments."""
+        return len(self.phases) + self.parts
+
+    def farther(self, late: float, pace: float) -> Marks:
+        """Return them so much farther, s, with segments that take some time each, s, but twice as many at most."""
+        if self.parts:
+            return replace(self, tail=self.tail + late)
+        more = min(int(np.ceil(late / max(pace, 1e-300))) + 1, len(self.phases))
+        return replace(self, phases=np.append(self.phases, self.phases[-1] + (1 + np.arange(more)) * TURN / PER_TURN))
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,8 +69,8 @@ class Landmarked:
     response: Array
 
 
-def phase_landmarks(found: uqmbd.Dense, phases: uqmbd.Phases, marks: Array, outputs: int, points: int) -> Landmarked:
-    """Cut realisations where their phases pass given values.
+def phase_landmarks(found: uqmbd.Dense, phases: uqmbd.Phases, marks: Marks, outputs: int, points: int) -> Landmarked:
+    """Cut realisations where their phases pass given values, and at equal distances of time behind the last of these.
 
     Parameters
     ----------
@@ -48,21 +78,23 @@ def phase_landmarks(found: uqmbd.Dense, phases: uqmbd.Phases, marks: Array, outp
         Realisations, which are fine.
     phases : uqmbd.Phases
         Of these.
-    marks : array, shape (S,)
-        Increasing phases of the landmarks behind the first, which is the start, rad.
+    marks : Marks
+        Where.
     outputs : int
         So many of the rows are outputs of the study.
     points : int
         Points of a segment.
     """
     where = AlignedElement.points(points)
-    edges = np.empty((len(phases.values), len(marks) + 1))
-    response = np.empty((len(edges), len(marks), outputs, points))
-    for k, phase in enumerate(phases.values):
-        edges[k] = np.concatenate([found.times[:1], _times_of(found.times, phase, marks)])
+    edges = np.empty((len(phases.values), marks.count + 1))
+    response = np.empty((len(edges), marks.count, outputs, points))
+    behind = marks.tail * np.arange(1, marks.parts + 1) / max(marks.parts, 1)
+    for k in range(len(edges)):
+        passed = phases.passed(k, marks.phases)
+        edges[k] = np.concatenate([found.times[:1], passed, passed[-1:] + behind])
         moments = edges[k, :-1, None] + where * np.diff(edges[k])[:, None]
         values = found.spline(k)(moments.ravel(), extrapolate=False)[:, :outputs]
-        response[k] = values.reshape(len(marks), points, outputs).transpose(0, 2, 1)
+        response[k] = values.reshape(marks.count, points, outputs).transpose(0, 2, 1)
     return Landmarked(edges, response)
 
 
@@ -74,22 +106,6 @@ def time_landmarks(found: uqmbd.Dense, edges: Array, outputs: int, points: int) 
         values = found.spline(k)(moments.ravel())[:, :outputs]
         response[k] = values.reshape(len(edges) - 1, points, outputs).transpose(0, 2, 1)
     return Landmarked(np.tile(edges, (len(response), 1)), response)
-
-
-def _times_of(times: Array, phase: Array, marks: Array) -> Array:
-    """Find the times (S,) at which a phase (T,) passes given values; NaN where it does not reach one."""
-    highest = np.maximum.accumulate(phase)
-    spline = make_interp_spline(times, phase, uqmbd.Dense.degree)
-    rate = spline.derivative()
-    right = np.clip(np.searchsorted(highest, marks), 1, len(times) - 1)
-    low, high = times[right - 1], times[right]
-    # the first guess is linear; Newton's steps stay between the neighbours
-    rise = phase[right] - phase[right - 1]
-    at = low + (high - low) * np.clip((marks - phase[right - 1]) / np.where(rise == 0, np.inf, rise), 0, 1)
-    for _ in range(NEWTON):
-        slope = rate(at)
-        at = np.clip(at - (spline(at) - marks) / np.where(slope <= 0, np.inf, slope), low, high)
-    return np.where(marks <= highest[-1], at, np.nan)
 
 
 def marks_behind(starts: Array, last: float) -> Array:

@@ -12,7 +12,15 @@ import numpy as np
 import uqmbd
 from uqmbd.results import Status
 from uqmbd.typing import Array, Mask
-from uqmbd_collocation.alignment.landmarks import PER_TURN, Landmarked, marks_behind, phase_landmarks, time_landmarks
+from uqmbd_collocation.alignment.landmarks import (
+    PER_TURN,
+    STANDING,
+    Landmarked,
+    Marks,
+    marks_behind,
+    phase_landmarks,
+    time_landmarks,
+)
 from uqmbd_collocation.alignment.starts import Starts
 
 __all__ = ["PhasePaths"]
@@ -26,6 +34,9 @@ LONGEST = 8.0
 
 MARGIN = 0.02
 """Part of the output times by which realisations are followed farther than they seem to need."""
+
+NEAR = 1e-3
+"""Part of the output times: one that fails so near behind what is needed is given up."""
 
 TRIES = 8
 """Integrations in which a realisation reaches the phase that is needed."""
@@ -80,6 +91,8 @@ class PhasePaths:
     error: float = 0.0
     turns: tuple[float, float] = (np.inf, 0.0)
     """Turns that the clock makes in nodes until the last output time, at least and at most."""
+    rests: tuple[float, float] = (np.inf, -np.inf)
+    """First and last time, s, at which nodes pass the last common phase before their clock comes to rest."""
     starts: Starts | None = None
     better: str = ""
     """Name of a clock that runs in all nodes, where another one is asked for."""
@@ -112,6 +125,7 @@ class PhasePaths:
             "clock_kind": ", ".join(dict.fromkeys("angle" if kind.turn else "oscillation" for kind in used)),
             "clock_turns": list(self.turns),
             "longer": self.longest,
+            **({"clock_rests": list(self.rests)} if np.isfinite(self.rests).all() else {}),
             "interpolation_error": self.error,
         }
 
@@ -150,7 +164,7 @@ class PhasePaths:
                 self.better = other.name
         swings = self.clock.kinds[-1] if self.clock else None
         if swings and not swings.turn:
-            phases = swings.phases(found, self.end)
+            phases = swings.phases(found)
             runs = phases.running(self.end)
             self.starts = Starts.of(values[rows][runs], phases.values[runs, 0]) if runs.any() else None
         return why
@@ -174,13 +188,16 @@ class PhasePaths:
         if not self._clock.turn or sequence not in (*self._kinds, STANDS):
             return np.zeros(len(seen), dtype=bool)
         at_times = uqmbd.Dense(self.problem.times, seen, 0.0)
-        turns = [kind.phases(at_times, self.end).running(self.end) for kind in self._clock.kinds[:2]]
+        turns = [kind.phases(at_times).running(self.end) for kind in self._clock.kinds[:2]]
         if sequence in self._kinds[:2]:
             return np.asarray(~turns[self._kinds.index(sequence)])
         return np.asarray(turns[0] | turns[1])
 
-    def marks(self, space: uqmbd.GermSpace, germs: Array, spread: Array, sequence: Sequence) -> Array:
-        """Return the phases of landmarks (S,) that all realisations of an element need; none where its clock stands.
+    def marks(self, space: uqmbd.GermSpace, germs: Array, spread: Array, sequence: Sequence) -> Marks:
+        """Return the landmarks that all realisations of an element need; none where its clock stands.
+
+        Where the clock comes to rest in some of them the landmarks are those that all nodes have; what is behind is
+        compared at equal distances of time from the last.
 
         Parameters
         ----------
@@ -194,7 +211,7 @@ class PhasePaths:
             Of the element.
         """
         if sequence == STANDS:
-            return np.zeros(0)
+            return Marks(np.zeros(0))
         values = space.to_inputs(germs)
         same = np.array([other == sequence for other in self.sequences(values)])
         kind = self._kind(sequence)
@@ -213,24 +230,45 @@ class PhasePaths:
         psi = space.evaluate(germs[used], terms)
         fit = np.linalg.lstsq(psi, known, rcond=1e-10)[0]
         others = np.concatenate([known, space.evaluate(spread, terms) @ fit])
-        return marks_behind(others[:, 0], float(others[:, 1].max()) + 2 * np.pi / PER_TURN)
+        marks = marks_behind(others[:, 0], float(others[:, 1].max()) + 2 * np.pi / PER_TURN)
+        return self._common(kind, values[same], marks)
 
-    def cut(self, values: Array, marks: Array, sequence: Sequence) -> tuple[Landmarked, uqmbd.Realisations]:
+    def _common(self, kind: uqmbd.Clock, values: Array, marks: Array) -> Marks:
+        """Return the marks (S,) that all of some realisations pass before their clock comes to rest, if it does."""
+        groups, _ = self._reaching(kind, values, float(marks[-1]))
+        common = marks[marks <= min((p.lasting.min(initial=np.inf) for _, p, _ in groups), default=np.inf) + 1e-9]
+        if len(common) in (0, len(marks)):
+            return Marks(common)
+        passed = np.array([phases.passed(k, common[-1:])[0] for _, phases, rows in groups for k in range(len(rows))])
+        self.rests = (min(self.rests[0], float(np.nanmin(passed))), max(self.rests[1], float(np.nanmax(passed))))
+        first = min(float(np.nanmin(passed)), self.end)
+        tail = self.end - first + MARGIN * (self.end - self.begin)
+        return Marks(common, tail, 1 + int(np.count_nonzero(self.problem.times > first)) // STANDING)
+
+    def cut(self, values: Array, marks: Marks, sequence: Sequence) -> tuple[Landmarked, uqmbd.Realisations]:
         """Return realisations from phase to phase; one that does not reach the last has failed."""
-        kind, outputs, last = self._kind(sequence), self.problem.labels.shape[0], float(marks[-1])
+        outputs = self.problem.labels.shape[0]
+        groups, paths = self._reaching(self._kind(sequence), values, float(marks.phases[-1]), marks.tail)
+        edges = np.full((len(values), marks.count + 1), np.nan)
+        response = np.full((len(values), marks.count, outputs, POINTS), np.nan)
+        for seen, phases, rows in groups:
+            part = phase_landmarks(seen, phases, marks, outputs, POINTS)
+            edges[rows], response[rows] = part.edges, part.response
+        return Landmarked(edges, response), self._told(values, paths, edges, sequence)
+
+    def _reaching(
+        self, kind: uqmbd.Clock, values: Array, last: float, more: float = 0.0
+    ) -> tuple[list[tuple[uqmbd.Dense, uqmbd.Phases, list[int]]], list[_Path]]:
+        """Follow realisations (K, d) until their phases are the last, rad, and longer, s, if they get there."""
         for _ in range(TRIES):
             needed = np.full(len(values), -np.inf)
             groups, paths = self._groups(values)
-            for seen, rows in groups:
-                needed[rows] = self._phases(kind, seen, values[rows]).reaching(last)
+            read = [(seen, self._phases(kind, seen, values[rows]), rows) for seen, rows in groups]
+            for _, phases, rows in read:
+                needed[rows] = phases.reaching(last) + more
             if not self._continue(values, paths, needed):
                 break
-        edges = np.full((len(values), len(marks) + 1), np.nan)
-        response = np.full((len(values), len(marks), outputs, POINTS), np.nan)
-        for seen, rows in groups:
-            part = phase_landmarks(seen, self._phases(kind, seen, values[rows]), marks, outputs, POINTS)
-            edges[rows], response[rows] = part.edges, part.response
-        return Landmarked(edges, response), self._told(values, paths, edges, sequence)
+        return read, paths
 
     def cut_in_time(self, values: Array, segments: int) -> tuple[Landmarked, uqmbd.Realisations]:
         """Return realisations in segments of the same times."""
@@ -302,12 +340,12 @@ class PhasePaths:
         good = np.isfinite(found.values).all(axis=(1, 2))
         if not good.all():
             return False
-        return bool(np.any([k.phases(found, self.end).running(self.end) for k in clock.kinds], axis=0).all())
+        return bool(np.any([k.phases(found).running(self.end) for k in clock.kinds], axis=0).all())
 
     def _phases(self, kind: uqmbd.Clock, seen: uqmbd.Dense, values: Array) -> uqmbd.Phases:
         """Read the phases of realisations at inputs (K, d)."""
         near = self.starts.near(values) if self.starts is not None and not kind.turn else None
-        return kind.phases(seen, self.end, near)
+        return kind.phases(seen, near)
 
     def _groups(self, values: Array) -> tuple[list[tuple[uqmbd.Dense, list[int]]], list[_Path]]:
         """Realisations (K) as far as they are known, put together where they have the same times."""
@@ -340,10 +378,11 @@ class PhasePaths:
         if free.any():
             self._follow(np.unique(values[free], axis=0), float(farther[free].max()))
         for k in np.flatnonzero(short & ~free):
-            self._follow(values[k : k + 1], float(min(farther[k], (needed[k] + limits[k]) / 2)))
+            until = float(min(farther[k], (needed[k] + limits[k]) / 2))
+            self._follow(values[k : k + 1], until)
             key = np.ascontiguousarray(values[k], dtype=float).tobytes()
-            if self._known[key].limit < limits[k]:
-                # it fails on this shorter way, too: it is not tried again
+            if self._known[key].limit < limits[k] and until - needed[k] < NEAR * (self.end - self.begin):
+                # it fails so near behind what is needed, too: it is not tried again
                 self._known[key] = replace(self._known[key], limit=float(needed[k]))
         return bool(short.any())
 

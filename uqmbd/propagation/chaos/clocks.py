@@ -16,7 +16,8 @@ import numpy as np
 import sympy
 
 from uqmbd.errors import StudyError
-from uqmbd.propagation.chaos.dense import Dense, dense
+from uqmbd.propagation.chaos.dense import Dense, dense, spline_through
+from uqmbd.propagation.chaos.swings import Swing, passing
 from uqmbd.propagation.problem import Problem
 from uqmbd.typing import Array, Mask
 
@@ -34,6 +35,9 @@ __all__ = [
 TURN = 2 * np.pi
 LEAST_TURNS = 1.0
 """Turns that a clock makes in every realisation, at least: in less there is nothing to align."""
+
+SETTLING_TURNS = 5.0
+"""The same where it comes to rest: phases of what settles sooner hardly drift apart."""
 
 WATCHED = "angle_of_"
 """Before the name of a body or joint whose angle is watched."""
@@ -84,15 +88,13 @@ class Clock:
         """In which ways realisations may be told the phase by it: what turns may turn backwards in some, or swing."""
         return (self, replace(self, turn=-self.turn), replace(self, turn=0.0)) if self.turn else (self,)
 
-    def phases(self, found: Dense, end: float, near: Array | None = None) -> Phases:
+    def phases(self, found: Dense, near: Array | None = None) -> Phases:
         """Read the phases (K, T) of realisations, rad.
 
         Parameters
         ----------
         found : Dense
             Realisations.
-        end : float
-            Last time that counts for the middle and the size of an oscillation, s.
         near : array, shape (K,), optional
             Of an oscillation: phases near which realisations start, rad; default: `start`.
         """
@@ -100,21 +102,16 @@ class Clock:
         if self.turn:
             return Phases(found.times, values / self.turn * TURN)
         near = np.full(len(values), self.start) if near is None else near
-        return Phases(found.times, self._swinging(found, values, end, near))
+        swings = []
+        for own, begin in zip(values, near, strict=True):
+            swing = Swing.of(found.times, own, found.through(own))
+            swings.append(swing and swing.moved(-float(np.round((swing.values[0] - begin) / TURN))))
+        nothing = np.zeros(len(found.times))
+        return Phases(found.times, np.stack([s.values if s else nothing for s in swings]), tuple(swings))
 
-    def _swinging(self, found: Dense, values: Array, end: float, near: Array) -> Array:
-        """Phases in the plane of value and rate, both centred and scaled in each realisation."""
-        within = found.times <= end * (1 + 1e-12)
-        rate = np.stack([found.through(own).derivative()(found.times) for own in values])
-        low, high = values[:, within].min(axis=1, keepdims=True), values[:, within].max(axis=1, keepdims=True)
-        fastest = np.abs(rate[:, within]).max(axis=1, keepdims=True)
-        centred = (values - (low + high) / 2) / _divisor((high - low) / 2)
-        phase = np.unwrap(np.arctan2(-rate / _divisor(fastest), centred), axis=1)
-        return np.asarray(phase - TURN * np.round((phase[:, :1] - near[:, None]) / TURN))
-
-    def fitted(self, found: Dense, end: float) -> Clock:
+    def fitted(self, found: Dense) -> Clock:
         """Return the clock that runs forwards in most of some realisations, and starts near where these do."""
-        phase = self.phases(found, end).values
+        phase = self.phases(found).values
         if self.turn:
             return replace(self, turn=self.turn * float(np.sign(np.median(phase[:, -1] - phase[:, 0])) or 1.0))
         return replace(self, start=float(np.angle(np.exp(1j * phase[:, 0]).mean())))
@@ -130,14 +127,48 @@ class Phases:
         s.
     values : array, shape (K, T)
         rad.
+    swings : tuple, length K
+        Of oscillations, none of what does not swing; empty: of angles.
     """
 
     times: Array
     values: Array
+    swings: tuple[Swing | None, ...] = ()
 
     def running(self, end: float) -> Mask:
-        """Say in which realisations the clock runs until a time, shape (K,): makes a turn, and never nearly stands."""
-        return np.asarray((self._turned(end) >= LEAST_TURNS * TURN) & (self._least(end) >= STEADY))
+        """Say in which realisations the clock runs until a time, or comes to rest, shape (K,).
+
+        It makes a turn, and never nearly stands before; an oscillation changes its size slowly.
+        """
+        even = np.array([swing is not None and swing.even for swing in self.swings] or [True])
+        rests = np.array([swing is not None and swing.rests and swing.rest <= end for swing in self._swings])
+        turns = np.where(rests, SETTLING_TURNS, LEAST_TURNS)
+        return np.asarray(even & (self._turned(end) >= turns * TURN) & (self._least(end) >= STEADY))
+
+    @property
+    def lasting(self) -> Array:
+        """Phases (K,) up to which marks are passed for ever, rad: inf where the clock does not come to rest."""
+        return np.array([s.last if s is not None and s.rests else np.inf for s in self._swings])
+
+    def passed(self, k: int, marks: Array) -> Array:
+        """Find the times (S,) at which one realisation passes phases, s; NaN where it does not reach one.
+
+        Parameters
+        ----------
+        k : int
+            Which.
+        marks : array, shape (S,)
+            Increasing phases, rad; those of an oscillation are multiples of a quarter turn.
+        """
+        if self.swings:
+            swing = self.swings[k]
+            return np.full(len(marks), np.nan) if swing is None else swing.passed(marks)
+        phase, times = self.values[k], self.times
+        highest = np.maximum.accumulate(phase)
+        spline = spline_through(times, phase)
+        right = np.clip(np.searchsorted(highest, marks), 1, len(times) - 1)
+        at = passing(spline, spline.derivative(), marks, times[right - 1], times[right])
+        return np.where(marks <= highest[-1], at, np.nan)
 
     def at(self, time: float) -> Array:
         """Return the phases (K,) at a time, rad."""
@@ -145,6 +176,8 @@ class Phases:
 
     def reaching(self, phase: float) -> Array:
         """Estimate when a phase is reached, s, shape (K,), if realisations go on as they do at the end; inf: never."""
+        if self.swings:
+            return np.array([np.inf if s is None else s.reaching(phase, float(self.times[-1])) for s in self.swings])
         last = self.values[:, -1]
         back = max(2, len(self.times) // 8)
         rate = (last - self.values[:, -back]) / (self.times[-1] - self.times[-back])
@@ -157,6 +190,10 @@ class Phases:
         """Return the least rate over the mean one, of the worst realisation, until a time."""
         return float(self._least(end).min())
 
+    @property
+    def _swings(self) -> tuple[Swing | None, ...]:
+        return self.swings or (None,) * len(self.values)
+
     def _until(self, end: float) -> Array:
         return self.values[:, : max(2, int(np.searchsorted(self.times, end * (1 - 1e-12))) + 1)]
 
@@ -165,11 +202,21 @@ class Phases:
         return np.asarray(phase[:, -1] - phase[:, 0])
 
     def _least(self, end: float) -> Array:
-        """Least rate (K,) over the mean one; a motion that starts at rest counts from its first quarter turn on."""
-        phase, turned = self._until(end), self._turned(end)
-        steps = np.diff(phase, axis=1) * (phase.shape[1] - 1) / np.where(turned == 0, np.inf, turned)[:, None]
+        """Least rate (K,) over the mean one; a motion that starts at rest counts from its first quarter turn on.
+
+        An oscillation counts between its first and its last extreme.
+        """
+        phase = self._until(end)
+        times = self.times[: phase.shape[1]]
+        begins = np.array([-np.inf if s is None else s.begin for s in self._swings])[:, None]
+        rests = np.array([np.inf if s is None else s.rest for s in self._swings])[:, None]
+        counts = (times[:-1] >= begins) & (times[1:] <= rests)
+        duration = np.minimum(times[-1], rests[:, 0]) - times[0]
+        mean = self._turned(end) / np.where(duration > 0, duration, np.inf)
+        steps = np.diff(phase, axis=1) / np.diff(times) / np.where(mean == 0, np.inf, mean)[:, None]
         started = phase[:, 1:] - phase[:, :1] > TURN / 4
-        return np.where((steps > 0).all(axis=1), np.where(started, steps, np.inf).min(axis=1), -1.0)
+        forwards = ((steps > 0) | ~counts).all(axis=1)
+        return np.where(forwards, np.where(started & counts, steps, np.inf).min(axis=1), -1.0)
 
 
 def watched_angles(mechanism: Any) -> Mapping[str, Any]:
@@ -247,7 +294,7 @@ def clock_at_means(problem: Problem, wanted: str | None = None) -> str:
     clock, why = choose_clock(problem, found, end, wanted)
     if clock is None:
         return f"no clock at the means of the inputs: {why}"
-    phase = clock.phases(found, end).values[0]
+    phase = clock.phases(found).values[0]
     return (
         f"the clock is {clock.words} at the means of the inputs, {(phase[-1] - phase[0]) / TURN:.3g} turns until the "
         "last output time"
@@ -266,13 +313,13 @@ class _Fitness:
 
     @classmethod
     def of(cls, clock: Clock, seen: Dense, end: float) -> _Fitness:
-        forwards = clock.fitted(seen, end)
-        runs = np.stack([kind.phases(seen, end).running(end) for kind in forwards.kinds])
+        forwards = clock.fitted(seen)
+        runs = np.stack([kind.phases(seen).running(end) for kind in forwards.kinds])
         share, turns = float(runs.any(axis=0).mean()), float(runs[:2].any(axis=0).mean()) if clock.turn else 0.0
         # an angle that never turns is an oscillation
         if clock.turn and not turns:
-            forwards = replace(clock, turn=0.0).fitted(seen, end)
-        return cls(forwards, share, turns, bool(clock.turn), forwards.phases(seen, end).steadiness(end))
+            forwards = replace(clock, turn=0.0).fitted(seen)
+        return cls(forwards, share, turns, bool(clock.turn), forwards.phases(seen).steadiness(end))
 
     @property
     def rank(self) -> tuple[bool, float, bool, bool, float]:
@@ -335,7 +382,3 @@ def _turn(units: str, turn: float) -> float:
     if turn:
         return turn
     return {"rad": TURN, "deg": 360.0}.get(units, 0.0)
-
-
-def _divisor(scale: Array) -> Array:
-    return np.where(scale == 0, 1.0, scale)

@@ -15,7 +15,7 @@ from uqmbd.typing import Array
 if TYPE_CHECKING:
     from scipy.interpolate import BSpline
 
-__all__ = ["Dense", "dense"]
+__all__ = ["Dense", "dense", "spline_through"]
 
 
 DEGREE = 7
@@ -79,7 +79,7 @@ class Dense:
 
     def through(self, values: Array) -> BSpline:
         """Return the spline through values (T,) or (T, N) at the times."""
-        return _spline(self.times, values)
+        return spline_through(self.times, values)
 
 
 def dense(
@@ -132,7 +132,8 @@ def dense(
     return Dense(times, evenly, left, others, tried), replace(found, counters=dict(spent))
 
 
-def _spline(times: Array, values: Array) -> BSpline:
+def spline_through(times: Array, values: Array) -> BSpline:
+    """Return the spline through values (T,) or (T, N)."""
     from scipy.interpolate import make_interp_spline
 
     return make_interp_spline(times, values, DEGREE)
@@ -171,7 +172,7 @@ def _error(times: Array, values: Array) -> Array:
     if not len(values):
         return np.zeros((0, 0))
     rows = values.reshape(-1, len(times)).T
-    half = _spline(times[::2], rows[::2])
+    half = spline_through(times[::2], rows[::2])
     inside = slice(DEGREE, len(times) - DEGREE, 2)
     wrong = np.abs(half(times[inside]) - rows[inside])
     size = np.ptp(rows, axis=0).reshape(values.shape[:2]).max(axis=0)
