@@ -66,6 +66,7 @@ from .mechanism import law_values as law_values
 from .mechanism import nominal as nominal
 from .mechanism import perpendiculars as perpendiculars
 from .mechanism import quaternion_product as quaternion_product
+from .mechanism import random_inertia as random_inertia
 from .mechanism import relative_quaternion as relative_quaternion
 from .mechanism import smallest_rotation as smallest_rotation
 from .mechanism import spline as spline
@@ -109,15 +110,19 @@ from .randomness import GermSpace as GermSpace
 from .randomness import Quadrature as Quadrature
 from .randomness import RandomVariable as RandomVariable
 from .randomness import SamplingDesign as SamplingDesign
+from .randomness import Toleranced as Toleranced
 from .randomness import clenshaw_curtis as clenshaw_curtis
 from .randomness import combination_coefficients as combination_coefficients
 from .randomness import gauss_tensor as gauss_tensor
 from .randomness import gram_error as gram_error
 from .randomness import index_set as index_set
+from .randomness import iso286 as iso286
 from .randomness import monte_carlo_rule as monte_carlo_rule
 from .randomness import random_vector as random_vector
 from .randomness import sampling_design as sampling_design
 from .randomness import sampling_designs as sampling_designs
 from .randomness import smolyak as smolyak
 from .randomness import sparse_rule as sparse_rule
+from .randomness import stated_tolerance as stated_tolerance
+from .randomness import tolerance as tolerance
 from .version import __version__ as __version__

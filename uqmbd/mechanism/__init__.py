@@ -82,6 +82,7 @@ from uqmbd.mechanism.imported import (
     from_urdf,
 )
 from uqmbd.mechanism.inertia import is_tensor_of_body
+from uqmbd.mechanism.inertia_ensemble import random_inertia
 from uqmbd.mechanism.mechanism import Mechanism
 from uqmbd.mechanism.output import Output
 from uqmbd.mechanism.rates import time_derivative
@@ -155,6 +156,7 @@ __all__ = [
     "nominal",
     "perpendiculars",
     "quaternion_product",
+    "random_inertia",
     "random_variables",
     "range_text",
     "relative_quaternion",

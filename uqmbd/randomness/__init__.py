@@ -21,8 +21,10 @@ from uqmbd.randomness.quadrature import (
     smolyak,
     sparse_rule,
 )
+from uqmbd.randomness.random_matrix import random_factor, random_root
 from uqmbd.randomness.space import GermBox, GermSpace, located
 from uqmbd.randomness.symbolic import Symbolic
+from uqmbd.randomness.tolerances import Toleranced, iso286, stated_tolerance, tolerance
 from uqmbd.randomness.variable import RandomVariable, random_vector, uniform_variable
 
 __all__ = [
@@ -34,6 +36,7 @@ __all__ = [
     "Quadrature",
     "RandomVariable",
     "Symbolic",
+    "Toleranced",
     "clenshaw_curtis",
     "combination_coefficients",
     "cumulated",
@@ -47,16 +50,21 @@ __all__ = [
     "gauss_tensor",
     "gram_error",
     "index_set",
+    "iso286",
     "is_distribution",
     "located",
     "moment_orders",
     "monte_carlo_rule",
+    "random_factor",
+    "random_root",
     "random_vector",
     "sampling_design",
     "sampling_designs",
     "smolyak",
     "sparse_rule",
+    "stated_tolerance",
     "strays",
+    "tolerance",
     "truncated",
     "uniform_variable",
 ]

@@ -14,6 +14,7 @@ import sympy
 from uqmbd.errors import StudyError
 from uqmbd.names import check_name, check_units, checked
 from uqmbd.randomness.symbolic import Symbolic
+from uqmbd.randomness.tolerances import stated_tolerance
 
 if TYPE_CHECKING:
     import chaospy
@@ -49,12 +50,13 @@ class RandomVariable(Symbolic, sympy.Symbol):
     distribution : chaospy.Distribution
         Its distribution, of one dimension.
     units : str
-        Its units, for people; nothing is converted.
+        Its units, for people; nothing is converted.  Left out, they are those of a size of `uqmbd.iso286`.
 
     Raises
     ------
     uqmbd.StudyError
-        If the name is unusable or the distribution is not a chaospy distribution of one dimension.
+        If the name is unusable, the distribution is not a chaospy distribution of one dimension, or it states other
+        units.
 
     Examples
     --------
@@ -77,7 +79,13 @@ class RandomVariable(Symbolic, sympy.Symbol):
         where = f"random variable {check_name(name, 'random variable')!r}"
         _require_distribution(where, distribution, 1)
         check_units(units, where)
-        return cls._member(Joint(distribution, (name,), (units,)), 0)
+        stated = stated_tolerance(distribution)
+        if stated is not None and stated.units and units not in ("", stated.units):
+            raise StudyError(
+                f"{where}: units is {units!r}, but {distribution} is in {stated.units}. Nothing is converted: give the "
+                f"size in the units of the mechanism, as in uqmbd.iso286(0.030, 'H7', units='m')."
+            )
+        return cls._member(Joint(distribution, (name,), (units or (stated.units if stated else ""),)), 0)
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         """Accept the arguments of ``__new__``; a symbol is made there."""
@@ -214,7 +222,7 @@ def mean_of(distribution: Any) -> np.ndarray:
     import chaospy
 
     from uqmbd.randomness.distributions import Law, heaviest_tail, is_dependent
-    from uqmbd.randomness.germs import discretise
+    from uqmbd.randomness.germs import discretise, discretise_quantiles
 
     if len(distribution) > 1 and not is_dependent(distribution) and any(Law.of(d).mends for d in distribution):
         return np.concatenate([mean_of(d) for d in distribution])
@@ -234,6 +242,9 @@ def mean_of(distribution: Any) -> np.ndarray:
         quantiles = np.ravel(distribution.inv(scipy.special.ndtr(normal)))
         spread = quantiles[normal >= 0.6745][0] - quantiles[normal <= -0.6745][-1]
         plausible = abs(quantiles @ weight / weight.sum() - value[0]) <= 0.2 * spread + 1e-9 * abs(value[0])
-    if not plausible:
+    if not np.isfinite(value).all() and len(distribution) == 1 and not heaviest_tail(law).power_law:
+        found = discretise_quantiles(law, 2)  # chaospy's formula overflows, as for Chi(400)
+        value = np.array([found.shift + found.scale * found.alpha[0]])
+    elif not plausible:
         value = np.atleast_1d(np.asarray(distribution.inv(np.full(len(distribution), 0.5)), dtype=float))
     return np.ravel(value)

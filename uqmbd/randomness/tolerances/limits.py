@@ -1,0 +1,212 @@
+"""Normal distributions of sizes that are given by their limits and a process capability."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cache
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from uqmbd.errors import StudyError
+from uqmbd.names import checked
+
+if TYPE_CHECKING:
+    import chaospy
+
+__all__ = ["Toleranced", "made", "require_number", "stated_tolerance", "tolerance"]
+
+
+@dataclass(frozen=True)
+class Toleranced:
+    """Where the distribution of a size comes from: what `uqmbd.tolerance` and `uqmbd.iso286` attach to theirs.
+
+    Parameters
+    ----------
+    nominal : float
+        Nominal size.
+    lower, upper : float
+        Limits of size.
+    cpk : float
+        Process capability index.
+    inspected : bool
+        Whether what lies beyond the limits is sorted out.
+    source : str
+        The tolerance as a drawing states it, e.g. ``"30 +0.02/0"``.
+    units : str
+        Units of all sizes, empty where they are not stated.
+    """
+
+    nominal: float
+    lower: float
+    upper: float
+    cpk: float
+    inspected: bool
+    source: str
+    units: str = ""
+
+    @property
+    def mean(self) -> float:
+        """The middle of the limits."""
+        return (self.lower + self.upper) / 2
+
+    @property
+    def sigma(self) -> float:
+        """Standard deviation of the process, before anything is sorted out."""
+        return (self.upper - self.lower) / (6 * self.cpk)
+
+    def __str__(self) -> str:
+        """Return e.g. ``30 +0.02/0, Cpk 1.33``."""
+        return f"{self.source}, Cpk {self.cpk:g}{', inspected' if self.inspected else ''}"
+
+
+@checked
+def tolerance(
+    nominal: float, plus: float, minus: float, cpk: float = 1.33, inspected: bool = False
+) -> chaospy.Distribution:
+    """Make the distribution of a size that a drawing gives as 30 +0.02/-0.01.
+
+    It is normal, with its mean in the middle of the limits and a standard deviation of ``(plus + minus) / (6 cpk)``: a
+    centred process of capability `cpk`.  It reaches beyond the limits as such a process does: 66 parts in a million at
+    1.33, 0.27 % at 1.
+
+    Parameters
+    ----------
+    nominal : float
+        Nominal size, in any units.
+    plus, minus : float
+        How far the upper limit is above the nominal size, and the lower limit below it, in the same units.
+    cpk : float
+        Process capability index: distance from the mean to the nearer limit over three standard deviations.
+    inspected : bool
+        Whether every part is measured and sorted out beyond the limits: the normal distribution is cut there.
+
+    Returns
+    -------
+    chaospy.Distribution
+        For `uqmbd.RandomVariable`; the table of inputs of a report states the tolerance beside it.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If something is no number, the lower limit is not below the upper one, or `minus` is negative.
+
+    See Also
+    --------
+    uqmbd.iso286 : the limits by a class such as H7.
+
+    Examples
+    --------
+    >>> import uqmbd
+    >>> d = uqmbd.RandomVariable("d", uqmbd.tolerance(30, 0.02, 0), units="mm")
+    >>> round(d.mean, 9), d.description
+    (30.01, 'Normal(mu=30.01, sigma=0.00250627): 30 +0.02/0, Cpk 1.33')
+    """
+    where = f"tolerance({nominal!r}, {plus!r}, {minus!r})"
+    nominal, plus, minus = (
+        require_number(where, name, x) for name, x in (("nominal", nominal), ("plus", plus), ("minus", minus))
+    )
+    if minus < 0:
+        below, above = nominal + minus, nominal - minus
+        remedy = (
+            f"if it is {above:.12g}, take the middle of the limits as the nominal size: "
+            f"tolerance({(nominal + (plus - minus) / 2):.12g}, {(plus + minus) / 2:.12g}, {(plus + minus) / 2:.12g})"
+            if plus > -minus
+            else "the upper limit has to be above it"
+        )
+        raise StudyError(
+            f"{where}: minus is {minus:g}, but it counts downwards from the nominal size. If the lower limit is "
+            f"{below:.12g}, write {-minus:g}; {remedy}."
+        )
+    if not plus + minus > 0:
+        raise StudyError(
+            f"{where}: the upper limit, {nominal + plus:.12g}, is not above the lower one, {nominal - minus:.12g}."
+        )
+    source = f"{nominal:.12g} {_signed(plus)}/{_signed(-minus)}" if plus != minus else f"{nominal:.12g} ±{plus:.12g}"
+    return made(where, nominal, plus, -minus, cpk, inspected, source)
+
+
+def made(
+    where: str, nominal: float, upper: float, lower: float, cpk: float, inspected: bool, source: str, units: str = ""
+) -> chaospy.Distribution:
+    """Return the distribution of a size from its deviations, which are signed.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If `cpk` is not positive, or `inspected` is neither True nor False.
+    """
+    cpk = require_number(where, "cpk", cpk)
+    if cpk <= 0:
+        raise StudyError(f"{where}: cpk is {cpk:g}; expected a process capability index above 0, such as 1.33.")
+    if not isinstance(inspected, (bool, np.bool_)):
+        raise StudyError(f"{where}: inspected is {inspected!r}; expected True or False.")
+    found = Toleranced(nominal, nominal + lower, nominal + upper, cpk, bool(inspected), source, units)
+    return _distribution(found)
+
+
+def stated_tolerance(distribution: Any) -> Toleranced | None:
+    """Return the tolerance that a distribution was made from; None where it was made otherwise.
+
+    Examples
+    --------
+    >>> import chaospy
+    >>> stated_tolerance(tolerance(30, 0.02, 0)).upper, stated_tolerance(chaospy.Normal(30, 0.01))
+    (30.02, None)
+    """
+    found = getattr(distribution, "toleranced", None)
+    return found if isinstance(found, Toleranced) else None
+
+
+def require_number(where: str, name: str, value: Any) -> float:
+    """Return a finite number.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If it is none.
+    """
+    if not isinstance(value, (int, float, np.number)) or isinstance(value, bool) or not math.isfinite(value):
+        raise StudyError(f"{where}: {name} is {value!r}; expected a finite number.")
+    return float(value)
+
+
+def _signed(deviation: float) -> str:
+    return f"{deviation:+.12g}" if deviation else "0"
+
+
+def _distribution(toleranced: Toleranced) -> chaospy.Distribution:
+    return _classes()[toleranced.inspected](toleranced)
+
+
+@cache
+def _classes() -> tuple[type[chaospy.Distribution], type[chaospy.Distribution]]:
+    """Distributions of chaospy that know their tolerance, as processes make them and as inspection leaves them."""
+    import chaospy
+
+    class Process(chaospy.Normal):
+        def __init__(self, toleranced: Toleranced) -> None:
+            super().__init__(toleranced.mean, toleranced.sigma)
+            self.toleranced = toleranced
+
+        def __repr__(self) -> str:
+            return f"Normal(mu={self.toleranced.mean:.12g}, sigma={self.toleranced.sigma:.6g}): {self.toleranced}"
+
+        def __reduce__(self) -> tuple[Any, ...]:
+            return _distribution, (self.toleranced,)
+
+    class Inspected(chaospy.TruncNormal):
+        def __init__(self, toleranced: Toleranced) -> None:
+            super().__init__(toleranced.lower, toleranced.upper, toleranced.mean, toleranced.sigma)
+            self.toleranced = toleranced
+
+        def __repr__(self) -> str:
+            t = self.toleranced
+            between = f"between {t.lower:.12g} and {t.upper:.12g}"
+            return f"Normal(mu={t.mean:.12g}, sigma={t.sigma:.6g}) {between}: {t}"
+
+        def __reduce__(self) -> tuple[Any, ...]:
+            return _distribution, (self.toleranced,)
+
+    return Process, Inspected
