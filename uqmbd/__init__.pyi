@@ -45,6 +45,7 @@ from .mechanism import Omissions as Omissions
 from .mechanism import Parameter as Parameter
 from .mechanism import Planar as Planar
 from .mechanism import Potential as Potential
+from .mechanism import Requirement as Requirement
 from .mechanism import Separation as Separation
 from .mechanism import Spatial as Spatial
 from .mechanism import Translational as Translational
@@ -82,6 +83,7 @@ from .propagation import ElementLimits as ElementLimits
 from .propagation import ElementRefinement as ElementRefinement
 from .propagation import Estimate as Estimate
 from .propagation import History as History
+from .propagation import Margins as Margins
 from .propagation import NodeFit as NodeFit
 from .propagation import Phases as Phases
 from .propagation import Problem as Problem

@@ -12,6 +12,7 @@ from typing import Any, ParamSpec, TypeVar
 from uqmbd.errors import StudyError
 
 __all__ = [
+    "ANY",
     "check_arguments",
     "check_label",
     "check_name",
@@ -25,8 +26,13 @@ __all__ = [
 P = ParamSpec("P")
 R = TypeVar("R")
 
-RESERVED_LABELS = frozenset({"comparison", "convergence", "motion", "statistics", "samples", "chaos", "scalars"})
+RESERVED_LABELS = frozenset(
+    {"comparison", "convergence", "motion", "statistics", "samples", "chaos", "scalars", "requirements"}
+)
 """Names of the parts of results, which no method can have."""
+
+ANY = "any"
+"""Name of the event that one requirement or another is violated."""
 
 LONGEST_LABEL = 200
 """Bytes of a label: it names files as well."""

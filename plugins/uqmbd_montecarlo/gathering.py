@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import uqmbd
-from uqmbd.results import Moments, sample_file
+from uqmbd.results import Moments, Violations, sample_file
 from uqmbd.typing import Array
 
 __all__ = ["Gathered", "gather"]
@@ -47,6 +47,8 @@ class Gathered:
     counters: dict[str, float]
     wall_time: float
     file: str
+    violations: tuple[Violations, ...] = ()
+    """Counts of each replicate, where requirements are to be answered."""
 
     @property
     def moments(self) -> Moments:
@@ -85,6 +87,7 @@ def gather(
     counters: Counter[str] = Counter()
     reasons: Counter[str] = Counter()
     failures, first, wall = 0, 0, 0.0
+    violations: list[Violations | None] = [None] * len(sizes)
     file = f"{problem.label}-samples.nc" if len(values) > keep and problem.folder else ""
     with ExitStack() as stack:
         store = None
@@ -95,11 +98,16 @@ def gather(
             # what is not finite is a failure like any other: it must not enter a sum
             fine = part.good
             failures += int(np.count_nonzero(~fine))
-            for r in range(int(np.searchsorted(edges, first, side="right")) - 1, len(replicates)):
+            for r in range(int(np.searchsorted(edges, first, side="right")) - 1, len(sizes)):
                 low, high = max(first, edges[r]) - first, min(last, edges[r + 1]) - first
                 if low >= high:
                     break
-                replicates[r] = replicates[r].merge(Moments.of(part.response[low:high][fine[low:high]]))
+                if replicates:
+                    replicates[r] = replicates[r].merge(Moments.of(part.response[low:high][fine[low:high]]))
+                if problem.answers_requirements and part.margins is not None:
+                    more = Violations.of(part.margins.running[low:high], part.margins.failed[low:high])
+                    before = violations[r]
+                    violations[r] = more if before is None else before + more
             if watch is not None:
                 watch(first, part.response, fine)
             if store is not None:
@@ -117,4 +125,5 @@ def gather(
             first = last
     reason = reasons.most_common(1)[0][0] if reasons else ""
     kept = uqmbd.Realisations(values[:room], response, status, tuple(messages), {}, 0.0)
-    return Gathered(first - failures, tuple(replicates), kept, failures, reason, dict(counters), wall, file)
+    counted = tuple(one for one in violations if one is not None)
+    return Gathered(first - failures, tuple(replicates), kept, failures, reason, dict(counters), wall, file, counted)

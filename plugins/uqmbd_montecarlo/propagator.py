@@ -11,7 +11,7 @@ import numpy as np
 import xarray as xr
 
 import uqmbd
-from uqmbd.results import PolynomialChaos, replicate_errors, sample_dataset, statistics_of_samples
+from uqmbd.results import PolynomialChaos, Violations, replicate_errors, sample_dataset, statistics_of_samples
 from uqmbd_montecarlo.control import FOLDS, LEAST_SAMPLES
 from uqmbd_montecarlo.gathering import Gathered, gather
 from uqmbd_montecarlo.pickfreeze import obstacle_of
@@ -76,6 +76,7 @@ class MonteCarlo(uqmbd.Propagator):
     """
 
     name: ClassVar[str] = "monte-carlo"
+    requirements: ClassVar[bool] = True
     samples: Annotated[int, uqmbd.Bounds(2)] = 500
     seed: Annotated[int, uqmbd.Bounds(0)] = 0
     sampling: str = "random"
@@ -241,6 +242,10 @@ class MonteCarlo(uqmbd.Propagator):
             attrs["independent_samples"] = "true"  # readers need not have the plugin of the design
         if found.file:
             attrs["all_samples"] = found.file
+        children = {}
+        if found.violations:
+            times = problem.times if problem.over is None else problem.over
+            children["requirements"] = Violations.dataset(problem.requirements, found.violations, times)
         return problem.node(
             self,
             statistics,
@@ -248,6 +253,7 @@ class MonteCarlo(uqmbd.Propagator):
             realisations=realisations,
             wall_time=wall_time,
             counters=dict(counters),
+            children=children,
             attrs=attrs,
         )
 

@@ -33,6 +33,7 @@ from uqmbd.dynamics.integrators import (
     require,
     require_for,
 )
+from uqmbd.dynamics.margins import MarginValues, margins_of
 from uqmbd.dynamics.projection import PhaseMotion, ProjectedTrajectories
 from uqmbd.dynamics.statics import (
     Equilibrium,
@@ -55,6 +56,7 @@ __all__ = [
     "Instance",
     "Integrator",
     "Layout",
+    "MarginValues",
     "MechanismTerms",
     "Model",
     "Modes",
@@ -79,6 +81,7 @@ __all__ = [
     "kinematic_model",
     "linearise",
     "linearise_steady",
+    "margins_of",
     "mechanism_terms",
     "off_constraints",
     "position_jumps",

@@ -37,6 +37,7 @@ from uqmbd.dynamics.equations import (
 from uqmbd.dynamics.facts import facts_of
 from uqmbd.dynamics.integration import Prescribed, prescribed_by, timed, timed_tables
 from uqmbd.dynamics.linear import index1_system, massless_direction
+from uqmbd.dynamics.margins import margin_map
 from uqmbd.dynamics.notices import deep_contacts, hidden_turns, looked_at, moved_bodies, size_of
 from uqmbd.dynamics.observation import prepare
 from uqmbd.dynamics.statics import scalar_map
@@ -376,6 +377,7 @@ def _built(mechanism: Mechanism, time: float, fuse: bool | None) -> Model:
         controls=controls,
         speeds_commanded=any(i.held and i.type.constraints for i in instances),
         scalars=scalar_map(list(mechanism.scalars.values()), *places),
+        margins=margin_map(mechanism, places),
     )
     parameters = model.parameters(mechanism.inputs.means[None, :])
     drawn = parameters[:, model.drawn]

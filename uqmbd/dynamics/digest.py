@@ -25,7 +25,7 @@ def digest_of(mechanism: Mechanism, instances: list[Instance], controllers: Iter
         text.update(sympy.srepr(i.parameters).encode())
         if i.held:
             text.update(sympy.srepr(i.held).encode())
-    for output in (*mechanism.outputs.values(), *mechanism.scalars.values()):
+    for output in mechanism.observed():
         text.update(f"{output.name} {sympy.srepr(output.expression)}".encode())
     for body in mechanism.bodies.values():
         pose = tuple(getattr(body.pose, x.name) for x in fields(body.pose))

@@ -116,7 +116,7 @@ class _Facts:
         inputs = m.inputs
         bodies = [(name, self.own(type(b)), b.pose) for name, b in m.bodies.items()]
         components = [self.component(c) for c in m.all_components()]
-        described = [list(x.items()) for x in (m.outputs, m.scalars, m.conditions)]
+        described = [list(x.items()) for x in (m.outputs, m.scalars, m.requirements, m.margins, m.conditions)]
         return self.own(type(m)), m.name, m.space, bodies, components, described, inputs.names, inputs.means
 
     def component(self, component: Component) -> Sequence[Any]:

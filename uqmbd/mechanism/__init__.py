@@ -86,6 +86,7 @@ from uqmbd.mechanism.inertia_ensemble import random_inertia
 from uqmbd.mechanism.mechanism import Mechanism
 from uqmbd.mechanism.output import Output
 from uqmbd.mechanism.rates import time_derivative
+from uqmbd.mechanism.requirement import Requirement
 from uqmbd.mechanism.skeleton import skeleton
 from uqmbd.mechanism.start import StartCondition
 
@@ -124,6 +125,7 @@ __all__ = [
     "Planar",
     "Potential",
     "ReactionSymbol",
+    "Requirement",
     "ScalarSymbol",
     "Separation",
     "Space",

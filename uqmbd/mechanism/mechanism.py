@@ -10,15 +10,17 @@ from uqmbd.errors import StudyError
 from uqmbd.mechanism.body import Body, Ground
 from uqmbd.mechanism.components import Component, settle
 from uqmbd.mechanism.controller import Controller
-from uqmbd.mechanism.expressions import check_scalar, is_scalar, random_variables, shown
+from uqmbd.mechanism.expressions import is_scalar, random_variables, shown
 from uqmbd.mechanism.geometry import Space
 from uqmbd.mechanism.holonomic import require_holonomic
 from uqmbd.mechanism.new_body import new_body
-from uqmbd.mechanism.output import TURNS, Output, drawn_over, recorded
+from uqmbd.mechanism.output import Output
 from uqmbd.mechanism.randomise import randomise
-from uqmbd.mechanism.scope import require_bodies, require_component, require_known
+from uqmbd.mechanism.recorded import output_of
+from uqmbd.mechanism.requirement import Requirement, requirement_of
+from uqmbd.mechanism.scope import require_bodies, require_component, require_free, require_known, require_measured
 from uqmbd.mechanism.start import StartCondition, start_condition
-from uqmbd.names import check_name, check_units, checked
+from uqmbd.names import check_name, checked
 from uqmbd.randomness import JointInput, RandomVariable
 
 __all__ = ["Mechanism"]
@@ -64,6 +66,9 @@ class Mechanism:
         self.outputs: dict[str, Output] = {}
         self.scalars: dict[str, Output] = {}
         """Outputs without a time."""
+        self.requirements: dict[str, Requirement] = {}
+        """Limits to stay within."""
+        self.margins: dict[str, Output] = {}
         self.conditions: dict[str, StartCondition] = {}
         """What holds at the start."""
         self._memory: dict[Hashable, tuple[tuple[int, ...], Any]] = {}
@@ -118,7 +123,7 @@ class Mechanism:
             If a value is missing, of the wrong dimension, or physically impossible.
         """
         where = f"body {check_name(name, 'body')!r}"
-        self._require_free(name, where)
+        require_free(self, name, where)
         stated = {
             "mass": mass, "inertia": inertia, "com": com, "position": position, "angle": angle, "rotation": rotation,
             "quaternion": quaternion, "velocity": velocity, "angular_velocity": angular_velocity,
@@ -156,7 +161,7 @@ class Mechanism:
         where = f"{type(part).__name__} {part.name!r}"
         if self.components.get(part.name) is part:
             raise StudyError(f"{where}: it has been added to mechanism {self.name!r} already.")
-        self._require_free(part.name, where)
+        require_free(self, part.name, where)
         left_out = [role for role in part.grounded if part.attached[role] is None]
         part.attached.update(dict.fromkeys(left_out, self.ground))
         require_bodies(self, where, part)
@@ -216,34 +221,41 @@ class Mechanism:
         >>> [round(float(angle), 3) for angle in uqmbd.simulate(mechanism, [0, 0.5, 1, 1.5])["direction"]]
         [0.0, 2.0, 4.0, 6.0]
         """
-        where = f"output {check_name(name, 'output')!r}"
-        if name in self.outputs or name in self.scalars:
-            raise StudyError(f"{where}: there is an output of that name already; every output needs its own.")
-        value = recorded(where, expression)
-        if not value.free_symbols:
-            raise StudyError(
-                f"{where}: the expression is the constant {value}; it depends on nothing. "
-                "Use a body's position, velocity, a reaction, ..."
-            )
-        require_known(self, where, value, "output")
-        units = check_units(units, where)
-        if not isinstance(angle, bool):
-            raise StudyError(f"{where}: angle is {shown(angle)}; expected True or False.")
-        if angle and units not in TURNS:
-            raise StudyError(
-                f"{where}: it is declared an angle, and its units are {units!r}; expected 'rad' or 'deg', which say "
-                "how long a turn is. State the units, or leave angle=True out."
-            )
-        if is_scalar(value):
-            check_scalar(where, value)
-            if angle:
-                raise StudyError(f"{where}: it has no time over which to unwrap an angle; leave angle=True out.")
-            if over is not None:
-                raise StudyError(f"{where}: it has no time, and is no curve over another output; leave over= out.")
-            self.scalars[name] = Output(name, value, units)
-            return
-        beside = "" if over is None else drawn_over(where, over, self.outputs, self.scalars)
-        self.outputs[name] = Output(name, value, units, TURNS[units] if angle else 0.0, beside)
+        found = output_of(self, name, expression, units, angle=angle, over=over)
+        (self.scalars if is_scalar(found.expression) else self.outputs)[name] = found
+
+    @checked
+    def require(self, name: str, relation: Any, description: str = "") -> None:
+        """State a limit that the mechanism has to stay within: how probably it does not is a result of every study.
+
+        Parameters
+        ----------
+        name : str
+        relation : SymPy relation
+            ``a <= b``, ``a >= b``, ``a < b`` or ``a > b`` of whatever outputs may contain; limits may be random.  What
+            changes with time has to hold at all output times and between them.  Where nothing in it does (frequencies,
+            values at rest, what sums a motion up, random variables) it is one statement on each realisation.  No
+            difference is made between ``<`` and ``<=``.
+        description : str
+            In words, for reports.
+
+        Raises
+        ------
+        uqmbd.StudyError
+            If it is no such relation, or mixes what changes with time with what does not.
+
+        Examples
+        --------
+        >>> import uqmbd
+        >>> from uqmbd_springs import SpringDamper
+        >>> mechanism = uqmbd.Mechanism("oscillator", uqmbd.Translational())
+        >>> mass = mechanism.body("mass", mass=2, position=(1, 0))
+        >>> spring = mechanism.add(SpringDamper("spring", mechanism.ground, mass, (0, 0), (0, 0), stiffness=8))
+        >>> mechanism.require("stiff enough", uqmbd.eigenfrequency(1) >= 0.3, description="first mode, 0.3 Hz")
+        >>> mechanism.requirements["stiff enough"].relation
+        'eigenfrequency(1) >= 0.3'
+        """
+        self.requirements[name], self.margins[name] = requirement_of(self, name, relation, description)
 
     @checked
     def start(self, condition: Any, value: Any = None) -> None:
@@ -333,7 +345,7 @@ class Mechanism:
     def revision(self) -> tuple[int, ...]:
         """Return numbers that change whenever something is added, or parameters get other values."""
         parts: tuple[Sized, ...] = (self.bodies, self.components, self.controllers, self.outputs, self.scalars)
-        return (*map(len, (*parts, self.conditions)), sum(c.settled for c in self.all_components()))
+        return (*map(len, (*parts, self.requirements, self.conditions)), sum(c.settled for c in self.all_components()))
 
     def remembered(self, key: Hashable, make: Callable[[], T]) -> T:
         """Return what `make` made when `key` was last asked for, unless the mechanism has changed since.
@@ -362,6 +374,10 @@ class Mechanism:
         """Return the names of random variables that enter something; dependent ones may be inputs without that."""
         return frozenset(v.name for v in self._used())
 
+    def observed(self) -> tuple[Output, ...]:
+        """Return all that is observed: outputs over time, those without, and the margins of requirements."""
+        return (*self.outputs.values(), *self.scalars.values(), *self.margins.values())
+
     def all_components(self) -> list[Component]:
         """Return the bodies' own terms, then the components, in the order in which they were added."""
         return [*(b.terms for b in self.bodies.values()), *self.components.values()]
@@ -375,27 +391,15 @@ class Mechanism:
         return frozenset(variable for value in values for variable in random_variables(value))
 
     def _used(self) -> set[RandomVariable]:
-        values = [output.expression for output in (*self.outputs.values(), *self.scalars.values())]
+        values = [output.expression for output in self.observed()]
         return {variable for value in values for variable in random_variables(value)} | self.moving_inputs()
-
-    def _require_free(self, name: str, where: str) -> None:
-        if name == "ground":
-            raise StudyError(f"{where}: that name belongs to the ground; choose another.")
-        taken = self.bodies.get(name) or self.components.get(name) or self.controllers.get(name)
-        if taken is not None:
-            kind = "body" if isinstance(taken, Body) else type(taken).__name__
-            raise StudyError(
-                f"{where}: the name is taken by {kind} {name!r}; bodies and components need names of their own."
-            )
 
     def _control(self, controller: Controller) -> None:
         """Add a controller; what its names of outputs mean is looked up when the equations are made."""
         if self.controllers.get(controller.name) is controller:
             raise StudyError(f"{controller.where}: it has been added to mechanism {self.name!r} already.")
-        self._require_free(controller.name, controller.where)
-        for k, entry in enumerate(controller.measured):
-            if not isinstance(entry, str):
-                require_known(self, f"{controller.where}: measured[{k}]", entry, "output")
+        require_free(self, controller.name, controller.where)
+        require_measured(self, controller)
         self.controllers[controller.name] = controller
 
     def _repr_html_(self) -> str | None:

@@ -13,9 +13,18 @@ from uqmbd.mechanism.components import AngleSymbol, Component, Loaded, ReactionS
 from uqmbd.mechanism.controller import Controller, HeldSymbol
 from uqmbd.mechanism.expressions import ScalarSymbol, flatten, is_scalar, shown, t, unknown_symbol
 from uqmbd.mechanism.geometry import Space
+from uqmbd.mechanism.output import Output
 from uqmbd.randomness import RandomVariable
 
-__all__ = ["Described", "Scope", "require_bodies", "require_component", "require_known"]
+__all__ = [
+    "Described",
+    "Scope",
+    "require_bodies",
+    "require_component",
+    "require_free",
+    "require_known",
+    "require_measured",
+]
 
 Scope = Literal["number", "law", "start", "output"]
 """A number knows random variables; a law time, positions, angles and velocities as well; an output everything.
@@ -32,6 +41,12 @@ class Described(Protocol):
     ground: Ground
     space: Space
     controllers: dict[str, Controller]
+    outputs: dict[str, Output]
+    scalars: dict[str, Output]
+
+    @property
+    def requirements(self) -> Mapping[str, object]:
+        """By name."""
 
 
 LAW_QUANTITIES = ("q", "v", "angular_velocity")
@@ -106,6 +121,25 @@ def require_component(mechanism: Described, given: Any) -> Component:
             f"which mechanism {mechanism.name!r} is in; it works in: {fitting}."
         )
     return given
+
+
+def require_free(mechanism: Described, name: str, where: str) -> None:
+    """Raise where bodies and components have a name already."""
+    if name == "ground":
+        raise StudyError(f"{where}: that name belongs to the ground; choose another.")
+    taken = mechanism.bodies.get(name) or mechanism.components.get(name) or mechanism.controllers.get(name)
+    if taken is not None:
+        kind = "body" if isinstance(taken, Body) else type(taken).__name__
+        raise StudyError(
+            f"{where}: the name is taken by {kind} {name!r}; bodies and components need names of their own."
+        )
+
+
+def require_measured(mechanism: Described, controller: Controller) -> None:
+    """Raise unless every expression that a controller measures means something."""
+    for k, entry in enumerate(controller.measured):
+        if not isinstance(entry, str):
+            require_known(mechanism, f"{controller.where}: measured[{k}]", entry, "output")
 
 
 def require_bodies(mechanism: Described, where: str, component: Component) -> None:

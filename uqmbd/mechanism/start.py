@@ -12,7 +12,7 @@ from uqmbd.mechanism.body import StateSymbol
 from uqmbd.mechanism.components import AngleSymbol, ReactionSymbol
 from uqmbd.mechanism.expressions import flatten, is_scalar, numbers, random_variables, shown
 from uqmbd.mechanism.holonomic import RATES
-from uqmbd.mechanism.output import recorded
+from uqmbd.mechanism.recorded import recorded
 from uqmbd.mechanism.scope import Described, require_known
 
 __all__ = ["StartCondition", "start_condition"]

@@ -27,7 +27,7 @@ from uqmbd.propagation.chaos import (
 from uqmbd.propagation.deterministic import input_point, simulate
 from uqmbd.propagation.equilibrium import eigenfrequencies, static_equilibrium
 from uqmbd.propagation.estimate import Estimate
-from uqmbd.propagation.execution import History, Lines, Progress, Realisations, claimed, set_aside
+from uqmbd.propagation.execution import History, Lines, Margins, Progress, Realisations, claimed, set_aside
 from uqmbd.propagation.observed_model import observed_model, stepped
 from uqmbd.propagation.obstacle import obstacle_of
 from uqmbd.propagation.problem import Problem
@@ -46,6 +46,7 @@ __all__ = [
     "Estimate",
     "History",
     "Lines",
+    "Margins",
     "Phases",
     "Problem",
     "Progress",

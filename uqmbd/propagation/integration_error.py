@@ -162,6 +162,8 @@ def _silent(problem: Problem, what: str, **changes: object) -> Problem:
         checkpoint=checkpoint,
         executor=None,
         progress=Silent(),
+        # of margins no error is measured
+        model=replace(problem.model, margins=None),
         known=problem.beside.setdefault(what, {}),
         observed=Observed(),
         **changes,  # type: ignore[arg-type]  # names and types of fields

@@ -29,10 +29,11 @@ def observed_model(mechanism: Mechanism, time: float, start: str = "drawn") -> M
     from uqmbd.dynamics import build, referenced
     from uqmbd.mechanism import forgotten
 
-    if not (mechanism.outputs or mechanism.scalars):
+    if not mechanism.observed():
         raise StudyError(
             f"mechanism {mechanism.name!r} has no outputs; say what to observe, "
-            "e.g. mechanism.output('x', body.position[0], units='m')."
+            "e.g. mechanism.output('x', body.position[0], units='m'), or what must hold, "
+            "e.g. mechanism.require('clearance', body.position[0] <= 0.47)."
         )
     means = mechanism.inputs.means
     model = mechanism.remembered(("model", time), lambda: referenced(build(mechanism, time), means))

@@ -83,7 +83,9 @@ def check_still(mechanism: Mechanism, where: str) -> Array:
     """Return the times of a study without output times, 0 s alone, or say which outputs need some."""
     from uqmbd.mechanism import MotionSymbol
 
-    needing = [*mechanism.outputs, *(o.name for o in mechanism.scalars.values() if o.expression.atoms(MotionSymbol))]
+    timeless = (*mechanism.scalars.values(), *mechanism.margins.values())
+    needing = [*mechanism.outputs, *(name for name, one in mechanism.requirements.items() if one.over_time)]
+    needing += [o.name for o in timeless if o.name not in needing and o.expression.atoms(MotionSymbol)]
     if needing:
         more = f" and {len(needing) - NAMED} more" if len(needing) > NAMED else ""
         raise StudyError(

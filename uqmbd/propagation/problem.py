@@ -3,21 +3,19 @@
 from __future__ import annotations
 
 import hashlib
-import json
 import pickle
-import warnings
-from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from uqmbd.dynamics import Capability, Ensemble, Model, ScalarValues, declares, integrator_class, require
-from uqmbd.errors import StudyError, StudyWarning
+from uqmbd.dynamics import Capability, Ensemble, Model, declares, integrator_class, require
+from uqmbd.errors import StudyError
+from uqmbd.mechanism import Requirement
 from uqmbd.propagation.annotations import Method
 from uqmbd.propagation.execution import (
     Arrays,
@@ -25,6 +23,8 @@ from uqmbd.propagation.execution import (
     Chunk,
     Clock,
     History,
+    Kind,
+    Margins,
     Observed,
     Progress,
     Realisations,
@@ -33,17 +33,18 @@ from uqmbd.propagation.execution import (
     compute_chunk,
     event_histories,
     executor_for,
+    fingerprint,
     in_order,
+    needs_motion,
     run_tasks,
     threads_of,
 )
 from uqmbd.propagation.existence import Existence
-from uqmbd.propagation.observed_model import not_unique_attribute, step_attributes
+from uqmbd.propagation.method_node import labels_of, method_node
 from uqmbd.propagation.random_inputs import nothing_random
 from uqmbd.randomness import GermSpace, JointInput
-from uqmbd.results import InputInfo, Labels, OutputInfo, labels, propagator_node
+from uqmbd.results import Labels
 from uqmbd.typing import Array
-from uqmbd.version import __version__
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -67,9 +68,13 @@ class Problem:
         Relative tolerance of the integration.
     integrator : str
         Name of the integrator.
+    kind : {"outputs", "scalars", "requirements"}
+        What the outputs are: those over time, those without a time, or the margins of the requirements.
     over : array, optional
-        Given where the outputs are those without a time (`timeless`): the times of the study.  `times` is then its
-        first time only, at which these outputs stand.
+        Given where they are not those over time (`timeless`): the times of the study.  Of outputs without a time
+        `times` is then its first time only, at which they stand.
+    answers_requirements : bool
+        Whether the node has to have a child ``requirements``, of a method that declares to make it itself.
     """
 
     study: str
@@ -83,14 +88,16 @@ class Problem:
     executor: Executor | None = field(default=None, repr=False)
     progress: Progress = field(default_factory=Silent, repr=False)
     checkpoint: Checkpoint | None = field(default=None, repr=False)
+    kind: Kind = "outputs"
     over: Array | None = field(default=None, repr=False)
+    answers_requirements: bool = False
     watched: Model | None = field(default=None, repr=False)
     """The model whose outputs are those of the study, and what the method watches besides (`Propagator.watches`)."""
     existence: Existence = field(default_factory=lambda: Existence({}, {}, {}), repr=False)
     """Which moments of the outputs exist."""
-    known: dict[bytes, Chunk] = field(default_factory=dict, repr=False, compare=False)
-    """Outputs without a time that were computed beside the others, by the inputs."""
-    beside: dict[str, dict[bytes, Chunk]] = field(default_factory=dict, repr=False, compare=False)
+    known: dict[tuple[Kind, bytes], Chunk] = field(default_factory=dict, repr=False, compare=False)
+    """Outputs without a time, and margins, that were computed beside the others, by the inputs."""
+    beside: dict[str, dict[tuple[Kind, bytes], Chunk]] = field(default_factory=dict, repr=False, compare=False)
     """The same, of realisations that are integrated once more, by what for."""
     clock: Clock = field(default_factory=Clock, repr=False, compare=False)
     """Called, it reads seconds; it counts what an interrupted run has spent on what need not be computed again."""
@@ -99,34 +106,43 @@ class Problem:
 
     @property
     def timeless(self) -> bool:
-        """Whether the outputs are those without a time, given as if at one time.
+        """Whether the outputs are those without a time, given as if at one time, or margins of requirements.
 
-        A method need not know: its results lose the dimension afterwards.  One that does not compute realisations (it
+        A method need not know: its results are given their form afterwards.  One that does not compute realisations (it
         solves for all together) must compute realisations here.
         """
-        return self.over is not None
+        return self.kind != "outputs"
+
+    @property
+    def requirements(self) -> tuple[Requirement, ...]:
+        """What the mechanism has to satisfy."""
+        return () if self.model.margins is None else tuple(self.model.margins.requirements)
 
     def without_time(self) -> Problem:
         """Return the problem of the outputs without a time; what is known of them is not computed again."""
-        label = f"{self.label}-scalars"
+        return self._of("scalars", times=self.times[:1])
+
+    def of_requirements(self) -> Problem:
+        """Return the problem whose outputs are the margins of the requirements, the smallest until each time."""
+        return replace(self._of("requirements"), existence=Existence({}, {}, {}))
+
+    def _of(self, kind: Kind, **changes: Any) -> Problem:
+        label = f"{self.label}-{kind}"
         checkpoint = self.checkpoint and replace(self.checkpoint, label=label)
-        return replace(
-            self, label=label, times=self.times[:1], over=self.times, checkpoint=checkpoint, observed=Observed()
-        )
+        about = {"label": label, "checkpoint": checkpoint, "observed": Observed(), **changes}
+        return replace(self, kind=kind, over=self.times, **about)
 
     def watching(self, times: Array | None = None) -> Problem:
         """Return the problem whose outputs are those of the study, then what is watched, at any times (T,)."""
         times = self.times if times is None else np.array(times, dtype=float)
-        return replace(self, model=self.watched or self.model, watched=None, times=times, observed=Observed())
+        # margins are those of the times of the study
+        model = replace(self.watched or self.model, margins=None)
+        return replace(self, model=model, watched=None, times=times, observed=Observed())
 
     @property
     def labels(self) -> Labels:
         """Names and units of outputs, inputs and times, for `uqmbd.results`."""
-        seen = self.model.scalars if self.timeless else self.model.outputs
-        turns = [0.0] * len(seen.names) if self.timeless else seen.turns.tolist()
-        outputs = [OutputInfo(*about) for about in zip(seen.names, seen.units, turns, strict=True)]
-        variables = self.inputs.variables
-        return labels(outputs, [InputInfo(v.name, v.units, v.description) for v in variables], self.times)
+        return labels_of(self.model, self.inputs, self.times, self.kind)
 
     @cached_property
     def _packed(self) -> bytes:
@@ -156,22 +172,34 @@ class Problem:
         Realisations
             The same bits for any number of workers.  Failures are a status, never an exception.
         """
-        begin = self.clock()
-        parts = list(self.stream(values))
-        counters: Counter[str] = Counter()
-        for part in parts:
-            counters.update(part.counters)
-        empty = np.zeros((0, *self.labels.shape))
-        scalars = [p.scalars for p in parts if p.scalars is not None]
-        return Realisations(
-            self._checked(values),
-            np.concatenate([empty, *(p.response for p in parts)]),
-            np.concatenate([np.zeros(0, dtype=np.int64), *(p.status for p in parts)]),
-            tuple(m for p in parts for m in p.messages),
-            dict(counters),
-            self.clock() - begin,
-            ScalarValues.joined(scalars) if scalars else None,
-        )
+        begin, parts = self.clock(), list(self.stream(values))
+        return Realisations.joined(self._checked(values), parts, self.labels.shape, self.clock() - begin)
+
+    def margins(self, values: Array) -> Margins:
+        """Compute the margins of the requirements for each row of inputs, on all workers.
+
+        Parameters
+        ----------
+        values : array, shape (K, input)
+            Inputs, in the order of ``inputs.names``.
+
+        Returns
+        -------
+        Margins
+            What is known of realisations whose outputs have been computed is not computed again.
+
+        Raises
+        ------
+        uqmbd.StudyError
+            If the mechanism has no requirements.
+        """
+        if not self.requirements:
+            raise StudyError(f"{self.label}: there are no requirements; state one by mechanism.require(name, ...).")
+        own = self if self.kind == "requirements" else replace(self.of_requirements(), label=self.label)
+        found = own.realise(values)
+        if own is not self:
+            self.observed.counters.update(own.observed.counters)
+        return Margins.of(found, own.labels.shape)
 
     def stream(self, values: Array) -> Iterator[Realisations]:
         """Compute the response to each row of inputs, a chunk of rows at a time, in their order.
@@ -207,6 +235,7 @@ class Problem:
                 dict(chunk.counters),
                 now - begin,
                 chunk.scalars,
+                chunk.margins,
             )
             self.observed.add(found)
             yield found
@@ -301,16 +330,16 @@ class Problem:
     def _unlocked(self) -> bool:
         """Whether realisations are computed without the interpreter: no events, no controllers, no statics alone."""
         model, cls = self.model, integrator_class(self.integrator)
-        still = self.timeless and not model.scalars.needs_motion
-        return declares(cls, "unlocked") and not (still or model.events or model.controls)
+        moves = needs_motion(model, self.kind)
+        return declares(cls, "unlocked") and moves and not (model.events or model.controls)
 
-    def _task(self, part: Array) -> tuple[Callable[..., Chunk], tuple[bytes, Array, Array, float, str, bool]]:
+    def _task(self, part: Array) -> tuple[Callable[..., Chunk], tuple[bytes, Array, Array, float, str, Kind]]:
         times = self.times if self.over is None else self.over
-        return compute_chunk, (self._packed, part, times, self.rtol, self.integrator, self.timeless)
+        return compute_chunk, (self._packed, part, times, self.rtol, self.integrator, self.kind)
 
     def _found(self, part: Array) -> Chunk | None:
         """Return a chunk that need not be computed."""
-        if self.timeless and (known := self.known.get(part.tobytes())) is not None:
+        if self.timeless and (known := self.known.get((self.kind, part.tobytes()))) is not None:
             return known
         key = self._key(part)
         found = self.checkpoint.load(key) if self.checkpoint else None
@@ -320,8 +349,8 @@ class Problem:
         return self._noted(part, found)
 
     def _noted(self, part: Array, chunk: Chunk) -> Chunk:
-        if chunk.scalars is not None:
-            self.known[part.tobytes()] = chunk.timeless()
+        for kind, found in chunk.beside(self.kind, margins=not self.answers_requirements).items():
+            self.known[kind, part.tobytes()] = found
         return chunk
 
     def _keep(self, part: Array, chunk: Chunk, seconds: float) -> Chunk:
@@ -346,14 +375,8 @@ class Problem:
     @cached_property
     def _fingerprint(self) -> bytes:
         """What the numbers of a chunk depend on besides its inputs: equations and outputs as symbols, and options."""
-        model = self.model
-        options = (self.rtol, self.integrator, model.start_at, model.max_step, model.added_breaks)
-        times = (self.times.tobytes(),) if self.over is None else ("timeless", self.over.tobytes())
-        parts = (model.digest, self.inputs.names, *options, *times, __version__)
-        turns = model.outputs.turns
-        # angles start near those at the means
-        angles = (turns.tobytes(), self.inputs.means.tobytes()) if turns.any() else ()
-        return hashlib.sha256(repr((*parts, *angles)).encode()).digest()
+        times = (self.times.tobytes(),) if self.over is None else (self.kind, self.over.tobytes())
+        return fingerprint(self.model, self.inputs, (self.rtol, self.integrator), times)
 
     def _checked(self, values: Array) -> Array:
         array = np.atleast_2d(np.asarray(values, dtype=float))
@@ -391,27 +414,6 @@ class Problem:
         counters, children, attrs : mapping, optional
             Solver counters, further datasets, further attributes.
         """
-        options = {f.name: getattr(propagator, f.name) for f in fields(propagator) if f.name != "label"}
-        statistics, sentences = self.existence.applied(statistics)
-        for sentence in sentences:
-            warnings.warn(f"{self.label}: {sentence}.", StudyWarning, stacklevel=3)
-        told = {"warnings": json.dumps(sentences)} if sentences else {}
-        return propagator_node(
-            self.label,
-            statistics,
-            samples,
-            propagator=propagator.name,
-            realisations=realisations,
-            wall_time=wall_time,
-            seed=options.get("seed"),
-            options=options,
-            solver_counters=counters,
-            children=children,
-            attrs={
-                "start": self.model.start_at,
-                **step_attributes(self.model.max_step, self.model.added_breaks),
-                **not_unique_attribute(self.model),
-                **told,
-                **(attrs or {}),
-            },
-        )
+        about = {"realisations": realisations, "wall_time": wall_time}
+        given = {"solver_counters": counters, "children": children, "attrs": attrs}
+        return method_node(self.label, self.model, self.existence, propagator, statistics, samples, **about, **given)

@@ -1,19 +1,20 @@
-"""Outputs without a time in every method: each is run on them as if they were outputs at one time."""
+"""Outputs without a time, and requirements, in every method: each is run on them as if they were outputs over time."""
 
 from __future__ import annotations
 
 import warnings
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import xarray as xr
 
 from uqmbd.errors import StudyError, UnusedInputWarning
-from uqmbd.propagation.execution import integrated_by
+from uqmbd.propagation.execution import Kind, integrated_by
 from uqmbd.propagation.integration_error import with_integration_error
 from uqmbd.propagation.problem import Problem
 from uqmbd.propagation.propagator import Propagator
-from uqmbd.results import InputInfo, Labels, with_scalars
+from uqmbd.results import InputInfo, Labels, node_parts, requirements_of, with_requirements, with_scalars
 from uqmbd.results.chaos import verified_std
 from uqmbd.results.statistics import settled
 from uqmbd.threads import one_thread
@@ -22,23 +23,60 @@ __all__ = ["run_method"]
 
 
 def run_method(propagator: Propagator, problem: Problem, *, check: bool = True) -> xr.DataTree:
-    """Run a method on the outputs over time and on those without a time.
+    """Run a method on the outputs over time, on those without a time, and on the margins of requirements.
 
-    The same method, with the same options, is run on both.  Realisations that both need are computed once; where all
-    outputs come from statics, nothing is integrated for them.
+    The same method, with the same options, is run on each kind.  Realisations that several need are computed once;
+    where all comes from statics, nothing is integrated for it.  A method that answers requirements itself
+    (`Propagator.requirements`) is asked for them in its first run.
 
     Returns
     -------
     xarray.DataTree
-        The node of the method, with a child ``scalars`` if there are outputs without a time.
+        The node of the method, with children ``scalars`` and ``requirements`` if there are outputs without a time, and
+        requirements.
     """
-    if problem.model.scalars is None:
+    model = problem.model
+    if model.scalars is None and model.margins is None:
         return _run(propagator, problem, check)
-    over_time = bool(problem.model.outputs.names)
-    node = _run(propagator, problem, check, mixed=True) if over_time else None
-    found = _run(propagator, problem.without_time(), check, mixed=over_time)
+    asked = [problem] if model.outputs.names else []
+    asked += [problem.without_time()] if model.scalars is not None else []
+    itself = bool(problem.requirements) and propagator.requirements
+    if problem.requirements and not (itself and asked):
+        asked.append(problem.of_requirements())
+    answered = None
+    nodes: dict[Kind, xr.DataTree] = {}
+    for one in asked:
+        given = replace(one, answers_requirements=itself and answered is None)
+        found = _run(propagator, given, check and one.kind != "requirements", mixed=len(asked) > 1)
+        if given.answers_requirements:
+            answered, found = _answered(propagator, problem.label, found)
+        nodes[one.kind] = found
     inputs = tuple(InputInfo(v.name, v.units, v.description) for v in problem.inputs.variables)
-    return with_scalars(node, found, problem.label, Labels((), inputs, problem.times))
+    about = (problem.label, Labels((), inputs, problem.times))
+    node = nodes.get("outputs")
+    if "scalars" in nodes:
+        node = with_scalars(node, nodes["scalars"], *about)
+    if "requirements" in nodes:
+        found = nodes["requirements"]
+        if answered is None:
+            answered = requirements_of(found, problem.requirements, model.margins.at_the_end)
+        return with_requirements(node, found, *about, answered)
+    if answered is not None and node is not None:
+        return xr.DataTree.from_dict({**node_parts(node), "requirements": answered}, name=problem.label)
+    return nodes["outputs"] if node is None else node
+
+
+def _answered(propagator: Propagator, label: str, node: xr.DataTree) -> tuple[xr.Dataset, xr.DataTree]:
+    """Take the requirements that a method answers itself out of its node."""
+    kind = type(propagator)
+    if "requirements" not in node.children:
+        raise StudyError(
+            f"{label}: {kind.__module__}.{kind.__qualname__} declares that it answers requirements, and returned a "
+            "node without a child 'requirements'; expected one of uqmbd.results.requirements_dataset."
+        )
+    parts = node_parts(node)
+    own = parts.pop("requirements")
+    return own, xr.DataTree.from_dict(parts, name=node.name)
 
 
 def _run(propagator: Propagator, problem: Problem, check: bool, *, mixed: bool = False) -> xr.DataTree:

@@ -34,6 +34,13 @@ from uqmbd.results.comparison import (
     statements,
     worst_integration_share,
 )
+from uqmbd.results.requirements import (
+    Violations,
+    clopper_pearson,
+    requirement_names,
+    requirements_dataset,
+    requirements_of,
+)
 from uqmbd.results.schema import (
     DEFAULT_PROBABILITIES,
     STATUS_MEANINGS,
@@ -43,6 +50,7 @@ from uqmbd.results.schema import (
     failed_methods,
     join_nodes,
     labels,
+    node_parts,
     propagator_node,
     propagator_nodes,
     sample_dataset,
@@ -65,7 +73,7 @@ from uqmbd.results.statistics import (
     varying,
 )
 from uqmbd.results.storage import SampleFile, load, sample_file, save
-from uqmbd.results.tree import scalar_nodes, study_tree, with_scalars
+from uqmbd.results.tree import scalar_nodes, study_tree, with_requirements, with_scalars
 from uqmbd.status import Status
 
 __all__ = [
@@ -73,8 +81,6 @@ __all__ = [
     "AlignedElement",
     "ComposedChaos",
     "DEFAULT_PROBABILITIES",
-    "STATUS_MEANINGS",
-    "Status",
     "InputInfo",
     "IntegrationShare",
     "Labels",
@@ -87,13 +93,17 @@ __all__ = [
     "PolynomialChaos",
     "QuasiPeriodicChaos",
     "QuasiPeriodicElement",
+    "STATUS_MEANINGS",
     "SampleFile",
+    "Status",
+    "Violations",
     "align",
     "chaos_from_dataset",
     "choose_reference",
     "circular_mean",
     "circular_of_components",
     "circular_std",
+    "clopper_pearson",
     "compare",
     "failed_methods",
     "integration_shares",
@@ -103,6 +113,7 @@ __all__ = [
     "load",
     "mean_direction",
     "mean_rotation",
+    "node_parts",
     "overall",
     "own_statements",
     "project",
@@ -112,6 +123,9 @@ __all__ = [
     "regress_on_nodes",
     "relative_errors",
     "replicate_errors",
+    "requirement_names",
+    "requirements_dataset",
+    "requirements_of",
     "rotation_std",
     "sample_dataset",
     "sample_file",
@@ -121,14 +135,15 @@ __all__ = [
     "statements",
     "statistics_dataset",
     "statistics_of_samples",
-    "study_tree",
     "stored_as",
+    "study_tree",
     "surrogate",
     "surrogate_parts",
     "unwrap_samples",
     "validate",
     "varies",
     "varying",
+    "with_requirements",
     "with_scalars",
     "worst_integration_share",
 ]

@@ -16,7 +16,7 @@ import xarray as xr
 from uqmbd.results.comparison import compare
 from uqmbd.results.schema import Labels, join_nodes, node_parts, statistics_dataset
 
-__all__ = ["compare_both", "scalar_nodes", "study_tree", "with_scalars"]
+__all__ = ["compare_both", "scalar_nodes", "study_tree", "with_requirements", "with_scalars"]
 
 
 def study_tree(
@@ -110,6 +110,44 @@ def with_scalars(node: xr.DataTree | None, found: xr.DataTree, label: str, label
     return xr.DataTree.from_dict(datasets, name=label)
 
 
+def with_requirements(
+    node: xr.DataTree | None, found: xr.DataTree, label: str, labels: Labels, answers: xr.Dataset
+) -> xr.DataTree:
+    """Make the node of a propagator whose study has requirements.
+
+    Parameters
+    ----------
+    node : xarray.DataTree, optional
+        What the propagator gave for outputs, with or without a time; None: there are none.
+    found : xarray.DataTree
+        What it gave for the margins of the requirements as outputs; it is the child ``requirements``, too.
+    label : str
+        Of the propagator.
+    labels : Labels
+        Times and inputs of the study; its outputs are not looked at.
+    answers : xarray.Dataset
+        The dataset ``requirements``.
+
+    Returns
+    -------
+    xarray.DataTree
+        With the child ``requirements``.  Without outputs its ``statistics`` are empty.
+    """
+    datasets = {"/": xr.Dataset(attrs={**found.attrs, "label": label})}
+    if node is None:
+        datasets["statistics"] = _empty(labels, found.children["statistics"].to_dataset())
+    else:
+        datasets = node_parts(node)
+    spent = {
+        name: found.attrs[name] for name in ("realisations", "failures", "wall_time", "fit") if name in found.attrs
+    }
+    datasets["requirements"] = answers.assign_attrs({f"margin_{name}": value for name, value in spent.items()})
+    for path, data in node_parts(found).items():
+        if path not in ("/", "requirements"):
+            datasets[f"requirements/{path}"] = data
+    return xr.DataTree.from_dict(datasets, name=label)
+
+
 def compare_both(nodes: Mapping[str, xr.DataTree], reference: str | None = None, rtol: float = 0.0) -> xr.Dataset:
     """Compare every method with a reference, in the outputs over time and in those without.
 
@@ -132,6 +170,9 @@ def compare_both(nodes: Mapping[str, xr.DataTree], reference: str | None = None,
     """
     inner = scalar_nodes(nodes)
     over_time = any(node.children["statistics"].sizes["output"] for node in nodes.values())
+    if not (over_time or inner) and (margins := _margin_nodes(nodes)):
+        # no outputs: methods are compared by the margins of requirements
+        return compare(margins, reference=reference, rtol=rtol).isel(output=slice(0, 0))
     compared = compare(nodes, reference=reference, rtol=rtol) if over_time or not inner else None
     if not inner:
         return compared if compared is not None else xr.Dataset()
@@ -156,6 +197,18 @@ def compare_both(nodes: Mapping[str, xr.DataTree], reference: str | None = None,
         found = found.reindex({"method": every}, fill_value=blank)
     differs = whole.attrs["reference"] != compared.attrs["reference"]
     return compared.assign(found).assign_attrs({"scalar_reference": whole.attrs["reference"]} if differs else {})
+
+
+def _margin_nodes(nodes: Mapping[str, xr.DataTree]) -> dict[str, xr.DataTree]:
+    """Return nodes whose outputs are margins, by the label of the method, where all methods have them."""
+    found: dict[str, xr.DataTree] = {}
+    for label, node in nodes.items():
+        inner = node.children.get("requirements")
+        if inner is None or "statistics" not in inner.children:
+            return {}
+        parts = {"/": xr.Dataset(attrs=node.attrs)} | {k: v for k, v in node_parts(inner).items() if k != "/"}
+        found[label] = xr.DataTree.from_dict(parts, name=label)
+    return found
 
 
 def _empty(labels: Labels, like: xr.Dataset) -> xr.Dataset:

@@ -107,8 +107,7 @@ def _digest(controller: Controller, measured: Sequence[Output], shipped: Shipped
 def require_controllers(mechanism: Mechanism) -> None:
     """Raise where a command is used whose controller was not added, or a measured output is unknown."""
     places = [(f"{type(c).__name__} {c.name!r}", _entries(c.values.values())) for c in mechanism.all_components()]
-    outputs = (*mechanism.outputs.values(), *mechanism.scalars.values())
-    places += [(f"output {o.name!r}", [o.expression]) for o in outputs]
+    places += [(f"output {o.name!r}", [o.expression]) for o in mechanism.observed()]
     places += [(c.where, [x for x in c.measured if not isinstance(x, str)]) for c in mechanism.controllers.values()]
     for where, entries in places:
         for symbol in _held(entries):
@@ -127,7 +126,7 @@ def unused_commands(mechanism: Mechanism) -> tuple[str, ...]:
     used: set[Any] = set()
     for component in mechanism.all_components():
         used |= _held(_entries(component.values.values()))
-    used |= _held([o.expression for o in (*mechanism.outputs.values(), *mechanism.scalars.values())])
+    used |= _held([o.expression for o in mechanism.observed()])
     used |= _held([x for c in mechanism.controllers.values() for x in c.measured if not isinstance(x, str)])
     found: list[str] = []
     for controller in mechanism.controllers.values():

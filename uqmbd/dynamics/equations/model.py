@@ -102,6 +102,8 @@ class Model:
     outputs: Any = field(default=None, repr=False)
     scalars: Any = field(default=None, repr=False)
     """Compiled outputs without a time, or None."""
+    margins: Any = field(default=None, repr=False)
+    """Compiled margins of requirements, `uqmbd.dynamics.margins.MarginMap`, or None."""
     system: Any = field(default=None, repr=False)
     prescribed: Any = field(default=None, repr=False)
     """Functions of time that components with constraints are given, a `Prescribed`."""

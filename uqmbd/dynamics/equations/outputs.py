@@ -64,7 +64,7 @@ class AngleCounter(Component):
 
 def angle_counters(mechanism: Mechanism) -> list[Component]:
     """Make a counter for every angle in outputs, start conditions and what is measured: of bodies, then of joints."""
-    expressions = [output.expression for output in (*mechanism.outputs.values(), *mechanism.scalars.values())]
+    expressions = [output.expression for output in mechanism.observed()]
     expressions += [condition.residual for condition in mechanism.conditions.values()]
     expressions += [x for c in mechanism.controllers.values() for x in c.measured if not isinstance(x, str)]
     counters: list[Component] = []

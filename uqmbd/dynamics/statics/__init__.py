@@ -6,11 +6,12 @@ from uqmbd.dynamics.statics.equilibrium import Equilibrium, equilibrium_start, s
 from uqmbd.dynamics.statics.modes import Modes, linearise
 from uqmbd.dynamics.statics.steady_modes import linearise_steady
 from uqmbd.dynamics.statics.steady_motion import SteadyMotions, steady_motions
-from uqmbd.dynamics.statics.timeless_outputs import ScalarValues, scalar_map, scalars_of
+from uqmbd.dynamics.statics.timeless_outputs import ScalarMap, ScalarValues, scalar_map, scalars_of
 
 __all__ = [
     "Equilibrium",
     "Modes",
+    "ScalarMap",
     "ScalarValues",
     "SteadyMotions",
     "equilibrium_start",

@@ -205,7 +205,9 @@ def _require_event(symbol: EventTime, outputs: Sequence[Output], instances: Sequ
     )
 
 
-def scalars_of(ensemble: Batch, trajectories: Trajectories | None = None) -> ScalarValues:
+def scalars_of(
+    ensemble: Batch, trajectories: Trajectories | None = None, wanted: ScalarMap | None = None
+) -> ScalarValues:
     """Evaluate the outputs without a time of every realisation.
 
     Poses are those of the realisations' own start, and the static equilibria and steady motions that are found from
@@ -217,6 +219,8 @@ def scalars_of(ensemble: Batch, trajectories: Trajectories | None = None) -> Sca
         K realisations.
     trajectories : Trajectories, optional
         Their motion, where the outputs need it (``model.scalars.needs_motion``).
+    wanted : ScalarMap, optional
+        What to evaluate; by default the outputs of the model.
 
     Returns
     -------
@@ -224,7 +228,7 @@ def scalars_of(ensemble: Batch, trajectories: Trajectories | None = None) -> Sca
         A realisation that lacks one of the values has none of them.
     """
     model = ensemble.model
-    seen: ScalarMap = model.scalars
+    seen: ScalarMap = wanted or model.scalars
     count = len(ensemble)
     start = ensemble.start
     messages = list(start.messages)

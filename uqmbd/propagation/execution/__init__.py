@@ -5,14 +5,18 @@ from __future__ import annotations
 from uqmbd.propagation.execution.checkpoint import FOLDER, Checkpoint
 from uqmbd.propagation.execution.chunks import (
     Chunk,
+    Kind,
     chunk_size,
     compute_chunk,
     integrated_by,
+    needs_motion,
     not_finite_output,
 )
 from uqmbd.propagation.execution.cost import Clock
+from uqmbd.propagation.execution.fingerprint import fingerprint
 from uqmbd.propagation.execution.histories import History, event_histories
 from uqmbd.propagation.execution.in_order import in_order
+from uqmbd.propagation.execution.margins import Margins
 from uqmbd.propagation.execution.observed import AGAIN, Observed
 from uqmbd.propagation.execution.progress import Lines, Progress, Silent, told
 from uqmbd.propagation.execution.realisations import Realisations
@@ -29,7 +33,9 @@ __all__ = [
     "Crew",
     "FOLDER",
     "History",
+    "Kind",
     "Lines",
+    "Margins",
     "Observed",
     "Progress",
     "Realisations",
@@ -40,7 +46,9 @@ __all__ = [
     "compute_chunk",
     "event_histories",
     "executor_for",
+    "fingerprint",
     "in_order",
+    "needs_motion",
     "integrated_by",
     "not_finite_output",
     "pool",

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from uqmbd.dynamics import ScalarValues
+from uqmbd.dynamics import MarginValues, ScalarValues
 from uqmbd.errors import StudyError
 from uqmbd.files import replacing
 from uqmbd.propagation.execution.chunks import Chunk
@@ -57,8 +57,11 @@ class Checkpoint:
         scalars = None
         if "scalars" in data:
             scalars = ScalarValues(data["scalars"], data["scalar_status"], tuple(about["scalar_messages"]))
+        margins = None
+        if "margins" in data:
+            margins = MarginValues(data["margins"], data["margin_status"], tuple(about["margin_messages"]))
         messages = tuple(about["messages"])
-        return Chunk(data["response"], data["status"], messages, about["counters"], scalars, about["seconds"])
+        return Chunk(data["response"], data["status"], messages, about["counters"], scalars, margins, about["seconds"])
 
     def save(self, key: str, chunk: Chunk) -> None:
         """Write a finished chunk; it is there as a whole or not at all."""
@@ -67,6 +70,9 @@ class Checkpoint:
         if chunk.scalars is not None:
             about["scalar_messages"] = chunk.scalars.messages
             arrays |= {"scalars": chunk.scalars.values, "scalar_status": chunk.scalars.status}
+        if chunk.margins is not None:
+            about["margin_messages"] = chunk.margins.messages
+            arrays |= {"margins": chunk.margins.running, "margin_status": chunk.margins.status}
         self.save_arrays(f"{key}.npz", arrays, about)
 
     def load_arrays(self, name: str) -> tuple[dict[str, NDArray[Any]], dict[str, Any]] | None:

@@ -6,18 +6,22 @@ import pickle
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from uqmbd.dynamics import (
     Ensemble,
+    MarginValues,
     Model,
     ScalarValues,
+    Trajectories,
     built_in_names,
     declares,
     integrate,
     integrator_class,
+    margins_of,
     scalars_of,
 )
 from uqmbd.status import Status
@@ -27,10 +31,12 @@ from uqmbd.typing import Array
 __all__ = [
     "CHUNK",
     "Chunk",
+    "Kind",
     "chunk_size",
     "compute_chunk",
     "integrated_by",
     "model_of",
+    "needs_motion",
     "not_finite_output",
 ]
 
@@ -68,6 +74,10 @@ def chunk_size(count: int, numbers: int) -> int:
     return max(CHUNK, 1 << (most.bit_length() - 1)) if most else CHUNK
 
 
+Kind = Literal["outputs", "scalars", "requirements"]
+"""What is wanted of realisations: outputs over time, those without a time, or the margins of requirements."""
+
+
 @dataclass(frozen=True)
 class Chunk:
     """Results of one chunk.
@@ -84,6 +94,8 @@ class Chunk:
         Solver counters.
     scalars : ScalarValues, optional
         Outputs without a time, where the mechanism has some.
+    margins : MarginValues, optional
+        Of requirements, where it has some.
     seconds : float
         Wall time that the run spent on it, s.
     """
@@ -93,14 +105,36 @@ class Chunk:
     messages: tuple[str, ...]
     counters: dict[str, float]
     scalars: ScalarValues | None = None
+    margins: MarginValues | None = None
     seconds: float = 0.0
 
-    def timeless(self) -> Chunk:
-        """Return the chunk in which outputs without a time are those at a single time."""
-        found = self.scalars
-        if found is None:
-            raise ValueError("no scalars")
-        return Chunk(found.values[:, :, None], found.status, found.messages, {})
+    def of(self, kind: Kind) -> Chunk | None:
+        """Return the chunk whose response is of another kind, if that was computed.
+
+        Outputs without a time are those at a single time.  Margins that are known at the end only are the same at all
+        times, so that they are numbers.
+        """
+        if kind == "scalars" and self.scalars is not None:
+            found = self.scalars
+            return replace(self, response=found.values[:, :, None], status=found.status, messages=found.messages)
+        if kind == "requirements" and self.margins is not None:
+            running = self.margins.running
+            response = np.where(np.isinf(running), running[:, :, -1:], running)
+            return replace(self, response=response, status=self.margins.status, messages=self.margins.messages)
+        return self if kind == "outputs" else None
+
+    def beside(self, kind: Kind, *, margins: bool) -> dict[Kind, Chunk]:
+        """Return the chunks of other kinds that were computed beside this one, with `margins` those of requirements.
+
+        What solvers count is counted once, in this one.
+        """
+        wanted: tuple[Kind, ...] = ("scalars", "requirements") if margins else ("scalars",)
+        found = {other: self.of(other) for other in wanted if other != kind}
+        return {
+            other: replace(one, counters={}, scalars=None, margins=one.margins if other == "requirements" else None)
+            for other, one in found.items()
+            if one is not None
+        }
 
 
 def integrated_by(counters: Mapping[str, float], asked: str) -> dict[str, str]:
@@ -151,6 +185,12 @@ def not_finite_output(names: Sequence[str], times: Array, response: Array) -> st
     )
 
 
+def needs_motion(model: Model, kind: Kind) -> bool:
+    """Whether what is wanted, or what is computed beside it, needs a motion."""
+    beside = [model.margins] if kind == "requirements" else [model.scalars, model.margins]
+    return kind == "outputs" or any(one is not None and one.needs_motion for one in beside)
+
+
 @lru_cache(maxsize=4)
 def model_of(data: bytes) -> Model:
     """Return the model that was pickled; the last few are kept."""
@@ -159,7 +199,7 @@ def model_of(data: bytes) -> Model:
 
 
 def compute_chunk(
-    data: bytes, values: Array, times: Array, rtol: float, integrator: str = "auto", timeless: bool = False
+    data: bytes, values: Array, times: Array, rtol: float, integrator: str = "auto", kind: Kind = "outputs"
 ) -> Chunk:
     """Assemble, integrate and observe some realisations.
 
@@ -175,35 +215,48 @@ def compute_chunk(
         Relative tolerance.
     integrator : str
         Name of the integrator.
-    timeless : bool
-        Whether outputs without a time are all that is wanted, as those at a single time; nothing is integrated then
-        unless they need it.
+    kind : {"outputs", "scalars", "requirements"}
+        What is wanted.  Nothing is integrated unless it, or what is computed beside it, needs a motion.
     """
     model = model_of(data)
     # threads on blocks of some dozen rows cost a factor, and their number would change the last bits
     with one_thread():
         ensemble = Ensemble(model, values)
-        if timeless and not model.scalars.needs_motion:
-            found = scalars_of(ensemble)
-            return Chunk(found.values[:, :, None], found.status, found.messages, {})
-        trajectories = integrate(ensemble, times, rtol, integrator)
-        status = np.zeros(len(values), dtype=np.int64)
-        for k, message in enumerate(trajectories.messages):
-            if message:
-                status[k] = Status.INTEGRATION_FAILED if ensemble.start.ok[k] else Status.ASSEMBLY_FAILED
-        good = np.flatnonzero(status == Status.OK)
-        if len(good) == len(values):
-            response = ensemble.outputs(times, trajectories.states)
-        else:
-            response = np.full((len(values), len(model.outputs.names), len(times)), np.nan)
-            if len(good):
-                response[good] = ensemble.select(good).outputs(times, trajectories.states[good])
-        messages = list(trajectories.messages)
-        for k in np.flatnonzero((status == Status.OK) & ~np.isfinite(response).all(axis=(1, 2))).tolist():
-            status[k], messages[k] = Status.NOT_FINITE, not_finite_output(model.outputs.names, times, response[k])
-        scalars = None if model.scalars is None else scalars_of(ensemble, trajectories)
-    counters = dict(vars(trajectories.counters))
-    if not declares(integrator_class(integrator), "delegates"):
-        counters[f"by_{integrator}"] = int(np.count_nonzero(status != Status.ASSEMBLY_FAILED))
-    chunk = Chunk(response, status, tuple(messages), counters, scalars)
-    return replace(chunk.timeless(), counters=chunk.counters) if timeless else chunk
+        scalars = model.scalars if kind != "requirements" else None
+        trajectories = integrate(ensemble, times, rtol, integrator) if needs_motion(model, kind) else None
+        chunk = Chunk(np.zeros((len(values), 0, 0)), np.zeros(len(values), dtype=np.int64), ("",) * len(values), {})
+        if kind == "outputs" and trajectories is not None:
+            chunk = _observed(ensemble, times, trajectories)
+        if scalars is not None:
+            chunk = replace(chunk, scalars=scalars_of(ensemble, trajectories))
+        if model.margins is not None:
+            chunk = replace(chunk, margins=margins_of(ensemble, times, trajectories))
+    counters: dict[str, float] = {}
+    if trajectories is not None:
+        counters = dict(vars(trajectories.counters))
+        if not declares(integrator_class(integrator), "delegates"):
+            counters[f"by_{integrator}"] = int(np.count_nonzero(ensemble.start.ok))
+    found = replace(chunk, counters=counters).of(kind)
+    if found is None:
+        raise ValueError(f"no {kind}")
+    return found
+
+
+def _observed(ensemble: Ensemble, times: Array, trajectories: Trajectories) -> Chunk:
+    """Evaluate the outputs over time of some realisations."""
+    model, count = ensemble.model, len(ensemble)
+    status = np.zeros(count, dtype=np.int64)
+    for k, message in enumerate(trajectories.messages):
+        if message:
+            status[k] = Status.INTEGRATION_FAILED if ensemble.start.ok[k] else Status.ASSEMBLY_FAILED
+    good = np.flatnonzero(status == Status.OK)
+    if len(good) == count:
+        response = ensemble.outputs(times, trajectories.states)
+    else:
+        response = np.full((count, len(model.outputs.names), len(times)), np.nan)
+        if len(good):
+            response[good] = ensemble.select(good).outputs(times, trajectories.states[good])
+    messages = list(trajectories.messages)
+    for k in np.flatnonzero((status == Status.OK) & ~np.isfinite(response).all(axis=(1, 2))).tolist():
+        status[k], messages[k] = Status.NOT_FINITE, not_finite_output(model.outputs.names, times, response[k])
+    return Chunk(response, status, tuple(messages), {})

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from uqmbd.dynamics import ScalarValues
+from uqmbd.dynamics import MarginValues, ScalarValues
 from uqmbd.status import Status
 from uqmbd.typing import Array, Index, Mask
 
@@ -36,6 +37,9 @@ class Realisations:
     scalars : ScalarValues, optional
         Outputs without a time: `values` (K, scalar) with a `status` and `messages` of their own, where the mechanism
         has some.
+    margins : MarginValues, optional
+        Margins of requirements: `running` (K, requirement, T), `values` (K, requirement) of the whole motion, below
+        zero where the requirement is violated, and `failed` (K,), where the mechanism has some.
     """
 
     values: Array
@@ -45,6 +49,28 @@ class Realisations:
     counters: dict[str, float]
     wall_time: float
     scalars: ScalarValues | None = None
+    margins: MarginValues | None = None
+
+    @classmethod
+    def joined(
+        cls, values: Array, parts: Sequence[Realisations], shape: tuple[int, ...], wall_time: float
+    ) -> Realisations:
+        """Join those of several chunks: of all inputs (K, input), with responses of a shape (output, time)."""
+        counters: Counter[str] = Counter()
+        for part in parts:
+            counters.update(part.counters)
+        scalars = [p.scalars for p in parts if p.scalars is not None]
+        margins = [p.margins for p in parts if p.margins is not None]
+        return cls(
+            values,
+            np.concatenate([np.zeros((0, *shape)), *(p.response for p in parts)]),
+            np.concatenate([np.zeros(0, dtype=np.int64), *(p.status for p in parts)]),
+            tuple(m for p in parts for m in p.messages),
+            dict(counters),
+            wall_time,
+            ScalarValues.joined(scalars) if scalars else None,
+            MarginValues.joined(margins) if margins else None,
+        )
 
     def __getitem__(self, rows: slice | Index) -> Realisations:
         """Return some of them, in order; what solvers counted, and the time, are those of all alone."""

@@ -161,8 +161,9 @@ def _validate_node(node: xr.DataTree, label: object) -> None:
     _validate_surrogates(node, statistics, end, names)
     if "composed" in node.children:
         _validate_composed(node.children["composed"], statistics, end, names)
-    if "scalars" in node.children:
-        _validate_timeless(node.children["scalars"])
+    for name, check in (("scalars", _validate_timeless), ("requirements", _validate_requirements)):
+        if name in node.children:
+            check(node.children[name])
 
 
 def _end(node: xr.DataTree, statistics: xr.DataTree) -> float:
@@ -400,6 +401,12 @@ def _validate_timeless(node: xr.DataTree) -> None:
     for name in (n for n in ("mean", "std") if n in statistics):
         finite = np.isfinite(statistics[name].values).all()
         _require(finite, f"{node.path}/statistics/{name}", "a value that is not finite", "a number")
+
+
+def _validate_requirements(node: xr.DataTree) -> None:
+    for name, dims in {"violation_probability": (), "std_error": (), "interval": ("bound",)}.items():
+        _dims(node, name, ("requirement", *dims))
+    _values(node, "interval", ~((ends := node.to_dataset()["interval"]) >= 0) | ~(ends <= 1), "no probability", "one")
 
 
 def _validate_comparison(node: xr.DataTree, methods: list[str]) -> None:

@@ -1,0 +1,153 @@
+"""Margins of requirements: how far realisations are from the limits that they have to stay within, over time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uqmbd.dynamics.batch import Batch
+from uqmbd.dynamics.equations import OutputMap, output_map
+from uqmbd.dynamics.integration import Trajectories
+from uqmbd.dynamics.observation import observe_along
+from uqmbd.dynamics.statics import ScalarMap, scalar_map, scalars_of
+from uqmbd.mechanism import Mechanism, Requirement
+from uqmbd.status import Status
+from uqmbd.typing import Array, Index, Mask
+
+__all__ = ["MarginMap", "MarginValues", "margin_map", "margins_of"]
+
+
+@dataclass(frozen=True)
+class MarginValues:
+    """Margins of K realisations.
+
+    Attributes
+    ----------
+    running : array, shape (K, requirement, T)
+        The smallest margin until each output time; NaN where a realisation failed.  One that is known at the end only,
+        as of an integral, is +inf before.
+    status : array of int, shape (K,)
+        Of the kind `Status`: the motion and the margins.
+    messages : tuple of str
+        Reasons.
+    """
+
+    running: Array
+    status: Index
+    messages: tuple[str, ...]
+
+    @property
+    def values(self) -> Array:
+        """Margins of the whole motion, shape (K, requirement): below zero is violated; NaN where it failed."""
+        return self.running[:, :, -1]
+
+    @property
+    def failed(self) -> Mask:
+        """Which realisations have none, shape (K,): they are neither safe nor unsafe."""
+        return np.asarray(self.status != Status.OK)
+
+    @classmethod
+    def joined(cls, parts: Sequence[MarginValues]) -> MarginValues:
+        """Join those of several chunks."""
+        return cls(
+            np.concatenate([p.running for p in parts]),
+            np.concatenate([p.status for p in parts]),
+            tuple(m for p in parts for m in p.messages),
+        )
+
+
+@dataclass(frozen=True)
+class MarginMap:
+    """Compiled margins.
+
+    Attributes
+    ----------
+    requirements : tuple of Requirement
+        As the user stated them.
+    moving : OutputMap or None
+        Margins that change with time.
+    still : ScalarMap or None
+        The others.
+    """
+
+    requirements: tuple[Requirement, ...]
+    moving: OutputMap | None
+    still: ScalarMap | None
+
+    @property
+    def needs_motion(self) -> bool:
+        """Whether the motion must be integrated."""
+        return self.moving is not None or (self.still is not None and self.still.needs_motion)
+
+    @property
+    def over_time(self) -> NDArray[np.bool_]:
+        """Which requirements have to hold at all times, shape (requirement,)."""
+        return np.array([requirement.over_time for requirement in self.requirements], dtype=bool)
+
+    @property
+    def at_the_end(self) -> NDArray[np.bool_]:
+        """Whose margins are known at the end of the motion only, shape (requirement,)."""
+        return ~self.over_time & (self.still is not None and self.still.needs_motion)
+
+
+def margin_map(mechanism: Mechanism, places: Sequence[Any]) -> MarginMap | None:
+    """Compile the margins of the requirements of a mechanism; None if there are none."""
+    requirements = tuple(mechanism.requirements.values())
+    if not requirements:
+        return None
+    moving, still = (
+        [mechanism.margins[r.name] for r in requirements if r.over_time == wanted] for wanted in (True, False)
+    )
+    compiled = output_map(moving, *places) if moving else None
+    return MarginMap(requirements, compiled, scalar_map(still, *places))
+
+
+def margins_of(ensemble: Batch, times: Array, trajectories: Trajectories | None = None) -> MarginValues:
+    """Evaluate the margins of every realisation.
+
+    Parameters
+    ----------
+    ensemble : Batch
+        K realisations of a model with requirements.
+    times : array, shape (T,)
+        Output times, s.
+    trajectories : Trajectories, optional
+        Their motion, where the margins need it.
+    """
+    seen: MarginMap = ensemble.model.margins
+    count, over_time, start = len(ensemble), seen.over_time, ensemble.start
+    running = np.full((count, len(over_time), len(times)), np.inf)
+    status = np.where(start.ok, Status.OK, Status.ASSEMBLY_FAILED).astype(np.int64)
+    messages = list(start.messages)
+
+    def fail(kinds: Index, reasons: Sequence[str]) -> None:
+        for k in np.flatnonzero((status == Status.OK) & (kinds != Status.OK)).tolist():
+            status[k], messages[k] = kinds[k], reasons[k]
+
+    if seen.still is not None:
+        found = scalars_of(ensemble, trajectories, seen.still)
+        fail(found.status, found.messages)
+        late = slice(-1, None) if seen.still.needs_motion else slice(None)
+        running[:, ~over_time, late] = found.values[:, :, None]
+    if seen.moving is not None and trajectories is not None:
+        fail(
+            np.where([bool(m) for m in trajectories.messages], Status.INTEGRATION_FAILED, Status.OK),
+            trajectories.messages,
+        )
+        good = np.flatnonzero(status == Status.OK)
+        if len(good):
+            running[np.ix_(good, over_time)] = np.minimum.accumulate(
+                observe_along(ensemble.select(good), seen.moving, times, trajectories.states[good]), axis=-1
+            )
+    wrong = np.isnan(running).any(axis=2) | np.isinf(running[:, :, -1])
+    names = [requirement.name for requirement in seen.requirements]
+    reasons = [
+        f"the margin of requirement {names[int(np.argmax(row))]!r} is not finite" if row.any() else "" for row in wrong
+    ]
+    fail(np.where(wrong.any(axis=1), Status.NOT_FINITE, Status.OK), reasons)
+    running[status != Status.OK] = np.nan
+    return MarginValues(running, status, tuple(messages))

@@ -1,0 +1,94 @@
+"""Requirements: relations that a mechanism has to satisfy, and their margins."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import sympy
+
+from uqmbd.errors import StudyError
+from uqmbd.mechanism.expressions import check_scalar, is_scalar, random_variables, shown
+from uqmbd.mechanism.output import Output
+from uqmbd.mechanism.recorded import recorded
+from uqmbd.mechanism.scope import Described, require_known
+from uqmbd.names import ANY, check_name
+
+__all__ = ["Requirement", "requirement_of"]
+
+BELOW = (sympy.LessThan, sympy.StrictLessThan)
+ABOVE = (sympy.GreaterThan, sympy.StrictGreaterThan)
+
+
+@dataclass(frozen=True)
+class Requirement:
+    """A limit that a mechanism has to stay within.
+
+    Attributes
+    ----------
+    name, description : str
+        As the user wrote them.
+    relation : str
+        As it reads.
+    over_time : bool
+        Whether it has to hold at all times; else it is one statement on a realisation.
+    """
+
+    name: str
+    description: str
+    relation: str
+    over_time: bool
+
+    @property
+    def words(self) -> str:
+        """What it says: the description, else the relation."""
+        return self.description or self.relation
+
+
+def requirement_of(mechanism: Described, name: str, relation: Any, description: Any) -> tuple[Requirement, Output]:
+    """Return a requirement of a mechanism and its margin, or raise where something is wrong; see `Mechanism.require`.
+
+    The margin is the difference of its sides: the requirement is violated where it is below zero.
+    """
+    where = f"requirement {check_name(name, 'requirement')!r}"
+    if name == ANY:
+        raise StudyError(f"{where}: that name belongs to the event that any requirement is violated; choose another.")
+    if name in mechanism.requirements:
+        raise StudyError(f"{where}: there is a requirement of that name already; every requirement needs its own.")
+    if not isinstance(description, str):
+        raise StudyError(f"{where}: the description is {shown(description)}; expected a text.")
+    margin = _over_time(_margin(where, relation))
+    value = recorded(where, margin)
+    if not value.free_symbols:
+        raise StudyError(f"{where}: the relation {relation} holds no quantity of the mechanism, nor a random variable.")
+    require_known(mechanism, where, value, "output")
+    timeless = is_scalar(value) or not value.free_symbols - random_variables(value)
+    if is_scalar(value):
+        check_scalar(where, value)
+    return Requirement(name, description, str(relation), not timeless), Output(name, value, "")
+
+
+def _margin(where: str, relation: Any) -> sympy.Expr:
+    """Return the difference of the sides of a relation, positive where it is satisfied."""
+    expected = "expected a relation such as slider.position[0] <= 0.47 or uqmbd.eigenfrequency(1) >= 2"
+    if relation in (True, False, sympy.true, sympy.false):
+        always = "always" if relation in (True, sympy.true) else "never"
+        raise StudyError(f"{where}: the relation is {always} satisfied, whatever the mechanism does; {expected}.")
+    if isinstance(relation, (sympy.Equality, sympy.Unequality)):
+        raise StudyError(
+            f"{where}: the relation is {relation}, and what is random equals nothing; {expected}, or two requirements "
+            "for a band."
+        )
+    if isinstance(relation, (sympy.And, sympy.Or, sympy.Not)):
+        raise StudyError(
+            f"{where}: it consists of several relations, {shown(relation)}; state a requirement for each of them. The "
+            "probability that any of them is violated is a result, too."
+        )
+    if not isinstance(relation, (*BELOW, *ABOVE)):
+        raise StudyError(f"{where}: it was given {shown(relation)}; {expected}.")
+    return relation.rhs - relation.lhs if isinstance(relation, BELOW) else relation.lhs - relation.rhs
+
+
+def _over_time(margin: sympy.Expr) -> sympy.Expr:
+    """Return a margin."""
+    return margin

@@ -1,0 +1,84 @@
+"""The node of a method at work: its statistics, as far as they exist, with its options as provenance."""
+
+from __future__ import annotations
+
+import json
+import warnings
+from dataclasses import fields
+from typing import TYPE_CHECKING, Any
+
+from uqmbd.dynamics import Model
+from uqmbd.errors import StudyWarning
+from uqmbd.propagation.annotations import Method
+from uqmbd.propagation.execution import Kind
+from uqmbd.propagation.existence import Existence
+from uqmbd.propagation.observed_model import not_unique_attribute, step_attributes
+from uqmbd.randomness import JointInput
+from uqmbd.results import InputInfo, Labels, OutputInfo, labels, propagator_node
+from uqmbd.typing import Array
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+__all__ = ["labels_of", "method_node"]
+
+
+def labels_of(model: Model, inputs: JointInput, times: Array, kind: Kind) -> Labels:
+    """Name outputs of a kind, inputs and times."""
+    if kind == "requirements":
+        outputs = [OutputInfo(requirement.name) for requirement in model.margins.requirements]
+    else:
+        seen = model.scalars if kind == "scalars" else model.outputs
+        turns = [0.0] * len(seen.names) if kind == "scalars" else seen.turns.tolist()
+        outputs = [OutputInfo(*about) for about in zip(seen.names, seen.units, turns, strict=True)]
+    return labels(outputs, [InputInfo(v.name, v.units, v.description) for v in inputs.variables], times)
+
+
+def method_node(
+    label: str,
+    model: Model,
+    existence: Existence,
+    propagator: Method,
+    statistics: xr.Dataset,
+    samples: xr.Dataset | None,
+    *,
+    attrs: Any,
+    **about: Any,
+) -> xr.DataTree:
+    """Make the node of a propagator; see `Problem.node`.
+
+    Parameters
+    ----------
+    label : str
+    model : Model
+        Whose steps and doubts are told.
+    existence : Existence
+        Moments that do not exist are NaN, and told.
+    propagator : Propagator
+    statistics, samples : xarray.Dataset
+    attrs : mapping or None
+        Further attributes.
+    **about
+        As of `uqmbd.results.propagator_node`.
+    """
+    options = {f.name: getattr(propagator, f.name) for f in fields(propagator) if f.name != "label"}
+    statistics, sentences = existence.applied(statistics)
+    for sentence in sentences:
+        warnings.warn(f"{label}: {sentence}.", StudyWarning, stacklevel=4)
+    told = {"warnings": json.dumps(sentences)} if sentences else {}
+    return propagator_node(
+        label,
+        statistics,
+        samples,
+        propagator=propagator.name,
+        seed=options.get("seed"),
+        options=options,
+        attrs={
+            "start": model.start_at,
+            **step_attributes(model.max_step, model.added_breaks),
+            **not_unique_attribute(model),
+            **told,
+            **(attrs or {}),
+        },
+        **about,
+    )

@@ -1,0 +1,10 @@
+"""Requirements: how probably limits are passed, by counts and by surrogates, and how sure that is."""
+
+from __future__ import annotations
+
+from uqmbd.results.requirements.counting import Violations
+from uqmbd.results.requirements.dataset import requirement_names, requirements_dataset
+from uqmbd.results.requirements.intervals import clopper_pearson
+from uqmbd.results.requirements.methods import requirements_of
+
+__all__ = ["Violations", "clopper_pearson", "requirement_names", "requirements_dataset", "requirements_of"]

@@ -1,0 +1,124 @@
+"""How many realisations violate requirements, and what that tells of the probabilities."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import ArrayLike, NDArray
+
+from uqmbd.results.requirements.dataset import requirements_dataset
+from uqmbd.results.requirements.intervals import clopper_pearson, of_replicates
+from uqmbd.typing import Array, Index, Mask
+
+if TYPE_CHECKING:
+    from uqmbd.mechanism import Requirement
+
+__all__ = ["Violations", "events", "failures_in"]
+
+
+@dataclass(frozen=True)
+class Violations:
+    """Counts of some realisations; those of several chunks add up.
+
+    Attributes
+    ----------
+    by_time : array of int, shape (event, T)
+        Realisations that have violated a requirement by a time; the last event of several is that of any of them.
+    total, failed : int
+        Realisations, and those of them that failed: neither safe nor unsafe.
+    """
+
+    by_time: Index
+    total: int
+    failed: int
+
+    @classmethod
+    def of(cls, running: Array, failed: Mask) -> Violations:
+        """Count those of running margins (K, requirement, T), of which some failed (K,)."""
+        return cls(events(running[~failed]).sum(axis=0), len(running), int(np.count_nonzero(failed)))
+
+    def __add__(self, other: Violations) -> Violations:
+        return Violations(self.by_time + other.by_time, self.total + other.total, self.failed + other.failed)
+
+    @property
+    def share(self) -> Array:
+        """Share of the realisations that did not fail, shape (event, T); NaN where all did."""
+        return np.asarray(self.by_time / np.where(self.total > self.failed, self.total - self.failed, np.nan))
+
+    @staticmethod
+    def dataset(requirements: Sequence[Requirement], replicates: Sequence[Violations], times: ArrayLike) -> xr.Dataset:
+        """Build the dataset ``requirements`` of a propagator's node from counts.
+
+        Parameters
+        ----------
+        requirements : sequence of Requirement
+        replicates : sequence of Violations
+            One of independent realisations; or several of a design whose points are not independent, which are
+            independent of one another.
+        times : array_like, shape (T,)
+            Output times, s.
+
+        Returns
+        -------
+        xarray.Dataset
+            With ``violations (requirement)``, and the attributes ``realisations`` and ``failed``.  Intervals are those
+            of Clopper and Pearson, or of the spread over replicates; the lower end is that as if what failed were safe,
+            the upper one as if it were not.
+        """
+        whole = replicates[0]
+        for one in replicates[1:]:
+            whole = whole + one
+        happened, good = whole.by_time[:, -1], whole.total - whole.failed
+        lower, _ = clopper_pearson(happened, whole.total)
+        _, upper = clopper_pearson(happened + whole.failed, whole.total)
+        share = whole.share
+        probability = share[:, -1]
+        error, how = np.sqrt(probability * (1 - probability) / max(good, 1)), "counts of independent realisations"
+        if len(replicates) > 1:
+            shares = np.stack([one.share[:, -1] for one in replicates])
+            error, low, high = of_replicates(shares, good, lower, upper)
+            lower, upper = failures_in(low, high, whole.failed / whole.total)
+            lower, upper = np.minimum(lower, probability), np.maximum(upper, probability)
+            how = f"spread over {len(replicates)} replicates"
+        about: dict[str, Any] = {"realisations": whole.total, "failed": whole.failed, "how": how}
+        found = {"violations": (("requirement",), happened, {"long_name": "realisations that violate it"})}
+        return requirements_dataset(
+            requirements,
+            violation_probability=probability,
+            std_error=error,
+            lower=lower,
+            upper=upper,
+            times=times,
+            violated_by=share,
+            variables=found,
+            attrs=about,
+        )
+
+
+def events(running: Array) -> NDArray[np.bool_]:
+    """Tell which events have happened by each time: requirements (K, R, T) violated, and of several, any of them.
+
+    Examples
+    --------
+    >>> events(np.array([[[1.0, -1.0], [2.0, 1.0]]])).tolist()
+    [[[False, True], [False, False], [False, True]]]
+    """
+    violated = np.asarray(running < 0)
+    if running.shape[1] < 2:
+        return violated
+    return np.concatenate([violated, violated.any(axis=1, keepdims=True)], axis=1)
+
+
+def failures_in(lower: Array, upper: Array, share: float) -> tuple[Array, Array]:
+    """Widen intervals by a share of realisations that failed: all of them safe, or all of them not.
+
+    Examples
+    --------
+    >>> failures_in(np.array([0.1]), np.array([0.2]), 0.5)
+    (array([0.05]), array([0.6]))
+    """
+    return lower * (1 - share), upper * (1 - share) + share

@@ -1,0 +1,125 @@
+"""The dataset ``requirements`` of a propagator's node: how probably requirements are violated, and how sure that is."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import ArrayLike
+
+from uqmbd.errors import StudyError
+from uqmbd.names import ANY
+from uqmbd.results.requirements.intervals import LEVEL
+from uqmbd.results.schema import check_shape, fixed_width
+
+if TYPE_CHECKING:
+    from uqmbd.mechanism import Requirement
+
+__all__ = ["requirement_names", "requirements_dataset"]
+
+ANY_WORDS = "any of the requirements is violated"
+
+
+def requirement_names(requirements: Sequence[Requirement | str]) -> tuple[str, ...]:
+    """Return the names of events: those of the requirements, and where there are several ``any``, the last one.
+
+    Examples
+    --------
+    >>> requirement_names(["overload"]), requirement_names(["overload", "clearance"])
+    (('overload',), ('overload', 'clearance', 'any'))
+    """
+    names = tuple(r if isinstance(r, str) else r.name for r in requirements)
+    return (*names, ANY) if len(names) > 1 and ANY not in names else names
+
+
+def requirements_dataset(
+    requirements: Sequence[Requirement | str],
+    *,
+    violation_probability: ArrayLike,
+    lower: ArrayLike,
+    upper: ArrayLike,
+    std_error: ArrayLike | None = None,
+    times: ArrayLike | None = None,
+    violated_by: ArrayLike | None = None,
+    variables: Mapping[str, tuple[Any, ...]] | None = None,
+    attrs: Mapping[str, Any] | None = None,
+) -> xr.Dataset:
+    """Build the dataset ``requirements`` of a propagator's node.
+
+    Parameters
+    ----------
+    requirements : sequence of Requirement or str
+        Those that are answered, as ``problem.requirements``; where there are several, all values have one more row,
+        the last one, ``any``: that any of them is violated.
+    violation_probability, lower, upper : array_like, shape (requirement,)
+        Probabilities, and the ends of their 95 % intervals.
+    std_error : array_like, shape (requirement,), optional
+        Default: not known, NaN.
+    times : array_like, shape (T,), optional
+        Output times, s, for `violated_by`.
+    violated_by : array_like, shape (requirement, T), optional
+        Probability of having been violated by a time.
+    variables, attrs : mapping, optional
+        Further variables, as of `xarray.Dataset`, and attributes.
+
+    Returns
+    -------
+    xarray.Dataset
+
+    Raises
+    ------
+    StudyError
+        If shapes do not fit, or an interval does not hold its probability.
+
+    Examples
+    --------
+    >>> found = requirements_dataset(["overload"], violation_probability=[0.02], lower=[0.01], upper=[0.04])
+    >>> found["interval"].sel(requirement="overload", bound="upper").item()
+    0.04
+    """
+    names = requirement_names(requirements)
+    known = {r.name: r for r in requirements if not isinstance(r, str)}
+    shape, dims = (len(names),), ("requirement",)
+    probability = np.asarray(violation_probability, dtype=float)
+    ends = [np.asarray(end, dtype=float) for end in (lower, upper)]
+    error = np.full(shape, np.nan) if std_error is None else np.asarray(std_error, dtype=float)
+    given = {"violation_probability": probability, "lower": ends[0], "upper": ends[1], "std_error": error}
+    for name, values in given.items():
+        check_shape(name, values, shape, dims)
+    wrong = ~((ends[0] >= 0) & (ends[0] <= ends[1]) & (ends[1] <= 1))
+    wrong |= np.isfinite(probability) & ((probability < ends[0] - 1e-12) | (probability > ends[1] + 1e-12))
+    if wrong.any():
+        k = int(np.argmax(wrong))
+        raise StudyError(
+            f"requirement {names[k]!r}: the probability {probability[k]:g} is given the interval from {ends[0][k]:g} "
+            f"to {ends[1][k]:g}; expected one within 0 and 1 that holds it."
+        )
+    about = {"long_name": "probability that the requirement is violated"}
+    data: dict[str, Any] = {
+        "violation_probability": (dims, probability, about),
+        "std_error": (dims, error, {"long_name": "standard error of the probability"}),
+        "interval": (
+            (*dims, "bound"),
+            np.stack(ends, axis=1),
+            {"long_name": f"{LEVEL:.0%} interval of the probability", "level": LEVEL},
+        ),
+    }
+    words = {ANY: ANY_WORDS} | {name: r.description for name, r in known.items()}
+    relations = {name: r.relation for name, r in known.items()}
+    coords: dict[str, Any] = {
+        "requirement": (dims, fixed_width(names)),
+        "description": (dims, fixed_width(words.get(name, "") for name in names)),
+        "relation": (dims, fixed_width(relations.get(name, "") for name in names)),
+        "bound": ("bound", fixed_width(("lower", "upper"))),
+    }
+    if violated_by is not None:
+        if times is None:
+            raise StudyError("violated_by is given without times; expected both, or none.")
+        grid, over_time = np.asarray(times, dtype=float), np.asarray(violated_by, dtype=float)
+        check_shape("violated_by", over_time, (*shape, len(grid)), (*dims, "time"))
+        about = {"long_name": "probability of having been violated by a time"}
+        data["violated_by"] = ((*dims, "time"), over_time, about)
+        coords["time"] = ("time", grid, {"units": "s", "long_name": "time"})
+    return xr.Dataset({**data, **(variables or {})}, coords=coords, attrs=dict(attrs or {}))

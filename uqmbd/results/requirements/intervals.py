@@ -1,0 +1,89 @@
+"""Intervals of probabilities from counts."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from uqmbd.typing import Array
+
+__all__ = ["LEVEL", "clopper_pearson", "of_replicates"]
+
+LEVEL = 0.95
+"""Confidence of intervals."""
+
+FEWEST = 5
+"""Replicates in which something happens, and in which something does not, from which a spread is told."""
+
+
+def clopper_pearson(happened: ArrayLike, of: ArrayLike, level: float = LEVEL) -> tuple[Array, Array]:
+    """Return the interval of a probability from how often something happened among independent trials.
+
+    Its confidence is at least `level` whatever the probability is [1]_.  Where it never happened, or always, the
+    interval has one end only, with all of the confidence: ``1 - (1 - level)^(1 / of)`` at most.
+
+    Parameters
+    ----------
+    happened, of : array_like of int
+        How often, and of how many trials.
+    level : float
+        Confidence.
+
+    Returns
+    -------
+    lower, upper : array
+
+    References
+    ----------
+    .. [1] C. J. Clopper and E. S. Pearson, Biometrika 26 (1934) 404-413.
+
+    Examples
+    --------
+    >>> lower, upper = clopper_pearson([0, 10], 500)
+    >>> lower.round(5).tolist(), upper.round(5).tolist()
+    ([0.0, 0.00963], [0.00597, 0.03648])
+    """
+    from scipy.special import betaincinv
+
+    k, n = np.broadcast_arrays(np.asarray(happened, dtype=float), np.asarray(of, dtype=float))
+    # one end: all of the confidence is its own
+    tail = np.where((k == 0) | (k == n), 1 - level, (1 - level) / 2)
+    with np.errstate(invalid="ignore"):
+        lower = np.where(k > 0, betaincinv(np.maximum(k, 1), n - np.minimum(k, n) + 1, tail), 0.0)
+        upper = np.where(k < n, betaincinv(k + 1, np.maximum(n - k, 1), 1 - tail), 1.0)
+    return lower, upper
+
+
+def of_replicates(
+    shares: Array, of: int, lower: Array, upper: Array, level: float = LEVEL
+) -> tuple[Array, Array, Array]:
+    """Return standard errors and intervals of probabilities from the shares of independent replicates.
+
+    Parameters
+    ----------
+    shares : array, shape (replicate, ...)
+        Of trials in which something happened.
+    of : int
+        All trials.
+    lower, upper : array, shape (...)
+        Intervals that hold as if all trials were independent; they stay where it happened in too few replicates for
+        their spread to tell anything.
+    level : float
+        Confidence.
+
+    Returns
+    -------
+    std_error, lower, upper : array, shape (...)
+    """
+    from scipy.special import stdtrit
+
+    count, mean = len(shares), shares.mean(axis=0)
+    error = shares.std(axis=0, ddof=1) / np.sqrt(count)
+    spread = np.minimum((shares > 0).sum(axis=0), (shares < 1).sum(axis=0)) >= FEWEST
+    # replicates that agree by chance know no more than one trial tells
+    reach = np.maximum(stdtrit(count - 1, (1 + level) / 2) * error, 1 / of)
+    return (
+        error,
+        np.where(spread, np.clip(mean - reach, 0.0, 1.0), lower),
+        np.where(spread, np.clip(mean + reach, 0.0, 1.0), upper),
+    )

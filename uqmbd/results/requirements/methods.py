@@ -1,0 +1,61 @@
+"""The dataset ``requirements`` of any method, from what it gives for margins as outputs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from uqmbd.results.chaos import surrogate, surrogate_parts
+from uqmbd.results.requirements.counting import Violations
+from uqmbd.results.requirements.dataset import requirement_names, requirements_dataset
+from uqmbd.results.requirements.surrogates import sampled_requirements
+from uqmbd.status import Status
+
+if TYPE_CHECKING:
+    from uqmbd.mechanism import Requirement
+
+__all__ = ["requirements_of"]
+
+
+def requirements_of(node: xr.DataTree, requirements: Sequence[Requirement], late: NDArray[np.bool_]) -> xr.Dataset:
+    """Build the dataset ``requirements`` of a method from the node that it made of margins.
+
+    Parameters
+    ----------
+    node : xarray.DataTree
+        Its outputs are the running margins at the output times.
+    requirements : sequence of Requirement
+    late : array of bool, shape (requirement,)
+        Whose margins are known at the end only: before, the node holds those of the end.
+
+    Returns
+    -------
+    xarray.Dataset
+        From samples of the surrogate, where it has one; else from its realisations; else every probability is NaN, and
+        every interval that from 0 to 1.
+    """
+    times = node.children["statistics"].to_dataset()["time"].values
+    if surrogate_parts(node):
+        lost = int(node.attrs.get("failures", 0)) / max(int(node.attrs.get("realisations", 0)), 1)
+        return sampled_requirements(
+            requirements, late, surrogate(node, times=[len(times) - 1]), surrogate(node), lost, 0
+        )
+    if "samples" in node.children:
+        samples = node.children["samples"].to_dataset()
+        running = np.where(
+            np.arange(len(times)) < np.where(late, len(times) - 1, 0)[:, None], np.inf, samples["response"]
+        )
+        return Violations.dataset(requirements, [Violations.of(running, samples["status"].values != Status.OK)], times)
+    size = len(requirement_names(requirements))
+    how = "the method gives neither samples nor a surrogate, from which probabilities could be found"
+    return requirements_dataset(
+        requirements,
+        violation_probability=np.full(size, np.nan),
+        lower=np.zeros(size),
+        upper=np.ones(size),
+        attrs={"how": how},
+    )

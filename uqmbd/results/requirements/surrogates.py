@@ -1,0 +1,170 @@
+"""Probabilities of violation from a surrogate of margins, with what its error adds to their intervals.
+
+A surrogate that is sampled a million times is as sure of a wrong probability as of a right one.  What it does not know
+is told by realisations that did not enter it, its verification realisations.  Their residuals are taken over a growth
+function, since the error of polynomials grows where the margin is far from its median, and limits are there: with the
+normal score :math:`u` of the margin in its own distribution, the mean of :math:`He_i(u)^2 / i!` up to one above the
+degree of the surrogate, as of an error made of all polynomials up to that degree.  The root mean square of the
+residuals, times the quantile of Student's t distribution with as many degrees of freedom as there are residuals, is a
+band about the limit.  Samples within it may be violations, or not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from uqmbd.results.chaos import Surrogate, spread_germs
+from uqmbd.results.requirements.counting import events, failures_in
+from uqmbd.results.requirements.dataset import requirements_dataset
+from uqmbd.results.requirements.intervals import clopper_pearson
+from uqmbd.typing import Array
+
+if TYPE_CHECKING:
+    from uqmbd.mechanism import Requirement
+
+__all__ = ["sampled_requirements"]
+
+SAMPLES = 1 << 17
+"""Samples of the surrogate for probabilities of the whole motion."""
+
+FEWER = 1 << 14
+"""Samples for probabilities over time."""
+
+ROWS = 4096
+"""Samples that are evaluated at once."""
+
+RELIANCE = 0.995
+"""Of the one-sided quantile of Student's t distribution that makes a band of the residuals."""
+
+HIGHEST = 8
+"""Degree above which growth is not followed."""
+
+
+def sampled_requirements(
+    requirements: Sequence[Requirement],
+    late: NDArray[np.bool_],
+    at_end: Surrogate,
+    over_time: Surrogate,
+    lost: float = 0.0,
+    seed: int = 0,
+) -> xr.Dataset:
+    """Build the dataset ``requirements`` of a propagator's node from a surrogate of margins.
+
+    Parameters
+    ----------
+    requirements : sequence of Requirement
+    late : array of bool, shape (requirement,)
+        Whose margins are known at the end only.
+    at_end, over_time : Surrogate
+        Of the running margins: at the last output time, and at all of them.
+    lost : float
+        Share of the realisations that failed.
+    seed : int
+        Of the samples.
+
+    Returns
+    -------
+    xarray.Dataset
+        With ``uncertain (requirement)``, the share of samples so near the limit that the error of the surrogate can
+        move them over it, and the attributes ``samples``, ``verification`` (realisations), ``failed`` (share).  Without
+        verification realisations every interval is that from 0 to 1.
+    """
+    margins = _sampled(at_end, SAMPLES, seed)[:, :, 0]
+    verified = at_end.verification_germs is not None and at_end.verification_response is not None
+    bands = _bands(at_end, margins) if verified else np.full_like(margins, np.inf)
+    count = len(margins)
+    happened, least, most = (
+        events((margins + shift)[:, :, None])[:, :, 0].sum(axis=0) for shift in (0.0, bands, -bands)
+    )
+    probability = happened / count
+    if verified:
+        lower, upper = clopper_pearson(least, count)[0], clopper_pearson(most, count)[1]
+        lower, upper = failures_in(lower, upper, lost)
+    else:
+        lower, upper = np.zeros(len(happened)), np.ones(len(happened))
+    times = over_time.labels.times
+    by_time = _over_time(over_time, late, probability, seed)
+    verification = 0 if at_end.verification_germs is None else len(at_end.verification_germs)
+    about: dict[str, Any] = {"samples": count, "verification": verification, "failed": float(lost)}
+    about["how"] = f"{count} samples of the surrogate" + (
+        f", whose error is that at {verification} verification realisations"
+        if verified
+        else "; without verification realisations nothing is known of its error: give the method verify=8 or more"
+    )
+    near = (("requirement",), (most - least) / count, {"long_name": "share of samples that the error can move over"})
+    return requirements_dataset(
+        requirements,
+        violation_probability=probability,
+        std_error=np.sqrt(probability * (1 - probability) / count),
+        lower=np.minimum(lower, probability),
+        upper=np.maximum(upper, probability),
+        times=times,
+        violated_by=by_time if times is not None else None,
+        variables={"uncertain": near},
+        attrs=about,
+    )
+
+
+def _sampled(chaos: Surrogate, samples: int, seed: int) -> Array:
+    """Return samples (K, requirement, T) of a surrogate of margins, some thousand at a time."""
+    germs = spread_germs(chaos.space, samples, seed)
+    parts = [chaos.evaluate_germs(germs[k : k + ROWS]) for k in range(0, len(germs), ROWS)]
+    return np.concatenate(parts).reshape(len(germs), len(chaos.labels.outputs), -1)
+
+
+def _over_time(chaos: Surrogate, late: NDArray[np.bool_], probability: Array, seed: int) -> Array:
+    """Return the probabilities (event, T) of having been violated by each time, that of the last time being known."""
+    germs = spread_germs(chaos.space, FEWER, seed)
+    counts: Array | float = 0.0
+    for k in range(0, len(germs), ROWS):
+        margins = chaos.evaluate_germs(germs[k : k + ROWS]).reshape(-1, len(late), chaos.labels.shape[1])
+        margins[:, late, :-1] = np.inf
+        counts = counts + events(margins).sum(axis=0)
+    # a limit that has been passed stays passed, which polynomials at each time by itself do not know
+    shares = np.minimum(np.maximum.accumulate(np.asarray(counts) / len(germs), axis=1), probability[:, None])
+    shares[:, -1] = probability
+    return np.asarray(shares)
+
+
+def _bands(chaos: Surrogate, margins: Array) -> Array:
+    """Return half the widths (K, requirement) of the band within which margins may be on the other side of a limit."""
+    from scipy.special import ndtri, stdtrit
+
+    points = np.asarray(chaos.verification_germs)
+    count, size = len(points), margins.shape[1]
+    seen = chaos.evaluate_germs(points).reshape(count, size)
+    real = np.asarray(chaos.verification_response).reshape(count, size)
+    weights = chaos._verification_weights
+    weights = np.full(count, 1 / count) if weights is None else weights
+    degree = min(int(chaos.multi_index.sum(axis=1).max(initial=0)) + 1, HIGHEST)
+    bands = np.empty_like(margins)
+    for k in range(size):
+        order = np.argsort(margins[:, k])
+        rank = np.searchsorted(margins[order, k], seen[:, k])
+        growth = _growth(ndtri((np.arange(len(order) + 1) + 0.5) / (len(order) + 1)), degree)
+        scale = np.sqrt(weights @ ((real[:, k] - seen[:, k]) ** 2 / growth[rank]))
+        # of weights that differ, fewer residuals tell as much
+        told = 1 / (weights**2).sum()
+        bands[order, k] = stdtrit(told, RELIANCE) * scale * np.sqrt(growth[:-1])
+    return bands
+
+
+def _growth(scores: Array, degree: int) -> Array:
+    """Return the mean of the squares of orthonormal Hermite polynomials up to a degree; at least 1 / (degree + 1).
+
+    Examples
+    --------
+    >>> _growth(np.array([0.0, 3.0]), 2).round(3).tolist()
+    [0.5, 14.0]
+    """
+    before, now = np.zeros_like(scores), np.ones_like(scores)
+    total = now.copy()
+    for k in range(degree):
+        before, now = now, (scores * now - np.sqrt(k) * before) / np.sqrt(k + 1)
+        total += now**2
+    return total / (degree + 1)
