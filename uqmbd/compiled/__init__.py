@@ -14,6 +14,7 @@ from uqmbd.compiled.native import Target, addresses_of, host, object_code
 from uqmbd.compiled.programs import Columns, Part, Program, Writer
 from uqmbd.compiled.segments import SegmentTable
 from uqmbd.compiled.store import Store
+from uqmbd.compiled.waves import wave_values
 from uqmbd.compiled.writer import LANES
 
 __all__ = [
@@ -52,4 +53,5 @@ __all__ = [
     "object_code",
     "replaced",
     "source_digest",
+    "wave_values",
 ]

@@ -202,6 +202,7 @@ _FUNCTIONS: dict[str, tuple[Any, Sequence[Any]]] = {
     "least_speeds": (None, [*[_POINTER] * 3, _INT, _INT, _POINTER, _POINTER]),
     "segment_edges": (None, [_POINTER, _INT, *[_POINTER] * 3]),
     "segment_values": (None, [_POINTER, *[_INT] * 4, *[_POINTER] * 4, _INT, _DOUBLE, _DOUBLE, _POINTER, _POINTER]),
+    "wave_values": (None, [*[_INT] * 8, *[_POINTER] * 11]),
     "sizes": (None, [_POINTER]),
 }
 """Results and arguments of the functions."""

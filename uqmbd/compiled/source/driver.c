@@ -10,6 +10,7 @@
 #include "tables.c"
 #include "coupled.c"
 #include "segments.c"
+#include "waves.c"
 #include "assembly.c"
 
 /* Sizes of the structures, for those who mirror them. */

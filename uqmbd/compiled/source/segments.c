@@ -7,9 +7,6 @@ enum {
     ROOM = 136, /* times of a sample that are kept until they are put into its row, and four more */
 };
 
-/* Four numbers of one sample, wherever they stand. */
-typedef double Quad __attribute__((vector_size(32), aligned(8), may_alias));
-
 /* What is expanded: P terms, S segments, C outputs, and at most B times four Chebyshev polynomials. */
 typedef struct {
     int64_t segments, outputs, terms, blocks;
@@ -19,16 +16,6 @@ typedef struct {
     const int64_t *starts;      /* (S, C): where coefficients begin: (counts, 4) of one block after the other */
     const double *coefficients;
 } Segments;
-
-/* Make rows of squares of four the columns, in both halves of the vectors. */
-INLINE void transpose_halves(V *x) {
-    const V a = evens(x[0], x[1]), b = odds(x[0], x[1]), c = evens(x[2], x[3]), d = odds(x[2], x[3]);
-    x[0] = even_pairs(a, c), x[1] = even_pairs(b, d), x[2] = odd_pairs(a, c), x[3] = odd_pairs(b, d);
-}
-
-INLINE V of_quads(Quad a, Quad b) { return __builtin_shufflevector(a, b, 0, 1, 2, 3, 4, 5, 6, 7); }
-INLINE Quad first_quad(V a) { return __builtin_shufflevector(a, a, 0, 1, 2, 3); }
-INLINE Quad second_quad(V a) { return __builtin_shufflevector(a, a, 4, 5, 6, 7); }
 
 /* Terms (P) of eight samples, those of the first one where there are fewer. */
 INLINE void terms_of(int64_t terms, const double *basis, int64_t lanes, V *own) {

@@ -91,4 +91,17 @@ INLINE void to_rows(double *const *rows, int64_t lanes, V *from, int64_t count) 
         for (int64_t l = 0; l < lanes; l++) rows[l][i] = from[i][l];
 }
 
+/* Four numbers of one realisation, wherever they stand. */
+typedef double Quad __attribute__((vector_size(32), aligned(8), may_alias));
+
+/* Make rows of squares of four the columns, in both halves of the vectors. */
+INLINE void transpose_halves(V *x) {
+    const V a = evens(x[0], x[1]), b = odds(x[0], x[1]), c = evens(x[2], x[3]), d = odds(x[2], x[3]);
+    x[0] = even_pairs(a, c), x[1] = even_pairs(b, d), x[2] = odd_pairs(a, c), x[3] = odd_pairs(b, d);
+}
+
+INLINE V of_quads(Quad a, Quad b) { return __builtin_shufflevector(a, b, 0, 1, 2, 3, 4, 5, 6, 7); }
+INLINE Quad first_quad(V a) { return __builtin_shufflevector(a, a, 0, 1, 2, 3); }
+INLINE Quad second_quad(V a) { return __builtin_shufflevector(a, a, 4, 5, 6, 7); }
+
 #endif

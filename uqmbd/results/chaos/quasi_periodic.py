@@ -116,7 +116,7 @@ class QuasiPeriodicChaos(SampledSurrogate):
     def _evaluate(self, germs: Array) -> Array:
         found = np.empty((len(germs), *self.labels.shape))
         for one in self._sampled(germs):
-            found[one.rows] = one.values(slice(None), self._times - self.origin)
+            one.evaluate(slice(None), self._times - self.origin, found)
         return found
 
     def _sampler(self, germs: Array) -> Samples:
@@ -128,9 +128,10 @@ class QuasiPeriodicChaos(SampledSurrogate):
             for output in range(first // count, -(-last // count)):
                 begin, end = max(first, output * count), min(last, (output + 1) * count)
                 times = self._times[begin - output * count : end - output * count]
+                values = np.empty((len(germs), 1, len(times)))
                 for one in sampled:
-                    values = one.values(slice(output, output + 1), times - self.origin)
-                    found[one.rows, begin - first : end - first] = values[:, 0]
+                    one.evaluate(slice(output, output + 1), times - self.origin, values)
+                found[:, begin - first : end - first] = values[:, 0]
             return found
 
         return Samples(columns, lambda part: np.ascontiguousarray(columns(part).T))
