@@ -92,6 +92,7 @@ from .propagation import Propagator as Propagator
 from .propagation import Realisations as Realisations
 from .propagation import Study as Study
 from .propagation import Verification as Verification
+from .propagation import VerificationPoints as VerificationPoints
 from .propagation import choose_clock as choose_clock
 from .propagation import clock_at_means as clock_at_means
 from .propagation import dense as dense

@@ -117,15 +117,15 @@ class _Scale:
         return float(in_mean), float(((self.std - less).max(axis=-1) / self.largest).max())
 
 
-def refine_dimensions(runs: Runs, points: Array, limits: Limits, label: str) -> Refinement:
+def refine_dimensions(runs: Runs, points: uqmbd.VerificationPoints, limits: Limits, label: str) -> Refinement:
     """Refine a sparse grid where it changes mean and standard deviation most, until nothing does.
 
     Parameters
     ----------
     runs : Runs
         Realisations.
-    points : array, shape (V, d)
-        Germ points of the verification: while the chaos misses more there than the tolerance, it is not met.
+    points : uqmbd.VerificationPoints
+        While the chaos misses more there than the tolerance, it is not met.
     limits : Limits
         When to end; the changes of all levels that have no successors yet are added up for it.
     label : str
@@ -144,7 +144,7 @@ def refine_dimensions(runs: Runs, points: Array, limits: Limits, label: str) -> 
     root = (0,) * dimension
     new, _ = grid.children(root, {root})
     # one node tells nothing about a spread, so that each input is tried at once
-    first = np.concatenate([grid.nodes([root, *new]), points])
+    first = np.concatenate([grid.nodes([root, *new]), points.germs])
     if len(runs.missing(first)) > limits.most:
         raise uqmbd.StudyError(
             f"{label}: the first step takes {len(runs.missing(first))} realisations, and max_realisations is "

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from uqmbd.typing import Array
+import uqmbd
 from uqmbd_collocation.adaptive import refine_dimensions
 from uqmbd_collocation.fitting import Fit
 from uqmbd_collocation.orders import raise_order
@@ -15,7 +15,9 @@ from uqmbd_collocation.runs import Runs
 __all__ = ["computed"]
 
 
-def computed(runs: Runs, plans: Plans, points: Array, limits: Limits) -> tuple[Fit, Refinement | None]:
+def computed(
+    runs: Runs, plans: Plans, points: uqmbd.VerificationPoints, limits: Limits
+) -> tuple[Fit, Refinement | None]:
     """Compute what is needed, and fit.
 
     Parameters
@@ -24,8 +26,8 @@ def computed(runs: Runs, plans: Plans, points: Array, limits: Limits) -> tuple[F
         Realisations so far; what is computed is added.
     plans : Plans
         Where they are needed.
-    points : array, shape (V, d)
-        Germ points of the verification; computed with the nodes.
+    points : uqmbd.VerificationPoints
+        Computed with the nodes.
     limits : Limits
         Of a refinement.
     """
@@ -34,7 +36,7 @@ def computed(runs: Runs, plans: Plans, points: Array, limits: Limits) -> tuple[F
         planned = plans.plan(space, plans.order)
         planned.check(space)
         # nodes and verification points share their stacks
-        runs.at(np.concatenate([planned.nodes, points]))
+        runs.at(np.concatenate([planned.nodes, points.germs]))
         return planned.fit(runs), None
     if plans.adaptive == "dimension":
         found = refine_dimensions(runs, points, limits, label)

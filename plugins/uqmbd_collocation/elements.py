@@ -57,10 +57,8 @@ class _Elements:
                 warnings.simplefilter("ignore")
                 planned.append(self.plans.plan(box.local, self.plans.order))
                 planned[-1].check(box.local)
-        points = uqmbd.Verification.points_of_elements(
-            boxes, len(self.done), self.plans.verify, self.plans.seed, STREAM
-        )
-        wanted = [np.concatenate([p.nodes, v]) for p, v in zip(planned, points, strict=True)]
+        points = uqmbd.VerificationPoints.of_elements(boxes, len(self.done), self.plans.verify, self.plans.seed, STREAM)
+        wanted = [np.concatenate([p.nodes, v.germs]) for p, v in zip(planned, points, strict=True)]
         found = self.problem.realise(boxes[0].space.to_inputs(np.concatenate(wanted)))
         self.counters.update(found.counters)
         start, chaoses = 0, []
@@ -71,7 +69,7 @@ class _Elements:
                 warnings.simplefilter("always")
                 fit = plan.fit(runs)
             verification = runs.verification(where)
-            self.done.append(_Element(runs, fit, len(verification.germs), tuple(str(w.message) for w in caught)))
+            self.done.append(_Element(runs, fit, len(verification), tuple(str(w.message) for w in caught)))
             chaoses.append(verification.chaos(fit.coefficients, fit.multi_index, self.problem.labels))
         return chaoses
 

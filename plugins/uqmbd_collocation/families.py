@@ -104,8 +104,11 @@ class _Work:
         self.told[family] = [one.message for one in told if isinstance(one.message, Warning)]
         if self.given is None and found.chaos.verification_germs is not None:
             germs, response = found.chaos.verification_germs, found.chaos.verification_response
-            assert response is not None
-            self.given = uqmbd.Verification(self.space, germs, response, len(germs))
+            weights = found.chaos.verification_weights
+            assert response is not None and weights is not None
+            # their mean is 1, as of points that are drawn
+            points = uqmbd.VerificationPoints(germs, len(weights) * weights)
+            self.given = uqmbd.Verification(self.space, points, response, len(germs))
         self.found[family] = found
 
     def worst(self) -> float:
@@ -113,8 +116,8 @@ class _Work:
         if self.given is None or not self.found:
             return np.inf
         size = np.abs(self.given.response).mean(axis=0)
-        spread = _largest(self.given.response.std(axis=0), size, self.problem.rtol)
-        errors = [_errors(_verified(one.chaos, self.given), self.given.response) for one in self.found.values()]
+        spread = _largest(self.given.std, size, self.problem.rtol)
+        errors = [_errors(_verified(one.chaos, self.given)) for one in self.found.values()]
         return float(np.min([np.sqrt(np.mean(e**2, axis=-1)) / spread for e in errors], axis=0).max())
 
     def reason(self, error: Exception) -> str:
@@ -203,9 +206,9 @@ def expand_families(
             "name one family, as alignment='phase', or leave alignment out."
         )
     chaoses = {name: _verified(work.found[name].chaos, work.given) for name in FAMILIES if name in work.found}
-    errors = {name: _errors(chaos, work.given.response) for name, chaos in chaoses.items()}
+    errors = {name: _errors(chaos) for name, chaos in chaoses.items()}
     size = np.abs(work.given.response).mean(axis=0)
-    spread = _largest(work.given.response.std(axis=0), size, problem.rtol)
+    spread = _largest(work.given.std, size, problem.rtol)
     over = {name: np.sqrt(np.mean(error**2, axis=-1)) / spread for name, error in errors.items()}
     taken = [min(over, key=lambda name: max(float(over[name][k]), EQUAL)) for k in range(len(spread))]
     largest = _largest(np.array([chaoses[name].std[k] for k, name in enumerate(taken)]), size, problem.rtol)
@@ -242,7 +245,7 @@ def _composed(
         "failures": sum(one.attrs["failures"] for one in work.found.values()),
         "fit": own[0].attrs["fit"] if len(own) == 1 else _fits(work, rows),
         **{name: max(one.attrs[name] for one in own) for name in ("terms", "highest_degree")},
-        "verification": len(work.given.germs) if work.given is not None else 0,
+        "verification": len(work.given) if work.given is not None else 0,
         "alignment": json.dumps(dict(zip(outputs, taken, strict=True))),
         "alignment_error": json.dumps(
             {n: float(errors[f][k]) for k, (n, f) in enumerate(zip(outputs, taken, strict=True))}
@@ -304,15 +307,14 @@ def _nodes(work: _Work) -> xr.Dataset:
 
 def _verified(chaos: Any, given: uqmbd.Verification) -> Part:
     """Return a chaos with the verification realisations that are common to all."""
-    found: Part = replace(chaos, verification_germs=given.germs, verification_response=given.response)
+    found: Part = replace(chaos, **given.known)
     return found
 
 
-def _errors(chaos: Part, response: Array) -> Array:
+def _errors(chaos: Part) -> Array:
     """Return root mean squares (O, T) over the verification realisations; infinite where the chaos is not known."""
-    assert chaos.verification_germs is not None
-    wrong = chaos.evaluate_germs(chaos.verification_germs) - response
-    return np.asarray(np.sqrt(np.mean(np.where(np.isfinite(wrong), wrong, np.inf) ** 2, axis=0)))
+    found = chaos.verification_rms()
+    return np.where(np.isfinite(found), found, np.inf)
 
 
 def _largest(std: Array, size: Array, rtol: float) -> Array:

@@ -8,7 +8,6 @@ from collections.abc import Callable
 import numpy as np
 
 import uqmbd
-from uqmbd.typing import Array
 from uqmbd_collocation.fitting import Fit, Projection, Regression
 from uqmbd_collocation.refinement import Limits, Refinement, Step, missed_share, scale_of, warn_unmet
 from uqmbd_collocation.runs import Runs
@@ -22,7 +21,7 @@ HIGHEST = 32
 
 def raise_order(
     runs: Runs,
-    points: Array,
+    points: uqmbd.VerificationPoints,
     plan: Callable[[int], Projection | Regression],
     first: int,
     limits: Limits,
@@ -34,8 +33,8 @@ def raise_order(
     ----------
     runs : Runs
         Realisations.
-    points : array, shape (V, d)
-        Germ points of the verification: while the chaos misses more there than the tolerance, it is not met.
+    points : uqmbd.VerificationPoints
+        While the chaos misses more there than the tolerance, it is not met.
     plan : callable
         Nodes and fit of an order.
     first : int
@@ -60,7 +59,7 @@ def raise_order(
                 continue  # weights leave some orders without terms of their own
             terms = len(planned.multi_index)
             planned.check(runs.space)
-            wanted = np.concatenate([planned.nodes, points])
+            wanted = np.concatenate([planned.nodes, points.germs])
             more = len(runs.missing(wanted))
             if len(runs) + more > limits.most:
                 raise uqmbd.StudyError(f"it needs {more} more realisations, and max_realisations is {limits.most}")

@@ -46,12 +46,12 @@ def expand(
     """
     label, runs, points = source.label, Runs(source, space), plans.verification_points(space)
     if given is not None:
-        points = given.germs
+        points = given.points
         count = len(points)
         known = uqmbd.Realisations(
-            space.to_inputs(points), given.response, np.zeros(count, dtype=np.int64), ("",) * count, {}, 0.0
+            space.to_inputs(points.germs), given.response, np.zeros(count, dtype=np.int64), ("",) * count, {}, 0.0
         )
-        runs = Runs.filled(source, space, points, known)
+        runs = Runs.filled(source, space, points.germs, known)
     fit, refinement = computed(runs, plans, points, limits)
     verification = runs.verification(points)
     warn_of_failures(verification, label)
@@ -65,10 +65,10 @@ def expand(
         "terms": len(fit.multi_index),
         "highest_degree": int(fit.multi_index.max()),
         "nodes": len(np.unique(fit.where)) + fit.failed,
-        "verification": len(verification.germs),
+        "verification": len(verification),
     }
     # those that are known stand in front, and were told by whoever knows them
-    nodes, before = nodes_dataset(runs, runs.at(points), fit), 0 if given is None else len(points)
+    nodes, before = nodes_dataset(runs, runs.at(points.germs), fit), 0 if given is None else len(points)
     found = Expanded(
         chaos,
         len(runs) - before,

@@ -140,15 +140,15 @@ class Plans:
             return uqmbd.gauss_tensor(space, [min(3, germ.values or 3) for germ in space.germs]).nodes
         return self.plan(space, self.order).nodes
 
-    def verification_points(self, space: uqmbd.GermSpace) -> Array:
-        """Return germ points, shape (K, d), that no design uses."""
-        return uqmbd.Verification.points(space, self.verify, self.seed, STREAM)
+    def verification_points(self, space: uqmbd.GermSpace) -> uqmbd.VerificationPoints:
+        """Return points that no design uses."""
+        return uqmbd.VerificationPoints.drawn(space, self.verify, self.seed, STREAM)
 
-    def points_of_elements(self, boxes: Sequence[uqmbd.GermBox], done: int) -> list[Array]:
-        """Return germ points of the verification in each box, behind so many elements; of no split, those as always."""
+    def points_of_elements(self, boxes: Sequence[uqmbd.GermBox], done: int) -> list[uqmbd.VerificationPoints]:
+        """Return points of the verification in each box, behind so many elements; of no split, those as always."""
         if len(boxes) == 1 and boxes[0].probability == 1.0:
             return [self.verification_points(boxes[0].space)]
-        return uqmbd.Verification.points_of_elements(boxes, done, self.verify, self.seed, STREAM)
+        return uqmbd.VerificationPoints.of_elements(boxes, done, self.verify, self.seed, STREAM)
 
     def _check_number(self, space: uqmbd.GermSpace, order: int, nodes: int) -> None:
         if nodes + self.verify <= self.max_realisations:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import xarray as xr
 
+import uqmbd
 from uqmbd.typing import Array, Index
 from uqmbd_collocation.fitting import Fit
 from uqmbd_collocation.runs import Runs
@@ -83,7 +84,7 @@ def scale_of(runs: Runs, mean: Array, variance: Array) -> Array:
     return np.asarray(np.maximum(np.sqrt(variance.max(axis=-1)), floor))
 
 
-def missed_share(runs: Runs, coefficients: Array, multi_index: Index, points: Array) -> float:
+def missed_share(runs: Runs, coefficients: Array, multi_index: Index, points: uqmbd.VerificationPoints) -> float:
     """Return by how much the standard deviation is too small for what the chaos misses at verification points.
 
     A surrogate with the root-mean-square error e misses a variance of about e^2, so that the standard deviation s is
@@ -95,12 +96,12 @@ def missed_share(runs: Runs, coefficients: Array, multi_index: Index, points: Ar
     float
         Largest over the outputs, over the largest standard deviation over time; 0 without points.
     """
-    where = runs.at(points)
-    where = where[runs.good(where)]
-    if not len(where):
+    known = runs.verification(points)
+    if not len(known):
         return 0.0
-    surrogate = np.einsum("kp,pot->kot", runs.space.evaluate(runs.germs[where], multi_index), coefficients)
-    error = np.mean((surrogate - runs.response[where]) ** 2, axis=0)
+    surrogate = np.einsum("kp,pot->kot", runs.space.evaluate(known.points.germs, multi_index), coefficients)
+    weights = known.points.weights / known.points.weights.sum()
+    error = np.tensordot(weights, (surrogate - known.response) ** 2, axes=1)
     scale = scale_of(runs, coefficients[0], np.sum(coefficients[1:] ** 2, axis=0) + error)
     return float((error.max(axis=-1) / (2 * scale**2)).max())
 

@@ -118,13 +118,14 @@ class Runs:
         self.counters.update(part.counters)
         self.wall_time += part.wall_time
 
-    def verification(self, points: Array) -> uqmbd.Verification:
-        """Return the realisations at germ points (V, d) that no node uses, those that failed left out."""
-        where = self.at(points)
-        good = where[self.good(where)] if len(where) else where
+    def verification(self, points: uqmbd.VerificationPoints) -> uqmbd.Verification:
+        """Return the realisations at points that no node uses, those that failed left out."""
+        where = self.at(points.germs)
+        good = np.flatnonzero(self.good(where)) if len(where) else where
         if not len(good):
             return uqmbd.Verification(self.space, points[:0], np.zeros((0, *self.problem.labels.shape)), len(where))
-        return uqmbd.Verification(self.space, self.germs[good], self.response[good], len(where), self.reason(where))
+        known = uqmbd.VerificationPoints(self.germs[where[good]], points.weights[good])
+        return uqmbd.Verification(self.space, known, self.response[where[good]], len(where), self.reason(where))
 
     @property
     def germs(self) -> Array:

@@ -129,7 +129,6 @@ def galerkin_in_phase(
     outputs = len(problem.labels.outputs)
     coefficients = path.coefficients
     edges, response, error = in_segments(projected, coefficients, outputs)
-    known = len(verification.germs) > 0
     element = AlignedElement.through(
         box, ("",) * response.shape[1], projected.project(edges), projected.project(response), "phase"
     )
@@ -137,8 +136,7 @@ def galerkin_in_phase(
         (element,),
         terms,
         problem.labels,
-        verification_germs=verification.germs if known else None,
-        verification_response=verification.response if known else None,
+        **verification.known,
     )
     problem.progress.finish(label)
     remedy = "raise the order, use collocation with alignment='phase', or study a shorter time"
@@ -161,7 +159,7 @@ def galerkin_in_phase(
             "quadrature": rule.name,
             "integrated_by": "dop853",
             "start_corrections": projected.start.corrections,
-            "verification": len(verification.germs),
+            "verification": len(verification),
             "clock": rates.clock.name,
             "clock_kind": "angle" if rates.clock.turn else "oscillation",
             "longer": float((edges[:, -1].max() - times[0]) / length),

@@ -93,7 +93,7 @@ class _Elements:
         """Solve each box, and compute the verification realisations of all together."""
         problem = self.problem
         how = (problem.times, problem.rtol, self.integrator, self.linear_solver)
-        points = uqmbd.Verification.points_of_elements(
+        points = uqmbd.VerificationPoints.of_elements(
             boxes, len(self.nodes), self.verify, self.discretisation.seed, STREAM
         )
         bases, tasks = [], []
@@ -103,16 +103,16 @@ class _Elements:
             psi = box.local.evaluate(rule.nodes, terms)
             tasks.append((box.space.to_inputs(rule.nodes), psi, rule.weights, *how))
             bases.append(terms)
-        known = problem.realise(boxes[0].space.to_inputs(np.concatenate(points)))
+        known = problem.realise(boxes[0].space.to_inputs(np.concatenate([own.germs for own in points])))
         chaoses, start = [], 0
         results = self._values(bases, tasks) if problem.timeless else problem.run(solve_element, tasks)
-        for box, germs, terms, task in zip(boxes, points, bases, tasks, strict=True):
+        for box, own, terms, task in zip(boxes, points, bases, tasks, strict=True):
             try:
                 found = next(results)
             except uqmbd.AssemblyError as error:
                 raise no_motion(problem.label, error) from None
-            verified = uqmbd.Verification.of(box.local, germs, known[start : start + len(germs)])
-            start += len(germs)
+            verified = uqmbd.Verification.of(box.local, own, known[start : start + len(own)])
+            start += len(own)
             chaoses.append(verified.chaos(found["coefficients"], found.get("terms", terms), problem.labels))
             self.nodes.append(len(task[2]))
             self.verified.append(verified)
@@ -204,7 +204,7 @@ def galerkin_elements(
                 if problem.timeless
                 else {"integrated_by": ", ".join(dict.fromkeys(work.integrators[k] for k in kept))}
             ),
-            "verification": sum(len(work.verified[k].germs) for k in kept),
+            "verification": sum(len(work.verified[k]) for k in kept),
             "elements": len(kept),
             "elements_computed": refined.computed,
             "threshold_met": str(refined.met),

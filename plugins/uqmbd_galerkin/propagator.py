@@ -76,7 +76,9 @@ class Galerkin(uqmbd.Propagator):
     integrator : {"auto", "dop853", "ida"}, optional
         As for a study; default: that of the study, which must be able to integrate projected equations.
     verify : int
-        Realisations at points that no node uses, from which the error is stated; 0: none.
+        Realisations at points that no node uses, from which the error is stated; 0: none.  Half of them are spread
+        like the inputs, half lie in the tails and count for less there, see :class:`uqmbd.VerificationPoints`;
+        ``verification_factor`` among the statistics says by which factor the stated error may be off.
     stop_at : float, optional
         Stated error, over the standard deviation, at which the run ends instead of going on; results up to that horizon
         are kept, and the attribute ``ends_at`` says where they end.
@@ -112,7 +114,7 @@ class Galerkin(uqmbd.Propagator):
     transform: Literal["rosenblatt", "nataf"] = "rosenblatt"
     linear_solver: LinearSolver = "auto"
     integrator: Literal["auto", "dop853", "ida"] | None = None
-    verify: Annotated[int, uqmbd.Bounds(0)] = 8
+    verify: Annotated[int, uqmbd.Bounds(0)] = 16
     stop_at: Annotated[float, uqmbd.Bounds(0, above=True)] | None = None
     seed: Annotated[int, uqmbd.Bounds(0)] = 0
 
@@ -252,8 +254,8 @@ class Galerkin(uqmbd.Propagator):
             seen = problem if self.alignment is None else problem.watching()
             ensemble = seen.ensemble(space.to_inputs(rule.nodes))
             projected = self._projected(problem.label, ensemble, space, terms, rule)
-        germs = uqmbd.Verification.points(space, self.verify, self.seed, STREAM)
-        verification = uqmbd.Verification.of(space, germs, problem.realise(space.to_inputs(germs)))
+        points = uqmbd.VerificationPoints.drawn(space, self.verify, self.seed, STREAM)
+        verification = uqmbd.Verification.of(space, points, problem.realise(space.to_inputs(points.germs)))
         if problem.timeless:
             return projected_scalars(self, problem, space, terms, rule, verification, begin)
         if verification.failures:
@@ -265,8 +267,8 @@ class Galerkin(uqmbd.Propagator):
             )
 
         if self.alignment is not None:
-            pilots = space.to_inputs(uqmbd.Verification.points(space, max(self.verify, PILOTS), self.seed, STREAM))
-            about = (terms, rule, projected, verification, pilots, self.clock)
+            pilots = uqmbd.monte_carlo_rule(space, max(self.verify, PILOTS), self.seed, "sobol").nodes
+            about = (terms, rule, projected, verification, space.to_inputs(pilots), self.clock)
             return galerkin_in_phase(self, problem, space, *about, begin)
 
         def respond(coefficients: Array, count: int) -> PolynomialChaos:

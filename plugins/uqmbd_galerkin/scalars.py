@@ -49,6 +49,6 @@ def projected_scalars(
             "terms": len(fit.multi_index),
             "nodes": len(rule),
             "quadrature": rule.name,
-            "verification": len(verification.germs),
+            "verification": len(verification),
         },
     )

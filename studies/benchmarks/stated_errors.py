@@ -1,13 +1,13 @@
 """Whether the error that an aligned chaos states of itself is the true one, over the whole time, for eleven mechanisms.
 
 The stated error is the root mean square over the verification realisations, the true one that over 1,024 others, both
-over the standard deviation.  At a time they agree if their ratio is between a half and two, or if both are below
-``FLOOR``, which integration and interpolation do not tell apart; so they should at nine of ten times, and so should the
-largest over time.  Two mechanisms are among them which alignment does not help: a pendulum that swings in some
-realisations and turns in others, and a motion of two frequencies, of which a clock follows one.
-
-Where inputs have tails (normal ones), and errors grow in these, neither is known to a factor of two from so few
-realisations: one in a thousand makes the root mean square.  Look at several ``--seeds``.
+over the standard deviation, and both by points of which half lie in the tails and count for less there.  Of 1,024 that
+are spread like the inputs the root mean square is itself not known to a factor of two: for the disc with weight and
+friction it is between 5.6e-4 and 2.0e-3, by four seeds, of 8,192 it is 1.3e-3, of 1,024 in the tails 1.0e-3 to 1.1e-3.
+At a time they agree if their ratio is between a half and two, or if both are below ``FLOOR``, which integration and
+interpolation do not tell apart; so they should at nine of ten times, and so should the largest over time.  Two
+mechanisms are among them which alignment does not help: a pendulum that swings in some realisations and turns in
+others, and a motion of two frequencies, of which a clock follows one.
 
 Run with ``OMP_NUM_THREADS=1 python studies/benchmarks/stated_errors.py [--verify N ...] [--only NAME ...]``.
 """
@@ -36,14 +36,13 @@ import uqmbd
 from uqmbd.results import surrogate
 from uqmbd_collocation import Collocation
 from uqmbd_joints import Revolute
-from uqmbd_montecarlo import MonteCarlo
 from uqmbd_springs import PointForce, SpringDamper, Torque, TorsionSpringDamper
 
 FLOOR = 1e-5
 """Errors below, over the standard deviation, are those of the integration as much as of the chaos."""
 
 SAMPLES = 1024
-"""Other realisations, spread evenly: independent ones hold too few of the tails."""
+"""Other realisations."""
 
 
 @dataclass(frozen=True)
@@ -207,12 +206,13 @@ def compared(case: Case, verify: int | None = None, seed: int = 0) -> Agreement:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         node = study.propagate(Collocation(alignment="phase", seed=seed, **options))
-    others = study.propagate(MonteCarlo(samples=SAMPLES, sampling="sobol", seed=20_000 + seed))["samples"]
-    inputs = others["inputs"].transpose("sample", "input").values
-    response = others["response"].transpose("sample", "output", "time").values
     chaos = surrogate(node)
+    points = uqmbd.VerificationPoints.drawn(chaos.space, SAMPLES, 20_000 + seed, 0)
+    others = study.problem(Collocation()).realise(chaos.space.to_inputs(points.germs))
+    known = points[others.good]
+    wrong = chaos.evaluate_germs(known.germs) - others.response[others.good]
     spread = np.maximum(chaos.std, 0.01 * chaos.std.max(axis=1, keepdims=True))
-    true = np.sqrt(((chaos.evaluate(inputs) - response) ** 2).mean(axis=0)) / spread
+    true = np.sqrt(np.tensordot(known.weights / known.weights.sum(), wrong**2, axes=1)) / spread
     stated = node["statistics"]["verification_error"].transpose("output", "time").values
     same = (np.maximum(true, stated) < FLOOR) | ((stated >= true / 2) & (stated <= 2 * true))
     return Agreement(float(same.mean()), (float(stated.max()), float(true.max())))
@@ -221,7 +221,7 @@ def compared(case: Case, verify: int | None = None, seed: int = 0) -> Agreement:
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--verify", type=int, nargs="*", default=[32], help="verification realisations")
+    parser.add_argument("--verify", type=int, nargs="*", default=[16], help="verification realisations")
     parser.add_argument("--only", nargs="*", default=list(CASES), help="mechanisms")
     parser.add_argument("--seeds", type=int, default=1, help="how often, with other points")
     options = parser.parse_args()

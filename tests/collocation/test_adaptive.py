@@ -66,11 +66,11 @@ def test_orders_of_nested_designs_use_every_realisation_again(resting, chaos_of)
     for options in ({"method": "regression"}, {"method": "omp"}):
         node = study.propagate(Collocation(adaptive="order", order=1, **options))
         assert set(node["nodes"]["purpose"].values) == {"fit", "verification"}, options
-        assert node.attrs["realisations"] == node.attrs["nodes"] + 8
+        assert node.attrs["realisations"] == node.attrs["nodes"] + 16
     node = study.propagate(Collocation(adaptive="order", order=1))
     rules = [np.polynomial.legendre.leggauss(order + 1)[0] for order in range(1, node.attrs["highest_degree"] + 1)]
     points = {(round(a, 9), round(b, 9)) for x in rules for a in x for b in x}
-    assert node.attrs["realisations"] == len(points) + 8
+    assert node.attrs["realisations"] == len(points) + 16
 
 
 def test_dimensions_that_matter_get_the_nodes(resting):

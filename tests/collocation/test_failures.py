@@ -131,7 +131,9 @@ def test_failed_verification_does_not_end_a_refinement(resting, warned, adaptive
     edge = sympy.Rational(98, 100)
     study = resting(lambda a, b: sympy.exp(a) + b, UNIFORM, UNIFORM, y2=lambda a, b: sympy.sqrt(edge - b))
     space = uqmbd.GermSpace.of(study.mechanism.inputs)
-    seed = next(k for k in range(99) if (uqmbd.Verification.points(space, 16, k, STREAM)[:, 1] > 0.98).sum() == 1)
+    seed = next(
+        k for k in range(99) if (uqmbd.VerificationPoints.drawn(space, 16, k, STREAM).germs[:, 1] > 0.98).sum() == 1
+    )
     options = Collocation(adaptive=adaptive, order=1, verify=16, seed=seed, tolerance=0.02)
     node, messages = warned(lambda: study.propagate(options))
     assert messages[0].startswith(

@@ -135,11 +135,11 @@ def test_realisations_are_counted_once(composed):
     """Nodes of the plain family and of both others, and one set of verification realisations."""
     _, node = composed
     nodes = node["nodes"].to_dataset()
-    assert node.attrs["verification"] == 8
-    assert int((nodes["purpose"] == "verification").sum()) == 8
+    assert node.attrs["verification"] == 16
+    assert int((nodes["purpose"] == "verification").sum()) == 16
     followed = [int(((nodes["family"] == name) & (nodes["purpose"] == "fit")).sum()) for name in ("events", "phase")]
     # the nodes of the plain family are those of the phases, kinks of the ball or not, some of them followed twice
-    assert followed == [16, 16] and 8 + 32 <= node.attrs["realisations"] <= 8 + 48
+    assert followed == [16, 16] and 16 + 32 <= node.attrs["realisations"] <= 16 + 48
 
 
 def test_short_damped_motion_stays_plain():
@@ -264,12 +264,12 @@ def test_estimate_counts_all_families():
     }
     nodes = 16
     assert counts == {
-        "events": 2 * nodes + 8,
-        "phase": 2 * nodes + 8,
-        ("plain", "phase"): 2 * nodes + 8,
-        ("events", "phase"): 4 * nodes + 8,
-        ("plain", "events"): 3 * nodes + 8,
-        "auto": 6 * nodes + 8,
+        "events": 2 * nodes + 16,
+        "phase": 2 * nodes + 16,
+        ("plain", "phase"): 2 * nodes + 16,
+        ("events", "phase"): 4 * nodes + 16,
+        ("plain", "events"): 3 * nodes + 16,
+        "auto": 6 * nodes + 16,
     }
     estimate = Collocation(order=3, alignment="auto").estimate(oscillator(1, 11))
     assert "left out: events" in estimate.detail

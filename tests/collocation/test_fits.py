@@ -101,12 +101,12 @@ def test_what_is_left_in_the_results(study):
     node = study.propagate(Collocation(order=3, label="third"))
     validate(node)
     assert {"statistics", "chaos", "nodes"} == set(node.children)
-    expected = {"realisations": 24, "nodes": 16, "verification": 8, "terms": 10, "highest_degree": 3, "failures": 0}
+    expected = {"realisations": 32, "nodes": 16, "verification": 16, "terms": 10, "highest_degree": 3, "failures": 0}
     assert {name: node.attrs[name] for name in expected} == expected
     assert node.attrs["fit"] == "projection by Gauss tensor, 4 x 4 nodes"
     assert json.loads(node.attrs["options"])["order"] == 3
     nodes = node["nodes"]
-    assert nodes["purpose"].values.tolist() == ["fit"] * 16 + ["verification"] * 8
+    assert nodes["purpose"].values.tolist() == ["fit"] * 16 + ["verification"] * 16
     assert int(nodes["status"].sum()) == 0
     assert float(nodes["weight"].sum()) == pytest.approx(1)
     # weights and inputs are those of the distributions

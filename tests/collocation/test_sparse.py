@@ -43,7 +43,7 @@ def test_few_terms_of_ten_inputs(resting, chaos_of, method, seed):
     node = study.propagate(Collocation(order=3, method=method, samples=90, seed=seed))
     chaos = chaos_of(node)
     assert "of 286 terms" in node.attrs["fit"]
-    assert node.attrs["realisations"] == 98
+    assert node.attrs["realisations"] == 106
     found = {
         tuple(row): value for row, value in zip(chaos.multi_index.tolist(), chaos.coefficients[:, 0, 0], strict=True)
     }
@@ -111,7 +111,7 @@ def test_what_is_lost_late_spoils_nothing_that_is_known_early(resting, method):
     long = error(method, [*early, 0.5, 1.0, *np.linspace(1.5, 10, 18)])
     assert long.max() > 0.5
     np.testing.assert_allclose(long[:3], alone, rtol=1e-6, atol=1e-12)
-    assert long[2] < 1.5 * error("regression", early)[2] < 0.01
+    assert long[2] < 1.5 * error("regression", early)[2] < 0.015
 
 
 @pytest.mark.thorough

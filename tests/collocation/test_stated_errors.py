@@ -1,6 +1,6 @@
 """Stated errors are honest: their ratio to the true error of the surrogate, where that is known.
 
-Eight realisations tell a root mean square to a factor of about two; the bands say how far single ones were off.
+Sixteen realisations tell a root mean square to a factor of less than two as a rule; the bands say how far single ones were off.
 """
 
 from __future__ import annotations
@@ -81,7 +81,7 @@ def test_errors_of_regressions(ratios, method):
 @pytest.mark.parametrize("method", ["regression", pytest.param("omp", marks=pytest.mark.thorough)])
 @pytest.mark.parametrize("case", ["normal"], indirect=True)
 def test_errors_of_regressions_on_normal_inputs(ratios, method):
-    """Least squares on few samples errs in the tails, which eight points hardly ever see.
+    """Least squares on few samples errs in the tails, which few points see.
 
     There the stated error can be far too small.  The leave-one-out error of least squares is on the safe side, far at
     times; that of a sparse regression, whose terms were chosen by the same samples, is too small by some factor.

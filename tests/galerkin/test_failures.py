@@ -64,9 +64,9 @@ def test_verification_realisation_that_fails_is_a_warning():
         warnings.simplefilter("always")
         node = study.propagate(Galerkin(order=1, verify=64))
     first = str(caught[0].message)
-    assert re.match(r"galerkin: \d of 64 verification realisations fail, .*part of the support", first)
+    assert re.match(r"galerkin: \d+ of 64 verification realisations fail, .*part of the support", first)
     assert "\n" not in first
-    assert 0 < node.attrs["failures"] < 10
+    assert 0 < node.attrs["failures"] < 20
     assert node.attrs["verification"] + node.attrs["failures"] == 64
     results.validate(node)
 

@@ -131,5 +131,5 @@ def test_methods_of_others():
 def test_without_verification_nothing_is_known():
     node = uqmbd.Study("s", oscillator(("x",)), TIMES).propagate(Collocation(order=4, verify=0))
     data = node["requirements"].to_dataset()
-    assert data["interval"].values.tolist() == [[0, 1]] * 3 and "verify=8" in data.attrs["how"]
+    assert data["interval"].values.tolist() == [[0, 1]] * 3 and "verify=16" in data.attrs["how"]
     assert data["violation_probability"].values == pytest.approx(KNOWN, abs=0.01)

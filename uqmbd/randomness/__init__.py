@@ -13,6 +13,7 @@ from uqmbd.randomness.index_sets import index_set
 from uqmbd.randomness.joint import JointInput
 from uqmbd.randomness.quadrature import (
     Quadrature,
+    TailMixture,
     clenshaw_curtis,
     combination_coefficients,
     gauss_tensor,
@@ -36,6 +37,7 @@ __all__ = [
     "Quadrature",
     "RandomVariable",
     "Symbolic",
+    "TailMixture",
     "Toleranced",
     "clenshaw_curtis",
     "combination_coefficients",

@@ -79,13 +79,13 @@ class _Elements:
         points = plans.points_of_elements(boxes, len(self.done))
         if self.given is not None:
             # a refinement cannot do without any
-            known = [self.given.germs[box.contains(self.given.germs)] for box in boxes]
+            known = [self.given.points[box.contains(self.given.points.germs)] for box in boxes]
             points = [a if len(a) or plans.adaptive == "no" else b for a, b in zip(known, points, strict=True)]
         found = [self._fitted(box, own) for box, own in zip(boxes, points, strict=True)]
         self.done += found
         return [one.chaos for one in found]
 
-    def _fitted(self, box: uqmbd.GermBox, points: Array) -> _Fitted:
+    def _fitted(self, box: uqmbd.GermBox, points: uqmbd.VerificationPoints) -> _Fitted:
         """Fit an element; anew, where realisations that were computed on the way have more events than those before."""
         while True:
             before = self.paths.least
@@ -93,8 +93,8 @@ class _Elements:
             if self.paths.least == before:
                 return found
 
-    def _fitted_once(self, box: uqmbd.GermBox, points: Array) -> _Fitted:
-        """Fit an element to those of its nodes that have the most frequent sequence; verify it at points (V, d)."""
+    def _fitted_once(self, box: uqmbd.GermBox, points: uqmbd.VerificationPoints) -> _Fitted:
+        """Fit an element to those of its nodes that have the most frequent sequence; verify it at points."""
         paths, problem, plans, local = self.paths, self.problem, self.plans, box.local
         nodes = plans.first_nodes(local)
         sequences = paths.sequences(local.to_inputs(nodes))
@@ -106,7 +106,7 @@ class _Elements:
         if (elsewhere := watching.elsewhere(sequence)).any():
             lost = (lost * len(nodes) + elsewhere.sum()) / (len(nodes) + len(elsewhere))
         warn_of_failures(verification, problem.label)
-        scale = _scale(verification.response, problem.times) if plans.adaptive != "no" else None
+        scale = _scale(verification, problem.times) if plans.adaptive != "no" else None
         marks, late = _marks(paths, local, nodes, sequence), np.zeros(1)
         for _ in range(EXTENSIONS):
             cut, labels, landmarks = _cut(paths, problem, sequence, marks)
@@ -119,13 +119,11 @@ class _Elements:
                     warnings.simplefilter("ignore")
                 fit, refinement = computed(runs, plans, points if scale is not None else points[:0], self.tolerance)
             edges, nodal = aligned.split(fit.coefficients)
-            known = len(verification.germs) > 0
             chaos = AlignedChaos(
                 (AlignedElement.through(uqmbd.GermBox.whole(local), labels, edges, nodal, landmarks),),
                 fit.multi_index,
                 problem.labels,
-                verification_germs=verification.germs if known else None,
-                verification_response=verification.response if known else None,
+                **verification.known,
             )
             late = chaos.late() if landmarks == "phase" else np.zeros(1)
             if not (late > LATE * np.ptp(problem.times)).any():
@@ -142,11 +140,11 @@ class _Elements:
             )
         return _Fitted(chaos, fit, runs, verified, sequence, lost, refinement)
 
-    def _known(self, box: uqmbd.GermBox, points: Array) -> uqmbd.Verification | None:
-        """Return the given realisations in a box, if they are those at some points (V, d)."""
-        if self.given is None or len(points) != (inside := box.contains(self.given.germs)).sum():
+    def _known(self, box: uqmbd.GermBox, points: uqmbd.VerificationPoints) -> uqmbd.Verification | None:
+        """Return the given realisations in a box, if they are those at some points."""
+        if self.given is None or len(points) != (inside := box.contains(self.given.points.germs)).sum():
             return None
-        return uqmbd.Verification(box.local, self.given.germs[inside], self.given.response[inside], len(points))
+        return uqmbd.Verification(box.local, self.given.points[inside], self.given.response[inside], len(points))
 
 
 def align(
@@ -269,7 +267,7 @@ def _marks(paths: Paths, local: uqmbd.GermSpace, nodes: Array, sequence: Sequenc
     """Return the landmarks at first; none where these are no phases."""
     if isinstance(paths, EventPaths):
         return Marks(np.zeros(0))
-    return paths.marks(local, nodes, uqmbd.Verification.points(local, SPREAD, 0, 0), sequence)
+    return paths.marks(local, nodes, uqmbd.monte_carlo_rule(local, SPREAD, 0, "sobol").nodes, sequence)
 
 
 def _cut(paths: Paths, problem: uqmbd.Problem, sequence: Sequence, marks: Marks) -> tuple[Cut, Sequence, Landmarks]:
@@ -282,13 +280,13 @@ def _cut(paths: Paths, problem: uqmbd.Problem, sequence: Sequence, marks: Marks)
     return lambda values: paths.cut_in_time(values, segments), ("",) * segments, "time"
 
 
-def _scale(response: Array, times: Array) -> Array:
-    """Return what errors of the time and of the outputs (1 + O,) are compared with, from responses (V, O, T).
+def _scale(known: uqmbd.Verification, times: Array) -> Array:
+    """Return what errors of the time and of the outputs (1 + O,) are compared with.
 
     An error of the time is that of the output which moves fastest for its standard deviation.
     """
-    std = response.std(axis=0).max(axis=-1, initial=0.0)
-    rate = np.abs(np.gradient(response, times, axis=-1)).max(axis=(0, 2), initial=0.0)
+    std = known.std.max(axis=-1, initial=0.0)
+    rate = np.abs(np.gradient(known.response, times, axis=-1)).max(axis=(0, 2), initial=0.0)
     moving = (std > 0) & (rate > 0)
     tick = (std[moving] / rate[moving]).min(initial=float(times[-1] - times[0]))
     return np.concatenate([[tick], np.where(std > 0, std, np.inf)])

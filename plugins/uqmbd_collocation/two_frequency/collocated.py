@@ -54,19 +54,18 @@ class _Elements:
         self.done += found
         return [one.chaos for one in found]
 
-    def _fitted(self, box: uqmbd.GermBox, points: Array) -> _Fitted:
-        """Fit an element, and verify it at points (V, d) by the outputs themselves."""
+    def _fitted(self, box: uqmbd.GermBox, points: uqmbd.VerificationPoints) -> _Fitted:
+        """Fit an element, and verify it at points by the outputs themselves."""
         problem, local = self.problem, box.local
         verified = Runs(problem, local)
         verification = self.given or verified.verification(points)
         if self.given is not None:
-            points = self.given.germs
+            points = self.given.points
         warn_of_failures(verification, problem.label)
         runs, refined = Runs(self.series, local), self.plans.adaptive != "no"
         if refined:
-            runs.scale = self._scale(verification.response)
+            runs.scale = self._scale(verification)
         fit, refinement = computed(runs, self.plans, points if refined else points[:0], self.tolerance)
-        known = len(verification.germs) > 0
         waves = self.series.split(fit.coefficients)
         chaos = QuasiPeriodicChaos(
             (QuasiPeriodicElement(uqmbd.GermBox.whole(local), **vars(waves)),),
@@ -74,17 +73,16 @@ class _Elements:
             float(problem.times[0]),
             fit.multi_index,
             problem.labels,
-            verification_germs=verification.germs if known else None,
-            verification_response=verification.response if known else None,
+            **verification.known,
         )
         return _Fitted(chaos, fit, runs, verified, refinement)
 
-    def _scale(self, response: Array) -> Array:
-        """Return what errors of frequencies and outputs (1 + O,) are compared with, from responses (V, O, T).
+    def _scale(self, known: uqmbd.Verification) -> Array:
+        """Return what errors of frequencies and outputs (1 + O,) are compared with.
 
         That of a frequency moves phases at the last time: the output that moves most for its standard deviation counts.
         """
-        std = response.std(axis=0).max(axis=-1, initial=0.0)
+        std = known.std.max(axis=-1, initial=0.0)
         moving = std > 0
         phase = float((std[moving] / self.series.scales[moving]).min(initial=1.0))
         return np.concatenate([[phase / self.series.length], np.where(moving, std, np.inf)])

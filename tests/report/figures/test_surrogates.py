@@ -202,7 +202,7 @@ def test_many_outputs_have_one_legend_entry(make_chaos: Maker) -> None:
     node = results.propagator_node("a", statistics, propagator="p", realisations=1, wall_time=0.0)
     legend = _legend(_drawn(report.verification(node)))
     assert [text[:2] for text in legend] == ["y0", "y1", "y2", "y3", "y4", "5 ", "li"]
-    with pytest.raises(StudyError, match="states no error.*verify=8"):
+    with pytest.raises(StudyError, match="states no error.*verify=16"):
         report.verification(make_chaos("collocation", 1, verify=0))
 
 

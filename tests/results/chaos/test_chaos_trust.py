@@ -95,7 +95,7 @@ def test_horizon_and_its_words() -> None:
     assert fine.horizon(0.05) == {"slider_x": None, "$F_{pin}$": None}
     assert "at most" in fine.verdicts(0.05)[0] and "raise" not in fine.verdicts(0.05)[0]
     assert "above 0.01 % of the standard deviation" in oscillator(1, verify=8).verdicts(1e-4)[0]
-    with pytest.raises(StudyError, match="no verification realisations.*verify=8"):
+    with pytest.raises(StudyError, match="no verification realisations.*verify=16"):
         oscillator(2).horizon()
 
 

@@ -213,7 +213,7 @@ def test_bounces_that_die_down_are_told():
 
 @pytest.mark.thorough
 def test_verification_realisations_that_fail_are_counted_and_named(monkeypatch):
-    """Two of eight fail: a warning, their number, and their inputs with the reason."""
+    """Two of sixteen fail: a warning, their number, and their inputs with the reason."""
     real = uqmbd.Problem.realise
 
     def some_fail(self, values, **options):
@@ -229,15 +229,15 @@ def test_verification_realisations_that_fail_are_counted_and_named(monkeypatch):
     study = ball(times=np.linspace(0, 1.5, 11))
     with monkeypatch.context() as patched:
         patched.setattr(uqmbd.Problem, "realise", some_fail)
-        with pytest.warns(UserWarning, match=r"2 of 8 verification realisations failed; .*: planted"):
+        with pytest.warns(UserWarning, match=r"2 of 16 verification realisations failed; .*: planted"):
             node = study.propagate(Collocation(order=2, alignment="events"))
-    assert (node.attrs["failures"], node.attrs["verification"]) == (2, 6)
+    assert (node.attrs["failures"], node.attrs["verification"]) == (2, 14)
     nodes = node["nodes"].to_dataset()
     failed = nodes.isel(node=np.flatnonzero(nodes["status"].values))
     assert failed["message"].values.tolist() == ["planted"] * 2
     assert failed["purpose"].values.tolist() == ["verification"] * 2
     assert ((failed["inputs"].sel(input="h0") > 0.9) & (failed["inputs"].sel(input="h0") < 1.1)).all()
-    assert node["aligned"].sizes["verification"] == 6
+    assert node["aligned"].sizes["verification"] == 14
 
 
 @pytest.mark.thorough
@@ -273,7 +273,7 @@ def test_statistics_know_no_units(aligned, exponent):
     chaos = AlignedChaos.from_dataset(aligned["aligned"])
     elements = [dataclasses.replace(e, segments=np.ldexp(e.segments, exponent)) for e in chaos.elements]
     other = dataclasses.replace(
-        chaos, elements=tuple(elements), verification_germs=None, verification_response=None
+        chaos, elements=tuple(elements), verification_germs=None, verification_response=None, verification_weights=None
     ).statistics()
     known = chaos.statistics()
     for name in ("skewness", "kurtosis", "sobol_first", "sobol_total"):

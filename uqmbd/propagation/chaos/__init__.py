@@ -15,7 +15,7 @@ from uqmbd.propagation.chaos.dense import Dense, dense
 from uqmbd.propagation.chaos.doubts import Doubt, doubts, errors_over_largest, varying
 from uqmbd.propagation.chaos.elements import ElementLimits, ElementRefinement, refine_elements
 from uqmbd.propagation.chaos.nodes import NodeFit, fit_nodes
-from uqmbd.propagation.chaos.verification import Verification
+from uqmbd.propagation.chaos.verification import Verification, VerificationPoints
 
 __all__ = [
     "Clock",
@@ -24,6 +24,7 @@ __all__ = [
     "NodeFit",
     "Phases",
     "Verification",
+    "VerificationPoints",
     "choose_clock",
     "clock_at_means",
     "dense",

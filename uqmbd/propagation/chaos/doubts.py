@@ -101,5 +101,5 @@ def varying(chaos: Surrogate, rtol: float) -> Mask:
     alike = np.array([size[[o.units == other.units for other in outputs]].max() for o in outputs])
     std = chaos.std
     if chaos.verification_response is not None:
-        std = np.maximum(std, chaos.verification_response.std(axis=0))
+        std = np.maximum(std, chaos.verification_std())
     return np.asarray(std.max(axis=1) > rtol * np.maximum(100 * size, alike))

@@ -296,9 +296,8 @@ def _contributions(parts: list[_Part], rtol: float, lost_share: Callable[[int], 
     for part, spread in zip(parts, std, strict=True):
         chaos = part.chaos
         squared = _columns(chaos.top_energy, count)
-        if chaos.verification_germs is not None and chaos.verification_response is not None:
-            wrong = chaos.evaluate_germs(chaos.verification_germs) - chaos.verification_response
-            seen = _columns(np.mean(wrong**2, axis=0), count)
+        if chaos.verification_germs is not None:
+            seen = _columns(chaos.verification_rms() ** 2, count)
             # the top order of order 1 is the slope, which is no error
             squared = np.maximum(squared, seen) if int(chaos.multi_index.max()) > 1 else seen
         share = lost_share(part.number) if lost_share else 0.0

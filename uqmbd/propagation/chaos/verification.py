@@ -9,11 +9,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from uqmbd.propagation.execution import Realisations
-from uqmbd.randomness import GermBox, GermSpace, monte_carlo_rule
+from uqmbd.randomness import GermBox, GermSpace, TailMixture
 from uqmbd.results import Labels, PolynomialChaos
-from uqmbd.typing import Array, Index
+from uqmbd.results.chaos import weighted_std
+from uqmbd.typing import Array, Index, Mask
 
-__all__ = ["Verification"]
+__all__ = ["Verification", "VerificationPoints"]
 
 
 FEWEST = 3
@@ -21,38 +22,35 @@ FEWEST = 3
 
 
 @dataclass(frozen=True, eq=False)
-class Verification:
-    """Realisations at verification points.
+class VerificationPoints:
+    """Germ points of verification realisations, and what each of them counts.
+
+    They lie in the tails more often than the inputs do, where errors of polynomials are largest; there each counts for
+    less, so that means over them are those of the inputs' own distribution.
 
     Attributes
     ----------
-    space : GermSpace
-        Of the inputs.
     germs : array, shape (V, d)
-        Points of those that did not fail.
-    response : array, shape (V, output, time)
-        Their responses.
-    asked : int
-        How many were computed.
-    reason : str
-        The most frequent reason of failure, or empty.
+        No node uses them.
+    weights : array, shape (V,)
+        Density of the germs over that of the points; their mean is about 1.
+
+    Examples
+    --------
+    >>> import chaospy, numpy as np, uqmbd
+    >>> from uqmbd.randomness import GermSpace, JointInput
+    >>> space = GermSpace.of(JointInput.of([uqmbd.RandomVariable("a", chaospy.Normal(0, 1))]))
+    >>> points = VerificationPoints.drawn(space, 64, seed=0, stream=1)
+    >>> bool(abs(np.average(points.germs[:, 0] ** 4, weights=points.weights) - 3) < 0.3)
+    True
     """
 
-    space: GermSpace
     germs: Array
-    response: Array
-    asked: int
-    reason: str = ""
+    weights: Array
 
     @classmethod
-    def of(cls, space: GermSpace, germs: Array, found: Realisations) -> Verification:
-        """Return those of some realisations, at the germ points (K, d), that did not fail."""
-        good = np.flatnonzero(found.good)
-        return cls(space, germs[good], found.response[good], len(germs), found.most_frequent_reason())
-
-    @staticmethod
-    def points(space: GermSpace, count: int, seed: int, stream: int) -> Array:
-        """Return germ points that no node uses, spread like the inputs, shape (count, d).
+    def drawn(cls, space: GermSpace, count: int, seed: int, stream: int) -> VerificationPoints:
+        """Draw points; the same for every order.
 
         Parameters
         ----------
@@ -63,26 +61,85 @@ class Verification:
             A number of the method's own: its points are no points of its designs.
         """
         if not count:
-            return np.zeros((0, space.dimension))
+            return cls(np.zeros((0, space.dimension)), np.zeros(0))
         own = int(np.random.SeedSequence([seed, stream]).generate_state(1)[0])
-        return monte_carlo_rule(space, count, own, "sobol").nodes
+        mixture = TailMixture(space)
+        germs = mixture.points(count, own)
+        return cls(germs, mixture.weights(germs))
 
     @classmethod
-    def points_of_elements(
+    def of_elements(
         cls, boxes: Sequence[GermBox], first: int, count: int, seed: int, stream: int
-    ) -> list[Array]:
+    ) -> list[VerificationPoints]:
         """Return the points of elements, by their probability, as local germs; `first` is the number of the first."""
         found = []
         for number, box in enumerate(boxes, start=first):
             share = max(FEWEST, math.ceil(count * box.probability)) if count else 0
             own = int(np.random.SeedSequence([seed, number]).generate_state(1)[0])
-            found.append(cls.points(box.local, share, own, stream))
+            found.append(cls.drawn(box.local, share, own, stream))
         return found
+
+    def __len__(self) -> int:
+        return len(self.weights)
+
+    def __getitem__(self, rows: slice | Index | Mask) -> VerificationPoints:
+        """Return some of them."""
+        return VerificationPoints(self.germs[rows], self.weights[rows])
+
+
+@dataclass(frozen=True, eq=False)
+class Verification:
+    """Realisations at verification points.
+
+    Attributes
+    ----------
+    space : GermSpace
+        Of the inputs.
+    points : VerificationPoints
+        Of those that did not fail.
+    response : array, shape (V, output, time)
+        Their responses.
+    asked : int
+        How many were computed.
+    reason : str
+        The most frequent reason of failure, or empty.
+    """
+
+    space: GermSpace
+    points: VerificationPoints
+    response: Array
+    asked: int
+    reason: str = ""
+
+    @classmethod
+    def of(cls, space: GermSpace, points: VerificationPoints, found: Realisations) -> Verification:
+        """Return those of some realisations, at these points, that did not fail."""
+        good = np.flatnonzero(found.good)
+        return cls(space, points[good], found.response[good], len(points), found.most_frequent_reason())
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+    @property
+    def known(self) -> dict[str, Array]:
+        """What a surrogate takes of them: arguments by their names; empty where all failed."""
+        if not len(self):
+            return {}
+        return {
+            "verification_germs": self.points.germs,
+            "verification_response": self.response,
+            "verification_weights": self.points.weights,
+        }
+
+    @property
+    def std(self) -> Array:
+        """Standard deviation (output, time) of the inputs' own distribution, by the weights; 0 where all failed."""
+        return weighted_std(self.response, self.points.weights)
 
     @property
     def failures(self) -> int:
         """How many failed: there the response does not exist."""
-        return self.asked - len(self.germs)
+        return self.asked - len(self)
 
     def chaos(self, coefficients: Array, multi_index: Index, labels: Labels) -> PolynomialChaos:
         """Make a verified chaos; where it has fewer times than the labels, of the first ones.
@@ -99,12 +156,7 @@ class Verification:
         count = coefficients.shape[2]
         if labels.times is not None and count < len(labels.times):
             labels = replace(labels, times=labels.times[:count])
-        known = len(self.germs) > 0
-        return PolynomialChaos(
-            coefficients,
-            multi_index,
-            self.space,
-            labels,
-            verification_germs=self.germs if known else None,
-            verification_response=self.response[:, :, :count] if known else None,
-        )
+        known = self.known
+        if known:
+            known["verification_response"] = self.response[:, :, :count]
+        return PolynomialChaos(coefficients, multi_index, self.space, labels, **known)

@@ -195,7 +195,7 @@ def verification(results: Results, *, limit: float = LIMIT) -> Figure:
     if stated is None:
         raise StudyError(
             f"The propagator {label_of(node)!r} states no error of its surrogate; give it verification realisations, "
-            "verify=8."
+            "verify=16."
         )
     times = np.asarray(stated["time"].values, dtype=float)
     errors = np.asarray(stated.values, dtype=float)

@@ -14,7 +14,7 @@ from uqmbd.results.chaos.polynomial import PolynomialChaos
 from uqmbd.results.chaos.quasi_periodic import QuasiPeriodicChaos
 from uqmbd.results.chaos.quasi_periodic_element import QuasiPeriodicElement
 from uqmbd.results.chaos.sampling import random_germs, spread_germs
-from uqmbd.results.chaos.stated_error import SPREAD_FLOOR, reference_spread
+from uqmbd.results.chaos.stated_error import SPREAD_FLOOR, reference_spread, weighted_std
 from uqmbd.results.chaos.surrogates import (
     StoredSurrogate,
     stored_surrogates,
@@ -54,4 +54,5 @@ __all__ = [
     "surrogate_parts",
     "verdict_of_decay",
     "verified_std",
+    "weighted_std",
 ]

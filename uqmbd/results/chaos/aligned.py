@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from uqmbd.errors import StudyError
 from uqmbd.results.chaos.aligned_element import AlignedElement, SampledElement
-from uqmbd.results.chaos.boxes import check_filled, rows_of_boxes, terms_of_all, verification_of_all
+from uqmbd.results.chaos.boxes import check_filled, checked_weights, rows_of_boxes, terms_of_all, verification_of_all
 from uqmbd.results.chaos.decay import top_order
 from uqmbd.results.chaos.interface import Samples
 from uqmbd.results.chaos.sampled import MOMENTS, TOPS, SampledSurrogate
@@ -51,6 +51,9 @@ class AlignedChaos(SampledSurrogate):
         Outputs, inputs and times.
     verification_germs, verification_response : array, shape (V, d) and (V, O, T), optional
         Realisations that did not enter the coefficients.
+    verification_weights : array, shape (V,), optional
+        What each counts; they are made to sum to 1.  Default: they are spread like the inputs within each element, and
+        each element counts by its probability.
     """
 
     elements: tuple[AlignedElement, ...]
@@ -58,6 +61,7 @@ class AlignedChaos(SampledSurrogate):
     labels: Labels
     verification_germs: Array | None = None
     verification_response: Array | None = None
+    verification_weights: Array | None = None
     space: GermSpace = field(init=False)
 
     def __post_init__(self) -> None:
@@ -65,6 +69,9 @@ class AlignedChaos(SampledSurrogate):
         object.__setattr__(self, "elements", tuple(self.elements))
         check_filled([e.box for e in self.elements])
         object.__setattr__(self, "space", self.elements[0].box.space)
+        boxes = [e.box for e in self.elements]
+        weights = checked_weights(self.verification_weights, self.verification_germs, boxes)
+        object.__setattr__(self, "verification_weights", weights)
         if self.labels.times is None:
             raise StudyError("Outputs without times have no events to follow; use PolynomialChaos.")
 
@@ -107,7 +114,8 @@ class AlignedChaos(SampledSurrogate):
             edges, segments = (np.zeros((len(terms), *x.shape[1:])) for x in (own.edges, own.segments))
             edges[rows], segments[rows] = own.edges, own.segments
             elements.append(AlignedElement(box, own.events, edges, segments, own.landmarks))
-        return cls(tuple(elements), terms, chaoses[0].labels, *verification_of_all(chaoses))
+        known = verification_of_all(chaoses, [box.probability for box in boxes])
+        return cls(tuple(elements), terms, chaoses[0].labels, **known)
 
     def to_dataset(self) -> xr.Dataset:
         """Build the dataset `aligned` of a propagator's node; see :meth:`from_dataset`."""
@@ -117,17 +125,6 @@ class AlignedChaos(SampledSurrogate):
     def from_dataset(cls, dataset: xr.Dataset | xr.DataTree) -> AlignedChaos:
         """Make it from the dataset `aligned` of a result, without the mechanism."""
         return cls(**aligned_arguments(dataset))
-
-    @property
-    def _verification_weights(self) -> Array | None:
-        """Each element counts by its probability, however many of the realisations are in it."""
-        if self.verification_germs is None or len(self.elements) == 1:
-            return None
-        weights = np.zeros(len(self.verification_germs))
-        boxes = [e.box for e in self.elements]
-        for box, rows in zip(boxes, rows_of_boxes(boxes, self.verification_germs), strict=True):
-            weights[rows] = box.probability / max(len(rows), 1)
-        return np.asarray(weights / weights.sum())
 
     def _evaluate(self, germs: Array) -> Array:
         found = np.empty((len(germs), *self.labels.shape))

@@ -68,7 +68,7 @@ class ComposedChaos(Surrogate):
     ----------
     multi_index : array of int, shape (P, d)
         Degrees of the terms of the part that has most.
-    verification_germs, verification_response : array or None
+    verification_germs, verification_response, verification_weights : array or None
         Those of the parts, where these have the same.
     """
 
@@ -90,10 +90,12 @@ class ComposedChaos(Surrogate):
         first = next(iter(self.parts.values()))
         object.__setattr__(self, "labels", replace(first.labels, outputs=tuple(infos)))
         object.__setattr__(self, "space", first.space)
-        same = all(_equal(p.verification_germs, first.verification_germs) for p in self.parts.values())
+        alike = ("verification_germs", "verification_weights")
+        same = all(_equal(getattr(p, x), getattr(first, x)) for p in self.parts.values() for x in alike)
         known = same and first.verification_germs is not None
         response = self._gathered(lambda part: np.asarray(part.verification_response), 1) if known else None
-        object.__setattr__(self, "verification_germs", first.verification_germs if known else None)
+        for name in alike:
+            object.__setattr__(self, name, getattr(first, name) if known else None)
         object.__setattr__(self, "verification_response", response)
         longest = max((part.multi_index for part in self.parts.values()), key=len)
         object.__setattr__(self, "multi_index", longest)

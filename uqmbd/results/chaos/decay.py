@@ -19,6 +19,7 @@ __all__ = [
     "energy_of_germs",
     "energy_of_orders",
     "error_words",
+    "factor_words",
     "percent",
     "stated_words",
     "top_order",
@@ -29,6 +30,9 @@ __all__ = [
 
 # Amplitudes below this part of the standard deviation are rounding, and no longer decay.
 _ROUNDING = 1e-14
+
+KNOWN = 2.0
+"""Factor up to which a stated error counts as known."""
 
 
 def energy_of_orders(coefficients: Array, multi_index: Index) -> Array:
@@ -127,6 +131,19 @@ def stated_words(whose: str, error: Array, times: Array | None, limit: float, re
     """
     advice = f"; {remedy}" if error.max() > limit else ""
     return f"stated error of the {whose} {error_words(error, times, limit)}{advice}"
+
+
+def factor_words(factor: float, count: int) -> str:
+    """Say how well the largest stated error is known, if not to a factor of two, from so many realisations.
+
+    Examples
+    --------
+    >>> factor_words(1.5, 16), factor_words(3.14, 8)
+    ('', ', known to a factor of 3.1 only from 8 verification realisations: raise verify')
+    """
+    if factor <= KNOWN:
+        return ""
+    return f", known to a factor of {factor:.2g} only from {count} verification realisations: raise verify"
 
 
 def error_words(error: Array, times: Array | None, limit: float) -> str:

@@ -20,8 +20,8 @@ LARGE = 0.05
 SLOW = 0.35
 """Decades per order below which the decay is slow: a kink leaves n^-1.5 of the standard deviation, a jump n^-0.5."""
 
-CLEAR = 0.18
-"""The same from which it is no doubt: smooth responses of large spread were seen to fall by 0.2."""
+CLEAR = 0.14
+"""The same from which it is no doubt: smooth responses of large spread were seen to fall by 0.146."""
 
 FEWEST = 3
 """Order from which a decay is told from so many coefficients that there is no doubt."""

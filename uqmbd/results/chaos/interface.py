@@ -13,9 +13,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from uqmbd.display import html_of
 from uqmbd.errors import StudyError
-from uqmbd.results.chaos.decay import verdict_of_error
+from uqmbd.results.chaos.decay import factor_words, verdict_of_error
 from uqmbd.results.chaos.sampling import affordable, kernel_density, quantiles_of_rows, random_germs, spread_germs
-from uqmbd.results.chaos.stated_error import first_above, stated_error
+from uqmbd.results.chaos.stated_error import Verified
 from uqmbd.results.chaos.terms import constant_columns
 from uqmbd.results.schema import (
     DEFAULT_PROBABILITIES,
@@ -49,7 +49,7 @@ class Samples(NamedTuple):
     rows: Callable[[slice], Array]
 
 
-class Surrogate(ABC):
+class Surrogate(Verified, ABC):
     """Outputs as functions of the inputs that are cheap to evaluate, with their statistics and stated errors.
 
     A kind of surrogate evaluates, and knows its moments and indices; all else follows here.
@@ -58,8 +58,6 @@ class Surrogate(ABC):
     labels: Labels
     space: GermSpace
     multi_index: Index
-    verification_germs: Array | None
-    verification_response: Array | None
 
     _remedy: ClassVar[str] = "raise the order"
     """What makes the stated error smaller."""
@@ -278,44 +276,15 @@ class Surrogate(ABC):
             ).assign_coords(germ=("germ", fixed_width(self.germ_names)))
         if self.verification_germs is not None:
             note = {"long_name": "stated error of the surrogate, over the standard deviation"}
-            found = found.assign(verification_error=(self.labels.dims, self.verification_error(), note))
+            about = {
+                "long_name": "factor by which the stated error may be off",
+                "comment": "two standard errors, from the scatter of the squared errors; above 2: raise verify",
+            }
+            found = found.assign(
+                verification_error=(self.labels.dims, self.verification_error(), note),
+                verification_factor=(self.labels.dims, self.verification_factor(), about),
+            )
         return found
-
-    def verification_error(self, output: str | None = None, time: float | None = None) -> Array:
-        """Return the stated error: that of the surrogate at the verification realisations, over the standard deviation.
-
-        The root mean square over the realisations; where the standard deviation is below 1 % of its maximum over
-        time, 1 % of that maximum stands in for it. An output that does not vary in the chaos (as at order 0) has the
-        error 1 where the realisations differ from its mean.
-
-        Parameters
-        ----------
-        output : str, optional
-            Default: all.
-        time : float, optional
-            One of the times, in s. Default: all.
-
-        Returns
-        -------
-        array, shape (O, T), without the axes that were chosen
-
-        Raises
-        ------
-        StudyError
-            If there is no verification data, or output or time are unknown.
-        """
-        found = self._stated_error.reshape(self.labels.shape)
-        row = slice(None) if output is None else output_index(self.labels, output)
-        return np.array(found[(row, *time_index(self.labels, time))])
-
-    def horizon(self, limit: float = 0.01) -> dict[str, float | None]:
-        """Return for each output the first time (s) at which the stated error exceeds a limit; None: at none."""
-        if self.labels.times is None:
-            raise StudyError("These outputs have no times, hence no horizon; see 'verification_error'.")
-        first = [first_above(row, limit) for row in self._stated_error]
-        names = (o.name for o in self.labels.outputs)
-        times = self.labels.times
-        return {n: None if k is None else float(times[k]) for n, k in zip(names, first, strict=True)}
 
     def verdicts(self, tolerance: float = 0.01) -> tuple[str, ...]:
         """Say for each output, in a sentence, how far the surrogate can be trusted.
@@ -335,10 +304,14 @@ class Surrogate(ABC):
         """
         if self.verification_germs is None:
             return self._verdicts_of_decay(tolerance)
-        rows = zip(self.labels.outputs, self._stated_error, self._suspicions(), strict=True)
+        errors = self._stated_error
+        factors, count = self.verification_factor().reshape(errors.shape), len(self.verification_germs)
+        rows = zip(self.labels.outputs, errors, factors, self._suspicions(), strict=True)
         return tuple(
-            verdict_of_error(output.name, row, self.labels.times, tolerance, self._remedy) + suspicion
-            for output, row, suspicion in rows
+            verdict_of_error(output.name, row, self.labels.times, tolerance, self._remedy)
+            + factor_words(float(factor[row.argmax()]), count)
+            + suspicion
+            for output, row, factor, suspicion in rows
         )
 
     def _repr_html_(self) -> str | None:
@@ -351,36 +324,7 @@ class Surrogate(ABC):
 
     def _verdicts_of_decay(self, tolerance: float) -> tuple[str, ...]:
         """Say what the coefficients tell."""
-        raise StudyError("This chaos has no verification realisations; give the propagator verify=8.")
-
-    @cached_property
-    def _stated_error(self) -> Array:
-        """The stated error as (O, T), with T = 1 for outputs without times."""
-        if self.verification_germs is None or self.verification_response is None:
-            raise StudyError(
-                "This chaos has no verification realisations, so it cannot state its error; give the propagator "
-                "verify=8, or see 'verdicts' for what the coefficients tell."
-            )
-        shape = (len(self.labels.outputs), -1)
-        surrogate = self.evaluate_germs(self.verification_germs)
-        return stated_error(
-            surrogate.reshape(len(surrogate), *shape),
-            self.verification_response.reshape(len(surrogate), *shape),
-            self.mean.reshape(shape),
-            self.std.reshape(shape),
-            terms=self._summands,
-            weights=self._verification_weights,
-        )
-
-    @property
-    def _verification_weights(self) -> Array | None:
-        """Weights (V,) of the verification realisations, where they are spread unevenly."""
-        return None
-
-    @property
-    def _summands(self) -> int:
-        """Terms of the sum that the standard deviation comes from, for its rounding."""
-        return 1
+        raise StudyError("This chaos has no verification realisations; give the propagator verify=16.")
 
     @cached_property
     def _constant(self) -> Mask:

@@ -11,7 +11,7 @@ import numpy as np
 import xarray as xr
 
 from uqmbd.errors import StudyError
-from uqmbd.results.chaos.boxes import check_filled, rows_of_boxes
+from uqmbd.results.chaos.boxes import check_filled, rows_of_boxes, verification_of_all
 from uqmbd.results.chaos.decay import decay_dataset, energy_of_germs, energy_of_orders, percent
 from uqmbd.results.chaos.interface import Samples, Surrogate
 from uqmbd.results.chaos.polynomial import PolynomialChaos
@@ -78,6 +78,7 @@ class PiecewiseChaos(Surrogate):
     space: GermSpace = field(init=False)
     verification_germs: Array | None = field(init=False)
     verification_response: Array | None = field(init=False)
+    verification_weights: Array | None = field(init=False)
 
     _remedy = "allow more elements, or raise the order"
 
@@ -100,9 +101,9 @@ class PiecewiseChaos(Surrogate):
         check_filled(self.boxes)
         object.__setattr__(self, "labels", first)
         object.__setattr__(self, "space", self.boxes[0].space)
-        for name in ("verification_germs", "verification_response"):
-            found = [part for e in self.elements if (part := getattr(e, name)) is not None]
-            object.__setattr__(self, name, np.concatenate(found) if found else None)
+        probabilities = [box.probability for box in self.boxes]
+        for name, value in verification_of_all(self.elements, probabilities).items():
+            object.__setattr__(self, name, value)
 
     def __repr__(self) -> str:
         sizes = zip(("elements", "terms", *self.labels.dims), self.coefficients.shape, strict=True)
@@ -136,14 +137,6 @@ class PiecewiseChaos(Surrogate):
         """Whether each element has each term, shape (E, P)."""
         own = [set(map(tuple, element.multi_index.tolist())) for element in self.elements]
         return np.array([[tuple(row) in terms for row in self.multi_index.tolist()] for terms in own], dtype=bool)
-
-    @property
-    def verification_weights(self) -> Array:
-        """Weights of these points, shape (V,): each element counts by its probability."""
-        counts = [0 if e.verification_germs is None else len(e.verification_germs) for e in self.elements]
-        each = [np.full(n, p / n) for n, p in zip(counts, self.probabilities, strict=True) if n]
-        weights = np.concatenate([np.zeros(0), *each])
-        return weights / weights.sum() if len(weights) else weights
 
     @cached_property
     def mean(self) -> Array:
@@ -195,9 +188,8 @@ class PiecewiseChaos(Surrogate):
         spread = reference_spread(self.std.reshape(shape)).reshape(self.labels.shape)
         found = np.zeros((len(self.elements), *self.labels.shape))
         for row, element in zip(found, self.elements, strict=True):
-            if element.verification_germs is not None and element.verification_response is not None:
-                wrong = element.evaluate_germs(element.verification_germs) - element.verification_response
-                row[...] = np.sqrt(np.mean(wrong**2, axis=0)) / divisor(spread)
+            if element.verification_germs is not None:
+                row[...] = element.verification_rms() / divisor(spread)
         return found
 
     def decay(self) -> xr.Dataset:
@@ -260,10 +252,6 @@ class PiecewiseChaos(Surrogate):
             + (f"; {self._remedy}" if row.max() > tolerance else ", no proof without verification realisations")
             for output, row in zip(self.labels.outputs, share, strict=True)
         )
-
-    @property
-    def _verification_weights(self) -> Array:
-        return self.verification_weights
 
     @cached_property
     def _means(self) -> Array:

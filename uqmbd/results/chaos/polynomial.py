@@ -10,6 +10,7 @@ import numpy as np
 import xarray as xr
 
 from uqmbd.errors import StudyError
+from uqmbd.results.chaos.boxes import checked_weights
 from uqmbd.results.chaos.decay import (
     decay_dataset,
     energy_of_germs,
@@ -75,6 +76,8 @@ class PolynomialChaos(Surrogate):
         Germ points that did not enter the coefficients.
     verification_response : array, shape (V, O, T), optional
         What the mechanism did there; with it the chaos tells its own error.
+    verification_weights : array, shape (V,), optional
+        What each counts, where they are not spread like the inputs; default: all the same.  They are made to sum to 1.
 
     Raises
     ------
@@ -108,6 +111,7 @@ class PolynomialChaos(Surrogate):
     labels: Labels
     verification_germs: Array | None = None
     verification_response: Array | None = None
+    verification_weights: Array | None = None
 
     def __post_init__(self) -> None:
         """Check shapes and numbers, and keep copies that nobody can change."""
@@ -143,6 +147,9 @@ class PolynomialChaos(Surrogate):
             ):
                 check_shape(name, getattr(self, name), shape, dims)
                 _check_finite(name, getattr(self, name))
+        object.__setattr__(
+            self, "verification_weights", checked_weights(self.verification_weights, self.verification_germs)
+        )
 
     def __repr__(self) -> str:
         sizes = zip(("terms", *self.labels.dims), self.coefficients.shape, strict=True)

@@ -12,7 +12,7 @@ import xarray as xr
 from numpy.typing import ArrayLike
 
 from uqmbd.errors import StudyError
-from uqmbd.results.chaos.boxes import check_filled, rows_of_boxes, terms_of_all, verification_of_all
+from uqmbd.results.chaos.boxes import check_filled, checked_weights, rows_of_boxes, terms_of_all, verification_of_all
 from uqmbd.results.chaos.decay import top_order
 from uqmbd.results.chaos.interface import Samples
 from uqmbd.results.chaos.quasi_periodic_element import QuasiPeriodicElement, SampledWaves
@@ -51,6 +51,9 @@ class QuasiPeriodicChaos(SampledSurrogate):
         Outputs, inputs and times.
     verification_germs, verification_response : array, shape (V, d) and (V, O, T), optional
         Realisations that did not enter the coefficients.
+    verification_weights : array, shape (V,), optional
+        What each counts; they are made to sum to 1.  Default: they are spread like the inputs within each element, and
+        each element counts by its probability.
     """
 
     elements: tuple[QuasiPeriodicElement, ...]
@@ -60,6 +63,7 @@ class QuasiPeriodicChaos(SampledSurrogate):
     labels: Labels
     verification_germs: Array | None = None
     verification_response: Array | None = None
+    verification_weights: Array | None = None
     space: GermSpace = field(init=False)
 
     def __post_init__(self) -> None:
@@ -67,6 +71,9 @@ class QuasiPeriodicChaos(SampledSurrogate):
         object.__setattr__(self, "elements", tuple(self.elements))
         check_filled([e.box for e in self.elements])
         object.__setattr__(self, "space", self.elements[0].box.space)
+        boxes = [e.box for e in self.elements]
+        weights = checked_weights(self.verification_weights, self.verification_germs, boxes)
+        object.__setattr__(self, "verification_weights", weights)
         if self.labels.times is None:
             raise StudyError("Outputs without times have no frequencies; use PolynomialChaos.")
 
@@ -102,7 +109,8 @@ class QuasiPeriodicChaos(SampledSurrogate):
             frequencies[rows], constants[rows], drifts[rows], waves[rows] = parts
             elements.append(QuasiPeriodicElement(box, frequencies, constants, drifts, waves))
         first = chaoses[0]
-        return cls(tuple(elements), first.lattice, first.origin, terms, first.labels, *verification_of_all(chaoses))
+        known = verification_of_all(chaoses, [box.probability for box in boxes])
+        return cls(tuple(elements), first.lattice, first.origin, terms, first.labels, **known)
 
     def to_dataset(self) -> xr.Dataset:
         """Build the dataset `quasi_periodic` of a propagator's node; see :meth:`from_dataset`."""

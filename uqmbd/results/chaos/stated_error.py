@@ -2,17 +2,145 @@
 
 from __future__ import annotations
 
-import numpy as np
+from abc import ABC, abstractmethod
+from functools import cached_property
 
+import numpy as np
+from numpy.typing import ArrayLike
+
+from uqmbd.errors import StudyError
 from uqmbd.results.chaos.terms import constant_columns
+from uqmbd.results.schema import Labels, output_index, time_index
 from uqmbd.results.statistics import divisor
 from uqmbd.typing import Array
 
-__all__ = ["SPREAD_FLOOR", "first_above", "reference_spread", "stated_error"]
+__all__ = [
+    "SPREAD_FLOOR",
+    "Verified",
+    "first_above",
+    "reference_spread",
+    "root_mean_square",
+    "stated_error",
+    "uncertainty_factor",
+    "weighted_std",
+]
 
 
 SPREAD_FLOOR = 0.01
 """Where the standard deviation is smaller than this part of its maximum over time, that part stands in for it."""
+
+
+class Verified(ABC):
+    """What a surrogate states of its own error, from realisations that did not enter it."""
+
+    labels: Labels
+    verification_germs: Array | None
+    verification_response: Array | None
+    verification_weights: Array | None
+
+    @property
+    @abstractmethod
+    def mean(self) -> Array:
+        """Expectation, shape (O, T), in the units of the outputs."""
+
+    @property
+    @abstractmethod
+    def std(self) -> Array:
+        """Standard deviation, shape (O, T), in the units of the outputs."""
+
+    @abstractmethod
+    def evaluate_germs(self, germs: ArrayLike) -> Array:
+        """Evaluate at germ points (K, d): (K, O, T), in the units of the outputs."""
+
+    def verification_error(self, output: str | None = None, time: float | None = None) -> Array:
+        """Return the stated error: that of the surrogate at the verification realisations, over the standard deviation.
+
+        The root mean square over the realisations, each by its weight: they lie in the tails more often than the inputs
+        do, and count for less there.  Where the standard deviation is below 1 % of its maximum over time, 1 % of that
+        maximum stands in for it. An output that does not vary in the chaos (as at order 0) has the error 1 where the
+        realisations differ from its mean.  :meth:`verification_factor` says how well it is known.
+
+        Parameters
+        ----------
+        output : str, optional
+            Default: all.
+        time : float, optional
+            One of the times, in s. Default: all.
+
+        Returns
+        -------
+        array, shape (O, T), without the axes that were chosen
+
+        Raises
+        ------
+        StudyError
+            If there is no verification data, or output or time are unknown.
+        """
+        found = self._stated_error.reshape(self.labels.shape)
+        row = slice(None) if output is None else output_index(self.labels, output)
+        return np.array(found[(row, *time_index(self.labels, time))])
+
+    def verification_factor(self) -> Array:
+        """Return by which factor the stated error may be off, shape (O, T): two standard errors, from the scatter.
+
+        Where it exceeds 2, there are too few verification realisations for the error.  What none of them reaches it
+        does not know.
+        """
+        germs, response, weights = self._verified
+        return uncertainty_factor(self.evaluate_germs(germs) - response, weights)
+
+    def verification_rms(self) -> Array:
+        """Return the root mean square error (O, T) by the weighted verification realisations, in units of the outputs.
+
+        NaN where the surrogate is not known.
+        """
+        germs, response, weights = self._verified
+        return root_mean_square(self.evaluate_germs(germs) - response, weights)
+
+    def verification_std(self) -> Array:
+        """Return the standard deviation (O, T) of the outputs by the weighted verification realisations."""
+        _, response, weights = self._verified
+        return weighted_std(response, weights)
+
+    def horizon(self, limit: float = 0.01) -> dict[str, float | None]:
+        """Return for each output the first time (s) at which the stated error exceeds a limit; None: at none."""
+        if self.labels.times is None:
+            raise StudyError("These outputs have no times, hence no horizon; see 'verification_error'.")
+        first = [first_above(row, limit) for row in self._stated_error]
+        names = (o.name for o in self.labels.outputs)
+        times = self.labels.times
+        return {n: None if k is None else float(times[k]) for n, k in zip(names, first, strict=True)}
+
+    @cached_property
+    def _stated_error(self) -> Array:
+        """The stated error as (O, T), with T = 1 for outputs without times."""
+        germs, response, weights = self._verified
+        shape = (len(self.labels.outputs), -1)
+        surrogate = self.evaluate_germs(germs)
+        return stated_error(
+            surrogate.reshape(len(surrogate), *shape),
+            response.reshape(len(surrogate), *shape),
+            self.mean.reshape(shape),
+            self.std.reshape(shape),
+            weights,
+            terms=self._summands,
+        )
+
+    @property
+    def _verified(self) -> tuple[Array, Array, Array]:
+        """Germ points, responses and weights of the verification realisations."""
+        found = self.verification_germs, self.verification_response, self.verification_weights
+        if found[0] is None or found[1] is None or found[2] is None:
+            raise StudyError(
+                "This chaos has no verification realisations, so it cannot state its error; give the propagator "
+                "verify=16, or see 'verdicts' for what the coefficients tell."
+            )
+        return found[0], found[1], found[2]
+
+    @property
+    def _summands(self) -> int:
+        """Terms of the sum that the standard deviation comes from, for its rounding."""
+        return 1
 
 
 def reference_spread(std: Array) -> Array:
@@ -25,7 +153,7 @@ def reference_spread(std: Array) -> Array:
 
 
 def stated_error(
-    surrogate: Array, response: Array, mean: Array, std: Array, *, terms: int = 1, weights: Array | None = None
+    surrogate: Array, response: Array, mean: Array, std: Array, weights: Array, *, terms: int = 1
 ) -> Array:
     """Return the error of a surrogate relative to the standard deviation.
 
@@ -35,10 +163,10 @@ def stated_error(
         Of the chaos, and of the mechanism, at the same V germ points.
     mean, std : array, shape (O, T)
         Of the chaos.
+    weights : array, shape (V,)
+        Of the points, which are not spread like the inputs; they sum to 1.
     terms : int
         From so many the standard deviation comes, for its rounding.
-    weights : array, shape (V,), optional
-        Of the points, where they are spread unevenly; they sum to 1.
 
     Returns
     -------
@@ -47,9 +175,9 @@ def stated_error(
         chaos at any time is compared with the root mean square of the responses about its mean: 1, the surrogate
         misses all. A difference that is rounding of the mean counts as 0.
     """
-    error = _root_mean_square(surrogate - response, weights)
+    error = root_mean_square(surrogate - response, weights)
     constant = constant_columns(mean, std, terms)
-    missed = _root_mean_square(response - mean, weights)
+    missed = root_mean_square(response - mean, weights)
     still = constant.all(axis=-1, keepdims=True)
     spread = reference_spread(np.where(still, missed, np.where(constant, 0.0, std)))
     rounding = constant_columns(mean, error, terms) & constant
@@ -62,9 +190,49 @@ def first_above(values: Array, limit: float) -> int | None:
     return int(above.argmax()) if above.any() else None
 
 
-def _root_mean_square(values: Array, weights: Array | None = None) -> Array:
+def root_mean_square(values: Array, weights: Array) -> Array:
+    """Return the root mean square over the first axis of values (V, ...), by weights (V,) that sum to 1."""
     scale = np.abs(values).max(axis=0)
     scaled = values / divisor(scale)
-    mean = np.mean(scaled * scaled, axis=0) if weights is None else np.tensordot(weights, scaled * scaled, axes=1)
-    result: Array = scale * np.sqrt(mean)
+    result: Array = scale * np.sqrt(np.tensordot(weights, scaled * scaled, axes=1))
     return result
+
+
+def uncertainty_factor(wrong: Array, weights: Array) -> Array:
+    """Return by which factor the root mean square (...) of errors (V, ...) may be off, by the scatter of their squares.
+
+    Two standard errors of the logarithm of the mean square, which are those of independent points, make one factor of
+    the root: ``exp(r)`` with the relative standard error r of the mean square.  1 where there is no error.
+
+    Parameters
+    ----------
+    wrong : array, shape (V, ...)
+        Errors at the points.
+    weights : array, shape (V,)
+        Of the points; they sum to 1.
+
+    Examples
+    --------
+    >>> uncertainty_factor(np.array([[1.0, 0.0], [1.0, 0.0], [1.0, 2.0]]), np.full(3, 1 / 3)).round(3).tolist()
+    [1.0, 2.263]
+    """
+    scale = np.abs(wrong).max(axis=0)
+    square = (wrong / divisor(scale)) ** 2
+    mean = np.tensordot(weights, square, axes=1)
+    scatter = np.sqrt(np.tensordot(weights**2, (square - mean) ** 2, axes=1))
+    return np.asarray(np.exp(np.where(scale > 0, scatter / divisor(mean), 0.0)))
+
+
+def weighted_std(values: Array, weights: Array) -> Array:
+    """Return the standard deviation over the first axis of values (V, ...), by weights (V,); 0 of none.
+
+    Examples
+    --------
+    >>> weighted_std(np.array([[0.0], [4.0]]), np.array([3.0, 1.0])).round(3).tolist()
+    [1.732]
+    """
+    if not len(values):
+        return np.zeros(values.shape[1:])
+    weights = weights / weights.sum()
+    shift = np.tensordot(weights, values, axes=1)
+    return root_mean_square(values - shift, weights)

@@ -10,7 +10,7 @@ import xarray as xr
 
 from uqmbd.errors import StudyError
 from uqmbd.results.chaos.aligned_element import AlignedElement, Landmarks
-from uqmbd.results.chaos.boxes import rows_of_boxes
+from uqmbd.results.chaos.boxes import VERIFICATION, rows_of_boxes
 from uqmbd.results.chaos.interface import Surrogate
 from uqmbd.results.chaos.quasi_periodic_element import QuasiPeriodicElement
 from uqmbd.results.schema import InputInfo, Labels, fixed_width, output_infos
@@ -31,7 +31,6 @@ __all__ = [
 ]
 
 BOUNDS = ("lower", "upper")
-VERIFICATION = ("verification_germs", "verification_response")
 _DEGREES = "degrees of each polynomial"
 
 
@@ -51,7 +50,7 @@ def chaos_dataset(chaos: Surrogate, coefficients: Array) -> xr.Dataset:
     if chaos.verification_germs is not None:
         about = {
             "long_name": "stated error of the surrogate",
-            "comment": "root mean square at realisations that no node uses, over the standard deviation",
+            "comment": "root mean square at weighted realisations that no node uses, over the standard deviation",
         }
         variables |= _verification(chaos) | {
             "verification_error": (chaos.labels.dims, chaos.verification_error(), about)
@@ -302,12 +301,13 @@ def _read(
 
 
 def _verification(chaos: Surrogate) -> dict[str, Any]:
-    dims = (("verification", "germ"), ("verification", *chaos.labels.dims))
+    dims = (("verification", "germ"), ("verification", *chaos.labels.dims), ("verification",))
     return {name: (dim, getattr(chaos, name)) for name, dim in zip(VERIFICATION, dims, strict=True)}
 
 
 def _verified(data: xr.Dataset) -> dict[str, Any]:
-    return {name: data[name].values for name in VERIFICATION} if VERIFICATION[0] in data else {}
+    # results of earlier versions have no weights: their realisations are spread like the inputs
+    return {name: data[name].values for name in VERIFICATION if name in data}
 
 
 def _ends(boxes: Sequence[GermBox]) -> dict[str, Any]:

@@ -10,6 +10,7 @@ import xarray as xr
 
 from uqmbd.errors import StudyError
 from uqmbd.results.chaos.composed import KINDS, ComposedChaos, Part
+from uqmbd.results.chaos.stated_error import weighted_std
 from uqmbd.typing import Array, Index
 
 __all__ = ["StoredSurrogate", "stored_surrogates", "surrogate", "surrogate_parts", "verified_std"]
@@ -135,7 +136,8 @@ def verified_std(node: xr.DataTree, shape: tuple[int, ...]) -> Array:
     for _, data, rows in stored_surrogates(node):
         known = data.get("verification_response")
         if known is not None and known.shape[1:] == (len(rows), *shape[1:]):
-            found[rows] = known.values.std(axis=0)
+            weights = data.get("verification_weights")
+            found[rows] = weighted_std(known.values, np.ones(len(known)) if weights is None else weights.values)
     return found
 
 

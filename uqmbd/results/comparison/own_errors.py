@@ -226,7 +226,11 @@ def _surrogate(node: xr.DataTree, statistics: xr.Dataset, std: Array) -> tuple[A
     told, verified = np.full_like(std, np.nan), np.full((len(std), 1), 8.0)
     sources = [(statistics, np.arange(len(std)))]
     for _, data, rows in stored_surrogates(node):
-        verified[rows] = max(int(data.sizes.get("verification", 8)), 1)
+        if "verification_weights" in data:
+            # as many of the same weight would be known as well
+            verified[rows] = 1 / np.sum(data["verification_weights"].values ** 2)
+        else:
+            verified[rows] = max(int(data.sizes.get("verification", 8)), 1)
         if "verification_error" not in statistics:
             sources.append((data, rows))
     sources = [(data, rows) for data, rows in sources if "verification_error" in data]

@@ -94,7 +94,7 @@ def sampled_requirements(
     about["how"] = f"{count} samples of the surrogate" + (
         f", whose error is that at {verification} verification realisations"
         if verified
-        else "; without verification realisations nothing is known of its error: give the method verify=8 or more"
+        else "; without verification realisations nothing is known of its error: give the method verify=16 or more"
     )
     near = (("requirement",), (most - least) / count, {"long_name": "share of samples that the error can move over"})
     return requirements_dataset(
@@ -139,8 +139,7 @@ def _bands(chaos: Surrogate, margins: Array) -> Array:
     count, size = len(points), margins.shape[1]
     seen = chaos.evaluate_germs(points).reshape(count, size)
     real = np.asarray(chaos.verification_response).reshape(count, size)
-    weights = chaos._verification_weights
-    weights = np.full(count, 1 / count) if weights is None else weights
+    weights = np.asarray(chaos.verification_weights)
     degree = min(int(chaos.multi_index.sum(axis=1).max(initial=0)) + 1, HIGHEST)
     bands = np.empty_like(margins)
     for k in range(size):

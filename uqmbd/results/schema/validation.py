@@ -336,8 +336,8 @@ def _validate_surrogates(node: xr.DataTree, statistics: xr.DataTree, end: float,
         for name in ("lower", "upper"):
             _dims(part, name, ("element", "input"))
         _values(part, "lower", ~(data["lower"] < data["upper"]), "a lower end that is not below 'upper'", "a box")
-        if "verification_response" in data:
-            _dims(part, "verification_response", ("verification", *_OVER_TIME))
+        for name in (x for x in ("verification_response", "verification_weights") if x in data):
+            _dims(part, name, ("verification", *(_OVER_TIME if name == "verification_response" else ())))
 
 
 def _validate_composed(node: xr.DataTree, statistics: xr.DataTree, end: float, names: Array) -> None:

@@ -24,6 +24,9 @@ ROUNDING, ALIKE, ANY = 1e-12, 1e-13, 1e-15
 OF_TOLERANCE = 0.1
 """Error of the integration over its tolerance and the largest mean, where it has not been measured."""
 
+SETTLED = {"skewness": 0.0, "kurtosis": 3.0, "verification_error": 0.0, "verification_factor": 1.0}
+"""What statistics of an output are that does not vary, beside Sobol' indices, which are 0."""
+
 
 def varying(statistics: xr.Dataset, rtol: float = 0.0) -> NDArray[np.bool_]:
     """Tell which outputs vary.
@@ -81,8 +84,8 @@ def varies(node: xr.DataTree, output: str) -> bool:
 def settled(statistics: xr.Dataset, rtol: float = 0.0, verified: Array | None = None) -> xr.Dataset:
     """Return statistics in which what does not vary has no shares, no shape and no error of a spread.
 
-    Sobol' indices and the stated error of a surrogate are 0 there, and so is the skewness; the kurtosis is 3.  Mean and
-    standard deviation stay.
+    Sobol' indices and the stated error of a surrogate are 0 there, and so is the skewness; the kurtosis is 3, and the
+    factor by which the stated error may be off 1.  Mean and standard deviation stay.
 
     Parameters
     ----------
@@ -102,9 +105,9 @@ def settled(statistics: xr.Dataset, rtol: float = 0.0, verified: Array | None = 
     mask = xr.DataArray(moves, dims="output")
     found = {}
     for name, values in statistics.data_vars.items():
-        settles = str(name).startswith("sobol_") or name in ("skewness", "kurtosis", "verification_error")
+        settles = str(name).startswith("sobol_") or name in SETTLED
         if settles and "output" in values.dims:
-            still = values.where(mask | values.isnull(), 3.0 if name == "kurtosis" else 0.0).transpose(*values.dims)
+            still = values.where(mask | values.isnull(), SETTLED.get(str(name), 0.0)).transpose(*values.dims)
             found[name] = still.assign_attrs(values.attrs)
     return statistics.assign(found)
 

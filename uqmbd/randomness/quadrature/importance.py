@@ -1,0 +1,171 @@
+"""Points that lie in the tails more often than the inputs do, with weights, for means of what is large there.
+
+What a polynomial chaos of order n misses begins with polynomials of degree n + 1, and their squares live in the tails:
+few points that are spread like the inputs hold none of it.  chaospy and SciPy draw from no such densities; those of
+single polynomials are the induced distributions of the references.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import scipy.special
+
+from uqmbd.randomness.designs import sampling_design
+from uqmbd.randomness.germs import Germ
+from uqmbd.randomness.space import GermSpace
+from uqmbd.typing import Array, Index
+
+__all__ = ["TailMixture"]
+
+
+NOMINAL = 0.5
+"""Part of the points that is spread like the inputs; no weight is larger than its inverse."""
+
+DEGREES = (2, 3, 4, 5)
+"""Total degrees of the products of polynomials whose squares the others are spread like."""
+
+SINGLE = 0.5
+"""Part of these for polynomials of a single germ; the rest is for all products of the same degree."""
+
+FARTHEST = 4.0
+"""Probit up to which density is moved: beyond, at 6e-5 of the probability, inputs may mean nothing."""
+
+CELLS = 256
+"""Intervals in which the density of a continuous germ is constant."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Tilted:
+    """Densities of a germ, over its own, that are proportional to squares of its polynomials.
+
+    They are constant in cells, so that points and weights belong together exactly.
+
+    Attributes
+    ----------
+    germ : Germ
+    edges : array, shape (C + 1,)
+        Ends of the cells, as probabilities.
+    limits : array, shape (C - 1,)
+        Inner ends, as values of the germ.
+    density : array, shape (C, D + 1)
+        In each cell, by the degree; 1 for degrees that the germ does not have.
+    """
+
+    germ: Germ
+    edges: Array
+    limits: Array
+    density: Array
+
+    @classmethod
+    def of(cls, germ: Germ) -> _Tilted:
+        """Tabulate them."""
+        if germ.values is not None and germ.table is not None:
+            cumulated, values = germ.table
+            edges = np.concatenate([[0.0], cumulated[:-1], [1.0]])
+            limits, moved = (values[1:] + values[:-1]) / 2, np.ones(len(values), dtype=bool)
+        else:
+            inner = scipy.special.ndtr(np.linspace(-FARTHEST, FARTHEST, CELLS + 1))
+            edges = np.concatenate([[0.0], inner, [1.0]])
+            limits, moved = germ.from_uniform(inner), np.ones(CELLS + 2, dtype=bool)
+            moved[[0, -1]] = False
+        top, highest = max(DEGREES), germ.highest_degree
+        known = top if highest is None else min(top, highest)
+        density = np.ones((len(edges) - 1, top + 1))
+        middle = germ.from_uniform((edges[1:] + edges[:-1]) / 2)
+        density[:, : known + 1] = np.where(moved[:, None], germ.polynomials(middle, known) ** 2, 1.0)
+        return cls(germ, edges, limits, density / (np.diff(edges) @ density))
+
+    def drawn(self, uniform: Array, degree: int) -> Array:
+        """Map uniform numbers to such that the germ of them has the density of a degree."""
+        cumulated = np.concatenate([[0.0], np.cumsum(np.diff(self.edges) * self.density[:, degree])])
+        return np.interp(uniform, cumulated / cumulated[-1], self.edges)
+
+    def at(self, values: Array) -> Array:
+        """Return the densities (K, D + 1) at values of the germ (K,)."""
+        return self.density[np.searchsorted(self.limits, values, side="right")]
+
+
+@dataclass(frozen=True, eq=False)
+class TailMixture:
+    """A distribution of the germs with heavier tails, of which a part is the germs' own.
+
+    Half of its points are spread like the germs.  The others are spread like the squares of orthonormal polynomials of
+    the total degrees 2 to 5, to the same parts: half of these of one germ alone, half of all products of the degree.
+    For normal germs the latter depends on the distance from the centre only, so that no direction is preferred.
+
+    Parameters
+    ----------
+    space : GermSpace
+        Independent germs of any distributions.
+
+    References
+    ----------
+    A. Narayan, Electronic Transactions on Numerical Analysis 50 (2018) 71-97 (induced distributions); A. Cohen and
+    G. Migliorati, SMAI Journal of Computational Mathematics 3 (2017) 181-203; A. Owen and Y. Zhou, Journal of the
+    American Statistical Association 95 (2000) 135-143 (a part that is nominal bounds the weights).
+
+    Examples
+    --------
+    >>> import chaospy, uqmbd
+    >>> from uqmbd.randomness import GermSpace, JointInput
+    >>> mixture = TailMixture(GermSpace.of(JointInput.of([uqmbd.RandomVariable("a", chaospy.Normal(0, 1))])))
+    >>> germs = mixture.points(1024, seed=1)
+    >>> weights = mixture.weights(germs)
+    >>> bool(abs(weights.mean() - 1) < 1e-2), bool(abs(weights @ germs[:, 0] ** 6 / 1024 / 15 - 1) < 0.03)
+    (True, True)
+    """
+
+    space: GermSpace
+
+    def points(self, count: int, seed: int) -> Array:
+        """Return germ points (K, d), of a scrambled Sobol' sequence whose first number chooses the polynomials."""
+        dimension = self.space.dimension
+        uniform = sampling_design("sobol", "TailMixture").points(dimension + 1, count, seed)
+        choice, uniform = uniform[:, 0], uniform[:, 1:].copy()
+        draw = np.random.default_rng([seed, 1])
+        for row, chosen in zip(uniform, choice, strict=True):
+            degrees = self._degrees((chosen - NOMINAL) / (1 - NOMINAL), draw)
+            for k in np.flatnonzero(degrees):
+                row[k] = self._tilted[k].drawn(row[k], int(degrees[k]))
+        return self.space.from_uniform(uniform)
+
+    def weights(self, germs: Array) -> Array:
+        """Return the density of the germs over that of this distribution, at points (K, d): their mean is about 1."""
+        dimension, top = self.space.dimension, max(DEGREES)
+        alone, products = np.zeros((len(germs), top + 1)), np.zeros((len(germs), top + 1))
+        products[:, 0] = 1.0
+        for k, tilted in enumerate(self._tilted):
+            density = tilted.at(germs[:, k])
+            alone += density / dimension
+            # sums over all products of a degree, germ by germ
+            products = np.stack(
+                [np.sum(products[:, : m + 1] * density[:, m::-1], axis=1) for m in range(top + 1)], axis=1
+            )
+        found = np.full(len(germs), NOMINAL)
+        for m in DEGREES:
+            every = products[:, m] / math.comb(m + dimension - 1, m)
+            found += (1 - NOMINAL) / len(DEGREES) * (SINGLE * alone[:, m] + (1 - SINGLE) * every)
+        return 1.0 / found
+
+    @cached_property
+    def _tilted(self) -> tuple[_Tilted, ...]:
+        return tuple(_Tilted.of(germ) for germ in self.space.germs)
+
+    def _degrees(self, chosen: float, draw: np.random.Generator) -> Index:
+        """Return the degrees (d,) of the polynomials that a number chooses; below 0: none."""
+        dimension = self.space.dimension
+        found = np.zeros(dimension, dtype=np.int64)
+        if chosen < 0:
+            return found
+        kind, within = divmod(chosen * len(DEGREES), 1.0)
+        degree = DEGREES[min(int(kind), len(DEGREES) - 1)]
+        if within < SINGLE:
+            found[min(int(within / SINGLE * dimension), dimension - 1)] = degree
+            return found
+        # stars and bars: every product is as likely
+        bars = np.sort(draw.choice(degree + dimension - 1, dimension - 1, replace=False))
+        return np.diff(np.concatenate([[-1], bars, [degree + dimension - 1]])) - 1
