@@ -154,6 +154,41 @@ def format_share(share: float) -> str:
     return f"{100 * share:.0f} %" if share >= 0.0995 else (f"{100 * share:.1f} %" if share >= 0.0005 else "0 %")
 
 
+def format_probability(value: float) -> str:
+    """Write a probability, with two digits, or three where it is nearly one.
+
+    Examples
+    --------
+    >>> [format_probability(p) for p in (0.0, 2.834e-2, 5.97e-3, 3.2e-7, 0.9912, 1.0, float("nan"))]
+    ['0', '2.8 %', '0.6 %', '3.2 × 10⁻⁷', '99.1 %', '100 %', 'not known']
+    """
+    if not math.isfinite(value):
+        return "not known"
+    if value in (0.0, 1.0):
+        return f"{100 * value:.0f} %" if value else "0"
+    if value < 1e-4:
+        return format_number(float(f"{value:.1e}"))
+    digits = 2 if value < 0.9 else 3 if value < 0.999 else 4
+    return f"{100 * value:.{digits}g} %"
+
+
+def format_interval(value: float, lower: float, upper: float) -> str:
+    """Write a probability with the interval that it lies in.
+
+    Examples
+    --------
+    >>> format_interval(0.02, 0.012, 0.031), format_interval(0.0, 0.0, 0.00597), format_interval(0.1, 0.0, 1.0)
+    ('2 % (1.2 % to 3.1 %)', '0 (at most 0.6 %)', '10 % (may be anything)')
+    """
+    if lower <= 0 and upper >= 1:
+        return f"{format_probability(value)} (may be anything)" if math.isfinite(value) else "not known"
+    if lower <= 0:
+        return f"{format_probability(value)} (at most {format_probability(upper)})"
+    if upper >= 1:
+        return f"{format_probability(value)} (at least {format_probability(lower)})"
+    return f"{format_probability(value)} ({format_probability(lower)} to {format_probability(upper)})"
+
+
 def minus(text: str) -> str:
     """Write minus signs as such, not as hyphens."""
     return text.replace("-", "−")

@@ -18,7 +18,7 @@ __all__ = ["app", "main"]
 app = typer.Typer(
     name="uqmbd",
     help="How uncertainty in lengths, masses, stiffnesses and loads spreads through a mechanism.",
-    epilog="Exit status: 0 done, 1 the computation failed, 2 the input cannot be used.",
+    epilog="Exit status: 0 done, 1 the computation failed, 2 the input cannot be used, 3 a requirement is not met.",
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
     add_completion=False,
@@ -30,7 +30,7 @@ Script = Annotated[Path, typer.Argument(metavar="STUDY.py", help="Study script: 
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Run the command line and leave by `SystemExit` with the status 0, 1, 2, or 130 after Ctrl-C."""
+    """Run the command line and leave by `SystemExit` with the status 0, 1, 2, 3, or 130 after Ctrl-C."""
     words = list(sys.argv[1:] if arguments is None else arguments)
     # Taken out here because it may stand anywhere, before the command and after it.
     debug = "--debug" in words
@@ -74,6 +74,16 @@ def run(
         str | None, typer.Option("--dask", metavar="ADDRESS", help="Scheduler of a Dask cluster that does the work.")
     ] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Continue an unfinished run in DIR.")] = False,
+    require: Annotated[
+        float | None,
+        typer.Option(
+            "--require",
+            metavar="P",
+            min=0.0,
+            max=1.0,
+            help="Exit with status 3 unless each requirement is violated with probability P at most (95 % confidence).",
+        ),
+    ] = None,
 ) -> None:
     """Run a study; write DIR/results.nc and DIR/report.html."""
     with loading():
@@ -81,7 +91,10 @@ def run(
 
     if workers is not None and dask is not None:
         raise typer.BadParameter("give either --workers or --dask, not both")
-    run_study(script, only=only or (), settings=set_ or (), out=out, workers=workers or 1, dask=dask, resume=resume)
+    chosen, changed = only or (), set_ or ()
+    run_study(
+        script, only=chosen, settings=changed, out=out, workers=workers or 1, dask=dask, resume=resume, require=require
+    )
 
 
 @app.command()

@@ -78,6 +78,7 @@ def show_check(script: Path, figure: Path | None = None) -> None:
     _show_components(screen, found.components)
     _show_controllers(screen, getattr(found, "controllers", ()))
     _show_inputs(screen, found.inputs, found.unused_inputs)
+    _show_requirements(screen, study)
     _show_propagators(screen, study)
 
 
@@ -215,6 +216,17 @@ def _show_inputs(screen: Console, inputs: tuple[tuple[str, str, str], ...], unus
     screen.print(table if inputs else "No random inputs: every realisation is the same.")
     if unused:
         screen.print(f"Enters nothing: {', '.join(unused)}", markup=False)
+
+
+def _show_requirements(screen: Console, study: Study) -> None:
+    """Print what the mechanism has to satisfy."""
+    table = plain_table("requirement", "relation", "holds", "description")
+    for requirement in study.mechanism.requirements.values():
+        when = "at all times" if requirement.over_time else "once"
+        table.add_row(*map(Text, (requirement.name, requirement.relation, when, requirement.description)))
+    if study.mechanism.requirements:
+        screen.print()
+        screen.print(table)
 
 
 def _show_propagators(screen: Console, study: Study) -> None:

@@ -64,6 +64,7 @@ def show_comparison(paths: Sequence[Path], *, reference: str | None = None, out:
                 screen.print(Text(note, style="bold"))
             known = chosen if chosen in some else None
             _show_group(screen, compare(aligned, reference=known or _first(group, some), rtol=rtol), notes)
+    _show_requirements(screen, nodes)
     print("Largest differences over time; percentages are of the largest standard deviation of the reference.")
     if out is not None:
         _write(out, nodes, chosen, rtol, trees)
@@ -143,6 +144,24 @@ def _show_group(screen: Console, found: xr.Dataset, notes: Sequence[str]) -> Non
     if found.attrs.get("recommendation"):
         screen.print()
         print(found.attrs["recommendation"])
+
+
+def _show_requirements(screen: Console, nodes: Mapping[str, xr.DataTree]) -> None:
+    """Print how probably requirements are violated by each method, and where methods contradict each other."""
+    from uqmbd.results import answers, differing
+
+    found = answers(nodes)
+    if not found:
+        return
+    labels = [label for label in nodes if any(label in by_method for by_method in found.values())]
+    table = plain_table("requirement, violated with probability (95 %)", *labels, right=len(labels))
+    for name, by_method in found.items():
+        table.add_row(Text(name), *(Text(by_method[x].words if x in by_method else "–") for x in labels))
+    screen.print()
+    screen.print(table)
+    for sentence in differing(nodes):
+        screen.print(Text(f"{sentence}.", style="bold red"))
+    screen.print()
 
 
 def _relative(difference: float, scale: float) -> str:

@@ -10,10 +10,11 @@ from typing import TextIO
 
 from uqmbd.errors import StudyError, UqmbdError
 
-__all__ = ["FAILED", "INTERRUPTED", "UNUSABLE", "explained", "warnings_as_lines"]
+__all__ = ["FAILED", "INTERRUPTED", "UNMET", "UNUSABLE", "explained", "warnings_as_lines"]
 
 FAILED = 1
 UNUSABLE = 2
+UNMET = 3  # all is computed, and a requirement is not met
 INTERRUPTED = 130  # 128 + SIGINT, as shells have it
 
 

@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from uqmbd.cli.failures import FAILED
+from uqmbd.cli.failures import FAILED, UNMET
 from uqmbd.cli.loading import loading
 from uqmbd.cli.progress import shown_progress
 from uqmbd.cli.report import keep_motion, write
@@ -40,6 +40,7 @@ def run_study(
     workers: int = 1,
     dask: str | None = None,
     resume: bool = False,
+    require: float | None = None,
 ) -> None:
     """Run a study script and write ``results.nc`` and ``report.html`` into a folder.
 
@@ -59,6 +60,9 @@ def run_study(
         Address of a Dask scheduler that does the work instead.
     resume : bool
         Continue an unfinished run in the folder.
+    require : float, optional
+        Probability with which each requirement may be violated.  Where all methods succeeded, and one of them does not
+        tell with 95 % confidence that it is less, the exit status is 3.
     """
     begin = time.monotonic()
     with loading():
@@ -69,6 +73,11 @@ def run_study(
     check_labels(only, study.propagators)
     if settings:
         study = study.with_propagators(apply_settings(settings, study.propagators))
+    if require is not None and not study.mechanism.requirements:
+        raise StudyError(
+            f"--require {require:g}: mechanism {study.mechanism.name!r} has no requirements; state what must hold, "
+            "e.g. mechanism.require('clearance', slider.position[0] <= 0.47), or leave --require out."
+        )
     if not study.propagators:
         raise StudyError(f"{script}: the study has no propagators; give it some, as in propagators=[MonteCarlo(...)].")
     # Before the work, not after it: a folder that cannot be written should cost no hours.
@@ -83,6 +92,13 @@ def run_study(
     print(f"Done in {format_duration(time.monotonic() - begin, rough=True)}.")
     if not complete:
         raise SystemExit(FAILED)
+    from uqmbd.results import propagator_nodes, unmet
+
+    said = [] if require is None else unmet(propagator_nodes(tree), require)
+    for sentence in said:
+        print(f"{sentence[:1].upper()}{sentence[1:]}.", file=sys.stderr, flush=True)
+    if said:
+        raise SystemExit(UNMET)
 
 
 def _computed(

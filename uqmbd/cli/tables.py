@@ -58,7 +58,7 @@ def with_spread(mean: float, std: float) -> str:
 
 def show_summary(tree: xr.DataTree, *, files: Mapping[str, Path], title: str = "") -> None:
     """Print each output at the end time, failures, wall times and where the files are."""
-    from uqmbd.results import propagator_nodes, scalar_nodes
+    from uqmbd.results import differing, propagator_nodes, scalar_nodes
 
     nodes = propagator_nodes(tree)
     still = scalar_nodes(nodes)
@@ -75,6 +75,7 @@ def show_summary(tree: xr.DataTree, *, files: Mapping[str, Path], title: str = "
         table.add_row("")
         table.add_row(Text("without a time", style="italic"))
     _add_scalars(table, list(nodes), still)
+    _add_requirements(table, nodes)
     table.add_section()
     table.add_row("failed realisations", "", *_failed(nodes.values()))
     if any(int(node.attrs.get("failures", 0)) for node in still.values()):
@@ -87,6 +88,8 @@ def show_summary(tree: xr.DataTree, *, files: Mapping[str, Path], title: str = "
     screen.print(table)
     if len(names) > LINES:
         screen.print(f"... and {len(names) - LINES} more outputs; the report has all of them.")
+    for sentence in differing(nodes):
+        screen.print(Text(f"{sentence}.", style="bold red"))
     _show_recommendation(tree)
     width = max(map(len, files), default=0)
     for kind, path in files.items():
@@ -140,6 +143,20 @@ def _add_scalars(table: Table, labels: list[str], still: Mapping[str, xr.DataTre
         table.add_row(Text(name), Text(unit), *cells)
     if len(names) > LINES:
         table.add_row(Text(f"... and {len(names) - LINES} more"))
+
+
+def _add_requirements(table: Table, nodes: Mapping[str, xr.DataTree]) -> None:
+    """Add rows of the probabilities that requirements are violated, with their 95 % intervals."""
+    from uqmbd.results import answers
+
+    found = answers(nodes)
+    if not found:
+        return
+    if table.row_count:
+        table.add_row("")
+    table.add_row(Text("violated with probability (95 %)", style="italic"))
+    for name, by_method in found.items():
+        table.add_row(Text(name), "", *(Text(by_method[x].words if x in by_method else "–") for x in nodes))
 
 
 def units_of(statistics: xr.Dataset) -> list[str]:

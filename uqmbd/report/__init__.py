@@ -20,6 +20,7 @@ from uqmbd.report.figures import (
     std_over_time,
     time_history_histogram,
     verification,
+    violated_by,
 )
 from uqmbd.report.html import write_report
 from uqmbd.report.mechanisms import animate, mechanism, motion, poses, with_motion
@@ -48,6 +49,7 @@ __all__ = [
     "std_over_time",
     "time_history_histogram",
     "verification",
+    "violated_by",
     "with_motion",
     "write_report",
 ]

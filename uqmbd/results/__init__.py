@@ -35,11 +35,16 @@ from uqmbd.results.comparison import (
     worst_integration_share,
 )
 from uqmbd.results.requirements import (
+    Answer,
     Violations,
+    answers,
     clopper_pearson,
+    compare_requirements,
+    differing,
     requirement_names,
     requirements_dataset,
     requirements_of,
+    unmet,
 )
 from uqmbd.results.schema import (
     DEFAULT_PROBABILITIES,
@@ -79,6 +84,7 @@ from uqmbd.status import Status
 __all__ = [
     "AlignedChaos",
     "AlignedElement",
+    "Answer",
     "ComposedChaos",
     "DEFAULT_PROBABILITIES",
     "InputInfo",
@@ -98,6 +104,7 @@ __all__ = [
     "Status",
     "Violations",
     "align",
+    "answers",
     "chaos_from_dataset",
     "choose_reference",
     "circular_mean",
@@ -105,6 +112,8 @@ __all__ = [
     "circular_std",
     "clopper_pearson",
     "compare",
+    "compare_requirements",
+    "differing",
     "failed_methods",
     "integration_shares",
     "join_nodes",
@@ -139,6 +148,7 @@ __all__ = [
     "study_tree",
     "surrogate",
     "surrogate_parts",
+    "unmet",
     "unwrap_samples",
     "validate",
     "varies",

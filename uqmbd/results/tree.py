@@ -14,6 +14,7 @@ import numpy as np
 import xarray as xr
 
 from uqmbd.results.comparison import compare
+from uqmbd.results.requirements import compare_requirements
 from uqmbd.results.schema import Labels, join_nodes, node_parts, statistics_dataset
 
 __all__ = ["compare_both", "scalar_nodes", "study_tree", "with_requirements", "with_scalars"]
@@ -149,7 +150,7 @@ def with_requirements(
 
 
 def compare_both(nodes: Mapping[str, xr.DataTree], reference: str | None = None, rtol: float = 0.0) -> xr.Dataset:
-    """Compare every method with a reference, in the outputs over time and in those without.
+    """Compare every method with a reference, in the outputs over time, in those without, and in requirements.
 
     Parameters
     ----------
@@ -167,7 +168,16 @@ def compare_both(nodes: Mapping[str, xr.DataTree], reference: str | None = None,
         ``scalar_mean_difference`` and ``scalar_std_difference (method, scalar)``, absolute, in the units of the
         outputs, NaN for methods without; ``scalar_reference_std (scalar)``, a scale for them; and ``scalar_verdict``
         with ``scalar_verdict_kind (method, scalar)``.  Where there are no others, the recommendation is for these.
+        With requirements also ``violation_probability (method, requirement)``, the ends of the intervals, and
+        ``violation_verdict``.
     """
+    found = _compared_outputs(nodes, reference, rtol)
+    limits = compare_requirements(nodes, str(found.attrs.get("reference", reference)))
+    return found if limits is None else found.merge(limits, join="left").assign_attrs(found.attrs)
+
+
+def _compared_outputs(nodes: Mapping[str, xr.DataTree], reference: str | None, rtol: float) -> xr.Dataset:
+    """Compare outputs over time and those without; where there are neither, nothing but the methods."""
     inner = scalar_nodes(nodes)
     over_time = any(node.children["statistics"].sizes["output"] for node in nodes.values())
     if not (over_time or inner) and (margins := _margin_nodes(nodes)):
@@ -206,7 +216,8 @@ def _margin_nodes(nodes: Mapping[str, xr.DataTree]) -> dict[str, xr.DataTree]:
         inner = node.children.get("requirements")
         if inner is None or "statistics" not in inner.children:
             return {}
-        parts = {"/": xr.Dataset(attrs=node.attrs)} | {k: v for k, v in node_parts(inner).items() if k != "/"}
+        # with the times, which they share with the dataset above them
+        parts = {"/": xr.Dataset(attrs=node.attrs)} | {str(k): one.to_dataset() for k, one in inner.children.items()}
         found[label] = xr.DataTree.from_dict(parts, name=label)
     return found
 

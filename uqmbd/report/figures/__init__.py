@@ -14,6 +14,7 @@ from uqmbd.report.figures.event_times import event_times, events_in_words, has_e
 from uqmbd.report.figures.failures import ENOUGH, Reason, failure_inputs, failure_reasons, failure_words
 from uqmbd.report.figures.over_output import is_function, over_output
 from uqmbd.report.figures.over_time import bands, std_over_time, time_history_histogram
+from uqmbd.report.figures.requirements import changing_with_time, violated_by
 from uqmbd.report.figures.sample_convergence import convergence, design_of
 from uqmbd.report.figures.selection import Results, Samples, automatic_times, label_of, runs_of
 from uqmbd.report.figures.sobol import OF_GERMS, Indices, has_indices, indices_of, node_with_indices, sobol_indices
@@ -40,6 +41,7 @@ __all__ = [
     "Samples",
     "automatic_times",
     "bands",
+    "changing_with_time",
     "chaos_nodes",
     "chaos_of",
     "coefficient_decay",
@@ -80,4 +82,5 @@ __all__ = [
     "surrogate_of",
     "time_history_histogram",
     "verification",
+    "violated_by",
 ]

@@ -12,6 +12,7 @@ from uqmbd.report.sections.inputs import INPUTS
 from uqmbd.report.sections.motion import MOTION
 from uqmbd.report.sections.outputs import OUTPUTS
 from uqmbd.report.sections.provenance import PROVENANCE
+from uqmbd.report.sections.requirements import REQUIREMENTS
 from uqmbd.report.sections.scalars import SCALARS
 from uqmbd.report.sections.section import Content, Section, TemplateSection, environment
 from uqmbd.report.sections.summary import SUMMARY
@@ -19,7 +20,7 @@ from uqmbd.report.sections.trust import TRUST
 
 __all__ = ["ABOUT_METHODS", "ABOUT_RESULTS", "Content", "Section", "TemplateSection", "environment"]
 
-ABOUT_RESULTS = (SUMMARY, MOTION, INPUTS, OUTPUTS, SCALARS, EVENTS, INFLUENCE, TRUST)
+ABOUT_RESULTS = (SUMMARY, MOTION, INPUTS, REQUIREMENTS, OUTPUTS, SCALARS, EVENTS, INFLUENCE, TRUST)
 """Sections before those of plugins, in the order of the page."""
 
 ABOUT_METHODS = (COMPARISON, GROWTH, FAILURES, COST, PROVENANCE)

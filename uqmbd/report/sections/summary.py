@@ -6,8 +6,10 @@ from uqmbd.report.figures import design_of
 from uqmbd.report.sections.agreement import agreement
 from uqmbd.report.sections.inputs import input_rows
 from uqmbd.report.sections.output_words import output_row, stated_errors
+from uqmbd.report.sections.requirements import requirement_rows
 from uqmbd.report.sections.section import Content, TemplateSection
 from uqmbd.report.view import Method, StudyResult
+from uqmbd.results import answers
 from uqmbd.results.chaos import percent
 from uqmbd.wording import format_count, format_duration, format_integer, format_number
 
@@ -25,6 +27,7 @@ def content(result: StudyResult) -> Content:
     return {
         "problems": result.problems,
         "agreement": agreement(result),
+        "requirements": requirement_rows(result),
         "sentences": _sentences(result),
         "statistics": _statistics(result),
     }
@@ -36,11 +39,14 @@ SUMMARY = TemplateSection("Summary", "summary", content)
 def _sentences(result: StudyResult) -> list[str]:
     """Describe the study in a few sentences."""
     rows, methods = input_rows(result), result.methods
-    count = len(result.histories) + len(result.scalar_names)
+    count, limits = len(result.histories) + len(result.scalar_names), len(answers(result.nodes))
+    limits -= limits > 1  # that any is violated is no further one
+    where = [format_count(count, "output")] if count else []
+    where += [format_count(limits, "requirement")] if limits else []
     what = "the uncertainty of " + format_count(len(rows), "input") if rows else "uncertain inputs"
     text = [
         f"This study carried {what} through the mechanism {result.mechanism} "
-        f"to {format_count(count, 'output')} with {format_count(len(methods), 'method')}: {', '.join(methods)}."
+        f"to {' and '.join(where)} with {format_count(len(methods), 'method')}: {', '.join(methods)}."
     ]
     compared = result.several and result.comparison is not None and "verdict" in result.comparison
     if compared and not any(method.failures for method in methods.values()):

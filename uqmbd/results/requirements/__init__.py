@@ -6,5 +6,17 @@ from uqmbd.results.requirements.counting import Violations
 from uqmbd.results.requirements.dataset import requirement_names, requirements_dataset
 from uqmbd.results.requirements.intervals import clopper_pearson
 from uqmbd.results.requirements.methods import requirements_of
+from uqmbd.results.requirements.reading import Answer, answers, compare_requirements, differing, unmet
 
-__all__ = ["Violations", "clopper_pearson", "requirement_names", "requirements_dataset", "requirements_of"]
+__all__ = [
+    "Answer",
+    "Violations",
+    "answers",
+    "clopper_pearson",
+    "compare_requirements",
+    "differing",
+    "requirement_names",
+    "requirements_dataset",
+    "requirements_of",
+    "unmet",
+]

@@ -1,0 +1,61 @@
+"""Slider-crank that is run up to speed, and the limits that it has to stay within.
+
+The mechanism of `slider_crank.py` with uncertain lengths, slider mass and speed.  A motor turns the crank from rest, at
+an angular velocity that grows evenly for 1 s to 60 rad/s, and stays there.  Three questions: does the force at the
+piston pin stay below what its bearing takes (overload); does the slider stay clear of the end of its guide, whose place
+is uncertain, too (clearance); and when is the bearing overloaded first (first passage)?
+"""
+
+import chaospy
+import numpy as np
+import sympy
+
+import uqmbd
+from uqmbd_collocation import Collocation
+from uqmbd_drivers import RotationDriver
+from uqmbd_joints import Prismatic, Revolute
+from uqmbd_montecarlo import MonteCarlo
+
+crank_length = uqmbd.RandomVariable("crank_length", chaospy.Normal(0.15, 0.001), units="m")
+rod_length = uqmbd.RandomVariable("rod_length", chaospy.Normal(0.35, 0.001), units="m")
+slider_mass = uqmbd.RandomVariable("slider_mass", chaospy.Normal(0.5, 0.01), units="kg")
+speed = uqmbd.RandomVariable("speed", chaospy.Normal(60, 1.2), units="rad/s")
+guide_end = uqmbd.RandomVariable("guide_end", chaospy.Normal(0.5035, 0.0008), units="m")
+
+pin_x = crank_length * sympy.cos(sympy.pi / 4)
+pin_y = crank_length * sympy.sin(sympy.pi / 4)
+rod_angle = -sympy.asin(pin_y / rod_length)
+slider_position = pin_x + rod_length * sympy.cos(rod_angle)
+
+mechanism = uqmbd.Mechanism("slider_crank", uqmbd.Planar(gravity=(0.0, -9.81)))
+ground = mechanism.ground
+crank = mechanism.body(
+    "crank", mass=0.36, inertia=0.36 * crank_length**2 / 12, position=(pin_x / 2, pin_y / 2), angle=sympy.pi / 4
+)
+rod = mechanism.body(
+    "rod",
+    mass=0.15,
+    inertia=0.15 * rod_length**2 / 12,
+    position=((pin_x + slider_position) / 2, pin_y / 2),
+    angle=rod_angle,
+)
+slider = mechanism.body("slider", mass=slider_mass, inertia=1e-4, position=(slider_position, 0))
+
+mechanism.add(Revolute("crank_bearing", ground, crank, point_i=(0, 0), point_j=(-crank_length / 2, 0)))
+mechanism.add(Revolute("crank_pin", crank, rod, point_i=(crank_length / 2, 0), point_j=(-rod_length / 2, 0)))
+pin = mechanism.add(Revolute("piston_pin", rod, slider, point_i=(rod_length / 2, 0), point_j=(0, 0)))
+mechanism.add(Prismatic("guide", ground, slider, point_i=(0, 0), point_j=(0, 0), axis_i=(1, 0), axis_j=(1, 0)))
+turned = speed * sympy.Piecewise((uqmbd.t**2 / 2, uqmbd.t < 1), (uqmbd.t - 0.5, True))
+mechanism.add(RotationDriver("drive", ground, crank, angle=sympy.pi / 4 + turned))
+
+force = sympy.Abs(pin.reaction_force[0])
+mechanism.output("pin_force", pin.reaction_force[0], units="N")
+mechanism.require("overload", force <= 420, description="bearing of the piston pin, 420 N")
+mechanism.require("clearance", slider.position[0] <= guide_end, description="slider clear of the end of its guide")
+
+study = uqmbd.Study(
+    "limits",
+    mechanism,
+    times=np.linspace(0, 2, 201),
+    propagators=[MonteCarlo(samples=2000, seed=1), Collocation(order=2, rule="smolyak", verify=32)],
+)

@@ -1,0 +1,76 @@
+"""What the report says of requirements: how probably each is violated, on the first screen, and over time."""
+
+from __future__ import annotations
+
+import numpy as np
+import xarray as xr
+
+from uqmbd.report import figures
+from uqmbd.report.drawing import image
+from uqmbd.report.sections.section import Content, TemplateSection
+from uqmbd.report.view import StudyResult
+from uqmbd.results import answers, differing
+from uqmbd.wording import format_integer, format_percent
+
+__all__ = ["REQUIREMENTS", "requirement_rows"]
+
+
+def requirement_rows(result: StudyResult) -> Content:
+    """Return the table of the first screen: a row for each requirement and method, and who contradicts whom."""
+    found = answers(result.nodes)
+    rows = [
+        {
+            "requirement": name,
+            "meaning": one.meaning if k == 0 else "",
+            "method": one.method,
+            "words": one.words,
+        }
+        for name, by_method in found.items()
+        for k, one in enumerate(by_method.values())
+    ]
+    return {"rows": rows, "differing": [f"{sentence}." for sentence in differing(result.nodes)]}
+
+
+def content(result: StudyResult) -> Content | None:
+    """Return what the section says and shows; None if there are no requirements."""
+    if not answers(result.nodes):
+        return None
+    drawn = []
+    if any(figures.changing_with_time(data) for data in _data(result).values()):
+        drawn = [
+            image(
+                lambda: figures.violated_by(result.nodes),
+                "Probability of having been violated by a time.",
+                "How probably each requirement has been violated by a time; bands at the end are 95 % intervals of the "
+                "probability of the whole motion.",
+                "requirements",
+            )
+        ]
+    return {"words": _words(result), "figures": drawn}
+
+
+REQUIREMENTS = TemplateSection("Requirements", "requirements", content)
+
+
+def _data(result: StudyResult) -> dict[str, xr.Dataset]:
+    return {k: n.children["requirements"].to_dataset() for k, n in result.nodes.items() if "requirements" in n.children}
+
+
+def _words(result: StudyResult) -> list[str]:
+    """Say where probabilities come from, and what widens their intervals."""
+    said = []
+    for label, data in _data(result).items():
+        sentence = f"{label}: {data.attrs.get('how', 'as the method says')}."
+        failed = float(data.attrs.get("failed", 0))
+        if failed >= 1:
+            sentence += f" {format_integer(failed)} realisations failed, and may have been safe or not."
+        elif failed > 0:
+            sentence += f" {format_percent(failed)} of the realisations failed, and may have been safe or not."
+        if "uncertain" in data and bool((data["uncertain"] > 0).any()):
+            worst = data.isel(requirement=int(np.argmax(data["uncertain"].values)))
+            sentence += (
+                f" {format_percent(float(worst['uncertain']))} of the samples are so near the limit of "
+                f"{worst['requirement'].item()!r} that the error of the surrogate may move them over it."
+            )
+        said.append(sentence)
+    return said

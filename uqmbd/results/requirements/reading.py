@@ -1,0 +1,162 @@
+"""What methods say of requirements, side by side: for tables, and for whom a probability is a condition."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+
+from uqmbd.names import ANY
+from uqmbd.results.schema import fixed_width
+from uqmbd.wording import format_interval, format_probability
+
+__all__ = ["Answer", "answers", "compare_requirements", "differing", "unmet"]
+
+VARIABLES = ("violation_probability", "violation_lower", "violation_upper", "violation_verdict")
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What a method says of a requirement.
+
+    Attributes
+    ----------
+    method, requirement, description, relation : str
+    probability, lower, upper : float
+        Of being violated, and its 95 % interval.
+    how : str
+        Where they come from.
+    """
+
+    method: str
+    requirement: str
+    description: str
+    relation: str
+    probability: float
+    lower: float
+    upper: float
+    how: str
+
+    @property
+    def words(self) -> str:
+        """The probability with its interval."""
+        return format_interval(self.probability, self.lower, self.upper)
+
+    @property
+    def meaning(self) -> str:
+        """What the requirement says."""
+        return self.description or self.relation
+
+    def apart(self, other: Answer) -> bool:
+        """Whether the intervals of two methods have nothing in common."""
+        return self.lower > other.upper or other.lower > self.upper
+
+
+def _data(nodes: Mapping[str, xr.DataTree]) -> dict[str, xr.Dataset]:
+    """Return the datasets ``requirements`` by the label of the method; methods without are left out."""
+    found = {label: node.children["requirements"] for label, node in nodes.items() if "requirements" in node.children}
+    return {label: node.to_dataset() for label, node in found.items()}
+
+
+def answers(nodes: Mapping[str, xr.DataTree]) -> dict[str, dict[str, Answer]]:
+    """Return what methods say, by requirement, in the order of the study, ``any`` last, and by the label of the method.
+
+    Examples
+    --------
+    >>> from uqmbd.results import requirements_dataset
+    >>> data = requirements_dataset(["overload"], violation_probability=[0.02], lower=[0.01], upper=[0.04])
+    >>> found = answers({"mine": xr.DataTree.from_dict({"requirements": data})})
+    >>> found["overload"]["mine"].words
+    '2 % (1 % to 4 %)'
+    """
+    found: dict[str, dict[str, Answer]] = {}
+    for label, data in _data(nodes).items():
+        for k, name in enumerate(map(str, data["requirement"].values)):
+            relation = str(data["relation"].values[k]) if "relation" in data.coords else ""
+            lower, upper = data["interval"].values[k].tolist()
+            about = (float(data["violation_probability"].values[k]), lower, upper, str(data.attrs.get("how", "")))
+            answer = Answer(label, name, str(data["description"].values[k]), relation, *about)
+            found.setdefault(name, {})[label] = answer
+    return {name: found[name] for name in sorted(found, key=lambda name: name == ANY)}
+
+
+def unmet(nodes: Mapping[str, xr.DataTree], probability: float) -> list[str]:
+    """Say which requirements are not met with 95 % confidence: violated with a larger probability than allowed.
+
+    All methods have to say so: the one with the largest upper end counts.
+
+    Parameters
+    ----------
+    nodes : mapping of str to xarray.DataTree
+        Propagator nodes by label.
+    probability : float
+        That is allowed.
+
+    Returns
+    -------
+    list of str
+        A sentence for each requirement, without ``any``.
+    """
+    said = []
+    for name, found in answers(nodes).items():
+        wrong = [one for one in found.values() if not one.upper <= probability]
+        if wrong and name != ANY:
+            worst = max(wrong, key=lambda one: one.upper)
+            said.append(
+                f"requirement {name!r} is not met: it is violated with a probability of up to "
+                f"{format_probability(worst.upper)} by {worst.method}, {worst.words}; "
+                f"{format_probability(probability)} is allowed"
+            )
+    return said
+
+
+def compare_requirements(nodes: Mapping[str, xr.DataTree], reference: str) -> xr.Dataset | None:
+    """Compare probabilities of violation; None where no method has any.
+
+    Parameters
+    ----------
+    nodes : mapping of str to xarray.DataTree
+        Propagator nodes by label.
+    reference : str
+        Label of the reference; where it says nothing of requirements, the first one that does stands in for it.
+
+    Returns
+    -------
+    xarray.Dataset
+        ``violation_probability``, ``violation_lower`` and ``violation_upper (method, requirement)``, NaN for methods
+        without, and ``violation_verdict``: ``reference``, ``agrees``, ``differs`` (the intervals have nothing in
+        common), or empty.
+    """
+    found = answers(nodes)
+    if not found:
+        return None
+    methods, names = list(nodes), list(found)
+    values = np.full((3, len(methods), len(names)), np.nan)
+    verdicts = [["" for _ in names] for _ in methods]
+    for column, by_method in enumerate(found.values()):
+        base = by_method.get(reference) or next(iter(by_method.values()))
+        for label, one in by_method.items():
+            row = methods.index(label)
+            values[:, row, column] = one.probability, one.lower, one.upper
+            verdicts[row][column] = "reference" if one is base else "differs" if one.apart(base) else "agrees"
+    dims = ("method", "requirement")
+    about = {"comment": "probability that a requirement is violated, with its 95 % interval"}
+    data = {name: (dims, part, about) for name, part in zip(VARIABLES[:3], values, strict=True)}
+    coords = {"method": ("method", fixed_width(methods)), "requirement": ("requirement", fixed_width(names))}
+    return xr.Dataset(data | {VARIABLES[3]: (dims, np.array(verdicts, dtype=np.str_))}, coords=coords)
+
+
+def differing(nodes: Mapping[str, xr.DataTree]) -> Sequence[str]:
+    """Say between which methods the intervals of a requirement have nothing in common, a sentence for each pair."""
+    said = []
+    for name, found in answers(nodes).items():
+        labels = list(found)
+        for k, one in enumerate(labels):
+            said += [
+                f"{one} and {other} contradict each other on {name!r}: {found[one].words} and {found[other].words}"
+                for other in labels[k + 1 :]
+                if found[one].apart(found[other])
+            ]
+    return said
