@@ -118,7 +118,8 @@ class SegmentTable:
         reach = padded[-1] - padded[0]
         rate = count / reach if reach > 0 else 0.0
         below = np.searchsorted(padded[:count], padded[0] + reach / count * np.arange(count + 1))
-        work = aligned((BLOCK * self.counts.shape[2] + ROOM) * width + BLOCK**2 * self.counts.shape[2] + basis.shape[1])
+        blocks, terms, edges = self.counts.shape[2], basis.shape[1], len(self.edges)
+        work = aligned((BLOCK * blocks + ROOM) * width + BLOCK**2 * blocks + terms + 2 * edges)
         driver().segment_values(
             *(byref(self._driven), len(basis), first, last, count, address(basis), address(rows)),
             *(address(padded), address(below), count, rate, SLACK * float(np.abs(times).max())),

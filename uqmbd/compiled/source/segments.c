@@ -152,13 +152,15 @@ void segment_edges(const Segments *table, int64_t samples, const double *basis, 
    of those of the terms, with the basis (K, P) at a sample.  NaN behind the last edge, by more than `slack`.  Times
    before the first edge belong to the begin.  Behind the T times there are four more, any.  `below` (N + 1) says how
    many times are about before times[0] + n / rate, for n to N: where the search for the time of an edge begins.  `work`
-   has room for (4 B + ROOM) (last - first) + 16 B + P vectors. */
+   has room for (4 B + ROOM) (last - first) + 16 B + P + 2 S + 1 vectors. */
 void segment_values(const Segments *table, int64_t samples, int64_t first, int64_t last, int64_t count,
                     const double *basis, const int64_t *places, const double *times, const int64_t *below,
                     int64_t most_below, double rate, double slack, double *found, double *work) {
     const int64_t terms = table->terms, outputs = last - first, stride = FOUR * table->blocks;
     V *power = (V *)work, *local = power + FOUR * stride, *own = local + outputs * stride;
-    double *kept = (double *)(own + terms);
+    V *edges = own + terms;
+    Mask *before = (Mask *)(edges + table->segments + 1);
+    double *kept = (double *)(before + table->segments);
     for (int64_t group = 0; group < samples; group += LANES) {
         const int64_t lanes = samples - group < LANES ? samples - group : LANES;
         int64_t filled = 0;
@@ -169,23 +171,29 @@ void segment_values(const Segments *table, int64_t samples, int64_t first, int64
             offset.flag[l] = l * outputs * ROOM;
         }
         terms_of(terms, basis + group * terms, lanes, own);
-        V end = edge_of(terms, own, table->edges);
+        /* edges first, and how many times are before them: what follows does not wait for the search */
+        edges[0] = edge_of(terms, own, table->edges);
         for (int64_t s = 0; s < table->segments; s++) {
-            const V begin = end;
-            end = larger(edge_of(terms, own, table->edges + (s + 1) * terms), begin);
+            const V end = edges[s + 1] = larger(edge_of(terms, own, table->edges + (s + 1) * terms), edges[s]);
             const int closing = s == table->segments - 1;
             Lanes limit = {closing ? end + slack : end}, near;
             near.all = smaller(larger((limit.all - times[0]) * rate, splat(0.0)), splat((double)most_below));
-            int64_t most = 0;
             for (int64_t l = 0; l < LANES; l++) {
                 int64_t to = below[(int64_t)near.of[l]];
-                if (to < at.flag[l]) to = at.flag[l];
-                while (to > at.flag[l] && !(times[to - 1] < limit.of[l])) to--;
+                if (to < ends.flag[l]) to = ends.flag[l];
+                while (to > ends.flag[l] && !(times[to - 1] < limit.of[l])) to--;
                 while (to < count && times[to] < limit.of[l]) to++;
                 while (closing && to < count && times[to] <= limit.of[l]) to++;
                 ends.flag[l] = to;
-                if (to - at.flag[l] > most) most = to - at.flag[l];
             }
+            before[s] = ends.mask;
+        }
+        for (int64_t s = 0; s < table->segments; s++) {
+            const V begin = edges[s], end = edges[s + 1];
+            int64_t most = 0;
+            ends.mask = before[s];
+            for (int64_t l = 0; l < LANES; l++)
+                if (ends.flag[l] - at.flag[l] > most) most = ends.flag[l] - at.flag[l];
             if (!most) continue;
             const V scale = choose(end > begin, 2.0 / (end - begin), splat(0.0));
             const int64_t begun = s * table->outputs + first, *used = table->used + begun;
