@@ -1,0 +1,8 @@
+"""How far tolerances have to be tightened to reach a probability at the least cost."""
+
+from __future__ import annotations
+
+from uqmbd_reliability.allocation.allocate import allocate
+from uqmbd_reliability.allocation.result import Allocation
+
+__all__ = ["Allocation", "allocate"]

@@ -1,0 +1,271 @@
+"""Tolerances that reach a probability at the least cost: surrogates propose, real realisations decide."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+import uqmbd
+from uqmbd.typing import Array, Mask
+from uqmbd_reliability.allocation.optimising import Tightest, cheapest
+from uqmbd_reliability.allocation.result import Allocation
+from uqmbd_reliability.allocation.surrogates import Surrogate, fitted
+from uqmbd_reliability.allocation.tightening import Cost, Tightened, tightened
+from uqmbd_reliability.allocation.verifying import Verified, verified
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+__all__ = ["allocate"]
+
+SMALLEST = 1e-5
+"""Probability below which samples of a surrogate are too few."""
+
+COUNTED = 4000
+"""Violations that the samples of a surrogate are to hold, if they may be so many."""
+
+FEWEST, LARGEST = 2**16, 2**20
+"""Samples of a surrogate."""
+
+FIRST = 6
+"""Realisations that the first surrogate is fitted to, for each term of order two."""
+
+ROUNDS = 5
+"""Surrogates that are fitted, verified, and fitted again with the realisations of the verification."""
+
+CLOSE = 0.03
+"""Relative distance of the verified probability from the one asked for that is close enough."""
+
+
+class _Named(uqmbd.Propagator):
+    """Gives the realisations of an allocation their name in messages and progress."""
+
+    name = "allocation"
+
+    def propagate(self, problem: uqmbd.Problem) -> xr.DataTree:
+        """Refuse: an allocation has no node."""
+        raise uqmbd.StudyError("An allocation is computed by uqmbd_reliability.allocate.")
+
+
+def allocate(
+    study: uqmbd.Study,
+    requirement: str | None,
+    probability: float,
+    cost: Cost | None = None,
+    *,
+    verify: int = 4000,
+    narrowest: float = 0.05,
+    seed: int = 0,
+) -> Allocation:
+    """Find how far which tolerances have to be tightened to reach a probability at the least cost.
+
+    Every input that may be tightened is drawn together about the middle of its limits by a factor of its own.  A
+    polynomial surrogate of the margins proposes the cheapest factors with the probability asked for; independent real
+    realisations with these tolerances correct it.  They then join those that the next surrogate is fitted to, until
+    the probability of real realisations is the one asked for.
+
+    Parameters
+    ----------
+    study : uqmbd.Study
+        With a mechanism that has requirements; its propagators do not matter.
+    requirement : str or None
+        Name of the one that counts; None: that none of them is violated.
+    probability : float
+        Of a violation, allowed: from 1e-5 to 0.5.
+    cost : mapping, optional
+        What tolerances cost, by the names of the inputs that may be tightened: a number ``c`` for ``c / t``, with the
+        half width t of the tolerance in the units of the input, or a function of t that grows as t gets smaller.  The
+        tolerance of an input that states none is three standard deviations.  By default every input that is made by
+        `uqmbd.tolerance` or `uqmbd.iso286` may be tightened, and costs the inverse of what is left of it.
+    verify : int
+        Real realisations that verify a surrogate, for each of at most five.
+    narrowest : float
+        The smallest factor.
+    seed : int
+        Of the random numbers.
+
+    Returns
+    -------
+    Allocation
+        Tolerances, cost, and the probability of real realisations with its interval; printed, a table.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If something cannot be used, or no tightening reaches the probability.
+
+    Notes
+    -----
+    The derivative of the probability is that of a smooth estimate over the samples of the surrogate; SciPy's SLSQP
+    finds the minimum.  Tolerances are not loosened: to let the cheapest be wider than they are, begin with wider ones.
+
+    Examples
+    --------
+    >>> import uqmbd
+    >>> from uqmbd_reliability import allocate
+    >>> mechanism = uqmbd.Mechanism("stack", uqmbd.Planar())
+    >>> mechanism.body("part", mass=1, inertia=1) and None
+    >>> box, a, b = (
+    ...     uqmbd.RandomVariable(name, uqmbd.tolerance(size, t, t, cpk=1), units="mm")
+    ...     for name, size, t in (("box", 40.1, 0.1), ("a", 25, 0.1), ("b", 15, 0.1))
+    ... )
+    >>> mechanism.require("gap", box - a - b >= 0, description="the parts go into the box")
+    >>> found = allocate(uqmbd.Study("stack", mechanism), "gap", 0.01, cost={"box": 1, "a": 1, "b": 1})
+    >>> [round(float(t), 3) for t in found.after]  # the same for all: 0.3 / (2.326 sqrt(3))
+    [0.074, 0.074, 0.074]
+    """
+    where = "allocate"
+    _check(where, study, probability, verify, narrowest, seed)
+    problem = study.problem(_Named(label="allocation"))
+    rows, names = _chosen(where, problem, requirement)
+    inputs = tightened(where, problem, cost)
+    space = problem.germ_space()
+    realisations = _Realisations(problem, rows)
+    dimension = len(problem.inputs)
+    terms = (dimension + 1) * (dimension + 2) // 2
+    first = problem.inputs.from_uniform(_uniform(FIRST * terms, dimension, seed))
+    realisations(first)
+    count = int(min(LARGEST, max(FEWEST, COUNTED / probability)))
+    count = 2 ** int(np.ceil(np.log2(count)))
+    values = problem.inputs.from_uniform(_uniform(count, dimension, seed + 1))
+    generator = np.random.default_rng([seed, 2])
+    target = probability
+    before: float | None = None
+    best: tuple[Tightest, Verified, Surrogate] | None = None
+    for turn in range(ROUNDS):
+        surrogate = realisations.surrogate(where, space)
+        found = cheapest(surrogate, inputs, values, target, narrowest)
+        if before is None:
+            before = float(np.mean(surrogate.margins(values).min(axis=1) < 0))
+        fresh = inputs.values(problem.inputs.from_uniform(generator.random((verify, dimension))), found.factors)
+        predicted: Mask = surrogate.margins(fresh).min(axis=1) < 0
+        checked = verified(found.probability, count, predicted, realisations(fresh))
+        best = (found, checked, surrogate)
+        off = checked.probability - probability
+        loose, tight = bool((found.factors >= 1).all()), bool((found.factors <= narrowest).all())
+        if tight and checked.lower > probability:
+            raise uqmbd.StudyError(
+                f"{where}: tightening does not reach a probability of {probability:g}: with all tolerances at "
+                f"{narrowest:g} of what they are it is still {checked.probability:.3g}. Move the nominal values, "
+                "tighten other inputs too, or allow more."
+            )
+        if abs(off) <= max(CLOSE * probability, checked.std_error / 2) or (loose and off < 0):
+            break
+        if turn and checked.probability > 0 and not tight:  # what more realisations did not mend is made up for
+            target = float(np.clip(target * probability / checked.probability, target / 3, min(3 * target, 0.5)))
+    assert best is not None and before is not None
+    return _result(names, probability, inputs, before, realisations, *best)
+
+
+class _Realisations:
+    """Real realisations, and all that were computed."""
+
+    def __init__(self, problem: uqmbd.Problem, rows: list[int]) -> None:
+        self.problem, self.rows = problem, rows
+        self.values: list[Array] = []
+        self.margins: list[Array] = []
+
+    def __call__(self, values: Array) -> Array:
+        """Return the smallest margins, shape (K,), NaN where a realisation failed."""
+        found = self.problem.margins(values)
+        margins = np.where(found.failed[:, None], np.nan, found.values[:, self.rows])
+        self.values.append(values)
+        self.margins.append(margins)
+        return np.asarray(margins.min(axis=1))
+
+    @property
+    def count(self) -> int:
+        """How many there are."""
+        return sum(map(len, self.values))
+
+    @property
+    def failures(self) -> int:
+        """How many failed."""
+        return sum(int(np.isnan(m[:, 0]).sum()) for m in self.margins)
+
+    def surrogate(self, where: str, space: uqmbd.GermSpace) -> Surrogate:
+        """Fit a surrogate to those that did not fail."""
+        values, margins = np.concatenate(self.values), np.concatenate(self.margins)
+        known = ~np.isnan(margins[:, 0])
+        if 2 * known.sum() < len(known):
+            raise uqmbd.StudyError(
+                f"{where}: {len(known) - int(known.sum())} of {len(known)} realisations failed; look at one of them "
+                "with uqmbd.simulate."
+            )
+        return fitted(space, values[known], margins[known])
+
+
+def _result(
+    names: tuple[str, ...],
+    allowed: float,
+    inputs: Tightened,
+    before: float,
+    realisations: _Realisations,
+    found: Tightest,
+    checked: Verified,
+    surrogate: Surrogate,
+) -> Allocation:
+    notes = []
+    if checked.lower > allowed:
+        notes.append(f"The probability is above {allowed:g}: the surrogate of the margins is too poor to reach it.")
+    if (found.factors >= 1).all():
+        notes.append("Nothing has to be tightened.")
+    elif checked.upper > 2 * allowed:
+        notes.append("The interval is wide; more realisations (verify=) make it narrower.")
+    ones = np.ones(len(inputs.names))
+    return Allocation(
+        names,
+        allowed,
+        inputs.names,
+        inputs.units,
+        inputs.sources,
+        inputs.widths,
+        found.factors * inputs.widths,
+        found.slope,
+        inputs.cost(ones),
+        inputs.cost(found.factors),
+        before,
+        checked.probability,
+        checked.std_error,
+        checked.lower,
+        checked.upper,
+        realisations.count,
+        realisations.failures,
+        float(surrogate.error.max()),
+        tuple(notes),
+    )
+
+
+def _uniform(count: int, dimension: int, seed: int) -> Array:
+    """Return points of Sobol', shape (count, dimension)."""
+    return np.asarray(uqmbd.sampling_design("sobol").points(dimension, count, seed))
+
+
+def _chosen(where: str, problem: uqmbd.Problem, requirement: str | None) -> tuple[list[int], tuple[str, ...]]:
+    known = [r.name for r in problem.requirements]
+    if not known:
+        raise uqmbd.StudyError(
+            f"{where}: mechanism {problem.mechanism!r} has no requirements; state one by "
+            "mechanism.require(name, relation)."
+        )
+    if requirement is None:
+        return list(range(len(known))), tuple(known)
+    if requirement not in known:
+        raise uqmbd.StudyError(
+            f"{where}: the requirement is {requirement!r}; there are {', '.join(known)} (None: that any is violated)."
+        )
+    return [known.index(requirement)], (requirement,)
+
+
+def _check(where: str, study: Any, probability: Any, verify: Any, narrowest: Any, seed: Any) -> None:
+    if not isinstance(study, uqmbd.Study):
+        raise uqmbd.StudyError(f"{where}: the study is {study!r}; expected a uqmbd.Study.")
+    for name, value, low, high in (("probability", probability, SMALLEST, 0.5), ("narrowest", narrowest, 1e-3, 1.0)):
+        number = isinstance(value, (int, float, np.number)) and not isinstance(value, bool)
+        if not number or not low <= float(value) <= high:
+            raise uqmbd.StudyError(f"{where}: {name} is {value!r}; expected a number from {low:g} to {high:g}.")
+    for name, value, least in (("verify", verify, 100), ("seed", seed, 0)):
+        whole = isinstance(value, (int, np.integer)) and not isinstance(value, bool)
+        if not whole or int(value) < least:
+            raise uqmbd.StudyError(f"{where}: {name} is {value!r}; expected a whole number of at least {least}.")

@@ -1,0 +1,172 @@
+"""The cheapest factors whose probability of a violation, by samples of a surrogate, is the one asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.optimize
+from scipy.special import ndtr
+from scipy.stats import norm
+
+from uqmbd.typing import Array, Index
+from uqmbd_reliability.allocation.surrogates import Surrogate
+from uqmbd_reliability.allocation.tightening import Tightened
+
+__all__ = ["Samples", "Tightest", "cheapest"]
+
+SMOOTH = 0.05
+"""Width of the step from safe to violated, over the standard deviation of the margin."""
+
+NEAR = 4.0
+"""Widths beyond which a sample does not count for the derivative."""
+
+STEP = 1e-4
+"""Of the logarithm of a factor, for the derivative of a margin."""
+
+ITERATIONS = 60
+
+COARSE, COARSE_HITS = 2**16, 600
+"""Samples that the optimisation sees, and violations among them; the others make the count at its end finer."""
+
+CLOSE = 5e-4
+"""Relative error of the number by which all factors are multiplied at the end."""
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """Samples of the inputs as they are now, and the margins of a surrogate at them, tightened by factors.
+
+    Attributes
+    ----------
+    values : array, shape (N, input)
+        Inputs.
+    tightened : Tightened
+        Those that factors draw together.
+    margins : callable
+        From inputs (K, input) to margins (K, requirement).
+    """
+
+    values: Array
+    tightened: Tightened
+    margins: Callable[[Array], Array]
+
+    def least(self, factors: Array, rows: Index | None = None) -> Array:
+        """Return the smallest margin of each sample, shape (N,)."""
+        values = self.values if rows is None else self.values[rows]
+        return np.asarray(self.margins(self.tightened.values(values, factors)).min(axis=1))
+
+    def probability(self, factors: Array) -> float:
+        """Return the share of samples that are violations."""
+        return float(np.mean(self.least(factors) < 0))
+
+    def smooth(self, logarithms: Array, width: float) -> tuple[float, Array]:
+        """Return a smooth estimate of the probability, and its derivative by the logarithms of the factors, (n,)."""
+        factors = np.exp(logarithms)
+        least = self.least(factors)
+        probability = float(ndtr(-least / width).mean())
+        near = np.flatnonzero(np.abs(least) < NEAR * width)
+        density = norm.pdf(least[near] / width) / width
+        slope = np.zeros(len(factors))
+        for k in range(len(factors)):
+            ends = [factors * np.exp(sign * STEP * (np.arange(len(factors)) == k)) for sign in (1, -1)]
+            above, below = (self.least(end, near) for end in ends)
+            slope[k] = -(density * (above - below)).sum() / (2 * STEP * len(least))
+        return probability, slope
+
+
+@dataclass(frozen=True, eq=False)
+class Tightest:
+    """What the optimisation found.
+
+    Attributes
+    ----------
+    factors : array, shape (n,)
+        Of the tolerances.
+    probability : float
+        By the samples of the surrogate, a count.
+    slope : array, shape (n,)
+        Relative change of the probability for a relative change of each tolerance.
+    """
+
+    factors: Array
+    probability: float
+    slope: Array
+
+
+def cheapest(surrogate: Surrogate, tightened: Tightened, values: Array, target: float, narrowest: float) -> Tightest:
+    """Return the cheapest factors between `narrowest` and 1 whose probability is at most `target`.
+
+    Sequential quadratic programming (SciPy's SLSQP) in the logarithms of the factors, on the reliability index of the
+    smooth probability; then all factors that may are multiplied by one number, so that the count is the target.
+
+    Where no factors reach the probability, all of them are `narrowest`.
+    """
+    fine = Samples(values, tightened, surrogate.margins)
+    count = len(tightened.names)
+    loose = np.ones(count)
+    loosest = fine.probability(loose)
+    coarse = Samples(values[: max(COARSE, int(COARSE_HITS / target))], tightened, surrogate.margins)
+    width = SMOOTH * float(coarse.least(loose).std())
+    if loosest <= target:
+        return Tightest(loose, loosest, _slope(coarse, loose, width))
+    tightest = loose * narrowest
+    tight = coarse.probability(tightest)
+    if tight > target:
+        return Tightest(tightest, fine.probability(tightest), _slope(coarse, tightest, width))
+    start = _closed(coarse, loose, target, narrowest)
+    width = SMOOTH * float(coarse.least(start).std())
+    index = -float(norm.ppf(target))
+    scale = tightened.cost(start)
+
+    def reserve(x: Array) -> float:
+        return float(-norm.ppf(np.clip(coarse.smooth(x, width)[0], 1e-12, 1 - 1e-12))) - index
+
+    def reserve_slope(x: Array) -> Array:
+        probability, slope = coarse.smooth(x, width)
+        return np.asarray(-slope / norm.pdf(norm.ppf(np.clip(probability, 1e-12, 1 - 1e-12))))
+
+    found = scipy.optimize.minimize(
+        lambda x: tightened.cost(np.exp(x)) / scale,
+        np.log(start),
+        jac=lambda x: tightened.slope(np.exp(x)) / scale,
+        method="SLSQP",
+        bounds=[(np.log(narrowest), 0.0)] * count,
+        constraints={"type": "ineq", "fun": reserve, "jac": reserve_slope},
+        options={"maxiter": ITERATIONS, "ftol": 1e-7},
+    )
+    shape = np.exp(np.clip(found.x, np.log(narrowest), 0.0))
+    if tightened.cost(_closed(coarse, shape, target, narrowest)) > scale:  # no better than all alike
+        shape = start
+    factors = _closed(fine, shape, target, narrowest, near=0.1)
+    return Tightest(factors, fine.probability(factors), _slope(coarse, factors, width))
+
+
+def _slope(samples: Samples, factors: Array, width: float) -> Array:
+    probability, slope = samples.smooth(np.log(factors), width)
+    return np.asarray(slope / max(probability, 1e-300))
+
+
+def _closed(samples: Samples, factors: Array, target: float, narrowest: float, near: float = np.inf) -> Array:
+    """Multiply factors by one number, within their bounds, so that the count of violations is the target.
+
+    It is looked for within `near` of 1, in logarithms, first.
+    """
+
+    def scaled(logarithm: float) -> Array:
+        return np.asarray(np.clip(factors * np.exp(logarithm), narrowest, 1.0))
+
+    least, most = float(np.log(narrowest / factors.max())), float(-np.log(factors.min()))
+    low, high = max(least, -near), min(most, near)
+    if low > least and samples.probability(scaled(low)) > target:
+        low, high = least, low
+    elif high < most and samples.probability(scaled(high)) <= target:
+        low, high = high, most
+    while high - low > CLOSE:
+        middle = (low + high) / 2
+        if samples.probability(scaled(middle)) > target:
+            high = middle
+        else:
+            low = middle
+    return scaled(low)

@@ -1,0 +1,117 @@
+"""What an allocation found, as data and as a table."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from uqmbd.typing import Array
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+__all__ = ["Allocation"]
+
+
+@dataclass(frozen=True, eq=False)
+class Allocation:
+    """Tolerances that reach a probability at the least cost.
+
+    Attributes
+    ----------
+    requirements : tuple of str
+        What must not be violated.
+    allowed : float
+        Probability of a violation that was asked for.
+    inputs, units, sources : tuple of str
+        Inputs that may be tightened, their units, and what their tolerances were made from.
+    before, after : array, shape (n,)
+        Half widths of their tolerances, as they are and as they have to be.
+    sensitivity : array, shape (n,)
+        Relative change of the probability for a relative change of each tolerance, at `after`.
+    cost_before, cost_after : float
+        Of all tolerances.
+    probability_before, probability : float
+        Of a violation, as it is (by the surrogate) and by real realisations with the tolerances `after`.
+    std_error, lower, upper : float
+        Of `probability`: standard error and interval of 95 %.
+    realisations, failures : int
+        Real realisations, of all steps, and how many of them failed.
+    surrogate_error : float
+        Of the last surrogate at points that are left out, over the standard deviation of the margins.
+    notes : tuple of str
+        What the reader must know.
+    """
+
+    requirements: tuple[str, ...]
+    allowed: float
+    inputs: tuple[str, ...]
+    units: tuple[str, ...]
+    sources: tuple[str, ...]
+    before: Array
+    after: Array
+    sensitivity: Array
+    cost_before: float
+    cost_after: float
+    probability_before: float
+    probability: float
+    std_error: float
+    lower: float
+    upper: float
+    realisations: int
+    failures: int
+    surrogate_error: float
+    notes: tuple[str, ...]
+
+    @property
+    def factors(self) -> Array:
+        """How much of each tolerance is left, shape (n,)."""
+        return np.asarray(self.after / self.before)
+
+    def dataset(self) -> xr.Dataset:
+        """Return everything as a dataset with the dimension ``input``."""
+        import xarray as xr
+
+        named = {
+            "tolerance_before": ("input", self.before),
+            "tolerance_after": ("input", self.after),
+            "factor": ("input", self.factors),
+            "sensitivity": ("input", self.sensitivity),
+        }
+        numbers = (
+            *("allowed", "cost_before", "cost_after", "probability_before", "probability", "std_error", "lower"),
+            *("upper", "realisations", "failures", "surrogate_error"),
+        )
+        coords = {
+            "input": np.array(self.inputs, dtype=np.str_),
+            "input_units": ("input", np.array(self.units, dtype=np.str_)),
+            "source": ("input", np.array(self.sources, dtype=np.str_)),
+        }
+        attrs = {"requirements": ", ".join(self.requirements), "notes": "; ".join(self.notes)}
+        return xr.Dataset({**named, **{name: getattr(self, name) for name in numbers}}, coords, attrs)
+
+    def __str__(self) -> str:
+        """Return a table for people."""
+        width = max(len("input"), *(len(name) for name in self.inputs))
+        lines = [
+            f"{'input':<{width}}  {'tolerance':>12}  {'tightened to':>12}  {'of it':>6}  {'sensitivity':>11}  made from"
+        ]
+        for row in zip(
+            self.inputs, self.before, self.after, self.factors, self.sensitivity, self.units, self.sources, strict=True
+        ):
+            name, before, after, factor, slope, units, source = row
+            lines.append(
+                f"{name:<{width}}  {f'±{before:.4g} {units}':>12}  {f'±{after:.4g} {units}':>12}  {factor:>6.1%}  "
+                f"{slope:>11.3g}  {source}"
+            )
+        lines.append(
+            f"{', '.join(self.requirements)}: violated in {self.probability:.4g} ({self.lower:.4g} to {self.upper:.4g} "
+            f"with 95 %), allowed {self.allowed:g}, before {self.probability_before:.4g}"
+        )
+        lines.append(
+            f"cost {self.cost_before:.4g} before, {self.cost_after:.4g} after; {self.realisations} realisations"
+            + (f", of which {self.failures} failed" if self.failures else "")
+        )
+        return "\n".join([*lines, *self.notes])

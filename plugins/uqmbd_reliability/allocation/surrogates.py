@@ -1,0 +1,89 @@
+"""Polynomials of margins, fitted to realisations by least squares; the order is that of the least error left out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+import uqmbd
+from uqmbd.typing import Array, Index
+
+__all__ = ["Surrogate", "fitted"]
+
+HIGHEST = 8
+"""Order at which the search for one ends."""
+
+MOST = 700
+"""Terms."""
+
+SPARE = 2.0
+"""Realisations for each term."""
+
+BLOCK = 2**14
+"""Points that are evaluated at once."""
+
+
+@dataclass(frozen=True, eq=False)
+class Surrogate:
+    """The margins of all requirements as polynomials of the germs.
+
+    Attributes
+    ----------
+    space : uqmbd.GermSpace
+        Of the inputs.
+    index : array of int, shape (P, d)
+        Degrees of the terms.
+    coefficients : array, shape (P, requirement)
+        Of the terms.
+    order : int
+        Total degree.
+    error : array, shape (requirement,)
+        Root mean square error at points that are left out, over the standard deviation of the margins.
+    """
+
+    space: uqmbd.GermSpace
+    index: Index
+    coefficients: Array
+    order: int
+    error: Array
+
+    def margins(self, values: Array) -> Array:
+        """Return margins, shape (K, requirement), of inputs (K, input)."""
+        parts = [values[k : k + BLOCK] for k in range(0, len(values), BLOCK)]
+        found = [self.space.evaluate(self.space.to_germs(part), self.index) @ self.coefficients for part in parts]
+        return np.concatenate(found)
+
+
+def fitted(space: uqmbd.GermSpace, values: Array, margins: Array) -> Surrogate:
+    """Fit polynomials to realisations.
+
+    Parameters
+    ----------
+    space : uqmbd.GermSpace
+        Of the inputs.
+    values : array, shape (K, input)
+        Where realisations were computed.
+    margins : array, shape (K, requirement)
+        Their margins.
+    """
+    germs = space.to_germs(values)
+    best: Surrogate | None = None
+    spread = np.maximum(margins.std(axis=0), np.finfo(float).tiny)
+    for order in range(1, HIGHEST + 1):
+        index = uqmbd.index_set(space.dimension, order)
+        if order > 1 and (len(index) > MOST or SPARE * len(index) > len(values)):
+            break
+        basis = space.evaluate(germs, index)
+        left, sizes, right = np.linalg.svd(basis, full_matrices=False)
+        kept = sizes > 1e-10 * sizes[0]
+        projected = left[:, kept].T @ margins
+        off = margins - left[:, kept] @ projected
+        # what each point would be missed by if it were left out of the fit
+        leverage = np.minimum((left[:, kept] ** 2).sum(axis=1), 1 - 1e-9)
+        error = np.sqrt(np.mean((off / (1 - leverage[:, None])) ** 2, axis=0)) / spread
+        if best is None or error.max() < best.error.max():
+            coefficients = right[kept].T @ (projected / sizes[kept, None])
+            best = Surrogate(space, index, coefficients, order, error)
+    assert best is not None
+    return best

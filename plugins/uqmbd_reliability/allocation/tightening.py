@@ -1,0 +1,166 @@
+"""Inputs whose tolerances may be tightened: which they are, how wide they are, and what each width costs."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+import uqmbd
+from uqmbd.typing import Array
+
+__all__ = ["Cost", "Tightened", "tightened"]
+
+Cost = Mapping[str, float | Callable[[float], float]]
+"""What a tolerance costs, by the name of the input: c for c / tolerance, or a function of the tolerance."""
+
+NATURAL = 3.0
+"""Standard deviations that count as the tolerance of an input that states none."""
+
+STEP = 1e-5
+"""Relative step of the derivative of a cost that is a function."""
+
+
+@dataclass(frozen=True, eq=False)
+class Tightened:
+    """Inputs that may be tightened by factors: ``mean + factor * (input - mean)``.
+
+    Attributes
+    ----------
+    names, units : tuple of str
+        Of these inputs.
+    columns : array of int, shape (n,)
+        Their places among all inputs.
+    means : array, shape (n,)
+        The points that they are drawn together to.
+    widths : array, shape (n,)
+        Half widths of their tolerances now.
+    sources : tuple of str
+        What is known of each.
+    costs : tuple of callable
+        Of a half width.
+    """
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    columns: Array
+    means: Array
+    widths: Array
+    sources: tuple[str, ...]
+    costs: tuple[Callable[[float], float], ...]
+
+    def values(self, values: Array, factors: Array) -> Array:
+        """Return inputs (K, input) with the tightened ones drawn together."""
+        found = values.copy()
+        found[:, self.columns] = self.means + factors * (values[:, self.columns] - self.means)
+        return found
+
+    def cost(self, factors: Array) -> float:
+        """Return what the tolerances cost."""
+        return float(sum(c(float(w)) for c, w in zip(self.costs, factors * self.widths, strict=True)))
+
+    def slope(self, factors: Array) -> Array:
+        """Return the derivative of the cost by the logarithms of the factors, shape (n,)."""
+        found = []
+        for one, width in zip(self.costs, factors * self.widths, strict=True):
+            above, below = one(float(width * math.exp(STEP))), one(float(width * math.exp(-STEP)))
+            found.append((above - below) / (2 * STEP))
+        return np.array(found)
+
+
+def tightened(where: str, problem: uqmbd.Problem, cost: Cost | None) -> Tightened:
+    """Return the inputs that a cost names; without one those with a stated tolerance, each as dear as it is tight.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If there are none, or an input cannot be tightened, or a cost is no cost.
+    """
+    variables = problem.inputs.variables
+    names = [v.name for v in variables]
+    stated = {v.name: uqmbd.stated_tolerance(v.distribution) for v in variables}
+    if cost is None:
+        chosen = [name for name in names if stated[name] is not None]
+        if not chosen:
+            raise uqmbd.StudyError(
+                f"{where}: no input states a tolerance. Make them of uqmbd.tolerance or uqmbd.iso286, or name the "
+                f"inputs in cost=, as in {{{names[0]!r}: 1.0}}; there are {', '.join(names)}."
+            )
+    else:
+        chosen = _named(where, cost, names)
+    found = []
+    for name in chosen:
+        variable = variables[names.index(name)]
+        tolerance = stated[name]
+        if len(variable.joint.names) > 1:
+            raise uqmbd.StudyError(
+                f"{where}: {name} depends on {', '.join(x for x in variable.joint.names if x != name)}; a tolerance "
+                "is of an independent input."
+            )
+        if getattr(variable.distribution, "interpret_as_integer", False):
+            raise uqmbd.StudyError(f"{where}: {name} takes integers only; its tolerance cannot be tightened.")
+        if tolerance is not None:
+            about = (tolerance.mean, (tolerance.upper - tolerance.lower) / 2, str(tolerance))
+        else:
+            deviation = math.sqrt(_variance(problem, names.index(name)))
+            about = (variable.mean, NATURAL * deviation, f"{NATURAL:g} standard deviations of {variable.description}")
+        found.append((variable, *about, _cost_of(where, name, cost, about[1])))
+    return Tightened(
+        tuple(v.name for v, *_ in found),
+        tuple(v.units for v, *_ in found),
+        np.array([names.index(v.name) for v, *_ in found]),
+        np.array([mean for _, mean, *_ in found]),
+        np.array([width for _, _, width, *_ in found]),
+        tuple(source for *_, source, _ in found),
+        tuple(one for *_, one in found),
+    )
+
+
+def _named(where: str, cost: Any, names: list[str]) -> list[str]:
+    if not isinstance(cost, Mapping) or not cost:
+        raise uqmbd.StudyError(
+            f"{where}: cost is {cost!r}; expected what a tolerance costs by the name of the input: a number c for "
+            f"c / tolerance, or a function of the tolerance, as in {{{names[0]!r}: 1.0}}."
+        )
+    for name in cost:
+        if name not in names:
+            raise uqmbd.StudyError(f"{where}: cost names {name!r}, which is no input; there are {', '.join(names)}.")
+    return [name for name in names if name in cost]
+
+
+def _cost_of(where: str, name: str, cost: Cost | None, width: float) -> Callable[[float], float]:
+    """Return what a half width costs."""
+    given = width if cost is None else cost[name]
+    if not callable(given):
+        number = isinstance(given, (int, float, np.number)) and not isinstance(given, bool)
+        if not number or not 0 < float(given) < math.inf:
+            raise uqmbd.StudyError(
+                f"{where}: the cost of {name} is {given!r}; expected a number above 0, which is divided by the "
+                "tolerance, or a function of the tolerance."
+            )
+        coefficient = float(given)
+        return lambda tolerance: coefficient / tolerance
+    now, tighter = (_number(where, name, given, x) for x in (width, 0.7 * width))
+    if not tighter > now:
+        raise uqmbd.StudyError(
+            f"{where}: the cost of {name} is {now:g} at its tolerance of {width:g} and {tighter:g} at {0.7 * width:g}; "
+            "expected one that grows as the tolerance is tightened."
+        )
+    return given
+
+
+def _number(where: str, name: str, function: Callable[[float], float], tolerance: float) -> float:
+    found = function(tolerance)
+    if not isinstance(found, (int, float, np.number)) or not math.isfinite(found):
+        raise uqmbd.StudyError(f"{where}: the cost of {name} at {tolerance:g} is {found!r}; expected a number.")
+    return float(found)
+
+
+def _variance(problem: uqmbd.Problem, column: int) -> float:
+    levels = (np.arange(4096) + 0.5) / 4096
+    uniform = np.full((len(levels), len(problem.inputs)), 0.5)
+    uniform[:, column] = levels
+    return float(problem.inputs.from_uniform(uniform)[:, column].var())
