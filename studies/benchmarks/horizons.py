@@ -61,7 +61,7 @@ class Case:
 
 
 CASES = {
-    "slider-crank, rotating": Case(lambda: mechanism_of("slider_crank_rotating"), 560.0, 1121),
+    "slider-crank, rotating": Case(lambda: mechanism_of("slider_crank_rotating"), 840.0, 1681),
     "slider-crank, rotating, to 36 s": Case(lambda: mechanism_of("slider_crank_rotating"), 36.0, 3601),
     "slider-crank, random torque": Case(with_random_torque, 36.0, 721),
     "slider-crank, driven": Case(lambda: mechanism_of("slider_crank_driven"), 20.0, 2001),

@@ -41,6 +41,9 @@ USEFUL = 0.7
 CROWDED = 0.25
 """Numbers of a series over those that a signal of its length and highest frequency can hold, at most."""
 
+ALIKE = 30.0
+"""Residual over the largest of those that are known, beyond which other frequencies are tried."""
+
 LINES = 10
 """Lines of a spectrum that tell the base."""
 
@@ -160,7 +163,8 @@ def follow(
         distance = np.linalg.norm(places[left][:, None] - np.array(where), axis=2)
         k = left[int(np.argmin(distance.min(axis=1)))]
         guesses = _guesses(places[k], np.array(where), np.array([one.frequencies for one in done]))
-        found[k] = _followed(signals[k], guesses, kind)
+        usual = max(float(one.residual.max(initial=0.0)) for one in done)
+        found[k] = _followed(signals[k], guesses, kind, min(QUASI_PERIODIC, ALIKE * max(usual, GOAL)))
         if found[k].residual.max(initial=0.0) <= QUASI_PERIODIC:
             done.append(found[k])
             where.append(places[k])
@@ -258,13 +262,13 @@ def _guesses(place: Array, places: Array, frequencies: Array) -> list[Array]:
     return found
 
 
-def _followed(signals: Signals, guesses: list[Array], kind: Kind) -> Series:
-    """Fit a series from frequencies that are roughly known; where that fails, from pairs of lines."""
+def _followed(signals: Signals, guesses: list[Array], kind: Kind, goal: float) -> Series:
+    """Fit a series from frequencies that are roughly known; where that leaves more than a goal, from pairs of lines."""
     best = _sharpened(signals, guesses[0], kind)
     others = iter(guesses[1:])
     for further in (False, True):
         for guess in _from_lines(signals, guesses[0], kind) if further else others:
-            if best.residual.max(initial=0.0) <= QUASI_PERIODIC:
+            if best.residual.max(initial=0.0) <= goal:
                 return best
             other = _sharpened(signals, guess, kind)
             best = other if other.misfit < best.misfit else best

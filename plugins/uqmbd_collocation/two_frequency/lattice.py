@@ -19,7 +19,10 @@ HIGHEST = {1: 24, 2: 8}
 NEAR = 0.2
 """Distance of a line from a combination, over the resolution 2 pi / length, at which it is taken for it."""
 
-MISSED = 100
+OFF = 10.0
+"""What that distance counts, in orders; smaller ones by their square: of bases that are alike the nearer is taken."""
+
+MISSED = 1000
 """What a line that is no combination counts, in orders."""
 
 
@@ -78,27 +81,28 @@ def bases(lines: Lines, resolution: float) -> list[Base]:
         best: tuple[float, int] | None = None
         groups = np.array(list(combinations(several, dimension)))
         for n in range(len(groups)):
-            cost = _orders(f, terms @ groups[n], order, NEAR * resolution).sum()
+            cost = _costs(f, terms @ groups[n], order, NEAR * resolution).min(axis=1).sum()
             if best is None or cost < best[0]:
                 best = float(cost), n
         if best is None or (dimension == 1 and best[0] >= MISSED):
             continue
         frequencies = np.sort(groups[best[1]])
-        found.append(Base(frequencies, _combinations(f, frequencies, terms, NEAR * resolution)))
+        lattice = _combinations(f, frequencies, terms, NEAR * resolution)
+        # a frequency that no line asks for is none of the motion
+        if np.linalg.matrix_rank(lattice) == dimension:
+            found.append(Base(frequencies, lattice))
     return found
 
 
-def _orders(lines: Array, values: Array, order: Index, tolerance: float) -> Array:
-    """Least order (L,) of the combinations near each line."""
-    near = np.abs(lines[:, None] - np.abs(values)) <= tolerance
-    return np.asarray(np.where(near, order, MISSED).min(axis=1))
+def _costs(lines: Array, values: Array, order: Index, tolerance: float) -> Array:
+    """Costs (L, C) of combinations for each line: their orders, and how far off they are."""
+    off = np.abs(lines[:, None] - np.abs(values)) / tolerance
+    return np.where(off <= 1, order + OFF * off**2, MISSED)
 
 
 def _combinations(lines: Array, base: Array, terms: Index, tolerance: float) -> Index:
-    """Return the combination (C, M) of each line, of the least order, without those that have none."""
-    order = np.abs(terms).sum(axis=1)
-    near = np.abs(lines[:, None] - np.abs(terms @ base)) <= tolerance
-    cost = np.where(near, order, MISSED)
+    """Return the combination (C, M) of each line, of the least cost, without those that have none."""
+    cost = _costs(lines, terms @ base, np.abs(terms).sum(axis=1), tolerance)
     chosen = terms[cost.argmin(axis=1)[cost.min(axis=1) < MISSED]]
     _, first = np.unique(chosen, axis=0, return_index=True)
     found: Index = chosen[np.sort(first)]

@@ -15,7 +15,7 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from uqmbd.typing import Array
-from uqmbd_collocation.two_frequency.series import Signals, fit_series
+from uqmbd_collocation.two_frequency.series import Signals, fit_series, refine
 
 __all__ = ["Lines", "strongest_lines"]
 
@@ -47,7 +47,11 @@ class Lines:
 
 
 def strongest_lines(signals: Signals, count: int) -> Lines:
-    """Find at most so many lines: the maxima of the windowed spectrum, one after the other, each taken off."""
+    """Find at most so many lines: maxima of the spectrum of what those before leave, all fitted anew with each.
+
+    Lines that are nearer to each other, or to zero, than the resolution 2 pi / length are not told apart: none is added
+    that comes so near to another.
+    """
     resolution = 2 * np.pi / signals.length
     found: list[float] = []
     left = signals.values - _smooth(signals)
@@ -59,12 +63,12 @@ def strongest_lines(signals: Signals, count: int) -> Lines:
         sizes = _sizes(signals, np.array(tried))
         if sizes[-1] < WEAKEST * sizes.max():
             break
-        found = tried
-        # a line moves a little when its neighbours are known
-        for k in range(len(found)):
-            if any(abs(found[k] - other) < 4 * resolution for n, other in enumerate(found) if n != k):
-                others = np.array(found[:k] + found[k + 1 :])
-                found[k] = _refined(signals, signals.values - _explained(signals, others), found[k], resolution)
+        # all lines and their sizes together: what one of them misses is no line beside it
+        joint = refine(signals, np.array(tried), np.eye(len(tried), dtype=np.int64))
+        lines = np.sort(np.abs(joint.frequencies))
+        if np.diff(np.concatenate([[0.0], lines])).min() < resolution:
+            break
+        found = np.abs(joint.frequencies).tolist()
         left = signals.values - _explained(signals, np.array(found))
     frequencies = np.array(found)
     sizes = _sizes(signals, frequencies)
