@@ -23,6 +23,7 @@ __all__ = [
     "Coupled",
     "ENCOUNTERS",
     "POOL",
+    "RECORDED",
     "Contacts",
     "Encounters",
     "Equations",
@@ -94,7 +95,8 @@ class Problem(ctypes.Structure):
         *((name, _DOUBLE) for name in ("rtol", "moving", "far", "surplus_allowed", "stiff")),
         *((name, _INT) for name in ("patience", "refusals", "attempts", "guarded", "instants")),
         ("times", _POINTER),
-        *((name, _POINTER) for name in ("leg_ends", "leg_longest", "leg_jumps", "contacts")),
+        *((name, _POINTER) for name in ("leg_ends", "leg_longest", "leg_jumps", "contacts", "places")),
+        ("room", _INT),
     )
 
 
@@ -107,11 +109,14 @@ POOL = (
 )
 """Arrays of a pool."""
 
+RECORDED = ("path", "path_ends", "path_kept", "recorded")
+"""Arrays of a pool with the steps that were recorded."""
+
 
 class Pool(ctypes.Structure):
     """``Pool`` of dop853.h."""
 
-    _fields_ = tuple((name, _POINTER) for name in (*POOL, "encounters"))
+    _fields_ = tuple((name, _POINTER) for name in (*POOL, *RECORDED, "encounters"))
 
 
 class Contacts(ctypes.Structure):

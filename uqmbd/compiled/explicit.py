@@ -21,6 +21,7 @@ from uqmbd.compiled import driver as c
 from uqmbd.compiled.driver import address, aligned, driver
 from uqmbd.compiled.encounters import Contacts, Encounters
 from uqmbd.compiled.programs import Part
+from uqmbd.compiled.recording import FULL, PLACES, Recorder
 from uqmbd.compiled.writer import LANES
 from uqmbd.typing import Array, Index
 
@@ -49,6 +50,7 @@ class Status(IntEnum):
     STEPPED = 8
     EVENT = 9
     NOTED = 10
+    FULL = FULL
 
 
 Leg = tuple[float, float, bool]
@@ -218,6 +220,8 @@ class Realisations:
         Absolute tolerances.
     contacts, encounters : Contacts and Encounters, optional
         What may happen on the way, and what does.
+    recording : bool
+        Whether all steps are recorded (`recorder`).
 
     Attributes
     ----------
@@ -245,6 +249,8 @@ class Realisations:
         floor: Array,
         contacts: Contacts | None = None,
         encounters: Encounters | None = None,
+        *,
+        recording: bool = False,
     ) -> None:
         count, width = z.shape
         self.contacts, self.encounters = contacts, encounters
@@ -273,6 +279,7 @@ class Realisations:
         self.result[:, 0], self.result[:, 1:] = z, np.nan
         self.off = np.zeros((count, self._equations + 1))
         self.poor = np.zeros((count, len(self.times)), dtype=np.int8)
+        self.recorder = Recorder(count, width, recording=recording)
 
     def advance(self, members: Index | None = None) -> None:
         """Let members run, or all, until none is running; the rows of one problem run together."""
@@ -291,6 +298,7 @@ class Realisations:
                 address(workspace),
                 max(1, BUDGET // self.dynamics.cost),
             )
+            self.recorder.take(self.status)
 
     def project(self) -> None:
         """Put the states at the output times onto the constraints."""
@@ -334,6 +342,7 @@ class Realisations:
         new.__dict__.pop("_pool", None)
         new.__dict__.pop("_problem", None)
         new.dynamics, new.evaluations = dynamics, 0
+        new.recorder = self.recorder.of(member)
         new.off = np.zeros((1, new._equations + 1))
         new.steps[:], new.first[:] = 0, new.column
         self.status[member] = Status.DONE
@@ -348,7 +357,8 @@ class Realisations:
     def _pool(self) -> c.Pool:
         happening = None if self.encounters is None else self.encounters.structure
         place = 0 if happening is None else ctypes.addressof(happening)
-        found = c.Pool(*(address(getattr(self, name)) for name in c.POOL), place)
+        recorded = (address(getattr(self.recorder, name)) for name in c.RECORDED)
+        found = c.Pool(*(address(getattr(self, name)) for name in c.POOL), *recorded, place)
         found.kept = happening
         return found
 
@@ -368,6 +378,7 @@ class Realisations:
             *(m.patience, m.refusals, m.attempts, int(m.guarded), len(self.times)),
             *map(address, (self.times, self.leg_ends, self.leg_longest, self.leg_jumps)),
             0 if contacts is None else ctypes.addressof(contacts),
+            *(address(PLACES), self.recorder.room),
         )
         found.kept = parts, coefficients, contacts  # what it points to: another thread may have made it anew
         return found

@@ -45,6 +45,7 @@ from uqmbd.dynamics.statics import (
     static_equilibria,
     steady_motions,
 )
+from uqmbd.dynamics.summaries import running_minimum
 
 __all__ = [
     "Capability",
@@ -89,6 +90,7 @@ __all__ = [
     "referenced",
     "require",
     "require_for",
+    "running_minimum",
     "scalars_of",
     "static_equilibria",
     "steady_motions",

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from uqmbd.dynamics.batch import Batch
 from uqmbd.dynamics.equations import OutputMap, output_map
 from uqmbd.dynamics.integration import Trajectories
-from uqmbd.dynamics.observation import observe_along
 from uqmbd.dynamics.statics import ScalarMap, scalar_map, scalars_of
+from uqmbd.dynamics.summaries import running_minimum
 from uqmbd.mechanism import Mechanism, Requirement
 from uqmbd.status import Status
 from uqmbd.typing import Array, Index, Mask
@@ -84,6 +84,11 @@ class MarginMap:
         return self.moving is not None or (self.still is not None and self.still.needs_motion)
 
     @property
+    def needs_path(self) -> bool:
+        """Whether the motion between the output times is needed."""
+        return self.moving is not None or (self.still is not None and self.still.needs_path)
+
+    @property
     def over_time(self) -> NDArray[np.bool_]:
         """Which requirements have to hold at all times, shape (requirement,)."""
         return np.array([requirement.over_time for requirement in self.requirements], dtype=bool)
@@ -139,10 +144,7 @@ def margins_of(ensemble: Batch, times: Array, trajectories: Trajectories | None 
             trajectories.messages,
         )
         good = np.flatnonzero(status == Status.OK)
-        if len(good):
-            running[np.ix_(good, over_time)] = np.minimum.accumulate(
-                observe_along(ensemble.select(good), seen.moving, times, trajectories.states[good]), axis=-1
-            )
+        running[np.ix_(good, over_time)] = running_minimum(ensemble, seen.moving, trajectories)[good]
     wrong = np.isnan(running).any(axis=2) | np.isinf(running[:, :, -1])
     names = [requirement.name for requirement in seen.requirements]
     reasons = [

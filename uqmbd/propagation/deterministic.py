@@ -127,7 +127,7 @@ def simulate(
         still = {"mechanism": mechanism.name, "start": start}
         return xr.Dataset(_scalars(mechanism, ensemble, None), attrs=still)
     refuse_jumps(ensemble, grid, rtol, where)
-    trajectories = integrate(ensemble, grid, rtol, integrator)
+    trajectories = integrate(ensemble, grid, rtol, integrator, between=model.needs_path)
     if trajectories.messages[0]:
         message = f"mechanism {mechanism.name!r}: {trajectories.messages[0]}"
         raise (IntegrationError if np.isfinite(trajectories.states[0, 0]).all() else AssemblyError)(message)
@@ -172,7 +172,7 @@ def _errors(
             with warnings.catch_warnings():
                 # the first integration has told
                 warnings.simplefilter("ignore", RedundantConstraintWarning)
-                again = integrate(ensemble, times, tight)
+                again = integrate(ensemble, times, tight, between=first.path is not None)
             reason = again.messages[0]
         except UqmbdError as raised:
             reason = str(raised)

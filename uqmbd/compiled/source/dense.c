@@ -54,9 +54,44 @@ static void write_results(const Problem *p, const Pool *pool, Group *g, Mask due
     if (!p->terms) to_rows(rows, LANES, g->work, p->width);
 }
 
+/* Interpolated states at given times in the work array; those of contacts that last are put onto these. */
+static void interpolate_at(const Problem *p, Group *g, Mask which, V moment) {
+    interpolate(p, g, larger(smaller((moment - g->now) / g->size, splat(1.0)), splat(0.0)), g->work);
+    if (!any(g->touching & which)) return;
+    g->work[p->time] = smaller(larger(moment, g->low), g->high);
+    put_on_constraints(p, g, which & g->touching);
+    put_on_contacts(p, g, which);
+}
+
+/* Record the states of the steps that are taken, up to `last`. */
+static void record(const Problem *p, const Pool *pool, Group *g, Mask taken, V last) {
+    double *rows[LANES];
+    for (int64_t k = 0; k < PLACES; k++) {
+        V moment = k + 1 < PLACES ? g->now + p->places[k] * (last - g->now) : last;
+        interpolate_at(p, g, taken, moment);
+        for (int64_t l = 0; l < LANES; l++) {
+            int64_t at = taken[l] ? g->member[l] * p->room + pool->recorded[g->member[l]] : 0;
+            rows[l] = taken[l] ? pool->path + (at * PLACES + k) * p->width : (double *)g->last;
+        }
+        to_rows(rows, LANES, g->work, p->width);
+    }
+    for (int64_t l = 0; l < LANES; l++) {
+        if (!taken[l]) continue;
+        int64_t at = g->member[l] * p->room + pool->recorded[g->member[l]]++;
+        pool->path_ends[2 * at] = g->now[l];
+        pool->path_ends[2 * at + 1] = last[l];
+        pool->path_kept[at] = g->touching[l] != 0;
+    }
+}
+
 /* Write the interpolated states at the output times up to `last`; `known`: so is the interpolant. */
 static void write_outputs(const Problem *p, const Pool *pool, Group *g, Mask taken, V last, int64_t known) {
     int64_t column[LANES];
+    if (p->room) {
+        if (!known) interpolant(p, g);
+        known = 1;
+        record(p, pool, g, taken, last);
+    }
     for (int64_t l = 0; l < LANES; l++) column[l] = taken[l] ? pool->column[g->member[l]] : p->instants;
     for (;;) {
         Lanes due, moment = {g->now}, until = {last};
@@ -68,12 +103,7 @@ static void write_outputs(const Problem *p, const Pool *pool, Group *g, Mask tak
         if (!any(due.mask)) break;
         if (!known) interpolant(p, g);
         known = 1;
-        interpolate(p, g, larger(smaller((moment.all - g->now) / g->size, splat(1.0)), splat(0.0)), g->work);
-        if (any(g->touching & due.mask)) {
-            g->work[p->time] = smaller(larger(moment.all, g->low), g->high);
-            put_on_constraints(p, g, due.mask & g->touching);
-            put_on_contacts(p, g, due.mask);
-        }
+        interpolate_at(p, g, due.mask, moment.all);
         write_results(p, pool, g, due.mask, column);
     }
     for (int64_t l = 0; l < LANES; l++)

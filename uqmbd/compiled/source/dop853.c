@@ -212,6 +212,7 @@ static void step(const Problem *p, const Pool *pool, Group *g, int64_t *status) 
         else
             status[l] = advance_lane(p, pool, g, l, g->error[l], stiff[l] != 0);
         if (watched && status[l] == RUNNING && noted_many(p, pool, g->member[l])) status[l] = NOTED;
+        if (p->room && status[l] == RUNNING && pool->recorded[g->member[l]] == p->room) status[l] = FULL;
     }
 }
 

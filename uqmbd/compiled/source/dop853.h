@@ -11,7 +11,7 @@
 
 #include "events.h"
 
-enum { STAGES = 12, ALL_STAGES = 16, DENSE = 7, NODES = 5 };
+enum { STAGES = 12, ALL_STAGES = 16, DENSE = 7, NODES = 5, PLACES = 8 };
 
 /* Rows of the tableau without their zeros, but padded with such to multiples of four terms: row r has the terms
    starts[r] .. starts[r + 1] - 1. */
@@ -41,7 +41,8 @@ enum {
     SMALL,   /* the step size has become too small */
     STEPPED, /* a step was taken, and each is to be told */
     EVENT,   /* a guard has fallen through zero */
-    NOTED    /* there might not be room for the marks of another step */
+    NOTED,   /* there might not be room for the marks of another step */
+    FULL     /* there is no room for another step that is recorded */
 };
 
 typedef struct {
@@ -73,6 +74,8 @@ typedef struct {
     const double *leg_ends, *leg_longest; /* of all members, one after the other */
     const int64_t *leg_jumps;
     const Contacts *contacts; /* null: there are no events */
+    const double *places;    /* parts of a step (PLACES) at which its states are recorded */
+    int64_t room;            /* steps of a member that can be recorded until somebody takes them; 0: none is */
 } Problem;
 
 /* All realisations: rows of arrays. */
@@ -89,6 +92,10 @@ typedef struct {
     double *result; /* (member, instant, width) */
     double *off;    /* (member, equations + 1): largest residuals at the times that were projected, largest speed */
     int8_t *poor;   /* (member, instant): farther off the constraints than interpolation should lead */
+    double *path;      /* (member, room, PLACES, width): states of the steps that were taken, from begin to end */
+    double *path_ends; /* (member, room, 2): their begins and ends, s */
+    int8_t *path_kept; /* (member, room): whether contacts last there */
+    int64_t *recorded; /* how many there are */
     const Encounters *encounters;
 } Pool;
 

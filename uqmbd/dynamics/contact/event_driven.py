@@ -55,6 +55,8 @@ class EventDrivenMotion:
         Relative tolerance.
     evaluator : ContactEvaluator
         Of the model, whose index-1 system is compiled.
+    recording : bool
+        Whether steps are recorded.
 
     Attributes
     ----------
@@ -66,7 +68,9 @@ class EventDrivenMotion:
         Called after each time.
     """
 
-    def __init__(self, batch: Batch, times: Array, rtol: float, evaluator: ContactEvaluator) -> None:
+    def __init__(
+        self, batch: Batch, times: Array, rtol: float, evaluator: ContactEvaluator, *, recording: bool = False
+    ) -> None:
         self.batch, self.model, self.times, self.rtol = batch, batch.model, times, rtol
         self.evaluator, count = evaluator, len(batch)
         self.n, self.velocities = self.model.layout.coordinates, self.model.layout.velocities
@@ -89,6 +93,7 @@ class EventDrivenMotion:
             rtol * length,
             contacts,
             self.encounters,
+            recording=recording,
         )
         self.chatter = Chatter(length, float(times[-1] - times[0]))
         self.records = Records(self.model, count)

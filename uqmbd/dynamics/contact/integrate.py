@@ -19,17 +19,19 @@ from uqmbd.typing import Array
 __all__ = ["event_times", "integrate_with_events", "motion_in_segments"]
 
 
-def integrate_with_events(ensemble: Batch, times: Array, rtol: float) -> Trajectories:
-    """Integrate all realisations of a model with events by the explicit method."""
+def integrate_with_events(ensemble: Batch, times: Array, rtol: float, *, recording: bool = False) -> Trajectories:
+    """Integrate all realisations of a model with events by the explicit method; return steps, too, with `recording`."""
     begin = clock.perf_counter()
     _require_compiled(ensemble)
     states = np.full((len(ensemble), len(times), ensemble.model.layout.width), np.nan)
     messages, members = list(ensemble.start.messages), np.flatnonzero(ensemble.start.ok)
     if not len(members):
         return Trajectories(times, states, tuple(messages), Counters(seconds=clock.perf_counter() - begin))
-    motion = EventDrivenMotion(ensemble.select(members), times, rtol, ContactEvaluator(ensemble.model))
+    evaluator = ContactEvaluator(ensemble.model)
+    motion = EventDrivenMotion(ensemble.select(members), times, rtol, evaluator, recording=recording)
     with np.errstate(all="ignore"):
         motion.follow()
+    path = motion.run.recorder.found
     states[members] = motion.run.result
     for member, message in zip(members.tolist(), motion.messages, strict=True):
         messages[member] = message
@@ -41,7 +43,14 @@ def integrate_with_events(ensemble: Batch, times: Array, rtol: float) -> Traject
         by_dop853=len(members),
         seconds=clock.perf_counter() - begin,
     )
-    return Trajectories(times, states, tuple(messages), counters, motion.records.times(members, len(ensemble)))
+    return Trajectories(
+        times,
+        states,
+        tuple(messages),
+        counters,
+        motion.records.times(members, len(ensemble)),
+        path=None if path is None else path.placed(members),
+    )
 
 
 def motion_in_segments(ensemble: Batch, times: Array, rtol: float) -> SegmentedMotion:

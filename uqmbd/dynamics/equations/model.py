@@ -130,6 +130,11 @@ class Model:
     start_at: str = "drawn"
     """Where realisations start: ``drawn`` (as assembled from the drawn pose) or ``equilibrium``."""
 
+    @property
+    def needs_path(self) -> bool:
+        """Whether outputs or requirements need the motion between the output times."""
+        return any(one is not None and one.needs_path for one in (self.scalars, self.margins))
+
     def between_samples(self, time: float) -> Model:
         """Return the model with another initial time, s, and without controllers: what they command is constant.
 

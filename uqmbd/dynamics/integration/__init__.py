@@ -17,8 +17,9 @@ from uqmbd.dynamics.integration.knots import timed_tables
 from uqmbd.dynamics.integration.legs import Leg, legs_of_members, longest_step, pace
 from uqmbd.dynamics.integration.prescribed import Prescribed, instant, position_jumps, prescribed_by
 from uqmbd.dynamics.integration.restarts import speed_jumps
+from uqmbd.dynamics.integration.steps import path_through
 from uqmbd.dynamics.integration.sundials import solve
-from uqmbd.dynamics.integration.trajectories import Counters, Segment, SegmentedMotion, Solved, Trajectories
+from uqmbd.dynamics.integration.trajectories import Counters, Segment, SegmentedMotion, Solved, Trajectories, stops
 
 __all__ = [
     "Counters",
@@ -42,6 +43,7 @@ __all__ = [
     "off_states",
     "over_allowed",
     "pace",
+    "path_through",
     "position_jumps",
     "prescribed_by",
     "residuals",
@@ -50,6 +52,7 @@ __all__ = [
     "step_limits",
     "step_tolerance",
     "stopped",
+    "stops",
     "timed",
     "timed_tables",
 ]

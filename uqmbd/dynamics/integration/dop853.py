@@ -17,7 +17,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from uqmbd.compiled import Dynamics, Method, Realisations, Status
+from uqmbd.compiled import PLACES, Dynamics, Method, Realisations, Status
 from uqmbd.dynamics.batch import Batch
 from uqmbd.dynamics.equations import Model
 from uqmbd.dynamics.integration.cheaper import FIRST, Comparison
@@ -54,15 +54,24 @@ POOR = 50
 
 
 def integrate_by_dop853(
-    ensemble: Batch, members: Index, times: Array, rtol: float, *, comparing: bool = False, patient: bool = False
+    ensemble: Batch,
+    members: Index,
+    times: Array,
+    rtol: float,
+    *,
+    comparing: bool = False,
+    patient: bool = False,
+    recording: bool = False,
 ) -> Solved:
     """Integrate the assembled realisations `members` (M,) of a batch, whose index-1 system is compiled.
 
     Each that this method cannot integrate has a message; with `comparing` those, too, that IDA integrates alone for
-    less than this method costs in a group of eight, by counts.  With `patient` many steps are taken, stiff or not.
+    less than this method costs in a group of eight, by counts.  With `patient` many steps are taken, stiff or not; with
+    `recording` they are returned, too.
     """
     begin = clock.perf_counter()
-    run = _Integration(ensemble.select(members), times, rtol, comparing=comparing, patient=patient)
+    about = {"comparing": comparing, "patient": patient, "recording": recording}
+    run = _Integration(ensemble.select(members), times, rtol, **about)
     with np.errstate(all="ignore"):
         run.run()
     return replace(run.solved(), counters=run.counters + Counters(seconds=clock.perf_counter() - begin))
@@ -107,9 +116,13 @@ class _Integration:
         Whether costs are compared with those of IDA.
     patient : bool
         Whether many steps are taken, stiff or not.
+    recording : bool
+        Whether steps are recorded.
     """
 
-    def __init__(self, batch: Batch, times: Array, rtol: float, *, comparing: bool, patient: bool) -> None:
+    def __init__(
+        self, batch: Batch, times: Array, rtol: float, *, comparing: bool, patient: bool, recording: bool
+    ) -> None:
         self.batch, self.times, self.rtol, self.model = batch, times, rtol, batch.model
         start, layout = batch.start, self.model.layout
         self.jumping = bool(layout.rank) and "phi_t" in self.model.evaluators["velocity"].index
@@ -130,6 +143,7 @@ class _Integration:
             times,
             self.layouts,
             rtol * length,
+            recording=recording,
         )
         self.others: dict[int, Realisations] = {}
         self.retired: list[Realisations] = []
@@ -184,7 +198,8 @@ class _Integration:
         if off is not None:  # other equations led some of them, and states were changed
             off[[*self.others, *self.changed]] = np.nan
         messages, final, dear = tuple(self.messages), tuple(self.final), tuple(self.dear)
-        return Solved(self.main.result, messages, Counters(), final, tuple(notes), dear, off)
+        path = self.main.recorder.found
+        return Solved(self.main.result, messages, Counters(), final, tuple(notes), dear, off, path)
 
     @property
     def counters(self) -> Counters:
@@ -339,6 +354,7 @@ class _Integration:
                 if len(inside):
                     pool.result[k, inside] = course.curve(self.times[inside])
                     pool.column[k] = inside[-1] + 1
+                pool.recorder.passed(k, now, course.time, course.curve(now + (course.time - now) * PLACES))
                 pool.go_on_from(k, course.time, course.state)
             elif calm and watcher.alert:
                 self._settle(member)

@@ -19,6 +19,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from uqmbd.compiled import Path
 from uqmbd.dynamics.assembly import ahead, dead_end, rank_along
 from uqmbd.dynamics.batch import Batch
 from uqmbd.dynamics.equations import Model
@@ -26,6 +27,7 @@ from uqmbd.dynamics.integration.costs import implicit_costs
 from uqmbd.dynamics.integration.legs import pace
 from uqmbd.dynamics.integration.prescribed import instant
 from uqmbd.dynamics.integration.restarts import speed_jumps
+from uqmbd.dynamics.integration.steps import path_through
 from uqmbd.dynamics.integration.sundials import Solution, solve
 from uqmbd.dynamics.integration.trajectories import Counters, Solved
 from uqmbd.dynamics.linear import accelerations
@@ -63,22 +65,32 @@ class _Run:
     message: str
     counters: Counters
     singular: bool = False
+    path: Path | None = None
 
 
-def integrate_by_ida(ensemble: Batch, members: Index, times: Array, rtol: float, most: float | None = None) -> Solved:
+def integrate_by_ida(
+    ensemble: Batch,
+    members: Index,
+    times: Array,
+    rtol: float,
+    most: float | None = None,
+    *,
+    recording: bool = False,
+) -> Solved:
     """Integrate the assembled realisations `members` (M,) of a batch by IDA.
 
-    Where that would cost more than `most`, by counts, those that are left have a message.
+    Where that would cost more than `most`, by counts, those that are left have a message.  With `recording` the motion
+    between the output times is returned, too.
     """
     purse = None if most is None else _Purse(most)
     states = np.full((len(members), len(times), ensemble.model.layout.width), np.nan)
     messages, final = [""] * len(members), [False] * len(members)
-    counters = Counters()
+    counters, paths = Counters(), dict[int, Path]()
     todo = [np.arange(len(members))]
     while todo:
         part = todo.pop(0)
         try:
-            run = _integrate_stack(ensemble.select(members[part]), times, rtol, purse)
+            run = _integrate_stack(ensemble.select(members[part]), times, rtol, purse, recording=recording)
         except _TooDearError:
             for k in np.concatenate([part, *todo]).tolist():
                 messages[k] = "implicit steps cost more than explicit ones"
@@ -91,6 +103,8 @@ def integrate_by_ida(ensemble: Batch, members: Index, times: Array, rtol: float,
             todo = [part[:half], part[half:], *todo]
             continue
         states[part] = run.states
+        if run.path is not None:  # what is integrated alone afterwards, is integrated again
+            paths |= {int(k): run.path.placed(np.where(part == k, k, -1)) for k in part}
         if run.message:
             messages[part[0]], final[part[0]] = run.message, run.singular
         if len(part) > 1:
@@ -100,7 +114,7 @@ def integrate_by_ida(ensemble: Batch, members: Index, times: Array, rtol: float,
             counters = counters + Counters(alone=len(hard))
     if purse is not None:
         counters = replace(counters, residuals=purse.residuals, jacobians=purse.jacobians)
-    return Solved(states, tuple(messages), counters, tuple(final))
+    return Solved(states, tuple(messages), counters, tuple(final), path=Path.joined(paths.values()))
 
 
 def reaches_by_ida(ensemble: Batch, times: Array, rtol: float, most: float) -> tuple[bool, Counters]:
@@ -166,7 +180,9 @@ def step_tolerance(rtol: float, unknowns: int) -> float:
     return min(rtol, max(STEP_SHARE * rtol / float(np.sqrt(unknowns)), LEAST_TOLERANCE))
 
 
-def _integrate_stack(ensemble: Batch, times: Array, rtol: float, purse: _Purse | None = None) -> _Run:
+def _integrate_stack(
+    ensemble: Batch, times: Array, rtol: float, purse: _Purse | None = None, *, recording: bool = False
+) -> _Run:
     """Integrate a stack through all its break times."""
     start = ensemble.start
     width = ensemble.model.layout.width
@@ -174,14 +190,15 @@ def _integrate_stack(ensemble: Batch, times: Array, rtol: float, purse: _Purse |
     result[:, 0] = start.state
     if not ensemble.model.layout.unknowns:  # nothing can move
         result[:] = result[:, :1]
-        return _Run(result, "", Counters())
+        still = path_through(times[[0, -1]], result[:, [0, -1]], None, np.arange(len(ensemble))) if recording else None
+        return _Run(result, "", Counters(), path=still)
     y = ensemble.pack(start.q, start.s, start.v, start.multipliers)
     yp = ensemble.pack(start.v, start.rates, start.a, np.zeros_like(start.multipliers))
     counters = Counters()
     callbacks = _callbacks(ensemble)
     if purse is not None:
         callbacks = purse.paying(ensemble, callbacks)
-    now = float(times[0])
+    now, paths = float(times[0]), list[Path]()
     for stop, longest, _ in pace(ensemble, times, rtol):
         inside = np.flatnonzero((times > now) & (times <= stop))
         grid = np.unique(np.concatenate([[now], times[inside], [stop]]))
@@ -193,7 +210,7 @@ def _integrate_stack(ensemble: Batch, times: Array, rtol: float, purse: _Purse |
             if refused:
                 return _Run(result, next(iter(refused.values())), counters, True)
         begin = clock.perf_counter()
-        solution = _solved(ensemble, callbacks, grid, y, yp, rtol, longest)
+        solution = _solved(ensemble, callbacks, grid, y, yp, rtol, longest, recording=recording)
         spent = clock.perf_counter() - begin
         counters = counters + Counters(solution.residuals, solution.jacobians, 1, seconds=spent)
         found = solution.y.reshape(len(solution.t), len(ensemble), -1)
@@ -206,8 +223,23 @@ def _integrate_stack(ensemble: Batch, times: Array, rtol: float, purse: _Purse |
             dead = _dead_end(ensemble, found, last)
             reason = dead or _no_number(ensemble, found, last, float(times[-1])) or diagnosis(solution, last, rtol)
             return _Run(result, reason, counters, bool(dead))
+        if solution.steps is not None:
+            paths.append(_path(ensemble, *solution.steps))
         now, y = stop, found[-1].copy()
-    return _Run(result, "", counters)
+    return _Run(result, "", counters, path=Path.joined(paths))
+
+
+def _path(ensemble: Batch, times: Array, y: Array, yp: Array) -> Path:
+    """Return the motion of a stack through the steps of an integration.
+
+    Rates are those of the method: of stiff equations they are as smooth as the states, which those of the equations at
+    the states are not.
+    """
+    shape = (len(times), len(ensemble), -1)
+    states, rates = (np.concatenate(ensemble.expand(x.reshape(shape).transpose(1, 0, 2)), axis=2) for x in (y, yp))
+    layout = ensemble.model.layout
+    rates[:, :, layout.frozen] = 0.0
+    return path_through(times, states, rates, np.arange(len(ensemble)))
 
 
 def _dead_end(ensemble: Batch, found: Array, time: float) -> str:
@@ -251,7 +283,15 @@ def _roughness(ensemble: Batch, states: Array) -> Array:
 
 
 def _solved(
-    ensemble: Batch, callbacks: Callbacks, times: Array, y: Array, yp: Array, rtol: float, longest: float
+    ensemble: Batch,
+    callbacks: Callbacks,
+    times: Array,
+    y: Array,
+    yp: Array,
+    rtol: float,
+    longest: float,
+    *,
+    recording: bool,
 ) -> Solution:
     """Integrate a stack from one time to the last without a break."""
     model = ensemble.model
@@ -264,7 +304,7 @@ def _solved(
     if y.size >= SPARSE_FROM:
         options |= {"linsolver": "sparse", "sparsity": _sparsity(model, len(ensemble))}
     limits = {"rtol": rtol, "atol": np.tile(atol, len(ensemble)), **step_limits(times, longest)}
-    return solve(residual, options, times, y.ravel(), yp.ravel(), **limits)
+    return solve(residual, options, times, y.ravel(), yp.ravel(), recording=recording, **limits)
 
 
 def step_limits(times: Array, longest: float) -> dict[str, Any]:

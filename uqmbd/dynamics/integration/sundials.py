@@ -53,6 +53,8 @@ class Solution:
         Evaluations.
     too_much_work : bool
         Whether it stopped for the number of its steps.
+    steps : tuple of array, shapes (S,), (S, n) and (S, n), optional
+        Times of its own steps, from the first time on, unknowns and their rates, where they were asked for.
     """
 
     t: Array
@@ -62,6 +64,7 @@ class Solution:
     residuals: int = 0
     jacobians: int = 0
     too_much_work: bool = False
+    steps: tuple[Array, Array, Array] | None = None
 
 
 class _Callbacks:
@@ -98,7 +101,14 @@ class _Callbacks:
 
 
 def solve(
-    residual: Callable[..., None], options: dict[str, Any], times: Array, y: Array, yp: Array, **settings: Any
+    residual: Callable[..., None],
+    options: dict[str, Any],
+    times: Array,
+    y: Array,
+    yp: Array,
+    *,
+    recording: bool = False,
+    **settings: Any,
 ) -> Solution:
     """Integrate by IDA.
 
@@ -112,6 +122,8 @@ def solve(
         At least three, increasing.
     y, yp : array, shape (n,)
         Consistent initial values and rates.
+    recording : bool
+        Whether its own steps are wanted, too; the others are the same.
     **settings
         Tolerances and limits.
 
@@ -137,6 +149,8 @@ def solve(
             warnings.filterwarnings("ignore", message="Custom sparse Jacobian")
             solver = IDA(callbacks.residual(residual), **options, **settings)
         try:
+            if recording:
+                return _step_by_step(solver, times, y, yp, int(settings["max_num_steps"]), said)
             found = solver.solve(times, y, yp)
         except (RuntimeError, KeyError, np.linalg.LinAlgError) as error:
             if callbacks.raised is not None:
@@ -154,6 +168,45 @@ def solve(
         int(found.nfev),
         int(found.njev),
         found.status == TOO_MUCH_WORK,
+    )
+
+
+def _step_by_step(solver: Any, times: Array, y: Array, yp: Array, most: int, said: io.StringIO) -> Solution:
+    """Integrate as `solve` does, and keep all steps."""
+    solver.init_step(float(times[0]), y, yp)
+    end, now = float(times[-1]), float(times[0])
+    known, path, rates = [now], [np.array(y, dtype=float)], [np.array(yp, dtype=float)]
+    reached, states = [now], [path[0]]
+    found = None
+    for wanted in times[1:].tolist():
+        steps = 0
+        while now < wanted:
+            found, steps = solver.step(wanted, "onestep", end), steps + 1
+            if not found.success or (steps > most and now < wanted):
+                break
+            if found.t > now:
+                now = float(found.t)
+                known.append(now)
+                path.append(np.array(found.y, dtype=float))
+                rates.append(np.array(found.yp, dtype=float))
+        if found is not None and found.success and steps <= most and now > wanted:
+            found = solver.step(wanted, "normal", end)
+        assert found is not None
+        reached.append(float(found.t))
+        states.append(np.array(found.y, dtype=float))
+        if not found.success or steps > most:
+            break
+    assert found is not None
+    success, many = bool(found.success) and reached[-1] == end, steps > most or found.status == TOO_MUCH_WORK
+    return Solution(
+        np.array(reached),
+        np.array(states),
+        success,
+        "" if success else f"more than {most} steps" if steps > most else _one_line(said, str(found.message)),
+        int(found.nfev),
+        int(found.njev),
+        many,
+        (np.array(known), np.array(path), np.array(rates)),
     )
 
 

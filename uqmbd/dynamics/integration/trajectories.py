@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from uqmbd.compiled import Path
 from uqmbd.typing import Array
 
 __all__ = ["Counters", "Segment", "SegmentedMotion", "Solved", "Trajectories", "stops"]
@@ -82,6 +83,10 @@ class Trajectories:
     off : array, shape (K, residual + 1), optional
         Largest residuals of the constraints after the first time, first those in position, and largest speeds, where
         the integrator has found them on the way; NaN where it has not.
+    path : Path, optional
+        The motion between the output times, where it was asked for.
+    rtol : float
+        Relative tolerance of the integration, where the path was asked for.
     """
 
     times: Array
@@ -91,6 +96,8 @@ class Trajectories:
     scalars: Mapping[str, Array] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     off: Array | None = None
+    path: Path | None = field(default=None, repr=False)
+    rtol: float = 1e-6
 
 
 @dataclass(frozen=True)
@@ -114,6 +121,8 @@ class Solved:
         counts; else zero; empty: none was.
     off : array, shape (M, residual + 1), optional
         As that of `Trajectories`.
+    path : Path, optional
+        As that of `Trajectories`.
     """
 
     states: Array
@@ -123,6 +132,7 @@ class Solved:
     notes: tuple[str, ...] = ()
     dear: tuple[float, ...] = ()
     off: Array | None = None
+    path: Path | None = None
 
 
 @dataclass(frozen=True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time as clock
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -42,19 +43,19 @@ class Dop853:
     """
 
     name = "dop853"
-    events = projected = segments = paced = watched = delegates = sampled = unlocked = True
+    events = projected = segments = paced = watched = delegates = sampled = unlocked = recorded = True
 
     stack: int = MANY
 
-    def integrate(self, ensemble: Ensemble, times: Array, rtol: float) -> Trajectories:
+    def integrate(self, ensemble: Ensemble, times: Array, rtol: float, *, recording: bool = False) -> Trajectories:
         """Integrate every realisation; a mechanism too large for compiled linear algebra is a `uqmbd.StudyError`."""
         if ensemble.model.events:
-            return integrate_with_events(ensemble, times, rtol)
+            return integrate_with_events(ensemble, times, rtol, recording=recording)
         _require_compiled(ensemble.model, _compiled(ensemble.model))
-        return in_stacks(self._solve, ensemble, times, rtol, self.stack)
+        return in_stacks(self._solve, ensemble, times, rtol, self.stack, recording=recording)
 
-    def _solve(self, ensemble: Ensemble, members: Index, times: Array, rtol: float) -> Solution:
-        return Solution.of(integrate_by_dop853(ensemble, members, times, rtol), self.name)
+    def _solve(self, ensemble: Ensemble, members: Index, times: Array, rtol: float, recording: bool) -> Solution:
+        return Solution.of(integrate_by_dop853(ensemble, members, times, rtol, recording=recording), self.name)
 
     def integrate_segments(self, ensemble: Ensemble, times: Array, rtol: float) -> SegmentedMotion:
         """Follow the only realisation from event to event."""
@@ -94,22 +95,22 @@ class Ida:
     """
 
     name = "ida"
-    projected = paced = watched = delegates = True
+    projected = paced = watched = delegates = recorded = True
     linear_solvers = LINEAR_SOLVERS
 
     stack: int = STACK
 
-    def integrate(self, ensemble: Ensemble, times: Array, rtol: float) -> Trajectories:
+    def integrate(self, ensemble: Ensemble, times: Array, rtol: float, *, recording: bool = False) -> Trajectories:
         """Integrate every realisation."""
-        return in_stacks(self._solve, ensemble, times, rtol, self.stack)
+        return in_stacks(self._solve, ensemble, times, rtol, self.stack, recording=recording)
 
-    def _solve(self, ensemble: Ensemble, members: Index, times: Array, rtol: float) -> Solution:
-        solved = integrate_by_ida(ensemble, members, times, rtol)
+    def _solve(self, ensemble: Ensemble, members: Index, times: Array, rtol: float, recording: bool) -> Solution:
+        solved = integrate_by_ida(ensemble, members, times, rtol, recording=recording)
         found, final = Solution.of(solved, self.name), np.flatnonzero(solved.final)
         if not len(final) or not _compiled(ensemble.model):
             return found
         # in a singular pose it stops; the explicit method passes over it, or knows that no motion leads on
-        other = integrate_by_dop853(ensemble, members[final], times, rtol)
+        other = integrate_by_dop853(ensemble, members[final], times, rtol, recording=recording)
         taken = [k for k, message in enumerate(other.messages) if other.final[k] or not message]
         return found.replaced(final, other, Dop853.name, np.array(taken, dtype=np.int64))
 
@@ -142,53 +143,54 @@ class Auto:
     """
 
     name = "auto"
-    events = projected = segments = paced = watched = delegates = sampled = unlocked = True
+    events = projected = segments = paced = watched = delegates = sampled = unlocked = recorded = True
     linear_solvers = LINEAR_SOLVERS
 
     stack: int = MANY
 
-    def integrate(self, ensemble: Ensemble, times: Array, rtol: float) -> Trajectories:
+    def integrate(self, ensemble: Ensemble, times: Array, rtol: float, *, recording: bool = False) -> Trajectories:
         """Integrate every realisation."""
         if ensemble.model.events:
-            return integrate_with_events(ensemble, times, rtol)
+            return integrate_with_events(ensemble, times, rtol, recording=recording)
         if not _compiled(ensemble.model):
-            other = Ida(min(self.stack, STACK)).integrate
+            other = partial(Ida(min(self.stack, STACK)).integrate, recording=recording)
             sampled = bool(ensemble.model.controls)
             return trajectories_in_samples(other, ensemble, times, rtol) if sampled else other(ensemble, times, rtol)
-        return in_stacks(self._solve, ensemble, times, rtol, self.stack)
+        return in_stacks(self._solve, ensemble, times, rtol, self.stack, recording=recording)
 
-    def _solve(self, ensemble: Ensemble, members: Index, times: Array, rtol: float) -> Solution:
-        solved = integrate_by_dop853(ensemble, members, times, rtol, comparing=True)
+    def _solve(self, ensemble: Ensemble, members: Index, times: Array, rtol: float, recording: bool) -> Solution:
+        solved = integrate_by_dop853(ensemble, members, times, rtol, comparing=True, recording=recording)
         found, left = Solution.of(solved, Dop853.name), _left(solved)
         if not len(left):
             return found
         if ensemble.model.controls:
-            return self._from_sample_to_sample(found, left, ensemble.select(members[left]), times, rtol)
+            return self._from_sample_to_sample(found, left, ensemble.select(members[left]), times, rtol, recording)
         dear = np.array(solved.dear)
         for some in _stacks(left[dear[left] == 0]):
-            other = integrate_by_ida(ensemble, members[some], times, rtol)
+            other = integrate_by_ida(ensemble, members[some], times, rtol, recording=recording)
             found = found.replaced(some, other, Ida.name, np.arange(len(some)))
         for some in _stacks(left[dear[left] > 0]):
-            other = integrate_by_ida(ensemble, members[some], times, rtol, float(dear[some].sum()))
+            most = float(dear[some].sum())
+            other = integrate_by_ida(ensemble, members[some], times, rtol, most, recording=recording)
             found = found.replaced(some, other, Ida.name, np.arange(len(some)))
         # what is cheaper at first may be dearer later, or fail
         again = np.array([k for k in left.tolist() if dear[k] and found.solved.messages[k]], dtype=np.int64)
         if len(again):
-            other = integrate_by_dop853(ensemble, members[again], times, rtol, patient=True)
+            other = integrate_by_dop853(ensemble, members[again], times, rtol, patient=True, recording=recording)
             done = np.array([k for k, message in enumerate(other.messages) if not message], dtype=np.int64)
             found = found.replaced(again, other, Dop853.name, done)
         return found
 
     def _from_sample_to_sample(
-        self, found: Solution, left: Index, ensemble: Ensemble, times: Array, rtol: float
+        self, found: Solution, left: Index, ensemble: Ensemble, times: Array, rtol: float, recording: bool
     ) -> Solution:
         """Choose anew after each sample for those that one integration of all samples could not integrate."""
         if not len(left):
             return found
-        other = trajectories_in_samples(self.integrate, ensemble, times, rtol)
+        other = trajectories_in_samples(partial(self.integrate, recording=recording), ensemble, times, rtol)
         name = Ida.name if other.counters.by_ida else Dop853.name
         counters = replace(other.counters, by_ida=0, by_dop853=0, stiff=len(left))
-        solved = Solved(other.states, other.messages, counters, notes=other.notes)
+        solved = Solved(other.states, other.messages, counters, notes=other.notes, path=other.path)
         return found.replaced(left, solved, name, np.arange(len(left)))
 
     def integrate_segments(self, ensemble: Ensemble, times: Array, rtol: float) -> SegmentedMotion:

@@ -83,4 +83,5 @@ def _others(method: Method, ensemble: Ensemble, times: Array, rtol: float, jumps
     off = None if found.off is None else np.full((count, found.off.shape[1]), np.nan)
     if off is not None and found.off is not None:
         off[rest] = found.off
-    return replace(found, states=states, messages=tuple(messages), scalars=scalars, off=off)
+    path = None if found.path is None else found.path.placed(rest)
+    return replace(found, states=states, messages=tuple(messages), scalars=scalars, off=off, path=path)

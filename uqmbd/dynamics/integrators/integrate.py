@@ -9,6 +9,7 @@ import numpy as np
 
 from uqmbd.dynamics.ensemble import Ensemble
 from uqmbd.dynamics.integration import Trajectories
+from uqmbd.dynamics.integrators.between import with_motion_between
 from uqmbd.dynamics.integrators.capabilities import require_for
 from uqmbd.dynamics.integrators.checked import checked
 from uqmbd.dynamics.integrators.protocol import declares
@@ -20,7 +21,9 @@ from uqmbd.typing import Array
 __all__ = ["integrate"]
 
 
-def integrate(ensemble: Ensemble, times: Array, rtol: float = 1e-6, method: str = "auto") -> Trajectories:
+def integrate(
+    ensemble: Ensemble, times: Array, rtol: float = 1e-6, method: str = "auto", *, between: bool = False
+) -> Trajectories:
     """Assemble and integrate every realisation of an ensemble.
 
     Parameters
@@ -33,6 +36,8 @@ def integrate(ensemble: Ensemble, times: Array, rtol: float = 1e-6, method: str 
         Relative tolerance.
     method : str
         Name of an integrator, of the core or of a plugin.
+    between : bool
+        Whether the motion between the output times is returned, too (`Trajectories.path`).
 
     Raises
     ------
@@ -50,15 +55,22 @@ def integrate(ensemble: Ensemble, times: Array, rtol: float = 1e-6, method: str 
         A realisation that fails does not disturb the others.
     """
     require_for(ensemble.model, method, f"mechanism {ensemble.model.name!r}")
-    integrator = integrator_class(method)()
+    cls = integrator_class(method)
+    integrator = cls()
+    recorded = between and declares(cls, "recorded")
+    options = {"recording": True} if recorded else {}
 
     def solve(ensemble: Ensemble, times: Array, rtol: float) -> Trajectories:
-        return _valid(integrator.integrate(ensemble, times, rtol), method, ensemble, times)
+        return _valid(integrator.integrate(ensemble, times, rtol, **options), method, ensemble, times)
 
     model = ensemble.model
-    if not model.controls or declares(integrator_class(method), "sampled"):
-        return checked(solve, ensemble, times, rtol)
-    return checked(partial(trajectories_in_samples, solve), ensemble, times, rtol)
+    if between and not recorded:
+        solve = partial(with_motion_between, solve)
+    if not model.controls or declares(cls, "sampled"):
+        found = checked(solve, ensemble, times, rtol)
+    else:
+        found = checked(partial(trajectories_in_samples, solve), ensemble, times, rtol)
+    return replace(found, rtol=rtol) if between else found
 
 
 def _valid(found: object, name: str, ensemble: Ensemble, times: Array) -> Trajectories:

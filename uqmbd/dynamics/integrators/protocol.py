@@ -10,7 +10,9 @@ from uqmbd.typing import Array
 
 __all__ = ["Capability", "Integrator", "declares"]
 
-Capability = Literal["events", "projected", "segments", "paced", "watched", "delegates", "sampled", "unlocked"]
+Capability = Literal[
+    "events", "projected", "segments", "paced", "watched", "delegates", "sampled", "unlocked", "recorded"
+]
 
 
 class Integrator(Protocol):
@@ -42,6 +44,10 @@ class Integrator(Protocol):
         ``integrate`` works in compiled code that releases the lock of the interpreter, may run in several threads at
         once, and gives the same bits there: workers are threads then, where a mechanism has neither events nor
         controllers, which are followed in Python.  Else they are processes.
+
+    ``recorded = True``
+        ``integrate`` takes ``recording=True``, and then returns its own steps besides, in `Trajectories.path`: the
+        motion between the output times, for outputs as `uqmbd.maximum`.  Others are asked for states at more times.
 
     ``linear_solvers``, a tuple of names, says that ``integrate_projected`` takes ``linear_solver=``.
 

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from uqmbd.compiled import Path
 from uqmbd.dynamics.assembly import Start
 from uqmbd.dynamics.control import Sampling
 from uqmbd.dynamics.ensemble import Ensemble
@@ -58,6 +59,7 @@ def trajectories_in_samples(method: Method, ensemble: Ensemble, times: Array, rt
     states = np.full((len(ensemble), len(times), width), np.nan)
     messages, counters, notes = list(start.messages), Counters(), list[str]()
     happened: dict[int, dict[str, list[float]]] = {}
+    paths = list[Path | None]()
     alive, now = np.flatnonzero(start.ok), start.state[start.ok]
     for number, grid in enumerate(stretches(sampling, times)):
         begin = float(grid[0])
@@ -90,13 +92,15 @@ def trajectories_in_samples(method: Method, ensemble: Ensemble, times: Array, rt
         inside = np.flatnonzero((times > begin) & (times <= grid[-1]))
         states[np.ix_(alive, inside)] = found.states[:, 1 : 1 + len(inside)]
         counters = _joined(counters, found.counters)
+        paths.append(None if found.path is None else found.path.placed(alive))
         notes += [note for note in found.notes if note not in notes]
         _note(happened, found.scalars, alive, begin if number else -np.inf)
         for row, message in zip(alive.tolist(), found.messages, strict=True):
             messages[row] = message
         going = np.array([not messages[k] for k in alive], dtype=bool)
         alive, now = alive[going], found.states[going, -1]
-    return Trajectories(times, states, tuple(messages), counters, _times_of(happened, len(ensemble)), tuple(notes))
+    scalars, path = _times_of(happened, len(ensemble)), Path.joined(paths)
+    return Trajectories(times, states, tuple(messages), counters, scalars, tuple(notes), path=path)
 
 
 def projected_in_samples(

@@ -25,18 +25,31 @@ from uqmbd.dynamics.statics.equilibrium import static_equilibria
 from uqmbd.dynamics.statics.modes import Modes, linearise
 from uqmbd.dynamics.statics.steady_modes import linearise_steady
 from uqmbd.dynamics.statics.steady_motion import SteadyMotions, steady_motions
+from uqmbd.dynamics.summaries import SummaryMap, summarised, summary_map
 from uqmbd.errors import StudyError
-from uqmbd.mechanism import AtEquilibrium, AtSteady, EventTime, MotionSymbol, Output, ScalarSymbol
+from uqmbd.mechanism import (
+    AtEquilibrium,
+    AtSteady,
+    EventTime,
+    FirstTime,
+    MotionSymbol,
+    Output,
+    ScalarSymbol,
+    Summary,
+)
 from uqmbd.names import did_you_mean
 from uqmbd.randomness import RandomVariable
 from uqmbd.status import Status
-from uqmbd.typing import Array, Index
+from uqmbd.typing import Array, Index, Mask
 
 __all__ = ["ScalarMap", "ScalarValues", "scalar_map", "scalars_of"]
 
 
 LASTING = ("rest", "lift-off", "stick", "slip")
 """Labels of what happens in a contact that lasts."""
+
+LETTERS = ("_m", "_n", "_e", "_s", "_u", "_x")
+"""Arguments of the kernel of outputs, in order: modal, motion, resting, steady, summed, inputs."""
 
 CHANGES = 1e-5
 """Part of a value by which it may change in a steady motion, to rounding and what Newton's method leaves."""
@@ -54,11 +67,14 @@ class ScalarValues:
         Of the kind `Status`; OTHER: no such value, as no equilibrium or fewer modes.
     messages : tuple of str
         Reasons.
+    censored : array of bool, shape (K, scalar)
+        What does not happen until the last output time in a realisation that has not failed: NaN, too.
     """
 
     values: Array
     status: Index
     messages: tuple[str, ...]
+    censored: Mask
 
     @classmethod
     def joined(cls, parts: Sequence[ScalarValues]) -> ScalarValues:
@@ -67,6 +83,7 @@ class ScalarValues:
             np.concatenate([p.values for p in parts]),
             np.concatenate([p.status for p in parts]),
             tuple(m for p in parts for m in p.messages),
+            np.concatenate([p.censored for p in parts]),
         )
 
 
@@ -86,8 +103,12 @@ class ScalarMap:
         Expressions that are evaluated at static equilibrium.
     steady : OutputMap
         Expressions that are evaluated in steady motion.
+    summed : SummaryMap
+        What sums the motion up.
     kernel : Kernel
-        Of ``(modal, motion, resting, steady, inputs)``.
+        Of ``(modal, motion, resting, steady, summed, inputs)``.
+    reaching : tuple of tuple of int
+        Of each output the first times in it, by number among what is summed up.
     events : frozenset of str
         Those of `motion` that are times of events.
     """
@@ -98,13 +119,20 @@ class ScalarMap:
     motion: tuple[str, ...]
     resting: OutputMap
     steady: OutputMap
+    summed: SummaryMap
     kernel: Kernel
+    reaching: tuple[tuple[int, ...], ...]
     events: frozenset[str] = frozenset()
 
     @property
     def needs_motion(self) -> bool:
         """Whether the motion must be integrated."""
-        return bool(self.motion)
+        return bool(self.motion or self.summed.names)
+
+    @property
+    def needs_path(self) -> bool:
+        """Whether the motion between the output times is needed."""
+        return self.summed.needs_path
 
     def absent(self, given: Mapping[str, Array]) -> list[str]:
         """Return the events whose times are needed, and that the motion of one realisation has not."""
@@ -152,25 +180,28 @@ def scalar_map(
     for symbol in motion:
         if isinstance(symbol, EventTime):
             _require_event(symbol, outputs, instances)
-    held, going = (
-        sorted({e for o in outputs for e in o.expression.atoms(kind)}, key=str) for kind in (AtEquilibrium, AtSteady)
+    held, going, summed = (
+        sorted({e for o in outputs for e in o.expression.atoms(kind)}, key=str)
+        for kind in (AtEquilibrium, AtSteady, Summary)
     )
-    resting, steady = (
-        output_map([Output(str(e), e.args[0], "") for e in part], instances, places, order, inputs, sizes)
-        for part in (held, going)
-    )
+
+    def compiled(part: Sequence[Output]) -> OutputMap:
+        return output_map(part, instances, places, order, inputs, sizes)
+
+    resting, steady = (compiled([Output(str(e), e.args[0], "") for e in part]) for part in (held, going))
     # whole expressions first, for their symbols are states
-    swaps: list[tuple[Any, list[Any]]] = [("_e", held), ("_s", going), ("_m", modal), ("_n", motion)]
+    swaps: list[tuple[Any, list[Any]]] = [("_e", held), ("_s", going), ("_u", summed), ("_m", modal), ("_n", motion)]
     swaps.append(("_x", list(inputs)))
-    local = [plain(o.expression) for o in outputs]
+    local = [o.expression for o in outputs]
     for letter, old in swaps:
         new = {e: sympy.Symbol(f"{letter}{k}", real=True) for k, e in enumerate(old)}
         local = [e.xreplace(new) for e in local]
+    local = [plain(e) for e in local]
 
     def make() -> Kernel:
         import symengine as se
 
-        names = [f"{letter}{k}" for letter in ("_m", "_n", "_e", "_s", "_x") for k in range(len(dict(swaps)[letter]))]
+        names = [f"{letter}{k}" for letter in LETTERS for k in range(len(dict(swaps)[letter]))]
         tables = Tables()
         expressions = tables.applied([tables.converted(e) for e in local])
         return compile_kernel([se.Symbol(name) for name in names], expressions, tables=tables.known)
@@ -184,7 +215,11 @@ def scalar_map(
         tuple(str(s) for s in motion),
         resting,
         steady,
+        summary_map(summed, compiled),
         kernel,
+        tuple(
+            tuple(k for k, s in enumerate(summed) if isinstance(s, FirstTime) and o.expression.has(s)) for o in outputs
+        ),
         frozenset(str(s) for s in motion if isinstance(s, EventTime)),
     )
 
@@ -233,7 +268,8 @@ def scalars_of(
     start = ensemble.start
     messages = list(start.messages)
     status = np.where(start.ok, Status.OK, Status.ASSEMBLY_FAILED)
-    ends = np.cumsum([len(seen.modal), len(seen.motion), len(seen.resting.names), len(seen.steady.names)])
+    blocks = (seen.modal, seen.motion, seen.resting.names, seen.steady.names, seen.summed.names)
+    ends = np.cumsum([len(block) for block in blocks])
     columns = np.full((count, int(ends[-1])), np.nan)
 
     def fail(members: Index, reasons: Sequence[str], kind: Status = Status.OTHER) -> None:
@@ -263,7 +299,7 @@ def scalars_of(
             if at == pose:
                 columns[good, column], reasons = _of_mode(modes, quantity, number)
                 fail(good, reasons)
-    if seen.motion:
+    if seen.needs_motion:
         given: Mapping[str, Array] = {} if trajectories is None else trajectories.scalars
         failed = [""] * count if trajectories is None else list(trajectories.messages)
         fail(np.arange(count), failed, Status.INTEGRATION_FAILED)
@@ -277,15 +313,21 @@ def scalars_of(
         columns[good, ends[1] : ends[2]] = _at_rest(ensemble.select(good), seen.resting, q, s)
     good = np.flatnonzero(status == Status.OK)
     if seen.steady.names and going is not None and len(good):
-        columns[good, ends[2] :], reasons = _in_motion(ensemble.select(good), seen.steady, going.select(good))
+        columns[good, ends[2] : ends[3]], reasons = _in_motion(ensemble.select(good), seen.steady, going.select(good))
         fail(good, reasons)
     good = np.flatnonzero(status == Status.OK)
+    if seen.summed.names and trajectories is not None and len(good):
+        columns[good, ends[3] :] = summarised(ensemble, seen.summed, trajectories, good)
+    censored = np.zeros((count, len(seen.names)), dtype=bool)
+    for k, reaching in enumerate(seen.reaching):
+        censored[good, k] = np.isnan(columns[good][:, ends[3] + np.array(reaching, dtype=np.int64)]).any(axis=1)
     values = np.full((count, len(seen.names)), np.nan)
     if len(good):
         with np.errstate(all="ignore"):
             arguments = np.concatenate([columns[good], ensemble.values[good]], axis=1)
             values[good] = seen.kernel(np.ascontiguousarray(arguments))
-    wrong = ~np.isfinite(values)
+    values[censored] = np.nan
+    wrong = ~np.isfinite(values) & ~censored
     fail(
         good,
         [
@@ -294,8 +336,9 @@ def scalars_of(
         ],
         Status.NOT_FINITE,
     )
-    values[status != Status.OK] = np.nan
-    return ScalarValues(values, status.astype(np.int64), tuple(messages))
+    failed = status != Status.OK
+    values[failed], censored[failed] = np.nan, False
+    return ScalarValues(values, status.astype(np.int64), tuple(messages), censored)
 
 
 def _of_mode(modes: Modes, quantity: str, number: int) -> tuple[Array, list[str]]:

@@ -5,6 +5,25 @@ from __future__ import annotations
 from uqmbd.mechanism.expressions.computable import WITHOUT_DERIVATIVE, foreign_part, told
 from uqmbd.mechanism.expressions.spline import Spline, spline
 from uqmbd.mechanism.expressions.spline_table import LOOKED_UP, SplineTable, polynomial
+from uqmbd.mechanism.expressions.summaries import (
+    Final,
+    FirstTime,
+    IntegralOverTime,
+    Maximum,
+    Minimum,
+    RootMeanSquare,
+    Summary,
+    TimeOfMaximum,
+    TimeOfMinimum,
+    final,
+    first_time,
+    integral,
+    maximum,
+    minimum,
+    root_mean_square,
+    time_of_maximum,
+    time_of_minimum,
+)
 from uqmbd.mechanism.expressions.time import step, t
 from uqmbd.mechanism.expressions.timeless import (
     AtEquilibrium,
@@ -23,6 +42,23 @@ from uqmbd.mechanism.expressions.timeless import (
 from uqmbd.mechanism.expressions.user_values import LARGEST, flatten, numbers, random_variables, shown, unknown_symbol
 
 __all__ = [
+    "Final",
+    "FirstTime",
+    "IntegralOverTime",
+    "Maximum",
+    "Minimum",
+    "RootMeanSquare",
+    "Summary",
+    "TimeOfMaximum",
+    "TimeOfMinimum",
+    "final",
+    "first_time",
+    "integral",
+    "maximum",
+    "minimum",
+    "root_mean_square",
+    "time_of_maximum",
+    "time_of_minimum",
     "AtEquilibrium",
     "AtSteady",
     "EventTime",

@@ -26,6 +26,7 @@ __all__ = [
     "damping_ratio",
     "eigenfrequency",
     "is_scalar",
+    "single",
 ]
 
 At = Literal["equilibrium", "start", "steady"]
@@ -202,7 +203,7 @@ def at_equilibrium(expression: Any) -> sympy.Expr:
     >>> round(float(uqmbd.simulate(mechanism, [0, 1])["sag"]), 9)
     0.2
     """
-    found: sympy.Expr = AtEquilibrium(_inner("at_equilibrium", expression))
+    found: sympy.Expr = AtEquilibrium(single("at_equilibrium", expression))
     return found
 
 
@@ -247,12 +248,12 @@ def at_steady(expression: Any) -> sympy.Expr:
     >>> round(float(uqmbd.simulate(mechanism, [0, 1])["radius"]), 6)
     1.8
     """
-    found: sympy.Expr = AtSteady(_inner("at_steady", expression))
+    found: sympy.Expr = AtSteady(single("at_steady", expression))
     return found
 
 
-def _inner(function: str, expression: Any) -> sympy.Expr:
-    """Return what a value at rest, or in steady motion, is of."""
+def single(function: str, expression: Any) -> sympy.Expr:
+    """Return what a quantity without a time is of: one expression, in which there is none of them yet."""
     parts = flatten(expression)
     try:
         value = sympy.sympify(parts[0], strict=True) if len(parts) == 1 else None
@@ -279,12 +280,12 @@ def is_scalar(value: Any) -> bool:
     >>> is_scalar(2 * eigenfrequency(1)), is_scalar(sympy.pi)
     (True, False)
     """
-    return isinstance(value, sympy.Basic) and value.has(ScalarSymbol, AtEquilibrium, AtSteady)
+    return isinstance(value, sympy.Basic) and bool(value.atoms(ScalarSymbol, Placeholder))
 
 
 def check_scalar(where: str, value: sympy.Expr) -> None:
     """Raise unless an expression with a quantity without a time contains nothing that changes with time."""
-    held = {e: sympy.Dummy() for e in value.atoms(AtEquilibrium, AtSteady)}
+    held = {e: sympy.Dummy() for e in value.atoms(Placeholder)}
     outside = value.xreplace(held).free_symbols - set(held.values())
     moving = sorted((s for s in outside if not isinstance(s, (ScalarSymbol, RandomVariable))), key=str)
     if not moving:
@@ -292,8 +293,9 @@ def check_scalar(where: str, value: sympy.Expr) -> None:
     named = "time" if moving[0] == t else str(moving[0])
     raise StudyError(
         f"{where}: it mixes {named}, which changes while the mechanism moves, with a quantity that a realisation has "
-        f"once. Write uqmbd.at_equilibrium({moving[0]}) for the value at rest, or "
-        f"uqmbd.at_steady({moving[0]}) for that in steady motion, or declare two outputs."
+        f"once. Write uqmbd.at_equilibrium({moving[0]}) for the value at rest, "
+        f"uqmbd.at_steady({moving[0]}) for that in steady motion, uqmbd.maximum({moving[0]}) or "
+        f"uqmbd.final({moving[0]}) for one of the whole motion, or declare two outputs."
     )
 
 

@@ -56,7 +56,8 @@ class Checkpoint:
         data, about = found
         scalars = None
         if "scalars" in data:
-            scalars = ScalarValues(data["scalars"], data["scalar_status"], tuple(about["scalar_messages"]))
+            said = data["scalar_status"], tuple(about["scalar_messages"]), data["scalar_censored"] != 0
+            scalars = ScalarValues(data["scalars"], *said)
         margins = None
         if "margins" in data:
             margins = MarginValues(data["margins"], data["margin_status"], tuple(about["margin_messages"]))
@@ -70,6 +71,7 @@ class Checkpoint:
         if chunk.scalars is not None:
             about["scalar_messages"] = chunk.scalars.messages
             arrays |= {"scalars": chunk.scalars.values, "scalar_status": chunk.scalars.status}
+            arrays["scalar_censored"] = chunk.scalars.censored
         if chunk.margins is not None:
             about["margin_messages"] = chunk.margins.messages
             arrays |= {"margins": chunk.margins.running, "margin_status": chunk.margins.status}

@@ -223,7 +223,8 @@ def compute_chunk(
     with one_thread():
         ensemble = Ensemble(model, values)
         scalars = model.scalars if kind != "requirements" else None
-        trajectories = integrate(ensemble, times, rtol, integrator) if needs_motion(model, kind) else None
+        moves, between = needs_motion(model, kind), model.needs_path
+        trajectories = integrate(ensemble, times, rtol, integrator, between=between) if moves else None
         chunk = Chunk(np.zeros((len(values), 0, 0)), np.zeros(len(values), dtype=np.int64), ("",) * len(values), {})
         if kind == "outputs" and trajectories is not None:
             chunk = _observed(ensemble, times, trajectories)

@@ -1,0 +1,356 @@
+"""Quantities without a time that sum a motion up: extremes and when they are, integrals, last values, first times."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+
+import sympy
+
+from uqmbd.errors import StudyError
+from uqmbd.mechanism.expressions.computable import Placeholder
+from uqmbd.mechanism.expressions.timeless import single
+from uqmbd.mechanism.expressions.user_values import shown
+from uqmbd.names import checked
+
+__all__ = [
+    "Final",
+    "FirstTime",
+    "IntegralOverTime",
+    "Maximum",
+    "Minimum",
+    "RootMeanSquare",
+    "Summary",
+    "TimeOfMaximum",
+    "TimeOfMinimum",
+    "final",
+    "first_time",
+    "integral",
+    "maximum",
+    "minimum",
+    "root_mean_square",
+    "time_of_maximum",
+    "time_of_minimum",
+]
+
+
+class Summary(Placeholder, sympy.Function):
+    """Base of what sums the values of an expression up, over the whole motion of a realisation."""
+
+    nargs = 1
+    is_real = True
+    kind: ClassVar[str] = ""
+
+    @property
+    def summed(self) -> sympy.Expr:
+        """What is followed over time."""
+        found: sympy.Expr = self.args[0]
+        return found
+
+    def _sympystr(self, printer: Any) -> str:
+        return f"{self.kind}({printer.doprint(self.args[0])})"
+
+
+class Maximum(Summary):
+    """The largest value of an expression."""
+
+    kind = "maximum"
+
+
+class Minimum(Summary):
+    """The smallest value of an expression."""
+
+    kind = "minimum"
+
+
+class TimeOfMaximum(Summary):
+    """When an expression is largest."""
+
+    kind = "time_of_maximum"
+
+
+class TimeOfMinimum(Summary):
+    """When an expression is smallest."""
+
+    kind = "time_of_minimum"
+
+
+class RootMeanSquare(Summary):
+    """The root of the mean square of an expression."""
+
+    kind = "root_mean_square"
+
+    @property
+    def summed(self) -> sympy.Expr:
+        """The square."""
+        found: sympy.Expr = self.args[0] ** 2
+        return found
+
+
+class IntegralOverTime(Summary):
+    """The integral of an expression over time."""
+
+    kind = "integral"
+
+
+class Final(Summary):
+    """The last value of an expression."""
+
+    kind = "final"
+
+
+class FirstTime(Summary):
+    """When an expression is zero or above for the first time."""
+
+    kind = "first_time"
+
+    def _sympystr(self, printer: Any) -> str:
+        return f"{self.kind}({printer.doprint(self.args[0])} >= 0)"
+
+
+@checked
+def maximum(expression: Any) -> sympy.Expr:
+    """Return the largest value of an expression over the motion of a realisation, for use in an output.
+
+    The whole motion counts, from the first output time to the last, not the output times alone: the largest value is
+    located on the steps of the integrator, by evaluating the expression at interpolated states, and is as accurate as
+    these.  Where the expression jumps, as a velocity in an impact, both sides count.  An output with it has one value
+    per realisation and no time.  Such quantities can be combined, as in ``maximum(x) - minimum(x)``.
+
+    Where two peaks compete within the range of the inputs the largest value has a kink, which polynomials follow
+    slowly, and `time_of_maximum` jumps.
+
+    Parameters
+    ----------
+    expression : SymPy expression
+        In whatever an output may contain: positions, reactions, random variables, time ...
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If it is no single expression, or contains a quantity without a time already.
+
+    Examples
+    --------
+    >>> import uqmbd
+    >>> from uqmbd_springs import SpringDamper
+    >>> mechanism = uqmbd.Mechanism("oscillator", uqmbd.Translational())
+    >>> mass = mechanism.body("mass", mass=1, position=(2, 0))
+    >>> spring = mechanism.add(SpringDamper("spring", mechanism.ground, mass, (0, 0), (0, 0), 100, free_length=1.5))
+    >>> mechanism.output("farthest", uqmbd.maximum(mass.position[0]), units="m")
+    >>> mechanism.output("fastest", uqmbd.maximum(mass.velocity[0]), units="m/s")
+    >>> found = uqmbd.simulate(mechanism, [0, 1])
+    >>> round(float(found["farthest"]), 6), round(float(found["fastest"]), 5)
+    (2.0, 5.0)
+    """
+    found: sympy.Expr = Maximum(single("maximum", expression))
+    return found
+
+
+@checked
+def minimum(expression: Any) -> sympy.Expr:
+    """Return the smallest value of an expression over the motion of a realisation, for use in an output.
+
+    It is found as `uqmbd.maximum` is.
+
+    Parameters
+    ----------
+    expression : SymPy expression
+        As for `uqmbd.maximum`.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If it is no single expression, or contains a quantity without a time already.
+
+    Examples
+    --------
+    >>> import uqmbd
+    >>> uqmbd.minimum(uqmbd.t)
+    minimum(t)
+    """
+    found: sympy.Expr = Minimum(single("minimum", expression))
+    return found
+
+
+@checked
+def time_of_maximum(expression: Any) -> sympy.Expr:
+    """Return when an expression is largest in the motion of a realisation, in s, for use in an output.
+
+    Of several peaks that are the same within the tolerance of the integration it is the first.  Where another peak
+    becomes the largest one within the range of the inputs, the time jumps: a surrogate of it has a discontinuity there.
+
+    Parameters
+    ----------
+    expression : SymPy expression
+        As for `uqmbd.maximum`.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If it is no single expression, or contains a quantity without a time already.
+
+    Examples
+    --------
+    >>> import uqmbd
+    >>> from uqmbd_springs import SpringDamper
+    >>> mechanism = uqmbd.Mechanism("oscillator", uqmbd.Translational())
+    >>> mass = mechanism.body("mass", mass=1, position=(2, 0))
+    >>> spring = mechanism.add(SpringDamper("spring", mechanism.ground, mass, (0, 0), (0, 0), 100, free_length=1.5))
+    >>> mechanism.output("when", uqmbd.time_of_maximum(-mass.position[0]), units="s")
+    >>> round(float(uqmbd.simulate(mechanism, [0, 1])["when"]), 6)
+    0.314159
+    """
+    found: sympy.Expr = TimeOfMaximum(single("time_of_maximum", expression))
+    return found
+
+
+@checked
+def time_of_minimum(expression: Any) -> sympy.Expr:
+    """Return when an expression is smallest in the motion of a realisation, in s, for use in an output.
+
+    See `uqmbd.time_of_maximum`.
+
+    Parameters
+    ----------
+    expression : SymPy expression
+        As for `uqmbd.maximum`.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If it is no single expression, or contains a quantity without a time already.
+
+    Examples
+    --------
+    >>> import uqmbd
+    >>> uqmbd.time_of_minimum(uqmbd.t)
+    time_of_minimum(t)
+    """
+    found: sympy.Expr = TimeOfMinimum(single("time_of_minimum", expression))
+    return found
+
+
+@checked
+def root_mean_square(expression: Any) -> sympy.Expr:
+    """Return the root of the mean square of an expression over the motion of a realisation, for use in an output.
+
+    Parameters
+    ----------
+    expression : SymPy expression
+        As for `uqmbd.maximum`.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If it is no single expression, or contains a quantity without a time already.
+
+    Examples
+    --------
+    >>> import uqmbd
+    >>> mechanism = uqmbd.Mechanism("throw", uqmbd.Translational(gravity=(0, -10)))
+    >>> ball = mechanism.body("ball", mass=1)
+    >>> mechanism.output("speed", uqmbd.root_mean_square(ball.velocity[1]), units="m/s")
+    >>> round(float(uqmbd.simulate(mechanism, [0, 3])["speed"]) ** 2, 6)
+    300.0
+    """
+    found: sympy.Expr = RootMeanSquare(single("root_mean_square", expression))
+    return found
+
+
+@checked
+def integral(expression: Any) -> sympy.Expr:
+    """Return the integral of an expression over the motion of a realisation, for use in an output.
+
+    In units of the expression times seconds, from the first output time to the last.
+
+    Parameters
+    ----------
+    expression : SymPy expression
+        As for `uqmbd.maximum`.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If it is no single expression, or contains a quantity without a time already.
+
+    Examples
+    --------
+    >>> import uqmbd
+    >>> mechanism = uqmbd.Mechanism("throw", uqmbd.Translational(gravity=(0, -10)))
+    >>> ball = mechanism.body("ball", mass=1)
+    >>> mechanism.output("area", uqmbd.integral(ball.position[1]), units="m s")
+    >>> round(float(uqmbd.simulate(mechanism, [0, 3])["area"]), 6)
+    -45.0
+    """
+    found: sympy.Expr = IntegralOverTime(single("integral", expression))
+    return found
+
+
+@checked
+def final(expression: Any) -> sympy.Expr:
+    """Return the value of an expression at the last output time, for use in an output.
+
+    Parameters
+    ----------
+    expression : SymPy expression
+        As for `uqmbd.maximum`.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If it is no single expression, or contains a quantity without a time already.
+
+    Examples
+    --------
+    >>> import uqmbd
+    >>> mechanism = uqmbd.Mechanism("throw", uqmbd.Translational(gravity=(0, -10)))
+    >>> ball = mechanism.body("ball", mass=1)
+    >>> mechanism.output("depth", -uqmbd.final(ball.position[1]), units="m")
+    >>> round(float(uqmbd.simulate(mechanism, [0, 3])["depth"]), 6)
+    45.0
+    """
+    found: sympy.Expr = Final(single("final", expression))
+    return found
+
+
+@checked
+def first_time(relation: Any) -> sympy.Expr:
+    """Return when a relation holds for the first time in the motion of a realisation, in s, for use in an output.
+
+    Where that does not happen until the last output time, the value is *censored*: the realisation has not failed, and
+    has no such value.  Statistics are those of the realisations in which it happens; results say in which share it does
+    not (`censored`).  A surrogate is fitted only where it happens in all realisations.
+
+    Parameters
+    ----------
+    relation : SymPy relation
+        As ``x >= level``; both sides in whatever an output may contain.  Where it holds at the start, the value is the
+        first output time.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If it is no relation with ``<=``, ``<``, ``>=`` or ``>``, or contains a quantity without a time already.
+
+    Examples
+    --------
+    >>> import uqmbd
+    >>> mechanism = uqmbd.Mechanism("throw", uqmbd.Translational(gravity=(0, -10)))
+    >>> ball = mechanism.body("ball", mass=1)
+    >>> mechanism.output("landing", uqmbd.first_time(ball.position[1] <= -5), units="s")
+    >>> round(float(uqmbd.simulate(mechanism, [0, 3])["landing"]), 6)
+    1.0
+    """
+    if isinstance(relation, (sympy.Ge, sympy.Gt)):
+        difference = relation.lhs - relation.rhs
+    elif isinstance(relation, (sympy.Le, sympy.Lt)):
+        difference = relation.rhs - relation.lhs
+    else:
+        always = isinstance(relation, (bool, sympy.logic.boolalg.BooleanAtom))
+        why = ", which is the same at all times" if always else ""
+        raise StudyError(
+            f"first_time was given {shown(relation)}{why}; expected a relation, e.g. "
+            "uqmbd.first_time(body.position[0] >= 0.5)."
+        )
+    found: sympy.Expr = FirstTime(single("first_time", difference))
+    return found
