@@ -143,7 +143,7 @@ def test_results_are_stored_and_the_chaos_is_evaluated_again(tree, mixed, tmp_pa
 
 @pytest.mark.thorough
 def test_nothing_is_integrated_for_statics(monkeypatch):
-    def integrate(*given):
+    def integrate(*given, **_):
         raise AssertionError("integrated")
 
     monkeypatch.setattr(chunks, "integrate", integrate)
@@ -391,7 +391,7 @@ def test_an_integration_can_yield_them(monkeypatch):
     mechanism.output("lowest", 1000 * MotionSymbol("lowest time"), units="ms")
     integrate = chunks.integrate
 
-    def with_times(ensemble, times, rtol, method):
+    def with_times(ensemble, times, rtol, method, between):
         k = ensemble.values[:, 0]
         found = np.where(k > 90, np.pi / np.sqrt(k), np.nan)
         return replace(integrate(ensemble, times, rtol), scalars={"lowest time": found})
