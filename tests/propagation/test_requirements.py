@@ -133,3 +133,16 @@ def test_without_verification_nothing_is_known():
     data = node["requirements"].to_dataset()
     assert data["interval"].values.tolist() == [[0, 1]] * 3 and "verify=16" in data.attrs["how"]
     assert data["violation_probability"].values == pytest.approx(KNOWN, abs=0.01)
+
+
+def test_one_motion_tells_its_margins():
+    mechanism = oscillator(("x",))
+    mechanism.require("travel", mechanism.bodies["mass"].position[0] >= -0.5)
+    found = uqmbd.simulate(mechanism, TIMES, check=False)
+    assert found["requirement"].values.tolist() == ["stiff", "weak", "travel"]
+    assert found["requirement_met"].values.tolist() == [True, True, False]
+    smallest = np.minimum.accumulate(np.cos(2 * TIMES) + 0.5)
+    assert found["requirement_margin"].sel(requirement="travel").values[:3] == pytest.approx(smallest[:3], abs=1e-5)
+    still = uqmbd.simulate(oscillator(), TIMES)
+    assert still["requirement_margin"].dims == ("requirement",)
+    assert float(still["requirement_margin"].sel(requirement="weak")) == pytest.approx(1.0)

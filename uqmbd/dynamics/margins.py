@@ -134,8 +134,15 @@ def margins_of(ensemble: Batch, times: Array, trajectories: Trajectories | None 
             status[k], messages[k] = kinds[k], reasons[k]
 
     if seen.still is not None:
-        found = scalars_of(ensemble, trajectories, seen.still)
+        found = scalars_of(ensemble, trajectories, seen.still, never=float(times[-1]))
         fail(found.status, found.messages)
+        # where a first time does not happen, the margin is beyond that at the end
+        above = np.array([one.open for one in seen.requirements], dtype=np.int64)[~over_time]
+        unknown = found.censored & ~np.where(found.values < 0, above < 0, above > 0)
+        never = "a first time in it does not happen until the last output time, and whether it is met depends on when"
+        names = [one.name for one in seen.requirements if not one.over_time]
+        reasons = [f"requirement {names[int(np.argmax(row))]!r}: {never}" if row.any() else "" for row in unknown]
+        fail(np.where(unknown.any(axis=1), Status.OTHER, Status.OK), reasons)
         late = slice(-1, None) if seen.still.needs_motion else slice(None)
         running[:, ~over_time, late] = found.values[:, :, None]
     if seen.moving is not None and trajectories is not None:

@@ -8,7 +8,7 @@ from typing import Any
 import sympy
 
 from uqmbd.errors import StudyError
-from uqmbd.mechanism.expressions import check_scalar, is_scalar, random_variables, shown
+from uqmbd.mechanism.expressions import FirstTime, Maximum, Minimum, check_scalar, is_scalar, random_variables, shown
 from uqmbd.mechanism.output import Output
 from uqmbd.mechanism.recorded import recorded
 from uqmbd.mechanism.scope import Described, require_known
@@ -32,12 +32,15 @@ class Requirement:
         As it reads.
     over_time : bool
         Whether it has to hold at all times; else it is one statement on a realisation.
+    open : {-1, 0, 1}
+        Where a first time in it does not happen, the margin is above (1) or below (-1) that at the end of the motion.
     """
 
     name: str
     description: str
     relation: str
     over_time: bool
+    open: int = 0
 
     @property
     def words(self) -> str:
@@ -65,7 +68,7 @@ def requirement_of(mechanism: Described, name: str, relation: Any, description: 
     timeless = is_scalar(value) or not value.free_symbols - random_variables(value)
     if is_scalar(value):
         check_scalar(where, value)
-    return Requirement(name, description, str(relation), not timeless), Output(name, value, "")
+    return Requirement(name, description, str(relation), not timeless, _bounds(value)), Output(name, value, "")
 
 
 def _margin(where: str, relation: Any) -> sympy.Expr:
@@ -90,5 +93,34 @@ def _margin(where: str, relation: Any) -> sympy.Expr:
 
 
 def _over_time(margin: sympy.Expr) -> sympy.Expr:
-    """Return a margin."""
-    return margin
+    """Return a margin over time, where it is that of the largest or smallest value alone: the same at all times.
+
+    That ``maximum(x) <= c`` is that ``x <= c`` at all times, which tells until when it held, too.
+    """
+    extremes = sorted(margin.atoms(Maximum, Minimum), key=str)
+    if len(extremes) != 1:
+        return margin
+    (extreme,) = extremes
+    slope, rest = _linear(margin, extreme)
+    falls = bool(slope.is_negative if isinstance(extreme, Maximum) else slope.is_positive)
+    if not (slope.is_number and falls) or is_scalar(rest) or rest.free_symbols - random_variables(rest):
+        return margin
+    found: sympy.Expr = rest + slope * extreme.summed
+    return found
+
+
+def _bounds(margin: sympy.Expr) -> int:
+    """Tell which side a margin is known to be on where a first time in it is later than the motion: 1 above, -1 below.
+
+    0: it has several, or is not linear in the one that it has.
+    """
+    firsts = sorted(margin.atoms(FirstTime), key=str)
+    slope = _linear(margin, firsts[0])[0] if len(firsts) == 1 else sympy.Integer(0)
+    return int(sympy.sign(slope)) if slope.is_number else 0
+
+
+def _linear(margin: sympy.Expr, part: sympy.Expr) -> tuple[sympy.Expr, sympy.Expr]:
+    """Return the slope of a margin over a part of it, and what it is without that part."""
+    held = sympy.Dummy(real=True)
+    inner = margin.xreplace({part: held})
+    return inner.diff(held), inner.xreplace({held: sympy.Integer(0)})

@@ -90,6 +90,9 @@ def simulate(
         that of outputs without a time; NaN where it is not known, with the attribute ``reason``.  Where an output has
         one of these names, an underscore is appended.
 
+        Of requirements it holds ``requirement_margin`` (requirement, time), the smallest margin until each time, and
+        ``requirement_met`` (requirement).
+
     Raises
     ------
     uqmbd.StudyError
@@ -123,9 +126,11 @@ def simulate(
     model = stepped(observed_model(mechanism, float(grid[0]), start), longest, added)
     require_for(model, integrator, where)
     ensemble = Ensemble(model, np.array([list(point.values())]))
-    if not model.outputs.names and not model.scalars.needs_motion:
+    moved = [one for one in (model.scalars, model.margins) if one is not None]
+    if not model.outputs.names and not any(one.needs_motion for one in moved):
         still = {"mechanism": mechanism.name, "start": start}
-        return xr.Dataset(_scalars(mechanism, ensemble, None), attrs=still)
+        alone = {} if model.scalars is None else _scalars(mechanism, ensemble, None)
+        return with_margins(xr.Dataset(alone, attrs=still), mechanism.name, ensemble, grid)
     refuse_jumps(ensemble, grid, rtol, where)
     trajectories = integrate(ensemble, grid, rtol, integrator, between=model.needs_path)
     if trajectories.messages[0]:
@@ -154,7 +159,30 @@ def simulate(
     coords: dict[str, Any] = {"time": ("time", grid, {"units": "s"})}
     if check:
         coords |= _errors(ensemble, grid, rtol, trajectories, response, set(variables))
-    return xr.Dataset(variables, coords=coords, attrs=attrs)
+    data = xr.Dataset(variables, coords=coords, attrs=attrs)
+    return with_margins(data, mechanism.name, ensemble, grid, trajectories)
+
+
+def with_margins(
+    data: xr.Dataset, name: str, ensemble: Ensemble, times: Array, trajectories: Trajectories | None = None
+) -> xr.Dataset:
+    """Add the margins of the requirements of one realisation, and whether they are met, where there are some."""
+    from uqmbd.dynamics import margins_of
+
+    if ensemble.model.margins is None:
+        return data
+    found, seen = margins_of(ensemble, times, trajectories), ensemble.model.margins
+    if found.messages[0]:
+        raise AssemblyError(f"mechanism {name!r}: {found.messages[0]}")
+    taken = {str(x) for x in (*data.variables, *data.dims)}
+    dimension, margin, met = (free_name(x, taken) for x in ("requirement", "requirement_margin", "requirement_met"))
+    words = {"long_name": "smallest margin so far; below zero the requirement is violated"}
+    names = np.array([one.name for one in seen.requirements], dtype=np.str_)
+    over_time = "time" in data.dims
+    dims = (dimension, "time") if over_time else (dimension,)
+    values = found.running[0] if over_time else found.values[0]
+    added = {margin: (dims, values, words), met: (dimension, found.values[0] >= 0)}
+    return data.assign(added).assign_coords({dimension: names})
 
 
 def _errors(

@@ -241,7 +241,10 @@ def _require_event(symbol: EventTime, outputs: Sequence[Output], instances: Sequ
 
 
 def scalars_of(
-    ensemble: Batch, trajectories: Trajectories | None = None, wanted: ScalarMap | None = None
+    ensemble: Batch,
+    trajectories: Trajectories | None = None,
+    wanted: ScalarMap | None = None,
+    never: float | None = None,
 ) -> ScalarValues:
     """Evaluate the outputs without a time of every realisation.
 
@@ -256,6 +259,8 @@ def scalars_of(
         Their motion, where the outputs need it (``model.scalars.needs_motion``).
     wanted : ScalarMap, optional
         What to evaluate; by default the outputs of the model.
+    never : float, optional
+        Time, s, that stands in for first times that do not happen; by default what depends on them is NaN.
 
     Returns
     -------
@@ -321,12 +326,16 @@ def scalars_of(
     censored = np.zeros((count, len(seen.names)), dtype=bool)
     for k, reaching in enumerate(seen.reaching):
         censored[good, k] = np.isnan(columns[good][:, ends[3] + np.array(reaching, dtype=np.int64)]).any(axis=1)
+    if never is not None:
+        late = ends[3] + np.unique([x for reaching in seen.reaching for x in reaching]).astype(np.int64)
+        columns[:, late] = np.where(np.isnan(columns[:, late]), never, columns[:, late])
     values = np.full((count, len(seen.names)), np.nan)
     if len(good):
         with np.errstate(all="ignore"):
             arguments = np.concatenate([columns[good], ensemble.values[good]], axis=1)
             values[good] = seen.kernel(np.ascontiguousarray(arguments))
-    values[censored] = np.nan
+    if never is None:
+        values[censored] = np.nan
     wrong = ~np.isfinite(values) & ~censored
     fail(
         good,

@@ -6,7 +6,8 @@ function, since the error of polynomials grows where the margin is far from its 
 normal score :math:`u` of the margin in its own distribution, the mean of :math:`He_i(u)^2 / i!` up to one above the
 degree of the surrogate, as of an error made of all polynomials up to that degree.  The root mean square of the
 residuals, times the quantile of Student's t distribution with as many degrees of freedom as there are residuals, is a
-band about the limit.  Samples within it may be violations, or not.
+band about the limit; by the weights of the realisations, or all alike, whichever is wider.  Samples within it may be
+violations, or not.
 """
 
 from __future__ import annotations
@@ -146,10 +147,12 @@ def _bands(chaos: Surrogate, margins: Array) -> Array:
         order = np.argsort(margins[:, k])
         rank = np.searchsorted(margins[order, k], seen[:, k])
         growth = _growth(ndtri((np.arange(len(order) + 1) + 0.5) / (len(order) + 1)), degree)
-        scale = np.sqrt(weights @ ((real[:, k] - seen[:, k]) ** 2 / growth[rank]))
-        # of weights that differ, fewer residuals tell as much
-        told = 1 / (weights**2).sum()
-        bands[order, k] = stdtrit(told, RELIANCE) * scale * np.sqrt(growth[:-1])
+        square = (real[:, k] - seen[:, k]) ** 2 / growth[rank]
+        # by what the realisations count in means, and all alike, as in the tails; few tell less than many
+        reach = max(
+            stdtrit(1 / (w**2).sum(), RELIANCE) * np.sqrt(w @ square) for w in (weights, np.full(count, 1 / count))
+        )
+        bands[order, k] = reach * np.sqrt(growth[:-1])
     return bands
 
 
