@@ -225,6 +225,7 @@ def _result(
         found.slope,
         inputs.cost(ones),
         inputs.cost(found.factors),
+        found.alike,
         before,
         checked.probability,
         checked.std_error,

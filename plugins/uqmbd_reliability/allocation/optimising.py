@@ -88,11 +88,14 @@ class Tightest:
         By the samples of the surrogate, a count.
     slope : array, shape (n,)
         Relative change of the probability for a relative change of each tolerance.
+    alike : float
+        Cost of tightening all of them by one factor instead.
     """
 
     factors: Array
     probability: float
     slope: Array
+    alike: float
 
 
 def cheapest(surrogate: Surrogate, tightened: Tightened, values: Array, target: float, narrowest: float) -> Tightest:
@@ -110,11 +113,12 @@ def cheapest(surrogate: Surrogate, tightened: Tightened, values: Array, target: 
     coarse = Samples(values[: max(COARSE, int(COARSE_HITS / target))], tightened, surrogate.margins)
     width = SMOOTH * float(coarse.least(loose).std())
     if loosest <= target:
-        return Tightest(loose, loosest, _slope(coarse, loose, width))
+        return Tightest(loose, loosest, _slope(coarse, loose, width), tightened.cost(loose))
     tightest = loose * narrowest
     tight = coarse.probability(tightest)
     if tight > target:
-        return Tightest(tightest, fine.probability(tightest), _slope(coarse, tightest, width))
+        still = fine.probability(tightest)
+        return Tightest(tightest, still, _slope(coarse, tightest, width), tightened.cost(tightest))
     start = _closed(coarse, loose, target, narrowest)
     width = SMOOTH * float(coarse.least(start).std())
     index = -float(norm.ppf(target))
@@ -127,7 +131,7 @@ def cheapest(surrogate: Surrogate, tightened: Tightened, values: Array, target: 
         probability, slope = coarse.smooth(x, width)
         return np.asarray(-slope / norm.pdf(norm.ppf(np.clip(probability, 1e-12, 1 - 1e-12))))
 
-    found = scipy.optimize.minimize(
+    outcome = scipy.optimize.minimize(
         lambda x: tightened.cost(np.exp(x)) / scale,
         np.log(start),
         jac=lambda x: tightened.slope(np.exp(x)) / scale,
@@ -136,11 +140,11 @@ def cheapest(surrogate: Surrogate, tightened: Tightened, values: Array, target: 
         constraints={"type": "ineq", "fun": reserve, "jac": reserve_slope},
         options={"maxiter": ITERATIONS, "ftol": 1e-7},
     )
-    shape = np.exp(np.clip(found.x, np.log(narrowest), 0.0))
+    shape = np.exp(np.clip(outcome.x, np.log(narrowest), 0.0))
     if tightened.cost(_closed(coarse, shape, target, narrowest)) > scale:  # no better than all alike
         shape = start
     factors = _closed(fine, shape, target, narrowest, near=0.1)
-    return Tightest(factors, fine.probability(factors), _slope(coarse, factors, width))
+    return Tightest(factors, fine.probability(factors), _slope(coarse, factors, width), scale)
 
 
 def _slope(samples: Samples, factors: Array, width: float) -> Array:

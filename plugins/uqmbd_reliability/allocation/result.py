@@ -33,6 +33,8 @@ class Allocation:
         Relative change of the probability for a relative change of each tolerance, at `after`.
     cost_before, cost_after : float
         Of all tolerances.
+    cost_alike : float
+        What it would cost to reach the probability by tightening all of them by one factor.
     probability_before, probability : float
         Of a violation, as it is (by the surrogate) and by real realisations with the tolerances `after`.
     std_error, lower, upper : float
@@ -55,6 +57,7 @@ class Allocation:
     sensitivity: Array
     cost_before: float
     cost_after: float
+    cost_alike: float
     probability_before: float
     probability: float
     std_error: float
@@ -81,7 +84,16 @@ class Allocation:
             "sensitivity": ("input", self.sensitivity),
         }
         numbers = (
-            *("allowed", "cost_before", "cost_after", "probability_before", "probability", "std_error", "lower"),
+            *(
+                "allowed",
+                "cost_before",
+                "cost_after",
+                "cost_alike",
+                "probability_before",
+                "probability",
+                "std_error",
+                "lower",
+            ),
             *("upper", "realisations", "failures", "surrogate_error"),
         )
         coords = {
@@ -111,7 +123,7 @@ class Allocation:
             f"with 95 %), allowed {self.allowed:g}, before {self.probability_before:.4g}"
         )
         lines.append(
-            f"cost {self.cost_before:.4g} before, {self.cost_after:.4g} after; {self.realisations} realisations"
-            + (f", of which {self.failures} failed" if self.failures else "")
+            f"cost {self.cost_before:.4g} before, {self.cost_after:.4g} after ({self.cost_alike:.4g} by one factor for "
+            f"all); {self.realisations} realisations" + (f", of which {self.failures} failed" if self.failures else "")
         )
         return "\n".join([*lines, *self.notes])

@@ -50,6 +50,9 @@ def test_a_linear_stack_has_the_cost_of_the_closed_form(probability, cpk):
     assert found.cost_after == pytest.approx((costs / best).sum(), rel=3e-3)
     assert found.after == pytest.approx(best, rel=0.06)  # the minimum is flat
     assert found.cost_before == pytest.approx(sum(COSTS[k] / WIDTHS[k] for k in COSTS))
+    one = np.sqrt((best**2).sum() / (found.before**2).sum())  # one factor for all
+    assert found.cost_alike == pytest.approx(found.cost_before / one, rel=0.01)
+    assert found.cost_alike > found.cost_after
     # d ln P / d ln t of a normal sum
     index = scipy.stats.norm.isf(exact)
     share = found.after**2 / (found.after**2).sum()
