@@ -109,7 +109,7 @@ def galerkin_in_phase(
     try:
         _follow_nodes(path, projected, end)
         for extension in range(EXTENSIONS + 1):
-            late = _late(path, box, terms, problem)
+            late = _late(path, box, terms, problem, verification)
             if not (late > LATE * length).any() or extension == EXTENSIONS or path.last[0] > end + LONGEST * length:
                 break
             pace = (path.last[0] - path.parts[-1][0, 0, 0, -1]) / (path.parts[-1].shape[1] / PER_TURN)
@@ -210,12 +210,14 @@ def _follow_nodes(path: _Path, projected: uqmbd.ProjectedEnsemble, end: float) -
         path.follow(min(float((end - times.min()) / pace), path.phase / TURN))
 
 
-def _late(path: _Path, box: uqmbd.GermBox, terms: Index, problem: uqmbd.Problem) -> Array:
-    """By how much (S,) the last landmarks of the samples of all statistics lie before the last time, s."""
+def _late(
+    path: _Path, box: uqmbd.GermBox, terms: Index, problem: uqmbd.Problem, verification: uqmbd.Verification
+) -> Array:
+    """By how much (S,) the last landmarks of all samples, and of the verification, lie before the last time, s."""
     edges = np.stack([path.parts[0][:, 0, 0, -1], path.last], axis=1)
     outputs = problem.labels.shape[0]
     element = AlignedElement(box, ("",), edges, np.zeros((len(terms), 1, outputs, 1)), "phase")
-    return AlignedChaos((element,), terms, problem.labels).late()
+    return AlignedChaos((element,), terms, problem.labels, **verification.known).late()
 
 
 def _diagnostics(projected: uqmbd.ProjectedEnsemble, coefficients: Array, rates: ClockRates) -> xr.Dataset:

@@ -211,8 +211,12 @@ def compared(case: Case, verify: int | None = None, seed: int = 0) -> Agreement:
     others = study.problem(Collocation()).realise(chaos.space.to_inputs(points.germs))
     known = points[others.good]
     wrong = chaos.evaluate_germs(known.germs) - others.response[others.good]
+    # a handful in a thousand lie farther out than any sample of the statistics, where phases are not known
+    kept = np.isfinite(wrong).all(axis=(1, 2))
+    assert kept.mean() > 0.98
+    wrong, weights = wrong[kept], known.weights[kept]
     spread = np.maximum(chaos.std, 0.01 * chaos.std.max(axis=1, keepdims=True))
-    true = np.sqrt(np.tensordot(known.weights / known.weights.sum(), wrong**2, axes=1)) / spread
+    true = np.sqrt(np.tensordot(weights / weights.sum(), wrong**2, axes=1)) / spread
     stated = node["statistics"]["verification_error"].transpose("output", "time").values
     same = (np.maximum(true, stated) < FLOOR) | ((stated >= true / 2) & (stated <= 2 * true))
     return Agreement(float(same.mean()), (float(stated.max()), float(true.max())))

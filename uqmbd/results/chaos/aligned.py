@@ -193,11 +193,12 @@ class AlignedChaos(SampledSurrogate):
     def late(self) -> Array:
         """Return by how much (S,), in s, the last landmarks of samples lie before the last time; 0 where they do not.
 
-        The samples are those of all statistics: mean, quantiles and Sobol' indices are NaN at times that one of them
-        does not reach.
+        The samples are those of all statistics, and the verification points: mean, quantiles, Sobol' indices and the
+        stated error are NaN at times that one of them does not reach.
         """
         a, b = self._frozen
         mixed = [np.where(np.arange(a.shape[1]) == k, b, a) for k in range(a.shape[1])]
-        germs = np.concatenate([spread_germs(self.space, MOMENTS, 0), a, b, *mixed])
+        verified = a[:0] if self.verification_germs is None else self.verification_germs
+        germs = np.concatenate([spread_germs(self.space, MOMENTS, 0), a, b, *mixed, verified])
         last = [sampled.edges[:, -1] for sampled in self._sampled(germs)]
         return np.maximum(float(self._times[-1]) - np.concatenate(last), 0.0)
