@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import time
+import warnings
 
 import chaospy
 import numpy as np
 import pytest
 import sympy
+from scipy.special import ndtr
 
 import uqmbd
 from uqmbd_collocation import Collocation
@@ -173,3 +175,83 @@ def test_a_surrogate_of_64_realisations_agrees_with_20000_real_ones():
     naive = study.propagate(Collocation(order=1, method="regression", samples=8, verify=4))["requirements"].to_dataset()
     below, above = naive["interval"].values[0]
     assert below <= counted["violation_probability"] <= above and above - below > 5 * (high - low)
+
+
+def test_each_requirement_knows_by_itself_when_it_is_known():
+    mechanism, x = oscillator()
+    mechanism.require("stroke", uqmbd.maximum(x) - uqmbd.minimum(x) <= 1.9)
+    mechanism.require("stiff", uqmbd.eigenfrequency(1) >= 0.3)
+    running = margins(mechanism, [0, 1, 2.5]).running
+    assert np.isinf(running[:, 0, :-1]).all() and np.isfinite(running[:, 1]).all()
+
+
+def test_a_reaction_that_redundant_constraints_leave_open_has_no_limit():
+    mechanism = uqmbd.Mechanism("door", uqmbd.Spatial(gravity=(0, 0, -9.81)))
+    weight = uqmbd.RandomVariable("weight", chaospy.Uniform(1, 2))
+    door = mechanism.body("door", mass=weight, inertia=(1, 1, 1), position=(0.5, 0, 0))
+    axes = {"axis_i": (0, 0, 1), "axis_j": (0, 0, 1)}
+    lower, _ = (
+        mechanism.add(Revolute(n, mechanism.ground, door, (0, 0, z), (-0.5, 0, z), **axes))
+        for n, z in (("lower", -1), ("upper", 1))
+    )
+    mechanism.require("hinge", lower.reaction_force[2] <= 10)
+    mechanism.require("angle", door.position[0] >= 0)
+    with (
+        pytest.warns(
+            uqmbd.StudyWarning, match="requirement 'hinge' limits a reaction that redundant constraints leave"
+        ),
+        pytest.warns(uqmbd.RedundantConstraintWarning),
+    ):
+        model = uqmbd.Study("s", mechanism, [0, 0.1]).model
+    assert not any("'angle'" in notice for notice in model.notices)
+
+
+@pytest.mark.thorough
+def test_convergence_asks_for_outputs_alone():
+    mechanism, x = oscillator()
+    mechanism.output("x", x, units="m")
+    mechanism.require("right", x >= 0)
+    study = uqmbd.Study("s", mechanism, [0, 0.5, 1])
+    found = study.converge(Collocation(verify=0), order=[1, 2], reference=Collocation(order=4))
+    assert np.isfinite(found["std_error_l2"].values).any()
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("alignment", ["phase", "auto"])
+def test_chaoses_that_are_aligned_with_a_clock_have_requirements(alignment):
+    mechanism, x = oscillator()
+    mechanism.output("x", x, units="m")
+    limit = uqmbd.RandomVariable("limit", chaospy.Normal(0.9, 0.05))
+    mechanism.require("left", -x <= limit)
+    # after half a period all of them have reached -1: violated where the limit is below 1
+    study = uqmbd.Study("s", mechanism, np.linspace(0, 6, 31))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)
+        node = study.propagate(Collocation(order=3, alignment=alignment))
+    data = node["requirements"].to_dataset()
+    low, high = data["interval"].values[0]
+    assert low <= ndtr(2) <= high and high - low < 0.02
+
+
+@pytest.mark.thorough
+def test_chaoses_that_are_aligned_with_events_have_requirements():
+    """A ball is dropped from 0.9 to 1.1 m: after the impact it rises to 0.81 of that height."""
+    mechanism = uqmbd.Mechanism("ball", uqmbd.Translational(gravity=(0, -10)))
+    height = uqmbd.RandomVariable("height", chaospy.Uniform(0.9, 1.1), units="m")
+    ball = mechanism.body("ball", mass=1, position=(0, height))
+    mechanism.add(PlaneImpact("floor", mechanism.ground, ball, (0, 0), (0, 0), (0, 1), restitution=0.9))
+    mechanism.output("y", ball.position[1], units="m")
+    mechanism.require("slow", ball.velocity[1] <= 4)
+    study = uqmbd.Study("s", mechanism, np.linspace(0, 0.9, 19))
+    # margins are expanded at equal times, of which some fall among the impacts: it says so
+    with pytest.warns(UserWarning, match="slow looks discontinuous, or has a kink, in height from t = 0.45 s on"):
+        node = study.propagate(Collocation(order=4, alignment="events"))
+    assert "aligned" in node.children
+    data = node["requirements"].to_dataset()
+    exact = (1.1 - (4 / 0.9) ** 2 / 20) / 0.2
+    low, high = data["interval"].values[0]
+    assert low <= exact <= high and high - low < 0.02
+    times = data["time"].values
+    # before the earliest impact nothing rises, and after the latest one all that will be violated is
+    by = data["violated_by"].values[0]
+    assert np.all(by[times < np.sqrt(0.18)] == 0) and by[times > np.sqrt(0.22) + 0.05] == pytest.approx(exact, abs=0.02)

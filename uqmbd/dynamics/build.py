@@ -37,7 +37,7 @@ from uqmbd.dynamics.equations import (
 from uqmbd.dynamics.facts import facts_of
 from uqmbd.dynamics.integration import Prescribed, prescribed_by, timed, timed_tables
 from uqmbd.dynamics.linear import index1_system, massless_direction
-from uqmbd.dynamics.margins import margin_map
+from uqmbd.dynamics.margins import margin_map, undetermined_margins
 from uqmbd.dynamics.notices import deep_contacts, hidden_turns, looked_at, moved_bodies, size_of
 from uqmbd.dynamics.observation import prepare
 from uqmbd.dynamics.statics import scalar_map
@@ -393,7 +393,8 @@ def _built(mechanism: Mechanism, time: float, fuse: bool | None) -> Model:
     model = replace(model, system=index1_system(model, _typical(model, q, time, parameters)))
     if layout.constraints > layout.rank:
         unsettled = not_unique(model, outputs, q[0], time, parameters[0])
-        model = replace(model, outputs=replace(outputs, not_unique=unsettled))
+        undetermined = undetermined_margins(model, q[0], time, parameters[0])
+        model = replace(model, outputs=replace(outputs, not_unique=unsettled), notices=(*notices, *undetermined))
     body = massless_direction(model, q, np.zeros((1, layout.states)), time, parameters)
     if body:
         raise StudyError(

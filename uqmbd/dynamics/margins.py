@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from uqmbd.dynamics.assembly import not_unique
 from uqmbd.dynamics.batch import Batch
-from uqmbd.dynamics.equations import OutputMap, output_map
+from uqmbd.dynamics.equations import Model, OutputMap, output_map
 from uqmbd.dynamics.integration import Trajectories
 from uqmbd.dynamics.statics import ScalarMap, scalar_map, scalars_of
 from uqmbd.dynamics.summaries import running_minimum
@@ -18,7 +19,7 @@ from uqmbd.mechanism import Mechanism, Requirement
 from uqmbd.status import Status
 from uqmbd.typing import Array, Index, Mask
 
-__all__ = ["MarginMap", "MarginValues", "margin_map", "margins_of"]
+__all__ = ["MarginMap", "MarginValues", "margin_map", "margins_of", "undetermined_margins"]
 
 
 @dataclass(frozen=True)
@@ -96,7 +97,7 @@ class MarginMap:
     @property
     def at_the_end(self) -> NDArray[np.bool_]:
         """Whose margins are known at the end of the motion only, shape (requirement,)."""
-        return ~self.over_time & (self.still is not None and self.still.needs_motion)
+        return np.array([requirement.at_the_end for requirement in self.requirements], dtype=bool)
 
 
 def margin_map(mechanism: Mechanism, places: Sequence[Any]) -> MarginMap | None:
@@ -109,6 +110,17 @@ def margin_map(mechanism: Mechanism, places: Sequence[Any]) -> MarginMap | None:
     )
     compiled = output_map(moving, *places) if moving else None
     return MarginMap(requirements, compiled, scalar_map(still, *places))
+
+
+def undetermined_margins(model: Model, q: Array, time: float, parameters: Array) -> tuple[str, ...]:
+    """Say which requirements limit what redundant constraints leave undetermined; arguments as of `not_unique`."""
+    moving = None if model.margins is None else model.margins.moving
+    names = () if moving is None else not_unique(model, moving, q, time, parameters)
+    return tuple(
+        f"requirement {name!r} limits a reaction that redundant constraints leave undetermined, so that its "
+        "probability means nothing; take out the redundant constraint, which `uqmbd check` names, or limit another one"
+        for name in names
+    )
 
 
 def margins_of(ensemble: Batch, times: Array, trajectories: Trajectories | None = None) -> MarginValues:
@@ -143,8 +155,8 @@ def margins_of(ensemble: Batch, times: Array, trajectories: Trajectories | None 
         names = [one.name for one in seen.requirements if not one.over_time]
         reasons = [f"requirement {names[int(np.argmax(row))]!r}: {never}" if row.any() else "" for row in unknown]
         fail(np.where(unknown.any(axis=1), Status.OTHER, Status.OK), reasons)
-        late = slice(-1, None) if seen.still.needs_motion else slice(None)
-        running[:, ~over_time, late] = found.values[:, :, None]
+        running[:, ~over_time] = found.values[:, :, None]
+        running[:, seen.at_the_end, :-1] = np.inf
     if seen.moving is not None and trajectories is not None:
         fail(
             np.where([bool(m) for m in trajectories.messages], Status.INTEGRATION_FAILED, Status.OK),

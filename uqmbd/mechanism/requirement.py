@@ -8,7 +8,17 @@ from typing import Any
 import sympy
 
 from uqmbd.errors import StudyError
-from uqmbd.mechanism.expressions import FirstTime, Maximum, Minimum, check_scalar, is_scalar, random_variables, shown
+from uqmbd.mechanism.expressions import (
+    FirstTime,
+    Maximum,
+    Minimum,
+    MotionSymbol,
+    Summary,
+    check_scalar,
+    is_scalar,
+    random_variables,
+    shown,
+)
 from uqmbd.mechanism.output import Output
 from uqmbd.mechanism.recorded import recorded
 from uqmbd.mechanism.scope import Described, require_known
@@ -32,6 +42,8 @@ class Requirement:
         As it reads.
     over_time : bool
         Whether it has to hold at all times; else it is one statement on a realisation.
+    at_the_end : bool
+        Whether that is made at the end of the motion only, as of an integral.
     open : {-1, 0, 1}
         Where a first time in it does not happen, the margin is above (1) or below (-1) that at the end of the motion.
     """
@@ -40,6 +52,7 @@ class Requirement:
     description: str
     relation: str
     over_time: bool
+    at_the_end: bool = False
     open: int = 0
 
     @property
@@ -68,7 +81,8 @@ def requirement_of(mechanism: Described, name: str, relation: Any, description: 
     timeless = is_scalar(value) or not value.free_symbols - random_variables(value)
     if is_scalar(value):
         check_scalar(where, value)
-    return Requirement(name, description, str(relation), not timeless, _bounds(value)), Output(name, value, "")
+    late = bool(value.atoms(Summary, MotionSymbol))
+    return Requirement(name, description, str(relation), not timeless, late, _bounds(value)), Output(name, value, "")
 
 
 def _margin(where: str, relation: Any) -> sympy.Expr:

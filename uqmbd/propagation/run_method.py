@@ -29,12 +29,16 @@ def run_method(propagator: Propagator, problem: Problem, *, check: bool = True) 
     where all comes from statics, nothing is integrated for it.  A method that answers requirements itself
     (`Propagator.requirements`) is asked for them in its first run.
 
+    Without `check` neither the error of the integration is measured, nor requirements are answered beside outputs.
+
     Returns
     -------
     xarray.DataTree
         The node of the method, with children ``scalars`` and ``requirements`` if there are outputs without a time, and
         requirements.
     """
+    if not check and (problem.model.outputs.names or problem.model.scalars is not None):
+        problem = replace(problem, model=replace(problem.model, margins=None))
     model = problem.model
     if model.scalars is None and model.margins is None:
         return _run(propagator, problem, check)
