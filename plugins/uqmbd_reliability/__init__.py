@@ -1,7 +1,15 @@
-"""How likely a mechanism does not meet its requirements."""
+"""How likely a mechanism does not meet its requirements, also where that is rare, and tolerances by which it does."""
 
 from __future__ import annotations
 
+import uqmbd
 from uqmbd_reliability.allocation import Allocation, allocate
+from uqmbd_reliability.propagator import Reliability
 
-__all__ = ["Allocation", "allocate"]
+__all__ = ["Allocation", "Reliability", "allocate"]
+
+
+@uqmbd.hookimpl
+def uqmbd_propagators() -> list[type[uqmbd.Propagator]]:
+    """Return the propagator of this package."""
+    return [Reliability]

@@ -1,0 +1,198 @@
+"""How likely violations are: explore, search design points, adapt a proposal, sample."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import norm
+
+from uqmbd.typing import Array
+from uqmbd_reliability.estimating import Estimate, estimate, with_any
+from uqmbd_reliability.exploring import Levels, cloud, multilevel
+from uqmbd_reliability.importance import Sampled, adapt, sample
+from uqmbd_reliability.ledger import Ledger, LimitState
+from uqmbd_reliability.proposals import Proposal, Region, around_points, from_design_point, proposal, round_region
+from uqmbd_reliability.searching import DesignPoint, distinct, search, starts
+
+__all__ = ["LEAST", "PILOT", "Analysis", "analyse"]
+
+
+PILOT = 120
+"""Standard normal points with which everything begins."""
+
+LEAST = 500
+"""Fewer realisations leave nothing for samples that count."""
+
+REACH = 5.0
+STARTS = 5
+
+
+@dataclass(frozen=True, eq=False)
+class Analysis:
+    """What was found.
+
+    Attributes
+    ----------
+    estimates : tuple of Estimate
+        Of each requirement; with several one more: that any is violated.
+    design_points : tuple of DesignPoint
+        Of all requirements, nearest first.
+    sampled : Sampled
+        The samples that the estimates come from.
+    ledger : Ledger
+        All that was computed.
+    notes : tuple of str
+        What the reader must know.
+    dependent : bool
+        Whether the samples depend on each other, so that no standard error comes from them.
+    """
+
+    estimates: tuple[Estimate, ...]
+    design_points: tuple[DesignPoint, ...]
+    sampled: Sampled
+    ledger: Ledger
+    notes: tuple[str, ...]
+    dependent: bool = False
+
+
+def analyse(
+    limit: LimitState,
+    dimension: int,
+    *,
+    method: str = "auto",
+    target: float = 0.05,
+    most: int = 3000,
+    generator: np.random.Generator,
+) -> Analysis:
+    """Estimate the probabilities that margins are below zero.
+
+    Parameters
+    ----------
+    limit : callable
+        See `LimitState`.
+    dimension : int
+        Number of standard normal variables.
+    method : {"auto", "form"}
+        ``form`` leaves out the splitting, by which ``auto`` looks for violations that no search finds.
+    target : float
+        Coefficient of variation at which sampling ends.
+    most : int
+        Realisations, at most.
+    generator : numpy.random.Generator
+        Of the random numbers.
+
+    Examples
+    --------
+    >>> plane = lambda u: (4.0 - u.sum(axis=1, keepdims=True) / 2**0.5, np.zeros(len(u), dtype=bool))
+    >>> found = analyse(plane, 2, generator=np.random.default_rng(1))
+    >>> one = found.estimates[0]
+    >>> one.lower < 3.167e-5 < one.upper, round(found.design_points[0].beta, 2), found.ledger.count < 1500
+    (True, 4.0, True)
+    """
+    ledger = Ledger(limit, dimension, most)
+    pilot = generator.standard_normal((PILOT, dimension))
+    margins = ledger(pilot)
+    requirements = margins.shape[1]
+    axes = 2 * dimension < most / 10
+    around = cloud(dimension, min(60, most // 20), REACH, generator, axes=axes)
+    begin = ledger.count
+    ledger(around)
+    origin = ledger.margins[begin]
+    notes: list[str] = []
+    levels: list[Levels | None] = [None] * requirements
+    if method == "auto":
+        for k in range(requirements):
+            levels[k] = multilevel(ledger, k, pilot, margins[:, k], generator, spared=most // 2)
+    points = _design_points(ledger, origin, requirements)
+    regions = _regions(points, levels, ledger)
+    used: Proposal | None = None
+    if regions:
+        used = adapt(ledger, proposal(regions, None, dimension), requirements, generator)
+        used, sampled = sample(ledger, used, requirements, target, generator)
+    else:
+        sampled = _plain(ledger, generator)
+    estimates = _estimates(sampled, used, margins, levels, notes)
+    return Analysis(tuple(estimates), tuple(points), sampled, ledger, tuple(notes))
+
+
+def _design_points(ledger: Ledger, origin: Array, requirements: int) -> list[DesignPoint]:
+    """Search from where rays through known points seem to meet the limits soonest."""
+    known, margins = ledger.points, ledger.margins
+    affordable = ledger.left / 3 / (requirements * (ledger.dimension + 8))
+    most = int(np.clip(affordable, 1, STARTS))
+    begin, which = [], []
+    for k in range(requirements):
+        if np.isfinite(origin[k]) and origin[k] != 0:
+            chosen = starts(known, margins[:, k], float(origin[k]), most)
+            begin.append(chosen)
+            which += [k] * len(chosen)
+    if not which:
+        return []
+    return distinct(search(ledger, np.concatenate(begin), np.array(which), origin))
+
+
+def _regions(points: list[DesignPoint], levels: list[Levels | None], ledger: Ledger) -> list[Region]:
+    """Return the regions of design points, of violations that lie elsewhere, and a round one of each requirement."""
+    regions: list[Region] = []
+    known, margins = ledger.points, ledger.margins
+    dimension = ledger.dimension
+    for k, level in enumerate(levels):
+        own = [from_design_point(point) for point in points if point.requirement == k]
+        violations = known[margins[:, k] < 0]
+        if level is not None and level.reached:
+            off = np.ones(len(level.points), dtype=bool)
+            for region in own:
+                square = ((level.points - region.blunt.mean) ** 2).sum(axis=1)
+                off &= square > dimension + 2 * np.sqrt(2 * dimension)
+            if off.mean() > 0.2 or not own:
+                share = float(np.log(max(level.probability * off.mean(), 1e-300)))
+                own.append(around_points(level.points[off], k, share))
+        elif not own and len(violations):
+            nearest = violations[np.argsort((violations**2).sum(axis=1))[:5]]
+            own.append(around_points(nearest, k, 0.0))
+        if own:
+            seen = level.points if level is not None and level.reached else np.array([r.blunt.mean for r in own])
+            regions += [*own, round_region(seen, k)]
+    return regions
+
+
+def _plain(ledger: Ledger, generator: np.random.Generator) -> Sampled:
+    """Sample the standard normal distribution, where no violation is in sight."""
+    first = ledger.count
+    points = generator.standard_normal((ledger.left, ledger.dimension))
+    return Sampled(points, np.ones(len(points)), ledger(points), first + np.arange(len(points)))
+
+
+def _estimates(
+    sampled: Sampled, used: Proposal | None, pilot: Array, levels: list[Levels | None], notes: list[str]
+) -> list[Estimate]:
+    margins, failures = with_any(sampled.margins), sampled.failures
+    # of the mixture, the standard part's samples are samples of the standard distribution, as the pilot is
+    share = 1.0 if used is None else float(used.mixture.weights[0])
+    standard = int(len(pilot) + share * len(sampled.points))
+    found = []
+    for k in range(margins.shape[1]):
+        one = estimate(np.where(margins[:, k] < 0, sampled.ratio, 0.0), failures, standard)
+        level = levels[k] if k < len(levels) else None
+        if level is not None and level.reached:
+            one = _checked(one, level, k, notes)
+        found.append(one)
+    if margins.shape[1] > len(levels):
+        # any is at least as likely as each
+        last = found[-1]
+        upper = min(max(last.upper, max(one.upper for one in found[:-1])), 1.0)
+        found[-1] = Estimate(last.probability, last.error, last.lower, upper)
+    return found
+
+
+def _checked(one: Estimate, level: Levels, column: int, notes: list[str]) -> Estimate:
+    """Widen an interval that splitting contradicts: there may be violations which the proposal does not see."""
+    spread = float(np.exp(norm.ppf(0.995) * np.sqrt(np.log1p((1.3 * level.cov) ** 2))))
+    if level.probability / spread <= one.upper:
+        return one
+    notes.append(
+        f"importance sampling gives {one.probability:.3g} for margin {column + 1}, splitting {level.probability:.3g}: "
+        "there are violations that the former does not see, and the interval holds both"
+    )
+    return Estimate(one.probability, one.error, one.lower, min(level.probability * spread, 1.0))

@@ -1,0 +1,168 @@
+"""What samples tell an engineer: importance of inputs, derivatives, and the dataset of requirements."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from scipy.special import ndtr
+
+import uqmbd
+from uqmbd.results import requirement_names, requirements_dataset
+from uqmbd.typing import Array
+from uqmbd_reliability.analysis import Analysis
+from uqmbd_reliability.estimating import derivatives, with_any
+from uqmbd_reliability.searching import DesignPoint
+from uqmbd_reliability.space import StandardSpace
+
+__all__ = ["described"]
+
+
+def described(
+    problem: uqmbd.Problem,
+    requirements: Sequence[uqmbd.Requirement],
+    space: StandardSpace,
+    found: Analysis,
+    running: Array,
+    attrs: dict[str, Any],
+) -> xr.Dataset:
+    """Build the dataset ``requirements``.
+
+    Parameters
+    ----------
+    problem : uqmbd.Problem
+        Of the study.
+    requirements : sequence of uqmbd.Requirement
+        Those that were analysed.
+    space : StandardSpace
+        Of the inputs.
+    found : Analysis
+        Of their margins.
+    running : array, shape (N, requirement, T)
+        Running margins of the samples that count.
+    attrs : dict
+        Further attributes.
+    """
+    sampled, estimates = found.sampled, found.estimates
+    names = requirement_names(requirements)
+    lost = min(float(sampled.failures.mean()), 1.0 - 1e-12)
+    with np.errstate(invalid="ignore"):
+        by = np.where(with_any(running) < 0, sampled.ratio[:, None, None], 0.0).mean(axis=0) / (1.0 - lost)
+    probability = np.array([one.probability for one in estimates])
+    margins = with_any(sampled.margins)
+    violations = np.where(margins < 0, sampled.ratio[:, None], 0.0)
+    own = [[p for p in found.design_points if p.requirement == k] for k in range(len(requirements))]
+    if len(names) > len(requirements):
+        own.append(sorted(found.design_points, key=lambda p: p.beta))
+    importance = np.array(
+        [_importance(space, points, violations[:, k], sampled.points) for k, points in enumerate(own)]
+    )
+    gradient, error = _gradient(space, violations, sampled.points, sampled.failures)
+    if found.dependent:
+        error[:] = np.nan
+    variables = {
+        **_design_points(space, own),
+        "importance": (
+            ("requirement", "input"),
+            importance,
+            {
+                "long_name": "importance of the input for the limit",
+                "comment": "squared direction cosines at the design points, weighted by their probabilities; without "
+                "a design point, from the second moments of violations",
+            },
+        ),
+        "probability_gradient": (
+            ("requirement", "moment", "input"),
+            gradient,
+            {
+                "long_name": "derivative of the probability by mean and standard deviation of the input",
+                "comment": "where the standard normal variable behind the input is shifted and widened: a bounded "
+                "input keeps its bounds; NaN for inputs that depend otherwise than by a Gaussian copula",
+            },
+        ),
+        "probability_gradient_error": (
+            ("requirement", "moment", "input"),
+            error,
+            {"long_name": "standard error of the derivative of the probability"},
+        ),
+    }
+    data = requirements_dataset(
+        requirements,
+        violation_probability=probability,
+        std_error=[one.error for one in estimates],
+        lower=[one.lower for one in estimates],
+        upper=[one.upper for one in estimates],
+        times=problem.over if problem.over is not None else problem.times,
+        violated_by=np.minimum(by, 1.0),
+        variables=variables,
+        attrs=attrs,
+    )
+    return data.assign_coords({**problem.labels.input_coords(), "moment": ["mean", "standard deviation"]})
+
+
+def _design_points(space: StandardSpace, own: list[list[DesignPoint]]) -> dict[str, tuple[Any, ...]]:
+    most = max(map(len, own), default=0)
+    shape = (len(own), most, space.dimension)
+    germs, inputs, beta = np.full(shape, np.nan), np.full(shape, np.nan), np.full(shape[:2], np.nan)
+    for k, points in enumerate(own):
+        for place, point in enumerate(points):
+            germs[k, place], beta[k, place] = point.point, point.beta
+            inputs[k, place] = space.to_inputs(point.point[None])[0]
+    dims = ("requirement", "point", "input")
+    return {
+        "design_points": (
+            dims,
+            inputs,
+            {"long_name": "most likely violation", "comment": "in the inputs' units"},
+        ),
+        "design_points_standard": (
+            dims,
+            germs,
+            {
+                "long_name": "most likely violation, in the standard normal space",
+                "comment": f"of the variables {'; '.join(space.space.names)}",
+            },
+        ),
+        "beta": (
+            dims[:2],
+            beta,
+            {"long_name": "reliability index", "comment": "distance of the design point from the origin"},
+        ),
+    }
+
+
+def _importance(space: StandardSpace, points: list[DesignPoint], violations: Array, samples: Array) -> Array:
+    if points:
+        _, inverse = space.own()
+        # what depends in a way that has no normal variable of its own keeps that of its germ
+        odd = np.asarray(np.isnan(inverse).any(axis=1))
+        inverse = np.where(odd[:, None], np.eye(len(inverse)), inverse)
+        rows: Array = np.array([inverse @ point.direction for point in points]) ** 2
+        shares = np.asarray(ndtr([-point.beta for point in points]))
+        found = shares / max(shares.sum(), 1e-300) @ (rows / rows.sum(axis=1, keepdims=True))
+        return np.asarray(found / found.sum())
+    total = violations.sum()
+    if not total > 0:
+        return np.full(space.dimension, np.nan)
+    # for a plane this is in proportion to the squared direction cosines, too
+    excess = np.maximum(violations @ (samples**2) / total - 1.0, 0.0)
+    return np.asarray(excess / excess.sum()) if excess.sum() > 0 else np.full(space.dimension, np.nan)
+
+
+def _gradient(space: StandardSpace, violations: Array, samples: Array, failures: Array) -> tuple[Array, Array]:
+    """Return derivatives by mean and deviation of the inputs, and errors, each (requirement, 2, input)."""
+    scores, slopes = space.scores(samples), space.moment_slopes()
+    shape = (violations.shape[1], 2, space.dimension)
+    value, error = np.full(shape, np.nan), np.full(shape, np.nan)
+    back = np.full((2, 2, space.dimension), np.nan)
+    for i in range(space.dimension):
+        if np.isfinite(slopes[:, :, i]).all() and abs(np.linalg.det(slopes[:, :, i])) > 0:
+            # parameters of the normal variable by moments of the input
+            back[:, :, i] = np.linalg.inv(slopes[:, :, i])
+    for k in range(shape[0]):
+        by, covariance = derivatives(violations[:, k], scores, failures)
+        value[k] = np.einsum("pi,pmi->mi", by, back)
+        error[k] = np.sqrt(np.maximum(np.einsum("pmi,pqi,qmi->mi", back, covariance, back), 0.0))
+    return value, error

@@ -1,0 +1,86 @@
+"""What a limit state was asked, and what it answered: every realisation counts."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uqmbd.typing import Array
+
+__all__ = ["Exhausted", "Ledger", "LimitState"]
+
+
+LimitState = Callable[[Array], tuple[Array, NDArray[np.bool_]]]
+"""From points (K, d) of the standard normal space to margins (K, requirement), and which realisations failed (K,).
+
+A margin below zero is a violation.  Margins of failed realisations do not matter."""
+
+
+class Exhausted(Exception):
+    """The realisations that were allowed are spent."""
+
+
+class Ledger:
+    """A limit state with a budget, that remembers.
+
+    Parameters
+    ----------
+    limit : callable
+        See `LimitState`.
+    dimension : int
+        Number of standard normal variables.
+    most : int
+        Realisations that may be computed.
+
+    Examples
+    --------
+    >>> ledger = Ledger(lambda u: (3.0 - u[:, :1], np.zeros(len(u), dtype=bool)), 2, 10)
+    >>> ledger(np.zeros((4, 2))).ravel().tolist(), ledger.left
+    ([3.0, 3.0, 3.0, 3.0], 6)
+    """
+
+    def __init__(self, limit: LimitState, dimension: int, most: int) -> None:
+        self.dimension, self.most = dimension, most
+        self._limit = limit
+        self._points: list[Array] = []
+        self._margins: list[Array] = []
+
+    def __call__(self, points: Array) -> Array:
+        """Return margins (K, requirement); NaN where a realisation failed.
+
+        Raises
+        ------
+        Exhausted
+            Where more than what is left is asked for: nothing is computed then.
+        """
+        if len(points) > self.left:
+            raise Exhausted
+        margins, failed = self._limit(points)
+        # what is not finite downwards or no number is a failure; infinite upwards is safe: nothing has happened yet
+        found = np.where(failed[:, None] | np.isnan(margins), np.nan, margins)
+        found[np.isnan(found).any(axis=1)] = np.nan
+        self._points.append(points)
+        self._margins.append(found)
+        return found
+
+    @property
+    def count(self) -> int:
+        """Realisations so far."""
+        return sum(map(len, self._points))
+
+    @property
+    def left(self) -> int:
+        """Realisations that may still be computed."""
+        return self.most - self.count
+
+    @property
+    def points(self) -> Array:
+        """All points so far, shape (K, d)."""
+        return np.concatenate([np.zeros((0, self.dimension)), *self._points])
+
+    @property
+    def margins(self) -> Array:
+        """All margins so far, shape (K, requirement)."""
+        return np.concatenate(self._margins)

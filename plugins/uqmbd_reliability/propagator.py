@@ -1,0 +1,210 @@
+"""The reliability propagator."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass
+from typing import Annotated, Any, ClassVar, Literal
+
+import numpy as np
+import xarray as xr
+
+import uqmbd
+from uqmbd.results import requirement_names, sample_dataset, statistics_of_samples
+from uqmbd_reliability.analysis import LEAST, PILOT, Analysis, analyse
+from uqmbd_reliability.describing import described
+from uqmbd_reliability.runs import Runs
+from uqmbd_reliability.space import StandardSpace
+from uqmbd_reliability.subset import MISSING, available, subset
+
+__all__ = ["Reliability"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reliability(uqmbd.Propagator):
+    """Find how probably requirements are violated, where violations are too rare to be counted.
+
+    It looks for the most likely violations (design points), and samples around them: each realisation is weighted by
+    how much more probable it was made, so the probability is that of the mechanism, whatever the search has found.
+    Some samples, and chains that go down from level to level, look elsewhere; what they find is sampled, too, and an
+    interval that they contradict is widened.
+
+    Parameters
+    ----------
+    requirement : str, optional
+        Name of the requirement.  Default: all, and that any is violated, from the same realisations.
+    method : {"auto", "form", "subset"}
+        ``"auto"``: design points, and splitting into levels, which sees violations that no search finds, then
+        importance sampling.  ``"form"``: without splitting: fewer realisations, where the limit is known to be
+        simple. ``"subset"``: subset simulation of OpenTURNS (``pip install "uqmbd[reliability]"``), of one
+        requirement: a second opinion, far less certain; the other methods need nothing more than uqmbd.
+    target_cov : float
+        Coefficient of variation (standard error over probability) at which it ends.
+    max_realisations : int
+        Realisations at most, all together, those of searches included.
+    seed : int
+        Of the random numbers: the same seed gives the same bits, whatever the number of workers.
+    label : str, optional
+        Name of the results, by default ``reliability``.
+
+    Warns
+    -----
+    UserWarning
+        In a run, if realisations fail (they are neither safe nor unsafe: the interval holds both), if `target_cov`
+        was not reached, or if there are no requirements.
+
+    Notes
+    -----
+    Statistics of the outputs are those of the first standard normal realisations, with the standard errors of so few;
+    take Monte Carlo or a surrogate for them.
+
+    Examples
+    --------
+    >>> Reliability(max_realisations=1000, seed=1).method
+    'auto'
+    """
+
+    name: ClassVar[str] = "reliability"
+    requirements: ClassVar[bool] = True
+    requirement: str | None = None
+    method: Literal["auto", "form", "subset"] = "auto"
+    target_cov: Annotated[float, uqmbd.Bounds(0.005, 1)] = 0.05
+    max_realisations: Annotated[int, uqmbd.Bounds(LEAST)] = 3000
+    seed: Annotated[int, uqmbd.Bounds(0)] = 0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.method == "subset" and not available():
+            raise uqmbd.StudyError(f"Reliability: {MISSING}.")
+
+    def estimate(self, study: uqmbd.Study) -> uqmbd.Estimate:
+        """Count realisations, and the running margins that are kept."""
+        wanted = len(study.mechanism.requirements)
+        count = self.max_realisations if wanted else PILOT
+        return uqmbd.Estimate(count, 8 * count * (wanted * len(study.times) + 4), "running margins", at_most=True)
+
+    def obstacle(self, study: uqmbd.Study) -> str | None:
+        """Say what is in the way: nothing random, or a requirement that there is not."""
+        if reason := uqmbd.nothing_random(study.mechanism.inputs, study.mechanism.name):
+            return reason
+        return self._unknown(list(study.mechanism.requirements))
+
+    def remarks(self, study: uqmbd.Study) -> tuple[str, ...]:
+        """Say where there are no requirements."""
+        return () if study.mechanism.requirements else (NOTHING,)
+
+    def propagate(self, problem: uqmbd.Problem) -> xr.DataTree:
+        """Explore, search, sample, and summarise."""
+        space = StandardSpace(problem.germ_space())
+        names = [one.name for one in problem.requirements]
+        if problem.answers_requirements and (reason := self._unknown(names)):
+            raise uqmbd.StudyError(f"{problem.label}: {reason}.")
+        if not problem.answers_requirements:
+            return self._without(problem, space)
+        chosen = list(range(len(names))) if self.requirement is None else [names.index(self.requirement)]
+        runs = Runs(problem, space, chosen)
+        found = self._analyse(runs, space.dimension, problem.label)
+        attrs = self._told(problem, runs, found, requirement_names([names[k] for k in chosen]))
+        data = described(
+            problem,
+            [problem.requirements[k] for k in chosen],
+            space,
+            found,
+            runs.running(found.sampled.rows),
+            {"how": attrs["reliability_summary"]},
+        )
+        pilot = runs.pilot
+        assert pilot is not None
+        return self._node(problem, pilot, attrs, runs, {"requirements": data})
+
+    def _analyse(self, runs: Runs, dimension: int, label: str) -> Analysis:
+        if self.method == "subset":
+            return subset(runs, dimension, most=self.max_realisations, seed=self.seed)
+        generator = np.random.default_rng(self.seed)
+        return analyse(
+            runs,
+            dimension,
+            method=self.method,
+            target=self.target_cov,
+            most=self.max_realisations,
+            generator=generator,
+        )
+
+    def _unknown(self, names: list[str]) -> str | None:
+        if self.requirement is not None and self.requirement not in names:
+            there = f"there are {', '.join(names)}" if names else "there is none"
+            return f"requirement is {self.requirement!r}; {there}: give the name of one, or leave it out"
+        if self.method == "subset" and self.requirement is None and len(names) > 1:
+            return f"method 'subset' is for one requirement; give as requirement one of {', '.join(names)}"
+        return None
+
+    def _without(self, problem: uqmbd.Problem, space: StandardSpace) -> xr.DataTree:
+        """Give the statistics alone: there are no requirements, or they are answered in another run."""
+        points = np.random.default_rng(self.seed).standard_normal((PILOT, space.dimension))
+        if not problem.requirements:
+            warnings.warn(f"{problem.label}: {NOTHING}.", stacklevel=3)
+        pilot = problem.realise(space.to_inputs(points))
+        return self._node(problem, pilot, {}, None, {})
+
+    def _node(
+        self,
+        problem: uqmbd.Problem,
+        pilot: uqmbd.Realisations,
+        attrs: dict[str, Any],
+        runs: Runs | None,
+        children: dict[str, xr.Dataset],
+    ) -> xr.DataTree:
+        fine = pilot.good
+        lost = int(np.count_nonzero(~fine))
+        if lost > 0.5 * len(fine) or lost > len(fine) - 2:
+            raise uqmbd.IntegrationError(
+                f"{problem.label}: {lost} of the first {len(fine)} realisations failed; check the distributions of the "
+                f"inputs. Most frequent reason: {pilot.most_frequent_reason()}"
+            )
+        failures = lost if runs is None else max(runs.failures, lost)
+        total = len(fine) if runs is None else runs.count
+        if failures:
+            reason = pilot.most_frequent_reason() or (runs.reason if runs else "") or "an output is not finite"
+            warnings.warn(
+                f"{problem.label}: {failures} of {total} realisations failed; they are neither safe nor unsafe, and "
+                f"widen the intervals. Most frequent reason: {reason}",
+                stacklevel=3,
+            )
+        samples = sample_dataset(
+            pilot.response, pilot.values, problem.labels, status=pilot.status, messages=pilot.messages
+        )
+        return problem.node(
+            self,
+            statistics_of_samples(samples, each=problem.each),
+            samples,
+            realisations=total,
+            wall_time=pilot.wall_time if runs is None else runs.wall_time,
+            counters=pilot.counters if runs is None else dict(runs.counters),
+            children=children,
+            attrs={**attrs, "failures": failures, "samples_kept": len(fine)},
+        )
+
+    def _told(self, problem: uqmbd.Problem, runs: Runs, found: Analysis, names: tuple[str, ...]) -> dict[str, Any]:
+        """Say in words what was done, and warn where it is not what was asked for."""
+        counted = len(found.sampled.points)
+        points = f"{len(found.design_points)} design points" if found.design_points else "no design point"
+        how = "OpenTURNS's subset simulation" if self.method == "subset" else f"{points}, {counted} samples that count"
+        text = [f"{how}, {runs.count} realisations in all"]
+        missed = [
+            f"{name} ({one.cov:.2g})"
+            for name, one in zip(names, found.estimates, strict=True)
+            if one.probability > 0 and one.cov > 1.1 * self.target_cov
+        ]
+        if missed and self.method != "subset":
+            warnings.warn(
+                f"{problem.label}: target_cov={self.target_cov:g} was not reached for {', '.join(missed)} with "
+                f"{runs.count} realisations; the intervals say so. Increase max_realisations.",
+                stacklevel=3,
+            )
+        return {"reliability_summary": "; ".join([*text, *found.notes])}
+
+
+NOTHING = (
+    "the mechanism has no requirement, so there is nothing to find but statistics of few realisations; state one by "
+    "mechanism.require(name, relation), or use another method"
+)

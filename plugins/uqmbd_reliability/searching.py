@@ -1,0 +1,204 @@
+"""Design points: the points of the limits that are nearest to the origin, from several starts at once.
+
+OpenTURNS's FORM asks for the gradient at a point in one stack, but for one start after the other, and for single
+points in between (11 calls and 20 points for a plane in two dimensions, 26 and 50 for a parabola, 415 points for a
+plane in 40 dimensions), and it cannot go on where a realisation fails; its MultiFORM raises where branches are
+symmetric. Here all starts and all requirements go in one stack, and with many inputs gradients are updated rather
+than computed again.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from uqmbd.typing import Array
+from uqmbd_reliability.ledger import Exhausted, Ledger
+
+__all__ = ["DesignPoint", "distinct", "search", "starts"]
+
+
+STEP = 0.05
+"""Of finite differences: so large that the integration error divided by it is small."""
+
+FULL = 6
+"""Up to so many inputs gradients are computed in each step; with more they are updated by Broyden's formula."""
+
+ROUNDS = 12
+FARTHEST = 9.0
+"""Beyond this distance from the origin violations have probabilities below 1e-18."""
+
+
+@dataclass(frozen=True, eq=False)
+class DesignPoint:
+    """A most likely violation.
+
+    Attributes
+    ----------
+    requirement : int
+        Which margin is zero there.
+    point : array, shape (d,)
+        In the standard normal space.
+    beta : float
+        Its distance from the origin; negative where the origin is a violation.
+    direction : array, shape (d,)
+        Unit vector into the violation: against the gradient of the margin.
+    """
+
+    requirement: int
+    point: Array
+    beta: float
+    direction: Array
+
+
+def starts(points: Array, margins: Array, origin: float, most: int) -> Array:
+    """Choose points from which to search: those whose rays from the origin seem to meet the limit soonest.
+
+    Parameters
+    ----------
+    points, margins : array, shapes (K, d), (K,)
+        What is known; NaN where a realisation failed.
+    origin : float
+        Margin of the origin.
+    most : int
+        How many.
+
+    Returns
+    -------
+    array, shape (S, d)
+        In directions that differ by 45 degrees at least, scaled to where they seem to meet it.
+    """
+    distance = np.linalg.norm(points, axis=1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        met = distance * origin / (origin - margins)
+    good = np.isfinite(met) & (distance > 0.1) & (met > 0) & (met < 3 * FARTHEST)
+    order = np.flatnonzero(good)[np.argsort(met[good], kind="stable")]
+    chosen: list[int] = []
+    for k in order:
+        cosines = [points[k] @ points[j] / (distance[k] * distance[j]) for j in chosen]
+        if all(c < 0.7 for c in cosines):
+            chosen.append(int(k))
+        if len(chosen) == most:
+            break
+    # interpolated where it was passed, not extrapolated far
+    scale = [min(met[k], 1.5 * distance[k] + 1.0) / distance[k] for k in chosen]
+    return np.array([points[k] * s for k, s in zip(chosen, scale, strict=True)]).reshape(-1, points.shape[1])
+
+
+def search(ledger: Ledger, begin: Array, requirement: Array, origin: Array) -> list[DesignPoint]:
+    """Search from all starts together, by steps of Hasofer, Lind, Rackwitz and Fiessler with backtracking.
+
+    Parameters
+    ----------
+    ledger : Ledger
+        Of the limit state.
+    begin : array, shape (S, d)
+        Starts.
+    requirement : array of int, shape (S,)
+        Which margin is followed from each.
+    origin : array, shape (requirement,)
+        Margins of the origin.
+
+    Returns
+    -------
+    list of DesignPoint
+        Where a search ended on the limit; several may have ended at the same point.
+    """
+    paths = [_Path(u, int(r)) for u, r in zip(begin, requirement, strict=True)]
+    for _ in range(ROUNDS):
+        going = [path for path in paths if not path.done]
+        asked = [path.asked() for path in going]
+        if not asked or sum(map(len, asked)) > ledger.left:
+            break
+        try:
+            found = ledger(np.concatenate(asked))
+        except Exhausted:
+            break
+        edges = np.cumsum([0, *map(len, asked)])
+        for path, low, high in zip(going, edges, edges[1:], strict=False):
+            path.hear(found[low:high, path.requirement])
+    ended = []
+    for path in paths:
+        if path.ended:
+            beta = float(np.linalg.norm(path.point)) * (1.0 if origin[path.requirement] > 0 else -1.0)
+            ended.append(DesignPoint(path.requirement, path.point, beta, -path.slope / np.linalg.norm(path.slope)))
+    return ended
+
+
+class _Path:
+    """One search: what it asks for next, and what it makes of the answer."""
+
+    def __init__(self, begin: Array, requirement: int) -> None:
+        self.requirement = requirement
+        self.point, self.tried = begin, begin
+        self.margin = np.nan
+        self.slope = np.zeros(len(begin))
+        self.merit, self.halvings = np.inf, 0
+        self.fresh = True
+        self.done = self.ended = False
+
+    def asked(self) -> Array:
+        """Return the points that are to be computed."""
+        if not self.fresh:
+            return self.tried[None]
+        return np.concatenate([self.tried[None], self.tried + STEP * np.eye(len(self.tried))])
+
+    def hear(self, margins: Array) -> None:
+        """Take the margins of what was asked for, and choose the next step."""
+        margin, slope = float(margins[0]), self.slope
+        if self.fresh and len(margins) > 1:
+            slope = (margins[1:] - margin) / STEP
+        elif np.isfinite(margin) and np.isfinite(self.margin):
+            moved = self.tried - self.point
+            slope = slope + (margin - self.margin - slope @ moved) / max(float(moved @ moved), 1e-12) * moved
+        # a realisation that failed says nothing of its direction
+        slope = np.where(np.isfinite(slope), slope, 0.0)
+        size = float(np.linalg.norm(slope))
+        worse = not np.isfinite(margin) or size == 0.0
+        if not worse:
+            factor = (2.0 * float(np.linalg.norm(self.tried)) + 1.0) / size
+            merit = 0.5 * float(self.tried @ self.tried) + factor * abs(margin)
+            worse = self.halvings < 3 and bool(np.isfinite(self.margin)) and merit > self._merit(factor) + 1e-9
+        if worse:
+            self.halvings += 1
+            if self.halvings > 4 or not np.isfinite(self.margin):
+                self.done = True
+            self.tried = 0.5 * (self.tried + self.point)
+            # an updated gradient that leads nowhere is computed again, at the best point so far
+            if self.halvings == 2 and len(slope) > FULL and np.isfinite(self.margin):
+                self.tried, self.fresh, self.margin = self.point, True, np.nan
+            return
+        self.point, self.margin, self.slope, self.halvings = self.tried, margin, slope, 0
+        across = self.point - (self.point @ slope) / size**2 * slope
+        near = abs(margin) < 0.03 * size
+        if near and np.linalg.norm(across) < 0.1 + 0.03 * np.linalg.norm(self.point):
+            self.done = self.ended = True
+            return
+        self.fresh = len(slope) <= FULL
+        target = (self.point @ slope - margin) / size**2 * slope
+        step = target - self.point
+        length = float(np.linalg.norm(step))
+        self.tried = self.point + step * min(1.0, 3.0 / max(length, 1e-12))
+        if np.linalg.norm(self.tried) > FARTHEST:
+            self.tried = self.tried * (FARTHEST / np.linalg.norm(self.tried))
+            if np.linalg.norm(self.point) > 0.98 * FARTHEST:
+                self.done = True
+        # a point on the limit that is not the nearest is worth keeping when the rounds end
+        self.ended = near
+
+    def _merit(self, factor: float) -> float:
+        return 0.5 * float(self.point @ self.point) + factor * abs(self.margin)
+
+
+def distinct(points: list[DesignPoint]) -> list[DesignPoint]:
+    """Return those that are no repetition of one nearer to the origin, nearest first.
+
+    Two are one where they lie closer than the region that a normal distribution around one of them covers.
+    """
+    found: list[DesignPoint] = []
+    for one in sorted(points, key=lambda p: (p.requirement, p.beta)):
+        same = [o for o in found if o.requirement == one.requirement]
+        if all(np.linalg.norm(o.point - one.point) > 0.3 * max(abs(o.beta), 1.0) for o in same):
+            found.append(one)
+    return found

@@ -1,0 +1,106 @@
+"""The standard normal space of the inputs: germs of any family become functions of standard normal variables."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import ndtr
+
+import uqmbd
+from uqmbd.typing import Array
+
+__all__ = ["StandardSpace"]
+
+
+@dataclass(frozen=True, eq=False)
+class StandardSpace:
+    """Standard normal variables, one for each germ, and the inputs as functions of them.
+
+    Parameters
+    ----------
+    space : uqmbd.GermSpace
+        A Hermite germ is a standard normal variable; others are the quantiles of one.
+
+    Examples
+    --------
+    >>> import chaospy
+    >>> from uqmbd.randomness import JointInput
+    >>> a = uqmbd.RandomVariable("a", chaospy.Uniform(0, 2)); b = uqmbd.RandomVariable("b", chaospy.Normal(1, 3))
+    >>> StandardSpace(uqmbd.GermSpace.of(JointInput.of([a, b]))).to_inputs(np.zeros((1, 2))).tolist()
+    [[1.0, 1.0]]
+    """
+
+    space: uqmbd.GermSpace
+
+    @property
+    def dimension(self) -> int:
+        """Number of variables."""
+        return self.space.dimension
+
+    def to_germs(self, points: Array) -> Array:
+        """Map standard normal variables (K, d) to germs."""
+        germs = np.empty_like(points)
+        for k, germ in enumerate(self.space.germs):
+            column = np.ascontiguousarray(points[:, k])
+            germs[:, k] = column if germ.family == "hermite" else germ.from_uniform(ndtr(column))
+        return germs
+
+    def to_inputs(self, points: Array) -> Array:
+        """Map standard normal variables (K, d) to inputs, in their units."""
+        return self.space.to_inputs(self.to_germs(points))
+
+    def own(self) -> tuple[Array, Array]:
+        """Return what makes the normal variable of each input of its own, and the way back.
+
+        Inputs that depend on each other by a Gaussian copula are increasing functions of correlated normal variables
+        ``z = factor u``; the score of their density by the mean of z_i is ``(factor^-T u)_i``.
+
+        Returns
+        -------
+        factor, inverse : array, shape (d, d)
+            The latter is the transposed inverse.  NaN in the rows of inputs that depend in another way.
+        """
+        factor = np.eye(self.dimension)
+        for group in self.space.groups:
+            columns = np.array(group.columns)
+            if not group.independent:
+                factor[np.ix_(columns, columns)] = getattr(group, "factor", np.nan)
+        known = np.isfinite(factor).all(axis=1)
+        inverse = np.full_like(factor, np.nan)
+        inverse[np.ix_(known, known)] = np.linalg.inv(factor[np.ix_(known, known)]).T
+        inverse[np.ix_(known, ~known)] = 0.0
+        return factor, inverse
+
+    def scores(self, points: Array) -> Array:
+        """Return the scores by mean and logarithm of the deviation of each input's normal variable, shape (K, 2, d)."""
+        factor, inverse = self.own()
+        shifted = points @ np.nan_to_num(inverse).T
+        own = points @ np.nan_to_num(factor).T
+        found = np.stack([shifted, own * shifted - 1.0], axis=1)
+        found[:, :, np.isnan(inverse).any(axis=1)] = np.nan
+        return np.asarray(found)
+
+    def moment_slopes(self) -> Array:
+        """Return the derivatives of mean and deviation of each input by those of its normal variable, shape (2, 2, d).
+
+        Axes: moment of the input (mean, deviation), parameter of its normal variable.  By Stein's identity, so that
+        discrete inputs have them, too.
+        """
+        factor, _ = self.own()
+        z = np.linspace(-8.2, 8.2, 8001)
+        weights = np.exp(-0.5 * z**2)
+        weights /= weights.sum()
+        slopes = np.full((2, 2, self.dimension), np.nan)
+        for k in range(self.dimension):
+            if np.isnan(factor[k]).any():
+                continue
+            # the point whose z_k is as wanted: along the row of its factor, which has the norm one
+            x = self.to_inputs(z[:, None] * factor[k])[:, k]
+            mean = weights @ x
+            away = x - mean
+            deviation = np.sqrt(weights @ away**2)
+            for row, score in enumerate((z, z**2 - 1.0)):
+                slopes[0, row, k] = weights @ (away * score)
+                slopes[1, row, k] = weights @ (away**2 * score) / (2.0 * deviation) if deviation > 0 else 0.0
+        return slopes

@@ -1,0 +1,104 @@
+"""Subset simulation by OpenTURNS: another look at a probability, which shares the space with the others only.
+
+What it cannot do is why it is not the method by default: see `uqmbd_reliability.exploring`.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.stats import norm
+
+import uqmbd
+from uqmbd.typing import Array
+from uqmbd_reliability.analysis import Analysis
+from uqmbd_reliability.estimating import Estimate
+from uqmbd_reliability.importance import Sampled
+from uqmbd_reliability.ledger import Exhausted, Ledger, LimitState
+
+__all__ = ["MISSING", "available", "subset"]
+
+
+MISSING = (
+    "method 'subset' is that of OpenTURNS, which is not installed; install it (pip install \"uqmbd[reliability]\"), or "
+    "take method='auto', which needs nothing more"
+)
+
+LEAST, BLOCK = 500, 100
+"""Points of a level at least, and how many are computed at once; with 300 OpenTURNS raises on rare events."""
+
+DEPENDENCE = 1.5
+"""Measured standard deviation over that which OpenTURNS states: chains depend on each other from level to level."""
+
+
+def available() -> bool:
+    """Return whether OpenTURNS is installed."""
+    try:
+        import openturns
+    except ImportError:
+        return False
+    return bool(openturns.__version__)
+
+
+def subset(limit: LimitState, dimension: int, *, most: int, seed: int) -> Analysis:
+    """Estimate the probability that one margin is below zero.
+
+    Parameters
+    ----------
+    limit : callable
+        See `uqmbd_reliability.ledger.LimitState`, of one requirement.
+    dimension : int
+        Number of standard normal variables.
+    most : int
+        Realisations, at most.
+    seed : int
+        Of OpenTURNS's random numbers.
+
+    Raises
+    ------
+    uqmbd.IntegrationError
+        If the realisations do not suffice.
+    """
+    import openturns as ot
+
+    ledger = Ledger(limit, dimension, most)
+    seen: dict[bytes, int] = {}
+
+    def evaluate(sample: object) -> Array:
+        points = np.array(sample)
+        first = ledger.count
+        margins = ledger(points)
+        seen.update({row.tobytes(): first + k for k, row in enumerate(points)})
+        # a realisation that failed stops no chain; it is counted as what it might be in the interval
+        return np.where(np.isnan(margins), 1e300, margins)
+
+    # the state of OpenTURNS's generator is global: it is given back
+    before = ot.RandomGenerator.GetState()
+    ot.RandomGenerator.SetSeed(seed)
+    try:
+        function = ot.PythonFunction(dimension, 1, func_sample=evaluate)
+        vector = ot.CompositeRandomVector(function, ot.RandomVector(ot.Normal(dimension)))
+        algorithm = ot.SubsetSampling(ot.ThresholdEvent(vector, ot.Less(), 0.0))
+        algorithm.setMaximumOuterSampling(LEAST // BLOCK)
+        algorithm.setBlockSize(BLOCK)
+        algorithm.setKeepSample(True)
+        algorithm.run()
+    except Exhausted:
+        raise uqmbd.IntegrationError(
+            f"OpenTURNS's subset simulation needs more than the {most} realisations that are allowed; increase "
+            "max_realisations, or take method='auto'."
+        ) from None
+    finally:
+        ot.RandomGenerator.SetState(before)
+    result = algorithm.getResult()
+    probability = float(result.getProbabilityEstimate())
+    cov = DEPENDENCE * float(result.getCoefficientOfVariation())
+    last = np.array(algorithm.getInputSample(algorithm.getStepsNumber() - 1, algorithm.EVENT1))
+    factor = float(np.exp(norm.ppf(0.975) * np.sqrt(np.log1p(cov**2))))
+    failed = float(np.isnan(ledger.margins).mean())
+    one = Estimate(
+        probability, cov * probability, probability / factor * (1 - failed), min(probability * factor + failed, 1.0)
+    )
+    rows = np.array([seen[row.tobytes()] for row in last])
+    sampled = Sampled(last, np.full(len(last), probability), ledger.margins[rows], rows)
+    notes = (f"by OpenTURNS {ot.__version__}, whose coefficient of variation is taken {DEPENDENCE:g} times",)
+    return Analysis((one,), (), sampled, ledger, notes, dependent=True)
