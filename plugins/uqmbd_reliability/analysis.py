@@ -171,9 +171,10 @@ def _estimates(
     # of the mixture, the standard part's samples are samples of the standard distribution, as the pilot is
     share = 1.0 if used is None else float(used.mixture.weights[0])
     standard = int(len(pilot) + share * len(sampled.points))
+    count = (len(pilot), int(np.isnan(pilot[:, 0]).sum()))
     found = []
     for k in range(margins.shape[1]):
-        one = estimate(np.where(margins[:, k] < 0, sampled.ratio, 0.0), failures, standard)
+        one = estimate(np.where(margins[:, k] < 0, sampled.ratio, 0.0), failures, standard, count)
         level = levels[k] if k < len(levels) else None
         if level is not None and level.reached:
             one = _checked(one, level, k, notes)

@@ -5,15 +5,18 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import stdtrit
+from scipy.special import chdtri, stdtrit
 from scipy.stats import beta as beta_distribution
 
 from uqmbd.typing import Array
 
-__all__ = ["Estimate", "derivatives", "estimate", "tail_index", "with_any"]
+__all__ = ["Estimate", "derivatives", "estimate", "tail_index", "weighted_bound", "with_any"]
 
 
 CONFIDENCE = 0.95
+FEW = 5.0
+"""Effective number of violations below which their mean is not normal on any scale."""
+
 HEAVY = 0.4
 """Tail index of weights above which the standard error is too small more often than not; it is infinite above 0.5."""
 
@@ -81,7 +84,7 @@ def tail_index(weights: Array) -> float:
     return float((np.log1p(-mean * x).mean() * tail + 5) / (tail + 10))
 
 
-def estimate(violations: Array, failures: Array, standard: int) -> Estimate:
+def estimate(violations: Array, failures: Array, standard: int, pilot: tuple[int, int] = (0, 0)) -> Estimate:
     """Return a probability from the weights of samples, shape (N,).
 
     Parameters
@@ -93,26 +96,66 @@ def estimate(violations: Array, failures: Array, standard: int) -> Estimate:
     standard : int
         Samples of the standard normal distribution itself that are known to have shown no violation, for the bound
         where there is none at all.
+    pilot : tuple of int
+        Samples of the standard normal distribution, and how many of them failed.
 
     Returns
     -------
     Estimate
         Of those realisations that do not fail; the interval holds whatever the failed ones would be.
     """
-    lost = min(float(failures.mean()), 1.0)
-    low, high = _bounds(violations, standard)[0], _bounds(violations + failures, standard)[1]
+    low, high = _bounds(violations, standard)
+    lost, most_lost = _lost(failures, *pilot)
+    high = min(high + most_lost, 1.0)
     mean = float(violations.mean())
     share = mean / (1.0 - lost) if lost < 1.0 else 1.0
     error = float(violations.std(ddof=1)) / np.sqrt(len(violations)) / max(1.0 - lost, 1e-12)
-    probability = min(max(share, low), high)
-    return Estimate(probability, error, low, high)
+    return Estimate(min(max(share, low), high), error, low, high)
+
+
+def _lost(failures: Array, standard: int, failed: int) -> tuple[float, float]:
+    """Return the probability that a realisation fails, and its upper bound."""
+    total = failures.sum()
+    if not failed and not total > 0:
+        return 0.0, 0.0
+    counted = _count_bound(failed, standard) if standard else 1.0
+    if not total > 0:
+        return failed / standard, counted
+    weighted = weighted_bound(failures / len(failures))
+    # failures far from the pilot's points are known by weights, those among them by counting, too
+    return (float(failures.mean()), min(counted, weighted)) if failed else (float(failures.mean()), weighted)
+
+
+def weighted_bound(weights: Array) -> float:
+    """Return the upper bound of a sum of weights of rare events.
+
+    The gamma interval of Fay and Feuer, which holds for a single event, too.
+
+    References
+    ----------
+    .. [1] M. P. Fay and E. J. Feuer, Statistics in Medicine 16 (1997) 791.
+
+    Examples
+    --------
+    >>> round(weighted_bound(np.array([0.0, 0.1, 0.0])), 3)  # one event: that of a count of one
+    0.557
+    """
+    total, square, most = weights.sum(), (weights**2).sum(), weights.max()
+    total, square = total + most, square + most**2
+    return float(min(square / (2 * total) * chdtri(2 * total**2 / square, 0.5 - CONFIDENCE / 2), 1.0))
+
+
+def _count_bound(count: int, samples: int) -> float:
+    if count >= samples:
+        return 1.0
+    return float(beta_distribution.ppf(0.5 + CONFIDENCE / 2, count + 1, samples - count))
 
 
 def _bounds(weights: Array, standard: int) -> tuple[float, float]:
     """Bounds of a mean of weights, on the scale of its logarithm: they are skewed, and so is their mean."""
     total = weights.sum()
     if not total > 0:
-        return 0.0, float(beta_distribution.ppf(0.5 + CONFIDENCE / 2, 1, max(standard, 1)))
+        return 0.0, _count_bound(0, max(standard, 1))
     mean = total / len(weights)
     cov = float(weights.std(ddof=1)) / (mean * np.sqrt(len(weights)))
     effective = total**2 / float((weights**2).sum())
@@ -120,7 +163,8 @@ def _bounds(weights: Array, standard: int) -> tuple[float, float]:
     half = float(stdtrit(max(effective - 1.0, 1.0), 0.5 + CONFIDENCE / 2)) * cov * wider
     # beyond that an exponential says nothing
     factor = float(np.exp(min(half, 50.0)))
-    return mean / factor, min(mean * factor, 1.0)
+    high = weighted_bound(weights / len(weights)) if effective < FEW else mean * factor
+    return mean / factor, min(high, 1.0)
 
 
 def derivatives(violations: Array, scores: Array, failures: Array) -> tuple[Array, Array]:

@@ -62,11 +62,17 @@ def subset(limit: LimitState, dimension: int, *, most: int, seed: int) -> Analys
 
     ledger = Ledger(limit, dimension, most)
     seen: dict[bytes, int] = {}
+    trouble: list[BaseException] = []
 
     def evaluate(sample: object) -> Array:
         points = np.array(sample)
         first = ledger.count
-        margins = ledger(points)
+        try:
+            margins = ledger(points)
+        except BaseException as error:
+            # OpenTURNS makes a RuntimeError of all that is raised in a function
+            trouble.append(error)
+            raise
         seen.update({row.tobytes(): first + k for k, row in enumerate(points)})
         # a realisation that failed stops no chain; it is counted as what it might be in the interval
         return np.where(np.isnan(margins), 1e300, margins)
@@ -82,7 +88,11 @@ def subset(limit: LimitState, dimension: int, *, most: int, seed: int) -> Analys
         algorithm.setBlockSize(BLOCK)
         algorithm.setKeepSample(True)
         algorithm.run()
-    except Exhausted:
+    except Exception as error:
+        if not trouble:
+            raise uqmbd.IntegrationError(f"OpenTURNS's subset simulation: {error}; take method='auto'.") from error
+        if not isinstance(trouble[0], Exhausted):
+            raise trouble[0] from None
         raise uqmbd.IntegrationError(
             f"OpenTURNS's subset simulation needs more than the {most} realisations that are allowed; increase "
             "max_realisations, or take method='auto'."

@@ -1,0 +1,166 @@
+"""Rare events of known probability: bias, scatter, cost, and how often the 95 % intervals hold the true probability.
+
+The limit states are functions of standard normal variables, whose probabilities are closed forms or integrals over one
+variable: planes in 2 and in 40 dimensions, one that is kinked, several design points, curved ones for which FORM is
+wrong by two orders of magnitude, spheres, which have no design point, corners, and those that were made to mislead
+methods: K. Breitung's "black swan", where the slope near the origin leads away, and an island behind it.
+
+Run with ``OMP_NUM_THREADS=1 python studies/benchmarks/limit_states.py [--seeds N] [--only NAME ...] [--method NAME]``.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from scipy.integrate import quad
+from scipy.stats import chi2, ncx2, norm
+
+HERE = Path(__file__).resolve().parent
+sys.path[:0] = [str(HERE)]
+
+from uqmbd_reliability.analysis import analyse
+from uqmbd_reliability.subset import subset
+
+
+@dataclass(frozen=True)
+class LimitState:
+    """A margin of standard normal variables (K, d), and the probability that it is below zero."""
+
+    margin: Callable[[np.ndarray], np.ndarray]
+    dimension: int
+    probability: float
+
+    def __call__(self, points):
+        """Return margins (K, 1), and that no realisation fails."""
+        return self.margin(points)[:, None], np.zeros(len(points), dtype=bool)
+
+
+def plane(beta, dimension):
+    """Return what has the probability Phi(-beta)."""
+    return LimitState(lambda u: beta - u.sum(axis=1) / np.sqrt(dimension), dimension, norm.sf(beta))
+
+
+def slab(beta, dimension):
+    """Return what has two design points, opposite each other."""
+    return LimitState(lambda u: beta - np.abs(u[:, 0]), dimension, 2 * norm.sf(beta))
+
+
+def branches(depth=3.0, side=3.5):
+    """Return four branches, two of them curved."""
+
+    def margin(u):
+        along, across = (u[:, 0] + u[:, 1]) / np.sqrt(2), (u[:, 0] - u[:, 1]) / np.sqrt(2)
+        return np.minimum(depth + 0.2 * across**2 - np.abs(along), np.sqrt(2) * (side - np.abs(across)))
+
+    inner = quad(lambda b: norm.pdf(b) * 2 * norm.sf(depth + 0.2 * b**2), -side, side, epsabs=0)[0]
+    return LimitState(margin, 2, 2 * norm.sf(side) + inner)
+
+
+def paraboloid(beta, curvature, dimension):
+    """Return what is curved away from the origin, or for a negative curvature round it."""
+
+    def density(s):
+        return chi2.pdf(s, dimension - 1) * norm.sf(beta + curvature * s)
+
+    probability = quad(density, 0, 20 + 4 * dimension, epsabs=0, limit=500)[0]
+    return LimitState(lambda u: beta + curvature * (u[:, 1:] ** 2).sum(axis=1) - u[:, 0], dimension, probability)
+
+
+def sphere(radius, dimension):
+    """Return what is violated outside a sphere: every direction is as likely."""
+    return LimitState(lambda u: radius - np.linalg.norm(u, axis=1), dimension, chi2.sf(radius**2, dimension))
+
+
+def kink(first, second):
+    """Return what is violated beyond either of two perpendicular planes: the worse of two peaks."""
+    return LimitState(
+        lambda u: np.minimum(first - u[:, 0], second - u[:, 1]), 2, 1 - norm.cdf(first) * norm.cdf(second)
+    )
+
+
+def corner(first, second):
+    """Return what is violated beyond both of two perpendicular planes."""
+    return LimitState(lambda u: np.maximum(first - u[:, 0], second - u[:, 1]), 2, norm.sf(first) * norm.sf(second))
+
+
+def black_swan():
+    """Return what falls fast towards violations that are rare, and hardly towards those that are not."""
+
+    def margin(u):
+        rare = np.where(u[:, 1] > 2, 0.5 - 0.1 * u[:, 1], 2.3 - u[:, 1])
+        frequent = np.where(u[:, 0] > 3.5, 4 - u[:, 0], 0.85 - 0.1 * u[:, 0])
+        return np.minimum(rare, frequent)
+
+    return LimitState(margin, 2, 1 - norm.cdf(4) * norm.cdf(5))
+
+
+def island(beta=4.2, distance=3.5, radius=0.7):
+    """Return what is violated beyond a plane, and in a disc elsewhere, which is the more probable."""
+
+    def margin(u):
+        return np.minimum(beta - u[:, 0], np.hypot(u[:, 0], u[:, 1] + distance) - radius)
+
+    return LimitState(margin, 2, norm.sf(beta) + ncx2.cdf(radius**2, 2, distance**2))
+
+
+CASES = {
+    "plane": plane(3.0, 2),
+    "plane, 1e-8": plane(5.612, 2),
+    "plane, 40 inputs": plane(3.0, 40),
+    "plane, 40 inputs, 1e-8": plane(5.612, 40),
+    "frequent": plane(1.0, 3),
+    "kink": kink(3.0, 3.2),
+    "two design points": slab(3.5, 2),
+    "two design points, 40 inputs": slab(4.0, 40),
+    "four branches": branches(),
+    "curved": paraboloid(3.0, 0.3, 2),
+    "curved round the origin, 40 inputs": paraboloid(3.0, -0.02, 40),
+    "curved, 10 inputs, 1e-9": paraboloid(5.0, 0.2, 10),
+    "corner": corner(3.0, 2.5),
+    "black swan": black_swan(),
+    "island": island(),
+    "circle": sphere(5.0, 2),
+    "sphere, 10 inputs": sphere(5.5, 10),
+    "sphere, 40 inputs": sphere(9.5, 40),
+}
+
+
+def main():
+    """Print a table."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--seeds", type=int, default=200)
+    parser.add_argument("--only", nargs="*", default=list(CASES))
+    parser.add_argument("--method", default="auto", choices=["auto", "form", "subset"])
+    options = parser.parse_args()
+    print("| limit state | probability | bias | rms error | stated | interval holds it | realisations | at most |")
+    print("|---|---|---|---|---|---|---|---|")
+    for name in options.only:
+        case = CASES[name]
+        rows = []
+        for seed in range(options.seeds):
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                if options.method == "subset":
+                    found = subset(case, case.dimension, most=10_000, seed=seed)
+                else:
+                    generator = np.random.default_rng(seed)
+                    found = analyse(case, case.dimension, method=options.method, generator=generator)
+            one = found.estimates[0]
+            error = one.probability / case.probability - 1
+            rows.append((error, one.cov, one.lower <= case.probability <= one.upper, found.ledger.count))
+        error, cov, holds, count = np.array(rows).T
+        print(
+            f"| {name} | {case.probability:.3g} | {error.mean():+.1%} | {np.sqrt((error**2).mean()):.1%} | "
+            f"{np.median(cov):.1%} | {holds.mean():.1%} | {np.median(count):.0f} | {count.max():.0f} |",
+            flush=True,
+        )
+
+
+if __name__ == "__main__":
+    main()
