@@ -87,7 +87,7 @@ def analyse(
     >>> plane = lambda u: (4.0 - u.sum(axis=1, keepdims=True) / 2**0.5, np.zeros(len(u), dtype=bool))
     >>> found = analyse(plane, 2, generator=np.random.default_rng(1))
     >>> one = found.estimates[0]
-    >>> one.lower < 3.167e-5 < one.upper, round(found.design_points[0].beta, 2), found.ledger.count < 1500
+    >>> bool(one.lower < 3.167e-5 < one.upper), round(found.design_points[0].beta, 2), found.ledger.count < 1500
     (True, 4.0, True)
     """
     ledger = Ledger(limit, dimension, most)

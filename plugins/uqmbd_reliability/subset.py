@@ -26,7 +26,7 @@ MISSING = (
 LEAST, BLOCK = 500, 100
 """Points of a level at least, and how many are computed at once; with 300 OpenTURNS raises on rare events."""
 
-DEPENDENCE = 1.5
+DEPENDENCE = 1.8
 """Measured standard deviation over that which OpenTURNS states: chains depend on each other from level to level."""
 
 
