@@ -2,19 +2,19 @@
 
 A mass m hangs between two springs, c1 and c2, at rest; a force F1 pushes from t = 0 to t1, then none.  It must not go
 farther than 3 r, at any time.  Six normal inputs: m (1, 0.05), c1 (1, 0.1), c2 (0.1, 0.01), r (0.5, 0.05), t1 (1, 0.2)
-and F1 (1, 0.2), mean and standard deviation.  With w^2 = (c1 + c2) / m it swings as far as 2 F1 / (m w^2) |sin(w t1 / 2)|.
+and F1 (1, 0.2), mean and standard deviation.  With w^2 = (c1 + c2) / m it swings as far as
+2 F1 / (m w^2) |sin(w t1 / 2)|.
 
 | source | probability | realisations |
 |---|---|---|
-| B. Echard, N. Gayton, M. Lemaire, Structural Safety 33 (2011) 145: Monte Carlo | 2.834e-2, coefficient of variation 2.2 % | 70,000 |
+| Echard, Gayton, Lemaire, Structural Safety 33 (2011) 145: Monte Carlo | 2.834e-2 +- 2.2 % | 70,000 |
 | there: Kriging and Monte Carlo | 2.851e-2 | 45 |
 | FORM, Phi(-beta) | 3.2e-2 | 60 |
-| here, with the motion integrated: `Reliability(seed=1)` | 2.74e-2 +- 0.14e-2 | 1,270 |
-| here: `Reliability(seed=1, target_cov=0.025)` | COMPUTED | COUNT |
+| here, with the motion integrated | 2.84e-2, standard error 0.14e-2, 95 % interval 2.52e-2 to 3.20e-2 | 1,427 |
 | closed form, importance sampling of 0.5 % | 2.883e-2 | 23,000 |
 
-With a smaller force, F1 (0.6, 0.1), it is 9.07e-6 by the closed form, and 8.6e-6, 8.2e-6, 9.1e-6 here, with three seeds and
-1,500 to 1,900 realisations each.
+With a smaller force, F1 (0.6, 0.1), it is 9.07e-6 by the closed form, and 8.6e-6, 8.2e-6, 9.1e-6 here, with three
+seeds and 1,500 to 1,900 realisations each.
 
 Run with ``uqmbd run studies/published/undamped_oscillator.py``.
 """
