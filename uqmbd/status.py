@@ -30,6 +30,9 @@ class Status(IntEnum):
     OTHER = 4
     """It has no such value, as a static equilibrium or a further natural frequency, or a propagator's own reason."""
 
+    CENSORED = 5
+    """What is asked for does not happen in it until the last time: it has not failed."""
+
     @property
     def meaning(self) -> str:
         """Its word in results."""

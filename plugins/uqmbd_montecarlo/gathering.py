@@ -86,7 +86,7 @@ def gather(
     response, status, messages = np.empty((room, *shape)), np.empty(room, dtype=np.int64), list[str]()
     counters: Counter[str] = Counter()
     reasons: Counter[str] = Counter()
-    failures, first, wall = 0, 0, 0.0
+    failures, censored, first, wall = 0, 0, 0, 0.0
     violations: list[Violations | None] = [None] * len(sizes)
     file = f"{problem.label}-samples.nc" if len(values) > keep and problem.folder else ""
     with ExitStack() as stack:
@@ -97,7 +97,8 @@ def gather(
             last = first + len(part.status)
             # what is not finite is a failure like any other: it must not enter a sum
             fine = part.good
-            failures += int(np.count_nonzero(~fine))
+            failures += int(np.count_nonzero(~fine)) - part.censored
+            censored += part.censored
             for r in range(int(np.searchsorted(edges, first, side="right")) - 1, len(sizes)):
                 low, high = max(first, edges[r]) - first, min(last, edges[r + 1]) - first
                 if low >= high:
@@ -126,4 +127,6 @@ def gather(
     reason = reasons.most_common(1)[0][0] if reasons else ""
     kept = uqmbd.Realisations(values[:room], response, status, tuple(messages), {}, 0.0)
     counted = tuple(one for one in violations if one is not None)
-    return Gathered(first - failures, tuple(replicates), kept, failures, reason, dict(counters), wall, file, counted)
+    return Gathered(
+        first - failures - censored, tuple(replicates), kept, failures, reason, dict(counters), wall, file, counted
+    )

@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from uqmbd.wording import format_duration
+from uqmbd.wording import format_duration, format_share
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -175,6 +175,10 @@ def _final(node: xr.DataTree, output: int) -> str:
     if "time" in statistics.dims:
         statistics = statistics.isel(time=-1)
     mean = float(statistics["mean"])
+    late = float(statistics.get("censored", 0.0))
+    if late and not math.isfinite(mean):
+        return f"does not happen in {format_share(late)}"
+    more = f"; does not happen in {format_share(late)}" if late else ""
     if math.isfinite(mean) and not varying(whole, rtol_of(node))[output]:
-        return f"{mean:.6g}, no spread"
-    return with_spread(mean, float(statistics["std"]))
+        return f"{mean:.6g}, no spread{more}"
+    return with_spread(mean, float(statistics["std"])) + more

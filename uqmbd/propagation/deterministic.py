@@ -253,8 +253,11 @@ def _scalars(mechanism: Mechanism, ensemble: Ensemble, trajectories: Trajectorie
         )
     elif found.messages[0]:
         raise AssemblyError(f"mechanism {mechanism.name!r}: {found.messages[0]}")
-    about = zip(seen.names, seen.units, found.values[0], strict=True)
-    return {name: ((), value, {"units": units}) for name, units, value in about}
+    variables: dict[str, tuple[Any, ...]] = {}
+    for name, units, value, late in zip(seen.names, seen.units, found.values[0], found.censored[0], strict=True):
+        more = {"comment": "it does not happen until the last output time"} if late else {}
+        variables[name] = ((), value, {"units": units, **more})
+    return variables
 
 
 def variables_of(model: Model, response: Array, *dimensions: str) -> dict[str, tuple[Any, ...]]:

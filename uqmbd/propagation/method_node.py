@@ -23,14 +23,18 @@ if TYPE_CHECKING:
 __all__ = ["labels_of", "method_node"]
 
 
-def labels_of(model: Model, inputs: JointInput, times: Array, kind: Kind) -> Labels:
-    """Name outputs of a kind, inputs and times."""
+def labels_of(
+    model: Model, inputs: JointInput, times: Array, kind: Kind, chosen: tuple[str, ...] | None = None
+) -> Labels:
+    """Name outputs of a kind, or some of them, inputs and times."""
     if kind == "requirements":
         outputs = [OutputInfo(requirement.name) for requirement in model.margins.requirements]
     else:
         seen = model.scalars if kind == "scalars" else model.outputs
         turns = [0.0] * len(seen.names) if kind == "scalars" else seen.turns.tolist()
         outputs = [OutputInfo(*about) for about in zip(seen.names, seen.units, turns, strict=True)]
+    if chosen is not None:
+        outputs = [output for output in outputs if output.name in chosen]
     return labels(outputs, [InputInfo(v.name, v.units, v.description) for v in inputs.variables], times)
 
 

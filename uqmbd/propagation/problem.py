@@ -73,6 +73,8 @@ class Problem:
     over : array, optional
         Given where they are not those over time (`timeless`): the times of the study.  Of outputs without a time
         `times` is then its first time only, at which they stand.
+    chosen : tuple of str, optional
+        Given where the outputs are some of those without a time only.
     answers_requirements : bool
         Whether the node has to have a child ``requirements``, of a method that declares to make it itself.
     """
@@ -90,6 +92,7 @@ class Problem:
     checkpoint: Checkpoint | None = field(default=None, repr=False)
     kind: Kind = "outputs"
     over: Array | None = field(default=None, repr=False)
+    chosen: tuple[str, ...] | None = None
     answers_requirements: bool = False
     watched: Model | None = field(default=None, repr=False)
     """The model whose outputs are those of the study, and what the method watches besides (`Propagator.watches`)."""
@@ -122,6 +125,10 @@ class Problem:
         """Return the problem of the outputs without a time; what is known of them is not computed again."""
         return self._of("scalars", times=self.times[:1])
 
+    def choosing(self, names: tuple[str, ...]) -> Problem:
+        """Return the problem of some outputs without a time; where one does not happen, a realisation is censored."""
+        return replace(self, chosen=names, observed=Observed())
+
     def of_requirements(self) -> Problem:
         """Return the problem whose outputs are the margins of the requirements, the smallest until each time."""
         return replace(self._of("requirements"), existence=Existence({}, {}, {}))
@@ -142,7 +149,7 @@ class Problem:
     @property
     def labels(self) -> Labels:
         """Names and units of outputs, inputs and times, for `uqmbd.results`."""
-        return labels_of(self.model, self.inputs, self.times, self.kind)
+        return labels_of(self.model, self.inputs, self.times, self.kind, self.chosen)
 
     @cached_property
     def _packed(self) -> bytes:
@@ -223,20 +230,13 @@ class Problem:
         begin = self.clock()
         size = chunk_size(len(values), len(self.times) * (self.labels.shape[0] + self.model.layout.width))
         parts = [np.ascontiguousarray(values[k : k + size]) for k in range(0, len(values), size)]
-        executor = executor_for(self.executor, unlocked=self._unlocked)
-        work = in_order(parts, executor, self._found, self._task, self._keep)
-        for index, chunk in enumerate(work):
+        workers = executor_for(self.executor, unlocked=self._unlocked)
+        work = in_order(parts, workers, self._found, self._task, self._keep)
+        for part, chunk in zip(parts, work, strict=True):
             now = self.clock()
-            found = Realisations(
-                parts[index],
-                chunk.response,
-                chunk.status,
-                chunk.messages,
-                dict(chunk.counters),
-                now - begin,
-                chunk.scalars,
-                chunk.margins,
-            )
+            found = Realisations.of(part, chunk, now - begin)
+            if self.chosen is not None:
+                found = found.choosing(self.model.scalars.names, self.chosen)
             self.observed.add(found)
             yield found
             begin = now
@@ -342,8 +342,7 @@ class Problem:
         if self.timeless and (known := self.known.get((self.kind, part.tobytes()))) is not None:
             return known
         key = self._key(part)
-        found = self.checkpoint.load(key) if self.checkpoint else None
-        if found is None:
+        if (found := self.checkpoint.load(key) if self.checkpoint else None) is None:
             return None
         self.clock.recover(key, found.seconds)
         return self._noted(part, found)
@@ -351,6 +350,8 @@ class Problem:
     def _noted(self, part: Array, chunk: Chunk) -> Chunk:
         for kind, found in chunk.beside(self.kind, margins=not self.answers_requirements).items():
             self.known[kind, part.tobytes()] = found
+        if self.chosen is not None:  # others of them may be asked for next
+            self.known["scalars", part.tobytes()] = replace(chunk, counters={})
         return chunk
 
     def _keep(self, part: Array, chunk: Chunk, seconds: float) -> Chunk:

@@ -1,20 +1,36 @@
-"""Outputs without a time, and requirements, in every method: each is run on them as if they were outputs over time."""
+"""Outputs without a time, and requirements, in every method: each is run on them as if they were outputs over time.
+
+Some outputs may not happen in a realisation (`uqmbd.first_time`).  It is left out then, and counted; the other outputs
+have it.  Samples of those in which it happens are independent samples of it, given that it happens.  A surrogate of it
+would go on where it does not happen, with nothing to tell how: the output is refused, alone.
+"""
 
 from __future__ import annotations
 
 import warnings
+from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 import xarray as xr
 
-from uqmbd.errors import StudyError, UnusedInputWarning
+from uqmbd.errors import IntegrationError, StudyError, StudyWarning, UnusedInputWarning
 from uqmbd.propagation.execution import Kind, integrated_by
 from uqmbd.propagation.integration_error import with_integration_error
 from uqmbd.propagation.problem import Problem
 from uqmbd.propagation.propagator import Propagator
-from uqmbd.results import InputInfo, Labels, node_parts, requirements_of, with_requirements, with_scalars
+from uqmbd.results import (
+    InputInfo,
+    Labels,
+    joined_outputs,
+    node_parts,
+    requirements_of,
+    statistics_dataset,
+    with_requirements,
+    with_scalars,
+)
 from uqmbd.results.chaos import verified_std
 from uqmbd.results.statistics import settled
 from uqmbd.threads import one_thread
@@ -51,7 +67,8 @@ def run_method(propagator: Propagator, problem: Problem, *, check: bool = True) 
     nodes: dict[Kind, xr.DataTree] = {}
     for one in asked:
         given = replace(one, answers_requirements=itself and answered is None)
-        found = _run(propagator, given, check and one.kind != "requirements", mixed=len(asked) > 1)
+        run = partial(_run, propagator, check=check and one.kind != "requirements", mixed=len(asked) > 1)
+        found = _run_scalars(run, propagator, given) if one.kind == "scalars" else run(given)
         if given.answers_requirements:
             answered, found = _answered(propagator, problem.label, found)
         nodes[one.kind] = found
@@ -68,6 +85,80 @@ def run_method(propagator: Propagator, problem: Problem, *, check: bool = True) 
     if answered is not None and node is not None:
         return xr.DataTree.from_dict({**node_parts(node), "requirements": answered}, name=problem.label)
     return nodes["outputs"] if node is None else node
+
+
+def _run_scalars(run: Callable[[Problem], xr.DataTree], propagator: Propagator, problem: Problem) -> xr.DataTree:
+    """Run a method on outputs without a time.
+
+    Parameters
+    ----------
+    run : callable
+        Runs it on a problem.
+    propagator : Propagator
+    problem : Problem
+        Of the outputs without a time.
+
+    Returns
+    -------
+    xarray.DataTree
+        Where some of them may not happen, ``statistics`` have ``censored`` (output,), the share of realisations in
+        which they do not, and are those of the others.  Further children are about the outputs that always happen, or,
+        if there are none, about the first that a method could give.  The attribute ``refused`` says which outputs have
+        no statistics, and why.
+    """
+    if not any(problem.model.scalars.reaching):
+        return run(problem)
+    every = tuple(output.name for output in problem.labels.outputs)
+    sure, nodes = every, list[xr.DataTree]()
+    while sure:
+        one = problem.choosing(sure)
+        found, _ = _one(run, one)
+        late = [name for k, name in enumerate(sure) if one.observed.missing[k]]
+        if found is not None and not late:
+            nodes.append(found)
+            break
+        sure = tuple(name for name in sure if name not in late)
+    shares, refused = dict.fromkeys(sure, 0.0), dict[str, str]()
+    for name in every:
+        if name in sure:
+            continue
+        one = problem.choosing((name,))
+        found, why = _one(run, one)
+        missing, counted = one.observed.missing[0], one.observed.counted
+        shares[name] = missing / counted
+        if found is None or (missing and "samples" not in found.children):
+            refused[name] = why = why or (
+                f"it does not happen in {missing} of {counted} realisations, and a surrogate would go on beyond the "
+                "others; take a method that samples, as MonteCarlo, later times, or a quantity that each realisation "
+                "has, as uqmbd.maximum"
+            )
+            warnings.warn(f"{problem.label}: output {name!r} has no statistics: {why}.", StudyWarning, stacklevel=3)
+            found = _nothing(propagator, one)
+        nodes.append(found)
+    return joined_outputs(nodes, problem.label, [shares[name] for name in every], refused, every)
+
+
+def _one(run: Callable[[Problem], xr.DataTree], problem: Problem) -> tuple[xr.DataTree | None, str]:
+    """Run a method on an output that may not happen; or why that is impossible."""
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        try:
+            found, why = run(problem), ""
+        except IntegrationError as error:
+            if not problem.observed.missing:
+                raise
+            found, why = None, str(error)
+    for warning in told:  # what is refused needs no warnings of how it was found
+        if found is not None and (not problem.observed.missing or "samples" in found.children):
+            warnings.warn(warning.message, stacklevel=5)
+    return found, why
+
+
+def _nothing(propagator: Propagator, problem: Problem) -> xr.DataTree:
+    """Make a node without numbers."""
+    unknown = np.full(problem.labels.shape, np.nan)
+    statistics = statistics_dataset(problem.labels, mean=unknown, std=unknown)
+    return problem.node(propagator, statistics, realisations=problem.observed.counted, wall_time=problem.clock())
 
 
 def _answered(propagator: Propagator, label: str, node: xr.DataTree) -> tuple[xr.Dataset, xr.DataTree]:

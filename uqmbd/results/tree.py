@@ -7,17 +7,19 @@ these numbers came about.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+import json
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 import xarray as xr
 
+from uqmbd.errors import StudyError
 from uqmbd.results.comparison import compare
 from uqmbd.results.requirements import compare_requirements
 from uqmbd.results.schema import Labels, join_nodes, node_parts, statistics_dataset
 
-__all__ = ["compare_both", "scalar_nodes", "study_tree", "with_requirements", "with_scalars"]
+__all__ = ["compare_both", "joined_outputs", "scalar_nodes", "study_tree", "with_requirements", "with_scalars"]
 
 
 def study_tree(
@@ -111,6 +113,62 @@ def with_scalars(node: xr.DataTree | None, found: xr.DataTree, label: str, label
     return xr.DataTree.from_dict(datasets, name=label)
 
 
+def joined_outputs(
+    nodes: Sequence[xr.DataTree],
+    label: str,
+    shares: Sequence[float],
+    refused: Mapping[str, str],
+    names: Sequence[str],
+) -> xr.DataTree:
+    """Join nodes of one method that are about some outputs each.
+
+    Parameters
+    ----------
+    nodes : sequence of xarray.DataTree
+        Further children than ``statistics`` are those of the first that is not refused.
+    label : str
+    shares : sequence of float
+        Of each output, the share of realisations in which it does not happen: ``censored`` (output,).
+    refused : mapping of str to str
+        Outputs without statistics, and why: the attribute ``refused``.
+    names : sequence of str
+        Outputs in order.
+    """
+    main = next(
+        (node for node in nodes if not refused.keys() & set(_statistics(node)["output"].values.tolist())), nodes[0]
+    )
+    first = _statistics(main)
+    filled = [_filled(_statistics(node), first) for node in nodes]
+    statistics: xr.Dataset = xr.concat(
+        filled, dim="output", data_vars="minimal", coords="minimal", compat="override", join="override"
+    )
+    order = [statistics["output"].values.tolist().index(name) for name in names]
+    statistics = statistics.isel(output=order).assign_attrs(first.attrs)
+    about = {"long_name": "share of realisations in which it does not happen until the last time"}
+    statistics["censored"] = ("output", np.array(shares), about)
+    parts = node_parts(main)
+    parts["statistics"] = statistics
+    if refused:
+        parts["/"] = parts["/"].assign_attrs(refused=json.dumps(refused))
+    parts["/"] = parts["/"].assign_attrs(label=label)
+    return xr.DataTree.from_dict(parts, name=label)
+
+
+def _statistics(node: xr.DataTree) -> xr.Dataset:
+    return node.children["statistics"].to_dataset(inherit=False)
+
+
+def _filled(data: xr.Dataset, like: xr.Dataset) -> xr.Dataset:
+    """Give statistics the variables of others, unknown where they have none."""
+    found = data.drop_vars([name for name in data.data_vars if name not in like.data_vars])
+    for name, other in like.data_vars.items():
+        if name in found or "output" not in other.dims:
+            continue
+        sizes = {dim: found.sizes["output"] if dim == "output" else other.sizes[dim] for dim in other.dims}
+        found[name] = (other.dims, np.full(tuple(sizes.values()), np.nan), other.attrs)
+    return found
+
+
 def with_requirements(
     node: xr.DataTree | None, found: xr.DataTree, label: str, labels: Labels, answers: xr.Dataset
 ) -> xr.DataTree:
@@ -178,12 +236,19 @@ def compare_both(nodes: Mapping[str, xr.DataTree], reference: str | None = None,
 
 def _compared_outputs(nodes: Mapping[str, xr.DataTree], reference: str | None, rtol: float) -> xr.Dataset:
     """Compare outputs over time and those without; where there are neither, nothing but the methods."""
-    inner = scalar_nodes(nodes)
+    inner, left_out = _happening(scalar_nodes(nodes))
     over_time = any(node.children["statistics"].sizes["output"] for node in nodes.values())
     if not (over_time or inner) and (margins := _margin_nodes(nodes)):
         # no outputs: methods are compared by the margins of requirements
         return compare(margins, reference=reference, rtol=rtol).isel(output=slice(0, 0))
+    if left_out and not (over_time or inner):
+        raise StudyError(
+            f"there is nothing else than {', '.join(left_out)}, which does not happen in all realisations: statistics "
+            "are those of other realisations in each method."
+        )
     compared = compare(nodes, reference=reference, rtol=rtol) if over_time or not inner else None
+    if left_out and compared is not None:
+        compared = compared.assign_attrs(censored=", ".join(left_out))
     if not inner:
         return compared if compared is not None else xr.Dataset()
     wanted = reference if compared is None else str(compared.attrs["reference"])
@@ -207,6 +272,31 @@ def _compared_outputs(nodes: Mapping[str, xr.DataTree], reference: str | None, r
         found = found.reindex({"method": every}, fill_value=blank)
     differs = whole.attrs["reference"] != compared.attrs["reference"]
     return compared.assign(found).assign_attrs({"scalar_reference": whole.attrs["reference"]} if differs else {})
+
+
+def _happening(nodes: Mapping[str, xr.DataTree]) -> tuple[dict[str, xr.DataTree], list[str]]:
+    """Return nodes about the outputs that happen in all realisations of all methods, and the names of the others.
+
+    Statistics of the others are those of other realisations in each method, and nothing to be compared.
+    """
+    left_out: list[str] = []
+    for node in nodes.values():
+        statistics = node.children["statistics"].to_dataset()
+        if "censored" in statistics:
+            missing = ~(statistics["censored"].values == 0)
+            left_out += [str(name) for name in statistics["output"].values[missing] if str(name) not in left_out]
+    if not left_out:
+        return dict(nodes), []
+    found: dict[str, xr.DataTree] = {}
+    for label, node in nodes.items():
+        parts = node_parts(node)
+        for path, data in parts.items():
+            if "output" in data.dims and "output" in data.coords:
+                kept = [k for k, name in enumerate(data["output"].values) if str(name) not in left_out]
+                parts[path] = data.isel(output=kept)
+        if parts["statistics"].sizes["output"]:
+            found[label] = xr.DataTree.from_dict(parts, name=node.name)
+    return found, left_out
 
 
 def _margin_nodes(nodes: Mapping[str, xr.DataTree]) -> dict[str, xr.DataTree]:

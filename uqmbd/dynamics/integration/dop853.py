@@ -121,7 +121,7 @@ class _Integration:
     """
 
     def __init__(
-        self, batch: Batch, times: Array, rtol: float, *, comparing: bool, patient: bool, recording: bool
+        self, batch: Batch, times: Array, rtol: float, *, comparing: bool, patient: bool, recording: bool = False
     ) -> None:
         self.batch, self.times, self.rtol, self.model = batch, times, rtol, batch.model
         start, layout = batch.start, self.model.layout

@@ -28,16 +28,25 @@ class Observed:
         Inputs (input,), and responses (output, time).
     counters : Counter
         Of the solvers, summed.
+    missing : Counter of int
+        In how many realisations each output does not happen, by its number; those that always happen are not in it.
+    counted : int
+        The successful realisations, with those.
     """
 
     values: list[Array] = field(default_factory=list)
     responses: list[Array] = field(default_factory=list)
     counters: Counter[str] = field(default_factory=Counter)
+    missing: Counter[int] = field(default_factory=Counter)
+    counted: int = 0
 
     def add(self, part: Realisations) -> None:
         """Take some of a chunk, evenly spread, until there are enough."""
         self.counters.update(part.counters)
         good = np.flatnonzero(part.status == Status.OK)
+        late = np.isnan(part.response[part.status == Status.CENSORED]).any(axis=2).sum(axis=0)
+        self.missing.update({k: int(late[k]) for k in np.flatnonzero(late).tolist()})
+        self.counted += part.censored + len(good)
         wanted = min(AGAIN - len(self.values), len(good))
         if wanted > 0:
             for k in good[np.linspace(0, len(good) - 1, wanted).round().astype(int)].tolist():

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from uqmbd.dynamics import MarginValues, ScalarValues
+from uqmbd.propagation.execution.chunks import Chunk
 from uqmbd.status import Status
 from uqmbd.typing import Array, Index, Mask
 
@@ -77,6 +78,25 @@ class Realisations:
         messages = tuple(np.array(self.messages, dtype=object)[rows])
         return Realisations(self.values[rows], self.response[rows], self.status[rows], messages, {}, 0.0)
 
+    @classmethod
+    def of(cls, values: Array, chunk: Chunk, wall_time: float) -> Realisations:
+        """Return those of a chunk."""
+        about = (chunk.response, chunk.status, chunk.messages, dict(chunk.counters), wall_time)
+        return cls(values, *about, chunk.scalars, chunk.margins)
+
+    def choosing(self, names: Sequence[str], chosen: Sequence[str]) -> Realisations:
+        """Return them with some of the outputs without a time; those in which one does not happen are censored."""
+        columns = [k for k, name in enumerate(names) if name in chosen]
+        response, status, messages = self.response[:, columns], self.status.copy(), list(self.messages)
+        for k in np.flatnonzero((status == Status.OK) & np.isnan(response).any(axis=(1, 2))).tolist():
+            status[k], messages[k] = Status.CENSORED, "it does not happen until the last output time"
+        return replace(self, response=response, status=status, messages=tuple(messages))
+
+    @property
+    def censored(self) -> int:
+        """In how many of them an output that is asked for does not happen: they have not failed."""
+        return int(np.count_nonzero(self.status == Status.CENSORED))
+
     @property
     def good(self) -> Mask:
         """Which succeeded, with outputs that are all finite, shape (K,)."""
@@ -85,11 +105,11 @@ class Realisations:
     @property
     def failures(self) -> int:
         """How many failed."""
-        return int(np.count_nonzero(self.status))
+        return int(np.count_nonzero(self.status)) - self.censored
 
     def most_frequent_reason(self) -> str:
         """Return the reason that most failures share (numbers aside), in its first wording."""
-        reasons = [m for m in self.messages if m]
+        reasons = [m for m, status in zip(self.messages, self.status, strict=True) if m and status != Status.CENSORED]
         if not reasons:
             return ""
         shapes = ["".join(c for c in m if not c.isdigit()) for m in reasons]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 
 import numpy as np
@@ -89,6 +90,19 @@ def _words(method: Method) -> list[str]:
         words.append(f"With {label}, the error of the time integration is {worst.words()} ({worst.output}), or less.")
     if method.fit and method.failures:
         words.append(f"With {label}: {method.fit}.")
+    late = method.statistics.get("censored")
+    for name, share in zip(method.names, [] if late is None else late.values, strict=False):
+        if share > 0:
+            known = name not in json.loads(method.node.attrs.get("refused", "{}"))
+            words.append(
+                f"With {label}, {name} does not happen in {format_share(float(share))} of the realisations until the "
+                "last time; "
+                + (
+                    "its statistics are those of the others."
+                    if known
+                    else "it has no statistics here, for a surrogate of the others would go on beyond them."
+                )
+            )
     if method.failures:
         messages = [] if method.samples is None else [str(m) for m in method.samples["message"].values if str(m)]
         reason = f" The first reason: {messages[0]}" if messages else ""

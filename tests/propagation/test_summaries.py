@@ -1,0 +1,126 @@
+"""Outputs that sum a motion up in every method: what does not happen is counted, and where peaks compete is told."""
+
+from __future__ import annotations
+
+import json
+
+import chaospy
+import numpy as np
+import pytest
+import sympy
+
+import uqmbd
+from uqmbd.report import write_report
+from uqmbd.results import PolynomialChaos, load, save
+from uqmbd_collocation import Collocation
+from uqmbd_galerkin import Galerkin
+from uqmbd_montecarlo import MonteCarlo
+from uqmbd_springs import PointForce, SpringDamper
+
+TIMES = np.linspace(0, 1, 11)
+
+
+def oscillator(over_time=True):
+    """A mass on a spring, x = 1.5 + a cos(10 t): it reaches 1.05 where a >= 0.45, which has a probability of 3/4."""
+    amplitude = uqmbd.RandomVariable("a", chaospy.Uniform(0.4, 0.6))
+    mechanism = uqmbd.Mechanism("oscillator", uqmbd.Translational())
+    mass = mechanism.body("mass", mass=1, position=(1.5 + amplitude, 0))
+    mechanism.add(SpringDamper("spring", mechanism.ground, mass, (0, 0), (0, 0), 100, free_length=1.5))
+    if over_time:
+        mechanism.output("x", mass.position[0], units="m")
+    mechanism.output("fastest", uqmbd.maximum(mass.velocity[0]), units="m/s")
+    mechanism.output("reached", uqmbd.first_time(mass.position[0] <= 1.05), units="s")
+    mechanism.output("middle", uqmbd.first_time(mass.position[0] <= 1.5), units="s")
+    return mechanism
+
+
+@pytest.fixture(scope="module")
+def results():
+    study = uqmbd.Study(
+        "oscillator", oscillator(), TIMES, [MonteCarlo(samples=400, seed=1), Collocation(order=3), Galerkin(order=3)]
+    )
+    with pytest.warns(uqmbd.StudyWarning, match=r"output 'reached' has no statistics: it does not happen in \d+ of"):
+        return study.run()
+
+
+@pytest.mark.thorough
+def test_monte_carlo_counts_where_it_does_not_happen(results):
+    """Its statistics are those of the others: arccos(-0.45 / a) / 10 with a uniform on 0.45 .. 0.6."""
+    data = results["monte-carlo/scalars/statistics"].to_dataset().sel(output="reached")
+    share, count = float(data["censored"]), 400
+    assert abs(share - 0.25) < 4 * np.sqrt(0.25 * 0.75 / count)
+    amplitudes = np.linspace(0.45, 0.6, 200_001)
+    exact = np.arccos(-0.45 / amplitudes) / 10
+    assert abs(float(data["mean"]) - exact.mean()) < 5 * exact.std() / np.sqrt(0.75 * count)
+    assert float(data["std_error_mean"]) == pytest.approx(float(data["std"]) / np.sqrt((1 - share) * count), rel=1e-9)
+    others = results["monte-carlo/scalars/statistics"].to_dataset().sel(output=["fastest", "middle"])
+    assert (others["censored"].values == 0).all()
+    assert int(results["monte-carlo"].attrs["failures"]) == 0
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("label", ["collocation", "galerkin"])
+def test_a_chaos_refuses_it_alone(results, label):
+    """The others are as accurate as ever; nothing is NaN in silence."""
+    node = results[label]["scalars"]
+    data = node["statistics"].to_dataset()
+    assert list(json.loads(node.attrs["refused"])) == ["reached"]
+    assert np.isnan(data["mean"].sel(output="reached"))
+    assert float(data["censored"].sel(output="reached")) > 0.1
+    assert float(data["mean"].sel(output="fastest")) == pytest.approx(5.0, rel=1e-5)
+    assert float(data["mean"].sel(output="middle")) == pytest.approx(np.pi / 20, rel=1e-5)
+    chaos = PolynomialChaos.from_dataset(node["chaos"])
+    assert [output.name for output in chaos.labels.outputs] == ["fastest", "middle"]
+
+
+@pytest.mark.thorough
+def test_results_say_so(results, tmp_path):
+    """Stored, compared without it, and in the report."""
+    save(results, tmp_path / "results.nc")
+    assert load(tmp_path / "results.nc").identical(results)
+    compared = results["comparison"].to_dataset()
+    assert compared.attrs["censored"] == "reached"
+    assert compared["scalar"].values.tolist() == ["fastest", "middle"]
+    text = write_report(results, tmp_path / "report.html").read_text()
+    assert "reached does not happen in" in text
+    assert "its statistics are those of the others" in text
+    assert "a surrogate of the others would go on beyond them" in text
+
+
+@pytest.mark.thorough
+def test_without_outputs_over_time():
+    """Nothing else is asked for: all methods have a node."""
+    mechanism = oscillator(over_time=False)
+    for name in ("fastest", "middle"):
+        del mechanism.scalars[name]
+    study = uqmbd.Study("oscillator", mechanism, TIMES, [MonteCarlo(samples=50, seed=1), Collocation(order=2)])
+    with (
+        pytest.warns(uqmbd.StudyWarning, match="has no statistics"),
+        pytest.warns(UserWarning, match="cannot be compared: there is nothing else than reached"),
+    ):
+        results = study.run()
+    assert float(results["monte-carlo/scalars/statistics"]["censored"][0]) > 0
+    assert np.isnan(float(results["collocation/scalars/statistics"]["mean"][0]))
+
+
+@pytest.mark.thorough
+def test_times_that_jump_between_peaks_are_told():
+    """Two pulses of a force, of which the larger one is either: the largest is kinked, its time jumps by 0.5 s."""
+    height = uqmbd.RandomVariable("height", chaospy.Uniform(0.5, 1.5))
+    mechanism = uqmbd.Mechanism("pulses", uqmbd.Translational())
+    mass = mechanism.body("mass", mass=1)
+    force = sympy.exp(-(((uqmbd.t - 0.25) / 0.05) ** 2)) + height * sympy.exp(-(((uqmbd.t - 0.75) / 0.05) ** 2))
+    mechanism.add(PointForce("force", mass, (0, 0), (force, 0)))
+    mechanism.output("peak", uqmbd.maximum(mass.acceleration[0]), units="m/s^2")
+    mechanism.output("when", uqmbd.time_of_maximum(mass.acceleration[0]), units="s")
+    mechanism.output("smooth", uqmbd.integral(mass.acceleration[0]), units="m/s")
+    study = uqmbd.Study(
+        "pulses", mechanism, [0, 1], [Collocation(order=9), Collocation(order=3, elements=16, label="e")]
+    )
+    with pytest.warns(UserWarning) as told:
+        results = study.run()
+    assert any("when looks discontinuous, or has a kink" in str(warning.message) for warning in told)
+    exact = {"peak": 1.125, "when": 0.5, "smooth": 2 * np.sqrt(np.pi) * 0.05}
+    data = results["e/scalars/statistics"].to_dataset()
+    for name, value in exact.items():
+        assert float(data["mean"].sel(output=name)) == pytest.approx(value, rel=2e-2)
