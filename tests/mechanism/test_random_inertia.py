@@ -14,8 +14,9 @@ from uqmbd.mechanism import random_variables
 from uqmbd.randomness import JointInput
 from uqmbd_collocation import Collocation
 from uqmbd_galerkin import Galerkin
-from uqmbd_joints import Spherical
+from uqmbd_joints import Revolute, Spherical
 from uqmbd_montecarlo import MonteCarlo
+from uqmbd_springs import Torque
 
 BODY = (0.02, 0.03, 0.04, 0.002, -0.003, 0.001)
 FLAT = (0.01, 0.02, 0.03, 0.004, 0.0, 0.0)
@@ -206,3 +207,24 @@ def test_every_product_is_a_tensor_entry():
     inputs = variables(entries)
     means = np.array([[v.mean for v in inputs]])
     assert values(entries, inputs, means)[0] == pytest.approx(BODY, rel=1e-9)
+
+
+@pytest.mark.thorough
+def test_a_planar_body_under_a_torque_has_the_moments_of_the_closed_form():
+    """The angle is ``torque t^2 / (2 J)``, and 1 / J of a gamma distributed J has mean ``1 / (J0 (1 - delta^2))``."""
+    inertia, dispersion = 0.3, 0.15
+    mechanism = uqmbd.Mechanism("disk", uqmbd.Planar())
+    disk = mechanism.body("disk", mass=1, inertia=uqmbd.random_inertia(inertia, dispersion, "disk.inertia"))
+    mechanism.add(Revolute("axle", mechanism.ground, disk, point_i=(0, 0), point_j=(0, 0)))
+    mechanism.add(Torque("drive", disk, torque=0.2))
+    mechanism.output("angle", disk.angle, units="rad")
+    assert mechanism.inputs.names == ("disk.inertia",)
+    study = uqmbd.Study("disk", mechanism, [0, 0.5, 1], rtol=1e-9)
+    freedom = 1 / dispersion**2
+    factor = 0.5 * 0.2 / inertia
+    mean = factor * freedom / (freedom - 1)
+    std = mean / np.sqrt(freedom - 2)
+    for method in (Collocation(order=6), Galerkin(order=6)):
+        found = study.propagate(method)["statistics"].dataset
+        assert float(found["mean"][0, -1]) == pytest.approx(mean, rel=1e-7)
+        assert float(found["std"][0, -1]) == pytest.approx(std, rel=1e-5)

@@ -111,7 +111,7 @@ def cheapest(surrogate: Surrogate, tightened: Tightened, values: Array, target: 
     loose = np.ones(count)
     loosest = fine.probability(loose)
     coarse = Samples(values[: max(COARSE, int(COARSE_HITS / target))], tightened, surrogate.margins)
-    width = SMOOTH * float(coarse.least(loose).std())
+    width = _width(coarse, loose)
     if loosest <= target:
         return Tightest(loose, loosest, _slope(coarse, loose, width), tightened.cost(loose))
     tightest = loose * narrowest
@@ -120,7 +120,7 @@ def cheapest(surrogate: Surrogate, tightened: Tightened, values: Array, target: 
         still = fine.probability(tightest)
         return Tightest(tightest, still, _slope(coarse, tightest, width), tightened.cost(tightest))
     start = _closed(coarse, loose, target, narrowest)
-    width = SMOOTH * float(coarse.least(start).std())
+    width = _width(coarse, start)
     index = -float(norm.ppf(target))
     scale = tightened.cost(start)
 
@@ -145,6 +145,12 @@ def cheapest(surrogate: Surrogate, tightened: Tightened, values: Array, target: 
         shape = start
     factors = _closed(fine, shape, target, narrowest, near=0.1)
     return Tightest(factors, fine.probability(factors), _slope(coarse, factors, width), scale)
+
+
+def _width(samples: Samples, factors: Array) -> float:
+    """Return the width of the step from safe to violated."""
+    least = samples.least(factors)
+    return max(SMOOTH * float(least.std()), np.finfo(float).eps * float(np.abs(least).max()), 1e-300)
 
 
 def _slope(samples: Samples, factors: Array, width: float) -> Array:

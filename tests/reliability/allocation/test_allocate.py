@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import chaospy
 import numpy as np
 import pytest
 import scipy.stats
@@ -79,6 +80,30 @@ def test_nothing_is_tightened_where_nothing_has_to_be():
     found = allocate(stack({k: w / 4 for k, w in WIDTHS.items()}), "gap", 0.1)
     assert (found.factors == 1).all() and found.cost_after == found.cost_before
     assert any("Nothing has to be" in note for note in found.notes)
+
+
+@pytest.mark.thorough
+def test_other_inputs_may_be_discrete_dependent_skewed_or_inspected():
+    """Against a million samples of the relation itself."""
+    mechanism = uqmbd.Mechanism("mixed", uqmbd.Planar())
+    mechanism.body("part", mass=1, inertia=1)
+    n = uqmbd.RandomVariable("n", chaospy.Binomial(4, 0.3))
+    skewed = uqmbd.RandomVariable("skewed", chaospy.LogNormal(0, 0.3))
+    a, b = uqmbd.random_vector(["a", "b"], chaospy.MvNormal([0, 0], [[1, 0.6], [0.6, 1]]))
+    x = uqmbd.RandomVariable("x", uqmbd.tolerance(0, 1, 1, cpk=0.7, inspected=True))
+    y = uqmbd.RandomVariable("y", chaospy.Uniform(-1, 1))
+    relation = 2.2 + 0.1 * n + 0.2 * skewed + 0.2 * a - 0.1 * b - 2 * x - 2 * y + 0.1 * x * y
+    mechanism.require("sum", relation >= 0)
+    study = uqmbd.Study("mixed", mechanism)
+    found = allocate(study, "sum", 0.02, cost={"x": 1, "y": 1})
+    assert (found.factors < 1).all() and found.before[1] == pytest.approx(3 / np.sqrt(3), rel=1e-4)
+    inputs = study.problem(_method()).inputs
+    drawn = dict(zip(inputs.names, inputs.from_uniform(np.random.default_rng(3).random((10**6, 6))).T, strict=True))
+    for name, factor in zip(found.inputs, found.factors, strict=True):
+        drawn[name] = factor * drawn[name]
+    symbols = (n, skewed, a, b, x, y)
+    margin = sympy.lambdify(symbols, relation, "numpy")(*(drawn[s.name] for s in symbols))
+    assert np.mean(margin < 0) == pytest.approx(0.02, abs=1e-3)
 
 
 def slider_crank(limit):
@@ -165,8 +190,6 @@ def test_what_cannot_be_used_is_refused(changes, said):
 
 
 def test_inputs_without_a_tolerance_are_named_and_dependent_ones_refused():
-    import chaospy
-
     mechanism = uqmbd.Mechanism("plain", uqmbd.Planar())
     mechanism.body("part", mass=1, inertia=1)
     x = uqmbd.RandomVariable("x", chaospy.Normal(1, 0.1))
