@@ -62,7 +62,7 @@ mechanism.require("swing", rocker.angle <= sympy.rad(128.75), description="rocke
 study = uqmbd.Study(
     "tolerances",
     mechanism,
-    times=np.linspace(0, 1, 501),
+    times=np.linspace(0, 1, 101),
     propagators=[MonteCarlo(samples=1000, seed=1), Collocation(order=2)],
 )
 

@@ -128,18 +128,18 @@ def allocate(
     realisations(first)
     count = int(min(LARGEST, max(FEWEST, COUNTED / probability)))
     count = 2 ** int(np.ceil(np.log2(count)))
-    values = problem.inputs.from_uniform(_uniform(count, dimension, seed + 1))
+    germs = space.from_uniform(_uniform(count, dimension, seed + 1))
     generator = np.random.default_rng([seed, 2])
     target = probability
     before: float | None = None
     best: tuple[Tightest, Verified, Surrogate] | None = None
     for turn in range(ROUNDS):
         surrogate = realisations.surrogate(where, space)
-        found = cheapest(surrogate, inputs, values, target, narrowest)
+        found = cheapest(surrogate, inputs, germs, target, narrowest)
         if before is None:
-            before = float(np.mean(surrogate.margins(values).min(axis=1) < 0))
+            before = float(np.mean(surrogate.margins(germs).min(axis=1) < 0))
         fresh = inputs.values(problem.inputs.from_uniform(generator.random((verify, dimension))), found.factors)
-        predicted: Mask = surrogate.margins(fresh).min(axis=1) < 0
+        predicted: Mask = surrogate.margins(space.to_germs(fresh)).min(axis=1) < 0
         checked = verified(found.probability, count, predicted, realisations(fresh))
         best = (found, checked, surrogate)
         off = checked.probability - probability

@@ -48,11 +48,10 @@ class Surrogate:
     order: int
     error: Array
 
-    def margins(self, values: Array) -> Array:
-        """Return margins, shape (K, requirement), of inputs (K, input)."""
-        parts = [values[k : k + BLOCK] for k in range(0, len(values), BLOCK)]
-        found = [self.space.evaluate(self.space.to_germs(part), self.index) @ self.coefficients for part in parts]
-        return np.concatenate(found)
+    def margins(self, germs: Array) -> Array:
+        """Return margins, shape (K, requirement), at germs (K, d)."""
+        parts = [germs[k : k + BLOCK] for k in range(0, len(germs), BLOCK)]
+        return np.concatenate([self.space.evaluate(part, self.index) @ self.coefficients for part in parts])
 
 
 def fitted(space: uqmbd.GermSpace, values: Array, margins: Array) -> Surrogate:

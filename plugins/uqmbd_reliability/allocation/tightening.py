@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 import uqmbd
-from uqmbd.typing import Array
+from uqmbd.typing import Array, Index
 
 __all__ = ["Cost", "Tightened", "tightened"]
 
@@ -46,7 +46,7 @@ class Tightened:
 
     names: tuple[str, ...]
     units: tuple[str, ...]
-    columns: Array
+    columns: Index
     means: Array
     widths: Array
     sources: tuple[str, ...]
