@@ -17,10 +17,16 @@ HIGHEST = 8
 MOST = 700
 """Terms."""
 
+ENOUGH = 1e-3
+"""Error, over the standard deviation, at which no higher order is looked at."""
+
+WORTH = 0.9
+"""Share of the error that a higher order has to go below."""
+
 SPARE = 2.0
 """Realisations for each term."""
 
-BLOCK = 2**14
+BLOCK = 2**11
 """Points that are evaluated at once."""
 
 
@@ -81,8 +87,10 @@ def fitted(space: uqmbd.GermSpace, values: Array, margins: Array) -> Surrogate:
         # what each point would be missed by if it were left out of the fit
         leverage = np.minimum((left[:, kept] ** 2).sum(axis=1), 1 - 1e-9)
         error = np.sqrt(np.mean((off / (1 - leverage[:, None])) ** 2, axis=0)) / spread
-        if best is None or error.max() < best.error.max():
+        if best is None or error.max() < WORTH * best.error.max():
             coefficients = right[kept].T @ (projected / sizes[kept, None])
             best = Surrogate(space, index, coefficients, order, error)
+        if best.error.max() <= ENOUGH:
+            break
     assert best is not None
     return best
