@@ -46,6 +46,8 @@ class Analysis:
         What the reader must know.
     dependent : bool
         Whether the samples depend on each other, so that no standard error comes from them.
+    used : Proposal, optional
+        What was sampled from; none where no violation was in sight.
     """
 
     estimates: tuple[Estimate, ...]
@@ -54,6 +56,7 @@ class Analysis:
     ledger: Ledger
     notes: tuple[str, ...]
     dependent: bool = False
+    used: Proposal | None = None
 
 
 def analyse(
@@ -113,7 +116,7 @@ def analyse(
     else:
         sampled = _plain(ledger, generator)
     estimates = _estimates(sampled, used, margins, levels, notes)
-    return Analysis(tuple(estimates), tuple(points), sampled, ledger, tuple(notes))
+    return Analysis(tuple(estimates), tuple(points), sampled, ledger, tuple(notes), used=used)
 
 
 def _design_points(ledger: Ledger, origin: Array, requirements: int) -> list[DesignPoint]:

@@ -13,6 +13,8 @@ import uqmbd
 from uqmbd.results import requirement_names, sample_dataset, statistics_of_samples
 from uqmbd_reliability.analysis import LEAST, PILOT, Analysis, analyse
 from uqmbd_reliability.describing import described
+from uqmbd_reliability.learning import learn
+from uqmbd_reliability.predicting import Predictor, predictor
 from uqmbd_reliability.runs import Runs
 from uqmbd_reliability.space import StandardSpace
 from uqmbd_reliability.subset import MISSING, available, subset
@@ -44,6 +46,11 @@ class Reliability(uqmbd.Propagator):
         Realisations at most, all together, those of searches included.
     seed : int
         Of the random numbers: the same seed gives the same bits, whatever the number of workers.
+    surrogate : uqmbd.Propagator, optional
+        A method that gives a surrogate of the margins, as ``Collocation(order=3)``, which is run first: the search goes
+        over it, and real realisations are computed where the sign of a margin is in doubt.  The probability and its
+        interval are those of the real mechanism; a poor surrogate costs realisations.  Its own count, too, but are
+        not bounded by `max_realisations`.
     label : str, optional
         Name of the results, by default ``reliability``.
 
@@ -71,11 +78,16 @@ class Reliability(uqmbd.Propagator):
     target_cov: Annotated[float, uqmbd.Bounds(0.005, 1)] = 0.05
     max_realisations: Annotated[int, uqmbd.Bounds(LEAST)] = 3000
     seed: Annotated[int, uqmbd.Bounds(0)] = 0
+    surrogate: uqmbd.Propagator | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.method == "subset" and not available():
             raise uqmbd.StudyError(f"Reliability: {MISSING}.")
+        if self.surrogate is not None and self.method != "auto":
+            raise uqmbd.StudyError(
+                f"Reliability: method is {self.method!r}, and a surrogate is given; with one, leave the method out."
+            )
 
     def estimate(self, study: uqmbd.Study) -> uqmbd.Estimate:
         """Count realisations, and the running margins that are kept."""
@@ -87,6 +99,8 @@ class Reliability(uqmbd.Propagator):
         """Say what is in the way: nothing random, or a requirement that there is not."""
         if reason := uqmbd.nothing_random(study.mechanism.inputs, study.mechanism.name):
             return reason
+        if self.surrogate is not None and (found := self.surrogate.obstacle(study)):
+            return f"its surrogate {self.surrogate.name!r}: {found}"
         return self._unknown(list(study.mechanism.requirements))
 
     def remarks(self, study: uqmbd.Study) -> tuple[str, ...]:
@@ -103,7 +117,8 @@ class Reliability(uqmbd.Propagator):
             return self._without(problem, space)
         chosen = list(range(len(names))) if self.requirement is None else [names.index(self.requirement)]
         runs = Runs(problem, space, chosen)
-        found = self._analyse(runs, space.dimension, problem.label)
+        predicted = None if self.surrogate is None else predictor(self.surrogate, problem, space, chosen)
+        found = self._analyse(runs, space.dimension, predicted)
         attrs = self._told(problem, runs, found, requirement_names([names[k] for k in chosen]))
         data = described(
             problem,
@@ -115,12 +130,17 @@ class Reliability(uqmbd.Propagator):
         )
         pilot = runs.pilot
         assert pilot is not None
-        return self._node(problem, pilot, attrs, runs, {"requirements": data})
+        return self._node(problem, pilot, attrs, runs, {"requirements": data}, predicted)
 
-    def _analyse(self, runs: Runs, dimension: int, label: str) -> Analysis:
+    def _analyse(self, runs: Runs, dimension: int, predicted: Predictor | None) -> Analysis:
         if self.method == "subset":
             return subset(runs, dimension, most=self.max_realisations, seed=self.seed)
         generator = np.random.default_rng(self.seed)
+        if predicted is not None:
+            target, most = self.target_cov, self.max_realisations
+            learned = learn(runs, predicted, dimension, target=target, most=most, generator=generator)
+            if learned is not None:
+                return learned
         return analyse(
             runs,
             dimension,
@@ -153,6 +173,7 @@ class Reliability(uqmbd.Propagator):
         attrs: dict[str, Any],
         runs: Runs | None,
         children: dict[str, xr.Dataset],
+        predicted: Predictor | None = None,
     ) -> xr.DataTree:
         fine = pilot.good
         lost = int(np.count_nonzero(~fine))
@@ -163,6 +184,9 @@ class Reliability(uqmbd.Propagator):
             )
         failures = lost if runs is None else max(runs.failures, lost)
         total = len(fine) if runs is None else runs.count
+        if predicted is not None:
+            total, failures = total + predicted.realisations, failures + predicted.failures
+            attrs = {**attrs, "surrogate_realisations": predicted.realisations}
         if failures:
             reason = pilot.most_frequent_reason() or (runs.reason if runs else "") or "an output is not finite"
             warnings.warn(

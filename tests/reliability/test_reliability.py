@@ -5,12 +5,14 @@ from __future__ import annotations
 import chaospy
 import numpy as np
 import pytest
+import sympy
 from scipy.stats import norm
 
 import uqmbd
 import uqmbd_reliability.propagator as module
 from uqmbd.results import load, save, validate
 from uqmbd.testing import check_propagator
+from uqmbd_collocation import Collocation
 from uqmbd_reliability import Reliability
 from uqmbd_reliability.space import StandardSpace
 from uqmbd_springs import SpringDamper
@@ -177,3 +179,20 @@ def test_a_target_that_is_not_reached_is_told():
     with pytest.warns(UserWarning, match="target_cov=0.02 was not reached for low"):
         node = answer(mechanism, target_cov=0.02, max_realisations=700)
     assert node.attrs["realisations"] <= 700
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("order", [1, 4])
+def test_a_surrogate_saves_realisations_and_a_poor_one_deceives_nobody(order):
+    """The margin is 1 - 0.1 exp((x0 + x1) / 2): the limit is a plane for the germs, and order one misses its place."""
+    x = [uqmbd.RandomVariable(f"x{k}", chaospy.Normal(0, 1)) for k in range(2)]
+    limit = {"low": 0.1 * sympy.exp((x[0] + x[1]) / 2) <= 1}
+    surrogate = Collocation(order=order)
+    node = answer(spring(limit, x, lambda a, b: 50 + a + b), surrogate=surrogate)
+    data = node["requirements"].to_dataset()
+    exact = norm.sf(np.log(10) * np.sqrt(2))
+    low, high = data["interval"].values[0]
+    assert low < exact < high < 1.3 * low
+    assert data["violation_probability"].item() == pytest.approx(exact, rel=0.15)
+    assert node.attrs["realisations"] < (1000 if order == 1 else 500)
+    assert node.attrs["surrogate_realisations"] > 0

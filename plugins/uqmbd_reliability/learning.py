@@ -1,0 +1,264 @@
+"""From a surrogate to the real mechanism: real realisations near the limits, and a correction by those that it missed.
+
+The search, the splitting and the sampling of `uqmbd_reliability.analysis` go over the surrogate, which costs nothing;
+their proposal gives a population of weighted points.  Real realisations are computed where the sign of a margin is in
+doubt, a Gaussian process (scikit-learn's) of what the surrogate leaves of them corrects it, and so again.  Then it is
+frozen, and
+
+    P = P of the surrogate + P(violation, not predicted) - P(predicted, no violation),
+
+whose last two terms are estimated by real realisations drawn from the population, in doubt more often than not: the
+estimator of Hansen and Hurwitz, unbiased however wrong the surrogate is.  Half of them are drawn from the proposal as
+it is, so that no weight is larger than twice of what importance sampling has.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.special import chdtri, ndtr
+
+from uqmbd.typing import Array, Index
+from uqmbd_reliability.analysis import Analysis, analyse
+from uqmbd_reliability.estimating import Estimate, weighted_bound, with_any
+from uqmbd_reliability.importance import Sampled
+from uqmbd_reliability.ledger import Ledger, LimitState
+from uqmbd_reliability.proposals import Proposal
+
+__all__ = ["learn"]
+
+
+POPULATION = 10_000
+CYCLES, BATCH = 4, 32
+PILOT = 40
+FREE = 10_000
+"""Evaluations of the surrogate by which the proposal is found."""
+
+PLAIN = 0.5
+"""Share of draws from the proposal as it is."""
+
+DOUBT = 1e-4
+"""Probability of a wrong sign from which a point may be wrong, for the bound where none was seen."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Population:
+    points: Array
+    ratio: Array
+    predicted: Array
+    doubt: Array
+    drawn: Array
+
+
+def learn(
+    limit: LimitState,
+    predict: Callable[[Array], Array],
+    dimension: int,
+    *,
+    target: float = 0.05,
+    most: int = 3000,
+    generator: np.random.Generator,
+) -> Analysis | None:
+    """Estimate the probabilities that margins are below zero, with the help of a surrogate.
+
+    Parameters
+    ----------
+    limit : callable
+        See `LimitState`.
+    predict : callable
+        From points (K, d) of the standard normal space to the margins (K, requirement) of the surrogate.
+    dimension, target, most, generator
+        As of `analyse`; `most` counts real realisations.
+
+    Returns
+    -------
+    Analysis or None
+        None where the surrogate sees no violation at all: then it is of no use.
+    """
+    ledger = Ledger(limit, dimension, most)
+    ledger(generator.standard_normal((PILOT, dimension)))
+    free, population = None, None
+    for cycle in range(CYCLES):
+        corrected = _Corrected.of(predict, ledger)
+        found = analyse(
+            lambda u, by=corrected: (by(u), np.zeros(len(u), dtype=bool)),  # type: ignore[misc] # bound in the loop
+            dimension,
+            target=0.02,
+            most=FREE,
+            generator=generator,
+        )
+        if found.used is None:
+            break
+        free, population = found, _population(found.used, corrected, generator)
+        if cycle < CYCLES - 1 and ledger.left > 2 * BATCH:
+            chosen = np.unique(generator.choice(POPULATION, BATCH, p=population.drawn))
+            ledger(population.points[chosen])
+    if free is None or population is None:
+        return None
+    return _verified(free, ledger, population, target, generator)
+
+
+@dataclass(frozen=True, eq=False)
+class _Corrected:
+    """A surrogate, and Gaussian processes of what it leaves of real margins; None where too few are known."""
+
+    predict: Callable[[Array], Array]
+    processes: tuple[Any, ...]
+    scales: tuple[float, ...]
+
+    @classmethod
+    def of(cls, predict: Callable[[Array], Array], ledger: Ledger) -> _Corrected:
+        """Fit to all that was computed."""
+        from sklearn.exceptions import ConvergenceWarning
+        from sklearn.gaussian_process import GaussianProcessRegressor
+        from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
+
+        known = ledger.points
+        left = ledger.margins - predict(known)
+        length = 2.0 * np.sqrt(ledger.dimension)
+        processes, scales = [], []
+        for column in left.T:
+            fine = np.isfinite(column)
+            scale = float(np.sqrt((column[fine] ** 2).mean())) if fine.any() else 0.0
+            process = None
+            if fine.sum() >= 10 and scale > 0:
+                kernel = ConstantKernel(1.0, (1e-2, 1e4)) * RBF(length, (0.3, 100.0)) + WhiteKernel(1e-3, (1e-8, 1.0))
+                process = GaussianProcessRegressor(kernel, n_restarts_optimizer=0)
+                with warnings.catch_warnings():
+                    warnings.simplefilter("ignore", ConvergenceWarning)
+                    process.fit(known[fine], column[fine] / scale)
+            processes.append(process)
+            scales.append(scale)
+        return cls(predict, tuple(processes), tuple(scales))
+
+    def __call__(self, points: Array) -> Array:
+        """Return margins (K, requirement)."""
+        found = self.predict(points)
+        for k, (process, scale) in enumerate(zip(self.processes, self.scales, strict=True)):
+            if process is not None:
+                found[:, k] += scale * process.predict(points)
+        return found
+
+    def doubt(self, points: Array, margins: Array) -> Array:
+        """Return the probability that the sign of a margin is wrong, (K, requirement)."""
+        found = np.empty_like(margins)
+        for k, (process, scale) in enumerate(zip(self.processes, self.scales, strict=True)):
+            error = 1.0 if process is None else process.predict(points, return_std=True)[1]
+            least = max(scale * 1e-9, 1e-12 * float(np.abs(margins[:, k]).max()), 1e-300)
+            found[:, k] = ndtr(-np.abs(margins[:, k]) / np.maximum(scale * error, least))
+        return found
+
+
+def _population(used: Proposal, corrected: _Corrected, generator: np.random.Generator) -> _Population:
+    points = used.mixture.sample(POPULATION, generator)
+    ratio, predicted = used.mixture.ratio(points), corrected(points)
+    doubt = corrected.doubt(points, predicted)
+    wanted = ratio[:, None] * np.sqrt(doubt * (1.0 - doubt))
+    total = wanted.sum(axis=0)
+    shares = (wanted / np.where(total > 0, total, 1.0)).mean(axis=1)
+    drawn = PLAIN / len(points) + (1.0 - PLAIN) * shares
+    return _Population(points, ratio, predicted, doubt, drawn / drawn.sum())
+
+
+def _verified(
+    free: Analysis, ledger: Ledger, population: _Population, target: float, generator: np.random.Generator
+) -> Analysis:
+    """Draw real realisations with the surrogate frozen, until the probabilities are known as well as is wanted."""
+    drawn = np.zeros(0, dtype=np.int64)
+    rows = np.zeros(0, dtype=np.int64)
+    place: dict[int, int] = {}
+    estimates: list[Estimate] = []
+    while ledger.left > 0:
+        more = generator.choice(len(population.points), min(2 * BATCH, ledger.left), p=population.drawn)
+        new = [int(k) for k in dict.fromkeys(more.tolist()) if k not in place]
+        first = ledger.count
+        if new:
+            ledger(population.points[new])
+        place.update({k: first + i for i, k in enumerate(new)})
+        drawn = np.concatenate([drawn, more])
+        rows = np.array([place[int(k)] for k in drawn])
+        estimates = _estimates(population, drawn, ledger.margins[rows])
+        if len(drawn) >= 3 * BATCH and all(_settled(one, target) for one in estimates):
+            break
+    weights = population.ratio[drawn] / (len(population.points) * population.drawn[drawn])
+    margins = ledger.margins[rows]
+    # by the same draws, in proportion to what is known better
+    counted = float(np.where(with_any(margins)[:, -1] < 0, weights, 0.0).mean())
+    if counted > 0 and estimates:
+        weights = weights * (estimates[-1].probability / counted)
+    sampled = Sampled(population.points[drawn], weights, margins, rows)
+    wrong = int(((margins < 0) != (population.predicted[drawn] < 0)).any(axis=1).sum())
+    notes = (
+        f"the surrogate was wrong in {wrong} of {len(drawn)} real realisations, most of them where it was in doubt",
+    )
+    return Analysis(tuple(estimates), free.design_points, sampled, ledger, notes, used=free.used)
+
+
+def _settled(one: Estimate, target: float) -> bool:
+    return one.probability > 0 and one.upper - one.lower < 2 * 1.96 * target * one.probability
+
+
+def _estimates(population: _Population, drawn: Index, margins: Array) -> list[Estimate]:
+    weights = population.ratio[drawn] / (len(population.points) * population.drawn[drawn])
+    real, guess = with_any(margins), with_any(population.predicted)
+    doubt = with_any(-population.doubt)  # the largest of all stands for any
+    found = []
+    for k in range(real.shape[1]):
+        failed, violated = np.isnan(real[:, k]), real[:, k] < 0
+        said = guess[drawn, k] < 0
+        counted = np.where(guess[:, k] < 0, population.ratio, 0.0)
+        # for what was not seen: the weight of a draw that may be wrong, in doubt or, deceptively, not
+        unsure, sure = np.flatnonzero(-doubt[:, k] > DOUBT), np.flatnonzero(counted)
+        most = max(_weight(population, unsure, 0.95), _weight(population, sure, 0.5))
+        missed, false = (weights * wrong for wrong in (violated & ~said, ~violated & ~failed & said))
+        mean = float(counted.mean() + missed.mean() - false.mean())
+        error = float(np.hypot(_error(counted), _error(missed - false)))
+        low, high = _combined(
+            mean, counted, (missed, weights * (failed & ~said)), (false, weights * (failed & said)), most
+        )
+        probability = min(max(mean, low), high)
+        found.append(Estimate(probability, error, low, high))
+    return found
+
+
+def _weight(population: _Population, chosen: Index, share: float) -> float:
+    """Return the weight of a draw than which so many of some points have less."""
+    if not len(chosen):
+        return 0.0
+    weights = population.ratio[chosen] / (len(population.points) * population.drawn[chosen])
+    return float(np.quantile(weights, share))
+
+
+def _error(values: Array) -> float:
+    return float(values.std(ddof=1) / np.sqrt(len(values)))
+
+
+def _combined(
+    mean: float, counted: Array, missed: tuple[Array, Array], false: tuple[Array, Array], most: float
+) -> tuple[float, float]:
+    """Combine the intervals of the terms, by the method of variance estimates recovery (Zou and Donner)."""
+    sampling = 1.96 * _error(counted)
+    above, below = _interval(missed[0], most), _interval(false[0], most)
+    one, other = float(missed[0].mean()), float(false[0].mean())
+    low = mean - np.sqrt(sampling**2 + (one - above[0]) ** 2 + (below[1] - other) ** 2)
+    high = mean + np.sqrt(sampling**2 + (above[1] - one) ** 2 + (other - below[0]) ** 2)
+    # realisations that failed may be either
+    low -= weighted_bound(false[1] / len(false[1])) if false[1].any() else 0.0
+    high += weighted_bound(missed[1] / len(missed[1])) if missed[1].any() else 0.0
+    return max(float(low), 0.0), min(max(float(high), 0.0), 1.0)
+
+
+def _interval(weights: Array, most: float) -> tuple[float, float]:
+    """Bounds of a mean of the weights of rare events, of which none may have been seen (Fay and Feuer)."""
+    each = weights / len(weights)
+    total, square = each.sum(), (each**2).sum()
+    low = square / (2 * total) * chdtri(2 * total**2 / square, 0.975) if total > 0 else 0.0
+    largest = max(each.max(), most / len(weights))
+    if not largest > 0:
+        return float(low), 0.0
+    total, square = total + largest, square + largest**2
+    return float(low), float(square / (2 * total) * chdtri(2 * total**2 / square, 0.025))

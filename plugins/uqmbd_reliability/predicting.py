@@ -1,0 +1,70 @@
+"""Margins by a surrogate that another method makes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+import uqmbd
+from uqmbd.results import surrogate
+from uqmbd.typing import Array
+from uqmbd_reliability.space import StandardSpace
+
+__all__ = ["Predictor", "predictor"]
+
+
+BLOCK = 2**13
+"""Points that are evaluated at once."""
+
+
+@dataclass(frozen=True, eq=False)
+class Predictor:
+    """Margins of chosen requirements at points of the standard normal space.
+
+    Attributes
+    ----------
+    evaluate : callable
+        From germs (K, d) to values (K, requirement, 1).
+    space : StandardSpace
+        Of the inputs.
+    chosen : list of int
+        Which requirements.
+    realisations, failures : int
+        What it took.
+    """
+
+    evaluate: Callable[[Array], Array]
+    space: StandardSpace
+    chosen: list[int]
+    realisations: int
+    failures: int
+
+    def __call__(self, points: Array) -> Array:
+        """Return margins (K, requirement) at points (K, d)."""
+        parts = [points[k : k + BLOCK] for k in range(0, len(points), BLOCK)]
+        found = [self.evaluate(self.space.to_germs(part))[:, self.chosen, -1] for part in parts]
+        return np.concatenate([np.zeros((0, len(self.chosen))), *found])
+
+
+def predictor(method: uqmbd.Propagator, problem: uqmbd.Problem, space: StandardSpace, chosen: list[int]) -> Predictor:
+    """Run a method on the margins.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If it gives no surrogate.
+    """
+    margins = problem if problem.kind == "requirements" else problem.of_requirements()
+    label = f"{problem.label}: surrogate"
+    checkpoint = margins.checkpoint and replace(margins.checkpoint, label=label)
+    node = method.propagate(replace(margins, label=label, checkpoint=checkpoint, answers_requirements=False))
+    chaos = surrogate(node, times=[len(problem.times if problem.over is None else problem.over) - 1])
+    return Predictor(
+        chaos.evaluate_germs,
+        space,
+        chosen,
+        int(node.attrs["realisations"]),
+        int(node.attrs["failures"]),
+    )
