@@ -20,7 +20,7 @@ __all__ = ["Motion", "motion_of"]
 INSIDE = 1e-12
 """Part of a time by which equations are evaluated inside a step: at its ends forces may jump."""
 
-AT_ONCE = 1 << 11
+AT_ONCE = 1 << 9
 """Parts that are evaluated at once."""
 
 _ENDS = np.where(np.arange(len(PLACES)) % 2, -1.0, 1.0) * np.where(np.arange(len(PLACES)) % (len(PLACES) - 1), 1.0, 0.5)
@@ -93,11 +93,10 @@ class Motion:
         return self._weighted(known[back], low, high)
 
     def _weighted(self, values: Array, low: Array, high: Array) -> Array:
-        """Values of polynomials through values (E, 8, W) at the places of parts, by barycentric interpolation."""
-        found = values.copy()
+        """Change values (E, 8, W) of polynomials at the places to those of parts, by barycentric interpolation."""
         some = np.flatnonzero((low != 0) | (high != 1))
         if not len(some):
-            return found
+            return values
         parts = low[some, None] + (high - low)[some, None] * PLACES
         parts[:, -1] = high[some]
         apart = parts[:, :, None] - PLACES
@@ -105,8 +104,8 @@ class Motion:
         weights = _ENDS / np.where(hit, 1.0, apart)
         weights = np.where(hit.any(axis=2, keepdims=True), hit.astype(float), weights)
         # one product for each step: the same in any company
-        found[some] = (weights @ values[some]) / weights.sum(axis=2, keepdims=True)
-        return found
+        values[some] = (weights @ values[some]) / weights.sum(axis=2, keepdims=True)
+        return values
 
     def _inside(self, steps: Index, low: Array, high: Array) -> Array:
         """Tell the times of the places of parts, inside the steps."""
