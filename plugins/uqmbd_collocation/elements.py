@@ -24,9 +24,10 @@ __all__ = ["collocate_elements"]
 class _Element:
     """What was computed in a box."""
 
+    probability: float
     runs: Runs
     fit: Fit
-    verification: int
+    verification: uqmbd.Verification
     warned: tuple[str, ...]
 
 
@@ -69,7 +70,8 @@ class _Elements:
                 warnings.simplefilter("always")
                 fit = plan.fit(runs)
             verification = runs.verification(where)
-            self.done.append(_Element(runs, fit, len(verification), tuple(str(w.message) for w in caught)))
+            told = tuple(str(w.message) for w in caught)
+            self.done.append(_Element(box.probability, runs, fit, verification, told))
             chaoses.append(verification.chaos(fit.coefficients, fit.multi_index, self.problem.labels))
         return chaoses
 
@@ -100,7 +102,7 @@ def collocate_elements(
     kept = [work.done[k] for k in refined.kept]
     for text in dict.fromkeys(text for one in kept for text in one.warned):
         warnings.warn(text, stacklevel=3)
-    missed = sum(1 for one in kept if plans.verify and not one.verification)
+    missed = sum(1 for one in kept if plans.verify and not len(one.verification))
     if missed:
         warnings.warn(
             f"{problem.label}: the verification realisations of {missed} of {len(kept)} elements failed; the stated "
@@ -122,16 +124,26 @@ def collocate_elements(
         },
         attrs={
             "failures": sum(int((one.runs.status != Status.OK).sum()) for one in work.done),
+            "failed_share": _failed_share(kept),
             "fit": f"{len(kept)} elements, each by {first.fit.how}",
             "terms": len(refined.chaos.multi_index),
             "highest_degree": int(refined.chaos.multi_index.max()),
             "nodes": sum(len(np.unique(one.fit.where)) + one.fit.failed for one in kept),
-            "verification": sum(one.verification for one in kept),
+            "verification": sum(len(one.verification) for one in kept),
             "elements": len(kept),
             "elements_computed": refined.computed,
             "threshold_met": str(refined.met),
         },
     )
+
+
+def _failed_share(elements: Sequence[_Element]) -> float:
+    """Return the share of the probability at which realisations of elements fail."""
+    verified = [one.verification for one in elements]
+    failures = sum(int((one.runs.status != Status.OK).sum()) for one in elements)
+    others = sum(len(one.runs) for one in elements) - sum(one.asked for one in verified)
+    failed = max(failures - sum(one.failures for one in verified), 0)
+    return uqmbd.Verification.failed_share(verified, [one.probability for one in elements], max(others, 0), failed)
 
 
 def _nodes(work: _Elements, kept: tuple[int, ...]) -> xr.Dataset:

@@ -241,6 +241,8 @@ def _composed(
     attrs: dict[str, Any] = {}
     for one in own:
         attrs |= one.attrs
+    # that of one family is none of all
+    attrs.pop("failed_share", None)
     attrs |= {
         "failures": sum(one.attrs["failures"] for one in work.found.values()),
         "fit": own[0].attrs["fit"] if len(own) == 1 else _fits(work, rows),

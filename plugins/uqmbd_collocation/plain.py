@@ -59,8 +59,11 @@ def expand(
     warn_of_idle_inputs(runs, fit, label)
     if not quiet:
         warn_of_discontinuities(chaos, plans, label)
+    failures, others = int((runs.status != Status.OK).sum()), max(len(runs) - verification.asked, 0)
+    failed = max(failures - verification.failures, 0)
     attrs = {
-        "failures": int((runs.status != Status.OK).sum()),
+        "failures": failures,
+        "failed_share": verification.failed_share([verification], [1.0], others, failed),
         "fit": fit.how,
         "terms": len(fit.multi_index),
         "highest_degree": int(fit.multi_index.max()),

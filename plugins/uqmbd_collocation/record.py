@@ -102,7 +102,8 @@ def warn_of_failures(verification: uqmbd.Verification, label: str) -> None:
     if verification.failures:
         warnings.warn(
             f"{label}: {verification.failures} of {verification.asked} verification realisations failed; the stated "
-            f"error comes from the others. Reason of the failure: {verification.reason}",
+            f"error comes from the others. By their weights they stand for about {max(verification.lost, 1e-6):.1g} of "
+            f"the probability. Reason of the failure: {verification.reason}",
             stacklevel=3,
         )
 

@@ -123,9 +123,11 @@ class Runs:
         where = self.at(points.germs)
         good = np.flatnonzero(self.good(where)) if len(where) else where
         if not len(good):
-            return uqmbd.Verification(self.space, points[:0], np.zeros((0, *self.problem.labels.shape)), len(where))
+            nothing = np.zeros((0, *self.problem.labels.shape))
+            return uqmbd.Verification(self.space, points[:0], nothing, len(where), lost=float(len(where) > 0))
         known = uqmbd.VerificationPoints(self.germs[where[good]], points.weights[good])
-        return uqmbd.Verification(self.space, known, self.response[where[good]], len(where), self.reason(where))
+        lost = points.share(~self.good(where))
+        return uqmbd.Verification(self.space, known, self.response[where[good]], len(where), self.reason(where), lost)
 
     @property
     def germs(self) -> Array:

@@ -153,6 +153,7 @@ def galerkin_in_phase(
         },
         attrs={
             "failures": verification.failures,
+            "failed_share": verification.failed_share([verification], [1.0], len(rule) + piloted, 0),
             "terms": len(terms),
             "nodes": len(rule),
             "unknowns": projected.unknowns + len(terms),

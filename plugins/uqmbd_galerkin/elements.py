@@ -195,6 +195,12 @@ def galerkin_elements(
         children={"chaos": chaos.to_dataset(), "elements": refined.steps},
         attrs={
             "failures": failures + without,
+            "failed_share": uqmbd.Verification.failed_share(
+                [work.verified[k] for k in kept],
+                [box.probability for box in chaos.boxes],
+                sum(work.nodes[k] for k in kept),
+                without,
+            ),
             "terms": work.terms,
             "nodes": sum(work.nodes[k] for k in kept),
             "unknowns": work.unknowns,

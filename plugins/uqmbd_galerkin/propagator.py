@@ -262,7 +262,9 @@ class Galerkin(uqmbd.Propagator):
             warnings.warn(
                 f"{problem.label}: {verification.failures} of {self.verify} verification realisations fail, so the "
                 "response does not exist, or not for all times, in part of the support of the inputs; an expansion "
-                f"over all of it means little. Truncate the distributions. Reason: {verification.reason}",
+                "over all of it means little. By their weights they stand for about "
+                f"{max(verification.lost, 1e-6):.1g} of the probability. Truncate the distributions. "
+                f"Reason: {verification.reason}",
                 stacklevel=2,
             )
 
@@ -317,6 +319,7 @@ class Galerkin(uqmbd.Propagator):
             children=children,
             attrs={
                 "failures": verification.failures,
+                "failed_share": verification.failed_share([verification], [1.0], len(rule), 0),
                 "terms": len(terms),
                 "nodes": len(rule),
                 "unknowns": projected.unknowns,

@@ -45,6 +45,7 @@ def projected_scalars(
         children={"chaos": chaos.to_dataset()},
         attrs={
             "failures": fit.failed + verification.failures,
+            "failed_share": verification.failed_share([verification], [1.0], len(rule), fit.failed),
             "fit": fit.how or "evaluated at the nodes of the quadrature and projected there",
             "terms": len(fit.multi_index),
             "nodes": len(rule),

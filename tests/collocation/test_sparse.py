@@ -104,7 +104,7 @@ def test_what_is_lost_late_spoils_nothing_that_is_known_early(resting, method):
 
     def error(option, times):
         study = resting(swinging, *[chaospy.Uniform(-1, 1)] * 8, times=times)
-        node = study.propagate(Collocation(order=2, method=option, samples=128))
+        node = study.propagate(Collocation(order=2, method=option, samples=128, verify=256))
         return node["statistics"]["verification_error"].sel(output="y").values
 
     alone = error(method, early)

@@ -16,7 +16,7 @@ import numpy as np
 
 import uqmbd
 from uqmbd.results import AlignedChaos, AlignedElement, Landmarks, Status
-from uqmbd.typing import Array
+from uqmbd.typing import Array, Mask
 from uqmbd_collocation.alignment.aligned_problem import AlignedProblem, Cut
 from uqmbd_collocation.alignment.event_paths import EventPaths
 from uqmbd_collocation.alignment.impossible import Impossible
@@ -104,7 +104,8 @@ class _Elements:
         verified = Runs(watching, local)
         verification = self._known(box, points) or verified.verification(points)
         if (elsewhere := watching.elsewhere(sequence)).any():
-            lost = (lost * len(nodes) + elsewhere.sum()) / (len(nodes) + len(elsewhere))
+            share, count = _share(verified, points, elsewhere), len(verification)
+            lost = (lost * len(nodes) + count * share) / (len(nodes) + count)
         warn_of_failures(verification, problem.label)
         scale = _scale(verification, problem.times) if plans.adaptive != "no" else None
         marks, late = _marks(paths, local, nodes, sequence), np.zeros(1)
@@ -242,6 +243,14 @@ def _remedy(limits: uqmbd.ElementLimits, count: int) -> str:
     if limits.elements is None:
         return "Raise max_elements" if count >= limits.most else "Give elements='adaptive', which splits by the error"
     return "Raise max_elements" if limits.adaptive else "Raise elements"
+
+
+def _share(runs: Runs, points: uqmbd.VerificationPoints, which: Mask) -> float:
+    """Return the share, by the weights of points (V,), that some of the realisations stand for that did not fail."""
+    where = runs.at(points.germs)
+    good = np.flatnonzero(runs.good(where))
+    place = np.cumsum(runs.status == Status.OK) - 1
+    return points[good].share(which[place[where[good]]])
 
 
 def _met(one: _Fitted) -> bool:

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import functools
 import math
+from dataclasses import replace
 
 import chaospy
 import numpy as np
 import pytest
 
 import uqmbd
-from uqmbd import VerificationPoints
+from uqmbd import ElementLimits, VerificationPoints, refine_elements
 from uqmbd.randomness import GermSpace, JointInput
 from uqmbd.results import PolynomialChaos, labels
+from uqmbd.results.chaos.stated_error import uncertainty_factor
 
 NORMAL, UNIFORM, DICE = chaospy.Normal(0, 1), chaospy.Uniform(-1, 1), chaospy.DiscreteUniform(1, 6)
 BOUNDED = chaospy.TruncNormal(-2, 2, 0, 1)
@@ -152,3 +154,40 @@ def test_weights_that_mean_nothing_are_refused(weights):
         uqmbd.StudyError, match=r"'verification_weights' must be one number, not negative, for each of 2"
     ):
         stated(case, points)
+
+
+def test_one_realisation_knows_no_scatter():
+    """What is stated from one is said to be unknown, and nothing is said of what is not wrong, or not known."""
+    case = made("exponential")
+    chaos = stated(case, VerificationPoints(np.array([[3.5]]), np.ones(1)))
+    assert chaos.verification_factor().item() == np.inf
+    assert "of which one verification realisation knows little: raise verify" in chaos.verdicts()[0]
+    factor = uncertainty_factor(np.array([[1.0, 0.0, np.nan], [2.0, 0.0, 1.0]]), np.array([0.25, 0.75]))
+    assert factor[0] > 1
+    assert factor[1] == 1
+    assert np.isnan(factor[2])
+
+
+def test_elements_of_fewer_times_keep_the_weights():
+    """Of an element that ends early, and one that does not, the realisations count the same as at all times."""
+    space, terms, _, _, function = made("exponential")
+    axes = labels(["y"], list(space.inputs), [0.0, 0.5, 1.0])
+
+    def chaos(box, count):
+        points = VerificationPoints.drawn(box.local, 16, 1, 5)
+        response = np.repeat(function(points.germs)[:, None, None], count, axis=2)
+        own = replace(axes, times=axes.times[:count])
+        return PolynomialChaos(
+            np.ones((len(terms), 1, count)), terms, box.local, own, points.germs, response, points.weights
+        )
+
+    def compute(found):
+        # the upper part ends early
+        return [chaos(box, 2 if box.lower[0] == 0 else 3) for box in found]
+
+    refined = refine_elements(space, compute, ElementLimits(elements=2), label="a", rtol=1e-6).chaos
+    assert [len(box.space.germs) for box in refined.boxes] == [1, 1]
+    assert len(refined.labels.times) == 2
+    for box, element in zip(refined.boxes, refined.elements, strict=True):
+        expected = VerificationPoints.drawn(box.local, 16, 1, 5).weights
+        np.testing.assert_allclose(element.verification_weights, expected / expected.sum())

@@ -361,6 +361,7 @@ def _until(chaos: PolynomialChaos, count: int) -> PolynomialChaos:
         replace(chaos.labels, times=chaos.labels.times[:count]),
         verification_germs=chaos.verification_germs,
         verification_response=None if known is None else known[:, :, :count],
+        verification_weights=chaos.verification_weights,
     )
 
 

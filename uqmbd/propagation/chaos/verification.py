@@ -86,6 +86,10 @@ class VerificationPoints:
         """Return some of them."""
         return VerificationPoints(self.germs[rows], self.weights[rows])
 
+    def share(self, which: Mask) -> float:
+        """Return the share of the probability that some of them (V,) stand for, by the weights; 0 of no points."""
+        return float(self.weights[which].sum() / self.weights.sum()) if which.any() else 0.0
+
 
 @dataclass(frozen=True, eq=False)
 class Verification:
@@ -103,6 +107,8 @@ class Verification:
         How many were computed.
     reason : str
         The most frequent reason of failure, or empty.
+    lost : float
+        Share of the probability at which realisations fail, by the weights of those that did.
     """
 
     space: GermSpace
@@ -110,12 +116,20 @@ class Verification:
     response: Array
     asked: int
     reason: str = ""
+    lost: float = 0.0
 
     @classmethod
     def of(cls, space: GermSpace, points: VerificationPoints, found: Realisations) -> Verification:
         """Return those of some realisations, at these points, that did not fail."""
         good = np.flatnonzero(found.good)
-        return cls(space, points[good], found.response[good], len(points), found.most_frequent_reason())
+        return cls(
+            space,
+            points[good],
+            found.response[good],
+            len(points),
+            found.most_frequent_reason(),
+            points.share(~found.good),
+        )
 
     def __len__(self) -> int:
         return len(self.points)
@@ -140,6 +154,25 @@ class Verification:
     def failures(self) -> int:
         """How many failed: there the response does not exist."""
         return self.asked - len(self)
+
+    @staticmethod
+    def failed_share(verified: Sequence[Verification], boxes: Sequence[float], nodes: int, failed: int) -> float:
+        """Return the share of the probability at which realisations fail.
+
+        Nodes count alike, verification realisations, half of which lie in the tails, by their weights.
+
+        Parameters
+        ----------
+        verified : sequence of Verification
+            Of each element.
+        boxes : sequence of float
+            Probabilities of the elements; 1 of the whole.
+        nodes, failed : int
+            Other realisations, and how many of them failed.
+        """
+        asked = sum(one.asked for one in verified)
+        lost = sum(share * one.lost for one, share in zip(verified, boxes, strict=True))
+        return float((failed + asked * lost) / max(nodes + asked, 1))
 
     def chaos(self, coefficients: Array, multi_index: Index, labels: Labels) -> PolynomialChaos:
         """Make a verified chaos; where it has fewer times than the labels, of the first ones.

@@ -141,8 +141,10 @@ def factor_words(factor: float, count: int) -> str:
     >>> factor_words(1.5, 16), factor_words(3.14, 8)
     ('', ', known to a factor of 3.1 only from 8 verification realisations: raise verify')
     """
-    if factor <= KNOWN:
+    if not factor > KNOWN:
         return ""
+    if count == 1:
+        return ", of which one verification realisation knows little: raise verify"
     return f", known to a factor of {factor:.2g} only from {count} verification realisations: raise verify"
 
 

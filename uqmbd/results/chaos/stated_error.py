@@ -26,6 +26,9 @@ __all__ = [
 ]
 
 
+MOST = 50.0
+"""Largest exponent of a factor by which an error may be off."""
+
 SPREAD_FLOOR = 0.01
 """Where the standard deviation is smaller than this part of its maximum over time, that part stands in for it."""
 
@@ -202,7 +205,8 @@ def uncertainty_factor(wrong: Array, weights: Array) -> Array:
     """Return by which factor the root mean square (...) of errors (V, ...) may be off, by the scatter of their squares.
 
     Two standard errors of the logarithm of the mean square, which are those of independent points, make one factor of
-    the root: ``exp(r)`` with the relative standard error r of the mean square.  1 where there is no error.
+    the root: ``exp(r)`` with the relative standard error r of the mean square.  1 where there is no error; infinite
+    where there is one point, which has no scatter.
 
     Parameters
     ----------
@@ -214,13 +218,18 @@ def uncertainty_factor(wrong: Array, weights: Array) -> Array:
     Examples
     --------
     >>> uncertainty_factor(np.array([[1.0, 0.0], [1.0, 0.0], [1.0, 2.0]]), np.full(3, 1 / 3)).round(3).tolist()
-    [1.0, 2.263]
+    [1.0, 2.718]
     """
     scale = np.abs(wrong).max(axis=0)
     square = (wrong / divisor(scale)) ** 2
     mean = np.tensordot(weights, square, axes=1)
-    scatter = np.sqrt(np.tensordot(weights**2, (square - mean) ** 2, axes=1))
-    return np.asarray(np.exp(np.where(scale > 0, scatter / divisor(mean), 0.0)))
+    # as of n points of the same weight, n - 1 of which are free
+    free = 1.0 - float(weights @ weights)
+    if len(weights) == 1 or free <= 0:
+        return np.where(scale > 0, np.inf, np.where(scale == 0, 1.0, np.nan))
+    scatter = np.sqrt(np.tensordot(weights**2, (square - mean) ** 2, axes=1) / free)
+    # what is not known at all would overflow
+    return np.asarray(np.exp(np.minimum(np.where(scale == 0, 0.0, scatter / divisor(mean)), MOST)))
 
 
 def weighted_std(values: Array, weights: Array) -> Array:

@@ -40,7 +40,9 @@ def requirements_of(node: xr.DataTree, requirements: Sequence[Requirement], late
     """
     times = node.children["statistics"].to_dataset()["time"].values
     if surrogate_parts(node):
-        lost = int(node.attrs.get("failures", 0)) / max(int(node.attrs.get("realisations", 0)), 1)
+        counted = int(node.attrs.get("failures", 0)) / max(int(node.attrs.get("realisations", 0)), 1)
+        # realisations that lie in the tails on purpose count for less
+        lost = float(node.attrs.get("failed_share", counted))
         return sampled_requirements(
             requirements, late, surrogate(node, times=[len(times) - 1]), surrogate(node), lost, 0
         )
