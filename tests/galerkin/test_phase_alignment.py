@@ -220,7 +220,7 @@ def test_a_clock_that_stands_in_some_realisations_is_refused_with_the_reason():
     mechanism.add(Revolute("pin", mechanism.ground, rod, (0, 0), (-length / 2, 0)))
     mechanism.output("angle", rod.angle, units="rad")
     with pytest.raises(
-        uqmbd.StudyError, match="in all realisations, .* stands or turns back in . of 8, the first at len"
+        uqmbd.StudyError, match="in all realisations, .* stands or turns back in . of 16, the first at len"
     ):
         run(mechanism, 8, Galerkin(order=2, alignment="phase", clock="angle"), rtol=1e-6)
 
