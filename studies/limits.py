@@ -1,7 +1,7 @@
 """Slider-crank that is run up to speed, and the limits that it has to stay within.
 
 The mechanism of `slider_crank.py` with uncertain lengths, slider mass and speed.  A motor turns the crank from rest, at
-an angular velocity that grows evenly for 1 s to 60 rad/s, and stays there.  Three questions: does the force at the
+an angular velocity that grows evenly for 0.3 s to 60 rad/s, and stays there.  Three questions: does the force at the
 piston pin stay below what its bearing takes (overload); does the slider stay clear of the end of its guide, whose place
 is uncertain, too (clearance); and when is the bearing overloaded first (first passage)?
 """
@@ -13,8 +13,10 @@ import sympy
 import uqmbd
 from uqmbd_collocation import Collocation
 from uqmbd_drivers import RotationDriver
+from uqmbd_galerkin import Galerkin
 from uqmbd_joints import Prismatic, Revolute
 from uqmbd_montecarlo import MonteCarlo
+from uqmbd_reliability import Reliability
 
 crank_length = uqmbd.RandomVariable("crank_length", chaospy.Normal(0.15, 0.001), units="m")
 rod_length = uqmbd.RandomVariable("rod_length", chaospy.Normal(0.35, 0.001), units="m")
@@ -45,7 +47,7 @@ mechanism.add(Revolute("crank_bearing", ground, crank, point_i=(0, 0), point_j=(
 mechanism.add(Revolute("crank_pin", crank, rod, point_i=(crank_length / 2, 0), point_j=(-rod_length / 2, 0)))
 pin = mechanism.add(Revolute("piston_pin", rod, slider, point_i=(rod_length / 2, 0), point_j=(0, 0)))
 mechanism.add(Prismatic("guide", ground, slider, point_i=(0, 0), point_j=(0, 0), axis_i=(1, 0), axis_j=(1, 0)))
-turned = speed * sympy.Piecewise((uqmbd.t**2 / 2, uqmbd.t < 1), (uqmbd.t - 0.5, True))
+turned = speed * sympy.Piecewise((uqmbd.t**2 / 0.6, uqmbd.t < 0.3), (uqmbd.t - 0.15, True))
 mechanism.add(RotationDriver("drive", ground, crank, angle=sympy.pi / 4 + turned))
 
 force = sympy.Abs(pin.reaction_force[0])
@@ -56,6 +58,11 @@ mechanism.require("clearance", slider.position[0] <= guide_end, description="sli
 study = uqmbd.Study(
     "limits",
     mechanism,
-    times=np.linspace(0, 2, 201),
-    propagators=[MonteCarlo(samples=2000, seed=1), Collocation(order=2, rule="smolyak", verify=32)],
+    times=np.linspace(0, 0.6, 61),
+    propagators=[
+        MonteCarlo(samples=1000, seed=1),
+        Collocation(order=2, verify=32),
+        Galerkin(order=2),
+        Reliability(seed=1),
+    ],
 )

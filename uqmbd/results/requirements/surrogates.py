@@ -134,7 +134,7 @@ def _over_time(chaos: Surrogate, late: NDArray[np.bool_], probability: Array, se
 
 def _bands(chaos: Surrogate, margins: Array) -> Array:
     """Return half the widths (K, requirement) of the band within which margins may be on the other side of a limit."""
-    from scipy.special import ndtri, stdtrit
+    from scipy.special import ndtri
 
     points = np.asarray(chaos.verification_germs)
     count, size = len(points), margins.shape[1]
@@ -148,12 +148,25 @@ def _bands(chaos: Surrogate, margins: Array) -> Array:
         rank = np.searchsorted(margins[order, k], seen[:, k])
         growth = _growth(ndtri((np.arange(len(order) + 1) + 0.5) / (len(order) + 1)), degree)
         square = (real[:, k] - seen[:, k]) ** 2 / growth[rank]
-        # by what the realisations count in means, and all alike, as in the tails; few tell less than many
-        reach = max(
-            stdtrit(1 / (w**2).sum(), RELIANCE) * np.sqrt(w @ square) for w in (weights, np.full(count, 1 / count))
-        )
+        # by what the realisations count in means, and all alike, as in the tails
+        reach = max(_reach(square, w) for w in (weights, np.full(count, 1 / count)))
         bands[order, k] = reach * np.sqrt(growth[:-1])
     return bands
+
+
+def _reach(square: Array, weights: Array) -> float:
+    """Return how far errors reach whose squares are known at some points, by weights that sum to 1.
+
+    Where a few of the squares are nearly all of their sum, as near a jump, the root of their mean is known as poorly as
+    from so few: of normal errors a third of them are, so to say.
+    """
+    from scipy.special import stdtrit
+
+    parts = weights * square
+    if not (total := float(parts.sum())) > 0:
+        return 0.0
+    told = min(1 / float((weights**2).sum()), 3 * total**2 / float((parts**2).sum()))
+    return float(stdtrit(told, RELIANCE)) * float(np.sqrt(total))
 
 
 def _growth(scores: Array, degree: int) -> Array:
