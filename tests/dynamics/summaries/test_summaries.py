@@ -307,3 +307,38 @@ def test_running_minima_are_those_of_many_times(method):
     so_far = np.minimum.accumulate(values, axis=2)[:, :, np.searchsorted(dense, times - 1e-9)]
     np.testing.assert_allclose(got, so_far, atol=2e-6)
     assert (np.diff(got, axis=2) <= 0).all()
+
+
+@pytest.mark.parametrize("integrator", ["dop853", "ida"])
+@pytest.mark.parametrize("count", [2, 11])
+def test_an_output_that_jumps_with_the_state_has_no_value_that_it_never_takes(integrator, count):
+    """A polynomial through values on both sides of a jump overshoots; the last step of IDA passes many times."""
+    mechanism = uqmbd.Mechanism("free", uqmbd.Translational())
+    x = mechanism.body("body", mass=1, velocity=(1, 0)).position[0]
+    between = sympy.Piecewise((1, (x > 2.2) & (x < 2.3)), (0, True))
+    expected = {
+        "pulse": (uqmbd.maximum(between), 1.0),
+        "until": (uqmbd.maximum(sympy.Piecewise((x, x <= 4.4), (0, True))), 4.4),
+        "least": (uqmbd.minimum(sympy.sign(x - 3.3)), -1.0),
+        "first": (uqmbd.first_time(between >= 1), 2.2),
+        "within": (uqmbd.integral(between), 0.1),
+    }
+    for name, (expression, _) in expected.items():
+        mechanism.output(name, expression)
+    found = uqmbd.simulate(mechanism, np.linspace(0, 10, count), integrator=integrator)
+    for name, (_, value) in expected.items():
+        assert float(found[name]) == pytest.approx(value, abs=1e-5), name
+
+
+@pytest.mark.thorough
+def test_tiny_steps_beside_long_ones_do_not_spoil_the_motion_between_them():
+    """IDA goes on with steps a thousand times shorter where one was refused, and their states have noise."""
+    mechanism = uqmbd.Mechanism("rotor", uqmbd.Planar())
+    body = mechanism.body("body", mass=1, inertia=1, position=(1, 0), velocity=(0, 20), angular_velocity=20)
+    mechanism.add(Revolute("bearing", mechanism.ground, body, (0, 0), (-1, 0)))
+    x, v = body.position, body.velocity
+    mechanism.output("slowest", uqmbd.minimum(v[0] ** 2 + v[1] ** 2))
+    mechanism.output("nearest", uqmbd.minimum(x[0] ** 2 + x[1] ** 2))
+    found = uqmbd.simulate(mechanism, [0, 3], integrator="ida", rtol=1e-8)
+    assert float(found["slowest"]) == pytest.approx(400, rel=1e-7)
+    assert float(found["nearest"]) == pytest.approx(1, rel=1e-7)

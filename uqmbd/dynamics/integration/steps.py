@@ -14,8 +14,11 @@ from uqmbd.typing import Array, Index
 __all__ = ["path_through"]
 
 
-BOTH, ALONE = 4, 8
-"""Neighbouring times whose states determine a polynomial: with rates, and without."""
+ALONE = 8
+"""Neighbouring times whose states determine a polynomial where rates are not known; with rates it is four."""
+
+APART = 0.5
+"""Part of a step by which further times are apart: the noise of states is multiplied by what tiny steps are shorter."""
 
 
 def path_through(times: Array, states: Array, rates: Array | None, owner: Index, end: float | None = None) -> Path:
@@ -37,18 +40,58 @@ def path_through(times: Array, states: Array, rates: Array | None, owner: Index,
     if len(times) < 2:
         none = np.zeros((0, len(PLACES), states.shape[2]))
         return Path(np.zeros(0, dtype=np.int64), np.zeros((0, 2)), np.zeros(0, dtype=bool), none)
-    count = min(BOTH if rates is not None else ALONE, len(times))
-    number = np.arange(len(times) - 1)
     last = times[1:].copy()
     last[-1] = last[-1] if end is None else min(end, float(last[-1]))
-    # windows around each interval, in the length of the interval from its begin
-    window = np.clip(number - (count - 2) // 2, 0, len(times) - count)[:, None] + np.arange(count)
-    length = np.diff(times)
-    at = (times[window] - times[:-1, None]) / length[:, None]
-    places = PLACES * ((last - times[:-1]) / length)[:, None]
-    found = np.zeros((len(states), len(number), len(PLACES), states.shape[2]))
-    for j in range(count):
-        others = np.delete(np.arange(count), j)
+    places = PLACES * ((last - times[:-1]) / np.diff(times))[:, None]
+    found = np.zeros((len(states), len(last), len(PLACES), states.shape[2]))
+    for some, window in _even_windows(len(times)) if rates is None else _apart_windows(times):
+        found[:, some] = _polynomials(times, states, rates, some, window, places[some])
+    members = len(states)
+    ends = np.broadcast_to(np.stack([times[:-1], last], axis=1), (members, len(last), 2)).reshape(-1, 2)
+    flat = found.reshape(-1, *found.shape[2:])
+    return Path(np.repeat(owner, len(last)), ends.copy(), np.zeros(len(flat), dtype=bool), flat)
+
+
+def _even_windows(count: int) -> list[tuple[Index, Index]]:
+    """Return the intervals between even times, and the neighbouring times of each, (interval, neighbour)."""
+    number, most = np.arange(count - 1), min(ALONE, count)
+    return [(number, np.clip(number - (most - 2) // 2, 0, count - most)[:, None] + np.arange(most))]
+
+
+def _apart_windows(times: Array) -> list[tuple[Index, Index]]:
+    """Return intervals between the times of steps, and of each its ends and times that are far enough from these.
+
+    Some intervals at once: those that have as many of them.
+    """
+    number, far = np.arange(len(times) - 1), APART * np.diff(times)
+
+    def before(chosen: Index) -> Index:
+        return np.where(chosen < 0, -1, np.searchsorted(times, times[chosen] - far, side="right") - 1)
+
+    def after(chosen: Index) -> Index:
+        known = np.minimum(chosen, len(times) - 1)
+        return np.where(chosen < len(times), np.searchsorted(times, times[known] + far), len(times))
+
+    left, right = before(number), after(number + 1)
+    # at the ends of a stretch both are on one side
+    earlier = np.where(right < len(times), -1, before(left))
+    later = np.where(left < 0, after(right), len(times))
+    chosen = np.stack([earlier, left, number, number + 1, right, later], axis=1)
+    there = (chosen >= 0) & (chosen < len(times))
+    counts = there.sum(axis=1)
+    return [
+        (some, chosen[some][there[some]].reshape(len(some), -1))
+        for some in (np.flatnonzero(counts == count) for count in np.unique(counts).tolist())
+    ]
+
+
+def _polynomials(times: Array, states: Array, rates: Array | None, some: Index, window: Index, places: Array) -> Array:
+    """Evaluate polynomials through states, and rates, at the places of some intervals, in their lengths."""
+    length = np.diff(times)[some]
+    at = (times[window] - times[some, None]) / length[:, None]
+    found = np.zeros((len(states), len(some), len(PLACES), states.shape[2]))
+    for j in range(window.shape[1]):
+        others = np.delete(np.arange(window.shape[1]), j)
         apart = at[:, j, None] - at[:, others]
         basis = np.ones_like(places)
         for k, other in enumerate(others.tolist()):
@@ -61,7 +104,4 @@ def path_through(times: Array, states: Array, rates: Array | None, owner: Index,
         found += value[None, :, :, None] * states[:, window[:, j], None]
         if rates is not None:
             found += slope[None, :, :, None] * rates[:, window[:, j], None]
-    members = len(states)
-    ends = np.broadcast_to(np.stack([times[:-1], last], axis=1), (members, len(number), 2)).reshape(-1, 2)
-    flat = found.reshape(-1, *found.shape[2:])
-    return Path(np.repeat(owner, len(number)), ends.copy(), np.zeros(len(flat), dtype=bool), flat)
+    return found

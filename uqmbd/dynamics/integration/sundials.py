@@ -189,7 +189,7 @@ def _step_by_step(solver: Any, times: Array, y: Array, yp: Array, most: int, sai
                 known.append(now)
                 path.append(np.array(found.y, dtype=float))
                 rates.append(np.array(found.yp, dtype=float))
-        if found is not None and found.success and steps <= most and now > wanted:
+        if found is not None and found.success and steps <= most and found.t != wanted:
             found = solver.step(wanted, "normal", end)
         assert found is not None
         reached.append(float(found.t))

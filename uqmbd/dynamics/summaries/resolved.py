@@ -45,6 +45,12 @@ between the first two points hardly shows in them: the error there is so many ti
 DEEPEST = 40
 """How often a part may be halved."""
 
+JUMP = 0.1
+"""Error, as a part of what is between the largest and the smallest value, from which on it is that of a jump."""
+
+LONGEST = 1 / 64
+"""Part of the whole time that a part lasts at most: what an output does for a moment shows in some of its points."""
+
 ROUGH, SMOOTHER = 6, 0.25
 """After so many times two halves are at least so much more accurate than the whole, or neither is ever."""
 
@@ -141,8 +147,27 @@ class Parts:
             least = np.ascontiguousarray(np.minimum(-_above(-fine), rows.min(axis=0)).reshape(shape).T)
             coefficients = np.ascontiguousarray(series.reshape(COUNT, *shape).transpose(2, 0, 1))
             error = _error(np.abs(coefficients))
-        error[motion.kept[step] | (depth >= DEEPEST)] = 0.0
-        return cls(motion, step, low, high, depth, values, coefficients, error, most, least)
+        found = cls(motion, step, low, high, depth, values, coefficients, error, most, least)
+        found.error[motion.kept[step]] = 0.0
+        return found._as_good_as_ever((depth >= DEEPEST)[:, None])
+
+    def _as_good_as_ever(self, which: Mask) -> Parts:
+        """Return the parts with some outputs (E, O) as they are, since nothing makes them better; straight at jumps.
+
+        No polynomial follows a jump: between the values on both sides it reaches others, which the output never has.
+        """
+        highest, lowest = self.values.max(axis=1), self.values.min(axis=1)
+        jump = which & (self.error > JUMP * (highest - lowest))
+        begin, end = self.values[:, 0], self.values[:, -1]
+        straight = np.zeros_like(self.coefficients)
+        straight[:, 0], straight[:, 1] = 0.5 * (begin + end), 0.5 * (end - begin)
+        return replace(
+            self,
+            coefficients=np.where(jump[:, None], straight, self.coefficients),
+            error=np.where(which, 0.0, self.error),
+            most=np.where(jump, highest, self.most),
+            least=np.where(jump, lowest, self.least),
+        )
 
     def _merged(self, kept: Index, other: Parts) -> Parts:
         """Return some of these and others, in order."""
@@ -163,7 +188,7 @@ class Parts:
         # what is no better in both halves is rounding, or rougher than can be resolved
         better = (halves.error.reshape(len(whole), 2, -1) <= SMOOTHER * self.error[whole, None]).any(axis=1)
         never = np.repeat(~better & (depth > ROUGH)[:, None], 2, axis=0)
-        return self._merged(np.flatnonzero(~which), replace(halves, error=np.where(never, 0.0, halves.error)))
+        return self._merged(np.flatnonzero(~which), halves._as_good_as_ever(never))
 
     @cached_property
     def owner(self) -> Index:
@@ -222,8 +247,8 @@ def resolved(motion: Motion, outputs: OutputMap, rtol: float, needs: Sequence[Ne
     array, shape (R, O)
         Tolerances of the realisations that have parts, absolute.
     """
-    step = np.arange(len(motion.owner))
-    parts = Parts.of(motion, outputs, step, np.zeros(len(step)), motion.reach, np.zeros(len(step), dtype=np.int64))
+    step, low, high = _begun(motion)
+    parts = Parts.of(motion, outputs, step, low, high, np.zeros(len(step), dtype=np.int64))
     with np.errstate(invalid="ignore"):
         size = np.maximum.reduceat(np.maximum(np.abs(parts.most), np.abs(parts.least)), parts.first, axis=0)
         allowed = max(SHARE * rtol, ROUNDING) * size
@@ -235,3 +260,16 @@ def resolved(motion: Motion, outputs: OutputMap, rtol: float, needs: Sequence[Ne
             if not which.any():
                 return parts, allowed
             parts = parts.halved(outputs, which)
+
+
+def _begun(motion: Motion) -> tuple[Index, Array, Array]:
+    """Return the steps, divided evenly where they are long: of which step each part is, from where to where."""
+    length, turns = motion.end - motion.begin, np.flatnonzero(np.diff(motion.owner, prepend=-1))
+    whole = np.add.reduceat(length, turns)[np.cumsum(np.diff(motion.owner, prepend=motion.owner[:1]) != 0)]
+    share = length / np.where(whole > 0, whole, 1.0)
+    # contacts that last are interpolated whole
+    counts = np.where(motion.kept, 1, np.maximum(1, np.ceil(share / LONGEST - 1e-9))).astype(np.int64)
+    step = np.repeat(np.arange(len(counts)), counts)
+    number = np.arange(len(step)) - np.repeat(np.cumsum(counts) - counts, counts)
+    reach, of = motion.reach[step], counts[step]
+    return step, reach * number / of, np.where(number + 1 == of, reach, reach * (number + 1) / of)

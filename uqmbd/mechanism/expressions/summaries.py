@@ -113,8 +113,9 @@ def maximum(expression: Any) -> sympy.Expr:
 
     The whole motion counts, from the first output time to the last, not the output times alone: the largest value is
     located on the steps of the integrator, by evaluating the expression at interpolated states, and is as accurate as
-    these.  Where the expression jumps, as a velocity in an impact, both sides count.  An output with it has one value
-    per realisation and no time.  Such quantities can be combined, as in ``maximum(x) - minimum(x)``.
+    these.  Where the expression jumps, as a velocity in an impact, both sides count.  What it does for less than the
+    300th part of the time may be missed, unless the steps are that short.  An output with it has one value per
+    realisation and no time.  Such quantities can be combined, as in ``maximum(x) - minimum(x)``.
 
     Where two peaks compete within the range of the inputs the largest value has a kink, which polynomials follow
     slowly, and `time_of_maximum` jumps.
