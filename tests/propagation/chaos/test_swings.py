@@ -96,3 +96,20 @@ def test_what_does_not_turn_back_has_no_swing():
     assert swing_of(lambda t: t)[0] is None
     assert swing_of(lambda t: 0 * t)[0] is None
     assert swing_of(lambda t: np.exp(-t))[0] is None
+
+
+def test_what_stands_has_no_swing():
+    """Nor is it one that swings later: half-swings of rounding are of other sizes."""
+    assert swing_of(lambda t: 0 * t + 0.7)[0] is None
+    later, _, _ = swing_of(lambda t: np.where(t < 5, 1.0, np.cos(2 * (t - 5))))
+    assert not later.even
+    assert np.isfinite(later.values).all()
+
+
+@pytest.mark.parametrize("exponent", [-600, 600])
+def test_swings_know_no_units(exponent):
+    """To the bit in powers of two, whose squares no number holds."""
+    found, _, _ = swing_of(lambda t: np.exp(-0.1 * t) * np.cos(5 * t))
+    other, _, _ = swing_of(lambda t: np.ldexp(np.exp(-0.1 * t) * np.cos(5 * t), exponent))
+    np.testing.assert_array_equal(other.moments, found.moments)
+    np.testing.assert_array_equal(other.values, found.values)

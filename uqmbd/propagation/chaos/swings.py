@@ -29,6 +29,9 @@ REST = 1e-3
 FLOOR = 1e-5
 """The same: so far the moments are known nevertheless, where others come to rest somewhat later."""
 
+ROUNDING = 1e-13
+"""Size of the largest half-swing, over the largest value, up to which nothing swings."""
+
 EVEN = 0.25
 """Least size of a half-swing over that of its neighbours, where they change slowly: new extremes begin at zero."""
 
@@ -82,7 +85,7 @@ class Swing:
         heights = spline(extremes)
         size = np.abs(np.diff(heights)) / 2
         kept, count = (_last(size, least) for least in (REST, FLOOR))
-        if kept < 1:
+        if kept < 1 or size.max() <= ROUNDING * np.abs(values).max():
             return None
         rests = kept < len(size) or times[-1] - extremes[kept] > PATIENCE * (extremes[kept] - extremes[kept - 1])
         extremes, size, middle = extremes[: count + 1], size[:count], (heights[1:] + heights[:-1])[:count] / 2
@@ -93,7 +96,8 @@ class Swing:
         np.maximum.at(fastest, own, np.where(number == own, np.abs(rate), 0.0))
         # each begins at the extreme (1, 0) of its plane, and ends at (-1, 0)
         side = np.where((number % 2 == 0) == highest, 1.0, -1.0)
-        x = side * (values - middle[own]) / size[own]
+        # what stands has half-swings of no size
+        x = side * (values - middle[own]) / np.where(size > 0, size, 1.0)[own]
         y = side * -rate / np.where(fastest > 0, fastest, 1.0)[own]
         angle = np.where((number == count) & rests, 0.0, np.arctan2(np.maximum(y, 0.0), x))
         begins = 0 if highest else 2
@@ -159,7 +163,7 @@ def passing(spline: BSpline, slope: BSpline, wanted: Array, low: Array, high: Ar
     at = low + (high - low) * np.clip(-start / np.where(rise == 0, np.inf, rise), 0, 1)
     for _ in range(NEWTON):
         rate = slope(at)
-        at = np.clip(at - (spline(at) - wanted) / np.where(rate * rise <= 0, np.inf, rate), low, high)
+        at = np.clip(at - (spline(at) - wanted) / np.where(np.sign(rate) * np.sign(rise) <= 0, np.inf, rate), low, high)
     return np.asarray(at)
 
 
