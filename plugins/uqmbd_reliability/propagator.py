@@ -93,7 +93,11 @@ class Reliability(uqmbd.Propagator):
         """Count realisations, and the running margins that are kept."""
         wanted = len(study.mechanism.requirements)
         count = self.max_realisations if wanted else PILOT
-        return uqmbd.Estimate(count, 8 * count * (wanted * len(study.times) + 4), "running margins", at_most=True)
+        found = uqmbd.Estimate(count, 8 * count * (wanted * len(study.times) + 4), "running margins", at_most=True)
+        other = None if self.surrogate is None or not wanted else self.surrogate.estimate(study)
+        if other is None:
+            return found
+        return uqmbd.Estimate(count + other.realisations, max(found.memory, other.memory), found.detail, at_most=True)
 
     def obstacle(self, study: uqmbd.Study) -> str | None:
         """Say what is in the way: nothing random, or a requirement that there is not."""

@@ -164,6 +164,9 @@ def test_what_cannot_be_done_is_said(monkeypatch):
     assert "there are low, high" in Reliability(requirement="nothing").obstacle(study)
     assert "is for one requirement" in Reliability(method="subset").obstacle(study)
     assert Reliability().obstacle(study) is None
+    assert Reliability(surrogate=Collocation(order=2)).estimate(study).realisations > 3000
+    with pytest.raises(uqmbd.StudyError, match="leave the method out"):
+        Reliability(surrogate=Collocation(order=2), method="form")
     heavy = uqmbd.RandomVariable("h", chaospy.StudentT(2))
     with pytest.raises(uqmbd.StudyError, match="'h'.*tail so heavy"):
         answer(spring({"low": heavy <= 14}, [heavy], lambda v: 500 + v))
