@@ -7,7 +7,7 @@ import warnings
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, Literal, get_args
+from typing import Any, Final, Literal, get_args
 
 import numpy as np
 import xarray as xr
@@ -15,7 +15,7 @@ import xarray as xr
 import uqmbd
 from uqmbd.results import AlignedChaos, ComposedChaos, PiecewiseChaos, PolynomialChaos, QuasiPeriodicChaos
 from uqmbd.typing import Array
-from uqmbd_collocation.alignment import EventPaths, Impossible, PhasePaths, align
+from uqmbd_collocation.alignment import CombinedPaths, EventPaths, Impossible, PhasePaths, align
 from uqmbd_collocation.expanded import Expanded
 from uqmbd_collocation.plain import expand, warn_of_discontinuities
 from uqmbd_collocation.plans import Plans
@@ -27,9 +27,16 @@ __all__ = ["FAMILIES", "Family", "expand_families", "impossible", "warn_of_doubt
 
 Family = Literal["plain", "events", "phase", "two-frequency"]
 FAMILIES: tuple[Family, ...] = get_args(Family)
-"""The simplest first: of several that are as good as another it is taken."""
+"""Those that may be named."""
 
-FIRST: tuple[Family, ...] = ("phase", "events", "plain", "two-frequency")
+Way = Literal[Family, "events+phase"]
+COMBINED: Final = "events+phase"
+"""Landmarks of both kinds; it is tried where both families are."""
+
+SIMPLEST: tuple[Way, ...] = ("plain", "events", "phase", COMBINED, "two-frequency")
+"""Of several that are as good as another the first is taken."""
+
+FIRST: tuple[Way, ...] = ("phase", "events", COMBINED, "plain", "two-frequency")
 """In which order they are computed: the realisations of the first ones serve the others."""
 
 EQUAL = 1e-6
@@ -55,22 +62,26 @@ class _Work:
     tolerance: Limits
     phase: PhasePaths
     events: EventPaths | None = None
+    both: CombinedPaths | None = None
     given: uqmbd.Verification | None = None
-    found: dict[Family, Expanded] = field(default_factory=dict)
-    told: dict[Family, list[Warning]] = field(default_factory=dict)
-    left_out: dict[Family, str] = field(default_factory=dict)
+    found: dict[Way, Expanded] = field(default_factory=dict)
+    told: dict[Way, list[Warning]] = field(default_factory=dict)
+    left_out: dict[Way, str] = field(default_factory=dict)
     beside: int = 0
     """Realisations that are none of those that are followed."""
     counters: Counter[str] = field(default_factory=Counter)
     """Of these."""
 
-    def expand(self, family: Family) -> Expanded:
+    def expand(self, family: Way) -> Expanded:
         """Expand all outputs in the way of a family: here a further one joins."""
         if family == "phase":
             return self._aligned(self.phase)
         if family == "events":
             self.events = EventPaths(self.problem)
             return self._aligned(self.events)
+        if family == COMBINED:
+            self.both = CombinedPaths.of(self.problem, self.events, self.phase.clock)
+            return self._aligned(self.both)
         if family == "two-frequency":
             found = expand_series(self.problem, self.space, self.plans, self.limits, self.tolerance, self.given)
             self.beside += found.realisations
@@ -84,13 +95,13 @@ class _Work:
             self.counters.update(found.counters)
         return found
 
-    def _aligned(self, paths: EventPaths | PhasePaths) -> Expanded:
+    def _aligned(self, paths: EventPaths | PhasePaths | CombinedPaths) -> Expanded:
         found = align(self.problem, self.space, self.plans, paths, self.limits, self.tolerance, self.given)
         self.beside += found.realisations - paths.spent
         self.counters.update(found.counters - paths.counters)
         return found
 
-    def attempt(self, family: Family, wanted: bool) -> None:
+    def attempt(self, family: Way, wanted: bool) -> None:
         """Expand in the way of a family; one that is not wanted by name may fail."""
         with warnings.catch_warnings(record=True) as told:
             warnings.simplefilter("always")
@@ -129,7 +140,7 @@ class _Work:
     @property
     def realisations(self) -> int:
         """All that were computed, those of families that failed included."""
-        return self.beside + self.phase.spent + (self.events.spent if self.events else 0)
+        return self.beside + sum(paths.spent for paths in (self.phase, self.events, self.both) if paths)
 
     @property
     def all_counters(self) -> Counter[str]:
@@ -180,7 +191,7 @@ def expand_families(
     problem, space, plans, limits, tolerance
         Of the study, and of the method.
     names : sequence of str
-        Families.
+        Families; with both events and phases their combination is one more, if it is possible.
     clock : str, optional
         Name of a clock.
     wanted : bool
@@ -192,8 +203,12 @@ def expand_families(
         If a family that is wanted is impossible, or all are.
     """
     work = _Work(problem, space, plans, limits, tolerance, PhasePaths(problem, clock))
-    for family in sorted(names, key=FIRST.index):
-        if not wanted and (why := impossible(problem, family)):
+    ways: tuple[Way, ...] = (*names, COMBINED) if {"events", "phase"} <= set(names) else tuple(names)
+    for family in sorted(ways, key=FIRST.index):
+        if family == COMBINED:
+            if {"events", "phase"} <= set(work.found):
+                work.attempt(family, wanted=False)
+        elif not wanted and (why := impossible(problem, family)):
             work.left_out[family] = why
         elif wanted or family != "two-frequency" or work.worst() > ENOUGH:
             # two frequencies take realisations of their own: unless named, they are for what nothing else follows
@@ -205,7 +220,7 @@ def expand_families(
             f"{problem.label}: all verification realisations failed, and families of alignment are chosen by them; "
             "name one family, as alignment='phase', or leave alignment out."
         )
-    chaoses = {name: _verified(work.found[name].chaos, work.given) for name in FAMILIES if name in work.found}
+    chaoses = {name: _verified(work.found[name].chaos, work.given) for name in SIMPLEST if name in work.found}
     errors = {name: _errors(chaos) for name, chaos in chaoses.items()}
     size = np.abs(work.given.response).mean(axis=0)
     spread = _largest(work.given.std, size, problem.rtol)
@@ -227,12 +242,10 @@ def expand_families(
     return found
 
 
-def _composed(
-    work: _Work, chaoses: Mapping[Family, Part], taken: Sequence[Family], errors: Mapping[Family, Array]
-) -> Expanded:
+def _composed(work: _Work, chaoses: Mapping[Way, Part], taken: Sequence[Way], errors: Mapping[Way, Array]) -> Expanded:
     """Put the outputs together, each from the family that it takes; errors (O,) are those of all families."""
     outputs = [o.name for o in work.problem.labels.outputs]
-    used = [name for name in FAMILIES if name in taken]
+    used = [name for name in SIMPLEST if name in taken]
     rows = {name: [k for k, family in enumerate(taken) if family == name] for name in used}
     parts: dict[str, Part] = {name: _of_outputs(chaoses[name], rows[name]) for name in used}
     if isinstance(at_equal_times := parts.get("plain"), PolynomialChaos):
@@ -286,7 +299,7 @@ def _composed(
     )
 
 
-def _fits(work: _Work, rows: Mapping[Family, Sequence[int]]) -> str:
+def _fits(work: _Work, rows: Mapping[Way, Sequence[int]]) -> str:
     """Say how outputs are fitted, from the numbers of those that take a family."""
     outputs = [o.name for o in work.problem.labels.outputs]
     said = (f"{', '.join(outputs[k] for k in own)}: {work.found[name].attrs['fit']}" for name, own in rows.items())
@@ -332,7 +345,7 @@ def _of_outputs(chaos: Part, rows: list[int]) -> Part:
     return type(chaos).from_dataset(chaos.to_dataset().isel(output=rows))
 
 
-def _reasons(left_out: Mapping[Family, str]) -> str:
+def _reasons(left_out: Mapping[Way, str]) -> str:
     return " ".join(f"{name}: {why}" for name, why in left_out.items())
 
 

@@ -94,8 +94,12 @@ class Collocation(uqmbd.Propagator):
         of the motion) tell the fit.
 
         A tuple of ``plain`` (at equal times), ``events``, ``phase`` and ``two-frequency``: each output takes the one
-        whose error is smallest at the verification realisations, root mean square over time, as with a ball on a plate
-        that turns.
+        whose error is smallest at the verification realisations, root mean square over time, as with a ball beside a
+        plate that turns.  Where both ``events`` and ``phase`` are named, and the clock is an angle that grows in all
+        nodes, ``events+phase`` is one more: events are landmarks, and between them equal phases that all nodes pass
+        between the same events; others are dropped (attributes ``phases_between_events`` and ``phases_dropped``).  It
+        follows what depends on both, as the distance of a ball from a plate that an eccentric moves; near an event it
+        is no better than events, as phases differ there.
         ``auto``: of all that are possible for the mechanism, of ``two-frequency`` only where the others leave an error
         above 1 % of the largest standard deviation. Realisations are shared as far as possible: nodes that are
         followed for a clock serve the plain one, and the verification realisations are the same for all. A refinement

@@ -312,8 +312,8 @@ class Problem:
         """
         require(integrator or self.integrator, needed, self.label, remedy=remedy)
 
-    def histories(self, values: Array, points: int, least: int = 1) -> list[History]:
-        """Follow realisations from event to event, for methods that expand event times; see `History`.
+    def histories(self, values: Array, points: int, least: int = 1, longer: float = 1.0) -> list[History]:
+        """Follow realisations from event to event, for methods that expand event times; see `event_histories`.
 
         Raises
         ------
@@ -323,8 +323,8 @@ class Problem:
         self.require("segments")
         if self.model.controls:
             self.require("sampled")
-        begin, end = float(self.times[0]), float(self.times[-1])
-        return event_histories(self.run, self._checked(values), (begin, end), self.rtol, points, least, self.integrator)
+        ends, about = (float(self.times[0]), float(self.times[-1])), (points, least, self.integrator, longer)
+        return event_histories(self.run, self._checked(values), ends, self.rtol, *about)
 
     @property
     def _unlocked(self) -> bool:

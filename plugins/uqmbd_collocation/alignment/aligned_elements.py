@@ -15,12 +15,12 @@ from typing import Any, Literal
 import numpy as np
 
 import uqmbd
-from uqmbd.results import AlignedChaos, AlignedElement, Landmarks, Status
+from uqmbd.results import AlignedChaos, AlignedElement, Status
 from uqmbd.typing import Array, Mask
-from uqmbd_collocation.alignment.aligned_problem import AlignedProblem, Cut
+from uqmbd_collocation.alignment.aligned_problem import AlignedProblem
+from uqmbd_collocation.alignment.combined_paths import CombinedPaths
 from uqmbd_collocation.alignment.event_paths import EventPaths
-from uqmbd_collocation.alignment.impossible import Impossible
-from uqmbd_collocation.alignment.landmarks import PER_TURN, STANDING, Marks
+from uqmbd_collocation.alignment.landmarks import PER_TURN
 from uqmbd_collocation.alignment.phase_paths import STANDS, PhasePaths
 from uqmbd_collocation.alignment.watching import Watching
 from uqmbd_collocation.computing import computed
@@ -35,7 +35,7 @@ __all__ = ["Alignment", "align"]
 
 Alignment = Literal["events", "phase"]
 Sequence = tuple[str, ...]
-Paths = EventPaths | PhasePaths
+Paths = EventPaths | PhasePaths | CombinedPaths
 
 SPREAD = 4096
 """Points of the germ space at which the phases that are needed are estimated."""
@@ -108,10 +108,10 @@ class _Elements:
             lost = (lost * len(nodes) + count * share) / (len(nodes) + count)
         warn_of_failures(verification, problem.label)
         scale = _scale(verification, problem.times) if plans.adaptive != "no" else None
-        marks, late = _marks(paths, local, nodes, sequence), np.zeros(1)
+        spread = uqmbd.monte_carlo_rule(local, SPREAD, 0, "sobol").nodes
+        cutting = paths.cutting(local, nodes, spread, sequence)
         for _ in range(EXTENSIONS):
-            cut, labels, landmarks = _cut(paths, problem, sequence, marks)
-            aligned = AlignedProblem(problem, cut, len(labels), paths.points)
+            aligned = AlignedProblem(problem, cutting.cut, len(cutting.labels), paths.points)
             runs = Runs(aligned, local)
             runs.scale = scale
             with warnings.catch_warnings():
@@ -121,17 +121,17 @@ class _Elements:
                 fit, refinement = computed(runs, plans, points if scale is not None else points[:0], self.tolerance)
             edges, nodal = aligned.split(fit.coefficients)
             chaos = AlignedChaos(
-                (AlignedElement.through(uqmbd.GermBox.whole(local), labels, edges, nodal, landmarks),),
+                (AlignedElement.through(uqmbd.GermBox.whole(local), cutting.labels, edges, nodal, cutting.landmarks),),
                 fit.multi_index,
                 problem.labels,
                 **verification.known,
             )
-            late = chaos.late() if landmarks == "phase" else np.zeros(1)
-            if not (late > LATE * np.ptp(problem.times)).any():
+            late = chaos.late() if cutting.farther else np.zeros(1)
+            if not cutting.farther or not (late > LATE * np.ptp(problem.times)).any():
                 break
             # so many landmarks more as the last of all samples lacks, at the mean pace of the last ones
             pace = max(float(np.diff(edges[0])[-PER_TURN:].mean()), 1e-9 * float(np.ptp(problem.times)))
-            marks = marks.farther(float(late.max()), pace)
+            cutting = cutting.farther(float(late.max()), pace)
         else:
             share = float(np.mean(late > LATE * np.ptp(problem.times)))
             warnings.warn(
@@ -166,22 +166,7 @@ def align(
     uqmbd.IntegrationError
         If realisations fail.
     """
-    if isinstance(paths, PhasePaths):
-        nodes = plans.first_nodes(space)
-        if why := paths.find_clock(space.to_inputs(nodes)):
-            if problem.model.events:
-                what = f"alignment='phase' needs a clock that no event resets, as impacts do; there is none: {why}"
-                raise Impossible(
-                    problem.label,
-                    what,
-                    "Take alignment='events', which compares motions between events, or alignment='auto', which takes "
-                    "what follows each output best; or leave alignment out.",
-                )
-            raise Impossible(
-                problem.label,
-                f"alignment='phase' needs a clock, and there is none: {why}",
-                "Observe an angle that grows, name it by clock=, or leave alignment out.",
-            )
+    paths.prepare(space.to_inputs(plans.first_nodes(space)))
     work, children = _Elements(problem, plans, paths, tolerance, given), dict[str, Any]()
     if limits.elements is None:
         boxes = _boxes(paths, plans, space, limits.most)
@@ -270,23 +255,6 @@ def _boxes(paths: Paths, plans: Plans, space: uqmbd.GermSpace, most: int) -> lis
         else:
             done.append(box)
     return done
-
-
-def _marks(paths: Paths, local: uqmbd.GermSpace, nodes: Array, sequence: Sequence) -> Marks:
-    """Return the landmarks at first; none where these are no phases."""
-    if isinstance(paths, EventPaths):
-        return Marks(np.zeros(0))
-    return paths.marks(local, nodes, uqmbd.monte_carlo_rule(local, SPREAD, 0, "sobol").nodes, sequence)
-
-
-def _cut(paths: Paths, problem: uqmbd.Problem, sequence: Sequence, marks: Marks) -> tuple[Cut, Sequence, Landmarks]:
-    """Return how realisations of an element are cut, what ends its segments, and where they end."""
-    if isinstance(paths, EventPaths):
-        return lambda values: paths.cut(values, sequence), sequence, "events"
-    if marks.count:
-        return lambda values: paths.cut(values, marks, sequence), ("",) * marks.count, "phase"
-    segments = -(-len(problem.times) // STANDING)
-    return lambda values: paths.cut_in_time(values, segments), ("",) * segments, "time"
 
 
 def _scale(known: uqmbd.Verification, times: Array) -> Array:

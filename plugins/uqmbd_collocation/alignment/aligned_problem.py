@@ -5,7 +5,6 @@ Every rule, fit and refinement works on it as on the problem itself.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,13 +12,10 @@ import numpy as np
 import uqmbd
 from uqmbd.results import AlignedElement, Labels, OutputInfo
 from uqmbd.typing import Array
-from uqmbd_collocation.alignment.landmarks import Landmarked
+from uqmbd_collocation.alignment.landmarks import Cut
 from uqmbd_collocation.runs import Derived
 
-__all__ = ["AlignedProblem", "Cut"]
-
-Cut = Callable[[Array], tuple[Landmarked, uqmbd.Realisations]]
-"""From inputs (K, d) to realisations from landmark to landmark, and what became of them."""
+__all__ = ["AlignedProblem"]
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,7 +13,7 @@ import uqmbd
 from uqmbd.results import Status
 from uqmbd.typing import Array, Mask
 from uqmbd_collocation.alignment.impossible import Impossible
-from uqmbd_collocation.alignment.landmarks import Landmarked
+from uqmbd_collocation.alignment.landmarks import Cutting, Landmarked
 
 __all__ = ["EventPaths"]
 
@@ -69,6 +69,9 @@ class EventPaths:
         """Return what the results say of the alignment besides."""
         return {}
 
+    def prepare(self, values: Array) -> None:
+        """Find what is needed besides at inputs (K, d): nothing."""
+
     def sequences(self, values: Array) -> list[tuple[str, ...]]:
         """Return what ends the segments of realisations at inputs (K, d): as many as any has until the last time.
 
@@ -77,17 +80,21 @@ class EventPaths:
         uqmbd.IntegrationError
             If one fails.
         """
-        return [history.labels[: self.least] for history in self._at(values)]
+        return [history.labels[: self.least] for history in self.histories(values)]
+
+    def cutting(self, space: uqmbd.GermSpace, germs: Array, spread: Array, sequence: tuple[str, ...]) -> Cutting:
+        """Return how realisations of an element are cut."""
+        return Cutting(lambda values: self.cut(values, sequence), sequence, "events")
 
     def cut(self, values: Array, sequence: tuple[str, ...]) -> tuple[Landmarked, uqmbd.Realisations]:
         """Return realisations in segments; those whose sequence is another one are no part of this element."""
-        histories = self._at(values)
+        histories = self.histories(values)
         same = np.array([h.labels[: len(sequence)] == sequence for h in histories])
         count, outputs = len(sequence), self.problem.labels.shape[0]
         edges = np.full((len(values), count + 1), np.nan)
         response = np.full((len(values), count, outputs, POINTS), np.nan)
         for k in np.flatnonzero(same):
-            edges[k], response[k] = histories[k].edges[: count + 1], histories[k].response[:count]
+            edges[k], response[k] = histories[k].edges[: count + 1], histories[k].response[:count, :outputs]
         told = uqmbd.Realisations(
             values,
             response.reshape(len(values), outputs, -1),
@@ -98,13 +105,14 @@ class EventPaths:
         )
         return Landmarked(edges, response), told
 
-    def _at(self, values: Array) -> list[uqmbd.History]:
+    def histories(self, values: Array) -> list[uqmbd.History]:
+        """Follow realisations at inputs (K, d), with what is watched behind the outputs; see `sequences`."""
         keys = [row.tobytes() for row in np.ascontiguousarray(values, dtype=float)]
         while True:
             missing = [k for k, key in enumerate(keys) if not self._enough(self._known.get(key))]
             if missing:
                 self.problem.progress.start(self.problem.label, self.spent + len(missing))
-                found = self.problem.histories(values[missing], POINTS, self.least)
+                found = self.problem.watching().histories(values[missing], POINTS, self.least)
                 self.spent += len(missing)
                 for k, history in zip(missing, found, strict=True):
                     if history.message:

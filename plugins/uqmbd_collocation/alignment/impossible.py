@@ -6,7 +6,7 @@ from typing import Any
 
 import uqmbd
 
-__all__ = ["Impossible"]
+__all__ = ["Impossible", "without_clock"]
 
 
 class Impossible(uqmbd.StudyError):
@@ -23,3 +23,19 @@ class Impossible(uqmbd.StudyError):
 
     def __reduce__(self) -> tuple[Any, ...]:
         return type(self), self.parts
+
+
+def without_clock(problem: uqmbd.Problem, why: str) -> Impossible:
+    """Return the error of phases where there is no clock."""
+    if problem.model.events:
+        return Impossible(
+            problem.label,
+            f"alignment='phase' needs a clock that no event resets, as impacts do; there is none: {why}",
+            "Take alignment='events', which compares motions between events, or alignment='auto', which takes "
+            "what follows each output best; or leave alignment out.",
+        )
+    return Impossible(
+        problem.label,
+        f"alignment='phase' needs a clock, and there is none: {why}",
+        "Observe an angle that grows, name it by clock=, or leave alignment out.",
+    )

@@ -2,15 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 import uqmbd
-from uqmbd.results import AlignedElement
+from uqmbd.results import AlignedElement, Landmarks
 from uqmbd.typing import Array
 
-__all__ = ["PER_TURN", "STANDING", "TURN", "Landmarked", "Marks", "marks_behind", "phase_landmarks", "time_landmarks"]
+__all__ = [
+    "PER_TURN",
+    "STANDING",
+    "TURN",
+    "Cut",
+    "Cutting",
+    "Landmarked",
+    "Marks",
+    "everywhere",
+    "marks_behind",
+    "phase_landmarks",
+    "time_landmarks",
+]
 
 
 TURN = 2 * np.pi
@@ -69,6 +82,33 @@ class Landmarked:
     response: Array
 
 
+Cut = Callable[[Array], tuple[Landmarked, uqmbd.Realisations]]
+"""From inputs (K, d) to realisations from landmark to landmark, and what became of them."""
+
+
+@dataclass(frozen=True)
+class Cutting:
+    """How realisations of an element are cut.
+
+    Attributes
+    ----------
+    cut : callable
+        Computes them from landmark to landmark.
+    labels : tuple of str, length S
+        What ends each segment; empty: no event.
+    landmarks : {"events", "phase", "time"}
+        What they are.
+    farther : callable, optional
+        If the last landmark is a phase: from how much farther realisations are to be known, s, and how long a segment
+        takes, s, to how they are cut then.
+    """
+
+    cut: Cut
+    labels: tuple[str, ...]
+    landmarks: Landmarks
+    farther: Callable[[float, float], Cutting] | None = None
+
+
 def phase_landmarks(found: uqmbd.Dense, phases: uqmbd.Phases, marks: Marks, outputs: int, points: int) -> Landmarked:
     """Cut realisations where their phases pass given values, and at equal distances of time behind the last of these.
 
@@ -121,3 +161,11 @@ def marks_behind(starts: Array, last: float) -> Array:
     step = TURN / PER_TURN
     first = np.floor(starts.max() / step + 0.5) + 1
     return np.asarray(np.arange(first, np.ceil(last / step) + 1) * step)
+
+
+def everywhere(space: uqmbd.GermSpace, germs: Array, spread: Array, known: Array) -> Array:
+    """Return values (K, N) at germs (K, d), and those of a polynomial of order 2 through them at others (M, d)."""
+    terms = uqmbd.index_set(space.dimension, 2)
+    terms = terms if len(germs) >= 2 * len(terms) else terms[terms.sum(axis=1) <= 1]
+    fit = np.linalg.lstsq(space.evaluate(germs, terms), known, rcond=1e-10)[0]
+    return np.concatenate([known, space.evaluate(spread, terms) @ fit])

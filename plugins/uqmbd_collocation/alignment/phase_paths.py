@@ -12,11 +12,14 @@ import numpy as np
 import uqmbd
 from uqmbd.results import Status
 from uqmbd.typing import Array, Mask
+from uqmbd_collocation.alignment.impossible import without_clock
 from uqmbd_collocation.alignment.landmarks import (
     PER_TURN,
     STANDING,
+    Cutting,
     Landmarked,
     Marks,
+    everywhere,
     marks_behind,
     phase_landmarks,
     time_landmarks,
@@ -74,7 +77,7 @@ class PhasePaths:
     wanted : str, optional
         Name of the clock that the user asks for.
     clock : Clock
-        Set by `find_clock`.
+        Set by `prepare`.
     spent : int
         Realisations so far, those that were computed anew counted again.
     counters : Counter
@@ -137,9 +140,7 @@ class PhasePaths:
             f"{max(share, 1e-3):.1%} of the probability. There is no common phase: they are compared at equal times, "
             f"in {standing} of {len(sequences)} elements, where a chaos holds for some turns only."
         )
-        return text + (
-            f" The clock {self.better!r} runs in all nodes; try clock={self.better!r}." if self.better else ""
-        )
+        return text + (f" The clock {self.better!r} runs in all nodes; try clock={self.better!r}." * bool(self.better))
 
     @property
     def begin(self) -> float:
@@ -151,11 +152,11 @@ class PhasePaths:
         """Last output time, s."""
         return float(self.problem.times[-1])
 
-    def find_clock(self, values: Array) -> str:
-        """Choose the clock from realisations at inputs (K, d); return why there is none, or nothing."""
+    def prepare(self, values: Array) -> None:
+        """Choose the clock from realisations at inputs (K, d), or raise `Impossible`."""
         groups, paths = self._groups(values)
         if not groups:
-            return f"all realisations failed: {paths[0].message}"
+            raise without_clock(self.problem, f"all realisations failed: {paths[0].message}")
         found, rows = max(groups, key=lambda group: len(group[1]))
         self.clock, why = uqmbd.choose_clock(self.problem, found, self.end, self.wanted)
         if self.clock is not None and self.wanted is not None:
@@ -167,7 +168,8 @@ class PhasePaths:
             phases = swings.phases(found)
             runs = phases.running(self.end)
             self.starts = Starts.of(values[rows][runs], phases.values[runs, 0]) if runs.any() else None
-        return why
+        if why:
+            raise without_clock(self.problem, why)
 
     def sequences(self, values: Array) -> list[Sequence]:
         """Say how the clock runs in realisations at inputs (K, d); those that fail go with the others."""
@@ -225,11 +227,7 @@ class PhasePaths:
         known = np.stack([np.concatenate(begins), np.concatenate(ends)], axis=1)
         turned = (known[:, 1] - known[:, 0]) / (2 * np.pi)
         self.turns = (min(self.turns[0], float(turned.min())), max(self.turns[1], float(turned.max())))
-        terms = uqmbd.index_set(space.dimension, 2)
-        terms = terms if len(used) >= 2 * len(terms) else terms[terms.sum(axis=1) <= 1]
-        psi = space.evaluate(germs[used], terms)
-        fit = np.linalg.lstsq(psi, known, rcond=1e-10)[0]
-        others = np.concatenate([known, space.evaluate(spread, terms) @ fit])
+        others = everywhere(space, germs[used], spread, known)
         marks = marks_behind(others[:, 0], float(others[:, 1].max()) + 2 * np.pi / PER_TURN)
         return self._common(kind, values[same], marks)
 
@@ -244,6 +242,20 @@ class PhasePaths:
         first = min(float(np.nanmin(passed)), self.end)
         tail = self.end - first + MARGIN * (self.end - self.begin)
         return Marks(common, tail, 1 + int(np.count_nonzero(self.problem.times > first)) // STANDING)
+
+    def cutting(self, space: uqmbd.GermSpace, germs: Array, spread: Array, sequence: Sequence) -> Cutting:
+        """Return how realisations of an element are cut; see `marks`."""
+        return self._cutting(sequence, self.marks(space, germs, spread, sequence))
+
+    def _cutting(self, sequence: Sequence, marks: Marks) -> Cutting:
+        if marks.count:
+
+            def farther(late: float, pace: float) -> Cutting:
+                return self._cutting(sequence, marks.farther(late, pace))
+
+            return Cutting(lambda values: self.cut(values, marks, sequence), ("",) * marks.count, "phase", farther)
+        segments = -(-len(self.problem.times) // STANDING)
+        return Cutting(lambda values: self.cut_in_time(values, segments), ("",) * segments, "time")
 
     def cut(self, values: Array, marks: Marks, sequence: Sequence) -> tuple[Landmarked, uqmbd.Realisations]:
         """Return realisations from phase to phase; one that does not reach the last has failed."""

@@ -61,6 +61,7 @@ def event_histories(
     points: int,
     least: int = 1,
     integrator: str = "auto",
+    longer: float = 1.0,
 ) -> list[History]:
     """Follow each row of inputs from event to event, on all workers.
 
@@ -81,8 +82,11 @@ def event_histories(
         most).
     integrator : str
         Who declares ``segments``.
+    longer : float
+        Where no further event ends a motion, its last segment lasts so much longer than the output times (eight times
+        at most).
     """
-    tasks = [(row, times, rtol, points, least, integrator) for row in np.ascontiguousarray(values, dtype=float)]
+    tasks = [(row, times, rtol, points, least, integrator, longer) for row in np.ascontiguousarray(values, dtype=float)]
     found = []
     for arrays in run(followed, tasks):
         labels = tuple(arrays["labels"].tolist())
@@ -93,7 +97,14 @@ def event_histories(
 
 
 def followed(
-    model: Model, values: Array, times: tuple[float, float], rtol: float, points: int, least: int, integrator: str
+    model: Model,
+    values: Array,
+    times: tuple[float, float],
+    rtol: float,
+    points: int,
+    least: int,
+    integrator: str,
+    longer: float,
 ) -> dict[str, NDArray[Any]]:
     """Follow one realisation; the arrays are those of a `History`."""
     cls: Any = integrator_class(integrator)
@@ -122,8 +133,9 @@ def followed(
         return {**none, "response": empty, "message": np.array([run.message])}
     final = complete < max(least, inside + MARGIN)
     pieces = run.segments if final else run.segments[:-1]
-    # where nothing ends a motion, the output times do
-    ends = [max(p.begin, min(p.end, end)) if final and p is pieces[-1] else p.end for p in pieces]
+    # where nothing ends a motion, the output times do, or what is asked for behind them
+    last_of_all = begin + longer * (end - begin) if longer > 1 else end
+    ends = [max(p.begin, min(p.end, last_of_all)) if final and p is pieces[-1] else p.end for p in pieces]
     where = AlignedElement.points(points)
     moments = [p.begin + where * (last - p.begin) for p, last in zip(pieces, ends, strict=True)]
     states = [p.states(at) for p, at in zip(pieces, moments, strict=True)]

@@ -1,0 +1,295 @@
+"""Realisations that are followed from event to event, and between events from phase to phase of an angle that grows."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
+
+import numpy as np
+
+import uqmbd
+from uqmbd.results import AlignedElement, Landmarks, Status
+from uqmbd.typing import Array, Mask
+from uqmbd_collocation.alignment.event_paths import POINTS as FIRST
+from uqmbd_collocation.alignment.event_paths import EventPaths
+from uqmbd_collocation.alignment.impossible import Impossible
+from uqmbd_collocation.alignment.landmarks import PER_TURN, TURN, Cutting, Landmarked, everywhere
+from uqmbd_collocation.alignment.merging import Merged, merged
+
+__all__ = ["CombinedPaths"]
+
+
+POINTS = 33
+"""Chebyshev points of a segment: a quarter of a turn, and more where marks are dropped."""
+
+MOST_POINTS = 1 + 64 * 2**5
+"""Chebyshev points between two events, at most."""
+
+RESOLVED = 1e-8
+"""Size of the last Chebyshev coefficients between two events, over the range of an output."""
+
+LONGEST = 8.0
+"""How much longer than the output times realisations are followed, where no event ends their motion."""
+
+BISECTIONS = 54
+"""Until the time of a phase has the precision of numbers."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Motion:
+    """One realisation: a history, with the phase (S, P) at the points of its segments, rad."""
+
+    history: uqmbd.History
+    phase: Array
+
+    @property
+    def edges(self) -> Array:
+        """Phases (S + 1,) of its begin, of events, and of its end, rad."""
+        return np.append(self.phase[:, 0], self.phase[-1, -1])
+
+    def grows(self, segments: int) -> bool:
+        """Say whether the phase grows in some first segments."""
+        return bool((np.diff(self.phase[:segments], axis=1) > 0).all())
+
+    def passes(self, marks: Merged) -> bool:
+        """Say whether marks lie in its segments, as they do in others."""
+        edges = self.edges
+        return all(not len(own) or (edges[k] < own[0] and own[-1] < edges[k + 1]) for k, own in enumerate(marks.phases))
+
+    def cut(self, marks: Merged, outputs: int) -> tuple[Array, Array]:
+        """Return times (N + 1,) of the landmarks, and outputs (N, O, points) between them."""
+        where = AlignedElement.points(POINTS)
+        edges, parts = [self.history.edges[:1]], []
+        for k, own in enumerate(marks.phases):
+            begin, end = self.history.edges[k : k + 2]
+            at = np.concatenate([[0.0], _passed(self.phase[k], own), [1.0]])
+            at = at[:-1] if marks.ending and k + 1 == len(marks.phases) else at
+            edges.append(begin + (end - begin) * at[1:])
+            moments = at[:-1, None] + where * np.diff(at)[:, None]
+            parts.append(_read(self.history.response[k, :outputs], moments).transpose(1, 0, 2))
+        return np.concatenate(edges), np.concatenate(parts)
+
+
+@dataclass
+class CombinedPaths:
+    """Realisations from landmark to landmark, of both kinds.
+
+    They are those of the events, or are followed anew where so many points do not tell the motion between events, or
+    where no event ends it and others reach a phase earlier.
+
+    Attributes
+    ----------
+    problem : uqmbd.Problem
+        That of the study.
+    events : EventPaths
+        Realisations from event to event.
+    clock : Clock
+        An angle.
+    spent : int
+        Realisations that were followed anew.
+    """
+
+    problem: uqmbd.Problem
+    events: EventPaths
+    clock: uqmbd.Clock
+    spent: int = 0
+    counters: Counter[str] = field(default_factory=Counter)
+    _fine: int = FIRST
+    _longer: float = 1.0
+    _known: dict[bytes, uqmbd.History] = field(default_factory=dict)
+    _marks: dict[bytes, Merged] = field(default_factory=dict)
+
+    points: ClassVar[int] = POINTS
+    failures: ClassVar[int] = 0
+    """A realisation that fails ends the method."""
+    what: ClassVar[str] = "events"
+    landmarks: ClassVar[str] = "times of events and of equal phase"
+
+    @classmethod
+    def of(cls, problem: uqmbd.Problem, events: EventPaths | None, clock: uqmbd.Clock | None) -> CombinedPaths:
+        """Make them of what events and phases have found, or say what is missing."""
+        if events is None or clock is None:
+            raise Impossible(problem.label, "there are not both events and a clock", "Leave one of them out.")
+        if not clock.turn:
+            why = f"the clock, {clock.words}, is no angle that grows: events reset its phase"
+            raise Impossible(problem.label, why, "Take one of them.")
+        return cls(problem, events, clock)
+
+    @property
+    def least(self) -> int:
+        """Segments between events that each has."""
+        return self.events.least
+
+    def prepare(self, values: Array) -> None:
+        """Refuse a clock that does not grow in all realisations at inputs (K, d)."""
+        standing = sum(not motion.grows(len(motion.phase)) for motion in self._motions(values))
+        if standing:
+            why = f"the clock, {self.clock.words}, stands or turns back in {standing} of {len(values)} realisations"
+            raise Impossible(self.problem.label, why, "Take events or phases alone.")
+
+    def elsewhere(self, sequence: tuple[str, ...], seen: Array) -> Mask:
+        """Say of which realisations (K, output, T) the outputs alone show that they have another sequence: of none."""
+        return self.events.elsewhere(sequence, seen)
+
+    def attributes(self, sequences: Iterable[tuple[str, ...]]) -> dict[str, Any]:
+        """Return what the results say of the alignment besides."""
+        return {
+            "clock": self.clock.name,
+            "clock_kind": "angle",
+            "phases_between_events": sum(marks.kept for marks in self._marks.values()),
+            "phases_dropped": sum(marks.dropped for marks in self._marks.values()),
+        }
+
+    def sequences(self, values: Array) -> list[tuple[str, ...]]:
+        """Return the events of realisations at inputs (K, d); phases between them are the same in all."""
+        return self.events.sequences(values)
+
+    def cutting(self, space: uqmbd.GermSpace, germs: Array, spread: Array, sequence: tuple[str, ...]) -> Cutting:
+        """Return how realisations of an element are cut; see `marks`."""
+        return self._cutting(sequence, self.marks(space, germs, spread, sequence))
+
+    def marks(self, space: uqmbd.GermSpace, germs: Array, spread: Array, sequence: tuple[str, ...]) -> Merged:
+        """Return the landmarks of an element.
+
+        Parameters
+        ----------
+        space : uqmbd.GermSpace
+            Of the element.
+        germs : array, shape (K, d)
+            Nodes.
+        spread : array, shape (N, d)
+            Where the chaos is evaluated: the phases of events there are those of a polynomial of order 2 through the
+            nodes, and marks have the same order there, too.
+        sequence : tuple of str
+            Of the events.
+        """
+        values, count = space.to_inputs(germs), len(sequence)
+        same = np.array([other == sequence for other in self.sequences(values)])
+        motions = [motion for motion, own in zip(self._motions(values), same, strict=True) if own]
+        edges = everywhere(space, germs[same], spread, np.stack([motion.edges[: count + 1] for motion in motions]))
+        reached = np.inf
+        if all(motion.history.final and len(motion.history.labels) == count for motion in motions):
+            # the phase that the fastest has at the last output time, and one mark more
+            end = float(self.problem.times[-1])
+            last = np.array([[_at(motion, count - 1, end)] for motion in motions])
+            step = TURN / PER_TURN
+            reached = step * (np.ceil(float(everywhere(space, germs[same], spread, last).max()) / step) + 1)
+            if not self._reach(values[same], count, reached):
+                reached = np.inf
+        found = merged(edges, reached)
+        self._marks[germs.tobytes() + values.tobytes()] = found
+        return found
+
+    def _cutting(self, sequence: tuple[str, ...], marks: Merged) -> Cutting:
+        labels = marks.labels(sequence)
+
+        def farther(late: float, pace: float) -> Cutting:
+            return self._cutting(sequence, marks.farther(late, pace))
+
+        kind: Landmarks = "events" if any(labels) else "phase"
+        return Cutting(
+            lambda values: self.cut(values, sequence, marks), labels, kind, farther if marks.ending else None
+        )
+
+    def cut(self, values: Array, sequence: tuple[str, ...], marks: Merged) -> tuple[Landmarked, uqmbd.Realisations]:
+        """Return realisations in segments; those whose landmarks come in another order are no part of this element."""
+        if marks.ending:
+            self._reach(values, len(sequence), float(marks.phases[-1][-1]))
+        count, outputs = len(marks.labels(sequence)), self.problem.labels.shape[0]
+        edges = np.full((len(values), count + 1), np.nan)
+        response = np.full((len(values), count, outputs, POINTS), np.nan)
+        messages = [""] * len(values)
+        for k, motion in enumerate(self._motions(values, self._longer if marks.ending else 1.0)):
+            if motion.history.labels[: len(sequence)] != sequence:
+                messages[k] = "its events come in another order"
+            elif not (motion.grows(len(sequence)) and motion.passes(marks)):
+                messages[k] = "its events and equal phases come in another order"
+            else:
+                edges[k], response[k] = motion.cut(marks, outputs)
+        status = np.array([int(Status.INTEGRATION_FAILED if text else Status.OK) for text in messages])
+        nothing = np.zeros((len(values), 0, 0))
+        return Landmarked(edges, response), uqmbd.Realisations(values, nothing, status, tuple(messages), {}, 0.0)
+
+    def _reach(self, values: Array, count: int, phase: float) -> bool:
+        """Follow realisations whose last segment, of a count, no event ends until they get to a phase, if they do."""
+        while True:
+            motions = [
+                m for m in self._motions(values, self._longer) if m.history.final and len(m.history.labels) == count
+            ]
+            lacking = [phase - m.edges[-1] for m in motions if m.edges[-1] <= phase]
+            if not lacking or self._longer >= LONGEST:
+                return not lacking
+            self._longer = min(1.5 * self._longer, LONGEST)
+
+    def _motions(self, values: Array, longer: float = 1.0) -> list[_Motion]:
+        """Return realisations at inputs (K, d) with as many points as tell their motion."""
+        while True:
+            found = self._histories(values, longer)
+            if self._fine >= MOST_POINTS or all(map(_resolved, found)):
+                break
+            self._fine = 2 * self._fine - 1
+        rate = TURN / self.clock.turn
+        return [_Motion(history, rate * history.response[:, self.clock.row]) for history in found]
+
+    def _histories(self, values: Array, longer: float) -> list[uqmbd.History]:
+        known = self.events.histories(values)
+        if self._fine == FIRST and longer == 1.0:
+            return known
+        about = f"{self._fine} {longer!r} {self.least} ".encode()
+        keys = [about + row.tobytes() for row in np.ascontiguousarray(values, dtype=float)]
+        missing = {key: k for k, key in enumerate(keys) if key not in self._known}
+        if missing:
+            rows = list(missing.values())
+            found = self.problem.watching().histories(values[rows], self._fine, self.least, longer)
+            self.spent += len(rows)
+            for key, history in zip(missing, found, strict=True):
+                if history.message:
+                    raise uqmbd.IntegrationError(f"{self.problem.label}: a realisation failed: {history.message}")
+                self._known[key] = history
+        return [self._known[key] for key in keys]
+
+
+def _coefficients(values: Array) -> Array:
+    """Return Chebyshev coefficients (..., P) of values at the points."""
+    from scipy.fft import dct
+
+    count = values.shape[-1]
+    # the points go from 0 to 1, the transform's from 1 to -1
+    found = dct(values[..., ::-1], type=1, axis=-1) / (count - 1)
+    found[..., [0, -1]] /= 2
+    return np.asarray(found)
+
+
+def _resolved(history: uqmbd.History) -> bool:
+    """Say whether the points between events tell a motion: its last coefficients are small."""
+    found = np.abs(_coefficients(history.response))
+    tail = found[..., -max(2, found.shape[-1] // 8) :].max(axis=(0, 2), initial=0.0)
+    size = np.ptp(history.response, axis=(0, 2))
+    floor = np.abs(history.response).max(axis=(0, 2), initial=0.0) * 1e-3
+    return bool((tail <= RESOLVED * np.maximum(size, floor)).all())
+
+
+def _read(values: Array, at: Array) -> Array:
+    """Read values (O, P) at the points of a segment at normalised times (...): (O, ...)."""
+    return np.asarray(np.polynomial.chebyshev.chebval(2 * at - 1, _coefficients(values).T), dtype=float)
+
+
+def _at(motion: _Motion, segment: int, time: float) -> float:
+    """Return the phase at a time of a segment, rad."""
+    begin, end = motion.history.edges[segment : segment + 2]
+    where = np.array((time - begin) / (end - begin) if end > begin else 0.0)
+    return float(_read(motion.phase[segment : segment + 1], where)[0])
+
+
+def _passed(phase: Array, marks: Array) -> Array:
+    """Find the normalised times at which a phase (P,), which grows, has the values of marks (N,)."""
+    where = AlignedElement.points(len(phase))
+    right = np.clip(np.searchsorted(phase, marks), 1, len(phase) - 1)
+    low, high, own = where[right - 1], where[right], _coefficients(phase)
+    for _ in range(BISECTIONS):
+        middle = (low + high) / 2
+        below = np.polynomial.chebyshev.chebval(2 * middle - 1, own) < marks
+        low, high = np.where(below, middle, low), np.where(below, high, middle)
+    return np.asarray((low + high) / 2, dtype=float)

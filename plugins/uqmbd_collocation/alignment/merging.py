@@ -1,0 +1,80 @@
+"""One sequence of landmarks from two kinds: events, and between them equal phases that all realisations pass there."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from uqmbd.typing import Array
+from uqmbd_collocation.alignment.landmarks import PER_TURN, TURN
+
+__all__ = ["Merged", "merged"]
+
+
+NEAR = 0.1
+"""Part of the distance of two marks: one that is nearer to an event in some realisation is dropped."""
+
+
+@dataclass(frozen=True, eq=False)
+class Merged:
+    """Landmarks of an element: the ends of its segments between events, and phases in each of them.
+
+    Attributes
+    ----------
+    phases : tuple of array
+        Of each segment between events the phases at which it is cut, rad, increasing; they may be none.
+    dropped : int
+        Phases that realisations pass in segments that are not the same, or too near to an event.
+    ending : bool
+        Whether the last segment ends at the last of its phases, and not with an event.
+    """
+
+    phases: tuple[Array, ...]
+    dropped: int
+    ending: bool = False
+
+    @property
+    def kept(self) -> int:
+        """Phases that are landmarks."""
+        return sum(map(len, self.phases))
+
+    def labels(self, events: tuple[str, ...]) -> tuple[str, ...]:
+        """Return what ends each segment, from what ends those between events: empty where it is a phase."""
+        found = list[str]()
+        for phases, event in zip(self.phases, events, strict=True):
+            found += [*("",) * len(phases), event]
+        return tuple(found[:-1] if self.ending else found)
+
+    def farther(self, late: float, pace: float) -> Merged:
+        """Return them so much farther, s, with segments that take some time each, s, but twice as many at most."""
+        *others, last = self.phases
+        more = min(int(np.ceil(late / max(pace, 1e-300))) + 1, self.kept)
+        behind = last[-1] + (1 + np.arange(more)) * TURN / PER_TURN
+        return replace(self, phases=(*others, np.append(last, behind)))
+
+
+def merged(edges: Array, reached: float = np.inf) -> Merged:
+    """Merge marks, which are multiples of a part of a turn, with events, whose phases differ between realisations.
+
+    A mark is a landmark where it lies in the same segment between events in all realisations; else it is dropped in all
+    of them, so that all have the same sequence of landmarks.
+
+    Parameters
+    ----------
+    edges : array, shape (K, S + 1)
+        Increasing phases of the begin, of events, and of the end of realisations, rad.
+    reached : float
+        A mark that all realisations get to, rad, if the last segment is ended by no event: it ends there.
+    """
+    step = TURN / PER_TURN
+    ends = edges.copy()
+    ending = bool(np.isfinite(reached) and ends[:, -2].max() < reached - NEAR * step)
+    if ending:
+        ends[:, -1] = reached + step / 2
+    phases = []
+    for begin, end in zip(ends[:, :-1].T, ends[:, 1:].T, strict=True):
+        first, last = np.ceil(begin.max() / step + NEAR), np.floor(end.min() / step - NEAR)
+        phases.append(step * np.arange(first, last + 1))
+    passed = np.floor(ends[:, -1].min() / step) - np.ceil(ends[:, 0].max() / step) + 1
+    return Merged(tuple(phases), max(int(passed), 0) - sum(map(len, phases)), ending)
