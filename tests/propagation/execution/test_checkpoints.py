@@ -54,7 +54,7 @@ def swing(samples: int = 200) -> uqmbd.Study:
 
 def chunk(generator: np.random.Generator) -> Chunk:
     response = generator.normal(size=(7, 2, 5))
-    return Chunk(response, np.zeros(7, dtype=np.int64), ("", "a reason") * 3 + ("",), {"steps": 12.0}, None, 1.5)
+    return Chunk(response, np.zeros(7, dtype=np.int64), ("", "a reason") * 3 + ("",), {"steps": 12.0}, seconds=1.5)
 
 
 def same(one: Chunk, other: Chunk) -> bool:
