@@ -60,7 +60,7 @@ study = uqmbd.Study(
     mechanism,
     times=np.linspace(0, 0.6, 61),
     propagators=[
-        MonteCarlo(samples=1000, seed=1),
+        MonteCarlo(samples=2000, seed=2),
         Collocation(order=2, verify=32),
         Galerkin(order=2),
         Reliability(seed=1),
