@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import warnings
 
 import chaospy
 import numpy as np
@@ -66,7 +67,8 @@ def test_a_chaos_refuses_it_alone(results, label):
     data = node["statistics"].to_dataset()
     assert list(json.loads(node.attrs["refused"])) == ["reached"]
     assert np.isnan(data["mean"].sel(output="reached"))
-    assert float(data["censored"].sel(output="reached")) > 0.1
+    # its nodes and verification realisations are no sample of the inputs: their share is no probability
+    assert np.isnan(float(data["censored"].sel(output="reached")))
     assert float(data["mean"].sel(output="fastest")) == pytest.approx(5.0, rel=1e-5)
     assert float(data["mean"].sel(output="middle")) == pytest.approx(np.pi / 20, rel=1e-5)
     chaos = PolynomialChaos.from_dataset(node["chaos"])
@@ -124,3 +126,21 @@ def test_times_that_jump_between_peaks_are_told():
     data = results["e/scalars/statistics"].to_dataset()
     for name, value in exact.items():
         assert float(data["mean"].sel(output=name)) == pytest.approx(value, rel=2e-2)
+
+
+@pytest.mark.thorough
+def test_what_never_happens_is_told_as_that():
+    """Nothing has failed, and nothing is to be kept clear of."""
+    mechanism = uqmbd.Mechanism("throw", uqmbd.Translational())
+    speed = uqmbd.RandomVariable("speed", chaospy.Uniform(1, 2))
+    x = mechanism.body("body", mass=1, velocity=(speed, 0)).position[0]
+    mechanism.output("reached", uqmbd.first_time(x >= 9))
+    study = uqmbd.Study("throw", mechanism, [0, 1], [MonteCarlo(samples=20, seed=1), Collocation(order=2)])
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        results = study.run()
+    words = [str(one.message) for one in told if "has no statistics" in str(one.message)]
+    assert len(words) == 2
+    assert all("does not happen in any realisation until the last output time" in one for one in words)
+    for label in ("monte-carlo", "collocation"):
+        assert float(results[label]["scalars/statistics"]["censored"][0]) == 1

@@ -177,7 +177,7 @@ def _final(node: xr.DataTree, output: int) -> str:
     mean = float(statistics["mean"])
     late = float(statistics.get("censored", 0.0))
     if late and not math.isfinite(mean):
-        return f"does not happen in {format_share(late)}"
+        return "does not always happen" if math.isnan(late) else f"does not happen in {format_share(late)}"
     more = f"; does not happen in {format_share(late)}" if late else ""
     if math.isfinite(mean) and not varying(whole, rtol_of(node))[output]:
         return f"{mean:.6g}, no spread{more}"

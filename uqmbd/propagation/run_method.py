@@ -102,9 +102,9 @@ def _run_scalars(run: Callable[[Problem], xr.DataTree], propagator: Propagator, 
     -------
     xarray.DataTree
         Where some of them may not happen, ``statistics`` have ``censored`` (output,), the share of realisations in
-        which they do not, and are those of the others.  Further children are about the outputs that always happen, or,
-        if there are none, about the first that a method could give.  The attribute ``refused`` says which outputs have
-        no statistics, and why.
+        which they do not (NaN for methods that do not sample the inputs), and are those of the others.  Further
+        children are about the outputs that always happen, or, if there are none, about the first that a method could
+        give.  The attribute ``refused`` says which outputs have no statistics, and why.
     """
     if not any(problem.model.scalars.reaching):
         return run(problem)
@@ -125,8 +125,12 @@ def _run_scalars(run: Callable[[Problem], xr.DataTree], propagator: Propagator, 
         one = problem.choosing((name,))
         found, why = _one(run, one)
         missing, counted = one.observed.missing[0], one.observed.counted
-        shares[name] = missing / counted
-        if found is None or (missing and "samples" not in found.children):
+        never, sampled = missing == counted > 0, found is not None and "samples" in found.children
+        # what a surrogate is made of is no sample of the inputs
+        shares[name] = missing / counted if never or sampled or not missing else np.nan
+        if never:
+            why = "it does not happen in any realisation until the last output time; take later times"
+        if found is None or (missing and not sampled):
             refused[name] = why = why or (
                 f"it does not happen in {missing} of {counted} realisations, and a surrogate would go on beyond the "
                 "others; take a method that samples, as MonteCarlo, later times, or a quantity that each realisation "

@@ -92,11 +92,11 @@ def _words(method: Method) -> list[str]:
         words.append(f"With {label}: {method.fit}.")
     late = method.statistics.get("censored")
     for name, share in zip(method.names, [] if late is None else late.values, strict=False):
-        if share > 0:
+        if not share == 0:
+            part = "some" if math.isnan(share) else format_share(float(share))
             known = name not in json.loads(method.node.attrs.get("refused", "{}"))
             words.append(
-                f"With {label}, {name} does not happen in {format_share(float(share))} of the realisations until the "
-                "last time; "
+                f"With {label}, {name} does not happen in {part} of the realisations until the last time; "
                 + (
                     "its statistics are those of the others."
                     if known
