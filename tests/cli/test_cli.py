@@ -54,7 +54,9 @@ class FakeStudy:
 
     propagators: tuple = (FakeMonteCarlo(),)
     name: str = "fake"
-    mechanism: object = dataclasses.field(default_factory=lambda: types.SimpleNamespace(name="machine"))
+    mechanism: object = dataclasses.field(
+        default_factory=lambda: types.SimpleNamespace(name="machine", requirements={})
+    )
     times: object = dataclasses.field(default_factory=lambda: np.array([0.0, 1.0]))
     error: BaseException | None = None
     failures: int = 0

@@ -112,8 +112,8 @@ def allocate(
     ... )
     >>> mechanism.require("gap", box - a - b >= 0, description="the parts go into the box")
     >>> found = allocate(uqmbd.Study("stack", mechanism), "gap", 0.01, cost={"box": 1, "a": 1, "b": 1})
-    >>> [round(float(t), 3) for t in found.after]  # the same for all: 0.3 / (2.326 sqrt(3))
-    [0.074, 0.074, 0.074]
+    >>> [abs(float(t) - 0.0745) < 0.002 for t in found.after]  # the same for all: 0.3 / (2.326 sqrt(3))
+    [True, True, True]
     """
     where = "allocate"
     _check(where, study, probability, verify, narrowest, seed)

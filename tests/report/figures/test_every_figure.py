@@ -32,6 +32,7 @@ def ball() -> uqmbd.Study:
     mechanism.output("height", body.position[1], units="m")
     mechanism.output("level", body.position[1] - 1, units="m", over="height")
     mechanism.output("first", floor.event_time("impact", 1), units="s")
+    mechanism.require("early", uqmbd.t * height <= 1.1)
     methods = [
         MonteCarlo(samples=60, seed=1),
         Collocation(order=3, alignment="events", label="event-aligned"),
@@ -85,6 +86,7 @@ CALLS: dict[str, Callable[[xr.DataTree, uqmbd.Study], Figure]] = {
     "split_pattern": lambda tree, study: report.split_pattern(tree),
     "std_over_time": lambda tree, study: report.std_over_time(tree, "height"),
     "time_history_histogram": lambda tree, study: report.time_history_histogram(tree["monte-carlo"], "height"),
+    "violated_by": lambda tree, study: report.violated_by(tree),
     "verification": lambda tree, study: report.verification(tree),
 }
 

@@ -40,8 +40,8 @@ def clopper_pearson(happened: ArrayLike, of: ArrayLike, level: float = LEVEL) ->
     Examples
     --------
     >>> lower, upper = clopper_pearson([0, 10], 500)
-    >>> lower.round(5).tolist(), upper.round(5).tolist()
-    ([0.0, 0.00963], [0.00597, 0.03648])
+    >>> lower.round(4).tolist(), upper.round(4).tolist()
+    ([0.0, 0.0096], [0.006, 0.0365])
     """
     from scipy.special import betaincinv
 

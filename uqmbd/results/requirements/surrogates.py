@@ -8,6 +8,11 @@ degree of the surrogate, as of an error made of all polynomials up to that degre
 residuals, times the quantile of Student's t distribution with as many degrees of freedom as there are residuals, is a
 band about the limit; by the weights of the realisations, or all alike, whichever is wider.  Samples within it may be
 violations, or not.
+
+Residuals tell nothing of a margin that the surrogate does not follow at all, as one that jumps, or one whose only
+change lies between all realisations.  Where they are beyond `FOLLOWED` of the spread of the samples, or where nothing
+varies, the interval also holds what the signs alone tell: the probability that a verification realisation and the
+surrogate lie on different sides of the limit, by Clopper and Pearson, with as many trials as the weights are worth.
 """
 
 from __future__ import annotations
@@ -41,6 +46,12 @@ ROWS = 4096
 
 RELIANCE = 0.995
 """Of the one-sided quantile of Student's t distribution that makes a band of the residuals."""
+
+FOLLOWED = 0.3
+"""Part of the spread of a margin up to which its error is that of a surrogate that follows it."""
+
+CONSTANT = 1e-9
+"""Spread of a margin over its size that is none."""
 
 HIGHEST = 8
 """Degree above which growth is not followed."""
@@ -83,9 +94,14 @@ def sampled_requirements(
         events((margins + shift)[:, :, None])[:, :, 0].sum(axis=0) for shift in (0.0, bands, -bands)
     )
     probability = happened / count
+    astray: list[str] = []
     if verified:
         lower, upper = clopper_pearson(least, count)[0], clopper_pearson(most, count)[1]
+        down, up, followed = _by_signs(at_end, margins)
+        lower = np.where(followed, lower, np.minimum(lower, np.maximum(probability - down, 0)))
+        upper = np.where(followed, upper, np.maximum(upper, np.minimum(probability + up, 1)))
         lower, upper = failures_in(lower, upper, lost)
+        astray = [r.name for r, f in zip(requirements, followed, strict=False) if not f]
     else:
         lower, upper = np.zeros(len(happened)), np.ones(len(happened))
     times = over_time.labels.times
@@ -97,6 +113,8 @@ def sampled_requirements(
         if verified
         else "; without verification realisations nothing is known of its error: give the method verify=16 or more"
     )
+    if astray:
+        about["how"] += f"; it does not follow {', '.join(astray)}, of which the signs of these alone tell"
     near = (("requirement",), (most - least) / count, {"long_name": "share of samples that the error can move over"})
     return requirements_dataset(
         requirements,
@@ -152,6 +170,34 @@ def _bands(chaos: Surrogate, margins: Array) -> Array:
         reach = max(_reach(square, w) for w in (weights, np.full(count, 1 / count)))
         bands[order, k] = reach * np.sqrt(growth[:-1])
     return bands
+
+
+def _by_signs(chaos: Surrogate, margins: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
+    """Return what signs at verification realisations allow for (event,), where the surrogate does not follow margins.
+
+    Returns
+    -------
+    down, up : array, shape (event,)
+        By how much a probability may be less, and more.
+    followed : array of bool, shape (event,)
+        Whether it is known by residuals.
+    """
+    points = np.asarray(chaos.verification_germs)
+    count, size = len(points), margins.shape[1]
+    seen = chaos.evaluate_germs(points).reshape(count, size)
+    real = np.asarray(chaos.verification_response).reshape(count, size)
+    weights = np.asarray(chaos.verification_weights)
+    square, spread = (real - seen) ** 2, margins.std(axis=0)
+    wrong = np.sqrt(np.maximum(weights @ square, square.mean(axis=0)))
+    followed = (wrong <= FOLLOWED * spread) & (spread > CONSTANT * np.abs(margins).max(axis=0))
+    trials = 1 / float((weights**2).sum())
+    down, up = (
+        np.where(followed, 0.0, clopper_pearson(trials * (weights @ (a & ~b)), trials)[1])
+        for a, b in ((seen < 0, real < 0), (real < 0, seen < 0))
+    )
+    if size == 1:
+        return down, up, followed
+    return np.append(down, down.sum()), np.append(up, up.sum()), np.append(followed, followed.all())
 
 
 def _reach(square: Array, weights: Array) -> float:
