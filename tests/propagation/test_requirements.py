@@ -95,6 +95,13 @@ def test_margins_for_propagators():
     assert found.running.shape == (3, 2, 5) and not found.failed.any()
     assert np.array_equal(problem.realise(values).margins.values, found.values)
     assert [r.name for r in problem.requirements] == ["stiff", "weak"]
+    for kind in ((), ("frequency",)):
+        mechanism = oscillator(kind)
+        mechanism.require("still", uqmbd.maximum(mechanism.bodies["mass"].velocity[0]) <= 2)
+        other = uqmbd.Study("s", mechanism, TIMES).problem(MonteCarlo())
+        given = other.without_time() if kind else other.of_requirements()
+        assert given.margins(values).running.shape == (3, 3, 5)
+        assert np.array_equal(given.margins(values).running, other.margins(values).running)
     bare = uqmbd.Mechanism("bare", uqmbd.Translational())
     bare.output("x", bare.body("mass", mass=1).position[0])
     with pytest.raises(uqmbd.StudyError, match="there are no requirements; state one"):

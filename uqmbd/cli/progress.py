@@ -48,9 +48,13 @@ class Bars:
     tasks: dict[str, TaskID] = field(default_factory=dict)
 
     def start(self, label: str, total: int) -> None:
-        """Add a bar."""
+        """Add a bar; one that has not ended grows."""
         if label in self.tasks:
-            self.bars.reset(self.tasks[label], total=total)
+            known = next(task for task in self.bars.tasks if task.id == self.tasks[label])
+            if known.stop_time is None:
+                self.bars.update(known.id, total=(known.total or 0) + total)
+            else:
+                self.bars.reset(known.id, total=total)
         else:
             self.tasks[label] = self.bars.add_task(label, total=total)
 

@@ -134,10 +134,10 @@ class Problem:
         return replace(self._of("requirements"), existence=Existence({}, {}, {}))
 
     def _of(self, kind: Kind, **changes: Any) -> Problem:
-        label = f"{self.label}-{kind}"
+        label, whole = f"{self.label}-{kind}", self.times if self.over is None else self.over
         checkpoint = self.checkpoint and replace(self.checkpoint, label=label)
-        about = {"label": label, "checkpoint": checkpoint, "observed": Observed(), **changes}
-        return replace(self, kind=kind, over=self.times, **about)
+        about = {"label": label, "checkpoint": checkpoint, "observed": Observed(), "times": whole, **changes}
+        return replace(self, kind=kind, over=whole, chosen=None, **about)
 
     def watching(self, times: Array | None = None) -> Problem:
         """Return the problem whose outputs are those of the study, then what is watched, at any times (T,)."""

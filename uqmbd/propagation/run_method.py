@@ -17,7 +17,7 @@ import numpy as np
 import xarray as xr
 
 from uqmbd.errors import IntegrationError, StudyError, StudyWarning, UnusedInputWarning
-from uqmbd.propagation.execution import Kind, integrated_by
+from uqmbd.propagation.execution import Kind, UntilTheEnd, integrated_by
 from uqmbd.propagation.integration_error import with_integration_error
 from uqmbd.propagation.problem import Problem
 from uqmbd.propagation.propagator import Propagator
@@ -179,7 +179,9 @@ def _answered(propagator: Propagator, label: str, node: xr.DataTree) -> tuple[xr
 
 
 def _run(propagator: Propagator, problem: Problem, check: bool, *, mixed: bool = False) -> xr.DataTree:
-    """Run a method on one kind of outputs."""
+    """Run a method on one kind of outputs; however many parts it computes, its progress ends once."""
+    progress = UntilTheEnd(problem.progress)
+    problem = replace(problem, progress=progress)
     with warnings.catch_warnings():
         if mixed:
             # an input that only one kind of output depends on is not unused
@@ -189,6 +191,7 @@ def _run(propagator: Propagator, problem: Problem, check: bool, *, mixed: bool =
     for name, value in integrated_by(problem.observed.counters, problem.integrator).items():
         node.attrs.setdefault(name, value)
     node = with_integration_error(node, problem) if check else node
+    progress.end()
     statistics = node.children["statistics"]
     seen = verified_std(node, statistics["std"].shape)
     # in its place: a tree copies what is put into it

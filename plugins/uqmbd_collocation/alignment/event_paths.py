@@ -111,7 +111,7 @@ class EventPaths:
         while True:
             missing = [k for k, key in enumerate(keys) if not self._enough(self._known.get(key))]
             if missing:
-                self.problem.progress.start(self.problem.label, self.spent + len(missing))
+                self.problem.progress.start(self.problem.label, len(missing))
                 found = self.problem.watching().histories(values[missing], POINTS, self.least)
                 self.spent += len(missing)
                 for k, history in zip(missing, found, strict=True):

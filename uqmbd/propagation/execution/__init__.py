@@ -18,7 +18,7 @@ from uqmbd.propagation.execution.histories import History, event_histories
 from uqmbd.propagation.execution.in_order import in_order
 from uqmbd.propagation.execution.margins import Margins
 from uqmbd.propagation.execution.observed import AGAIN, Observed
-from uqmbd.propagation.execution.progress import Lines, Progress, Silent, told
+from uqmbd.propagation.execution.progress import Lines, Progress, Silent, UntilTheEnd, told
 from uqmbd.propagation.execution.realisations import Realisations
 from uqmbd.propagation.execution.run_folder import claimed, set_aside
 from uqmbd.propagation.execution.tasks import Arrays, run_tasks
@@ -40,6 +40,7 @@ __all__ = [
     "Progress",
     "Realisations",
     "Silent",
+    "UntilTheEnd",
     "Staff",
     "chunk_size",
     "claimed",

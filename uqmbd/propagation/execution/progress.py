@@ -12,14 +12,14 @@ from typing import Any, Protocol, TextIO
 from uqmbd.errors import StudyError
 from uqmbd.wording import format_duration
 
-__all__ = ["Lines", "Notebook", "Progress", "Silent", "in_notebook", "told"]
+__all__ = ["Lines", "Notebook", "Progress", "Silent", "UntilTheEnd", "in_notebook", "told"]
 
 
 class Progress(Protocol):
     """What a study tells of its progress."""
 
     def start(self, label: str, total: int) -> None:
-        """Begin the work called `label`, of `total` realisations."""
+        """Begin the work called `label`, of `total` realisations; so many more, if it has begun and not ended."""
 
     def advance(self, label: str, count: int = 1) -> None:
         """Report `count` more of them."""
@@ -39,6 +39,52 @@ class Silent:
 
     def finish(self, label: str) -> None:
         """Say nothing."""
+
+
+@dataclass
+class UntilTheEnd:
+    """Tells of work that is done in parts of one label as of one that ends once.
+
+    Attributes
+    ----------
+    told : Progress
+        Whom to tell.
+    begun : list of str
+        Labels.
+
+    Examples
+    --------
+    >>> import sys
+    >>> whole = UntilTheEnd(Lines(sys.stdout, clock=lambda: 0.0))
+    >>> for part in (10, 20):
+    ...     whole.start("search", part)
+    ...     whole.finish("search")
+    search: 0 of 10
+    >>> whole.end()
+    search: done after 0 s
+    """
+
+    told: Progress
+    begun: list[str] = field(default_factory=list)
+
+    def start(self, label: str, total: int) -> None:
+        """Say that it begins, or that it goes on."""
+        if label not in self.begun:
+            self.begun.append(label)
+        self.told.start(label, total)
+
+    def advance(self, label: str, count: int = 1) -> None:
+        """Pass it on."""
+        self.told.advance(label, count)
+
+    def finish(self, label: str) -> None:
+        """Wait: another part may follow."""
+
+    def end(self) -> None:
+        """Say that all of it is done."""
+        for label in self.begun:
+            self.told.finish(label)
+        self.begun.clear()
 
 
 def told(progress: Progress | bool | None) -> Progress:
@@ -72,6 +118,7 @@ class _Work:
     begin: float
     last: float
     done: int = 0
+    ended: bool = False
 
 
 @dataclass
@@ -98,7 +145,10 @@ class Lines:
     works: dict[str, _Work] = field(default_factory=dict)
 
     def start(self, label: str, total: int) -> None:
-        """Write that it begins."""
+        """Write that it begins; work that goes on grows without a line."""
+        if label in self.works:
+            self.works[label].total += total
+            return
         now = self.clock()
         self.works[label] = _Work(total, begin=now, last=now)
         self._write(f"{label}: 0 of {total}")
@@ -121,8 +171,8 @@ class Lines:
 
     def finish(self, label: str) -> None:
         """Write that it is done."""
-        if label in self.works:
-            self._write(f"{label}: done after {format_duration(self.clock() - self.works[label].begin, rough=True)}")
+        if (work := self.works.pop(label, None)) is not None:
+            self._write(f"{label}: done after {format_duration(self.clock() - work.begin, rough=True)}")
 
     def _write(self, text: str) -> None:
         print(text, file=self.stream, flush=True)
@@ -146,8 +196,11 @@ class Notebook:
     handles: dict[str, Any] = field(default_factory=dict)
 
     def start(self, label: str, total: int) -> None:
-        """Show a bar; one of the same label starts again."""
+        """Show a bar; one that has not ended grows, one that has starts again."""
         now = self.clock()
+        if (work := self.works.get(label)) is not None and not work.ended:
+            work.total += total
+            return
         self.works[label] = _Work(total, begin=now, last=now)
         if label in self.handles:
             self._show(label)
@@ -170,6 +223,7 @@ class Notebook:
         """Fill the bar and say how long it took."""
         if label in self.works:
             self.works[label].done = max(self.works[label].done, self.works[label].total)
+            self.works[label].ended = True
             self._show(label)
 
     def _show(self, label: str) -> None:
