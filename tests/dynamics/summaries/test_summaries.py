@@ -295,6 +295,19 @@ def test_what_does_not_happen_is_censored():
     assert np.isfinite(got.values[0, :-1]).all()
 
 
+def test_what_is_not_finite_before_is_not_censored():
+    """A logarithm that is none at first, in a body that moves evenly: nothing is known of when it is reached."""
+    mechanism = uqmbd.Mechanism("free", uqmbd.Translational())
+    x = mechanism.body("body", mass=1, position=(1, 0), velocity=(1, 0)).position[0]
+    mechanism.output("before", uqmbd.first_time(-sympy.log(3 - x) >= 0), units="s")  # at x = 2, undefined from 3 on
+    got = found(mechanism, [0, 10])
+    assert got.status[0] == 0 and got.values[0, 0] == pytest.approx(1, abs=1e-6)
+    mechanism.output("unknown", uqmbd.first_time(sympy.log(x - 3) >= 0), units="s")
+    got = found(mechanism, [0, 10])
+    assert got.status[0] != 0 and not got.censored.any()
+    assert "'unknown' is not finite" in got.messages[0]
+
+
 @pytest.mark.parametrize("method", ["dop853", "ida"])
 def test_running_minima_are_those_of_many_times(method):
     """Not above any value so far, and no lower than the lowest of 24,001 by more than these are apart."""

@@ -63,7 +63,19 @@ def needed_for_crossings(column: int) -> Need:
 
 
 def first_times(parts: Parts, column: int) -> Array:
-    """Find when an output is zero or above for the first time, s, of each realisation; NaN: never.  Shape (R,)."""
+    """Find when an output is zero or above for the first time, s, of each realisation, shape (R,).
+
+    NaN: never.  Infinite: not known, as the output is not finite before it is.
+    """
+    times = _first_times(parts, column)
+    undefined = ~np.isfinite(parts.values[:, :, column]).all(axis=1)
+    if not undefined.any():
+        return times
+    since = np.minimum.reduceat(np.where(undefined, parts.begin, np.inf), parts.first)
+    return np.where((since < np.inf) & ~(times <= since), np.inf, times)
+
+
+def _first_times(parts: Parts, column: int) -> Array:
     which = np.flatnonzero(parts.most[:, column] >= 0)
     place, value = peaks(parts, column, 1.0, which)
     above = value >= 0
