@@ -53,8 +53,8 @@ def test_least_solutions_are_those_of_least_squares(count, held, stated, density
     equations = linear(pattern, held)
     rows, columns = np.nonzero(pattern)
     found, undecided = equations.least(np.zeros((1, held + 4)), a[:, rows, columns], -b, count=count)
-    assert not undecided.any()
-    for k in range(0, count, 3):
+    # what follows from other rows may be left to others, where these are next to dependent; it is never wrong
+    for k in np.flatnonzero(~undecided)[::3].tolist():
         expected = np.linalg.lstsq(a[k], b[k], rcond=1e-8)[0]
         np.testing.assert_allclose(found[k], expected, rtol=0, atol=1e-8 * (1 + np.abs(expected).max()))
         one = slice(k, k + 1)
@@ -63,8 +63,23 @@ def test_least_solutions_are_those_of_least_squares(count, held, stated, density
     closed, undecided = equations.close(
         STILL, NONE, np.zeros((count, held + 4)), a[:, rows, columns], np.zeros_like(b), count=count
     )
-    assert not undecided.any()
-    assert not closed.any()
+    assert not closed[~undecided].any()
+
+
+def test_few_are_left_to_others():
+    """Of systems whose rows are as well apart as those above."""
+    left = []
+    for seed in range(60):
+        pattern, a, b = systems(seed, 4, 7, 6, 11, 0.5)
+        lengths = np.linalg.norm(a, axis=2, keepdims=True)
+        rows = a / np.where(lengths > 0, lengths, 1)
+        values = np.linalg.svd(rows, compute_uv=False)
+        apart = ~((values > 1e-9) & (values < 2e-2)).any(axis=1)
+        apart &= (np.linalg.svd(rows[:, :7], compute_uv=False) > 2e-2).all(axis=1)
+        where = np.nonzero(pattern)
+        _, undecided = linear(pattern, 7).least(np.zeros((1, 11)), a[:, where[0], where[1]], -b, count=4)
+        left += undecided[apart].tolist()
+    assert len(left) > 100 and np.mean(left) < 0.05
 
 
 def test_contradictions_and_what_is_nearly_dependent_are_left_to_others():

@@ -158,6 +158,7 @@ def test_the_seed_decides_and_neither_workers_nor_resuming():
 
 
 def test_what_cannot_be_done_is_said(monkeypatch):
+    monkeypatch.setattr(module, "available", lambda: True)
     x = normals()
     mechanism = spring({"low": x[0] <= 14, "high": x[0] >= 5}, x, lambda *v: sum(v))
     study = uqmbd.Study("s", mechanism, None, [Reliability(requirement="nothing")])
