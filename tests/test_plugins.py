@@ -257,7 +257,17 @@ def test_built_in_plugins_are_found_by_their_entry_points():
 import uqmbd.plugins
 print(*(f"{info.name}={info.status}" for info in uqmbd.plugins.installed() if info.distribution == "uqmbd"))
 """
-    names = ["collocation", "contact", "drivers", "galerkin", "joints", "models", "monte-carlo", "springs"]
+    names = [
+        "collocation",
+        "contact",
+        "drivers",
+        "galerkin",
+        "joints",
+        "models",
+        "monte-carlo",
+        "reliability",
+        "springs",
+    ]
     assert run_python(code).split() == [f"{name}=loaded" for name in names]
     found = run_python(code, UQMBD_DISABLE_PLUGINS="springs, joints").split()
     assert found == [f"{name}={'disabled' if name in ('joints', 'springs') else 'loaded'}" for name in names]

@@ -62,7 +62,7 @@ def lognormal(mean, std):
 METHODS = [
     MonteCarlo(samples=8, seed=1),
     pytest.param(Collocation(order=1, verify=2), marks=pytest.mark.thorough),
-    pytest.param(Galerkin(order=1, verify=2), marks=pytest.mark.thorough),
+    pytest.param(Galerkin(order=1, verify=0), marks=pytest.mark.thorough),
 ]
 
 

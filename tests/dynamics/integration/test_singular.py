@@ -165,7 +165,7 @@ def locomotive(spin):
     return mechanism
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_other_equations_are_chosen_where_the_kept_ones_become_dependent():
     times = np.linspace(0, 1.5, 31)
     with pytest.warns(uqmbd.RedundantConstraintWarning) as caught:

@@ -46,6 +46,7 @@ def test_moments_are_the_extremes_and_the_middles_between(rate, decay, drift, ph
     fine = np.linspace(0, END, 40001)
     turned = np.flatnonzero(np.diff(np.sign(slope(fine))))
     extremes = np.array([brentq(slope, fine[n], fine[n + 1], xtol=1e-13) for n in turned])
+    extremes = extremes[np.append(True, np.diff(extremes) > 1e-9)]  # one that is a point of the grid is found twice
     whole = found.moments[np.arange(found.first, found.first + len(found.moments)) % 2 == 0]
     # the start may be an extreme by rounding, and the end one that is not passed
     known = whole[(whole > 1e-3) & (whole < END - 1e-3)]
