@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import ndtr
 
 import uqmbd
 from uqmbd.typing import Array
@@ -40,11 +39,7 @@ class StandardSpace:
 
     def to_germs(self, points: Array) -> Array:
         """Map standard normal variables (K, d) to germs."""
-        germs = np.empty_like(points)
-        for k, germ in enumerate(self.space.germs):
-            column = np.ascontiguousarray(points[:, k])
-            germs[:, k] = column if germ.family == "hermite" else germ.from_uniform(ndtr(column))
-        return germs
+        return self.space.from_normal(points)
 
     def to_inputs(self, points: Array) -> Array:
         """Map standard normal variables (K, d) to inputs, in their units."""

@@ -65,7 +65,28 @@ def component(name: str) -> type:
 
 
 def propagator(name: str) -> type:
-    """Return the propagator class of this name; a `uqmbd.StudyError` lists those that are installed."""
+    """Return the propagator class that is registered by a name, for plugins that use the method of another one.
+
+    Parameters
+    ----------
+    name : str
+        Such as ``"collocation"``.
+
+    Returns
+    -------
+    type
+        A subclass of `uqmbd.Propagator`.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If there is none: the message lists those that are installed.
+
+    Examples
+    --------
+    >>> propagator("collocation").__name__
+    'Collocation'
+    """
     return _find("propagators", name)
 
 

@@ -28,7 +28,7 @@ from uqmbd.propagation.chaos import (
 from uqmbd.propagation.deterministic import input_point, simulate
 from uqmbd.propagation.equilibrium import eigenfrequencies, static_equilibrium
 from uqmbd.propagation.estimate import Estimate
-from uqmbd.propagation.execution import History, Lines, Margins, Progress, Realisations, claimed, set_aside
+from uqmbd.propagation.execution import History, Lines, Margins, Progress, Realisations, claimed, pool, set_aside
 from uqmbd.propagation.observed_model import observed_model, stepped
 from uqmbd.propagation.obstacle import obstacle_of
 from uqmbd.propagation.problem import Problem
@@ -71,6 +71,7 @@ __all__ = [
     "VerificationPoints",
     "fit_nodes",
     "nothing_random",
+    "pool",
     "refine_elements",
     "require_clock",
     "require_outputs_over_time",

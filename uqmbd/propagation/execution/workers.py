@@ -205,7 +205,31 @@ def _patient(executor: Executor) -> Iterator[None]:
 
 @contextmanager
 def pool(workers: int | Executor) -> Iterator[Executor | None]:
-    """Yield who does one piece of work; see `Crew`."""
+    """Yield who does one piece of work: what `Study.problem` takes as its executor.
+
+    Parameters
+    ----------
+    workers : int or concurrent.futures.Executor
+        Number of workers, threads or processes, which end with the context; or an executor, which is left open.
+
+    Yields
+    ------
+    concurrent.futures.Executor or None
+        None where this process does the work alone.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If `workers` is neither, or the processes cannot start.
+    uqmbd.IntegrationError
+        If a process dies, or the executor gives up.
+
+    Examples
+    --------
+    >>> with pool(1) as executor:
+    ...     print(executor)
+    None
+    """
     with Crew(workers) as crew, crew.at_work() as executor:
         yield executor
 

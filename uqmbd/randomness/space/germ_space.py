@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.special import ndtr
 
 from uqmbd.errors import StudyError
 from uqmbd.randomness.germs import Germ
@@ -174,6 +175,27 @@ class GermSpace:
         values = np.empty_like(uniform)
         for k, germ in enumerate(self.germs):
             values[:, k] = germ.from_uniform(np.ascontiguousarray(uniform[:, k]))
+        return values
+
+    def from_normal(self, points: ArrayLike) -> Array:
+        """Map independent standard normal variables, shape (K, d), one for each germ, to germs.
+
+        A Hermite germ is a standard normal variable itself; another one is the quantile of it.
+
+        Examples
+        --------
+        >>> import chaospy, uqmbd
+        >>> mechanism = uqmbd.Mechanism("fall", uqmbd.Translational(gravity=(0, -9.81)))
+        >>> height = uqmbd.RandomVariable("height", chaospy.Uniform(0, 2), units="m")
+        >>> stone = mechanism.body("stone", mass=1, position=(0, height))
+        >>> space = GermSpace.of(mechanism.inputs)
+        >>> space.to_inputs(space.from_normal([[0.0], [1.0]])).round(4).tolist()
+        [[1.0], [1.6827]]
+        """
+        values = self._checked(points, "points").copy()
+        for k, germ in enumerate(self.germs):
+            if germ.family != "hermite":
+                values[:, k] = germ.from_uniform(ndtr(np.ascontiguousarray(values[:, k])))
         return values
 
     def evaluate(self, germs: ArrayLike, multi_index: ArrayLike) -> Array:
