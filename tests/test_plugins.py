@@ -258,6 +258,7 @@ import uqmbd.plugins
 print(*(f"{info.name}={info.status}" for info in uqmbd.plugins.installed() if info.distribution == "uqmbd"))
 """
     names = [
+        "calibration",
         "collocation",
         "contact",
         "drivers",

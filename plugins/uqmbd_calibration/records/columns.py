@@ -1,0 +1,74 @@
+"""What a file or a dataset holds of each output, before it is known to be a record."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from typing import Any, NamedTuple
+
+import uqmbd
+from uqmbd_calibration.records.series import Series
+from uqmbd_calibration.records.units import same_units
+from uqmbd_calibration.records.wording import check_mapping, check_units, near
+
+__all__ = ["Column", "series_of"]
+
+
+class Column(NamedTuple):
+    """Values of one output as they are found."""
+
+    output: str
+    times: Any
+    values: Any
+    units: str | None = None
+    noise: Any = None
+
+
+def series_of(
+    columns: Sequence[Column],
+    units: Mapping[str, str] | None,
+    noise: Mapping[str, float] | None,
+    outputs: Collection[str] | None,
+    where: str,
+) -> tuple[Series, ...]:
+    """Join what is found and what the caller says of it.
+
+    Units of both must agree; noise of the caller takes the place of what is found.
+    """
+    found = [column.output for column in columns]
+    units = check_mapping(units, found, "units", "{'angle': 'rad'}", where)
+    noise = check_mapping(noise, found, "noise", "{'angle': 0.01}", where)
+    if outputs is not None:
+        if isinstance(outputs, str) or not isinstance(outputs, Collection):
+            raise uqmbd.StudyError(f"{where}: outputs is {outputs!r}; expected a list of names such as ['angle'].")
+        for name in outputs:
+            if name not in found:
+                raise uqmbd.StudyError(f"{where}: there is no output {name!r}{near(name, found)}")
+    series = []
+    for column in columns:
+        if outputs is not None and column.output not in outputs:
+            continue
+        name = column.output
+        stated = _units(name, column.units, units.get(name), where)
+        known = noise[name] if name in noise else column.noise
+        try:
+            series.append(Series(name, column.times, column.values, stated, known))
+        except uqmbd.StudyError as error:
+            raise uqmbd.StudyError(f"{where}: {error}") from None
+    return tuple(series)
+
+
+def _units(name: str, found: str | None, given: str | None, where: str) -> str:
+    """Return the units that a file or its reader states."""
+    if given is not None:
+        check_units(given, f"{where}: output {name!r}")
+    if found is None and given is None:
+        raise uqmbd.StudyError(
+            f"{where}: the units of {name!r} are not stated; state them in the file (CSV: 'name [m]' in the header; "
+            f"netCDF: the attribute units), or by units={{{name!r}: 'm'}}; '' is a number without units."
+        )
+    if found is not None and given is not None and not same_units(found, given):
+        raise uqmbd.StudyError(
+            f"{where}: the units of {name!r} are {found!r} in the file and {given!r} in units=; leave units= out, or "
+            "correct the file. Values are not converted."
+        )
+    return given if found is None or given is not None else found  # type: ignore[return-value]  # one of them is stated

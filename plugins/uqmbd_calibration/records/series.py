@@ -1,0 +1,111 @@
+"""One output of a record: its values, at times of its own or at none."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+import uqmbd
+from uqmbd.typing import Array
+from uqmbd_calibration.records.wording import check_name, check_units, number, numbers
+
+__all__ = ["Series"]
+
+
+@dataclass(frozen=True, eq=False)
+class Series:
+    """What was measured of one output.
+
+    Values that are not a number are gaps, and left out with their times.
+
+    Parameters
+    ----------
+    output : str
+        Name of the output of the study.
+    times : array_like, shape (T,)
+        Times of the values, s, strictly increasing; empty for an output without a time, such as a frequency.
+    values : array_like, shape (T,) or (R,)
+        A value at each time; of an output without a time the `R` values that repeated measurements gave.
+    units : str
+        Units of the values; empty for a number without units.
+    noise : float, optional
+        Standard deviation of the errors of the values, in `units`; None if it is not known.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If something is no number, infinite, empty, of another length, or not in the order of time.
+
+    Examples
+    --------
+    >>> series = Series("angle", [0.0, 0.1, 0.2], [1.0, float("nan"), 0.9], "rad", noise=0.01)
+    >>> series.times, series.values
+    (array([0. , 0.2]), array([1. , 0.9]))
+    """
+
+    output: str
+    times: Array
+    values: Array
+    units: str
+    noise: float | None = None
+
+    def __post_init__(self) -> None:
+        where = f"output {check_name(self.output, 'output of a record')!r}"
+        values = numbers(self.values, where, "its values")
+        times = numbers(self.times, where, "its times")
+        check_units(self.units, where)
+        noise = None if self.noise is None else number(self.noise, where, "its noise", positive=True)
+        if times.size and times.size != values.size:
+            raise uqmbd.StudyError(
+                f"{where}: it has {values.size} values at {times.size} times; expected a value at each time, or no "
+                "times for an output without a time."
+            )
+        if not np.isfinite(times).all():
+            raise uqmbd.StudyError(f"{where}: time no. {_first(~np.isfinite(times))} is not a finite number.")
+        if np.isinf(values).any():
+            raise uqmbd.StudyError(
+                f"{where}: value no. {_first(np.isinf(values))} is infinite; leave out what was not measured, or give "
+                "nan for it."
+            )
+        there = np.isfinite(values)
+        if not there.any():
+            raise uqmbd.StudyError(f"{where}: it has no values; leave the output out.")
+        if times.size:
+            times = times[there]
+            late = np.diff(times) <= 0
+            if late.any():
+                at = _first(late)
+                raise uqmbd.StudyError(
+                    f"{where}: its times do not increase: {times[at - 1]:.10g} s is followed by {times[at]:.10g} s; "
+                    "sort the values by time, and give each time once."
+                )
+        for name, value in {"times": times, "values": values[there], "noise": noise}.items():
+            if isinstance(value, np.ndarray):
+                value.setflags(write=False)
+            object.__setattr__(self, name, value)
+
+    @property
+    def timeless(self) -> bool:
+        """Whether it is of an output without a time."""
+        return self.times.size == 0
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Series) and (
+            (self.output, self.units, self.noise) == (other.output, other.units, other.noise)
+            and np.array_equal(self.times, other.times)
+            and np.array_equal(self.values, other.values)
+        )
+
+    __hash__ = None  # type: ignore[assignment]  # it holds arrays
+
+    def __repr__(self) -> str:
+        count = f"{self.values.size} value{'s' if self.values.size > 1 else ''}"
+        span = "" if self.timeless else f" from {self.times[0]:g} s to {self.times[-1]:g} s"
+        noise = "noise unknown" if self.noise is None else f"noise {self.noise:g}"
+        return f"<{self.output!r} [{self.units}]: {count}{span}, {noise}>"
+
+
+def _first(where: np.ndarray) -> int:
+    """Count from one to the first true element."""
+    return int(np.argmax(where)) + 1

@@ -1,0 +1,117 @@
+"""What a user gives, checked and said again in messages."""
+
+from __future__ import annotations
+
+import contextlib
+import difflib
+import math
+from collections.abc import Collection, Mapping
+from typing import Any, NoReturn
+
+import numpy as np
+
+import uqmbd
+from uqmbd.typing import Array
+
+__all__ = ["check_mapping", "check_name", "check_units", "listed", "near", "number", "numbers", "short"]
+
+
+def short(value: object) -> str:
+    """Show a value in at most 80 characters.
+
+    >>> short("x" * 200)[-5:]
+    'xx...'
+    """
+    text = repr(value)
+    return text if len(text) <= 80 else text[:77] + "..."
+
+
+def near(name: object, known: Collection[str]) -> str:
+    """Return the known name that is nearest to a misspelt one, as the end of a sentence.
+
+    >>> near("angel", ["angle", "force"]), near("x", [])
+    ("; did you mean 'angle'?", '.')
+    """
+    found = difflib.get_close_matches(str(name), list(known), n=1)
+    return f"; did you mean {found[0]!r}?" if found else "."
+
+
+def listed(names: Collection[str]) -> str:
+    """List names for a message.
+
+    >>> listed(["a", "b"]), listed([])
+    ("'a', 'b'", 'none')
+    """
+    return ", ".join(map(repr, names)) or "none"
+
+
+def check_name(name: object, where: str) -> str:
+    """Return a name if it can name a record or an output, else raise `uqmbd.StudyError`."""
+    if not isinstance(name, str) or not name.strip() or not name.isprintable() or "/" in name:
+        raise uqmbd.StudyError(
+            f"{where}: the name is {short(name)}; expected a text that is not empty, without '/', tabs "
+            "and ends of lines."
+        )
+    if name in ("time", ".", ".."):
+        raise uqmbd.StudyError(f"{where}: the name {name!r} is taken; choose another.")
+    return name
+
+
+def check_units(units: object, where: str) -> str:
+    """Return units if they are a text, else raise `uqmbd.StudyError`."""
+    if not isinstance(units, str) or not units.isprintable():
+        raise uqmbd.StudyError(f"{where}: units is {short(units)}; expected a text such as 'm' or 'rad'; '' for none.")
+    return units
+
+
+def check_mapping(given: object, known: Collection[str] | None, what: str, example: str, where: str) -> dict[str, Any]:
+    """Return a mapping from names that are known, or raise `uqmbd.StudyError`."""
+    if given is None:
+        return {}
+    if not isinstance(given, Mapping):
+        raise uqmbd.StudyError(f"{where}: {what} is {short(given)}; expected a mapping such as {what}={example}.")
+    for name in given:
+        if not isinstance(name, str):
+            raise uqmbd.StudyError(f"{where}: {what} has the key {short(name)}; expected names, as in {example}.")
+        if known is not None and name not in known:
+            raise uqmbd.StudyError(
+                f"{where}: {what} names {name!r}, which the record does not have{near(name, known)} "
+                f"It has {listed(known)}."
+            )
+    return dict(given)
+
+
+def number(value: object, where: str, what: str, *, positive: bool = False) -> float:
+    """Return a finite number, or raise `uqmbd.StudyError`."""
+    expected = "a finite number above zero" if positive else "a finite number"
+    if isinstance(value, (bool, np.bool_, str, bytes)):
+        _not_a_number(value, where, what, expected)
+    try:
+        found = float(value)  # type: ignore[arg-type]  # whatever it is, it is tried
+    except (TypeError, ValueError, OverflowError):
+        _not_a_number(value, where, what, expected)
+    if not math.isfinite(found) or (positive and found <= 0):
+        _not_a_number(value, where, what, expected)
+    return found
+
+
+def _not_a_number(value: object, where: str, what: str, expected: str) -> NoReturn:
+    raise uqmbd.StudyError(f"{where}: {what} is {short(value)}; expected {expected}.")
+
+
+def numbers(values: object, where: str, what: str) -> Array:
+    """Return an array of one dimension; what is masked is a gap.  Raise `uqmbd.StudyError` if it is none."""
+    found: Any = None
+    with contextlib.suppress(TypeError, ValueError):
+        found = np.ma.asarray(values)
+    if found is not None and found.dtype.kind in "mM":
+        raise uqmbd.StudyError(f"{where}: {what} are dates or durations ({found.dtype}); expected numbers, times in s.")
+    if found is not None and (found.dtype.kind == "O" or found.size == 0):
+        with contextlib.suppress(TypeError, ValueError, OverflowError):
+            found = found.astype(float)
+    if found is None or found.dtype.kind not in "iuf":
+        raise uqmbd.StudyError(f"{where}: {what} are {short(values)}; expected numbers.")
+    if found.ndim != 1:
+        raise uqmbd.StudyError(f"{where}: {what} have the shape {found.shape}; expected one dimension.")
+    array: Array = found.astype(float).filled(np.nan)
+    return array
