@@ -69,6 +69,7 @@ from .mechanism import law_at as law_at
 from .mechanism import law_values as law_values
 from .mechanism import maximum as maximum
 from .mechanism import minimum as minimum
+from .mechanism import mode_shape as mode_shape
 from .mechanism import nominal as nominal
 from .mechanism import perpendiculars as perpendiculars
 from .mechanism import quaternion_product as quaternion_product

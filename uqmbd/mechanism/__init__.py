@@ -43,6 +43,7 @@ from uqmbd.mechanism.expressions import (
     IntegralOverTime,
     Maximum,
     Minimum,
+    ModeShape,
     MotionSymbol,
     RootMeanSquare,
     ScalarSymbol,
@@ -102,7 +103,7 @@ from uqmbd.mechanism.inertia import is_tensor_of_body
 from uqmbd.mechanism.inertia_ensemble import random_inertia
 from uqmbd.mechanism.mechanism import Mechanism
 from uqmbd.mechanism.output import Output
-from uqmbd.mechanism.rates import time_derivative
+from uqmbd.mechanism.rates import mode_shape, time_derivative
 from uqmbd.mechanism.requirement import Requirement
 from uqmbd.mechanism.skeleton import skeleton
 from uqmbd.mechanism.start import StartCondition
@@ -151,6 +152,7 @@ __all__ = [
     "Line",
     "Local",
     "Mechanism",
+    "ModeShape",
     "MotionSymbol",
     "Omission",
     "Omissions",
@@ -205,6 +207,7 @@ __all__ = [
     "polynomial",
     "spline",
     "step",
+    "mode_shape",
     "time_derivative",
     "t",
     "told",

@@ -1,4 +1,4 @@
-"""Time derivatives of what moves with a mechanism, as expressions for outputs."""
+"""How what depends on the pose of a mechanism changes, over time and in its modes, as expressions for outputs."""
 
 from __future__ import annotations
 
@@ -9,10 +9,11 @@ import sympy
 from uqmbd.errors import StudyError
 from uqmbd.mechanism.body import Body, StateSymbol
 from uqmbd.mechanism.components import AngleSymbol
-from uqmbd.mechanism.expressions import t
+from uqmbd.mechanism.expressions import WITHOUT_DERIVATIVE, At, Part, shape_of_mode, shown, t
+from uqmbd.names import checked
 from uqmbd.randomness import RandomVariable
 
-__all__ = ["time_derivative"]
+__all__ = ["mode_shape", "time_derivative"]
 
 
 def time_derivative(expression: Any) -> sympy.Expr:
@@ -51,6 +52,70 @@ def time_derivative(expression: Any) -> sympy.Expr:
             if part != 0:
                 found.append(part * _rate(symbol, whole))
     return sympy.Add(*found)
+
+
+@checked
+def mode_shape(number: int, quantity: Any, over: Any, at: At = "equilibrium", part: Part = "real") -> sympy.Expr:
+    r"""Return the shape of a mode, as the ratio of how far two quantities move in it, for use in an output.
+
+    In a mode of small motions of the constrained mechanism the coordinates change by :math:`\Delta q`, within the
+    constraints and up to a factor.  A quantity :math:`g` of the pose changes by :math:`\nabla g \cdot \Delta q`, and
+    the factor leaves the ratio of two of them: of positions, angles, distances.  An output with it has one value per
+    realisation and no time.
+
+    *Numbering* is that of `uqmbd.eigenfrequency`, and belongs to the place in the order of frequencies: where two modes
+    exchange places within the range of the inputs, the ratio jumps from that of one mode to that of the other, which no
+    polynomial follows.  Where frequencies are equal any mix of their modes is a mode: a realisation in which another
+    one comes within a ten-millionth of the frequency, so that the ratio is not determined, has failed, with a status
+    and the reason.  So has one in whose mode the reference does not move.
+
+    *Damping*: with none, or in proportion to mass and stiffness, the ratio is a real number.  Otherwise the quantities
+    pass their extremes one after the other, and the ratio is complex: its real part is what moves in phase with the
+    reference, its imaginary part what moves a quarter of a period ahead.
+
+    Parameters
+    ----------
+    number : int
+        Of the mode, from 1.
+    quantity, over : SymPy expression
+        What moves, and the reference, in positions, angles, time (which is held) and random variables.
+    at : {"equilibrium", "start", "steady"}
+        About which pose, or motion, as of `uqmbd.eigenfrequency`.  About a steady motion quantities have to be such
+        that the ratio stays the same on the way; a realisation in which it changes has failed.
+    part : {"real", "imaginary"}
+        Which part of the ratio.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If there cannot be such a mode, or a quantity is not one of the pose.
+
+    Examples
+    --------
+    Two masses in a row: the outer one moves 1.618 times as far as the inner one in the first mode.
+
+    >>> import uqmbd
+    >>> from uqmbd_springs import SpringDamper
+    >>> mechanism = uqmbd.Mechanism("row", uqmbd.Line())
+    >>> one, two = (mechanism.body(f"mass {k}", mass=1, position=(k,)) for k in (1, 2))
+    >>> for k, (a, b) in enumerate([(mechanism.ground, one), (one, two)]):
+    ...     spring = mechanism.add(SpringDamper(f"spring {k}", a, b, (0,), (0,), stiffness=9, free_length=1))
+    >>> mechanism.output("ratio", uqmbd.mode_shape(1, two.position[0], over=one.position[0]), units="1")
+    >>> round(float(uqmbd.simulate(mechanism, [0, 1])["ratio"]), 6)
+    1.618034
+    """
+    shape = shape_of_mode(number, quantity, over, at, part)
+    for name, value in zip(("quantity", "over"), shape.moved, strict=True):
+        held = {s for s in value.free_symbols if isinstance(s, RandomVariable) or s == t}
+        pose = {s for s in value.free_symbols if isinstance(s, AngleSymbol) or getattr(s, "quantity", "") == "q"}
+        late = [*sorted(value.free_symbols - held - pose, key=str), *value.atoms(*WITHOUT_DERIVATIVE)]
+        if late or not pose:
+            what = f"it contains {late[0]}" if late else "it does not depend on the pose"
+            raise StudyError(
+                f"mode_shape: {name} is {shown(value)}, and {what}; expected an expression in positions and angles, "
+                "such as body.position[0], whose change in the mode is meant."
+            )
+    return shape
 
 
 def _rate(symbol: Any, whole: sympy.Expr) -> sympy.Expr:

@@ -26,7 +26,7 @@ from uqmbd.dynamics.batch import Batch
 from uqmbd.dynamics.statics.rest_equations import RestEquations, apply, tangents
 from uqmbd.typing import Array
 
-__all__ = ["Modes", "gathered", "linearise", "sorted_values", "zeros_of"]
+__all__ = ["Modes", "Pairs", "Solved", "eigenpairs", "gathered", "linearise", "no_modes", "zeros_of"]
 
 
 ZERO = 1e-11
@@ -42,9 +42,14 @@ class Modes:
     eigenvalues : array of complex, shape (K, mode)
         1/s.  Of a pair of conjugates the one with positive imaginary part; sorted by absolute value; NaN behind the
         last mode of a realisation that has fewer than others.
+    shapes : tuple of array of complex, shape (time, mode, coordinate)
+        Of each realisation the changes of all coordinates in its modes, up to a factor of each mode: about a pose at
+        rest at one time, about a steady motion at the times at which it is examined, without their exponential.  NaN
+        of rigid-body modes.
     """
 
     eigenvalues: NDArray[np.complex128]
+    shapes: tuple[NDArray[np.complex128], ...]
 
     @property
     def frequency(self) -> Array:
@@ -78,8 +83,10 @@ def linearise(ensemble: Batch, q: Array, s: Array) -> Modes:
         a pose is not finite or a mass is not positive.
     """
     rest, every = RestEquations(ensemble), np.arange(len(ensemble))
+    layout = ensemble.model.layout
+    nothing = no_modes(layout.coordinates)
     if not rest.n:
-        return Modes(np.zeros((len(q), 0), dtype=complex))
+        return gathered([nothing] * len(q))
     free = rest.coordinates(q)
     bare = rest.derivatives(every, free, s)
     mass = rest.derivatives(every, free, s, c=1.0)["vv"] - bare["vv"]
@@ -87,21 +94,30 @@ def linearise(ensemble: Batch, q: Array, s: Array) -> Modes:
     multipliers = _multipliers(mass, bare["vl"], force)
     found = rest.derivatives(every, free, s, multipliers)
     basis = tangents(np.ascontiguousarray(bare["vl"].transpose(0, 2, 1)))
-    each = [
-        _eigenvalues({name: block[k] for name, block in found.items()}, mass[k], basis[k])
-        if np.isfinite(free[k]).all()
-        else np.zeros(0, dtype=complex)
-        for k in every
-    ]
+    each = [nothing] * len(q)
+    for k in np.flatnonzero(np.isfinite(free).all(axis=1)).tolist():
+        values, within = _eigenvalues({name: block[k] for name, block in found.items()}, mass[k], basis[k])
+        shapes = np.zeros((1, len(values), layout.coordinates), dtype=complex)
+        shapes[0][:, layout.free] = within.T @ basis[k].T
+        each[k] = values, shapes
     return gathered(each)
 
 
-def gathered(each: Sequence[NDArray[np.complex128]]) -> Modes:
-    """Put the eigenvalues of realisations into one array."""
-    result = np.full((len(each), max(map(len, each), default=0)), complex(np.nan, np.nan))
-    for k, values in enumerate(each):
+Solved = tuple[NDArray[np.complex128], NDArray[np.complex128]]
+"""Eigenvalues (mode,) and shapes (time, mode, coordinate) of one realisation."""
+
+
+def no_modes(coordinates: int) -> Solved:
+    """Return what a realisation without modes has."""
+    return np.zeros(0, dtype=complex), np.zeros((1, 0, coordinates), dtype=complex)
+
+
+def gathered(each: Sequence[Solved]) -> Modes:
+    """Put the modes of realisations together."""
+    result = np.full((len(each), max((len(values) for values, _ in each), default=0)), complex(np.nan, np.nan))
+    for k, (values, _) in enumerate(each):
         result[k, : len(values)] = values
-    return Modes(result)
+    return Modes(result, tuple(shapes for _, shapes in each))
 
 
 def _multipliers(mass: Array, transposed: Array, force: Array) -> Array:
@@ -115,8 +131,12 @@ def _multipliers(mass: Array, transposed: Array, force: Array) -> Array:
     return apply(np.linalg.pinv(matrix, rcond=1e-14, hermitian=True), right)[:, n:]
 
 
-def _eigenvalues(blocks: dict[str, Array], mass: Array, basis: Array) -> NDArray[np.complex128]:
-    """Eigenvalues of one realisation, one of each pair, sorted."""
+Pairs = tuple[NDArray[np.complex128], NDArray[np.complex128]]
+"""Eigenvalues (mode,), and their vectors as columns."""
+
+
+def _eigenvalues(blocks: dict[str, Array], mass: Array, basis: Array) -> Pairs:
+    """Eigenvalues of one realisation, one of each pair, sorted, and their vectors in the directions of the basis."""
     own = (blocks["sq"] != 0).any(axis=1) | (blocks["ss"] != 0).any(axis=1)
     # the others follow the coordinates: ds = T dq with T = dg/dv
     carry = np.where(own[:, None], 0.0, -blocks["sv"])
@@ -129,14 +149,16 @@ def _eigenvalues(blocks: dict[str, Array], mass: Array, basis: Array) -> NDArray
     try:
         factor = np.linalg.cholesky((m + m.T) / 2)
     except np.linalg.LinAlgError:
-        return np.zeros(0, dtype=complex)
+        return np.zeros(0, dtype=complex), np.zeros((len(m), 0), dtype=complex)
     unit = scipy.linalg.solve_triangular(factor, np.eye(len(m)), lower=True).T  # motions of unit mass, as columns
     if not own.any() and not np.any(c) and np.abs(k - k.T).max(initial=0.0) <= ZERO * largest:
         squares, modes = np.linalg.eigh(unit.T @ ((k + k.T) / 2) @ unit)
         shape = unit @ modes
         squares[np.abs(squares) <= ZERO * largest * np.einsum("ij,ij->j", shape, shape)] = 0.0
         roots = np.sqrt(np.abs(squares))
-        return sorted_values(np.concatenate([1j * roots[squares >= 0], roots[squares < 0], -roots[squares < 0]]))
+        values = np.concatenate([1j * roots[squares >= 0], roots[squares < 0], -roots[squares < 0]])
+        swinging, falling = shape[:, squares >= 0], shape[:, squares < 0]
+        return sorted_pairs(values, np.hstack([swinging, falling, falling]))
     n, r = len(k), int(own.sum())
     static = np.block([[k, f], [-a, -e]])
     first = np.block([[c, np.zeros((n, r))], [-b, np.eye(r)]])
@@ -144,11 +166,28 @@ def _eigenvalues(blocks: dict[str, Array], mass: Array, basis: Array) -> NDArray
     k, c, f, a, b = unit.T @ k @ unit, unit.T @ c @ unit, unit.T @ f, a @ unit, b @ unit
     top = np.hstack([np.zeros((n, n)), np.eye(n), np.zeros((n, r))])
     matrix = np.vstack([top, np.hstack([-k, -c, -f]), np.hstack([a, b, e])])
-    values = np.linalg.eigvals(matrix).astype(complex)
-    values = values[np.argsort(np.abs(values))][zeros + twice :]
+    values, vectors = eigenpairs(matrix, zeros, twice)
+    return values, unit @ vectors[:n]
+
+
+def eigenpairs(matrix: Array, zeros: int, twice: int) -> Pairs:
+    """Eigenvalues and vectors of a matrix, one of each pair of conjugates, sorted; NaN the vectors of those at zero.
+
+    Parameters
+    ----------
+    matrix : array, shape (n, n)
+        Of a system of first order.
+    zeros, twice : int
+        Eigenvalues at zero, and those of them that are double.
+    """
+    values, vectors = np.linalg.eig(matrix)
+    values, vectors = values.astype(complex), vectors.astype(complex)
+    behind = np.argsort(np.abs(values))[zeros + twice :]
+    values, vectors = values[behind], vectors[:, behind]
     real = np.abs(values.imag) <= 1e-9 * np.abs(values)
-    kept = np.concatenate([values[real].real.astype(complex), values[~real & (values.imag > 0)]])
-    return sorted_values(np.concatenate([np.zeros(zeros, dtype=complex), kept]))
+    kept = np.concatenate([np.zeros(zeros), values[real].real, values[~real & (values.imag > 0)]])
+    rigid = np.full((len(matrix), zeros), np.nan)
+    return sorted_pairs(kept, np.hstack([rigid, vectors[:, real], vectors[:, ~real & (values.imag > 0)]]))
 
 
 def zeros_of(static: Array, first: Array, noise: float) -> tuple[int, int]:
@@ -162,7 +201,8 @@ def zeros_of(static: Array, first: Array, noise: float) -> tuple[int, int]:
     return int(none.sum()), int(none.sum()) - rank
 
 
-def sorted_values(values: NDArray[np.complex128]) -> NDArray[np.complex128]:
-    """Sort eigenvalues by their size."""
+def sorted_pairs(values: NDArray[np.complex128], vectors: NDArray[np.complex128]) -> Pairs:
+    """Sort eigenvalues and their vectors, which are columns, by their size."""
     size = np.round(np.abs(values), 12)  # a growing mode behind the decaying one of the same size
-    return np.asarray(values[np.lexsort((values.real, size))], dtype=complex)
+    order = np.lexsort((values.real, size))
+    return np.asarray(values[order], dtype=complex), np.asarray(vectors[:, order], dtype=complex)

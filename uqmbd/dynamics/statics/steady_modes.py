@@ -29,7 +29,7 @@ from scipy.linalg import expm
 
 from uqmbd.dynamics.batch import Batch
 from uqmbd.dynamics.linear import accelerations
-from uqmbd.dynamics.statics.modes import Modes, gathered, sorted_values, zeros_of
+from uqmbd.dynamics.statics.modes import Modes, Pairs, Solved, eigenpairs, gathered, no_modes, zeros_of
 from uqmbd.dynamics.statics.screws import Screws, cross_matrix, left_product
 from uqmbd.dynamics.statics.steady_motion import SteadyMotions
 from uqmbd.typing import Array
@@ -81,28 +81,29 @@ def linearise_steady(ensemble: Batch, motions: SteadyMotions) -> tuple[Modes, li
     messages : list of str
         Why there are none, or empty.
     """
-    found: list[NDArray[np.complex128]] = []
+    found: list[Solved] = []
     messages = list(motions.messages)
+    nothing = no_modes(ensemble.model.layout.coordinates)
     for k, screws in enumerate(motions.screws):
-        values: NDArray[np.complex128] | str = np.zeros(0, dtype=complex)
+        solved: Solved | str = nothing
         if screws is not None:
-            values = _eigenvalues(ensemble.select(np.array([k])), screws)
-        if isinstance(values, str):
-            messages[k] = messages[k] or values
-            values = np.zeros(0, dtype=complex)
-        found.append(values)
+            solved = _modes(ensemble.select(np.array([k])), screws)
+        if isinstance(solved, str):
+            messages[k] = messages[k] or solved
+            solved = nothing
+        found.append(solved)
     return gathered(found), messages
 
 
-def _eigenvalues(one: Batch, screws: Screws) -> NDArray[np.complex128] | str:
-    """Eigenvalues of one realisation, one of each pair, sorted; or why there are none."""
+def _modes(one: Batch, screws: Screws) -> Solved | str:
+    """Eigenvalues of one realisation, one of each pair, sorted, and their shapes; or why there are none."""
     instants = [_instant(one, screws, after) for after in screws.times]
     carried = _carried(one, screws, instants[0])
     frames = screws.frames
     still = _moves(one, instants[0], [frames[0]] * len(one.model.bodies))
     free = [b for b in range(len(one.model.bodies)) if still[b]]
     if not free:
-        return np.zeros(0, dtype=complex)
+        return no_modes(one.model.layout.coordinates)
     tried: list[list[int]] = [[i] * len(free) for i in range(len(frames))]
     tried += [list(x) for x in islice(product(range(len(frames)), repeat=len(free)), CHOICES)]
     for choice in tried:
@@ -111,7 +112,12 @@ def _eigenvalues(one: Batch, screws: Screws) -> NDArray[np.complex128] | str:
             chosen[b] = frames[i]
         pencil = _constant(one, instants, chosen, carried)
         if pencil is not None:
-            return _solved(*pencil)
+            coefficients, size, tangents = pencil
+            solved = _solved(coefficients, size)
+            if isinstance(solved, str):
+                return solved
+            values, vectors = solved
+            return values, np.array([(x @ vectors).T for x in tangents])
     return CHANGING
 
 
@@ -194,14 +200,15 @@ def _moves(one: Batch, start: _Instant, frames: list[Array]) -> list[bool]:
     return [bool(x.max(initial=0.0) > 1e-9) for x in blocks]
 
 
-Pencil = tuple[dict[str, Array], float]
+Pencil = tuple[dict[str, Array], float, list[Array]]
 
 
 def _constant(one: Batch, instants: list[_Instant], frames: list[Array], carried: NDArray[np.bool_]) -> Pencil | None:
-    """Coefficients, and their size, if they are the same at all times."""
+    """Coefficients, their size, and what moves at each time, ``S N``; if the coefficients are the same at all times."""
     basis: Array | None = None
     first: dict[str, Array] = {}
     sizes: dict[str, float] = {}
+    tangents: list[Array] = []
     for instant in instants:
         s, s1, s2 = _seen(one, instant, frames)
         gradient = instant.gradient @ s
@@ -209,13 +216,14 @@ def _constant(one: Batch, instants: list[_Instant], frames: list[Array], carried
             basis = scipy.linalg.null_space(gradient, rcond=1e-9)
         elif np.abs(gradient @ basis).max(initial=0.0) > CONSTANT * np.abs(gradient).max(initial=0.0):
             return None
-        found, size = _coefficients(one, instant, s @ basis, s1 @ basis, s2 @ basis, carried)
+        tangents.append(s @ basis)
+        found, size = _coefficients(one, instant, tangents[-1], s1 @ basis, s2 @ basis, carried)
         if not first:
             first, sizes = found, size
             continue
         if any(np.abs(x - first[name]).max(initial=0.0) > CONSTANT * sizes[name] for name, x in found.items()):
             return None
-    return first, sizes["k"]
+    return first, sizes["k"], tangents
 
 
 def _coefficients(
@@ -263,8 +271,8 @@ def _coefficients(
     return found, sizes
 
 
-def _solved(found: dict[str, Array], size: float) -> NDArray[np.complex128] | str:
-    """Eigenvalues, one of each pair, sorted."""
+def _solved(found: dict[str, Array], size: float) -> Pairs | str:
+    """Eigenvalues, one of each pair, sorted, and what ``y`` is in their modes."""
     m, c, k, f, a, b, e = (found[name] for name in "mckfabe")
     n, r = len(m), len(e)
     values, directions = np.linalg.eigh(found["z"])
@@ -288,11 +296,8 @@ def _solved(found: dict[str, Array], size: float) -> NDArray[np.complex128] | st
             np.hstack([a + b @ p, b @ z, e]),
         ]
     )
-    found_values = np.linalg.eigvals(matrix).astype(complex)
-    found_values = found_values[np.argsort(np.abs(found_values))]
     if u < n:
-        zeros = int(np.sum(np.abs(found_values) <= 1e-5 * np.abs(found_values).max(initial=0.0)))
-    found_values = found_values[zeros + twice :]
-    real = np.abs(found_values.imag) <= 1e-9 * np.abs(found_values)
-    kept = np.concatenate([found_values[real].real.astype(complex), found_values[~real & (found_values.imag > 0)]])
-    return sorted_values(np.concatenate([np.zeros(zeros, dtype=complex), kept]))
+        sizes = np.abs(np.linalg.eigvals(matrix))
+        zeros = int(np.sum(sizes <= 1e-5 * sizes.max(initial=0.0)))
+    values, vectors = eigenpairs(matrix, zeros, twice)
+    return values, vectors[:n]

@@ -22,7 +22,9 @@ from uqmbd.dynamics.equations import (
 from uqmbd.dynamics.integration import Trajectories
 from uqmbd.dynamics.observation import observe, observe_along
 from uqmbd.dynamics.statics.equilibrium import static_equilibria
-from uqmbd.dynamics.statics.modes import Modes, linearise
+from uqmbd.dynamics.statics.mode_values import ModeMap, mode_map
+from uqmbd.dynamics.statics.modes import linearise
+from uqmbd.dynamics.statics.screws import Screws
 from uqmbd.dynamics.statics.steady_modes import linearise_steady
 from uqmbd.dynamics.statics.steady_motion import SteadyMotions, steady_motions
 from uqmbd.dynamics.summaries import SummaryMap, summarised, summary_map
@@ -32,6 +34,7 @@ from uqmbd.mechanism import (
     AtSteady,
     EventTime,
     FirstTime,
+    ModeShape,
     MotionSymbol,
     Output,
     ScalarSymbol,
@@ -95,8 +98,8 @@ class ScalarMap:
     ----------
     names, units : tuple of str
         As the user wrote them.
-    modal : tuple of (quantity, number, pose)
-        Frequencies (Hz) and damping ratios that are needed.
+    modal : ModeMap
+        What is needed of modes: frequencies (Hz), damping ratios, shapes.
     motion : tuple of str
         What is needed of an integration, by name.
     resting : OutputMap
@@ -115,7 +118,7 @@ class ScalarMap:
 
     names: tuple[str, ...]
     units: tuple[str, ...]
-    modal: tuple[tuple[str, int, str], ...]
+    modal: ModeMap
     motion: tuple[str, ...]
     resting: OutputMap
     steady: OutputMap
@@ -147,12 +150,12 @@ class ScalarMap:
     @property
     def needs_equilibrium(self) -> bool:
         """Whether the static equilibrium must be found."""
-        return bool(self.resting.names) or any(pose == "equilibrium" for *_, pose in self.modal)
+        return bool(self.resting.names) or "equilibrium" in self.modal.poses
 
     @property
     def needs_steady_motion(self) -> bool:
         """Whether the steady motion must be found."""
-        return bool(self.steady.names) or any(pose == "steady" for *_, pose in self.modal)
+        return bool(self.steady.names) or "steady" in self.modal.poses
 
 
 def scalar_map(
@@ -176,7 +179,8 @@ def scalar_map(
         return None
     free = sorted({s for o in outputs for s in o.expression.free_symbols if isinstance(s, ScalarSymbol)}, key=str)
     motion = [s for s in free if isinstance(s, MotionSymbol)]
-    modal = [s for s in free if not isinstance(s, MotionSymbol)]
+    modal: list[ScalarSymbol | ModeShape] = [s for s in free if not isinstance(s, MotionSymbol)]
+    modal += sorted({e for o in outputs for e in o.expression.atoms(ModeShape)}, key=str)
     for symbol in motion:
         if isinstance(symbol, EventTime):
             _require_event(symbol, outputs, instances)
@@ -185,8 +189,8 @@ def scalar_map(
         for kind in (AtEquilibrium, AtSteady, Summary)
     )
 
-    def compiled(part: Sequence[Output]) -> OutputMap:
-        return output_map(part, instances, places, order, inputs, sizes)
+    def compiled(part: Sequence[Output], *, gradients: bool = False) -> OutputMap:
+        return output_map(part, instances, places, order, inputs, sizes, gradients=gradients)
 
     resting, steady = (compiled([Output(str(e), e.args[0], "") for e in part]) for part in (held, going))
     # whole expressions first, for their symbols are states
@@ -211,7 +215,7 @@ def scalar_map(
     return ScalarMap(
         tuple(o.name for o in outputs),
         tuple(o.units for o in outputs),
-        tuple((s.quantity, s.number, s.at) for s in modal),
+        mode_map(modal, lambda part: compiled(part, gradients=True)),
         tuple(str(s) for s in motion),
         resting,
         steady,
@@ -273,7 +277,7 @@ def scalars_of(
     start = ensemble.start
     messages = list(start.messages)
     status = np.where(start.ok, Status.OK, Status.ASSEMBLY_FAILED)
-    blocks = (seen.modal, seen.motion, seen.resting.names, seen.steady.names, seen.summed.names)
+    blocks = (seen.modal.values, seen.motion, seen.resting.names, seen.steady.names, seen.summed.names)
     ends = np.cumsum([len(block) for block in blocks])
     columns = np.full((count, int(ends[-1])), np.nan)
 
@@ -291,24 +295,29 @@ def scalars_of(
     if seen.needs_steady_motion:
         going = steady_motions(ensemble)
         fail(np.arange(count), going.messages)
-    for pose in sorted({pose for *_, pose in seen.modal}):
+    for pose in sorted(seen.modal.poses):
         good = np.flatnonzero(status == Status.OK)
-        modes = Modes(np.zeros((0, 0), dtype=complex))
+        if not len(good):
+            break
+        some = ensemble.select(good)
         if pose == "steady" and going is not None:
-            modes, reasons = linearise_steady(ensemble.select(good), going.select(good))
+            stable = going.select(good)
+            modes, reasons = linearise_steady(some, stable)
             fail(good, reasons)
-        elif len(good):
+            seen_at = [_on_the_way(some, screws) for screws in stable.screws]
+        else:
             q, s = (x[good] for x in poses[pose])
-            modes = linearise(ensemble.select(good), q, s)
-        for column, (quantity, number, at) in enumerate(seen.modal):
-            if at == pose:
-                columns[good, column], reasons = _of_mode(modes, quantity, number)
+            modes = linearise(some, q, s)
+            seen_at = [(x[None], np.zeros(1)) for x in np.concatenate([q, s, np.zeros_like(q)], axis=1)]
+        for column, value in enumerate(seen.modal.values):
+            if value.pose == pose:
+                columns[good, column], reasons = seen.modal.evaluate(value, some, modes, seen_at)
                 fail(good, reasons)
     if seen.needs_motion:
         given: Mapping[str, Array] = {} if trajectories is None else trajectories.scalars
         failed = [""] * count if trajectories is None else list(trajectories.messages)
         fail(np.arange(count), failed, Status.INTEGRATION_FAILED)
-        for column, name in enumerate(seen.motion, start=len(seen.modal)):
+        for column, name in enumerate(seen.motion, start=len(seen.modal.values)):
             columns[:, column] = given.get(name, np.nan)
             missing = np.isnan(columns[:, column])
             fail(np.arange(count), [seen.told(name) if x else "" for x in missing])
@@ -350,32 +359,19 @@ def scalars_of(
     return ScalarValues(values, status.astype(np.int64), tuple(messages), censored)
 
 
-def _of_mode(modes: Modes, quantity: str, number: int) -> tuple[Array, list[str]]:
-    """Value of the mode of a number, counted among those that oscillate, shape (K,), and why there is none."""
-    swinging = modes.eigenvalues.imag > 0  # not where a realisation has fewer modes: NaN
-    chosen = swinging & (np.cumsum(swinging, axis=1) == number)
-    values = np.where(chosen.any(axis=1), np.where(chosen, getattr(modes, quantity), 0.0).sum(axis=1), np.nan)
-    known = swinging.sum(axis=1)
-    real, size = modes.eigenvalues.real, np.abs(modes.eigenvalues)
-    growing = ((modes.eigenvalues.imag == 0) & (real > 1e-6 * np.nanmax(size, axis=1, initial=0.0)[:, None])).sum(
-        axis=1
-    )
-    words = {"frequency": "eigenfrequency", "damping_ratio": "damping ratio"}[quantity]
-    reasons = [
-        ""
-        if n >= number
-        else f"it has no {words} {number}: {n} of its modes oscillate; rigid-body modes, and modes that decay or grow "
-        "without oscillation, have no number"
-        + (f"; {g} of its modes grow without oscillation, so that it is unstable there" if g else "")
-        for n, g in zip(known.tolist(), growing.tolist(), strict=True)
-    ]
-    return np.asarray(values), reasons
-
-
 def _at_rest(ensemble: Batch, resting: OutputMap, q: Array, s: Array) -> Array:
     """Evaluate expressions in poses at rest, shape (K, expression)."""
     states = np.concatenate([q, s, np.zeros_like(q)], axis=1)
     return observe_along(ensemble, resting, np.array([ensemble.model.time]), states[:, None, :])[:, :, 0]
+
+
+def _on_the_way(ensemble: Batch, screws: Screws | None) -> tuple[Array, Array]:
+    """States of a steady motion (S, width) at the times at which it is examined, and these, after the start."""
+    if screws is None:
+        return np.zeros((0, ensemble.model.layout.width)), np.zeros(0)
+    after = np.array(screws.times)
+    found = [screws.at(x) for x in after.tolist()]
+    return np.array([np.concatenate([q, s, v]) for q, v, _, s, _ in found]), after
 
 
 def _in_motion(ensemble: Batch, steady: OutputMap, motions: SteadyMotions) -> tuple[Array, list[str]]:
@@ -384,9 +380,7 @@ def _in_motion(ensemble: Batch, steady: OutputMap, motions: SteadyMotions) -> tu
     for k, screws in enumerate(motions.screws):
         if screws is None:
             continue
-        after = np.array(screws.times)
-        found = [screws.at(x) for x in after.tolist()]
-        states = np.array([np.concatenate([q, s, v]) for q, v, _, s, _ in found])
+        states, after = _on_the_way(ensemble, screws)
         seen = observe(
             ensemble.select(np.array([k])), steady, states, ensemble.model.time + after, np.zeros(len(after), dtype=int)
         )

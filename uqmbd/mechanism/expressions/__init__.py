@@ -26,10 +26,13 @@ from uqmbd.mechanism.expressions.summaries import (
 )
 from uqmbd.mechanism.expressions.time import step, t
 from uqmbd.mechanism.expressions.timeless import (
+    At,
     AtEquilibrium,
     AtSteady,
     EventTime,
+    ModeShape,
     MotionSymbol,
+    Part,
     ScalarSymbol,
     at_equilibrium,
     at_steady,
@@ -38,6 +41,7 @@ from uqmbd.mechanism.expressions.timeless import (
     eigenfrequency,
     event_name,
     is_scalar,
+    shape_of_mode,
 )
 from uqmbd.mechanism.expressions.user_values import LARGEST, flatten, numbers, random_variables, shown, unknown_symbol
 
@@ -59,12 +63,15 @@ __all__ = [
     "root_mean_square",
     "time_of_maximum",
     "time_of_minimum",
+    "At",
     "AtEquilibrium",
     "AtSteady",
     "EventTime",
     "LARGEST",
+    "ModeShape",
     "MotionSymbol",
     "LOOKED_UP",
+    "Part",
     "ScalarSymbol",
     "Spline",
     "SplineTable",
@@ -81,6 +88,7 @@ __all__ = [
     "numbers",
     "polynomial",
     "random_variables",
+    "shape_of_mode",
     "shown",
     "spline",
     "step",

@@ -1,4 +1,4 @@
-"""Quantities without a time in output expressions: frequencies and damping of modes, values at rest and in motion."""
+"""Quantities without a time in output expressions: what modes are like, values at rest and in motion."""
 
 from __future__ import annotations
 
@@ -18,6 +18,7 @@ __all__ = [
     "AtEquilibrium",
     "AtSteady",
     "EventTime",
+    "ModeShape",
     "MotionSymbol",
     "ScalarSymbol",
     "at_equilibrium",
@@ -26,11 +27,14 @@ __all__ = [
     "damping_ratio",
     "eigenfrequency",
     "is_scalar",
+    "shape_of_mode",
     "single",
 ]
 
 At = Literal["equilibrium", "start", "steady"]
 AT: tuple[At, ...] = get_args(At)
+Part = Literal["real", "imaginary"]
+PARTS: tuple[Part, ...] = get_args(Part)
 
 
 class ScalarSymbol(Symbolic, sympy.Symbol):
@@ -102,6 +106,48 @@ class AtSteady(Placeholder, sympy.Function):
 
     nargs = 1
     is_real = True
+
+
+class ModeShape(Placeholder, sympy.Function):
+    """How far one expression of the pose moves in a mode, over how far another one does."""
+
+    nargs = 5
+    is_real = True
+
+    @property
+    def moved(self) -> tuple[sympy.Expr, sympy.Expr]:
+        """What moves, and over what it is taken."""
+        return self.args[0], self.args[1]
+
+    @property
+    def number(self) -> int:
+        """Of the mode, from 1."""
+        return int(self.args[2])
+
+    @property
+    def at(self) -> At:
+        """About which pose."""
+        return AT[int(self.args[3])]
+
+    @property
+    def part(self) -> Part:
+        """Of the complex ratio."""
+        return PARTS[int(self.args[4])]
+
+    def _sympystr(self, printer: Any) -> str:
+        quantity, over = (printer.doprint(x) for x in self.moved)
+        pose = "" if self.at == "equilibrium" else f", {self.at}"
+        part = "" if self.part == "real" else f", {self.part}"
+        return f"mode_shape({self.number}, {quantity}, over={over}{pose}{part})"
+
+
+def shape_of_mode(number: Any, quantity: Any, over: Any, at: Any, part: Any) -> ModeShape:
+    """Return what stands for the shape of a mode, or raise; see `uqmbd.mode_shape`."""
+    count = _number("mode_shape", number, at)
+    if not isinstance(part, str) or part not in PARTS:
+        raise StudyError(f"mode_shape: part is {shown(part)}; expected 'real' or 'imaginary'.")
+    moved = [single("mode_shape", x, "1, body.position[0], over=other.position[0]") for x in (quantity, over)]
+    return ModeShape(*moved, sympy.Integer(count), sympy.Integer(AT.index(at)), sympy.Integer(PARTS.index(part)))
 
 
 @checked
@@ -252,7 +298,7 @@ def at_steady(expression: Any) -> sympy.Expr:
     return found
 
 
-def single(function: str, expression: Any) -> sympy.Expr:
+def single(function: str, expression: Any, example: str = "body.position[0]") -> sympy.Expr:
     """Return what a quantity without a time is of: one expression, in which there is none of them yet."""
     parts = flatten(expression)
     try:
@@ -261,8 +307,7 @@ def single(function: str, expression: Any) -> sympy.Expr:
         value = None
     if not isinstance(value, sympy.Expr):
         raise StudyError(
-            f"{function} was given {shown(expression)}; expected one expression, e.g. "
-            f"uqmbd.{function}(body.position[0])."
+            f"{function} was given {shown(expression)}; expected one expression, e.g. uqmbd.{function}({example})."
         )
     if is_scalar(value):
         raise StudyError(
@@ -300,6 +345,13 @@ def check_scalar(where: str, value: sympy.Expr) -> None:
 
 
 def _modal(function: str, quantity: str, number: Any, at: Any) -> sympy.Expr:
+    count = _number(function, number, at)
+    pose = "" if at == "equilibrium" else f", {at}"
+    return ScalarSymbol(f"{function}({count}{pose})", quantity, count, at)
+
+
+def _number(function: str, number: Any, at: Any) -> int:
+    """Return the number of a mode; raise unless it and the pose make sense."""
     try:
         count = operator.index(number)
     except TypeError:
@@ -311,5 +363,4 @@ def _modal(function: str, quantity: str, number: Any, at: Any) -> sympy.Expr:
         )
     if not isinstance(at, str) or at not in AT:
         raise StudyError(f"{function}: at is {shown(at)}; expected 'equilibrium', 'start' or 'steady'.")
-    pose = "" if at == "equilibrium" else f", {at}"
-    return ScalarSymbol(f"{function}({count}{pose})", quantity, count, at)
+    return count

@@ -1,0 +1,212 @@
+"""What outputs take from modes: frequencies, damping ratios, and how far quantities of the pose move in them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uqmbd.dynamics.batch import Batch
+from uqmbd.dynamics.equations import OutputMap
+from uqmbd.dynamics.observation import observe
+from uqmbd.dynamics.statics.modes import Modes
+from uqmbd.mechanism import ModeShape, Output, ScalarSymbol
+from uqmbd.typing import Array
+
+__all__ = ["ModeMap", "ModeValue", "mode_map"]
+
+
+EQUAL = 1e-7
+"""Part of a frequency by which others may differ that count as equal to it."""
+
+STILL = 1e-9
+"""Part of the largest change that a mode could give a quantity, that counts as none."""
+
+SAME = 1e-5
+"""Part of a ratio by which it may differ, on the way in a steady motion or between modes of equal frequency."""
+
+WORDS = {"frequency": "eigenfrequency", "damping_ratio": "damping ratio", "shape": "mode"}
+
+
+@dataclass(frozen=True)
+class ModeValue:
+    """One number of a mode.
+
+    Attributes
+    ----------
+    quantity : {"frequency", "damping_ratio", "shape"}
+        What it is.
+    number : int
+        Of the mode, from 1, among those that oscillate.
+    pose : {"equilibrium", "start", "steady"}
+        About which pose.
+    moved : tuple of int
+        Of a shape: quantity and reference, among what moves.
+    part : {"real", "imaginary"}
+        Of a shape.
+    name : str
+        As the user wrote it.
+    """
+
+    quantity: str
+    number: int
+    pose: str
+    moved: tuple[int, int] = (0, 0)
+    part: str = "real"
+    name: str = ""
+
+
+@dataclass(frozen=True)
+class ModeMap:
+    """What is needed of modes.
+
+    Attributes
+    ----------
+    values : tuple of ModeValue
+        In order.
+    moving : OutputMap
+        Quantities whose changes in modes are needed, with their derivatives.
+    """
+
+    values: tuple[ModeValue, ...]
+    moving: OutputMap
+
+    @property
+    def poses(self) -> frozenset[str]:
+        """About which poses."""
+        return frozenset(value.pose for value in self.values)
+
+    def evaluate(
+        self, value: ModeValue, batch: Batch, modes: Modes, states: Sequence[tuple[Array, Array]]
+    ) -> tuple[Array, list[str]]:
+        """Evaluate one number of a mode.
+
+        Parameters
+        ----------
+        value : ModeValue
+            Which.
+        batch : Batch
+            K realisations.
+        modes : Modes
+            Of them, about the pose of the value.
+        states : sequence of tuple of array
+            Of each realisation its states (S, width), and their times (S,) after the start.
+
+        Returns
+        -------
+        values : array, shape (K,)
+            NaN where there is none.
+        reasons : list of str
+            Why there is none, or empty.
+        """
+        places, reasons = _places(modes, value)
+        if value.quantity != "shape":
+            every = np.asarray(getattr(modes, value.quantity))
+            found = [row[p] if p >= 0 else np.nan for row, p in zip(every, places.tolist(), strict=True)]
+            return np.array(found, dtype=float), reasons
+        result = np.full(len(places), np.nan)
+        owner = np.repeat(np.arange(len(states)), [len(after) for _, after in states])
+        flat, after = (np.concatenate([s[i] for s in states]) for i in (0, 1))
+        gradients = self._gradients(batch, flat, batch.model.time + after, owner)
+        for k, place in enumerate(places.tolist()):
+            if not reasons[k]:
+                ratio = _ratio(modes.eigenvalues[k], modes.shapes[k], place, gradients[owner == k][:, value.moved])
+                if isinstance(ratio, str):
+                    reasons[k] = f"{value.name}: {ratio}"
+                else:
+                    result[k] = ratio.real if value.part == "real" else ratio.imag
+        return result, reasons
+
+    def _gradients(self, batch: Batch, states: Array, times: Array, owner: NDArray[np.int64]) -> Array:
+        """Return the derivatives of what moves by all coordinates, shape (S, quantity, coordinate)."""
+        count, n = len(self.moving.names), batch.model.layout.coordinates
+        found = observe(batch, self.moving, states, times, owner)[:, count:]
+        return np.asarray(found.reshape(len(states), count, 2, n)[:, :, 0])
+
+
+def mode_map(wanted: Sequence[ScalarSymbol | ModeShape], compiled: Callable[[Sequence[Output]], OutputMap]) -> ModeMap:
+    """Compile what is needed of modes.
+
+    Parameters
+    ----------
+    wanted : sequence
+        Symbols of frequencies and damping ratios, and shapes.
+    compiled : callable
+        That compiles outputs with their derivatives.
+    """
+    moving = sorted({e for x in wanted if isinstance(x, ModeShape) for e in x.moved}, key=str)
+    values = []
+    for x in wanted:
+        if isinstance(x, ModeShape):
+            quantity, over = (moving.index(e) for e in x.moved)
+            values.append(ModeValue("shape", x.number, x.at, (quantity, over), x.part, str(x)))
+        else:
+            values.append(ModeValue(x.quantity, x.number, x.at, name=str(x)))
+    return ModeMap(tuple(values), compiled([Output(str(e), e, "") for e in moving]))
+
+
+def _places(modes: Modes, value: ModeValue) -> tuple[NDArray[np.int64], list[str]]:
+    """Place of the mode of a number, counted among those that oscillate, shape (K,), and why there is none (-1)."""
+    swinging = modes.eigenvalues.imag > 0  # not where a realisation has fewer modes: NaN
+    chosen = swinging & (np.cumsum(swinging, axis=1) == value.number)
+    known = swinging.sum(axis=1)
+    real, size = modes.eigenvalues.real, np.abs(modes.eigenvalues)
+    growing = ((modes.eigenvalues.imag == 0) & (real > 1e-6 * np.nanmax(size, axis=1, initial=0.0)[:, None])).sum(
+        axis=1
+    )
+    reasons = [
+        ""
+        if n >= value.number
+        else f"it has no {WORDS[value.quantity]} {value.number}: {n} of its modes oscillate; rigid-body modes, and "
+        "modes that decay or grow without oscillation, have no number"
+        + (f"; {g} of its modes grow without oscillation, so that it is unstable there" if g else "")
+        for n, g in zip(known.tolist(), growing.tolist(), strict=True)
+    ]
+    return np.where(known >= value.number, np.argmax(chosen, axis=1) if chosen.size else 0, -1), reasons
+
+
+def _ratio(
+    eigenvalues: NDArray[np.complex128], shapes: NDArray[np.complex128], place: int, gradients: Array
+) -> complex | str:
+    """Ratio of how far two quantities move in a mode of one realisation, or why it has none.
+
+    Parameters
+    ----------
+    eigenvalues, shapes : array of complex, shape (mode,) and (time, mode, coordinate)
+        Of the realisation.
+    place : int
+        Of the mode.
+    gradients : array, shape (time, 2, coordinate)
+        Derivatives of the quantity and of the reference.
+    """
+    if not np.isfinite(gradients).all():
+        return "a quantity has no derivative by the coordinates in this pose"
+    own = eigenvalues[place]
+    equal = np.flatnonzero(np.abs(eigenvalues - own) <= EQUAL * np.abs(own))
+    equal = np.array([place, *equal[equal != place]])
+    moved = np.einsum("tic,tmc->tim", gradients, shapes[:, equal])
+    most = np.linalg.norm(gradients, axis=2)[:, :, None] * np.linalg.norm(shapes[:, equal], axis=2)[:, None, :]
+    moved = np.where(np.abs(moved) <= STILL * most, 0.0, moved)
+    quantity, over = moved[:, 0], moved[:, 1]
+    if not over.any(axis=1).all():
+        return "the reference does not move in this mode, so that the ratio is not finite"
+    if len(equal) > 1:
+        leading = np.argmax(np.abs(over), axis=1)[:, None]
+        found = np.take_along_axis(quantity, leading, 1) / np.take_along_axis(over, leading, 1)
+        wrong = np.abs(quantity - found * over) > SAME * np.maximum(np.abs(quantity), np.abs(found * over))
+        if wrong.any():
+            return (
+                f"{len(equal)} of its modes have this frequency, and any mix of them is a mode, so that the ratio is "
+                "not determined"
+            )
+        ratios = found[:, 0]
+    else:
+        ratios = quantity[:, 0] / over[:, 0]
+    if np.abs(ratios - ratios[0]).max() > SAME * np.abs(ratios).max():
+        return (
+            "it changes while the mechanism goes on steadily; take what stays the same, such as angles between bodies "
+            "and distances"
+        )
+    return complex(ratios[0])
