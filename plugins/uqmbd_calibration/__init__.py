@@ -1,11 +1,16 @@
-"""From records of a mechanism back to its inputs: what a record says of them, and how sure that is."""
+"""From records of a mechanism back to its inputs: what a record says of them, and how sure that is.
+
+The names of this package are loaded when they are first used: its command is listed by `uqmbd --help`, which does not
+wait for them.
+"""
 
 from __future__ import annotations
 
-import uqmbd
-from uqmbd_calibration.records import Record, Series
+import lazy_loader
 
-__all__ = ["Record", "Series"]
+import uqmbd
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
 
 
 @uqmbd.hookimpl
