@@ -10,7 +10,8 @@ import lazy_loader
 
 import uqmbd
 
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+# not `__dir__`, by which the hooks below are found
+__getattr__, _, __all__ = lazy_loader.attach_stub(__name__, __file__)
 
 
 @uqmbd.hookimpl
