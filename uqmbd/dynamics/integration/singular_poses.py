@@ -88,11 +88,12 @@ def repivoted(model: Model, q: Array, s: Array, time: float, parameters: Array) 
     The model that is returned is for the index-1 form only: residual and Jacobian are those of the old choice.
     """
     layout = model.layout
-    first = np.union1d(model.norms, np.setdiff1d(layout.kept, layout.active)).astype(np.int64)
+    freezing = np.setdiff1d(layout.kept, layout.active)
+    first = np.union1d(model.norms, freezing).astype(np.int64)
     kept, _ = independent_rows(gradient(model, q, s, time, parameters), first, layout.nonholonomic)
     if len(kept) != layout.rank or len(np.setdiff1d(kept, layout.nonholonomic)) != len(layout.kept_holonomic):
         return model
-    new = replace(model, layout=replace(layout, kept=kept, active=np.intersect1d(kept, layout.active)))
+    new = replace(model, layout=replace(layout, kept=kept, active=np.setdiff1d(kept, freezing)))
     key = (model.digest, kept.tobytes())
     system = _systems.get(key)
     if system is None:
