@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -52,6 +52,11 @@ class Existence:
     orders: Mapping[str, float]
     causes: Mapping[str, str]
     descriptions: Mapping[str, str]
+
+    def without(self, names: Collection[str]) -> Existence:
+        """Return what is known where inputs of these names have other distributions, whose moments all exist."""
+        kept = [output for output, cause in self.causes.items() if cause not in names]
+        return Existence({x: self.orders[x] for x in kept}, {x: self.causes[x] for x in kept}, self.descriptions)
 
     def applied(self, statistics: xr.Dataset) -> tuple[xr.Dataset, tuple[str, ...]]:
         """Return statistics in which moments that do not exist are NaN, and a sentence for each input that is to blame.

@@ -1,10 +1,13 @@
-"""The problem that a propagator is given."""
+"""The problem that a propagator is given.
+
+Length: this is one class, the whole of what methods know of a study.
+"""
 
 from __future__ import annotations
 
 import hashlib
 import pickle
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -42,7 +45,7 @@ from uqmbd.propagation.execution import (
 from uqmbd.propagation.existence import Existence
 from uqmbd.propagation.method_node import labels_of, method_node
 from uqmbd.propagation.random_inputs import nothing_random
-from uqmbd.randomness import GermSpace, JointInput
+from uqmbd.randomness import GermSpace, JointInput, RandomVariable
 from uqmbd.results import Labels
 from uqmbd.typing import Array
 
@@ -145,6 +148,26 @@ class Problem:
         # margins are those of the times of the study
         model = replace(self.watched or self.model, margins=None)
         return replace(self, model=model, watched=None, times=times, observed=Observed())
+
+    def with_inputs(self, variables: Iterable[RandomVariable]) -> Problem:
+        """Return the problem with other distributions of some inputs, as after a calibration.
+
+        Parameters
+        ----------
+        variables : iterable of RandomVariable
+            Of the names and units of the inputs whose place they take, with finite moments; the others stay.
+
+        Raises
+        ------
+        uqmbd.StudyError
+            If one has a name that there is not, other units, or one that depends on others is replaced without them.
+        """
+        given = tuple(variables)
+        try:
+            inputs = self.inputs.replaced(given)
+        except StudyError as error:
+            raise StudyError(f"{self.label}: {error}") from None
+        return replace(self, inputs=inputs, existence=self.existence.without({v.name for v in given}))
 
     @property
     def labels(self) -> Labels:

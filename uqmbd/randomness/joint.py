@@ -64,6 +64,40 @@ class JointInput:
                 )
         return cls(tuple(sorted(seen.values(), key=lambda v: v.name)))
 
+    def replaced(self, variables: Iterable[RandomVariable]) -> JointInput:
+        """Return the inputs with others of the same names and units in the place of some.
+
+        Raises
+        ------
+        uqmbd.StudyError
+            If one has a name that there is not, other units, or one that depends on others is replaced without them.
+
+        Examples
+        --------
+        >>> import chaospy, uqmbd
+        >>> a = uqmbd.RandomVariable("a", chaospy.Uniform(0, 2)); b = uqmbd.RandomVariable("b", chaospy.Normal(1, 3))
+        >>> JointInput.of([a, b]).replaced([uqmbd.RandomVariable("b", chaospy.Normal(1.5, 0.1))]).means
+        array([1. , 1.5])
+        """
+        given = JointInput.of(variables)
+        own = {v.name: v for v in self.variables}
+        for new in given.variables:
+            if new.name not in own:
+                known = ", ".join(map(repr, self.names)) or "none"
+                raise StudyError(f"there is no input {new.name!r} to be replaced; the inputs are: {known}.")
+            old = own[new.name]
+            if new.units != old.units:
+                raise StudyError(
+                    f"the input {new.name!r} is in {old.units or 'no units'!r}, and what is to replace it in "
+                    f"{new.units or 'no units'!r}; expected the same units."
+                )
+            if missing := sorted(set(old.joint.names) - set(given.names)):
+                raise StudyError(
+                    f"the input {new.name!r} depends on {missing[0]!r} by its distribution, and is to be replaced "
+                    "without it; replace all that depend on each other."
+                )
+        return JointInput.of({**own, **{v.name: v for v in given.variables}}.values())
+
     @property
     def names(self) -> tuple[str, ...]:
         """The names, in order."""

@@ -17,7 +17,7 @@ import xarray as xr
 from uqmbd.errors import StudyError
 from uqmbd.results.comparison import compare
 from uqmbd.results.requirements import compare_requirements
-from uqmbd.results.schema import Labels, join_nodes, node_parts, statistics_dataset
+from uqmbd.results.schema import Labels, comparable, join_nodes, node_parts, statistics_dataset
 
 __all__ = ["compare_both", "joined_outputs", "scalar_nodes", "study_tree", "with_requirements", "with_scalars"]
 
@@ -227,8 +227,9 @@ def compare_both(nodes: Mapping[str, xr.DataTree], reference: str | None = None,
         outputs, NaN for methods without; ``scalar_reference_std (scalar)``, a scale for them; and ``scalar_verdict``
         with ``scalar_verdict_kind (method, scalar)``.  Where there are no others, the recommendation is for these.
         With requirements also ``violation_probability (method, requirement)``, the ends of the intervals, and
-        ``violation_verdict``.
+        ``violation_verdict``.  Methods whose inputs are distributed otherwise (`comparable`) are left out.
     """
+    nodes = comparable(nodes)
     found = _compared_outputs(nodes, reference, rtol)
     limits = compare_requirements(nodes, str(found.attrs.get("reference", reference)))
     return found if limits is None else found.merge(limits, join="left").assign_attrs(found.attrs)

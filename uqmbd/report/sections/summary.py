@@ -59,6 +59,7 @@ def _sentences(result: StudyResult) -> list[str]:
             )
     for method in methods.values():
         text += _outcome(method, compared)
+    text += _populations(result)
     text += _precision(result)
     last = list(methods.values())[-1]
     constant = [name for name in result.histories if name in last.histories and not last.varies(name)]
@@ -66,6 +67,17 @@ def _sentences(result: StudyResult) -> list[str]:
         does = "does" if len(constant) == 1 else "do"
         text.append(f"{', '.join(constant)} {does} not vary beyond the integration error.")
     return text + [f"Note: {said}." for said in result.warnings]
+
+
+def _populations(result: StudyResult) -> list[str]:
+    """Say which methods have inputs of other distributions than the study."""
+    found = {label: str(method.node.attrs.get("population", "")) for label, method in result.methods.items()}
+    beside = ", so that it is not compared with the others" if len(set(found.values())) > 1 else ""
+    return [
+        f"{label} has inputs of other distributions than the study, {population}{beside}."
+        for label, population in found.items()
+        if population
+    ]
 
 
 def _outcome(method: Method, compared: bool) -> list[str]:

@@ -9,7 +9,7 @@ import numpy as np
 import xarray as xr
 
 from uqmbd.names import ANY
-from uqmbd.results.schema import fixed_width
+from uqmbd.results.schema import comparable, fixed_width
 from uqmbd.wording import format_interval, format_probability
 
 __all__ = ["Answer", "answers", "compare_requirements", "differing", "unmet"]
@@ -151,7 +151,7 @@ def compare_requirements(nodes: Mapping[str, xr.DataTree], reference: str) -> xr
 def differing(nodes: Mapping[str, xr.DataTree]) -> Sequence[str]:
     """Say between which methods the intervals of a requirement have nothing in common, a sentence for each pair."""
     said = []
-    for name, found in answers(nodes).items():
+    for name, found in answers(comparable(nodes)).items():
         labels = list(found)
         for k, one in enumerate(labels):
             said += [

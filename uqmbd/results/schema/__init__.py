@@ -21,8 +21,15 @@ from uqmbd.results.schema.datasets import (
     sample_dataset,
     statistics_dataset,
 )
-from uqmbd.results.schema.nodes import failed_methods, join_nodes, node_parts, propagator_node
-from uqmbd.results.schema.validation import propagator_nodes, validate
+from uqmbd.results.schema.nodes import (
+    comparable,
+    failed_methods,
+    join_nodes,
+    node_parts,
+    propagator_node,
+    propagator_nodes,
+)
+from uqmbd.results.schema.validation import validate
 
 __all__ = [
     "DEFAULT_PROBABILITIES",
@@ -33,6 +40,7 @@ __all__ = [
     "STATUS_MEANINGS",
     "check_shape",
     "check_version",
+    "comparable",
     "failed_methods",
     "fixed_width",
     "join_nodes",

@@ -18,7 +18,10 @@ from uqmbd.names import check_label
 from uqmbd.results.schema.datasets import SCHEMA_VERSION
 from uqmbd.status import Status
 
-__all__ = ["failed_methods", "join_nodes", "node_parts", "propagator_node"]
+__all__ = ["comparable", "failed_methods", "join_nodes", "node_parts", "propagator_node", "propagator_nodes"]
+
+BESIDE = ("comparison", "convergence", "motion")
+"""Children of a study's results that belong to no propagator."""
 
 _RECORDED_PACKAGES = ("numpy", "scipy", "xarray", "sympy", "symengine", "llvmlite", "scikit-sundae", "chaospy")
 
@@ -120,6 +123,54 @@ def join_nodes(
             raise StudyError(f"Two propagators have the label {label!r}; give one of them another with label=.")
         datasets |= {f"{label}/{path}".rstrip("/"): data for path, data in node_parts(node).items()}
     return xr.DataTree.from_dict(datasets)
+
+
+def propagator_nodes(tree: xr.DataTree) -> dict[str, xr.DataTree]:
+    """Return the propagator nodes of a result by label: the children that are no ``comparison`` and the like.
+
+    Parameters
+    ----------
+    tree : xarray.DataTree
+        The result of a study, or the node of one propagator, which is then the only entry.
+
+    Returns
+    -------
+    dict of str to xarray.DataTree
+
+    Examples
+    --------
+    >>> import xarray
+    >>> tree = xarray.DataTree.from_dict({"monte-carlo/statistics": None, "comparison": None})
+    >>> list(propagator_nodes(tree))
+    ['monte-carlo']
+    """
+    if "statistics" in tree.children:
+        return {str(tree.attrs.get("label", tree.name)): tree}
+    return {str(name): node for name, node in tree.children.items() if name not in BESIDE}
+
+
+def comparable(nodes: Mapping[str, xr.DataTree]) -> dict[str, xr.DataTree]:
+    """Return the nodes whose inputs are distributed alike: as in the study; where none are, as in the first of them.
+
+    A method that gives inputs other distributions than the study says of which population its results are, by the
+    attribute ``population`` of its node, a text: where the distributions come from.
+
+    Parameters
+    ----------
+    nodes : mapping of str to xarray.DataTree
+        Propagator nodes by label.
+
+    Examples
+    --------
+    >>> one, other = xr.DataTree(), xr.DataTree(xr.Dataset(attrs={"population": "posterior of run 3"}))
+    >>> list(comparable({"after": other, "before": one}))
+    ['before']
+    """
+    kinds = {label: str(node.attrs.get("population", "")) for label, node in nodes.items()}
+    if not kinds:
+        return {}
+    wanted = "" if "" in kinds.values() else next(iter(kinds.values()))
+    return {label: node for label, node in nodes.items() if kinds[label] == wanted}
 
 
 def node_parts(node: xr.DataTree) -> dict[str, xr.Dataset]:

@@ -10,13 +10,11 @@ import xarray as xr
 
 from uqmbd.errors import StudyError
 from uqmbd.results.schema.datasets import check_version
+from uqmbd.results.schema.nodes import comparable, propagator_nodes
 from uqmbd.status import Status
 from uqmbd.typing import Array
 
-__all__ = ["propagator_nodes", "validate"]
-
-BESIDE = ("comparison", "convergence", "motion")
-"""Children of a study's results that belong to no propagator."""
+__all__ = ["validate"]
 
 _OVER_TIME = ("output", "time")
 _PLAIN = ("mean", "std", "variance", "skewness", "kurtosis")
@@ -51,30 +49,6 @@ _WITHOUT_TIME: Mapping[str, Mapping[str, tuple[str, ...]]] = {
 """Variables of surrogates whose coefficients are not those of outputs at times."""
 _TEXT_ATTRS = ("propagator", "label", "uqmbd_version", "versions", "options", "solver_counters", "created")
 _JSON_ATTRS = ("versions", "options", "solver_counters")
-
-
-def propagator_nodes(tree: xr.DataTree) -> dict[str, xr.DataTree]:
-    """Return the propagator nodes of a result by label: the children that are no ``comparison`` and the like.
-
-    Parameters
-    ----------
-    tree : xarray.DataTree
-        The result of a study, or the node of one propagator, which is then the only entry.
-
-    Returns
-    -------
-    dict of str to xarray.DataTree
-
-    Examples
-    --------
-    >>> import xarray
-    >>> tree = xarray.DataTree.from_dict({"monte-carlo/statistics": None, "comparison": None})
-    >>> list(propagator_nodes(tree))
-    ['monte-carlo']
-    """
-    if "statistics" in tree.children:
-        return {str(tree.attrs.get("label", tree.name)): tree}
-    return {str(name): node for name, node in tree.children.items() if name not in BESIDE}
 
 
 def validate(tree: xr.DataTree) -> None:
@@ -116,7 +90,7 @@ def validate(tree: xr.DataTree) -> None:
             _is_object(tree.attrs["failed"]), "/", f"attribute 'failed' = {tree.attrs['failed']!r}", "a JSON object"
         )
     if "problem" not in tree.children["comparison"].attrs:
-        _validate_comparison(tree.children["comparison"], list(nodes))
+        _validate_comparison(tree.children["comparison"], list(comparable(nodes)))
 
 
 def _require(condition: bool | np.bool, path: str, found: str, expected: str) -> None:
