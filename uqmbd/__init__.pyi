@@ -83,6 +83,7 @@ from .mechanism import t as t
 from .mechanism import time_derivative as time_derivative
 from .mechanism import time_of_maximum as time_of_maximum
 from .mechanism import time_of_minimum as time_of_minimum
+from .plugins import Command as Command
 from .plugins import hookimpl as hookimpl
 from .plugins import propagator as propagator
 from .propagation import Bounds as Bounds
@@ -110,6 +111,7 @@ from .propagation import doubts as doubts
 from .propagation import eigenfrequencies as eigenfrequencies
 from .propagation import errors_over_largest as errors_over_largest
 from .propagation import fit_nodes as fit_nodes
+from .propagation import load_study as load_study
 from .propagation import nothing_random as nothing_random
 from .propagation import pool as pool
 from .propagation import refine_elements as refine_elements

@@ -117,6 +117,7 @@ def cli(command_line, monkeypatch):
     """Run the command line in an empty folder with fakes for what takes long."""
     monkeypatch.setattr("uqmbd.propagation.script.Study", FakeStudy)
     monkeypatch.setattr(plugins.registry, "registered", lambda: plugins.load([]))
+    monkeypatch.setattr(plugins.registry, "registered_commands", lambda: plugins.load([], group="uqmbd.commands"))
     monkeypatch.setitem(sys.modules, "fakes", sys.modules[__name__])
     monkeypatch.setattr(uqmbd.report, "write_report", fake_report, raising=False)
     return command_line
@@ -411,7 +412,7 @@ try:
     main(["--help"])
 except SystemExit:
     pass
-print(sorted({"numpy", "sympy", "xarray", "rich", "pluggy", "matplotlib"} & set(sys.modules)))
+print(sorted({"numpy", "sympy", "xarray", "rich", "matplotlib"} & set(sys.modules)))
 """
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert run.stdout.splitlines()[-1] == "[]"

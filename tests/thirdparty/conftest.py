@@ -24,8 +24,10 @@ def site(request, tmp_path_factory):
     (information / "METADATA").write_text(
         f"Metadata-Version: 2.1\nName: {project['name']}\nVersion: {project['version']}\n"
     )
-    points = [f"{name} = {value}" for name, value in project["entry-points"]["uqmbd"].items()]
-    (information / "entry_points.txt").write_text("\n".join(["[uqmbd]", *points, ""]))
+    lines = []
+    for group, points in project["entry-points"].items():
+        lines += [f"[{group}]", *(f"{name} = {value}" for name, value in points.items())]
+    (information / "entry_points.txt").write_text("\n".join([*lines, ""]))
     return folder
 
 

@@ -1,4 +1,4 @@
-"""A law of contact and a sampling design of somebody else's: a file each, and used like those of the core."""
+"""A law of contact, a sampling design and a command of somebody else's: a file each, and used like those of the core."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ print(json.dumps([found, info.status, info.hooks, info.designs, str(info.errors)
 def test_study_runs_with_its_law_and_on_its_design(python):
     """The law returns nearly the coefficient that it is made from, the more the nearer it is to 1; times 2 m/s."""
     found, *info = json.loads(python("-W", "error::UserWarning", "-c", STUDY))
-    assert info == ["loaded", ["uqmbd_designs"], ["kronecker"], "()"]
+    assert info == ["loaded", ["uqmbd_designs", "uqmbd_commands"], ["kronecker"], "()"]
     for statistics in found.values():
         assert statistics["mean"] == pytest.approx(2 * 0.95, rel=0.01)
         assert statistics["std"] == pytest.approx(2 * 0.1 / np.sqrt(12), rel=0.15)
@@ -61,6 +61,26 @@ def test_study_runs_with_its_law_and_on_its_design(python):
     assert found["monte-carlo"]["mean"] == pytest.approx(found["collocation"]["mean"], abs=4 * error)
 
 
+FALL = """
+import uqmbd
+mechanism = uqmbd.Mechanism("fall", uqmbd.Translational(gravity=(0, -9.81)))
+stones = [mechanism.body(f"stone {k}", mass=k) for k in (1, 2)]
+mechanism.output("height", stones[0].position[1], units="m")
+study = uqmbd.Study("fall", mechanism, [0, 1])
+"""
+
+
+@pytest.mark.thorough
+def test_its_command_is_listed_explained_and_run(python, site):
+    assert "bodies" in python("-m", "uqmbd", "--help")
+    assert "--only NAME" in python("-m", "uqmbd", "bodies", "--help")
+    (site.parent / "falling.py").write_text(FALL)
+    assert python("-m", "uqmbd", "bodies", "falling.py") == "stone 1\nstone 2\n"
+    assert python("-m", "uqmbd", "bodies", "falling.py", "--only", "stone 2") == "stone 2\n"
+    row = next(line for line in python("-m", "uqmbd", "plugins").splitlines() if line.startswith("extension"))
+    assert row.split()[3:] == ["loaded", "kronecker,", "bodies"]
+
+
 @pytest.mark.thorough
 def test_its_own_test_suite_passes(python):
-    assert "2 passed" in python("-m", "pytest", "-q", "-p", "no:cacheprovider", str(PACKAGE / "tests"))
+    assert "3 passed" in python("-m", "pytest", "-q", "-p", "no:cacheprovider", str(PACKAGE / "tests"))

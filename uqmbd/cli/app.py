@@ -9,6 +9,7 @@ from typing import Annotated
 
 import typer
 
+from uqmbd.cli.commands import Commands
 from uqmbd.cli.failures import explained
 from uqmbd.cli.loading import loading
 
@@ -17,6 +18,7 @@ __all__ = ["app", "main"]
 # Plain help instead of rich panels: rich's markup alone would double the time until the help appears.
 app = typer.Typer(
     name="uqmbd",
+    cls=Commands,
     help="How uncertainty in lengths, masses, stiffnesses and loads spreads through a mechanism.",
     epilog="Exit status: 0 done, 1 the computation failed, 2 the input cannot be used, 3 a requirement is not met.",
     rich_markup_mode=None,

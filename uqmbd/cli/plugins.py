@@ -40,8 +40,7 @@ def _show_table(found: Sequence[plugins.PluginInfo]) -> None:
     colours = {"loaded": "green", "incomplete": "yellow", "failed": "bold red", "disabled": "dim"}
     table = plain_table("plugin", "package", "version", "status", "offers")
     for info in found:
-        kinds = (info.components, info.propagators, info.integrators, info.designs, info.readers, info.report_sections)
-        offered = [name for names in kinds for name in names]
+        offered = [name for kind in plugins.KINDS for name in getattr(info, kind)]
         table.add_row(
             Text(info.name),
             Text(info.distribution or "?"),

@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from uqmbd import plugins
-from uqmbd.errors import PluginWarning, StudyError
-from uqmbd.isolation import Isolated
+from uqmbd.errors import StudyError
 
 if TYPE_CHECKING:
     import xarray as xr
-
-    from uqmbd.report import Section
 
 __all__ = ["FIGURES", "MOTION", "keep_motion", "rewrite_report", "write"]
 
@@ -54,19 +49,6 @@ def keep_motion(tree: xr.DataTree, folder: Path) -> None:
 
 def write(tree: xr.DataTree, path: Path) -> Path:
     """Write a report with the sections that plugins add, its figures as files beside it, and return its path."""
-    from uqmbd.report import write_report
+    from uqmbd.report import installed_sections, write_report
 
-    return write_report(tree, path, sections=_sections(), folder=path.parent / FIGURES)
-
-
-def _sections() -> list[Section]:
-    """Make the sections of plugins; one that cannot be made is a warning, not the end of the report."""
-    sections = []
-    for name, section in plugins.report_sections().items():
-        with Isolated() as work:
-            sections.append(section())
-        if work.failed:
-            who = plugins.owner("report_sections", name) or section.__module__
-            text = f"report section {name!r} of {who} is left out: {work.reason}"
-            warnings.warn(text, PluginWarning, stacklevel=2)
-    return sections
+    return write_report(tree, path, sections=installed_sections(), folder=path.parent / FIGURES)

@@ -1,7 +1,7 @@
 """Plugins: the hooks that a plugin package may implement, and the manager that finds, loads and isolates the packages.
 
 A plugin package names a module (or an object) in the entry-point group ``uqmbd``, and that module implements any of
-six hooks, each of which returns classes::
+seven hooks, each of which returns classes::
 
     import uqmbd
 
@@ -12,15 +12,19 @@ six hooks, each of which returns classes::
     def uqmbd_components():
         return [Magnet]
 
+Modules that offer commands are named in the entry-point group ``uqmbd.commands``: see `uqmbd.Command`.
+
 A plugin that fails is a `uqmbd.PluginWarning` with its name and the reason; the others are not affected. The
 environment variable ``UQMBD_DISABLE_PLUGINS`` lists entry points or distributions (by comma) that are not loaded.
 """
 
 from __future__ import annotations
 
+from uqmbd.plugins.command import Command, command_line
 from uqmbd.plugins.hooks import KINDS, hookimpl, integrator_problem
-from uqmbd.plugins.loading import PluginInfo, Registry, load, offered_by_core, registered_name
+from uqmbd.plugins.loading import PluginInfo, Registry, load, merged, offered_by_core, registered_name
 from uqmbd.plugins.registry import (
+    commands,
     component,
     components,
     designs,
@@ -32,12 +36,16 @@ from uqmbd.plugins.registry import (
     propagators,
     reader,
     report_sections,
+    unusable,
 )
 
 __all__ = [
+    "Command",
     "KINDS",
     "PluginInfo",
     "Registry",
+    "command_line",
+    "commands",
     "component",
     "components",
     "designs",
@@ -47,6 +55,7 @@ __all__ = [
     "integrator_problem",
     "integrators",
     "load",
+    "merged",
     "offered_by_core",
     "owner",
     "propagator",
@@ -54,4 +63,5 @@ __all__ = [
     "reader",
     "registered_name",
     "report_sections",
+    "unusable",
 ]

@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import re
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import pluggy
 
-__all__ = ["KINDS", "Kind", "hookimpl", "integrator_problem", "plugin_manager"]
+__all__ = ["COMMANDS_GROUP", "GROUP", "KINDS", "Kind", "hookimpl", "integrator_problem", "plugin_manager"]
+
+GROUP = "uqmbd"
+"""Entry points of modules that implement hooks."""
+
+COMMANDS_GROUP = "uqmbd.commands"
+"""Entry points of modules that offer commands: they import nothing heavy, since `uqmbd --help` waits for them."""
 
 hookimpl = pluggy.HookimplMarker("uqmbd")
 _hookspec = pluggy.HookspecMarker("uqmbd")
@@ -51,6 +58,13 @@ class _Hooks:
     def uqmbd_report_sections(self) -> Sequence[type]:  # type: ignore[empty-body]  # a specification
         """Offer sections of the HTML report, as `uqmbd.report.Section` says, made without arguments."""
 
+    @_hookspec
+    def uqmbd_commands(self) -> Sequence[type]:  # type: ignore[empty-body]  # a specification
+        """Offer commands of the command line, classes as `uqmbd.Command` says, made without arguments.
+
+        The module that implements it is named in the entry-point group ``uqmbd.commands``.
+        """
+
 
 class Kind(NamedTuple):
     """What the classes of one hook have in common."""
@@ -64,26 +78,10 @@ class Kind(NamedTuple):
     """Class attributes that are True or False, and False where they are left out."""
     reserved: tuple[str, ...] = ()
     """Names of what the core itself offers."""
-
-
-KINDS = {
-    "components": Kind("uqmbd_components", "component", "uqmbd.Component", False),
-    "propagators": Kind("uqmbd_propagators", "propagator", "uqmbd.Propagator", True),
-    "integrators": Kind(
-        "uqmbd_integrators", "integrator", None, True, "", ("events", "projected"), ("auto", "ida", "dop853")
-    ),
-    "designs": Kind(
-        "uqmbd_designs",
-        "sampling design",
-        None,
-        True,
-        "points",
-        ("independent", "extendable"),
-        ("random", "latin-hypercube", "sobol", "halton"),
-    ),
-    "readers": Kind("uqmbd_readers", "reader of model files", None, True, "read"),
-    "report_sections": Kind("uqmbd_report_sections", "report section", None, False, "render"),
-}
+    problem: Callable[[type], str] | None = None
+    """What else keeps a class from being one of them, or nothing."""
+    group: str = GROUP
+    """Entry points whose modules may implement the hook."""
 
 
 INTEGRATOR_METHODS = {
@@ -101,6 +99,54 @@ def integrator_problem(cls: type) -> str:
         if getattr(cls, flag, False) is True and not callable(getattr(cls, method.partition("(")[0], None)):
             return f"which declares {flag} = True, but has no method {method}"
     return ""
+
+
+def command_problem(cls: type) -> str:
+    """Return what keeps a class from being a command, or nothing."""
+    name, text = getattr(cls, "name", ""), getattr(cls, "help", None)
+    if not re.fullmatch("[a-z][a-z0-9]*(-[a-z0-9]+)*", name):
+        return f"whose name {name!r} is no word of small letters, digits and hyphens"
+    if type(text) is not str or not text.strip():
+        return "whose class attribute `help` is not a text that says what it does, which `uqmbd --help` shows"
+    return ""
+
+
+KINDS = {
+    "components": Kind("uqmbd_components", "component", "uqmbd.Component", False),
+    "propagators": Kind("uqmbd_propagators", "propagator", "uqmbd.Propagator", True),
+    "integrators": Kind(
+        "uqmbd_integrators",
+        "integrator",
+        None,
+        True,
+        "",
+        ("events", "projected"),
+        ("auto", "ida", "dop853"),
+        integrator_problem,
+    ),
+    "designs": Kind(
+        "uqmbd_designs",
+        "sampling design",
+        None,
+        True,
+        "points",
+        ("independent", "extendable"),
+        ("random", "latin-hypercube", "sobol", "halton"),
+    ),
+    "readers": Kind("uqmbd_readers", "reader of model files", None, True, "read"),
+    "report_sections": Kind("uqmbd_report_sections", "report section", None, False, "render"),
+    "commands": Kind(
+        "uqmbd_commands",
+        "command",
+        None,
+        True,
+        "run",
+        (),
+        ("run", "check", "animate", "plugins", "report", "compare"),
+        command_problem,
+        COMMANDS_GROUP,
+    ),
+}
 
 
 def plugin_manager() -> pluggy.PluginManager:

@@ -13,14 +13,14 @@ import pluggy
 
 from uqmbd.isolation import Isolated, last_line
 from uqmbd.names import lineage
-from uqmbd.plugins.hooks import KINDS, Kind, integrator_problem, plugin_manager
+from uqmbd.plugins.hooks import GROUP, KINDS, Kind, plugin_manager
 
-__all__ = ["PluginInfo", "Registry", "load", "offered_by_core", "registered_name"]
+__all__ = ["PluginInfo", "Registry", "load", "merged", "offered_by_core", "registered_name"]
 
 
 @dataclass(frozen=True)
 class PluginInfo:
-    """One entry point of the group ``uqmbd``, and what became of it.
+    """A plugin, which is what entry points of one name and package load, and what became of it.
 
     Attributes
     ----------
@@ -32,7 +32,7 @@ class PluginInfo:
         ``"incomplete"``: something that the plugin offers could not be used, the rest is there.
     hooks : tuple of str
         Hooks that the plugin implements.
-    components, propagators, integrators, designs, readers, report_sections : tuple of str
+    components, propagators, integrators, designs, readers, report_sections, commands : tuple of str
         Names that the plugin registered.
     errors : tuple of str
         Why the plugin, or a part of it, cannot be used.
@@ -49,6 +49,7 @@ class PluginInfo:
     designs: tuple[str, ...] = ()
     readers: tuple[str, ...] = ()
     report_sections: tuple[str, ...] = ()
+    commands: tuple[str, ...] = ()
     errors: tuple[str, ...] = ()
 
     @property
@@ -66,7 +67,9 @@ class Registry:
     classes: dict[str, dict[str, type]]
 
 
-def load(entry_points: Iterable[importlib.metadata.EntryPoint], disabled: Sequence[str] = ()) -> Registry:
+def load(
+    entry_points: Iterable[importlib.metadata.EntryPoint], disabled: Sequence[str] = (), group: str = GROUP
+) -> Registry:
     """Load plugins from entry points; whatever fails becomes an entry of `PluginInfo.errors`.
 
     Parameters
@@ -76,6 +79,8 @@ def load(entry_points: Iterable[importlib.metadata.EntryPoint], disabled: Sequen
         does not depend on the order of installation who keeps a name that two plugins want.
     disabled : sequence of str
         Names of entry points or distributions that are not loaded.
+    group : {"uqmbd", "uqmbd.commands"}
+        Group of the entry points, which says the hooks that they may implement.
     """
     manager = plugin_manager()
     classes: dict[str, dict[str, type]] = {kind: {} for kind in KINDS}
@@ -88,7 +93,7 @@ def load(entry_points: Iterable[importlib.metadata.EntryPoint], disabled: Sequen
         if skip & {_normalised(info.name), _normalised(info.distribution)}:
             plugins.append(_replace(info, status="disabled"))
         else:
-            plugins.append(_load_one(manager, info, entry_point, classes, owners))
+            plugins.append(_load_one(manager, info, entry_point, group, classes, owners))
     return Registry(tuple(plugins), classes)
 
 
@@ -99,7 +104,7 @@ def offered_by_core(implementation: object, kind: str) -> dict[str, type]:
     ----------
     implementation : object
         Implements the hook.
-    kind : {"components", "propagators", "integrators", "designs", "readers", "report_sections"}
+    kind : {"components", "propagators", "integrators", "designs", "readers", "report_sections", "commands"}
     """
     manager = plugin_manager()
     manager.register(implementation)
@@ -112,6 +117,7 @@ def _load_one(
     manager: pluggy.PluginManager,
     info: PluginInfo,
     entry_point: importlib.metadata.EntryPoint,
+    group: str,
     classes: dict[str, dict[str, type]],
     owners: dict[tuple[str, str], str],
 ) -> PluginInfo:
@@ -128,13 +134,9 @@ def _load_one(
         names = tuple(sorted(caller.name for caller in manager.get_hookcallers(plugin) or ()))
     if work.error is not None:
         return _replace(info, status="failed", errors=(f"it is not a valid plugin: {last_line(work.error)}",))
-    known = {kind.hook for kind in KINDS.values()}
+    known = {kind.hook for kind in KINDS.values() if kind.group == group}
     hooks = tuple(name for name in names if name in known)
-    errors = [
-        f"it implements the hook {name}, which does not exist; there are {', '.join(sorted(known))}"
-        for name in names
-        if name not in known
-    ]
+    errors = [_misplaced(name, entry_point, known) for name in names if name not in known]
     if not names:
         wanted = ", ".join(sorted(known))
         errors.append(f"{entry_point.value} implements no hook; decorate its functions ({wanted}) with uqmbd.hookimpl")
@@ -156,6 +158,17 @@ def _load_one(
     usable = any(registered.values())
     status = "loaded" if not errors else ("incomplete" if usable else "failed")
     return _replace(info, status=status, hooks=hooks, errors=tuple(errors), **registered)
+
+
+def _misplaced(hook: str, entry_point: importlib.metadata.EntryPoint, known: set[str]) -> str:
+    """Say what is wrong with a hook that the modules of a group do not implement."""
+    group = next((kind.group for kind in KINDS.values() if kind.hook == hook), None)
+    if group is None:
+        return f"it implements the hook {hook}, which does not exist; there are {', '.join(sorted(known))}"
+    return (
+        f"it implements the hook {hook}, which belongs into a module that the entry-point group {group!r} names: "
+        f'in pyproject.toml [project.entry-points."{group}"] {entry_point.name} = "MODULE"'
+    )
 
 
 def _call(manager: pluggy.PluginManager, plugin: object, kind: Kind) -> tuple[list[tuple[str, type]], list[str]]:
@@ -211,7 +224,7 @@ def registered_name(cls: Any, kind: Kind) -> tuple[str, str]:
     for flag in kind.flags:
         if not isinstance(getattr(cls, flag, False), bool):
             return name, f"whose class attribute `{flag}` is {_short(getattr(cls, flag))}; True or False is expected"
-    return name, integrator_problem(cls) if kind.hook == "uqmbd_integrators" else ""
+    return name, "" if kind.problem is None else kind.problem(cls)
 
 
 def _describe(entry_point: importlib.metadata.EntryPoint) -> PluginInfo:
@@ -222,6 +235,21 @@ def _describe(entry_point: importlib.metadata.EntryPoint) -> PluginInfo:
             distribution = entry_point.dist.metadata["Name"] or ""
             version = entry_point.dist.metadata["Version"] or ""
     return PluginInfo(entry_point.name, distribution, version)
+
+
+def merged(infos: Iterable[PluginInfo]) -> tuple[PluginInfo, ...]:
+    """Join what the entry points of one name and package became."""
+    found: dict[tuple[str, str], PluginInfo] = {}
+    for info in infos:
+        key = (info.distribution, info.name)
+        other = found.get(key)
+        if other is None:
+            found[key] = info
+            continue
+        lists = {name: value + getattr(info, name) for name, value in vars(other).items() if isinstance(value, tuple)}
+        same = other.status == info.status
+        found[key] = _replace(other, **lists, status=other.status if same else "incomplete")
+    return tuple(found.values())
 
 
 def _replace(info: PluginInfo, **changes: Any) -> PluginInfo:

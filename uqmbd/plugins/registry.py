@@ -8,10 +8,11 @@ import os
 import warnings
 
 from uqmbd.errors import PluginWarning, StudyError
-from uqmbd.plugins.hooks import KINDS
-from uqmbd.plugins.loading import PluginInfo, Registry, load
+from uqmbd.plugins.hooks import COMMANDS_GROUP, GROUP, KINDS
+from uqmbd.plugins.loading import PluginInfo, Registry, load, merged
 
 __all__ = [
+    "commands",
     "component",
     "components",
     "designs",
@@ -23,9 +24,9 @@ __all__ = [
     "propagators",
     "reader",
     "report_sections",
+    "unusable",
 ]
 
-GROUP = "uqmbd"
 DISABLE = "UQMBD_DISABLE_PLUGINS"
 
 
@@ -57,6 +58,11 @@ def reader(name: str) -> type:
 def report_sections() -> dict[str, type]:
     """Return the report sections that plugins offer by class name, in the order of registration."""
     return dict(registered().classes["report_sections"])
+
+
+def commands() -> dict[str, type]:
+    """Return the commands that plugins offer by name, in the order of registration; no other plugin is loaded."""
+    return dict(registered_commands().classes["commands"])
 
 
 def component(name: str) -> type:
@@ -100,15 +106,22 @@ def owner(kind: str, name: str) -> str:
 
     Parameters
     ----------
-    kind : {"components", "propagators", "integrators", "designs", "readers", "report_sections"}
+    kind : {"components", "propagators", "integrators", "designs", "readers", "report_sections", "commands"}
     name : str
     """
-    return next((info.title for info in installed() if name in getattr(info, kind)), "")
+    found = registered_commands() if kind == "commands" else registered()
+    return next((info.title for info in found.plugins if name in getattr(info, kind)), "")
 
 
 def installed() -> tuple[PluginInfo, ...]:
-    """Return every entry point of the group ``uqmbd``, whether it could be used or not."""
-    return registered().plugins
+    """Return every plugin, whether it could be used or not."""
+    return merged([*registered().plugins, *registered_commands().plugins])
+
+
+def unusable() -> str:
+    """Name the plugins that could not be loaded completely, as a sentence; empty if there is none."""
+    broken = [info.title for info in installed() if info.status in ("failed", "incomplete")]
+    return f"Could not be loaded completely: {', '.join(broken)} (see `uqmbd plugins`)." if broken else ""
 
 
 def _find(kind: str, name: str) -> type:
@@ -117,17 +130,25 @@ def _find(kind: str, name: str) -> type:
         return found[name]
     noun = KINDS[kind].noun
     offered = ", ".join(sorted(found)) or "none"
-    broken = [info.title for info in installed() if info.status in ("failed", "incomplete")]
-    hint = f" Could not be loaded completely: {', '.join(broken)} (see `uqmbd plugins`)." if broken else ""
-    raise StudyError(f"There is no {noun} named {name!r}. Installed: {offered}.{hint}")
+    raise StudyError(f"There is no {noun} named {name!r}. Installed: {offered}. {unusable()}".rstrip())
 
 
 @functools.cache
 def registered() -> Registry:
     """Load the plugins, once per process, and warn of what cannot be used."""
+    return _registered(GROUP)
+
+
+@functools.cache
+def registered_commands() -> Registry:
+    """Load the modules of plugins that offer commands, once per process, and warn of what cannot be used."""
+    return _registered(COMMANDS_GROUP)
+
+
+def _registered(group: str) -> Registry:
     disabled = tuple(part.strip() for part in os.environ.get(DISABLE, "").split(",") if part.strip())
-    registry = load(importlib.metadata.entry_points(group=GROUP), disabled=disabled)
+    registry = load(importlib.metadata.entry_points(group=group), disabled, group)
     for info in registry.plugins:
         for error in info.errors:
-            warnings.warn(f"{info.title}: {error}", PluginWarning, stacklevel=2)
+            warnings.warn(f"{info.title}: {error}", PluginWarning, stacklevel=3)
     return registry

@@ -42,6 +42,22 @@ def load_study(path: str | Path) -> Study:
     uqmbd.StudyError
         If there is no such file, it is not a Python file, it raises, or its ``study`` is missing or is no study. If the
         script raises, the message shows the line of the script and the error, and the error is the cause.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> lines = (
+    ...     "import uqmbd",
+    ...     "mechanism = uqmbd.Mechanism('fall', uqmbd.Translational(gravity=(0, -9.81)))",
+    ...     "stone = mechanism.body('stone', mass=1)",
+    ...     "mechanism.output('height', stone.position[1], units='m')",
+    ...     "study = uqmbd.Study('fall', mechanism, [0, 1])",
+    ... )
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     script = Path(folder) / "falling_stone.py"
+    ...     _ = script.write_text(chr(10).join(lines))
+    ...     load_study(script).name
+    'fall'
     """
     file = Path(path)
     if file.is_dir():

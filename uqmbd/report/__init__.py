@@ -23,6 +23,7 @@ from uqmbd.report.figures import (
     violated_by,
 )
 from uqmbd.report.html import write_report
+from uqmbd.report.installed import installed_sections
 from uqmbd.report.mechanisms import animate, mechanism, motion, poses, with_motion
 from uqmbd.report.sections import Section
 
@@ -38,6 +39,7 @@ __all__ = [
     "failure_inputs",
     "histograms",
     "inputs",
+    "installed_sections",
     "mechanism",
     "motion",
     "order_convergence",

@@ -10,9 +10,10 @@ Every check raises `AssertionError` with a text that says what is wrong, so that
 
 from __future__ import annotations
 
+from uqmbd.testing.command import check_command
 from uqmbd.testing.components import check_component
 from uqmbd.testing.design import check_design
 from uqmbd.testing.integrators import check_integrator
 from uqmbd.testing.propagators import check_propagator
 
-__all__ = ["check_component", "check_design", "check_integrator", "check_propagator"]
+__all__ = ["check_command", "check_component", "check_design", "check_integrator", "check_propagator"]

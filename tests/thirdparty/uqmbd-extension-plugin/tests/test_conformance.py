@@ -5,9 +5,14 @@ from __future__ import annotations
 import chaospy
 
 import uqmbd
-from uqmbd.testing import check_component, check_design
+from uqmbd.testing import check_command, check_component, check_design
 from uqmbd_contact import PlaneContact
 from uqmbd_extension import Kronecker, lankarani
+from uqmbd_extension_commands import Bodies
+
+
+def test_bodies():
+    check_command(Bodies, "uqmbd_extension_commands")
 
 
 def test_kronecker():

@@ -1,0 +1,41 @@
+"""Sections of the report that the installed plugins offer."""
+
+from __future__ import annotations
+
+import warnings
+
+from uqmbd import plugins
+from uqmbd.errors import PluginWarning
+from uqmbd.isolation import Isolated
+from uqmbd.report.sections import Section
+
+__all__ = ["installed_sections"]
+
+
+def installed_sections() -> list[Section]:
+    """Make the sections that plugins offer, as `write_report` takes them.
+
+    Returns
+    -------
+    list of Section
+        In the order of registration.
+
+    Warns
+    -----
+    uqmbd.PluginWarning
+        For each section that cannot be made, and is left out.
+
+    Examples
+    --------
+    >>> all(isinstance(section.title, str) for section in installed_sections())
+    True
+    """
+    sections = []
+    for name, section in plugins.report_sections().items():
+        with Isolated() as work:
+            sections.append(section())
+        if work.failed:
+            who = plugins.owner("report_sections", name) or section.__module__
+            text = f"report section {name!r} of {who} is left out: {work.reason}"
+            warnings.warn(text, PluginWarning, stacklevel=2)
+    return sections
