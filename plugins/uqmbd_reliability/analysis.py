@@ -106,7 +106,9 @@ def analyse(
     levels: list[Levels | None] = [None] * requirements
     if method == "auto":
         for k in range(requirements):
-            levels[k] = multilevel(ledger, k, pilot, margins[:, k], generator, spared=most // 2)
+            levels[k] = multilevel(
+                ledger, k, pilot, margins[:, k], generator, spared=most // 2 if requirements == 1 else 2 * most // 3
+            )
     points = _design_points(ledger, origin, requirements)
     regions = _regions(points, levels, ledger)
     used: Proposal | None = None

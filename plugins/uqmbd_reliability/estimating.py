@@ -10,7 +10,7 @@ from scipy.stats import beta as beta_distribution
 
 from uqmbd.typing import Array
 
-__all__ = ["Estimate", "derivatives", "estimate", "tail_index", "weighted_bound", "with_any"]
+__all__ = ["Estimate", "derivatives", "estimate", "failing", "tail_index", "weighted_bound", "with_any"]
 
 
 CONFIDENCE = 0.95
@@ -105,7 +105,7 @@ def estimate(violations: Array, failures: Array, standard: int, pilot: tuple[int
         Of those realisations that do not fail; the interval holds whatever the failed ones would be.
     """
     low, high = _bounds(violations, standard)
-    lost, most_lost = _lost(failures, *pilot)
+    lost, most_lost = failing(failures, *pilot)
     high = min(high + most_lost, 1.0)
     mean = float(violations.mean())
     share = mean / (1.0 - lost) if lost < 1.0 else 1.0
@@ -113,8 +113,24 @@ def estimate(violations: Array, failures: Array, standard: int, pilot: tuple[int
     return Estimate(min(max(share, low), high), error, low, high)
 
 
-def _lost(failures: Array, standard: int, failed: int) -> tuple[float, float]:
-    """Return the probability that a realisation fails, and its upper bound."""
+def failing(failures: Array, standard: int, failed: int) -> tuple[float, float]:
+    """Return the probability that a realisation fails, and its upper bound.
+
+    Parameters
+    ----------
+    failures : array, shape (N,)
+        Weights of the samples that failed, zero of the others.
+    standard, failed : int
+        Further samples of the standard normal distribution, and how many of them failed.
+
+    Examples
+    --------
+    >>> failing(np.zeros(10), 100, 0)
+    (0.0, 0.0)
+    >>> share, most = failing(np.zeros(0), 100, 2)
+    >>> share, round(most, 3)  # the bound of Clopper and Pearson
+    (0.02, 0.07)
+    """
     total = failures.sum()
     if not failed and not total > 0:
         return 0.0, 0.0

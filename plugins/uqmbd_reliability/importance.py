@@ -78,7 +78,9 @@ def adapt(ledger: Ledger, begin: Proposal, requirements: int, generator: np.rand
         found = ledger(more)
         used.append(current.mixture)
         points, margins = np.concatenate([points, more]), np.concatenate([margins, found])
-        good = coefficients(_weights(current.mixture.ratio(more), found)).max() * np.sqrt(PILOT) < ENOUGH
+        variance = PILOT * coefficients(_weights(current.mixture.ratio(more), found)).max() ** 2
+        # each requirement has its part of the samples only
+        good = variance + 1.0 < (ENOUGH**2 + 1.0) * requirements
         # all pilots are samples of the mixture of their proposals
         ratio = 1.0 / np.mean([1.0 / mixture.ratio(points) for mixture in used], axis=0)
         if not good:

@@ -24,7 +24,7 @@ from scipy.special import chdtri, ndtr
 
 from uqmbd.typing import Array, Index
 from uqmbd_reliability.analysis import Analysis, analyse
-from uqmbd_reliability.estimating import Estimate, weighted_bound, with_any
+from uqmbd_reliability.estimating import Estimate, failing, with_any
 from uqmbd_reliability.importance import Sampled
 from uqmbd_reliability.ledger import Ledger, LimitState
 from uqmbd_reliability.proposals import Proposal
@@ -172,6 +172,7 @@ def _verified(
     rows = np.zeros(0, dtype=np.int64)
     place: dict[int, int] = {}
     estimates: list[Estimate] = []
+    lost = int(np.isnan(ledger.margins[:PILOT, 0]).sum())
     while ledger.left > 0:
         more = generator.choice(len(population.points), min(2 * BATCH, ledger.left), p=population.drawn)
         new = [int(k) for k in dict.fromkeys(more.tolist()) if k not in place]
@@ -181,7 +182,7 @@ def _verified(
         place.update({k: first + i for i, k in enumerate(new)})
         drawn = np.concatenate([drawn, more])
         rows = np.array([place[int(k)] for k in drawn])
-        estimates = _estimates(population, drawn, ledger.margins[rows])
+        estimates = _estimates(population, drawn, ledger.margins[rows], lost)
         if len(drawn) >= 3 * BATCH and all(_settled(one, target) for one in estimates):
             break
     weights = population.ratio[drawn] / (len(population.points) * population.drawn[drawn])
@@ -202,26 +203,27 @@ def _settled(one: Estimate, target: float) -> bool:
     return one.probability > 0 and one.upper - one.lower < 2 * 1.96 * target * one.probability
 
 
-def _estimates(population: _Population, drawn: Index, margins: Array) -> list[Estimate]:
+def _estimates(population: _Population, drawn: Index, margins: Array, lost: int) -> list[Estimate]:
     weights = population.ratio[drawn] / (len(population.points) * population.drawn[drawn])
     real, guess = with_any(margins), with_any(population.predicted)
     doubt = with_any(-population.doubt)  # the largest of all stands for any
+    failed = np.isnan(real[:, 0])
+    gone, most_gone = failing(np.where(failed, weights, 0.0), PILOT, lost)
+    kept = max(1.0 - gone, 1e-12)
     found = []
     for k in range(real.shape[1]):
-        failed, violated = np.isnan(real[:, k]), real[:, k] < 0
-        said = guess[drawn, k] < 0
+        violated, said = real[:, k] < 0, guess[drawn, k] < 0
         counted = np.where(guess[:, k] < 0, population.ratio, 0.0)
         # for what was not seen: the weight of a draw that may be wrong, in doubt or, deceptively, not
         unsure, sure = np.flatnonzero(-doubt[:, k] > DOUBT), np.flatnonzero(counted)
         most = max(_weight(population, unsure, 0.95), _weight(population, sure, 0.5))
-        missed, false = (weights * wrong for wrong in (violated & ~said, ~violated & ~failed & said))
+        # what was predicted and failed is left out of the probability, too
+        missed, false = weights * (violated & ~said), weights * (~violated & said)
         mean = float(counted.mean() + missed.mean() - false.mean())
         error = float(np.hypot(_error(counted), _error(missed - false)))
-        low, high = _combined(
-            mean, counted, (missed, weights * (failed & ~said)), (false, weights * (failed & said)), most
-        )
-        probability = min(max(mean, low), high)
-        found.append(Estimate(probability, error, low, high))
+        low, high = _combined(mean, counted, missed, false, most)
+        high = min(high + most_gone, 1.0)
+        found.append(Estimate(min(max(mean / kept, low), high), error / kept, low, high))
     return found
 
 
@@ -237,18 +239,13 @@ def _error(values: Array) -> float:
     return float(values.std(ddof=1) / np.sqrt(len(values)))
 
 
-def _combined(
-    mean: float, counted: Array, missed: tuple[Array, Array], false: tuple[Array, Array], most: float
-) -> tuple[float, float]:
+def _combined(mean: float, counted: Array, missed: Array, false: Array, most: float) -> tuple[float, float]:
     """Combine the intervals of the terms, by the method of variance estimates recovery (Zou and Donner)."""
     sampling = 1.96 * _error(counted)
-    above, below = _interval(missed[0], most), _interval(false[0], most)
-    one, other = float(missed[0].mean()), float(false[0].mean())
+    above, below = _interval(missed, most), _interval(false, most)
+    one, other = float(missed.mean()), float(false.mean())
     low = mean - np.sqrt(sampling**2 + (one - above[0]) ** 2 + (below[1] - other) ** 2)
     high = mean + np.sqrt(sampling**2 + (above[1] - one) ** 2 + (other - below[0]) ** 2)
-    # realisations that failed may be either
-    low -= weighted_bound(false[1] / len(false[1])) if false[1].any() else 0.0
-    high += weighted_bound(missed[1] / len(missed[1])) if missed[1].any() else 0.0
     return max(float(low), 0.0), min(max(float(high), 0.0), 1.0)
 
 

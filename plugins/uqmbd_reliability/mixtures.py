@@ -12,10 +12,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.special import logsumexp
+from scipy.stats import chi2
 
 from uqmbd.typing import Array
 
-__all__ = ["Mixture", "Normal", "standard_log_density"]
+__all__ = ["Mixture", "Normal", "Outside", "standard_log_density"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,8 +68,50 @@ class Normal:
 
 
 @dataclass(frozen=True, eq=False)
+class Outside:
+    """The standard normal distribution outside a sphere about the origin (radial importance sampling).
+
+    All its points have the same weight, whatever their direction: where violations have no design point, as those
+    beyond a sphere, it is what no mixture of few normal distributions is.
+
+    Parameters
+    ----------
+    dimension : int
+        Number d of variables.
+    radius : float
+        Of the sphere.
+
+    References
+    ----------
+    .. [1] A. Harbitz, Structural Safety 3 (1986) 109.
+    """
+
+    dimension: int
+    radius: float
+
+    @classmethod
+    def around(cls, nearest: float, dimension: int) -> Outside:
+        """Return the one that is twice as probable as what is farther away than the nearest violation."""
+        probability = float(np.clip(2.0 * chi2.sf(nearest**2, dimension), 1e-300, 1.0))
+        return cls(dimension, float(np.sqrt(chi2.isf(probability, dimension))))
+
+    def sample(self, count: int, generator: np.random.Generator) -> Array:
+        """Return points (count, d)."""
+        z = generator.standard_normal((count, self.dimension))
+        beyond = chi2.sf(self.radius**2, self.dimension) * (1.0 - generator.random(count))
+        distance = np.sqrt(chi2.isf(beyond, self.dimension))
+        return np.asarray(z * (distance / np.linalg.norm(z, axis=1))[:, None])
+
+    def log_density(self, points: Array) -> Array:
+        """Return the logarithm of the density at points (K, d), shape (K,)."""
+        outside = (points**2).sum(axis=1) >= self.radius**2
+        density = standard_log_density(points) - chi2.logsf(self.radius**2, self.dimension)
+        return np.where(outside, density, -np.inf)
+
+
+@dataclass(frozen=True, eq=False)
 class Mixture:
-    """Normal distributions with weights.
+    """Distributions with weights.
 
     Examples
     --------
@@ -79,11 +122,11 @@ class Mixture:
     True
     """
 
-    parts: tuple[Normal, ...]
+    parts: tuple[Normal | Outside, ...]
     weights: Array
 
     @classmethod
-    def of(cls, parts: Sequence[Normal], weights: Sequence[float] | Array) -> Mixture:
+    def of(cls, parts: Sequence[Normal | Outside], weights: Sequence[float] | Array) -> Mixture:
         """Return a mixture whose weights add up to one."""
         given = np.asarray(weights, dtype=float)
         return cls(tuple(parts), given / given.sum())

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
@@ -43,14 +43,14 @@ class Reliability(uqmbd.Propagator):
     target_cov : float
         Coefficient of variation (standard error over probability) at which it ends.
     max_realisations : int
-        Realisations at most, all together, those of searches included.
+        Realisations at most, all together: those of searches, of `surrogate`, and those that fail are counted, too.
     seed : int
         Of the random numbers: the same seed gives the same bits, whatever the number of workers.
     surrogate : uqmbd.Propagator, optional
         A method that gives a surrogate of the margins, as ``Collocation(order=3)``, which is run first: the search goes
         over it, and real realisations are computed where the sign of a margin is in doubt.  The probability and its
-        interval are those of the real mechanism; a poor surrogate costs realisations.  Its own count, too, but are
-        not bounded by `max_realisations`.
+        interval are those of the real mechanism; a poor surrogate costs realisations.  At least 500 of
+        `max_realisations` have to be left when it has taken its own.
     label : str, optional
         Name of the results, by default ``reliability``.
 
@@ -97,13 +97,13 @@ class Reliability(uqmbd.Propagator):
         other = None if self.surrogate is None or not wanted else self.surrogate.estimate(study)
         if other is None:
             return found
-        return uqmbd.Estimate(count + other.realisations, max(found.memory, other.memory), found.detail, at_most=True)
+        return uqmbd.Estimate(count, max(found.memory, other.memory), found.detail, at_most=True)
 
     def obstacle(self, study: uqmbd.Study) -> str | None:
         """Say what is in the way: nothing random, or a requirement that there is not."""
         if reason := uqmbd.nothing_random(study.mechanism.inputs, study.mechanism.name):
             return reason
-        if self.surrogate is not None and (found := self.surrogate.obstacle(study)):
+        if self.surrogate is not None and (found := self.surrogate.obstacle(study) or self._too_dear(study)):
             return f"its surrogate {self.surrogate.name!r}: {found}"
         return self._unknown(list(study.mechanism.requirements))
 
@@ -139,19 +139,32 @@ class Reliability(uqmbd.Propagator):
     def _analyse(self, runs: Runs, dimension: int, predicted: Predictor | None) -> Analysis:
         if self.method == "subset":
             return subset(runs, dimension, most=self.max_realisations, seed=self.seed)
-        generator = np.random.default_rng(self.seed)
+        generator, target, most = np.random.default_rng(self.seed), self.target_cov, self.max_realisations
         if predicted is not None:
-            target, most = self.target_cov, self.max_realisations
+            most -= predicted.realisations
+            if most < LEAST:
+                raise uqmbd.IntegrationError(
+                    f"{self.node_name}: its surrogate took {predicted.realisations} realisations of the "
+                    f"{self.max_realisations} that are allowed, and {LEAST} more are needed; increase max_realisations."
+                )
             learned = learn(runs, predicted, dimension, target=target, most=most, generator=generator)
             if learned is not None:
                 return learned
-        return analyse(
-            runs,
-            dimension,
-            method=self.method,
-            target=self.target_cov,
-            most=self.max_realisations,
-            generator=generator,
+        # what a surrogate of no use has taken is spent, and lies before the places of the samples
+        spent = runs.count
+        found = analyse(runs, dimension, method=self.method, target=target, most=most - spent, generator=generator)
+        return replace(found, sampled=replace(found.sampled, rows=found.sampled.rows + spent))
+
+    def _too_dear(self, study: uqmbd.Study) -> str | None:
+        """Say that a surrogate may leave too little of the realisations."""
+        if self.surrogate is None or (planned := self.surrogate.estimate(study)) is None:
+            return None
+        if planned.realisations + LEAST <= self.max_realisations:
+            return None
+        most = "up to " if planned.at_most else ""
+        return (
+            f"it takes {most}{planned.realisations} realisations, and {LEAST} more are needed, but max_realisations is "
+            f"{self.max_realisations}; make it {planned.realisations + LEAST} or more, or bound those of the surrogate"
         )
 
     def _unknown(self, names: list[str]) -> str | None:

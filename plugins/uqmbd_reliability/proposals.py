@@ -9,7 +9,7 @@ import numpy as np
 from scipy.special import log_ndtr
 
 from uqmbd.typing import Array
-from uqmbd_reliability.mixtures import Mixture, Normal
+from uqmbd_reliability.mixtures import Mixture, Normal, Outside
 from uqmbd_reliability.searching import DesignPoint
 
 __all__ = ["Proposal", "Region", "adapted", "around_points", "from_design_point", "proposal", "round_region"]
@@ -34,17 +34,18 @@ class Region:
 
     Attributes
     ----------
-    sharp, blunt : Normal
+    sharp, blunt : Normal or Outside
         The one is adapted, the other stays.
     requirement : int
         Whose violations.
     log_share : float
         Logarithm of a guess of its probability.
     direction : array, shape (d,), optional
-        Unit vector into the violation; a region without one is round, about the origin.
+        Unit vector into the violation; a region without one is round, about the origin: all that is farther away than
+        the nearest violation.
     """
 
-    sharp: Normal
+    sharp: Normal | Outside
     blunt: Normal
     requirement: int
     log_share: float
@@ -87,10 +88,11 @@ def around_points(points: Array, requirement: int, log_share: float) -> Region:
 
 
 def round_region(points: Array, requirement: int) -> Region:
-    """Return the region about the origin as wide as points (K, d) lie far from it."""
+    """Return the region about the origin that violations (K, d) lie in: outside a sphere; beside it all is wide."""
     dimension = points.shape[1]
-    normal = Normal.round(np.zeros(dimension), 1.0 + float((points**2).sum(axis=1).min()) / dimension)
-    return Region(normal, normal, requirement, -np.inf)
+    nearest = float((points**2).sum(axis=1).min())
+    wide = Normal.round(np.zeros(dimension), 1.0 + nearest / dimension)
+    return Region(Outside.around(np.sqrt(nearest), dimension), wide, requirement, -np.inf)
 
 
 def proposal(regions: Sequence[Region], shares: Array | None, dimension: int) -> Proposal:
@@ -116,7 +118,8 @@ def proposal(regions: Sequence[Region], shares: Array | None, dimension: int) ->
         least = np.where(aimed[own], LEAST / max(int(aimed[own].sum()), 1), ROUND)
         parts[own] = least + (1.0 - least.sum()) * guess
     parts *= (1.0 - STANDARD) / parts.sum()
-    listed, weights = [Normal.round(np.zeros(dimension))], [STANDARD]
+    listed: list[Normal | Outside] = [Normal.round(np.zeros(dimension))]
+    weights = [STANDARD]
     for region, part in zip(regions, parts, strict=True):
         listed += [region.sharp, region.blunt]
         weights += [(1.0 - BLUNT) * part, BLUNT * part]
@@ -161,26 +164,31 @@ def _moved(region: Region, points: Array, weights: Array) -> Region:
     total = weights.sum()
     if not total > 0:
         return region
-    effective = total**2 / (weights**2).sum()
-    normal, basis, unit = region.sharp, region.sharp.basis, region.direction
-    dimension, width = basis.shape
     log_share = float(np.log(total))
+    normal, unit = region.sharp, region.direction
+    if isinstance(normal, Outside) or unit is None:
+        nearest = float(np.sqrt((points[weights > 0] ** 2).sum(axis=1).min()))
+        outside = Outside.around(nearest, points.shape[1])
+        sharp = outside if isinstance(normal, Outside) and outside.radius < normal.radius else normal
+        return replace(region, sharp=sharp, log_share=log_share)
+    # shares, whose squares do not underflow
+    weights = weights / total
+    effective = 1.0 / float((weights**2).sum())
+    basis = normal.basis
+    dimension, width = basis.shape
     few = effective / (effective + 2.0)  # one number is known from few violations
-    if unit is None:
-        found = float(weights @ (points**2).sum(axis=1)) / (total * dimension)
-        return replace(region, sharp=replace(normal, rest=few * found + (1 - few) * normal.rest), log_share=log_share)
-    centre = weights @ points / total
+    centre = weights @ points
     # only in the directions that are adapted: the mean of the others is noise
     mean = normal.mean + effective / (effective + PRIOR) * (basis @ (basis.T @ (centre - normal.mean)))
     away = points - mean
     # first a variance along and one across, then, where there are enough violations, all covariances
-    along = float(weights @ (away @ unit) ** 2) / total
-    across = (float(weights @ (away**2).sum(axis=1)) / total - along) / max(dimension - 1, 1)
+    along = float(weights @ (away @ unit) ** 2)
+    across = (float(weights @ (away**2).sum(axis=1)) - along) / max(dimension - 1, 1)
     before = float(unit @ basis @ normal.covariance @ basis.T @ unit)
     others = normal.rest if dimension > FULL else (float(np.trace(normal.covariance)) - before) / max(dimension - 1, 1)
     along, across = few * along + (1 - few) * before, few * across + (1 - few) * others
     _, simple = _shaped(unit, along, across)
-    spread = (away @ basis * weights[:, None]).T @ (away @ basis) / total
+    spread = (away @ basis * weights[:, None]).T @ (away @ basis)
     trust = effective / (effective + PRIOR + 2 * width)
     covariance = trust * spread + (1.0 - trust) * simple
     rest = across if dimension > FULL else 1.0

@@ -11,7 +11,7 @@ from scipy.stats import norm
 import uqmbd
 from uqmbd.typing import Array
 from uqmbd_reliability.analysis import Analysis
-from uqmbd_reliability.estimating import Estimate
+from uqmbd_reliability.estimating import Estimate, failing
 from uqmbd_reliability.importance import Sampled
 from uqmbd_reliability.ledger import Exhausted, Ledger, LimitState
 
@@ -104,9 +104,14 @@ def subset(limit: LimitState, dimension: int, *, most: int, seed: int) -> Analys
     cov = DEPENDENCE * float(result.getCoefficientOfVariation())
     last = np.array(algorithm.getInputSample(algorithm.getStepsNumber() - 1, algorithm.EVENT1))
     factor = float(np.exp(norm.ppf(0.975) * np.sqrt(np.log1p(cov**2))))
-    failed = float(np.isnan(ledger.margins).mean())
+    # the points of the first level are standard normal ones: what is lost is counted among them
+    lost, most_lost = failing(np.zeros(0), LEAST, int(np.isnan(ledger.margins[:LEAST, 0]).sum()))
+    known = max(1.0 - lost, 1e-12)
     one = Estimate(
-        probability, cov * probability, probability / factor * (1 - failed), min(probability * factor + failed, 1.0)
+        min(probability / known, 1.0),
+        cov * probability / known,
+        probability / factor,
+        min(probability * factor + most_lost, 1.0),
     )
     rows = np.array([seen[row.tobytes()] for row in last])
     sampled = Sampled(last, np.full(len(last), probability), ledger.margins[rows], rows)

@@ -165,7 +165,9 @@ def test_what_cannot_be_done_is_said(monkeypatch):
     assert "there are low, high" in Reliability(requirement="nothing").obstacle(study)
     assert "is for one requirement" in Reliability(method="subset").obstacle(study)
     assert Reliability().obstacle(study) is None
-    assert Reliability(surrogate=Collocation(order=2)).estimate(study).realisations > 3000
+    assert Reliability(surrogate=Collocation(order=2)).estimate(study).realisations == 3000
+    dear = Reliability(surrogate=Collocation(order=9), max_realisations=600)
+    assert "and 500 more are needed" in dear.obstacle(study)
     with pytest.raises(uqmbd.StudyError, match="leave the method out"):
         Reliability(surrogate=Collocation(order=2), method="form")
     heavy = uqmbd.RandomVariable("h", chaospy.StudentT(2))
@@ -198,5 +200,24 @@ def test_a_surrogate_saves_realisations_and_a_poor_one_deceives_nobody(order):
     low, high = data["interval"].values[0]
     assert low < exact < high < 1.3 * low
     assert data["violation_probability"].item() == pytest.approx(exact, rel=0.15)
+    assert np.allclose(data["violated_by"].values, data["violation_probability"].values[:, None])
     assert node.attrs["realisations"] < (1000 if order == 1 else 500)
     assert node.attrs["surrogate_realisations"] > 0
+
+
+def test_what_a_surrogate_takes_counts_even_where_it_is_of_no_use(monkeypatch):
+    """It is given up after 40 real realisations; the samples that count lie behind those."""
+
+    def useless(runs, predicted, dimension, **_):
+        runs(np.zeros((40, dimension)))
+
+    monkeypatch.setattr(module, "learn", useless)
+    w = uqmbd.RandomVariable("w", chaospy.Normal(1, 0.05))
+    mechanism = spring({"stiff": w <= 1.15}, [w], lambda v: 50 * v)
+    with pytest.warns(UserWarning, match="was not reached"):
+        node = answer(mechanism, surrogate=Collocation(order=2), max_realisations=600, target_cov=0.01)
+    data = node["requirements"].to_dataset()
+    assert node.attrs["surrogate_realisations"] > 3
+    assert node.attrs["realisations"] == 600
+    assert np.allclose(data["violated_by"].values[:, -1], data["violation_probability"].values)
+    assert data["violation_probability"].item() == pytest.approx(norm.sf(3), rel=0.3)
