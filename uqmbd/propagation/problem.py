@@ -144,10 +144,13 @@ class Problem:
 
     def watching(self, times: Array | None = None) -> Problem:
         """Return the problem whose outputs are those of the study, then what is watched, at any times (T,)."""
-        times = self.times if times is None else np.array(times, dtype=float)
-        # margins are those of the times of the study
+        # margins, and what sums a motion up, are those of the times of the study
         model = replace(self.watched or self.model, margins=None)
-        return replace(self, model=model, watched=None, times=times, observed=Observed())
+        if times is not None:
+            model, times = replace(model, scalars=None), np.array(times, dtype=float)
+        return replace(
+            self, model=model, watched=None, times=self.times if times is None else times, observed=Observed()
+        )
 
     def with_inputs(self, variables: Iterable[RandomVariable]) -> Problem:
         """Return the problem with other distributions of some inputs, as after a calibration.
