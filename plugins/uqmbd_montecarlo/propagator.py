@@ -153,7 +153,8 @@ class MonteCarlo(uqmbd.Propagator):
         sums = None if surrogate is None else ControlledSums(surrogate.chaos, uniform)
         values = problem.inputs.from_uniform(uniform)
         found = gather(problem, values, sizes, self.keep, None if sums is None else sums.add)
-        if found.failures > self.max_failures * self.samples or found.count < 2:
+        few = min(found.count, int(np.count_nonzero(found.kept.good))) < 2
+        if few or found.failures > self.max_failures * self.samples:
             raise uqmbd.IntegrationError(
                 f"{problem.label}: {found.failures} of {self.samples} samples failed, more than "
                 f"max_failures = {self.max_failures:g} allows. "

@@ -193,8 +193,9 @@ class Reliability(uqmbd.Propagator):
         predicted: Predictor | None = None,
     ) -> xr.DataTree:
         fine = pilot.good
-        lost = int(np.count_nonzero(~fine))
-        if lost > 0.5 * len(fine) or lost > len(fine) - 2:
+        # where an output does not happen a realisation has not failed
+        lost = int(np.count_nonzero(~fine)) - pilot.censored
+        if lost > 0.5 * len(fine) or np.count_nonzero(fine) < 2:
             raise uqmbd.IntegrationError(
                 f"{problem.label}: {lost} of the first {len(fine)} realisations failed; check the distributions of the "
                 f"inputs. Most frequent reason: {pilot.most_frequent_reason()}"

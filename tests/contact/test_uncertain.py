@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import json
+
 import chaospy
 import numpy as np
 import pytest
 
 import uqmbd
+from uqmbd.results import Status
 from uqmbd.testing import check_component
 from uqmbd_collocation import Collocation
 from uqmbd_contact import PlaneImpact, SphereImpact
@@ -57,14 +60,37 @@ def test_second_impact():
 
 @pytest.mark.thorough
 def test_samples_without_an_event_are_counted():
-    """Some realisations have no second impact by the last time."""
+    """Some realisations have no second impact by the last time: they have not failed, and are counted."""
     study = bouncing([0, 0.7, 1.2], MonteCarlo(samples=20, seed=2))
-    with pytest.warns(UserWarning, match="of 20 realisations failed"):
-        node = study.propagate(study.propagators[0])
+    node = study.propagate(study.propagators[0])
+    assert node.attrs["failures"] == node["scalars"].attrs["failures"] == 0
     status = node["scalars/samples"]["status"].values
     assert "'floor: impact 2' does not happen" in str(node["scalars/samples"]["message"].values)
     h, e = (node["scalars/samples"]["inputs"].sel(input=name).values for name in ("h", "e"))
-    assert ((status == 0) == (second(h, e) < 1.2)).all() and 0 < (status != 0).sum() < 20
+    happens = second(h, e) < 1.2
+    assert ((status == Status.OK) == happens).all() and 0 < happens.sum() < 20
+    assert (status[~happens] == Status.CENSORED).all()
+    statistics = node["scalars/statistics"].to_dataset().isel(output=0)
+    assert float(statistics["censored"]) == np.mean(~happens)
+    assert float(statistics["mean"]) == pytest.approx(second(h, e)[happens].mean(), rel=1e-9)
+
+
+@pytest.mark.thorough
+def test_an_event_that_does_not_happen_costs_its_own_output_alone():
+    """The first impact always happens: a surrogate gives it, exactly, and refuses the second."""
+    study = bouncing([0, 0.7, 1.2], Collocation(order=4))
+    floor = next(iter(study.mechanism.components.values()))
+    study.mechanism.output("first", floor.event_time("impact", 1), units="s")
+    study.mechanism.require("not soon", floor.event_time("impact", 2) >= 1.1)
+    study = uqmbd.Study("bouncing", study.mechanism, study.times, study.propagators)
+    with pytest.warns(uqmbd.StudyWarning, match=r"has no statistics: it does not happen in \d+ of 41 realisations"):
+        node = study.propagate(study.propagators[0])
+    assert len(json.loads(node["scalars"].attrs["refused"])) == 1
+    first = node["scalars/statistics"].to_dataset().sel(output="first")
+    x, w = np.polynomial.legendre.leggauss(60)
+    times = np.sqrt(2 * (1 + 0.1 * x) / G)
+    assert float(first["mean"]) == pytest.approx(float(w @ times) / 2, rel=1e-9)
+    assert node["scalars"].attrs["failures"] == node["requirements"].attrs.get("margin_failures", 0) == 0
 
 
 @pytest.mark.thorough

@@ -38,6 +38,7 @@ from uqmbd.dynamics.projection import PhaseMotion, ProjectedTrajectories
 from uqmbd.dynamics.statics import (
     Equilibrium,
     Modes,
+    ScalarMap,
     ScalarValues,
     linearise,
     linearise_steady,
@@ -65,6 +66,7 @@ __all__ = [
     "PhaseMotion",
     "ProjectedEnsemble",
     "ProjectedTrajectories",
+    "ScalarMap",
     "ScalarValues",
     "Segment",
     "SegmentedMotion",

@@ -123,6 +123,16 @@ def undetermined_margins(model: Model, q: Array, time: float, parameters: Array)
     )
 
 
+def _unknown(seen: MarginMap, number: int) -> str:
+    """Say that it is not known whether a requirement, by its number among those without a time, is met."""
+    name = [one.name for one in seen.requirements if not one.over_time][number]
+    what = "an event" if seen.still is not None and seen.still.of_events(number) else "a first time"
+    return (
+        f"requirement {name!r}: {what} in it does not happen until the last output time, and whether it is met depends "
+        "on when"
+    )
+
+
 def margins_of(ensemble: Batch, times: Array, trajectories: Trajectories | None = None) -> MarginValues:
     """Evaluate the margins of every realisation.
 
@@ -148,12 +158,10 @@ def margins_of(ensemble: Batch, times: Array, trajectories: Trajectories | None 
     if seen.still is not None:
         found = scalars_of(ensemble, trajectories, seen.still, never=float(times[-1]))
         fail(found.status, found.messages)
-        # where a first time does not happen, the margin is beyond that at the end
+        # where a first time, or an event, does not happen, the margin is beyond that at the end
         above = np.array([one.open for one in seen.requirements], dtype=np.int64)[~over_time]
         unknown = found.censored & ~np.where(found.values < 0, above < 0, above > 0)
-        never = "a first time in it does not happen until the last output time, and whether it is met depends on when"
-        names = [one.name for one in seen.requirements if not one.over_time]
-        reasons = [f"requirement {names[int(np.argmax(row))]!r}: {never}" if row.any() else "" for row in unknown]
+        reasons = [_unknown(seen, int(np.argmax(row))) if row.any() else "" for row in unknown]
         fail(np.where(unknown.any(axis=1), Status.OTHER, Status.OK), reasons)
         running[:, ~over_time] = found.values[:, :, None]
         running[:, seen.at_the_end, :-1] = np.inf

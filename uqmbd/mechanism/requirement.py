@@ -9,6 +9,7 @@ import sympy
 
 from uqmbd.errors import StudyError
 from uqmbd.mechanism.expressions import (
+    EventTime,
     FirstTime,
     Maximum,
     Minimum,
@@ -45,7 +46,8 @@ class Requirement:
     at_the_end : bool
         Whether that is made at the end of the motion only, as of an integral.
     open : {-1, 0, 1}
-        Where a first time in it does not happen, the margin is above (1) or below (-1) that at the end of the motion.
+        Where a first time, or an event, in it does not happen, the margin is above (1) or below (-1) that at the end of
+        the motion.
     """
 
     name: str
@@ -124,11 +126,11 @@ def _over_time(margin: sympy.Expr) -> sympy.Expr:
 
 
 def _bounds(margin: sympy.Expr) -> int:
-    """Tell which side a margin is known to be on where a first time in it is later than the motion: 1 above, -1 below.
+    """Tell which side a margin is known to be on where a time in it is later than the motion: 1 above, -1 below.
 
     0: it has several, or is not linear in the one that it has.
     """
-    firsts = sorted(margin.atoms(FirstTime), key=str)
+    firsts = sorted(margin.atoms(EventTime, FirstTime), key=str)
     slope = _linear(margin, firsts[0])[0] if len(firsts) == 1 else sympy.Integer(0)
     return int(sympy.sign(slope)) if slope.is_number else 0
 

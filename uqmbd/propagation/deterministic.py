@@ -243,20 +243,18 @@ def _scalars(mechanism: Mechanism, ensemble: Ensemble, trajectories: Trajectorie
     from uqmbd.dynamics import scalars_of
 
     found, seen = scalars_of(ensemble, trajectories), ensemble.model.scalars
-    absent = [] if trajectories is None else seen.absent(trajectories.scalars)
-    if absent:
-        names = ", ".join(map(repr, seen.names))
-        warnings.warn(
-            f"simulate {mechanism.name!r}: {seen.told(absent[0])}; the outputs without a time are NaN ({names}). Take "
-            "later times, or look at the motion.",
-            stacklevel=4,
-        )
-    elif found.messages[0]:
+    if found.messages[0]:
         raise AssemblyError(f"mechanism {mechanism.name!r}: {found.messages[0]}")
     variables: dict[str, tuple[Any, ...]] = {}
-    for name, units, value, late in zip(seen.names, seen.units, found.values[0], found.censored[0], strict=True):
-        more = {"comment": "it does not happen until the last output time"} if late else {}
-        variables[name] = ((), value, {"units": units, **more})
+    for k, (name, units) in enumerate(zip(seen.names, seen.units, strict=True)):
+        late = bool(found.censored[0, k])
+        variables[name] = ((), found.values[0, k], {"units": units, **({"comment": seen.late[k]} if late else {})})
+        if late and seen.of_events(k):
+            warnings.warn(
+                f"simulate {mechanism.name!r}: {seen.late[k]}; the output {name!r} is NaN. Take later times, or look "
+                "at the motion.",
+                stacklevel=4,
+            )
     return variables
 
 

@@ -262,7 +262,7 @@ class Problem:
             now = self.clock()
             found = Realisations.of(part, chunk, now - begin)
             if self.chosen is not None:
-                found = found.choosing(self.model.scalars.names, self.chosen)
+                found = found.choosing(self.model.scalars, self.chosen)
             self.observed.add(found)
             yield found
             begin = now

@@ -17,7 +17,7 @@ import numpy as np
 import xarray as xr
 
 from uqmbd.errors import IntegrationError, StudyError, StudyWarning, UnusedInputWarning
-from uqmbd.propagation.execution import Kind, UntilTheEnd, integrated_by
+from uqmbd.propagation.execution import Kind, Observed, UntilTheEnd, integrated_by
 from uqmbd.propagation.integration_error import with_integration_error
 from uqmbd.propagation.problem import Problem
 from uqmbd.propagation.propagator import Propagator
@@ -36,6 +36,10 @@ from uqmbd.results.statistics import settled
 from uqmbd.threads import one_thread
 
 __all__ = ["run_method"]
+
+
+FEW = 2
+"""Realisations that statistics are made of, at least."""
 
 
 def run_method(propagator: Propagator, problem: Problem, *, check: bool = True) -> xr.DataTree:
@@ -125,17 +129,12 @@ def _run_scalars(run: Callable[[Problem], xr.DataTree], propagator: Propagator, 
         one = problem.choosing((name,))
         found, why = _one(run, one)
         missing, counted = one.observed.missing[0], one.observed.counted
-        never, sampled = missing == counted > 0, found is not None and "samples" in found.children
+        samples = any("samples" in node.children for node in ([found] if found is not None else nodes))
+        sampled, few = found is not None and samples, samples or (not nodes and counted - missing < FEW)
         # what a surrogate is made of is no sample of the inputs
-        shares[name] = missing / counted if never or sampled or not missing else np.nan
-        if never:
-            why = "it does not happen in any realisation until the last output time; take later times"
+        shares[name] = missing / counted if missing == counted or samples or not missing else np.nan
         if found is None or (missing and not sampled):
-            refused[name] = why = why or (
-                f"it does not happen in {missing} of {counted} realisations, and a surrogate would go on beyond the "
-                "others; take a method that samples, as MonteCarlo, later times, or a quantity that each realisation "
-                "has, as uqmbd.maximum"
-            )
+            refused[name] = why = _late(one.observed, why, few=few)
             warnings.warn(f"{problem.label}: output {name!r} has no statistics: {why}.", StudyWarning, stacklevel=3)
             found = _nothing(propagator, one)
         nodes.append(found)
@@ -156,6 +155,25 @@ def _one(run: Callable[[Problem], xr.DataTree], problem: Problem) -> tuple[xr.Da
         if found is not None and (not problem.observed.missing or "samples" in found.children):
             warnings.warn(warning.message, stacklevel=5)
     return found, why
+
+
+def _late(seen: Observed, why: str, *, few: bool) -> str:
+    """Say why an output that does not happen in some realisations has no statistics; `why`: what else went wrong."""
+    missing, counted = seen.missing[0], seen.counted
+    if missing == counted:
+        words = "it does not happen in any realisation until the last output time; take later times"
+    elif few:
+        words = (
+            f"it does not happen in {missing} of {counted} realisations until the last output time, and the others are "
+            "too few; take later times, or more samples"
+        )
+    else:
+        words = (
+            f"it does not happen in {missing} of {counted} realisations, and a surrogate would go on beyond the "
+            "others; take a method that samples, as MonteCarlo, later times, or a quantity that each realisation has, "
+            "as uqmbd.maximum"
+        )
+    return f"{words}. Besides, realisations failed: {why.rstrip('.')}" if why and seen.failed else words
 
 
 def _nothing(propagator: Propagator, problem: Problem) -> xr.DataTree:

@@ -111,9 +111,9 @@ class ScalarMap:
     kernel : Kernel
         Of ``(modal, motion, resting, steady, summed, inputs)``.
     reaching : tuple of tuple of int
-        Of each output the first times in it, by number among what is summed up.
-    events : frozenset of str
-        Those of `motion` that are times of events.
+        Of each output the arguments of the kernel that a realisation may not reach: first times, and times of events.
+    late : tuple of str
+        Of each output, what to say of a realisation that does not.
     """
 
     names: tuple[str, ...]
@@ -125,7 +125,7 @@ class ScalarMap:
     summed: SummaryMap
     kernel: Kernel
     reaching: tuple[tuple[int, ...], ...]
-    events: frozenset[str] = frozenset()
+    late: tuple[str, ...]
 
     @property
     def needs_motion(self) -> bool:
@@ -137,15 +137,10 @@ class ScalarMap:
         """Whether the motion between the output times is needed."""
         return self.summed.needs_path
 
-    def absent(self, given: Mapping[str, Array]) -> list[str]:
-        """Return the events whose times are needed, and that the motion of one realisation has not."""
-        return [name for name in self.motion if name in self.events and not np.isfinite(given.get(name, np.nan)).all()]
-
-    def told(self, name: str) -> str:
-        """Say that a motion has not what is needed of it."""
-        if name in self.events:
-            return f"the event {name!r} does not happen until the last output time"
-        return f"its motion has no {name}"
+    def of_events(self, output: int) -> bool:
+        """Whether times of events are in an output, by number."""
+        first = len(self.modal)
+        return any(first <= argument < first + len(self.motion) for argument in self.reaching[output])
 
     @property
     def needs_equilibrium(self) -> bool:
@@ -211,6 +206,7 @@ def scalar_map(
         return compile_kernel([se.Symbol(name) for name in names], expressions, tables=tables.known)
 
     counts = [len(old) for _, old in swaps]
+    every = [e for letter in LETTERS for e in dict(swaps)[letter]]
     kernel = cached(("scalars", counts, sympy.srepr(sympy.Tuple(*local))), make)
     return ScalarMap(
         tuple(o.name for o in outputs),
@@ -222,10 +218,18 @@ def scalar_map(
         summary_map(summed, compiled),
         kernel,
         tuple(
-            tuple(k for k, s in enumerate(summed) if isinstance(s, FirstTime) and o.expression.has(s)) for o in outputs
+            tuple(k for k, s in enumerate(every) if isinstance(s, EventTime | FirstTime) and o.expression.has(s))
+            for o in outputs
         ),
-        frozenset(str(s) for s in motion if isinstance(s, EventTime)),
+        tuple(_late(o.expression) for o in outputs),
     )
+
+
+def _late(expression: sympy.Expr) -> str:
+    """Say of an output that something in it does not happen."""
+    events = sorted(map(str, expression.atoms(EventTime)))
+    one = len(events) == 1 and not expression.atoms(FirstTime)
+    return f"{f'the event {events[0]!r}' if one else 'it'} does not happen until the last output time"
 
 
 def _require_event(symbol: EventTime, outputs: Sequence[Output], instances: Sequence[Instance]) -> None:
@@ -264,7 +268,7 @@ def scalars_of(
     wanted : ScalarMap, optional
         What to evaluate; by default the outputs of the model.
     never : float, optional
-        Time, s, that stands in for first times that do not happen; by default what depends on them is NaN.
+        Time, s, that stands in for first times, and events, that do not happen; by default what depends on them is NaN.
 
     Returns
     -------
@@ -319,8 +323,9 @@ def scalars_of(
         fail(np.arange(count), failed, Status.INTEGRATION_FAILED)
         for column, name in enumerate(seen.motion, start=len(seen.modal.values)):
             columns[:, column] = given.get(name, np.nan)
-            missing = np.isnan(columns[:, column])
-            fail(np.arange(count), [seen.told(name) if x else "" for x in missing])
+            if not any(column in reaching for reaching in seen.reaching):
+                missing = np.isnan(columns[:, column])
+                fail(np.arange(count), [f"its motion has no {name}" if x else "" for x in missing])
     good = np.flatnonzero(status == Status.OK)
     if seen.resting.names and len(good):
         q, s = (x[good] for x in poses["equilibrium"])
@@ -334,9 +339,9 @@ def scalars_of(
         columns[good, ends[3] :] = summarised(ensemble, seen.summed, trajectories, good)
     censored = np.zeros((count, len(seen.names)), dtype=bool)
     for k, reaching in enumerate(seen.reaching):
-        censored[good, k] = np.isnan(columns[good][:, ends[3] + np.array(reaching, dtype=np.int64)]).any(axis=1)
+        censored[good, k] = np.isnan(columns[good][:, np.array(reaching, dtype=np.int64)]).any(axis=1)
     if never is not None:
-        late = ends[3] + np.unique([x for reaching in seen.reaching for x in reaching]).astype(np.int64)
+        late = np.unique([x for reaching in seen.reaching for x in reaching]).astype(np.int64)
         columns[:, late] = np.where(np.isnan(columns[:, late]), never, columns[:, late])
     values = np.full((count, len(seen.names)), np.nan)
     if len(good):

@@ -32,6 +32,8 @@ class Observed:
         In how many realisations each output does not happen, by its number; those that always happen are not in it.
     counted : int
         The successful realisations, with those.
+    failed : int
+        The others.
     """
 
     values: list[Array] = field(default_factory=list)
@@ -39,6 +41,7 @@ class Observed:
     counters: Counter[str] = field(default_factory=Counter)
     missing: Counter[int] = field(default_factory=Counter)
     counted: int = 0
+    failed: int = 0
 
     def add(self, part: Realisations) -> None:
         """Take some of a chunk, evenly spread, until there are enough."""
@@ -47,6 +50,7 @@ class Observed:
         late = np.isnan(part.response[part.status == Status.CENSORED]).any(axis=2).sum(axis=0)
         self.missing.update({k: int(late[k]) for k in np.flatnonzero(late).tolist()})
         self.counted += part.censored + len(good)
+        self.failed += part.failures
         wanted = min(AGAIN - len(self.values), len(good))
         if wanted > 0:
             for k in good[np.linspace(0, len(good) - 1, wanted).round().astype(int)].tolist():

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from uqmbd.dynamics import MarginValues, ScalarValues
+from uqmbd.dynamics import MarginValues, ScalarMap, ScalarValues
 from uqmbd.propagation.execution.chunks import Chunk
 from uqmbd.status import Status
 from uqmbd.typing import Array, Index, Mask
@@ -84,12 +84,13 @@ class Realisations:
         about = (chunk.response, chunk.status, chunk.messages, dict(chunk.counters), wall_time)
         return cls(values, *about, chunk.scalars, chunk.margins)
 
-    def choosing(self, names: Sequence[str], chosen: Sequence[str]) -> Realisations:
+    def choosing(self, seen: ScalarMap, chosen: Sequence[str]) -> Realisations:
         """Return them with some of the outputs without a time; those in which one does not happen are censored."""
-        columns = [k for k, name in enumerate(names) if name in chosen]
+        columns = [k for k, name in enumerate(seen.names) if name in chosen]
         response, status, messages = self.response[:, columns], self.status.copy(), list(self.messages)
         for k in np.flatnonzero((status == Status.OK) & np.isnan(response).any(axis=(1, 2))).tolist():
-            status[k], messages[k] = Status.CENSORED, "it does not happen until the last output time"
+            late = columns[int(np.argmax(np.isnan(response[k]).any(axis=1)))]
+            status[k], messages[k] = Status.CENSORED, seen.late[late]
         return replace(self, response=response, status=status, messages=tuple(messages))
 
     @property

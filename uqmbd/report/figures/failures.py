@@ -89,7 +89,7 @@ def failure_reasons(node: Samples) -> list[Reason]:
     meanings |= zip(flags, str(samples["status"].attrs.get("flag_meanings", "")).split(), strict=False)
     messages = samples["message"].values
     groups: dict[tuple[str, str], list[int]] = {}
-    for k in np.flatnonzero(status != Status.OK):
+    for k in np.flatnonzero(~np.isin(status, [Status.OK, Status.CENSORED])):
         kind = meanings.get(int(status[k]), f"status {int(status[k])}").replace("_", " ")
         groups.setdefault((kind, _pattern(str(messages[k]))), []).append(int(k))
     ordered = sorted(groups.items(), key=lambda item: -len(item[1]))

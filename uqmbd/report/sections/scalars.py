@@ -10,7 +10,7 @@ import xarray as xr
 
 from uqmbd.report import figures
 from uqmbd.report.drawing import image
-from uqmbd.report.figures import MOST_SCALARS
+from uqmbd.report.figures import MOST_SCALARS, failure_reasons
 from uqmbd.report.sections.section import Content, TemplateSection
 from uqmbd.report.view import Method, StudyResult
 from uqmbd.results import worst_integration_share
@@ -104,8 +104,8 @@ def _words(method: Method) -> list[str]:
                 )
             )
     if method.failures:
-        messages = [] if method.samples is None else [str(m) for m in method.samples["message"].values if str(m)]
-        reason = f" The first reason: {messages[0]}" if messages else ""
+        first = [] if method.samples is None else failure_reasons(method.samples)
+        reason = f" The most frequent reason: {first[0].text}" if first else ""
         words.append(
             f"With {label}, {method.failures} of {format_count(method.realisations, 'realisation')} have no such "
             f"values and do not enter the statistics.{reason}"

@@ -88,7 +88,7 @@ def propagator_node(
     """
     check_label(label)
     if failures is None:
-        failures = 0 if samples is None else int((samples["status"] != Status.OK).sum())
+        failures = 0 if samples is None else int((~samples["status"].isin([Status.OK, Status.CENSORED])).sum())
     provenance: dict[str, Any] = {
         "propagator": propagator,
         "label": label,

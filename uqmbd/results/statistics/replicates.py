@@ -27,7 +27,8 @@ def replicate_errors(replicates: Sequence[Moments]) -> tuple[Array, Array]:
     -------
     std_error_mean, std_error_std : array, shape (...)
         Jackknife estimates ``sqrt((R - 1) / R sum_r (theta_r - mean theta)^2)``, widened by Student's t of R - 1
-        degrees of freedom, so that 1.96 of them hold 95 % as they would with many replicates; NaN with fewer than two.
+        degrees of freedom, so that 1.96 of them hold 95 % as they would with many replicates; NaN with fewer than two
+        replicates, that of the standard deviation also where one of them has all samples but one.
 
     References
     ----------
@@ -51,7 +52,9 @@ def replicate_errors(replicates: Sequence[Moments]) -> tuple[Array, Array]:
     second = np.array([r.second + r.count * (r.mean - center) ** 2 for r in used])
     n = counts.sum() - counts
     means = (first.sum(axis=0) - first) / n
-    variances = np.maximum((second.sum(axis=0) - second) / n - means**2, 0.0) * n / (n - 1)
+    # one sample that is left has no spread
+    bessel = np.where(n > 1, n / np.maximum(n - 1, 1.0), np.nan)
+    variances = np.maximum((second.sum(axis=0) - second) / n - means**2, 0.0) * bessel
     share = (len(used) - 1) / len(used)
     widening = studentised(len(used))
 
