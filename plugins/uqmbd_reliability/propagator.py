@@ -223,7 +223,7 @@ class Reliability(uqmbd.Propagator):
             wall_time=pilot.wall_time if runs is None else runs.wall_time,
             counters=pilot.counters if runs is None else dict(runs.counters),
             children=children,
-            attrs={**attrs, "failures": failures, "samples_kept": len(fine)},
+            attrs={**attrs, "failures": failures, "samples_kept": len(fine), "statistics_samples": len(fine)},
         )
 
     def _told(self, problem: uqmbd.Problem, runs: Runs, found: Analysis, names: tuple[str, ...]) -> dict[str, Any]:

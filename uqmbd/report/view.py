@@ -60,6 +60,11 @@ class Method:
         return int(self.node.attrs.get("realisations", 0))
 
     @property
+    def counted(self) -> int:
+        """Of how many of these its statistics are."""
+        return int(self.node.attrs.get("statistics_samples", self.realisations))
+
+    @property
     def failures(self) -> int:
         """How many of these failed."""
         return int(self.node.attrs.get("failures", 0))

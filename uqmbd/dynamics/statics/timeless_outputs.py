@@ -139,7 +139,7 @@ class ScalarMap:
 
     def of_events(self, output: int) -> bool:
         """Whether times of events are in an output, by number."""
-        first = len(self.modal)
+        first = len(self.modal.values)
         return any(first <= argument < first + len(self.motion) for argument in self.reaching[output])
 
     @property

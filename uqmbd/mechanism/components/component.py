@@ -292,7 +292,8 @@ class Component:
             That of the `Event` ("impact"); an impact has "rest" (bodies stay in contact), "lift-off", "stick" and
             "slip" too.
         number : int
-            1: the first.  A realisation in which it does not happen until the last output time has none.
+            1: the first.  Where it does not happen until the last output time the value is censored, as that of
+            `uqmbd.first_time` is: counted, and left out of statistics.
         """
         if not isinstance(label, str):
             raise StudyError(

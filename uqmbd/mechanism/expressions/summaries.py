@@ -320,7 +320,7 @@ def first_time(relation: Any) -> sympy.Expr:
 
     Where that does not happen until the last output time, the value is *censored*: the realisation has not failed, and
     has no such value.  Statistics are those of the realisations in which it happens; results say in which share it does
-    not (`censored`).  A surrogate is fitted only where it happens in all realisations.
+    not (`censored`).  A surrogate is fitted only if it happens in every realisation that the surrogate is made of.
 
     Parameters
     ----------

@@ -90,8 +90,13 @@ def _outcome(method: Method, compared: bool) -> list[str]:
     if failed or not compared:  # else the table of methods has it
         seconds = format_duration(method.wall_time)
         text.append(f"{label} computed {format_count(total, 'realisation')} in {seconds}; {outcome}.")
-    kept = total if method.samples is None else method.samples.sizes["sample"]
-    if kept < total:
+    kept, counted = total if method.samples is None else method.samples.sizes["sample"], method.counted
+    if counted < total:
+        text.append(
+            f"Statistics of {label} are those of {format_integer(counted)} realisations that are spread like the "
+            f"inputs; the other {format_integer(total - counted)} were chosen to find violations."
+        )
+    elif kept < total:
         text.append(
             f"Means and standard deviations of {label} are those of all {format_integer(total)}; quantiles, "
             f"histograms and densities are those of the first {format_integer(kept)}, which the results hold."
@@ -123,13 +128,15 @@ def _precision(result: StudyResult) -> list[str]:
 
 def _advice(method: Method, share: float) -> str:
     """Say whether so uncertain a standard deviation needs more samples, and how many would halve its uncertainty."""
-    total = method.realisations
+    total = method.counted
     if share <= _WELL_KNOWN:
         verdict = "That is enough for most purposes"
     elif share <= _ROUGHLY_KNOWN:
         verdict = "That tells how large the spread is, but not its second digit"
     else:
         verdict = "That is a rough figure, and more samples are needed to rely on it"
+    if total < method.realisations:
+        return f"{verdict}; another method is better at it."
     halving = f"{format_count(4 * total, 'sample')} instead of {format_integer(total)} would halve the uncertainty"
     if not design_of(method.node.attrs).independent:
         halving += " at the latest, since this sampling design often converges faster"

@@ -277,12 +277,12 @@ def _validate_samples(node: xr.DataTree, statistics: xr.DataTree, parent: xr.Dat
     )
     filled = response.notnull() & failed
     _values(node, "response", filled.transpose(*response.dims), "a number in a failed sample", "NaN")
-    count = int(failed.sum())
+    count = int((failed & (status != Status.CENSORED)).sum())
     _require(
         count == parent.attrs["failures"] or "samples_kept" in parent.attrs,
         parent.path,
         f"attribute 'failures' = {parent.attrs['failures']}",
-        f"{count}, the number of samples whose status is not 0",
+        f"{count}, the number of samples that failed by their status",
     )
 
 
