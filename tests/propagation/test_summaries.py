@@ -144,3 +144,16 @@ def test_what_never_happens_is_told_as_that():
     assert all("does not happen in any realisation until the last output time" in one for one in words)
     for label in ("monte-carlo", "collocation"):
         assert float(results[label]["scalars/statistics"]["censored"][0]) == 1
+
+
+@pytest.mark.thorough
+def test_what_happens_in_all_realisations_is_bounded_by_their_number(results):
+    """By Clopper and Pearson: of 400 samples 0.75 %; nodes are no samples, verification realisations are some."""
+    sampled = results["monte-carlo/scalars/statistics"].to_dataset()["censored_bound"]
+    assert float(sampled.sel(output="middle")) == pytest.approx(1 - 0.05 ** (1 / 400))
+    assert float(sampled.sel(output="fastest")) == 0  # a largest value there always is
+    share = float(results["monte-carlo/scalars/statistics"]["censored"].sel(output="reached"))
+    assert share < float(sampled.sel(output="reached")) < share + 0.06
+    surrogate = results["collocation/scalars/statistics"].to_dataset()["censored_bound"]
+    assert 1 - 0.05 ** (1 / 16) <= float(surrogate.sel(output="middle")) < 0.5
+    assert np.isnan(surrogate.sel(output="reached"))

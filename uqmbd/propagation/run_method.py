@@ -24,6 +24,7 @@ from uqmbd.propagation.propagator import Propagator
 from uqmbd.results import (
     InputInfo,
     Labels,
+    clopper_pearson,
     joined_outputs,
     node_parts,
     requirements_of,
@@ -31,7 +32,7 @@ from uqmbd.results import (
     with_requirements,
     with_scalars,
 )
-from uqmbd.results.chaos import verified_std
+from uqmbd.results.chaos import verified_std, verified_trials
 from uqmbd.results.statistics import settled
 from uqmbd.threads import one_thread
 
@@ -106,7 +107,8 @@ def _run_scalars(run: Callable[[Problem], xr.DataTree], propagator: Propagator, 
     -------
     xarray.DataTree
         Where some of them may not happen, ``statistics`` have ``censored`` (output,), the share of realisations in
-        which they do not (NaN for methods that do not sample the inputs), and are those of the others.  Further
+        which they do not (NaN for methods that do not sample the inputs), ``censored_bound`` (output,), how large that
+        share may be with 95 % confidence, and are those of the others.  Further
         children are about the outputs that always happen, or, if there are none, about the first that a method could
         give.  The attribute ``refused`` says which outputs have no statistics, and why.
     """
@@ -123,6 +125,7 @@ def _run_scalars(run: Callable[[Problem], xr.DataTree], propagator: Propagator, 
             break
         sure = tuple(name for name in sure if name not in late)
     shares, refused = dict.fromkeys(sure, 0.0), dict[str, str]()
+    trials = dict.fromkeys(sure, _trials(nodes[0], one.observed) if sure else 0.0)
     for name in every:
         if name in sure:
             continue
@@ -133,12 +136,25 @@ def _run_scalars(run: Callable[[Problem], xr.DataTree], propagator: Propagator, 
         sampled, few = found is not None and samples, samples or (not nodes and counted - missing < FEW)
         # what a surrogate is made of is no sample of the inputs
         shares[name] = missing / counted if missing == counted or samples or not missing else np.nan
+        trials[name] = counted if samples else _trials(found, one.observed) if found is not None else 0.0
         if found is None or (missing and not sampled):
             refused[name] = why = _late(one.observed, why, few=few)
             warnings.warn(f"{problem.label}: output {name!r} has no statistics: {why}.", StudyWarning, stacklevel=3)
             found = _nothing(propagator, one)
         nodes.append(found)
-    return joined_outputs(nodes, problem.label, [shares[name] for name in every], refused, every)
+    may = dict(zip(every, problem.model.scalars.reaching, strict=True))
+    bounds = [_bound(shares[name], trials[name]) if may[name] else 0.0 for name in every]
+    return joined_outputs(nodes, problem.label, [shares[name] for name in every], bounds, refused, every)
+
+
+def _bound(share: float, trials: float) -> float:
+    """Return how large a share may be of which a number of independent trials tell, with 95 % confidence."""
+    return share if np.isnan(share) else float(clopper_pearson(share * trials, trials)[1])
+
+
+def _trials(node: xr.DataTree, seen: Observed) -> float:
+    """Return as how many independent samples of the inputs the realisations of a method count."""
+    return seen.counted if "samples" in node.children else verified_trials(node)
 
 
 def _one(run: Callable[[Problem], xr.DataTree], problem: Problem) -> tuple[xr.DataTree | None, str]:

@@ -117,6 +117,7 @@ def joined_outputs(
     nodes: Sequence[xr.DataTree],
     label: str,
     shares: Sequence[float],
+    bounds: Sequence[float],
     refused: Mapping[str, str],
     names: Sequence[str],
 ) -> xr.DataTree:
@@ -129,6 +130,8 @@ def joined_outputs(
     label : str
     shares : sequence of float
         Of each output, the share of realisations in which it does not happen: ``censored`` (output,).
+    bounds : sequence of float
+        How large that share may be, with 95 % confidence: ``censored_bound`` (output,).
     refused : mapping of str to str
         Outputs without statistics, and why: the attribute ``refused``.
     names : sequence of str
@@ -146,6 +149,8 @@ def joined_outputs(
     statistics = statistics.isel(output=order).assign_attrs(first.attrs)
     about = {"long_name": "share of realisations in which it does not happen until the last time"}
     statistics["censored"] = ("output", np.array(shares), about)
+    about = {"long_name": "largest share in which it may not happen", "comment": "with 95 % confidence"}
+    statistics["censored_bound"] = ("output", np.array(bounds), about)
     parts = node_parts(main)
     parts["statistics"] = statistics
     if refused:

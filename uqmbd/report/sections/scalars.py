@@ -76,6 +76,19 @@ def _influence(data: xr.Dataset) -> str:
     return ""
 
 
+def _bounds(method: Method) -> list[str]:
+    """Say of outputs that happen in all realisations how often they may not happen elsewhere."""
+    if "censored_bound" not in method.statistics:
+        return []
+    shares, bounds = (method.statistics[name].values for name in ("censored", "censored_bound"))
+    return [
+        f"With {method.label}, {name} happens in all realisations; elsewhere it may not, in at most "
+        f"{format_share(bound)} (with 95 % confidence)."
+        for name, share, bound in zip(method.names, shares.tolist(), bounds.tolist(), strict=True)
+        if share == 0 < bound
+    ]
+
+
 def _error(data: xr.Dataset) -> str:
     """Say the stated error of a surrogate."""
     share = float(data.get("verification_error", math.nan))
@@ -90,6 +103,7 @@ def _words(method: Method) -> list[str]:
         words.append(f"With {label}, the error of the time integration is {worst.words()} ({worst.output}), or less.")
     if method.fit and method.failures:
         words.append(f"With {label}: {method.fit}.")
+    words += _bounds(method)
     late = method.statistics.get("censored")
     for name, share in zip(method.names, [] if late is None else late.values, strict=False):
         if not share == 0:

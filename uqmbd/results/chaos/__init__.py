@@ -21,6 +21,7 @@ from uqmbd.results.chaos.surrogates import (
     surrogate,
     surrogate_parts,
     verified_std,
+    verified_trials,
 )
 
 __all__ = [
@@ -54,5 +55,6 @@ __all__ = [
     "surrogate_parts",
     "verdict_of_decay",
     "verified_std",
+    "verified_trials",
     "weighted_std",
 ]

@@ -13,7 +13,7 @@ from uqmbd.results.chaos.composed import KINDS, ComposedChaos, Part
 from uqmbd.results.chaos.stated_error import weighted_std
 from uqmbd.typing import Array, Index
 
-__all__ = ["StoredSurrogate", "stored_surrogates", "surrogate", "surrogate_parts", "verified_std"]
+__all__ = ["StoredSurrogate", "stored_surrogates", "surrogate", "surrogate_parts", "verified_std", "verified_trials"]
 
 
 class StoredSurrogate(NamedTuple):
@@ -139,6 +139,13 @@ def verified_std(node: xr.DataTree, shape: tuple[int, ...]) -> Array:
             weights = data.get("verification_weights")
             found[rows] = weighted_std(known.values, np.ones(len(known)) if weights is None else weights.values)
     return found
+
+
+def verified_trials(node: xr.DataTree) -> float:
+    """Return as how many independent samples of the inputs the verification realisations count; 0 without any."""
+    weights = [data.get("verification_weights") for _, data, _ in stored_surrogates(node)]
+    known = [w.values / w.values.sum() for w in weights if w is not None and w.size]
+    return min((1 / float((w**2).sum()) for w in known), default=0.0) if len(known) == len(weights) else 0.0
 
 
 def _kind(node: xr.DataTree) -> str:
