@@ -140,5 +140,7 @@ from .randomness import sampling_designs as sampling_designs
 from .randomness import smolyak as smolyak
 from .randomness import sparse_rule as sparse_rule
 from .randomness import stated_tolerance as stated_tolerance
+from .randomness import tabulated as tabulated
 from .randomness import tolerance as tolerance
+from .randomness import uniform_variable as uniform_variable
 from .version import __version__ as __version__

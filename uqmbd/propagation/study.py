@@ -178,6 +178,14 @@ class Study:
         other.propagators = self._checked(propagators)
         return other
 
+    def with_times(self, times: ArrayLike) -> Study:
+        """Make a copy with other output times (T,), s, strictly increasing, the first of which is the start."""
+        other = copy.copy(self)
+        other.times = check_times(times, f"study {self.name!r}")
+        other.report_times = ()
+        other._compiled = None
+        return other
+
     @property
     def model(self) -> Model:
         """The compiled model (made when first needed), which the integrator of the study can integrate."""

@@ -173,6 +173,18 @@ def random_vector(
 def uniform_variable(name: str, lower: float, upper: float, units: str = "") -> RandomVariable:
     """Make a uniformly distributed random variable, for those that do not import chaospy.
 
+    Parameters
+    ----------
+    name : str
+    lower, upper : float
+        Ends, in the units.
+    units : str
+
+    Raises
+    ------
+    uqmbd.StudyError
+        As of `RandomVariable`.
+
     Examples
     --------
     >>> uniform_variable("length", 0.9, 1.1, "m").description
@@ -224,6 +236,11 @@ def mean_of(distribution: Any) -> np.ndarray:
     from uqmbd.randomness.distributions import Law, heaviest_tail, is_dependent
     from uqmbd.randomness.germs import discretise, discretise_quantiles
 
+    if isinstance(distribution, chaospy.CopulaDistribution):
+        # chaospy has no moments of what depends on each other; a copula leaves those of its marginals as they are
+        marginals = distribution._parameters["dist"]
+        if not is_dependent(marginals):
+            return np.concatenate([mean_of(marginals[k]) for k in range(len(marginals))])
     if len(distribution) > 1 and not is_dependent(distribution) and any(Law.of(d).mends for d in distribution):
         return np.concatenate([mean_of(d) for d in distribution])
     if len(distribution) == 1:

@@ -142,3 +142,40 @@ def test_what_has_no_marginals_or_is_cut_is_refused():
         space_of(["a", "b"], chaospy.J(a, chaospy.Normal(a, 0.3)), "nataf")
     with pytest.raises(uqmbd.StudyError, match="Inputs a, b: chaospy does not truncate dependent variables correctly"):
         space_of(["a", "b"], chaospy.Trunc(chaospy.MvNormal([0, 0], [[1, 0.5], [0.5, 1]]), [-1, -1], [1, 1]))
+
+
+def test_a_copula_leaves_the_means_of_its_marginals():
+    joint = chaospy.Nataf(chaospy.J(chaospy.Uniform(1, 4), chaospy.Weibull(2)), [[1, 0.5], [0.5, 1]])
+    first, second = uqmbd.random_vector(["a", "b"], joint)
+    # of a Weibull distribution of shape 2: gamma(3/2)
+    assert first.mean == pytest.approx(2.5) and second.mean == pytest.approx(np.sqrt(np.pi) / 2, rel=1e-6)
+
+
+def test_tables_of_quantiles_are_distributions():
+    """Against the lognormal distribution, and the covariance of two that a Gaussian copula couples."""
+    z = np.linspace(-8, 8, 801)
+    joint = uqmbd.tabulated(z, np.stack([np.exp(0.2 * z), 3 + z], axis=1), [[1, 0.6], [0.6, 1]])
+    variables = uqmbd.random_vector(["a", "b"], joint)
+    space = space_of(["a", "b"], joint, "rosenblatt")
+    drawn = space.to_inputs(np.random.default_rng(0).standard_normal((200_000, 2)))
+    assert [v.mean for v in variables] == pytest.approx([np.exp(0.02), 3.0], rel=1e-5)
+    assert np.cov(drawn, rowvar=False)[0, 1] == pytest.approx(0.6 * 0.2 * np.exp(0.02), rel=0.02)
+    single = uqmbd.tabulated(z, np.exp(0.2 * z))
+    exact = chaospy.LogNormal(0, 0.2)
+    at = np.array([0.5, 0.9, 1.3])
+    np.testing.assert_allclose(single.cdf(at), exact.cdf(at), rtol=1e-5)
+    np.testing.assert_allclose(single.pdf(at), exact.pdf(at), rtol=1e-4)
+
+
+@pytest.mark.parametrize(
+    "arguments, said",
+    [
+        (([0, 1, 2, 3], [0, 1, 2]), "shape"),
+        (([0, 1, 2, 3], [0, 2, 1, 3]), "does not increase"),
+        (([0, 1, 2, 3], [[0, 0], [1, 1], [2, 2], [3, 3]]), "correlation"),
+        (([0, 1, 2, 3], [0, 1, 2, np.inf]), "finite"),
+    ],
+)
+def test_tables_that_are_no_quantiles_are_refused(arguments, said):
+    with pytest.raises(uqmbd.StudyError, match=said):
+        uqmbd.tabulated(*arguments)

@@ -1,0 +1,212 @@
+"""From a study and its records to cases: which inputs are unknown, in which record, and at which operating point."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+import uqmbd
+from uqmbd.typing import Array
+from uqmbd_calibration.inference import Bias, Block, Case, Level, OperatingPoint, Unknown, Unknowns
+from uqmbd_calibration.records import Record, Series
+
+__all__ = ["Arrangement", "arrange"]
+
+
+@dataclass(frozen=True, eq=False)
+class Arrangement:
+    """What is unknown, and what says something of it.
+
+    Attributes
+    ----------
+    unknowns : Unknowns
+    points : tuple of OperatingPoint
+        Each with the times of its records.
+    cases : tuple of Case
+        Machines at operating points.
+    """
+
+    unknowns: Unknowns
+    points: tuple[OperatingPoint, ...]
+    cases: tuple[Case, ...]
+
+    def physical(self, vectors: Array) -> Array:
+        """Return the unknown inputs (K, D), in their units, of vectors of unknowns (K, N)."""
+        values = np.empty((len(vectors), len(self.unknowns.inputs)))
+        for case in self.cases:
+            inputs = case.point.inputs(case.normals(vectors))
+            values[:, case.columns[case.free]] = inputs[:, case.free]
+        return values
+
+
+def arrange(
+    study: uqmbd.Study,
+    records: Sequence[Record],
+    *,
+    robust: bool,
+    bias: Mapping[str, Bias],
+    individual: Sequence[str],
+    realisations: int,
+    executor: Executor | None,
+    progress: Any,
+) -> Arrangement:
+    """Arrange records.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If an input of a group of dependent ones is known or individual alone, an input cannot be found, or records do
+        not go with the study.
+    """
+    inputs = study.mechanism.inputs
+    _check_groups(study, records, individual)
+    groups: dict[tuple[tuple[tuple[str, float], ...], str], list[Record]] = {}
+    for record in records:
+        known = tuple(sorted(record.known.items()))
+        groups.setdefault((known, record.machine if individual else ""), []).append(record)
+    unknown = _unknown(inputs.names, groups, individual)
+    levels = _levels(records)
+    points: dict[tuple[tuple[str, float], ...], OperatingPoint] = {}
+    for known in dict.fromkeys(known for known, _ in groups):
+        own = [record for (k, _), them in groups.items() if k == known for record in them]
+        machines = sum(k == known for k, _ in groups)
+        points[known] = _point(study, dict(known), own, realisations * machines, executor, progress)
+    cases, first = [], len(unknown)
+    for (known, machine), own in groups.items():
+        columns = np.full(len(inputs), -1)
+        for at, one in enumerate(unknown):
+            if inputs.names[one.input] not in dict(known) and one.machine in ("", machine):
+                columns[one.input] = at
+        blocks = []
+        for record in own:
+            for series in record.series:
+                block = _block(points[known], record, series, levels, bias.get(series.output), robust, first)
+                first += block.modes.shape[1] if robust else 0
+                blocks.append(block)
+        cases.append(Case(points[known], columns, tuple(blocks)))
+    return Arrangement(Unknowns(unknown, first - len(unknown), levels), tuple(points.values()), tuple(cases))
+
+
+def _unknown(names: Sequence[str], groups: Mapping[Any, Any], individual: Sequence[str]) -> tuple[Unknown, ...]:
+    """Return the inputs that are not known in all records, of each machine those that are its own."""
+    found = []
+    for column, name in enumerate(names):
+        own = [machine for known, machine in groups if name not in dict(known)]
+        if name not in individual:
+            found += [Unknown(name, column)] if own else []
+        else:
+            found += [Unknown(f"{name}[{machine}]", column, machine) for machine in dict.fromkeys(own)]
+    if not found:
+        raise uqmbd.StudyError("calibrate: all inputs are known in all records; there is nothing to be found.")
+    return tuple(found)
+
+
+def _check_groups(study: uqmbd.Study, records: Sequence[Record], individual: Sequence[str]) -> None:
+    """Refuse what breaks a group of dependent inputs, inputs of few values, and machines without a name."""
+    inputs = study.mechanism.inputs
+    unknown = [name for name in individual if name not in inputs.names]
+    if unknown:
+        raise uqmbd.StudyError(
+            f"calibrate: individual names {unknown[0]!r}, which is no input of the study; it has "
+            f"{', '.join(inputs.names)}."
+        )
+    if individual and (nameless := [record.name for record in records if not record.machine]):
+        raise uqmbd.StudyError(
+            f"calibrate: individual={list(individual)!r} draws inputs for each machine anew, and record "
+            f"{nameless[0]!r} does not say of which machine it is; give it one, as machine='rig 2'."
+        )
+    for variable in inputs.variables:
+        names = set(variable.joint.names)
+        if len(names) == 1:
+            continue
+        for record in records:
+            if names & set(record.known):
+                raise uqmbd.StudyError(
+                    f"calibrate: record {record.name!r} knows {', '.join(sorted(names & set(record.known)))}, which "
+                    f"depends on {', '.join(sorted(names - set(record.known))) or 'others'} by its distribution; only "
+                    "independent inputs can be known in a record."
+                )
+        if 0 < len(names & set(individual)) < len(names):
+            raise uqmbd.StudyError(
+                f"calibrate: {', '.join(sorted(names))} depend on each other; all of them are individual, or none is."
+            )
+
+
+def _levels(records: Sequence[Record]) -> tuple[Level, ...]:
+    """Return the noise levels that are unknown: one for each output whose noise a record does not state."""
+    found: dict[str, Level] = {}
+    for record in records:
+        for series in record.series:
+            if series.noise is None and series.output not in found:
+                own = [s for r in records for s in r.series if s.output == series.output and s.noise is None]
+                values = np.concatenate([s.values for s in own])
+                spread = float(values.std()) or 0.1 * float(np.abs(values).max()) or 1.0
+                found[series.output] = Level(series.output, series.units, 0.1 * spread)
+    return tuple(found.values())
+
+
+def _point(
+    study: uqmbd.Study,
+    known: dict[str, float],
+    records: Sequence[Record],
+    most: int,
+    executor: Executor | None,
+    progress: Any,
+) -> OperatingPoint:
+    """Return the mechanism at an operating point, at the times of its records."""
+    series = [one for record in records for one in record.series]
+    moving, still = any(not one.timeless for one in series), any(one.timeless for one in series)
+    times = np.unique(np.concatenate([study.times[:1], *(one.times for one in series)]))
+    if still:
+        if moving and times[-1] > study.times[-1]:
+            raise uqmbd.StudyError(
+                f"calibrate: records last until {times[-1]:g} s, and the study until {study.times[-1]:g} s, of whose "
+                "whole motion an output without a time is recorded, too; let the study last as long."
+            )
+        times = np.unique(np.concatenate([times, study.times])) if moving else study.times
+    if moving and len(times) == 1:
+        times = np.unique(np.concatenate([times, study.times]))
+    other = study.with_times(times)
+    return OperatingPoint(other, known, moving=moving, still=still, most=most, executor=executor, progress=progress)
+
+
+def _block(
+    point: OperatingPoint,
+    record: Record,
+    series: Series,
+    levels: tuple[Level, ...],
+    bias: Bias | None,
+    robust: bool,
+    first: int,
+) -> Block:
+    """Return the values of one output as a block."""
+    mechanism, count = point.study.mechanism, len(series.values)
+    outputs = mechanism.scalars if series.timeless else mechanism.outputs
+    columns = np.zeros(count, dtype=np.int64)
+    if not series.timeless:
+        columns = np.searchsorted(point.study.times, series.times)
+    level = -1
+    if series.noise is None:
+        level = [one.output for one in levels].index(series.output)
+    modes: Array = np.zeros((count, 0))
+    if bias is not None:
+        modes = bias.modes(series.times if not series.timeless else np.zeros(count))
+    return Block(
+        record=record.name,
+        output=series.output,
+        units=series.units,
+        times=series.times,
+        values=series.values,
+        row=list(outputs).index(series.output),
+        columns=columns,
+        noise=series.noise,
+        level=level,
+        modes=modes,
+        robust=robust,
+        first=first,
+        variance=np.zeros(count),
+    )

@@ -1,0 +1,126 @@
+"""The function that a user calls."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from concurrent.futures import Executor
+from typing import Any, Literal
+
+import numpy as np
+
+import uqmbd
+from uqmbd_calibration.finding import find
+from uqmbd_calibration.inference import Bias, require_sampler
+from uqmbd_calibration.records import Record, checked_records
+from uqmbd_calibration.result import Calibration, tree_of, warn_of
+
+__all__ = ["calibrate"]
+
+
+def calibrate(
+    study: uqmbd.Study,
+    records: Record | Sequence[Record],
+    *,
+    surrogate: uqmbd.Propagator | None = None,
+    realisations: int = 200,
+    draws: int = 4000,
+    chains: int = 4,
+    noise: Literal["normal", "student"] = "normal",
+    bias: Mapping[str, Bias] | None = None,
+    individual: Sequence[str] = (),
+    seed: int = 0,
+    workers: int | Executor = 1,
+    progress: uqmbd.Progress | bool | None = None,
+) -> Calibration:
+    """Find what records say of the inputs of a study.
+
+    The random variables of the study are what is unknown, and their distributions are what was known before.
+
+    Parameters
+    ----------
+    study : uqmbd.Study
+        Its times do not matter but for their start: records have times of their own.
+    records : Record or sequence of Record
+        What was measured.
+    surrogate : uqmbd.Propagator, optional
+        A method that gives a surrogate, as ``Collocation(order=4)``.  By default collocation of the highest
+        order that about half of the realisations suffice for, aligned where that is better.
+    realisations : int
+        Realisations of the mechanism, at most, for each operating point and machine; those of the surrogate count.
+    draws, chains : int
+        Draws of the posterior that are kept, all together, and independent ensembles of walkers that they come from.
+    noise : {"normal", "student"}
+        Distribution of the noise; ``student`` is Student's t with 4 degrees of freedom, scaled by the stated noise, for
+        records with outliers.
+    bias : mapping of str to Bias, optional
+        By output, what the model may be wrong by.
+    individual : sequence of str
+        Inputs that each machine has of its own; all others are shared.
+    seed : int
+        The same seed gives the same bits, whatever the number of workers.
+    workers : int or concurrent.futures.Executor
+        Who computes realisations.
+    progress : uqmbd.Progress or bool, optional
+        As of `uqmbd.Study.run`.
+
+    Returns
+    -------
+    Calibration
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If something does not go with the study, or emcee or ArviZ are not installed.
+
+    Warns
+    -----
+    uqmbd.StudyWarning
+        If the mechanism does not confirm the posterior, chains have not converged, the posterior has other maxima, or
+        a record is not one that the model gives.
+    """
+    given = checked_records(records, study)
+    require_sampler()
+    _check(study, noise, bias, {"realisations": realisations, "draws": draws, "chains": chains, "seed": seed})
+    with uqmbd.pool(workers) as executor:
+        found = find(
+            study,
+            given,
+            surrogate=surrogate,
+            realisations=realisations,
+            draws=draws,
+            chains=chains,
+            robust=noise == "student",
+            bias=bias or {},
+            individual=individual,
+            seed=seed,
+            executor=executor,
+            progress=progress,
+        )
+    about = {
+        "kind": "calibration",
+        "records": [record.name for record in given],
+        "noise": noise,
+        "seed": seed,
+        "surrogate": found.method,
+    }
+    made = Calibration(tree_of(study, found, seed, about))
+    warn_of(made.checks, stacklevel=2)
+    return made
+
+
+def _check(study: uqmbd.Study, noise: object, bias: object, numbers: Mapping[str, Any]) -> None:
+    """Refuse options that cannot be used."""
+    if noise not in ("normal", "student"):
+        raise uqmbd.StudyError(f"calibrate: noise is {noise!r}; expected 'normal' or 'student'.")
+    least = {"realisations": 1, "draws": 100, "chains": 2, "seed": 0}
+    for name, value in numbers.items():
+        if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < least[name]:
+            raise uqmbd.StudyError(f"calibrate: {name} is {value!r}; expected a whole number, {least[name]} or more.")
+    if bias is None:
+        return
+    outputs = [*study.mechanism.outputs, *study.mechanism.scalars]
+    if not isinstance(bias, Mapping) or not all(isinstance(one, Bias) for one in bias.values()):
+        raise uqmbd.StudyError(f"calibrate: bias is {bias!r}; expected a mapping as {{'force': Bias(sd=0.5)}}.")
+    for name in bias:
+        if name not in outputs:
+            raise uqmbd.StudyError(f"calibrate: bias names {name!r}; the study has the outputs {', '.join(outputs)}.")

@@ -1,0 +1,159 @@
+"""From records to draws of the posterior."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+import uqmbd
+from uqmbd.typing import Array
+from uqmbd_calibration.arranging import Arrangement, arrange
+from uqmbd_calibration.inference import (
+    Bias,
+    Case,
+    Direction,
+    Inferred,
+    OperatingPoint,
+    Posterior,
+    default_method,
+    directions,
+    expected_covariance,
+    infer,
+    prior_surrogate,
+    search,
+)
+from uqmbd_calibration.records import Record
+
+__all__ = ["Found", "find"]
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """What was found of some records.
+
+    Attributes
+    ----------
+    arrangement : Arrangement
+    inferred : Inferred
+    beforehand : tuple of Direction
+        What the records cannot say, by the surrogate over the prior.
+    prior : Posterior
+        By the surrogate over the prior, without data of its errors.
+    notes : tuple of str
+        What the method that made the surrogate warned of.
+    method : str
+        Which that was.
+    nodes : tuple of list of xarray.DataTree
+        What it made, of each operating point.
+    """
+
+    arrangement: Arrangement
+    inferred: Inferred
+    beforehand: tuple[Direction, ...]
+    prior: Posterior
+    notes: tuple[str, ...]
+    method: str
+    nodes: tuple[list[xr.DataTree], ...]
+
+    def given(self, place: int, point: OperatingPoint) -> list[xr.DataTree]:
+        """Return the surrogates of an operating point for another one that is the same, at which they count.
+
+        Raises
+        ------
+        uqmbd.StudyError
+            If it is another one.
+        """
+        points = self.arrangement.points
+        if place >= len(points) or not point.same(points[place]):
+            raise uqmbd.StudyError(
+                "calibrate: surrogate is a calibration of other inputs, outputs, times or known values; give it one of "
+                "the same study and the same times of the records, or a method, as Collocation(order=3)."
+            )
+        point.count(self.nodes[place])
+        return self.nodes[place]
+
+
+def find(
+    study: uqmbd.Study,
+    records: Sequence[Record],
+    *,
+    surrogate: uqmbd.Propagator | Found | None,
+    realisations: int,
+    draws: int,
+    chains: int,
+    robust: bool,
+    bias: Mapping[str, Bias],
+    individual: Sequence[str],
+    seed: int,
+    executor: Executor | None,
+    progress: Any,
+) -> Found:
+    """Find the posterior of the unknown inputs."""
+    arranged = arrange(
+        study,
+        records,
+        robust=robust,
+        bias=bias,
+        individual=individual,
+        realisations=realisations,
+        executor=executor,
+        progress=progress,
+    )
+    unknowns, inputs = arranged.unknowns, len(arranged.unknowns.inputs)
+    nodes: dict[int, list[xr.DataTree]] = {}
+    notes: list[str] = []
+    method = None if isinstance(surrogate, Found) else surrogate
+    for place, point in enumerate(arranged.points):
+        if isinstance(surrogate, Found):
+            nodes[id(point)] = surrogate.given(place, point)
+            continue
+        if surrogate is None:
+            moving = any(not b.timeless for c in arranged.cases if c.point is point for b in c.blocks)
+            method = default_method(point.study, moving=moving, known=list(point.known), most=point.most)
+        assert method is not None
+        with warnings.catch_warnings(record=True) as told:
+            warnings.simplefilter("always")
+            nodes[id(point)] = point.surrogates(method)
+        notes += [str(one.message) for one in told if not issubclass(one.category, uqmbd.UnusedInputWarning)]
+
+    def build(cases: tuple[Case, ...], *, doubted: bool = True) -> Posterior:
+        """Make the posterior by the surrogates over the prior; what these state of their errors adds to the noise."""
+        predictors = tuple(prior_surrogate(nodes[id(case.point)], case.point, case.blocks) for case in cases)
+        if doubted:
+            cases = tuple(
+                replace(
+                    case,
+                    blocks=tuple(
+                        replace(b, variance=b.variance + v) for b, v in zip(case.blocks, p.variances, strict=True)
+                    ),
+                )
+                for case, p in zip(cases, predictors, strict=True)
+            )
+        return Posterior(unknowns, cases, predictors)
+
+    seeds = np.random.SeedSequence(seed).generate_state(3)
+    peaks = search(build, arranged.cases, inputs, unknowns.dimension, int(seeds[0]))
+    prior = build(arranged.cases, doubted=False)
+    levels: Array = peaks.vectors[0, unknowns.first_level :]
+    before = directions(expected_covariance(prior, levels, int(seeds[1])), [one.name for one in unknowns.inputs])
+    variances = tuple(p.variances for p in prior.predictors)  # type: ignore[attr-defined]
+    inferred = infer(
+        unknowns,
+        arranged.cases,
+        prior.predictors,
+        variances,
+        peaks,
+        draws=draws,
+        chains=chains,
+        seed=int(seeds[2]),
+    )
+    made = tuple(nodes[id(point)] for point in arranged.points)
+    if isinstance(surrogate, Found):
+        return Found(arranged, inferred, before, prior, surrogate.notes, surrogate.method, made)
+    return Found(arranged, inferred, before, prior, tuple(notes), repr(method), made)

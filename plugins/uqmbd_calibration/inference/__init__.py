@@ -1,0 +1,48 @@
+"""From records to the posterior of inputs: likelihood, search, surrogates, draws, and checks on the mechanism."""
+
+from __future__ import annotations
+
+from uqmbd_calibration.inference.bias import Bias
+from uqmbd_calibration.inference.blocks import FREEDOM, Block
+from uqmbd_calibration.inference.cases import Case
+from uqmbd_calibration.inference.climbing import Peaks, climb
+from uqmbd_calibration.inference.identifiability import Direction, combination, directions, expected_covariance
+from uqmbd_calibration.inference.inferring import Check, Inferred, Mode, infer
+from uqmbd_calibration.inference.points import OperatingPoint
+from uqmbd_calibration.inference.posterior import Posterior, Predictor
+from uqmbd_calibration.inference.prior_surrogate import PriorSurrogate, default_method, prior_surrogate
+from uqmbd_calibration.inference.sampling import Draws, require_sampler, sample
+from uqmbd_calibration.inference.searching import search, spread_over_prior
+from uqmbd_calibration.inference.unknowns import LEVEL_SPREAD, Level, Unknown, Unknowns
+
+__all__ = [
+    "Bias",
+    "Block",
+    "Case",
+    "Check",
+    "Direction",
+    "Draws",
+    "FREEDOM",
+    "Inferred",
+    "LEVEL_SPREAD",
+    "Level",
+    "Mode",
+    "OperatingPoint",
+    "Peaks",
+    "Posterior",
+    "Predictor",
+    "PriorSurrogate",
+    "Unknown",
+    "Unknowns",
+    "climb",
+    "combination",
+    "default_method",
+    "directions",
+    "expected_covariance",
+    "infer",
+    "prior_surrogate",
+    "require_sampler",
+    "sample",
+    "search",
+    "spread_over_prior",
+]

@@ -1,0 +1,72 @@
+"""A bias of an output: what the model leaves out, as a random function with a prior of its own."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+import uqmbd
+from uqmbd.typing import Array
+
+__all__ = ["Bias"]
+
+
+@dataclass(frozen=True)
+class Bias:
+    """What an output of the model may be wrong by: a constant, or a smooth function of time, that is not known.
+
+    Parameters
+    ----------
+    sd : float
+        Its standard deviation, in the units of the output.
+    length : float, optional
+        Time over which it changes, s: its covariance at two times is ``sd**2 exp(-(s - t)**2 / (2 length**2))``.
+        Left out, it is a constant offset of each record.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If one of them is not a positive number.
+
+    Examples
+    --------
+    >>> Bias(sd=0.5).modes([0.0, 1.0]).tolist()
+    [[0.5], [0.5]]
+    >>> smooth = Bias(sd=0.5, length=0.2).modes([0.0, 0.1, 0.2])
+    >>> (smooth @ smooth.T).round(4).tolist()
+    [[0.25, 0.2206, 0.1516], [0.2206, 0.25, 0.2206], [0.1516, 0.2206, 0.25]]
+    """
+
+    sd: float
+    length: float | None = None
+
+    def __post_init__(self) -> None:
+        for name, value in (("sd", self.sd), ("length", self.length)):
+            if name == "length" and value is None:
+                continue
+            number = isinstance(value, (int, float, np.integer, np.floating)) and not isinstance(value, bool)
+            if not number or not 0 < float(value or 0) < np.inf:
+                raise uqmbd.StudyError(f"Bias: {name} is {value!r}; expected a positive number, as Bias(sd=0.001).")
+
+    def modes(self, times: object) -> Array:
+        """Return functions of time (T, k) whose sums, with standard normal coefficients, are distributed as the bias.
+
+        Parameters
+        ----------
+        times : array_like, shape (T,)
+            s, increasing.
+        """
+        at = np.asarray(times, dtype=float)
+        if self.length is None or len(at) < 2:
+            return np.full((len(at), 1), float(self.sd))
+        # at points a third of the length apart the process is known: between them its deviation is below 1e-3 sd
+        wanted = int(np.ceil(3 * np.ptp(at) / self.length)) + 1
+        points = at if wanted >= len(at) else np.linspace(at[0], at[-1], wanted)
+        values, vectors = np.linalg.eigh(self._covariance(points, points))
+        kept = values > 1e-12 * values[-1]
+        return np.asarray(self.sd * self._covariance(at, points) @ vectors[:, kept] / np.sqrt(values[kept]))
+
+    def _covariance(self, first: Array, second: Array) -> Array:
+        assert self.length is not None
+        return np.asarray(np.exp(-0.5 * ((first[:, None] - second) / self.length) ** 2))

@@ -1,0 +1,155 @@
+"""A surrogate that real realisations correct where the posterior is.
+
+The surrogate over the prior, or nothing, plus a polynomial through realisations about the posterior.  Which of them,
+and of which degree, is chosen by the errors that are left where one realisation is left out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+import uqmbd
+from uqmbd.typing import Array, Index
+from uqmbd_calibration.inference.posterior import Predictor
+
+__all__ = ["Corrected", "corrected", "enough"]
+
+
+DEGREES = 3
+"""Highest degree of the polynomials."""
+
+OVER = 1.4
+"""Realisations for each term, at least."""
+
+EXACT = 1e-3
+"""Sum of squares of errors over the variance of the noise below which nothing is gained."""
+
+
+@dataclass(frozen=True, eq=False)
+class Corrected:
+    """Predictions of a case: a base, and a polynomial about a centre.
+
+    Attributes
+    ----------
+    base : callable or None
+        The surrogate over the prior.
+    free : array of int
+        Which inputs are unknown.
+    centre, scale : array, shape (f,) and (f, f)
+        Local coordinates are ``scale @ (normals - centre)``.
+    terms : array of int, shape (P, f)
+        Degrees.
+    coefficients : array, shape (P, N)
+        Of all blocks, one after another.
+    splits : array of int
+        Where blocks begin, but the first.
+    errors : array, shape (K, N)
+        Of realisations where they are left out, weighted so that their products sum to a covariance.
+    """
+
+    base: Predictor | None
+    free: Index
+    centre: Array
+    scale: Array
+    terms: Index
+    coefficients: Array
+    splits: Index
+    errors: Array
+
+    @property
+    def degree(self) -> int:
+        """Of the polynomial."""
+        return int(self.terms.sum(axis=1).max())
+
+    def __call__(self, normals: Array) -> list[Array]:
+        """Return predictions (K, n) of each block."""
+        local = (normals[:, self.free] - self.centre) @ self.scale.T
+        found = np.split(_basis(local, self.terms) @ self.coefficients, self.splits, axis=1)
+        if self.base is None:
+            return found
+        return [a + b for a, b in zip(self.base(normals), found, strict=True)]
+
+
+def corrected(
+    base: Predictor,
+    points: Array,
+    values: Sequence[Array],
+    free: Index,
+    centre: Array,
+    scale: Array,
+    measure: Callable[[Array], Array],
+) -> Corrected:
+    """Fit a correction.
+
+    Parameters
+    ----------
+    base : callable
+        Predictions over the prior.
+    points : array, shape (K, d)
+        Standard normal variables of realisations.
+    values : sequence of array, shape (K, n)
+        What they gave, for each block; NaN where one failed.
+    free : array of int
+        Which inputs are unknown.
+    centre, scale : array, shape (f,) and (f, f)
+        Of the posterior: ``scale @ (normals - centre)`` is about standard normal.
+    measure : callable
+        From errors (K, N) of all blocks to how much each matters (K,).
+    """
+    real = np.concatenate(list(values), axis=1)
+    local = (points[:, free] - centre) @ scale.T
+    distance = np.sqrt((local**2).sum(axis=1))
+    fine = np.isfinite(real).all(axis=1)
+    reach = 2.0 * np.sqrt(len(free)) + 2.0
+    near = np.flatnonzero(fine & (distance <= reach))
+    if not len(near):
+        near = np.flatnonzero(fine)[np.argsort(distance[fine], kind="stable")[:1]]
+    splits = np.cumsum([v.shape[1] for v in values])[:-1]
+    predicted = np.concatenate(base(points[near]), axis=1)
+    usable = bool(np.isfinite(predicted).all())
+    # as dense as the posterior, with tails
+    weights = np.exp(-0.25 * distance[near] ** 2) + 0.02
+    best: tuple[float, Corrected] | None = None
+    for degree in range(DEGREES + 1):
+        terms = uqmbd.index_set(len(free), degree, "total")
+        if degree and len(near) < OVER * len(terms) + 1:
+            break
+        for own in (None, base) if usable else (None,):
+            if own is None and degree < 1 and usable:
+                continue
+            target = real[near] - (predicted if own is not None else 0.0)
+            coefficients, left = _fitted(_basis(local[near], terms), target, np.sqrt(weights))
+            scaled = left * np.sqrt(weights / weights.sum())[:, None]
+            found = Corrected(own, free, centre, scale, terms, coefficients, splits, scaled)
+            score = float(np.average(measure(left), weights=weights)) if len(near) > 1 else 0.0
+            # a simpler one is taken unless the other is clearly better
+            if best is None or (score < 0.8 * best[0] and best[0] > EXACT):
+                best = score, found
+    assert best is not None
+    return best[1]
+
+
+def enough(inputs: int, degree: int = 2) -> int:
+    """Return how many realisations a polynomial takes."""
+    return int(np.ceil(OVER * len(uqmbd.index_set(inputs, degree, "total")))) + 2
+
+
+def _fitted(basis: Array, target: Array, weights: Array) -> tuple[Array, Array]:
+    """Return coefficients (P, N) of weighted least squares, and the errors (K, N) at rows that are left out."""
+    q, r = np.linalg.qr(basis * weights[:, None])
+    coefficients = np.linalg.lstsq(basis * weights[:, None], target * weights[:, None], rcond=1e-10)[0]
+    leverage = np.minimum((q**2).sum(axis=1), 1.0 - 1e-6)
+    return np.asarray(coefficients), np.asarray((target - basis @ coefficients) / (1.0 - leverage)[:, None])
+
+
+def _basis(local: Array, terms: Index) -> Array:
+    """Return Hermite polynomials of local coordinates (K, P)."""
+    highest = int(terms.max(initial=0))
+    values = np.ones((len(local), len(terms)))
+    for k in range(terms.shape[1]):
+        one = np.polynomial.hermite_e.hermevander(local[:, k], highest)
+        values *= one[:, terms[:, k]]
+    return values

@@ -1,0 +1,161 @@
+"""The mechanism at an operating point: realisations at standard normal variables, each counted and kept."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar
+
+import numpy as np
+import xarray as xr
+
+import uqmbd
+from uqmbd.typing import Array, Index
+from uqmbd_calibration.inference.blocks import Block
+
+__all__ = ["Exhausted", "OperatingPoint", "picked"]
+
+
+NARROW = 1e-9
+"""Width of the distribution that stands for a known value where a method wants one, over the value."""
+
+
+class Exhausted(Exception):
+    """The realisations that are allowed are spent."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Asking(uqmbd.Propagator):
+    """What `Study.problem` is asked for: a name, as calibration computes realisations itself."""
+
+    name: ClassVar[str] = "calibration"
+
+    def propagate(self, problem: uqmbd.Problem) -> xr.DataTree:
+        """Refuse: it is no method."""
+        raise uqmbd.StudyError(f"{problem.label}: calibrate() is called by itself, not by a study.")
+
+
+class OperatingPoint:
+    """A mechanism, some of whose inputs are known.
+
+    Parameters
+    ----------
+    study : uqmbd.Study
+        With the times of the records.
+    known : mapping of str to float
+        Values of inputs.
+    moving, still : bool
+        Whether outputs over time, and outputs without a time, are wanted.
+    most : int
+        Realisations that may be computed.
+    executor, progress
+        Who computes, and whom to tell.
+    """
+
+    def __init__(
+        self,
+        study: uqmbd.Study,
+        known: Mapping[str, float],
+        *,
+        moving: bool,
+        still: bool,
+        most: int,
+        executor: Executor | None,
+        progress: Any,
+    ) -> None:
+        self.study, self.known, self.most = study, dict(known), most
+        self._executor, self._progress = executor, progress
+        asked = study.problem(_Asking(), executor, progress)
+        self._moving = asked if moving else None
+        self._still = asked.without_time() if still else None
+        self.space = asked.germ_space()
+        self._values = {study.mechanism.inputs.names.index(name): value for name, value in known.items()}
+        self.points = np.zeros((0, self.space.dimension))
+        self.spent = self.failures = 0
+        self.reasons: list[str] = []
+        self._over: list[Array] = []
+        self._without: list[Array] = []
+
+    @property
+    def left(self) -> int:
+        """Realisations that may still be computed."""
+        return self.most - self.spent
+
+    def inputs(self, normals: Array) -> Array:
+        """Return the inputs (K, d), in their units, at standard normal variables (K, d)."""
+        values = self.space.to_inputs(self.space.from_normal(normals))
+        for column, value in self._values.items():
+            values[:, column] = value
+        return values
+
+    def run(self, normals: Array) -> Index:
+        """Compute realisations at standard normal variables (K, d); return their numbers (K,).
+
+        Raises
+        ------
+        Exhausted
+            Where more than what is left is asked for: nothing is computed then.
+        """
+        if len(normals) > self.left:
+            raise Exhausted
+        inputs = self.inputs(normals)
+        for problem, kept in ((self._moving, self._over), (self._still, self._without)):
+            if problem is None:
+                continue
+            found = problem.realise(inputs)
+            response = np.where(found.good[:, None, None], found.response, np.nan)
+            kept.append(response)
+            if problem is (self._moving or self._still):
+                self.failures += int(np.count_nonzero(~found.good))
+                self.reasons.extend(message for message in found.messages if message)
+        first = len(self.points)
+        self.points = np.concatenate([self.points, normals])
+        self.spent += len(normals)
+        return np.arange(first, first + len(normals))
+
+    def values(self, rows: Index, blocks: Sequence[Block]) -> list[Array]:
+        """Return what was computed in some realisations, (K, n) for each block; NaN where one failed."""
+        over = np.concatenate(self._over)[rows] if self._over else np.zeros(0)
+        without = np.concatenate(self._without)[rows] if self._without else np.zeros(0)
+        return [picked(without if block.timeless else over, block) for block in blocks]
+
+    def surrogates(self, method: uqmbd.Propagator) -> list[xr.DataTree]:
+        """Run a method on the outputs over time, and on those without; known inputs are as good as fixed."""
+        inputs = self.study.mechanism.inputs
+        if self._values:
+            variables = list(inputs.variables)
+            for column, value in self._values.items():
+                width = NARROW * max(abs(value), abs(float(inputs.means[column])), 1e-30)
+                one = variables[column]
+                variables[column] = uqmbd.uniform_variable(one.name, value - width, value + width, one.units)
+            inputs = type(inputs).of(variables)
+        problem = self.study.problem(method, self._executor, self._progress)
+        asked = [problem] if self._moving is not None else []
+        asked += [problem.without_time()] if self._still is not None else []
+        found = [method.propagate(replace(kind, inputs=inputs, label=f"calibration-{kind.label}")) for kind in asked]
+        self.count(found)
+        return found
+
+    def count(self, nodes: Sequence[xr.DataTree]) -> None:
+        """Count the realisations of surrogates: of outputs over time, and of those without."""
+        self.spent += sum(int(node.attrs["realisations"]) for node in nodes)
+
+    def same(self, other: OperatingPoint) -> bool:
+        """Whether surrogates of another one are those of this one."""
+        first, second = self.study, other.study
+        return (
+            np.array_equal(first.times, second.times)
+            and self.known == other.known
+            and (self._moving is None, self._still is None) == (other._moving is None, other._still is None)
+            and first.mechanism.inputs.names == second.mechanism.inputs.names
+            and first.mechanism.inputs.descriptions == second.mechanism.inputs.descriptions
+            and list(first.mechanism.outputs) == list(second.mechanism.outputs)
+            and list(first.mechanism.scalars) == list(second.mechanism.scalars)
+            and (first.rtol, first.integrator, first.start) == (second.rtol, second.integrator, second.start)
+        )
+
+
+def picked(response: Array, block: Block) -> Array:
+    """Return the values (K, n) of a block, from responses (K, output, time)."""
+    return np.asarray(response[:, block.row][:, block.columns])

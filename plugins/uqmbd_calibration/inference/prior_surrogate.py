@@ -1,0 +1,117 @@
+"""The surrogate over the prior, that a method of another plugin makes, as a predictor of records."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+import uqmbd
+from uqmbd.results import surrogate
+from uqmbd.typing import Array, Index
+from uqmbd_calibration.inference.blocks import Block
+from uqmbd_calibration.inference.points import OperatingPoint
+
+__all__ = ["PriorSurrogate", "default_method", "prior_surrogate"]
+
+
+ROWS = 4_000_000
+"""Numbers that are evaluated at once."""
+
+
+@dataclass(frozen=True, eq=False)
+class PriorSurrogate:
+    """Predictions from standard normal variables over the whole prior.
+
+    Attributes
+    ----------
+    point : OperatingPoint
+        Of which mechanism.
+    parts : tuple
+        For each block its surrogate, the rows of its times in that, and the mean square error that it states.
+    """
+
+    point: OperatingPoint
+    parts: tuple[tuple[Any, Index, Array], ...]
+    germs: bool
+
+    def __call__(self, normals: Array) -> list[Array]:
+        """Return predictions (K, n) of each block."""
+        at = self.point.space.from_normal(normals) if self.germs else self.point.inputs(normals)
+        found = []
+        for chaos, rows, _ in self.parts:
+            evaluate = chaos.evaluate_germs if self.germs else chaos.evaluate
+            size = max(1, ROWS // max(len(rows), 1))
+            parts = [evaluate(at[k : k + size])[:, 0][:, rows] for k in range(0, len(at), size)]
+            found.append(np.concatenate(parts) if parts else np.zeros((0, len(rows))))
+        return found
+
+    @property
+    def variances(self) -> list[Array]:
+        """The mean square errors (n,) that it states, of each block."""
+        return [variance for _, _, variance in self.parts]
+
+
+def prior_surrogate(nodes: Sequence[xr.DataTree], point: OperatingPoint, blocks: Sequence[Block]) -> PriorSurrogate:
+    """Read the surrogates of some values of records.
+
+    Parameters
+    ----------
+    nodes : sequence of xarray.DataTree
+        Of `OperatingPoint.surrogates`: of outputs over time, then of those without.
+    point : OperatingPoint
+        Of which.
+    blocks : sequence of Block
+        What is to be predicted.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If the method gives no surrogate.
+    """
+    parts: list[tuple[Any, Index, Array]] = []
+    independent = point.space.independent
+    for block in blocks:
+        node = nodes[-1] if block.timeless else nodes[0]
+        wanted, rows = np.unique(block.columns, return_inverse=True)
+        chaos = surrogate(node, block.output, times=wanted.tolist())
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            rms = chaos.verification_rms() if chaos.verification_response is not None else np.zeros((1, len(wanted)))
+        # where it is not known it is not trusted at all
+        variance = np.where(np.isfinite(rms[0]), rms[0] ** 2, np.inf)[rows]
+        largest = np.max(variance[np.isfinite(variance)], initial=0.0)
+        parts.append(
+            (chaos, rows, np.where(np.isfinite(variance), variance, 1e4 * largest + np.ptp(block.values) ** 2))
+        )
+    return PriorSurrogate(point, tuple(parts), independent)
+
+
+def default_method(study: uqmbd.Study, *, moving: bool, known: Sequence[str], most: int) -> uqmbd.Propagator:
+    """Choose the collocation of the installed plugins that about half of the realisations suffice for.
+
+    Outputs over time are expanded by aligned chaoses where these are better, which follow each node twice.
+    """
+    collocation = uqmbd.propagator("collocation")
+    inputs = study.mechanism.inputs
+    free = len(inputs) - len(known)
+    # an order that no term of a known input has
+    weights = {"weights": tuple(1e3 if name in known else 1.0 for name in inputs.names)} if known else {}
+    how = {"alignment": "auto"} if moving else {}
+    best = None
+    for order in range(1, 7):
+        terms = len(uqmbd.index_set(max(free, 1), order, "total"))
+        samples = int(np.ceil(1.5 * terms))
+        if best is not None and (3 if moving else 1) * samples + VERIFY > 0.55 * most:
+            break
+        options = {"order": order, "method": "regression", "samples": samples, "verify": VERIFY}
+        best = collocation(**options, **weights, **how)
+    assert isinstance(best, uqmbd.Propagator)
+    return best
+
+
+VERIFY = 16

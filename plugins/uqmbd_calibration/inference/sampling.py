@@ -1,0 +1,189 @@
+"""Draws of the posterior by the ensemble sampler of emcee, and whether they have converged, by ArviZ."""
+
+from __future__ import annotations
+
+import importlib.util
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import gammaln
+
+import uqmbd
+from uqmbd.typing import Array
+
+__all__ = ["Draws", "require_sampler", "sample"]
+
+
+CHAINS_BURN, BLOCK, BLOCKS = 100, 150, 12
+"""Steps that are left out, steps after which convergence is looked at, and how often at most."""
+
+ENOUGH, ALIKE = 400.0, 1.01
+"""Effective draws of each unknown, and the largest R-hat, of draws that have converged."""
+
+FREEDOM = 5.0
+"""Of the independent proposals: Student's t about the maximum, with the covariance there."""
+
+
+@dataclass(frozen=True, eq=False)
+class Draws:
+    """Draws of the posterior.
+
+    Attributes
+    ----------
+    vectors : array, shape (chain, draw, N)
+        Of independent ensembles.
+    log_density : array, shape (chain, draw)
+    rhat, ess : array, shape (N,)
+        Of all steps, not only of the draws that are kept.
+    acceptance, correlation : float
+        Share of proposals that were taken; largest autocorrelation time, in steps.
+    steps : int
+        Of each walker, those left out not counted.
+    converged : bool
+        Whether R-hat and effective draws are as they should be.
+    """
+
+    vectors: Array
+    log_density: Array
+    rhat: Array
+    ess: Array
+    acceptance: float
+    correlation: float
+    steps: int
+    converged: bool
+
+    @property
+    def flat(self) -> Array:
+        """All draws (K, N)."""
+        return self.vectors.reshape(-1, self.vectors.shape[2])
+
+
+def require_sampler() -> None:
+    """Raise `uqmbd.StudyError` where what the extra brings is missing."""
+    missing = [name for name in ("emcee", "arviz") if importlib.util.find_spec(name) is None]
+    if missing:
+        raise uqmbd.StudyError(
+            f"calibrate: {' and '.join(missing)} {'are' if len(missing) > 1 else 'is'} not installed, which posteriors "
+            'are sampled and diagnosed by; install them: pip install "uqmbd[calibration]".'
+        )
+
+
+def sample(
+    log_density: Callable[[Array], Array],
+    centre: Array,
+    factor: Array,
+    *,
+    draws: int,
+    chains: int,
+    seed: int,
+    walkers: int | None = None,
+) -> Draws:
+    """Sample a density that is about normal, with a centre and a factor of its covariance.
+
+    Parameters
+    ----------
+    log_density : callable
+        From vectors (K, N) to (K,).
+    centre, factor : array, shape (N,) and (N, N)
+        The maximum, and a lower triangular factor of the covariance there.
+    draws, chains : int
+        How many draws are kept in all, and how many independent ensembles there are.
+    seed : int
+        The same seed gives the same bits.
+    walkers : int, optional
+        Of each ensemble.
+    """
+    import emcee
+
+    dimension = len(centre)
+    count = walkers or max(2 * dimension + 2, 32)
+    count += count % 2
+    seeds = np.random.SeedSequence(seed).spawn(chains)
+    moves = [
+        (emcee.moves.MHMove(_independent(dimension)), 0.5),
+        (emcee.moves.StretchMove(), 0.5),
+    ]
+
+    def density(local: Array) -> Array:
+        return log_density(centre + local @ factor.T)
+
+    samplers, states = [], []
+    for own in seeds:
+        generator = np.random.default_rng(own)
+        sampler = emcee.EnsembleSampler(count, dimension, density, vectorize=True, moves=moves)
+        random = np.random.RandomState(generator.integers(2**32, size=8, dtype=np.uint32))
+        first = _starts(density, generator, count, dimension)
+        state = emcee.State(first, random_state=random.get_state())
+        states.append(sampler.run_mcmc(state, CHAINS_BURN, store=False))
+        samplers.append(sampler)
+    for block in range(1, BLOCKS + 1):
+        states = [s.run_mcmc(state, BLOCK) for s, state in zip(samplers, states, strict=True)]
+        paths = np.stack([s.get_chain() for s in samplers])
+        correlation = max(float(emcee.autocorr.integrated_time(path, quiet=True, tol=0).max()) for path in paths)
+        thin = max(1, int(np.ceil(correlation)))
+        kept = paths[:, thin - 1 :: thin].reshape(chains, -1, dimension)
+        rhat, ess = _diagnosed(kept)
+        ess = np.minimum(ess, paths.shape[0] * paths.shape[1] * count / max(correlation, 1.0))
+        converged = bool(np.all(rhat < ALIKE) and np.all(ess > ENOUGH)) and block * BLOCK >= 30 * correlation
+        if converged and kept.shape[0] * kept.shape[1] >= draws:
+            break
+    density_kept = np.stack([s.get_log_prob() for s in samplers])[:, thin - 1 :: thin].reshape(chains, -1)
+    each = max(1, draws // chains)
+    rows = np.unique(np.linspace(0, kept.shape[1] - 1, min(each, kept.shape[1])).astype(int))
+    return Draws(
+        vectors=centre + kept[:, rows] @ factor.T,
+        log_density=density_kept[:, rows],
+        rhat=rhat,
+        ess=ess,
+        acceptance=float(np.mean([s.acceptance_fraction.mean() for s in samplers])),
+        correlation=correlation,
+        steps=block * BLOCK,
+        converged=converged,
+    )
+
+
+def _starts(density: Callable[[Array], Array], generator: np.random.Generator, count: int, dimension: int) -> Array:
+    """Return starts (count, N) at which the density is not zero, a little wider than it."""
+    found = np.zeros((0, dimension))
+    width = 1.2
+    for _ in range(20):
+        tried = width * generator.standard_normal((4 * count, dimension))
+        found = np.concatenate([found, tried[np.isfinite(density(tried))]])
+        if len(found) >= count:
+            return found[:count]
+        width *= 0.7
+    raise uqmbd.IntegrationError(
+        "calibrate: the posterior density is zero nearly everywhere about its maximum; look at the supports of the "
+        "distributions of the inputs, and at realisations there."
+    )
+
+
+def _independent(dimension: int) -> Callable[[Array, np.random.RandomState], tuple[Array, Array]]:
+    """Return a proposal that does not depend on where a walker is."""
+
+    def log_q(points: Array) -> Array:
+        constant = gammaln((FREEDOM + dimension) / 2) - gammaln(FREEDOM / 2)
+        squares = (points**2).sum(axis=1) / FREEDOM
+        return np.asarray(constant - 0.5 * (FREEDOM + dimension) * np.log1p(squares))
+
+    def propose(points: Array, random: np.random.RandomState) -> tuple[Array, Array]:
+        scale = np.sqrt(FREEDOM / random.chisquare(FREEDOM, len(points)))
+        proposed = random.standard_normal(points.shape) * scale[:, None]
+        return proposed, log_q(points) - log_q(proposed)
+
+    return propose
+
+
+def _diagnosed(kept: Array) -> tuple[Array, Array]:
+    """Return R-hat and effective draws (N,) of draws (chain, draw, N)."""
+    with warnings.catch_warnings():
+        # it announces its next version when it is imported
+        warnings.simplefilter("ignore")
+        import arviz
+
+        columns = [np.ascontiguousarray(kept[:, :, k]) for k in range(kept.shape[2])]
+        rhat = np.array([float(arviz.rhat(column)) for column in columns])
+        ess = np.array([min(float(arviz.ess(c)), float(arviz.ess(c, method="tail"))) for c in columns])
+    return rhat, ess

@@ -1,0 +1,80 @@
+"""What is to be found: a standard normal variable for each input, each coefficient of a bias, and each noise level."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from uqmbd.typing import Array
+
+__all__ = ["LEVEL_SPREAD", "Level", "Unknown", "Unknowns"]
+
+
+LEVEL_SPREAD = 3.0
+"""Standard deviation of the logarithm of an unknown noise level: a factor of twenty up and down."""
+
+
+@dataclass(frozen=True)
+class Unknown:
+    """An input whose value is to be found, of all machines or of one.
+
+    Attributes
+    ----------
+    name : str
+        ``stiffness``, or ``stiffness[rig 2]`` of one machine.
+    input : int
+        Which of the inputs of the study.
+    machine : str
+        Empty: of all.
+    """
+
+    name: str
+    input: int
+    machine: str = ""
+
+
+@dataclass(frozen=True)
+class Level:
+    """A noise level that is to be found: lognormal a priori.
+
+    Attributes
+    ----------
+    output, units : str
+        Whose noise.
+    median : float
+        A tenth of the spread of the recorded values.
+    """
+
+    output: str
+    units: str
+    median: float
+
+    @property
+    def name(self) -> str:
+        """What it is called in results."""
+        return f"noise[{self.output}]"
+
+
+@dataclass(frozen=True)
+class Unknowns:
+    """All that is unknown, as one vector of independent standard normal variables: inputs, coefficients, levels."""
+
+    inputs: tuple[Unknown, ...]
+    coefficients: int
+    levels: tuple[Level, ...]
+
+    @property
+    def dimension(self) -> int:
+        """Length of the vector."""
+        return len(self.inputs) + self.coefficients + len(self.levels)
+
+    @property
+    def first_level(self) -> int:
+        """Where levels begin."""
+        return len(self.inputs) + self.coefficients
+
+    def noise(self, vectors: Array) -> Array:
+        """Return the noise levels (K, level), in the units of their outputs."""
+        medians = np.array([level.median for level in self.levels])
+        return np.asarray(medians * np.exp(LEVEL_SPREAD * vectors[:, self.first_level :]))

@@ -1,0 +1,187 @@
+"""The result of a calibration."""
+
+from __future__ import annotations
+
+import json
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+import uqmbd
+from uqmbd.results import load, save
+from uqmbd_calibration.result.marginals import joint_distribution
+
+__all__ = ["Calibration"]
+
+
+KIND = "calibration"
+
+
+@dataclass(frozen=True, eq=False)
+class Calibration:
+    """What records say of the inputs of a study; `calibrate` makes it.
+
+    Parameters
+    ----------
+    tree : xarray.DataTree
+        The groups of ArviZ: ``posterior`` and ``prior`` (chain, draw), in the units of the inputs, with the noise
+        levels that were found as ``noise[output]``; ``posterior_predictive`` and ``prior_predictive``, values as they
+        may have been measured, of some of the draws; ``observed_data``; ``log_likelihood`` of each value, of some of
+        the draws where there are very many; ``sample_stats``; ``constant_data``, the standard deviation of the noise.
+        Beside them ``fit`` (predictions at the posterior mean), ``residuals`` (over the noise), ``summary`` and
+        ``marginals``.  A variable is named like its output, or ``output[record]`` where several records have it.
+    """
+
+    tree: xr.DataTree
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.tree, xr.DataTree) or self.tree.attrs.get("kind") != KIND:
+            raise uqmbd.StudyError(f"Calibration: {type(self.tree).__name__} is given; expected what calibrate() made.")
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the inputs that were found; of one machine alone as ``stiffness[rig 2]``."""
+        return tuple(str(name) for name in self.tree["marginals"].to_dataset()["input"].values)
+
+    @property
+    def realisations(self) -> int:
+        """Realisations of the mechanism that it took, all together."""
+        return int(self.tree.attrs["realisations"])
+
+    @property
+    def checks(self) -> dict[str, Any]:
+        """What was checked.
+
+        ``even`` and ``widened``: whether realisations at draws of the posterior confirm the surrogate, or its errors
+        widen the posterior; ``surrogate``: those checks one after another, with the effective ``share`` of the weights
+        of their ``draws`` and the ``shift`` of means in standard deviations; ``converged``, ``rhat``, ``ess``;
+        ``modes``: shares of the maxima of the posterior that were found, the one that was sampled first; ``model``:
+        for each output of each record whether it may have come from the model, ``p``, ``where`` in time it did not,
+        ``outliers``, and ``doubted``.
+        """
+        return dict(json.loads(self.tree.attrs["checks"]))
+
+    @property
+    def unidentified(self) -> tuple[str, ...]:
+        """Combinations of inputs of which the records say less than the prior, as expected beforehand.
+
+        As ``0.71 k1 - 0.71 k2``, each over the standard deviation of its prior (of inputs that are not normal: of the
+        standard normal variables that they are functions of).
+        """
+        return tuple(one["name"] for one in json.loads(self.tree.attrs["unidentified"]))
+
+    def summary(self) -> xr.Dataset:
+        """Return a table by input, and by noise level that was found.
+
+        Returns
+        -------
+        xarray.Dataset
+            ``prior_mean``, ``prior_sd``, ``mean``, ``sd``, ``lower`` and ``upper`` (of the 95 % interval), in
+            ``units``; ``learned``, one minus the deviation of the posterior over that of the prior; ``rhat`` and
+            ``ess``; ``noise``, whether it is a noise level.
+        """
+        return self.tree["summary"].to_dataset()
+
+    def variables(self, machine: str = "") -> tuple[uqmbd.RandomVariable, ...]:
+        """Return the posterior as dependent random variables, with the names and units of the inputs.
+
+        Their marginal distributions are smooth, and they depend on each other by a Gaussian copula: a posterior that is
+        curved is approximated.  Every method takes them.
+
+        Parameters
+        ----------
+        machine : str
+            Whose, where inputs were found for each machine.
+
+        Raises
+        ------
+        uqmbd.StudyError
+            If there is no such machine.
+        """
+        ending = f"[{machine}]"
+        machines = sorted({name.split("[", 1)[1][:-1] for name in self.names if name.endswith("]")})
+        if machine and machine not in machines or (machines and not machine):
+            raise uqmbd.StudyError(
+                f"Calibration.variables: machine is {machine!r}; "
+                + (f"expected one of {', '.join(map(repr, machines))}." if machines else "no input is individual.")
+            )
+        chosen = [name for name in self.names if not name.endswith("]") or name.endswith(ending)]
+        units = [str(unit) for unit in self.summary()["units"].sel(input=chosen).values]
+        plain = [name.removesuffix(ending) for name in chosen]
+        distribution = joint_distribution(self.tree["marginals"].to_dataset(), chosen)
+        if len(chosen) == 1:
+            return (uqmbd.RandomVariable(plain[0], distribution, units[0]),)
+        return uqmbd.random_vector(plain, distribution, units)
+
+    def save(self, path: str | os.PathLike[str]) -> Path:
+        """Write it to a netCDF file, whole or not at all; `xarray.open_datatree` opens it as well as `load`.
+
+        Parameters
+        ----------
+        path : path-like
+            Ends in ``.nc``.
+
+        Returns
+        -------
+        pathlib.Path
+            The path.
+        """
+        return save(self.tree, path)
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> Calibration:
+        """Read what `save` wrote.
+
+        Raises
+        ------
+        uqmbd.StudyError
+            If it is something else.
+        """
+        return cls(load(path))
+
+    def __repr__(self) -> str:
+        about = self.tree.attrs
+        return f"<calibration of study {about['study']!r}: {len(self.names)} inputs, {self.realisations} realisations>"
+
+    def __str__(self) -> str:
+        data, checks = self.summary(), self.checks
+        rows = [("input", "prior", "posterior", "95 % interval", "learned", "")]
+        for k, name in enumerate(data["input"].values.tolist()):
+            one = data.isel(input=k)
+            rows.append(
+                (
+                    str(name),
+                    _pair(one["prior_mean"], one["prior_sd"]),
+                    _pair(one["mean"], one["sd"]),
+                    f"{float(one['lower']):.6g} to {float(one['upper']):.6g}",
+                    f"{100 * max(float(one['learned']), 0.0):.1f} %",
+                    str(one["units"].item()),
+                )
+            )
+        widths = [max(len(row[k]) for row in rows) for k in range(6)]
+        lines = ["  ".join(text.ljust(width) for text, width in zip(row, widths, strict=True)).rstrip() for row in rows]
+        state = "confirmed by the mechanism" if checks["even"] else "not confirmed by the mechanism: widened"
+        lines.append(
+            f"{self.realisations} realisations; {state}; R-hat {checks['rhat']:.3f}, {checks['ess']:.0f} draws"
+        )
+        if self.unidentified:
+            lines.append(f"not identified: {'; '.join(self.unidentified)}")
+        lines += [
+            f"doubted: {one['output']} of record {one['record']!r} (p = {one['p']:.1g})"
+            for one in checks["model"]
+            if one["doubted"]
+        ]
+        return "\n".join(lines)
+
+
+def _pair(mean: Any, sd: Any) -> str:
+    """Write a mean and a deviation with two digits of the latter."""
+    middle, width = float(mean), float(sd)
+    digits = max(0, 1 - int(np.floor(np.log10(width)))) if width > 0 else 6
+    if digits > 7 or abs(middle) >= 1e7:
+        return f"{middle:.7g} ± {width:.2g}"
+    return f"{middle:.{digits}f} ± {width:.{digits}f}"

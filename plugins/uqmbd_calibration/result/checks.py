@@ -1,0 +1,96 @@
+"""What was checked of a calibration, as plain data, and the warnings that follow."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+
+import uqmbd
+from uqmbd_calibration.finding import Found
+from uqmbd_calibration.result.discrepancy import DOUBT, Residuals, discrepancy
+
+__all__ = ["checks_of", "warn_of"]
+
+
+PART = 0.01
+"""Probability of another maximum, beside the best one, at which it is told."""
+
+
+def checks_of(found: Found, of: list[Residuals]) -> dict[str, Any]:
+    """Return all that was checked."""
+    inferred, unknowns = found.inferred, found.arrangement.unknowns
+    values = sum(len(one.block.values) for one in of)
+    spent = len(unknowns.inputs)
+    masses = np.array([mode.log_mass for mode in inferred.modes])
+    others = np.exp(masses - masses.max()) / np.exp(masses - masses.max()).sum() if len(masses) else np.ones(0)
+    last = inferred.checks[-1] if inferred.checks else None
+    return {
+        "surrogate": [{**asdict(check), "passed": check.passed} for check in inferred.checks],
+        "even": bool(last is not None and last.passed),
+        "widened": inferred.widened,
+        "realisations": sum(point.spent for point in found.arrangement.points),
+        "failures": sum(point.failures for point in found.arrangement.points),
+        "converged": inferred.draws.converged,
+        "rhat": float(inferred.draws.rhat.max()),
+        "ess": float(inferred.draws.ess.min()),
+        "acceptance": inferred.draws.acceptance,
+        "correlation": inferred.draws.correlation,
+        "steps": inferred.draws.steps,
+        "modes": [float(share) for share in others],
+        "model": [discrepancy(one, spent * len(one.block.values) / values) for one in of],
+        "notes": list(found.notes),
+        "method": found.method,
+    }
+
+
+def warn_of(checks: Mapping[str, Any], stacklevel: int) -> None:
+    """Warn of what the user must know: a posterior that is not confirmed, or a model that is doubted."""
+    said = []
+    if checks["widened"]:
+        last = checks["surrogate"][-1] if checks["surrogate"] else None
+        seen = "it was not checked"
+        if last is not None:
+            seen = (
+                f"of its weights {100 * last['share']:.0f} % are effective, and means shift by {last['shift']:.2g} sd"
+            )
+        said.append(
+            f"the surrogate is not confirmed by the mechanism with {checks['realisations']} realisations: {seen}; its "
+            "errors widen the posterior. Allow more realisations, or give another surrogate"
+        )
+    if not checks["converged"]:
+        said.append(
+            f"the chains have not converged: R-hat is {checks['rhat']:.3f}, and effective draws are {checks['ess']:.0f}"
+        )
+    others = [share for share in checks["modes"][1:] if share > PART]
+    if others:
+        said.append(
+            f"there are {len(others)} more maxima of the posterior with about {100 * sum(others):.0f} % of its mass; "
+            "the draws are about the largest one alone"
+        )
+    for one in checks["model"]:
+        if one["doubted"]:
+            said.append(_doubt(one))
+    for text in said:
+        warnings.warn(f"calibrate: {text}.", uqmbd.StudyWarning, stacklevel=stacklevel + 1)
+
+
+def _doubt(one: Mapping[str, Any]) -> str:
+    """Say that a record is not one that the model gives, and where."""
+    spans = ", ".join(f"{begin:.4g} to {end:.4g} s" for begin, end in one.get("where", []))
+    where = f", above all at {spans}" if spans else ""
+    outliers = one["outliers"]
+    few = 0 < outliers <= max(0.05 * one["values"], 1)
+    hint = (
+        f"; {outliers} of {one['values']} values are beyond 4 standard deviations: if these are outliers, use "
+        "noise='student'"
+        if few
+        else "; something is missing in the model, or the noise is larger than stated"
+    )
+    return (
+        f"record {one['record']!r}, output {one['output']!r}: the model does not give such values with this noise "
+        f"(p = {one['p']:.1g}, below {DOUBT:g}){where}{hint}"
+    )

@@ -1,0 +1,133 @@
+"""Whether a record is one that the model may have given: its residuals, as a whole and by parts of the time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy import stats
+
+from uqmbd.typing import Array
+from uqmbd_calibration.inference import FREEDOM, Block
+
+__all__ = ["DOUBT", "Residuals", "discrepancy", "residuals"]
+
+
+DOUBT = 1e-3
+"""Probability of a record that is at least as strange, below which the model or the noise is doubted."""
+
+SEGMENTS, LEAST = 12, 8
+"""Parts of the time that are looked at, and values of each at least."""
+
+FAR = 4.0
+"""Standard deviations beyond which a value is called an outlier."""
+
+
+@dataclass(frozen=True, eq=False)
+class Residuals:
+    """Residuals of one output of a record.
+
+    Attributes
+    ----------
+    block : Block
+        Of which values.
+    raw : array, shape (n,)
+        Values minus predictions and bias, over the standard deviation of the noise.
+    predicted : array, shape (n,)
+        Prediction and bias.
+    normal : array, shape (n,)
+        `raw` as quantiles of a standard normal distribution, where the noise is robust; else the same.
+    """
+
+    block: Block
+    raw: Array
+    predicted: Array
+    normal: Array
+
+
+def residuals(block: Block, prediction: Array, vector: Array, sigma: float) -> Residuals:
+    """Return residuals at a vector of unknowns, from the prediction (n,) and the noise level there."""
+    misfit = block.misfit(prediction[None], vector[None])
+    level = np.array([sigma])
+    rest = misfit - block.bias(misfit, level)
+    raw = -rest[0] / np.sqrt(sigma**2 + block.variance)
+    normal = stats.norm.ppf(np.clip(stats.t.cdf(raw, FREEDOM), 1e-15, 1 - 1e-15)) if block.robust else raw
+    return Residuals(block, raw, block.values + rest[0], normal)
+
+
+def discrepancy(found: Residuals, parameters: float) -> dict[str, Any]:
+    """Return what residuals say against the model.
+
+    Parameters
+    ----------
+    found : Residuals
+    parameters : float
+        How many unknowns were fitted to these values.
+
+    Returns
+    -------
+    dict
+        ``record``, ``output``, ``values``; ``chi_square``, the probability of residuals that are at least as large,
+        where the noise is known; ``correlation`` of neighbours with the probability ``correlation_p``; ``segments``,
+        each with its ends in s and its probability; ``p``, that of all, corrected for their number; ``where``, the
+        times that are strange; ``outliers``; ``doubted``.
+    """
+    block, z = found.block, found.normal
+    count = len(z)
+    fitted = parameters + (0 if block.robust else block.modes.shape[1])
+    freedom = float(np.maximum(count - fitted, 1.0))
+    known = block.noise is not None
+    said: dict[str, Any] = {"record": block.record, "output": block.output, "values": count}
+    tests: list[float] = []
+    if known:
+        said["chi_square"] = float(stats.chi2.sf(z @ z, freedom))
+        tests.append(said["chi_square"])
+    size = float(np.sqrt(z @ z / freedom))
+    if not block.timeless and count >= 3 * LEAST:
+        lag = float(z[1:] @ z[:-1]) / max(float(z @ z), 1e-300)
+        said |= {"correlation": lag, "correlation_p": float(stats.norm.sf(lag * np.sqrt(count)))}
+        tests.append(said["correlation_p"])
+        parts = _segments(block.times, z, size, known=known)
+        said["segments"] = parts
+        tests.append(min(1.0, min(part["p"] for part in parts) * len(parts)))
+        said["where"] = _joined([part for part in parts if part["p"] * len(parts) < 0.01])
+    said["p"] = min(1.0, min(tests, default=1.0) * max(len(tests), 1))
+    said["outliers"] = int(np.count_nonzero(np.abs(found.raw) > FAR))
+    said["largest"] = float(np.abs(found.raw).max())
+    said["doubted"] = bool(said["p"] < DOUBT)
+    return said
+
+
+def _segments(times: Array, z: Array, size: float, *, known: bool) -> list[dict[str, float]]:
+    """Return parts of the time, each with the probability of residuals whose mean or size is at least as strange."""
+    number = int(np.clip(len(z) // LEAST, 1, SEGMENTS))
+    scale = 1.0 if known or size <= 0 else size
+    found = []
+    for rows in np.array_split(np.arange(len(z)), number):
+        own = z[rows]
+        mean = 2 * stats.norm.sf(abs(own.sum()) / np.sqrt(len(own)) / scale)
+        large = stats.chi2.sf(own @ own / scale**2, len(own))
+        found.append(
+            {
+                "begin": float(times[rows[0]]),
+                "end": float(times[rows[-1]]),
+                "mean": float(own.mean()),
+                "size": float(np.sqrt(own @ own / len(own))),
+                "p": float(min(1.0, 2 * min(mean, large))),
+            }
+        )
+    return found
+
+
+def _joined(parts: list[dict[str, float]]) -> list[list[float]]:
+    """Return times (begin, end) of parts, joined where they follow one another."""
+    found: list[list[float]] = []
+    last = -1.0
+    for part in parts:
+        if found and part["begin"] > found[-1][1] and part["begin"] - found[-1][1] <= last:
+            found[-1][1] = part["end"]
+        else:
+            found.append([part["begin"], part["end"]])
+        last = 0.2 * (part["end"] - part["begin"])
+    return found

@@ -1,0 +1,191 @@
+"""The groups of ArviZ, as a tree of datasets."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+import uqmbd
+from uqmbd.typing import Array, Index
+from uqmbd_calibration.finding import Found
+from uqmbd_calibration.inference import Block, Posterior, spread_over_prior
+from uqmbd_calibration.result.checks import checks_of
+from uqmbd_calibration.result.discrepancy import Residuals, residuals
+from uqmbd_calibration.result.marginals import marginals_of
+
+__all__ = ["tree_of"]
+
+
+PREDICTED = 200
+"""Draws of which predictions are kept."""
+
+PRIOR = 2**12
+"""Draws of the prior."""
+
+MOST = 2_000_000
+"""Numbers of the log-likelihood that are kept."""
+
+
+def tree_of(study: uqmbd.Study, found: Found, seed: int, about: Mapping[str, Any]) -> xr.DataTree:
+    """Make the tree of a calibration.
+
+    Parameters
+    ----------
+    study : uqmbd.Study
+    found : Found
+        What is to be told.
+    seed : int
+        Of draws of the noise.
+    about : mapping
+        Further attributes of its root.
+    """
+    target, draws, unknowns = found.inferred.target, found.inferred.draws, found.arrangement.unknowns
+    generator = np.random.default_rng(seed)
+    chains, count, width = draws.vectors.shape
+    prior = spread_over_prior(width, PRIOR, seed)[None]
+    some = draws.vectors[:, np.linspace(0, count - 1, max(1, PREDICTED // chains)).astype(int)]
+    centre = draws.flat.mean(axis=0)
+    parts = _residuals(target, centre)
+    numbers = sum(len(one.block.values) for one in parts)
+    kept = np.arange(0, count, max(1, int(np.ceil(chains * count * numbers / MOST))))
+
+    def with_noise(block: Block, values: Array, vectors: Array) -> Array:
+        return block.drawn(values, block.sigma(unknowns, vectors), vectors, generator)
+
+    def likely(block: Block, values: Array, vectors: Array) -> Array:
+        return block.each(block.misfit(values, vectors), block.sigma(unknowns, vectors))
+
+    likelihood = _predicted(target, draws.vectors[:, kept], likely).assign_coords(draw=kept)
+    posterior = _values(study, found, draws.vectors)
+    physical = _values(study, found, prior)
+    named = _named(target)
+    data = {
+        "posterior": posterior,
+        "prior": physical,
+        "posterior_predictive": _predicted(target, some, with_noise),
+        "prior_predictive": _predicted(found.prior, prior[:, :PREDICTED], with_noise),
+        "log_likelihood": likelihood,
+        "sample_stats": xr.Dataset(
+            {"lp": (("chain", "draw"), draws.log_density, {"long_name": "logarithm of the density, unnormalised"})},
+            coords=_draws(chains, count),
+        ),
+        "observed_data": _series(named, [block.values for _, block in named]),
+        "constant_data": _series(
+            named,
+            [np.sqrt(one.block.sigma(unknowns, centre[None])[0] ** 2 + one.block.variance) for one in parts],
+            long_name="standard deviation of the noise",
+        ),
+        "fit": _series(named, [one.predicted for one in parts], long_name="prediction at the mean, with its bias"),
+        "residuals": _series(
+            named, [one.raw for one in parts], units="", long_name="value minus prediction, over the noise"
+        ),
+        "summary": _summary(study, found, posterior, physical),
+        "marginals": marginals_of(found, draws.vectors.reshape(-1, width)),
+    }
+    tree = xr.DataTree.from_dict(data, name="calibration")
+    tree.attrs |= {
+        **about,
+        "study": study.name,
+        "mechanism": study.mechanism.name,
+        "realisations": sum(point.spent for point in found.arrangement.points),
+        "checks": json.dumps(checks_of(found, parts)),
+        "unidentified": json.dumps([{"name": d.name, "left": d.variance**0.5} for d in found.beforehand]),
+    }
+    return tree
+
+
+def _named(target: Posterior) -> list[tuple[str, Block]]:
+    """Return the blocks with names: that of the output, and of the record where several have it."""
+    blocks = [block for case in target.cases for block in case.blocks]
+    outputs = [block.output for block in blocks]
+    return [(b.output if outputs.count(b.output) == 1 else f"{b.output}[{b.record}]", b) for b in blocks]
+
+
+def _draws(chains: int, draws: int) -> dict[str, Index]:
+    return {"chain": np.arange(chains), "draw": np.arange(draws)}
+
+
+def _series(
+    named: Sequence[tuple[str, Block]],
+    data: Sequence[Array],
+    leading: tuple[str, ...] = (),
+    units: str | None = None,
+    long_name: str = "",
+) -> xr.Dataset:
+    """Make a dataset of arrays (..., n), one for each block, at the times of that."""
+    variables: dict[str, Any] = {}
+    coords: dict[str, Any] = {}
+    for (name, block), values in zip(named, data, strict=True):
+        last = f"{name}_{'repetition' if block.timeless else 'time'}"
+        about = {"units": block.units if units is None else units}
+        variables[name] = ((*leading, last), values, {**about, **({"long_name": long_name} if long_name else {})})
+        at = np.arange(len(block.values)) if block.timeless else block.times
+        coords[last] = (last, at, {} if block.timeless else {"units": "s"})
+    return xr.Dataset(variables, coords=coords)
+
+
+def _predicted(target: Posterior, vectors: Array, made: Callable[[Block, Array, Array], Array]) -> xr.Dataset:
+    """Make a dataset of something of predictions, at draws (chain, draw, N)."""
+    chains, count, width = vectors.shape
+    flat = vectors.reshape(-1, width)
+    data = [
+        made(block, values, flat).reshape(chains, count, -1)
+        for case, predicted in zip(target.cases, target.predictions(flat), strict=True)
+        for block, values in zip(case.blocks, predicted, strict=True)
+    ]
+    return _series(_named(target), data, ("chain", "draw")).assign_coords(_draws(chains, count))
+
+
+def _residuals(target: Posterior, vector: Array) -> list[Residuals]:
+    """Return the residuals of all blocks at a vector of unknowns."""
+    predictions = target.predictions(vector[None])
+    return [
+        residuals(block, values[0], vector, float(block.sigma(target.unknowns, vector[None])[0]))
+        for case, predicted in zip(target.cases, predictions, strict=True)
+        for block, values in zip(case.blocks, predicted, strict=True)
+    ]
+
+
+def _values(study: uqmbd.Study, found: Found, vectors: Array) -> xr.Dataset:
+    """Return unknown inputs and noise levels of draws (chain, draw, N), in their units."""
+    (chains, count), flat = vectors.shape[:2], vectors.reshape(-1, vectors.shape[2])
+    unknowns = found.arrangement.unknowns
+    physical, noise = found.arrangement.physical(flat), unknowns.noise(flat)
+    units = study.mechanism.inputs.units
+    data = {}
+    for k, one in enumerate(unknowns.inputs):
+        data[one.name] = (("chain", "draw"), physical[:, k].reshape(chains, count), {"units": units[one.input]})
+    for k, level in enumerate(unknowns.levels):
+        about = {"units": level.units, "long_name": f"standard deviation of the noise of {level.output}"}
+        data[level.name] = (("chain", "draw"), noise[:, k].reshape(chains, count), about)
+    return xr.Dataset(data, coords=_draws(chains, count))
+
+
+def _summary(study: uqmbd.Study, found: Found, posterior: xr.Dataset, prior: xr.Dataset) -> xr.Dataset:
+    """Return a table by unknown: prior, posterior, and how well it was sampled."""
+    unknowns, draws = found.arrangement.unknowns, found.inferred.draws
+    names = list(posterior.data_vars)
+    after = np.stack([posterior[name].values.ravel() for name in names])
+    before = np.stack([prior[name].values.ravel() for name in names])
+    where = [*range(len(unknowns.inputs)), *range(unknowns.first_level, unknowns.dimension)]
+    columns = {
+        "prior_mean": (before.mean(axis=1), "mean of the prior"),
+        "prior_sd": (before.std(axis=1), "standard deviation of the prior"),
+        "mean": (after.mean(axis=1), "mean of the posterior"),
+        "sd": (after.std(axis=1, ddof=1), "standard deviation of the posterior"),
+        "lower": (np.quantile(after, 0.025, axis=1), "lower end of the 95 % interval"),
+        "upper": (np.quantile(after, 0.975, axis=1), "upper end of the 95 % interval"),
+        "learned": (1 - after.std(axis=1, ddof=1) / before.std(axis=1), "1 - posterior over prior deviation"),
+        "rhat": (draws.rhat[where], "R-hat"),
+        "ess": (draws.ess[where], "effective draws"),
+    }
+    units = np.array([posterior[name].attrs["units"] for name in names], dtype=np.str_)
+    data = {name: ("input", values, {"long_name": text}) for name, (values, text) in columns.items()}
+    return xr.Dataset(
+        {**data, "units": ("input", units), "noise": ("input", np.arange(len(names)) >= len(unknowns.inputs))},
+        coords={"input": np.array(names, dtype=np.str_)},
+    )
