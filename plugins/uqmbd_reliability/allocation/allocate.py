@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 import uqmbd
 from uqmbd.typing import Array, Mask
-from uqmbd_reliability.allocation.optimising import Tightest, cheapest
+from uqmbd_reliability.allocation.optimising import Samples, Tightest, cheapest
 from uqmbd_reliability.allocation.result import Allocation
 from uqmbd_reliability.allocation.surrogates import Surrogate, fitted
 from uqmbd_reliability.allocation.tightening import Cost, Tightened, tightened
 from uqmbd_reliability.allocation.verifying import Verified, verified
 
 if TYPE_CHECKING:
+    from concurrent.futures import Executor
+
     import xarray as xr
 
 __all__ = ["allocate"]
@@ -56,11 +59,15 @@ def allocate(
     *,
     verify: int = 4000,
     narrowest: float = 0.05,
+    loosest: float = 1.0,
     seed: int = 0,
+    workers: int | Executor = 1,
+    progress: uqmbd.Progress | bool | None = None,
 ) -> Allocation:
-    """Find how far which tolerances have to be tightened to reach a probability at the least cost.
+    """Find how far which tolerances have to be tightened, or may be loosened, to reach a probability at the least cost.
 
-    Every input that may be tightened is drawn together about the middle of its limits by a factor of its own.  A
+    Every input that may be changed is drawn together about the middle of its limits by a factor of its own, at most
+    `loosest`: by default tolerances are tightened only.  A
     polynomial surrogate of the margins proposes the cheapest factors with the probability asked for; independent real
     realisations with these tolerances correct it.  They then join those that the next surrogate is fitted to, until
     the probability of real realisations is the one asked for.
@@ -74,16 +81,21 @@ def allocate(
     probability : float
         Of a violation, allowed: from 1e-5 to 0.5.
     cost : mapping, optional
-        What tolerances cost, by the names of the inputs that may be tightened: a number ``c`` for ``c / t``, with the
+        What tolerances cost, by the names of the inputs that may be changed: a number ``c`` for ``c / t``, with the
         half width t of the tolerance in the units of the input, or a function of t that grows as t gets smaller.  The
         tolerance of an input that states none is three standard deviations.  By default every input that is made by
-        `uqmbd.tolerance` or `uqmbd.iso286` may be tightened, and costs the inverse of what is left of it.
+        `uqmbd.tolerance` or `uqmbd.iso286` may be changed, and costs the inverse of what is left of it.
     verify : int
         Real realisations that verify a surrogate, for each of at most five.
-    narrowest : float
-        The smallest factor.
+    narrowest, loosest : float
+        The smallest and the largest factor, the latter from 1 (tolerances are not loosened) to 10.  An input that is
+        loosened keeps the shape of its distribution: its deviation and its bounds grow with its tolerance.
     seed : int
         Of the random numbers.
+    workers : int or concurrent.futures.Executor
+        Number of workers, or who computes the realisations, as of `Study.run`.  Results do not depend on it.
+    progress : Progress or bool, optional
+        Whom to tell, as of `Study.run`.
 
     Returns
     -------
@@ -98,7 +110,8 @@ def allocate(
     Notes
     -----
     The derivative of the probability is that of a smooth estimate over the samples of the surrogate; SciPy's SLSQP
-    finds the minimum.  Tolerances are not loosened: to let the cheapest be wider than they are, begin with wider ones.
+    finds the minimum.  The first surrogate is fitted to inputs with the loosest tolerances, so that it is not asked
+    beyond them.
 
     Examples
     --------
@@ -116,12 +129,31 @@ def allocate(
     [True, True, True]
     """
     where = "allocate"
-    _check(where, study, probability, verify, narrowest, seed)
-    problem = study.problem(_Named(label="allocation"))
-    rows, names = _chosen(where, problem, requirement)
-    inputs = tightened(where, problem, cost)
+    _check(where, study, probability, verify, narrowest, loosest, seed)
+    with uqmbd.pool(workers) as executor:
+        problem = study.problem(_Named(label="allocation"), executor, progress)
+        rows, names = _chosen(where, problem, requirement)
+        inputs = tightened(where, problem, cost, loosest)
+        return _allocated(where, problem, rows, names, probability, inputs, verify, narrowest, loosest, seed)
+
+
+def _allocated(
+    where: str,
+    problem: uqmbd.Problem,
+    rows: list[int],
+    names: tuple[str, ...],
+    probability: float,
+    present: Tightened,
+    verify: int,
+    narrowest: float,
+    loosest: float,
+    seed: int,
+) -> Allocation:
     space = problem.germ_space()
-    realisations = _Realisations(problem, rows)
+    # all is drawn together from the loosest tolerances; values are written as if these were the present ones
+    inputs = replace(present, widths=loosest * present.widths)
+    least = narrowest / loosest
+    realisations = _Realisations(problem, rows, present, loosest)
     dimension = len(problem.inputs)
     terms = (dimension + 1) * (dimension + 2) // 2
     first = problem.inputs.from_uniform(_uniform(FIRST * terms, dimension, seed))
@@ -135,15 +167,15 @@ def allocate(
     best: tuple[Tightest, Verified, Surrogate] | None = None
     for turn in range(ROUNDS):
         surrogate = realisations.surrogate(where, space)
-        found = cheapest(surrogate, inputs, germs, target, narrowest)
+        found = cheapest(surrogate, inputs, germs, target, least)
         if before is None:
-            before = float(np.mean(surrogate.margins(germs).min(axis=1) < 0))
+            before = Samples(germs, inputs, surrogate).probability(np.full(len(inputs.names), 1 / loosest))
         fresh = inputs.values(problem.inputs.from_uniform(generator.random((verify, dimension))), found.factors)
         predicted: Mask = surrogate.margins(space.to_germs(fresh)).min(axis=1) < 0
         checked = verified(found.probability, count, predicted, realisations(fresh))
         best = (found, checked, surrogate)
         off = checked.probability - probability
-        loose, tight = bool((found.factors >= 1).all()), bool((found.factors <= narrowest).all())
+        loose, tight = bool((found.factors >= 1).all()), bool((found.factors <= least).all())
         if tight and checked.lower > probability:
             raise uqmbd.StudyError(
                 f"{where}: tightening does not reach a probability of {probability:g}: with all tolerances at "
@@ -155,20 +187,21 @@ def allocate(
         if turn and checked.probability > 0 and not tight:  # what more realisations did not mend is made up for
             target = float(np.clip(target * probability / checked.probability, target / 3, min(3 * target, 0.5)))
     assert best is not None and before is not None
-    return _result(names, probability, inputs, before, realisations, *best)
+    return _result(names, probability, present, loosest, before, realisations, *best)
 
 
 class _Realisations:
     """Real realisations, and all that were computed."""
 
-    def __init__(self, problem: uqmbd.Problem, rows: list[int]) -> None:
-        self.problem, self.rows = problem, rows
+    def __init__(self, problem: uqmbd.Problem, rows: list[int], inputs: Tightened, loosest: float) -> None:
+        self.problem, self.rows, self.inputs = problem, rows, inputs
+        self.factors = np.full(len(inputs.names), loosest)
         self.values: list[Array] = []
         self.margins: list[Array] = []
 
     def __call__(self, values: Array) -> Array:
-        """Return the smallest margins, shape (K,), NaN where a realisation failed."""
-        found = self.problem.margins(values)
+        """Return the smallest margins, shape (K,), of values that are loosened; NaN where a realisation failed."""
+        found = self.problem.margins(self.inputs.values(values, self.factors))
         margins = np.where(found.failed[:, None], np.nan, found.values[:, self.rows])
         self.values.append(values)
         self.margins.append(margins)
@@ -200,6 +233,7 @@ def _result(
     names: tuple[str, ...],
     allowed: float,
     inputs: Tightened,
+    loosest: float,
     before: float,
     realisations: _Realisations,
     found: Tightest,
@@ -209,8 +243,11 @@ def _result(
     notes = []
     if checked.lower > allowed:
         notes.append(f"The probability is above {allowed:g}: the surrogate of the margins is too poor to reach it.")
+    factors = loosest * found.factors
     if (found.factors >= 1).all():
-        notes.append("Nothing has to be tightened.")
+        notes.append(
+            f"All tolerances may be {loosest:g} times what they are." if loosest > 1 else "Nothing has to be tightened."
+        )
     elif checked.upper > 2 * allowed:
         notes.append("The interval is wide; more realisations (verify=) make it narrower.")
     ones = np.ones(len(inputs.names))
@@ -221,10 +258,10 @@ def _result(
         inputs.units,
         inputs.sources,
         inputs.widths,
-        found.factors * inputs.widths,
+        factors * inputs.widths,
         found.slope,
         inputs.cost(ones),
-        inputs.cost(found.factors),
+        inputs.cost(factors),
         found.alike,
         before,
         checked.probability,
@@ -259,10 +296,15 @@ def _chosen(where: str, problem: uqmbd.Problem, requirement: str | None) -> tupl
     return [known.index(requirement)], (requirement,)
 
 
-def _check(where: str, study: Any, probability: Any, verify: Any, narrowest: Any, seed: Any) -> None:
+def _check(where: str, study: Any, probability: Any, verify: Any, narrowest: Any, loosest: Any, seed: Any) -> None:
     if not isinstance(study, uqmbd.Study):
         raise uqmbd.StudyError(f"{where}: the study is {study!r}; expected a uqmbd.Study.")
-    for name, value, low, high in (("probability", probability, SMALLEST, 0.5), ("narrowest", narrowest, 1e-3, 1.0)):
+    numbers = (
+        ("probability", probability, SMALLEST, 0.5),
+        ("narrowest", narrowest, 1e-3, 1.0),
+        ("loosest", loosest, 1.0, 10.0),
+    )
+    for name, value, low, high in numbers:
         number = isinstance(value, (int, float, np.number)) and not isinstance(value, bool)
         if not number or not low <= float(value) <= high:
             raise uqmbd.StudyError(f"{where}: {name} is {value!r}; expected a number from {low:g} to {high:g}.")

@@ -26,7 +26,7 @@ class Allocation:
     allowed : float
         Probability of a violation that was asked for.
     inputs, units, sources : tuple of str
-        Inputs that may be tightened, their units, and what their tolerances were made from.
+        Inputs that may be changed, their units, and what their tolerances were made from.
     before, after : array, shape (n,)
         Half widths of their tolerances, as they are and as they have to be.
     sensitivity : array, shape (n,)
@@ -34,7 +34,7 @@ class Allocation:
     cost_before, cost_after : float
         Of all tolerances.
     cost_alike : float
-        What it would cost to reach the probability by tightening all of them by one factor.
+        What it would cost to reach the probability by one factor for all of them.
     probability_before, probability : float
         Of a violation, as it is (by the surrogate) and by real realisations with the tolerances `after`.
     std_error, lower, upper : float
@@ -108,7 +108,7 @@ class Allocation:
         """Return a table for people."""
         width = max(len("input"), *(len(name) for name in self.inputs))
         lines = [
-            f"{'input':<{width}}  {'tolerance':>12}  {'tightened to':>12}  {'of it':>6}  {'sensitivity':>11}  made from"
+            f"{'input':<{width}}  {'tolerance':>12}  {'changed to':>12}  {'of it':>6}  {'sensitivity':>11}  made from"
         ]
         for row in zip(
             self.inputs, self.before, self.after, self.factors, self.sensitivity, self.units, self.sources, strict=True

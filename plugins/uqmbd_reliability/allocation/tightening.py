@@ -71,7 +71,7 @@ class Tightened:
         return np.array(found)
 
 
-def tightened(where: str, problem: uqmbd.Problem, cost: Cost | None) -> Tightened:
+def tightened(where: str, problem: uqmbd.Problem, cost: Cost | None, loosest: float) -> Tightened:
     """Return the inputs that a cost names; without one those with a stated tolerance, each as dear as it is tight.
 
     Raises
@@ -107,7 +107,7 @@ def tightened(where: str, problem: uqmbd.Problem, cost: Cost | None) -> Tightene
         else:
             deviation = math.sqrt(_variance(problem, names.index(name)))
             about = (variable.mean, NATURAL * deviation, f"{NATURAL:g} standard deviations of {variable.description}")
-        found.append((variable, *about, _cost_of(where, name, cost, about[1])))
+        found.append((variable, *about, _cost_of(where, name, cost, about[1], loosest)))
     return Tightened(
         tuple(v.name for v, *_ in found),
         tuple(v.units for v, *_ in found),
@@ -131,7 +131,7 @@ def _named(where: str, cost: Any, names: list[str]) -> list[str]:
     return [name for name in names if name in cost]
 
 
-def _cost_of(where: str, name: str, cost: Cost | None, width: float) -> Callable[[float], float]:
+def _cost_of(where: str, name: str, cost: Cost | None, width: float, loosest: float) -> Callable[[float], float]:
     """Return what a half width costs."""
     given = width if cost is None else cost[name]
     if not callable(given):
@@ -143,12 +143,13 @@ def _cost_of(where: str, name: str, cost: Cost | None, width: float) -> Callable
             )
         coefficient = float(given)
         return lambda tolerance: coefficient / tolerance
-    now, tighter = (_number(where, name, given, x) for x in (width, 0.7 * width))
-    if not tighter > now:
-        raise uqmbd.StudyError(
-            f"{where}: the cost of {name} is {now:g} at its tolerance of {width:g} and {tighter:g} at {0.7 * width:g}; "
-            "expected one that grows as the tolerance is tightened."
-        )
+    loose, now, tighter = (_number(where, name, given, x * width) for x in (loosest, 1.0, 0.7))
+    for wide, narrow, cheap, dear in ((1.0, 0.7, now, tighter), (loosest, 1.0, loose, now)):
+        if wide > narrow and not dear > cheap:
+            raise uqmbd.StudyError(
+                f"{where}: the cost of {name} is {cheap:g} at a tolerance of {wide * width:g} and {dear:g} at "
+                f"{narrow * width:g}; expected one that grows as the tolerance is tightened."
+            )
     return given
 
 

@@ -183,6 +183,9 @@ def test_what_cannot_be_reached_is_said_with_real_realisations():
         ({"cost": {}}, "cost is {}"),
         ({"verify": 3}, "verify is 3"),
         ({"narrowest": 2}, "narrowest is 2"),
+        ({"loosest": 0.5}, "loosest is 0.5"),
+        ({"cost": {"box": lambda t: (t - 0.5) ** 2}, "loosest": 3}, "grows as the tolerance is tightened"),
+        ({"workers": 0}, "workers is 0"),
         ({"study": "stack"}, "expected a uqmbd.Study"),
     ],
 )
@@ -257,3 +260,48 @@ def test_surrogates_are_as_good_as_they_say():
     ).std(axis=0)
     assert found.order >= 3
     assert (found.error > true / 2).all() and (found.error < 3 * true).all()
+
+
+@pytest.mark.thorough
+def test_workers_do_not_change_the_result():
+    one, two = (allocate(stack(), "gap", 0.01, cost=COSTS, verify=500, workers=k) for k in (1, 2))
+    assert (one.after == two.after).all()
+    assert (one.probability, one.lower, one.upper) == (two.probability, two.lower, two.upper)
+
+
+@pytest.mark.thorough
+def test_tolerances_are_loosened_where_that_is_cheaper():
+    """The closed form of Lagrange's multipliers, whose tolerances of b, c and a are wider than the present ones."""
+    begin = {"box": 0.6, "a": 0.2, "b": 0.05, "c": 0.15}
+    found = allocate(stack(begin), "gap", 0.01, cost=COSTS, loosest=4)
+    costs = np.array([COSTS[name] for name in found.inputs])
+    best = closed_form(0.01, costs)
+    assert found.before == pytest.approx([begin[name] for name in found.inputs])
+    assert (found.factors > 1).any() and (found.factors < 1).any() and found.factors.max() <= 4
+    assert found.after == pytest.approx(best, rel=0.06)
+    assert found.cost_after == pytest.approx((costs / best).sum(), rel=3e-3)
+    assert found.cost_before == pytest.approx(sum(COSTS[k] / begin[k] for k in COSTS))
+    exact = scipy.stats.norm.sf(GAP / (np.sqrt((found.after**2).sum()) / 3))
+    assert exact == pytest.approx(0.01, rel=0.03)
+    assert found.lower <= exact <= found.upper
+    now = scipy.stats.norm.sf(GAP / (np.sqrt((found.before**2).sum()) / 3))
+    assert found.probability_before == pytest.approx(now, rel=0.02)
+
+
+@pytest.mark.thorough
+def test_where_all_may_be_loosened_they_are_as_loose_as_allowed():
+    """Inspected parts, whose limits are loosened with them: the present ones never violate the requirement."""
+    mechanism = uqmbd.Mechanism("stack", uqmbd.Planar())
+    mechanism.body("part", mass=1, inertia=1)
+    a, b = (uqmbd.RandomVariable(n, uqmbd.tolerance(10, 0.1, 0.1, cpk=0.5, inspected=True), units="mm") for n in "ab")
+    mechanism.require("sum", a + b <= 20.25)
+    study = uqmbd.Study("stack", mechanism)
+    found = allocate(study, "sum", 0.2, loosest=2, verify=500)
+    assert found.probability_before == 0
+    assert found.factors == pytest.approx([2, 2])
+    assert found.notes == ("All tolerances may be 2 times what they are.",)
+    inputs = study.problem(_method()).inputs
+    drawn = 10 + 2 * (inputs.from_uniform(np.random.default_rng(1).random((200_000, 2))) - 10)
+    share = np.mean(drawn.sum(axis=1) > 20.25)
+    assert found.lower <= share <= found.upper
+    assert 0 < share < 0.2
