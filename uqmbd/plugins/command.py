@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar, Protocol
+from typing import Any, Protocol
 
 __all__ = ["Command", "command_line"]
 
@@ -38,8 +38,8 @@ class Command(Protocol):
     >>> command: type[uqmbd.Command] = Count
     """
 
-    name: ClassVar[str]
-    help: ClassVar[str]
+    name: str
+    help: str
 
     def run(self, *arguments: Any, **options: Any) -> None:
         """Do the work."""

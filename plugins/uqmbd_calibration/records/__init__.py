@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from uqmbd_calibration.records.reading import outputs_in
 from uqmbd_calibration.records.record import Record
 from uqmbd_calibration.records.series import Series
 from uqmbd_calibration.records.several import checked_records
+from uqmbd_calibration.records.wording import check_known_names
 
-__all__ = ["Record", "Series", "checked_records"]
+__all__ = ["Record", "Series", "check_known_names", "checked_records", "outputs_in"]

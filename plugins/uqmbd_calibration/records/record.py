@@ -14,8 +14,8 @@ import uqmbd
 from uqmbd.typing import Array
 from uqmbd_calibration.records.agreement import check_against
 from uqmbd_calibration.records.columns import Column, series_of
-from uqmbd_calibration.records.csv_files import csv_columns
-from uqmbd_calibration.records.datasets import dataset_attributes, dataset_columns, dataset_of, read_dataset
+from uqmbd_calibration.records.datasets import dataset_attributes, dataset_columns, dataset_of
+from uqmbd_calibration.records.reading import read_columns
 from uqmbd_calibration.records.series import Series
 from uqmbd_calibration.records.wording import check_mapping, check_name, listed, near, number, short
 
@@ -23,9 +23,6 @@ if TYPE_CHECKING:
     import xarray as xr
 
 __all__ = ["Record"]
-
-TABLES = (".csv", ".tsv", ".txt")
-NETCDF = (".nc", ".nc4", ".cdf", ".netcdf", ".h5")
 
 
 @dataclass(frozen=True)
@@ -129,24 +126,8 @@ class Record:
         <record 'run3': <'angle' [rad]: 2 values from 0 s to 0.1 s, noise 0.01>, <'force' [N]: 1 value from 0.1 s to
         0.1 s, noise unknown>>
         """
-        if not isinstance(path, (str, os.PathLike)):
-            raise uqmbd.StudyError(f"Record.read: the path is {short(path)}; expected that of a file.")
-        source = Path(path)
         given: Any = {"units": units, "noise": noise, "known": known, "machine": machine, "outputs": outputs}
-        if source.suffix.lower() not in (*TABLES, *NETCDF):
-            raise uqmbd.StudyError(
-                f"{source}: what it is cannot be told by {source.suffix!r}; expected .csv (or .tsv, .txt) or .nc."
-            )
-        if not source.is_file():
-            raise uqmbd.StudyError(f"{source}: there is no such file.")
-        try:
-            if source.suffix.lower() in NETCDF:
-                dataset = read_dataset(source)
-                found, about = dataset_columns(dataset, str(source)), dataset_attributes(dataset, str(source))
-            else:
-                found, about = csv_columns(source), {}
-        except OSError as error:
-            raise uqmbd.StudyError(f"{source}: the file cannot be read: {error.strerror or error}.") from error
+        source, found, about = read_columns(path)
         return _record(found, {"name": source.stem, **about}, name, str(source), **given)
 
     @classmethod

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import difflib
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from typing import Any, NoReturn
 
 import numpy as np
@@ -13,7 +13,17 @@ import numpy as np
 import uqmbd
 from uqmbd.typing import Array
 
-__all__ = ["check_mapping", "check_name", "check_units", "listed", "near", "number", "numbers", "short"]
+__all__ = [
+    "check_known_names",
+    "check_mapping",
+    "check_name",
+    "check_units",
+    "listed",
+    "near",
+    "number",
+    "numbers",
+    "short",
+]
 
 
 def short(value: object) -> str:
@@ -73,12 +83,18 @@ def check_mapping(given: object, known: Collection[str] | None, what: str, examp
     for name in given:
         if not isinstance(name, str):
             raise uqmbd.StudyError(f"{where}: {what} has the key {short(name)}; expected names, as in {example}.")
-        if known is not None and name not in known:
-            raise uqmbd.StudyError(
-                f"{where}: {what} names {name!r}, which the record does not have{near(name, known)} "
-                f"It has {listed(known)}."
-            )
+    if known is not None:
+        check_known_names(given, known, f"{where}: {what}")
     return dict(given)
+
+
+def check_known_names(given: Iterable[str], known: Collection[str], where: str) -> None:
+    """Raise `uqmbd.StudyError` where a name is none of the outputs of a record."""
+    for name in given:
+        if name not in known:
+            raise uqmbd.StudyError(
+                f"{where} names {name!r}, which is not recorded{near(name, known)} Recorded: {listed(known)}."
+            )
 
 
 def number(value: object, where: str, what: str, *, positive: bool = False) -> float:

@@ -149,7 +149,7 @@ class Calibration:
 
     def __str__(self) -> str:
         data, checks = self.summary(), self.checks
-        rows = [("input", "prior", "posterior", "95 % interval", "learned", "")]
+        rows = [("input", "prior", "posterior", "units", "95 % interval", "learned", "R-hat", "ESS")]
         for k, name in enumerate(data["input"].values.tolist()):
             one = data.isel(input=k)
             rows.append(
@@ -157,17 +157,17 @@ class Calibration:
                     str(name),
                     _pair(one["prior_mean"], one["prior_sd"]),
                     _pair(one["mean"], one["sd"]),
+                    str(one["units"].item()),
                     f"{float(one['lower']):.6g} to {float(one['upper']):.6g}",
                     f"{100 * max(float(one['learned']), 0.0):.1f} %",
-                    str(one["units"].item()),
+                    f"{float(one['rhat']):.3f}",
+                    f"{float(one['ess']):.0f}",
                 )
             )
-        widths = [max(len(row[k]) for row in rows) for k in range(6)]
+        widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
         lines = ["  ".join(text.ljust(width) for text, width in zip(row, widths, strict=True)).rstrip() for row in rows]
         state = "confirmed by the mechanism" if checks["even"] else "not confirmed by the mechanism: widened"
-        lines.append(
-            f"{self.realisations} realisations; {state}; R-hat {checks['rhat']:.3f}, {checks['ess']:.0f} draws"
-        )
+        lines.append(f"{self.realisations} realisations; {state}")
         if self.unidentified:
             lines.append(f"not identified: {'; '.join(self.unidentified)}")
         lines += [

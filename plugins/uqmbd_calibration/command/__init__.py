@@ -1,0 +1,14 @@
+"""The command `uqmbd calibrate`; the entry point of commands names this module, which imports nothing heavy."""
+
+from __future__ import annotations
+
+import uqmbd
+from uqmbd_calibration.command.calibrate import Calibrate
+
+__all__ = ["Calibrate"]
+
+
+@uqmbd.hookimpl
+def uqmbd_commands() -> list[type[uqmbd.Command]]:
+    """Return the command of this package."""
+    return [Calibrate]

@@ -1,0 +1,81 @@
+"""Arguments and options of `uqmbd calibrate`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+__all__ = ["Calibrate"]
+
+
+class Calibrate:
+    """Find the inputs of a study from records."""
+
+    name = "calibrate"
+    help = "Find the inputs of a study from records of a machine; write DIR/calibration.nc."
+
+    def run(
+        self,
+        script: Annotated[Path, typer.Argument(metavar="STUDY.py", help="Study script: a Python file with a `study`.")],
+        records: Annotated[
+            list[Path],
+            typer.Argument(metavar="RECORD...", help="Records, .csv or .nc: outputs of the study at their times."),
+        ],
+        out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the results.")] = Path(
+            "calibration"
+        ),
+        noise: Annotated[
+            list[str] | None,
+            typer.Option(
+                "--noise", metavar="OUTPUT=SD", help="Standard deviation of the noise of an output (may be repeated)."
+            ),
+        ] = None,
+        units: Annotated[
+            list[str] | None,
+            typer.Option(
+                "--units",
+                metavar="OUTPUT=UNITS",
+                help="Units of an output, where a record does not state them (may be repeated).",
+            ),
+        ] = None,
+        known: Annotated[
+            list[str] | None,
+            typer.Option(
+                "--known",
+                metavar="INPUT=VALUE",
+                help="An input that is known in all records, as the speed that was set (may be repeated).",
+            ),
+        ] = None,
+        robust: Annotated[
+            bool, typer.Option("--robust", help="Noise of Student's t distribution, for records with outliers.")
+        ] = False,
+        realisations: Annotated[
+            int,
+            typer.Option(
+                "--realisations", metavar="N", min=1, help="Realisations, at most, of each operating point and machine."
+            ),
+        ] = 200,
+        seed: Annotated[int, typer.Option("--seed", metavar="N", min=0, help="Seed of the draws.")] = 0,
+        workers: Annotated[
+            int, typer.Option("--workers", metavar="N", min=1, help="Number of threads or processes.")
+        ] = 1,
+    ) -> None:
+        """Calibrate, and say what came out."""
+        from uqmbd_calibration.command.running import Options, run
+
+        run(
+            script,
+            records,
+            out,
+            Options(
+                noise=tuple(noise or ()),
+                units=tuple(units or ()),
+                known=tuple(known or ()),
+                robust=robust,
+                realisations=realisations,
+                seed=seed,
+                workers=workers,
+            ),
+        )

@@ -1,0 +1,146 @@
+"""`uqmbd calibrate`: from files of records to a posterior; every option is used."""
+
+from __future__ import annotations
+
+import importlib.metadata
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from uqmbd import plugins
+from uqmbd.cli import commands
+from uqmbd.testing import check_command
+from uqmbd_calibration import Calibration, Record, Series
+from uqmbd_calibration.command import Calibrate, running
+
+STUDY = """
+import chaospy, numpy as np, uqmbd
+from uqmbd_collocation import Collocation
+from uqmbd_springs import SpringDamper
+
+mechanism = uqmbd.Mechanism("mass", uqmbd.Translational())
+stiffness = uqmbd.RandomVariable("stiffness", chaospy.Normal(100, 10), units="N/m")
+damping = uqmbd.RandomVariable("damping", chaospy.Uniform(0.5, 1.5), units="N s/m")
+mass = mechanism.body("mass", mass=1, position=(1, 0), velocity=(0.5, 0))
+mechanism.add(
+    SpringDamper("spring", mechanism.ground, mass, (0, 0), (0, 0), stiffness=stiffness, damping=damping, free_length=1)
+)
+mechanism.output("way", mass.position[0], units="m")
+mechanism.output("speed", mass.velocity[0], units="m/s")
+study = uqmbd.Study("mass", mechanism, np.linspace(0, 3, 31), [Collocation(order=2), Collocation(order=3, label="third")])
+"""
+
+TRUTH = {"stiffness": 108.0, "damping": 0.9}
+NOISE = 1e-3
+
+
+def way(times):
+    """The motion of a mass of 1 kg on a spring and a damper that both give way, in closed form."""
+    decay = TRUTH["damping"] / 2
+    frequency = np.sqrt(TRUTH["stiffness"] - decay**2)
+    return 1 + 0.5 / frequency * np.exp(-decay * times) * np.sin(frequency * times)
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """A folder with a study and a record; the command is found without an installation."""
+    point = importlib.metadata.EntryPoint("calibration", "uqmbd_calibration.command", "uqmbd.commands")
+    found = plugins.load([point], group="uqmbd.commands")
+    monkeypatch.setattr(plugins.registry, "registered_commands", lambda: found)
+    commands._of_plugins.cache_clear()
+    monkeypatch.chdir(tmp_path)
+    times = np.linspace(0, 2.9, 60)
+    values = way(times) + NOISE * np.random.default_rng(3).standard_normal(60)
+    lines = [f"{t!r},{x!r}" for t, x in zip(times.tolist(), values.tolist(), strict=True)]
+    (tmp_path / "mass_study.py").write_text(STUDY)
+    (tmp_path / "record.csv").write_text("\n".join(["time [s],way [m]", *lines, ""]))
+    yield tmp_path
+    commands._of_plugins.cache_clear()
+
+
+@pytest.mark.thorough
+def test_a_record_leads_to_a_posterior(folder, command):
+    done = command("calibrate", "mass_study.py", "record.csv", "--noise", "way=0.001", "--out", "out")
+    assert done.returncode == 0, done.stderr
+    found = Calibration.load(folder / "out" / "calibration.nc")
+    assert str(found) in done.stdout
+    table = found.summary()
+    for name, truth in TRUTH.items():
+        one = table.sel(input=name)
+        assert abs(float(one["mean"]) - truth) < 3.5 * float(one["sd"])
+        assert float(one["learned"]) > 0.9
+    assert str(Path("out") / "calibration.nc") in done.stdout
+
+
+@pytest.fixture
+def asked(monkeypatch):
+    """What `calibrate` is asked for, instead of doing it."""
+    calls = []
+
+    def calibrate(study, records, **options):
+        calls.append((study, records, options))
+        raise SystemExit(0)
+
+    monkeypatch.setattr(running, "calibrate", calibrate)
+    return calls
+
+
+PLAIN = {"noise": "normal", "realisations": 200, "seed": 0, "workers": 1, "progress": True}
+
+
+def test_every_option_is_used(folder, command, asked):
+    Record("tap", [Series("speed", [0.0, 1.0], [0.5, 0.1], "m/s", 0.2)], {}, "rig 2").write("tap.nc")
+    Path("plain.csv").write_text("time,way\n0,1\n")
+    assert command("calibrate", "mass_study.py", "record.csv").returncode == 0
+    words = ["--noise", "way=0.001", "--units", "way=m", "--known", "damping=0.8", "--robust", "--realisations", "90"]
+    words += ["--seed", "7", "--workers", "2", "--out", "elsewhere"]
+    assert command("calibrate", "mass_study.py", "plain.csv", "tap.nc", *words).returncode == 0
+    (study, records, options), (_, others, changed) = asked
+    assert study.name == "mass" and options == PLAIN
+    assert records == [Record.read("record.csv")]
+    assert changed == {"noise": "student", "realisations": 90, "seed": 7, "workers": 2, "progress": True}
+    assert others == [
+        Record("plain", [Series("way", [0], [1], "m", 0.001)], {"damping": 0.8}),
+        Record("tap", [Series("speed", [0.0, 1.0], [0.5, 0.1], "m/s", 0.2)], {"damping": 0.8}, "rig 2"),
+    ]
+    assert Path("elsewhere").is_dir() and Path("calibration").is_dir()
+
+
+UNUSABLE = {
+    "no such file": ["none.csv"],
+    "There is no file none.py": ["record.csv"],
+    "is given twice": ["record.csv", "--noise", "way=1", "--noise", "way=2"],
+    "expected NAME=VALUE": ["record.csv", "--noise", "way"],
+    "'one' is no finite number": ["record.csv", "--noise", "way=one"],
+    "--noise names 'wya', which is not recorded; did you mean 'way'?": ["record.csv", "--noise", "wya=1"],
+    "--units names 'force', which is not recorded": ["record.csv", "--units", "force=N"],
+    "the units of 'way' are 'm' in the file and 'mm' in units=": ["record.csv", "--units", "way=mm"],
+    "its noise is -1": ["record.csv", "--noise", "way=-1"],
+    "did you mean 'damping'?": ["record.csv", "--known", "dampnig=1"],
+    "the record is in 'mm', the study in 'm'": ["long.csv"],
+    "two records are called 'record'": ["record.csv", "record.csv"],
+    "there are results of something else": ["record.csv", "--out", "used"],
+    "record.csv": ["record.csv", "--out", "record.csv"],
+}
+
+
+@pytest.mark.parametrize("message", UNUSABLE)
+def test_what_cannot_be_used_is_said_and_the_status_is_two(folder, command, message):
+    Path("long.csv").write_text("time,way [mm]\n0,1\n")
+    Path("used").mkdir()
+    Path("used/results.nc").touch()
+    script = "none.py" if "none.py" in message else "mass_study.py"
+    done = command("calibrate", script, *UNUSABLE[message])
+    assert done.returncode == 2 and done.stderr.startswith("Error: ")
+    assert message in done.stderr and "Traceback" not in done.stderr
+
+
+def test_a_command_line_that_is_incomplete_is_refused(folder, command):
+    for words in ((), ("mass_study.py",), ("mass_study.py", "record.csv", "--seed", "x")):
+        assert command("calibrate", *words).returncode == 2
+
+
+@pytest.mark.thorough
+def test_the_command_is_one():
+    check_command(Calibrate, "uqmbd_calibration.command")
