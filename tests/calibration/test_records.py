@@ -134,6 +134,10 @@ def test_the_times_of_a_record_are_those_of_all_outputs():
     assert record.times.tolist() == [0, 1, 2, 3]
 
 
+def test_what_is_simulated_is_a_record(study):
+    assert Record.of(uqmbd.simulate(study.mechanism, study.times), outputs=["way", "frequency"]).checked_against(study)
+
+
 def test_classic_netcdf_files_are_read(tmp_path):
     dataset(units="mm").to_netcdf(tmp_path / "r.nc", engine="scipy", format="NETCDF3_64BIT")
     assert Record.read(tmp_path / "r.nc")["a"] == Series("a", [0.0, 1.0], [1.0, 2.0], "mm")

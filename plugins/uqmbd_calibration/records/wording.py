@@ -119,7 +119,7 @@ def numbers(values: object, where: str, what: str) -> Array:
     """Return an array of one dimension; what is masked is a gap.  Raise `uqmbd.StudyError` if it is none."""
     found: Any = None
     with contextlib.suppress(TypeError, ValueError):
-        found = np.ma.asarray(values)
+        found = values if isinstance(values, np.ma.MaskedArray) else np.asarray(values)
     if found is not None and found.dtype.kind in "mM":
         raise uqmbd.StudyError(f"{where}: {what} are dates or durations ({found.dtype}); expected numbers, times in s.")
     if found is not None and (found.dtype.kind == "O" or found.size == 0):
@@ -129,5 +129,5 @@ def numbers(values: object, where: str, what: str) -> Array:
         raise uqmbd.StudyError(f"{where}: {what} are {short(values)}; expected numbers.")
     if found.ndim != 1:
         raise uqmbd.StudyError(f"{where}: {what} have the shape {found.shape}; expected one dimension.")
-    array: Array = found.astype(float).filled(np.nan)
+    array: Array = np.ma.filled(found.astype(float), np.nan)
     return array
