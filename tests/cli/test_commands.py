@@ -138,6 +138,27 @@ def test_a_command_that_is_wrong_is_told_and_harms_nobody(install, command_line,
         assert "Could not be loaded completely: plugin 'plugin_broken'" in " ".join(err.split())
 
 
+ERRORS = ("RuntimeError", "SystemExit", "KeyboardInterrupt", "StopIteration", "GeneratorExit")
+PLACES = {
+    "its import": ("from typing", "raise {error}('as told')\nfrom typing"),
+    "its hook": ("    return [Fail]", "    raise {error}('as told')"),
+    "its class": ('    name = "fail-as"', '    name = "fail-as"\n    def __init__(self): raise {error}("as told")'),
+}
+
+
+@pytest.mark.parametrize("place", PLACES)
+@pytest.mark.parametrize("error", ERRORS)
+def test_whatever_a_plugin_raises_is_told_and_the_other_commands_are_there(install, command_line, place, error):
+    old, new = PLACES[place]
+    assert old in GOOD
+    install("plugin_broken", GOOD.replace(old, new.format(error=error), 1))
+    install("plugin_good", GOOD.replace("fail-as", "good"))
+    status, out, err = command_line("--help")
+    assert status == 0 and "good" in out and "fail-as" not in out
+    assert err.startswith("Warning: ") and f"{error}: as told" in err and "plugin_broken" in err
+    assert command_line("good", "fine")[:2] == (0, "fine\n")
+
+
 def test_an_unknown_command_says_what_there_is(install, command_line):
     install("plugin_good", GOOD)
     assert "Did you mean 'fail-as'?" in command_line("fail-us")[2]
