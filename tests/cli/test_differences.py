@@ -1,9 +1,13 @@
 """What differs between results besides their numbers."""
 
+import chaospy
 import pytest
 
+import uqmbd
 from uqmbd.cli.differences import what_differs
-from uqmbd.results import InputInfo, labels, propagator_node, sample_dataset, statistics_dataset, study_tree
+from uqmbd.results import InputInfo, labels, propagator_node, sample_dataset, save, statistics_dataset, study_tree
+from uqmbd_collocation import Collocation
+from uqmbd_montecarlo import MonteCarlo
 
 
 def stored(inputs=None):
@@ -33,3 +37,28 @@ K = InputInfo("k", "N/m", "Normal(20, 1)")
 )
 def test_inputs_that_nobody_recorded_are_not_said_to_be_equal(one, other, found):
     assert what_differs({"A": stored(one), "B": stored(other)}) == found
+
+
+def test_what_does_not_always_happen_is_not_compared(command_line, tmp_path):
+    """Statistics of other realisations in each method; the other outputs are compared."""
+    for name, seed in (("one", 1), ("other", 2)):
+        study = uqmbd.Study(
+            "throw", throw(), [0, 1], [MonteCarlo(samples=50, seed=seed), Collocation(order=2, seed=seed)]
+        )
+        with pytest.warns(uqmbd.StudyWarning, match="has no statistics"):
+            tree = study.run()
+        (tmp_path / name).mkdir()
+        save(tree, tmp_path / name / "results.nc")
+    status, out, err = command_line("compare", "one", "other")
+    assert status == 0, err
+    assert "Not compared, for they do not happen in all realisations: reached." in out
+    assert "last" in out
+
+
+def throw():
+    mechanism = uqmbd.Mechanism("throw", uqmbd.Line())
+    speed = uqmbd.RandomVariable("speed", chaospy.Uniform(1, 2))
+    x = mechanism.body("body", mass=1, velocity=speed).position[0]
+    mechanism.output("reached", uqmbd.first_time(x >= 1.5), units="s")
+    mechanism.output("last", uqmbd.final(x), units="m")
+    return mechanism

@@ -11,8 +11,8 @@ import pytest
 import sympy
 
 import uqmbd
-from uqmbd.report import write_report
-from uqmbd.results import PolynomialChaos, load, save
+from uqmbd.report import scalar_densities, write_report
+from uqmbd.results import PolynomialChaos, Status, load, save, validate
 from uqmbd_collocation import Collocation
 from uqmbd_galerkin import Galerkin
 from uqmbd_montecarlo import MonteCarlo
@@ -77,16 +77,32 @@ def test_a_chaos_refuses_it_alone(results, label):
 
 @pytest.mark.thorough
 def test_results_say_so(results, tmp_path):
-    """Stored, compared without it, and in the report."""
+    """Stored, compared without it, and in the report, with its density among the others."""
+    validate(results)
     save(results, tmp_path / "results.nc")
     assert load(tmp_path / "results.nc").identical(results)
     compared = results["comparison"].to_dataset()
     assert compared.attrs["censored"] == "reached"
     assert compared["scalar"].values.tolist() == ["fastest", "middle"]
     text = write_report(results, tmp_path / "report.html").read_text()
+    assert "could not be drawn" not in text
+    names = [axes.get_xlabel() for axes in scalar_densities(results).axes]
+    assert names == ["fastest [m/s]", "reached [s]", "middle [s]"]
     assert "reached does not happen in" in text
     assert "its statistics are those of the others" in text
     assert "a surrogate of the others would go on beyond them" in text
+
+
+@pytest.mark.thorough
+def test_samples_hold_it_where_it_happens(results):
+    """At arccos(-0.45 / a) / 10 where a >= 0.45, else NaN; no sample has failed."""
+    samples = results["monte-carlo/scalars/samples"].to_dataset()
+    amplitude = samples["inputs"].sel(input="a").values
+    with np.errstate(invalid="ignore"):
+        exact = np.arccos(-0.45 / amplitude) / 10
+    found = samples["response"].sel(output="reached").values
+    np.testing.assert_allclose(found, exact, rtol=1e-5)
+    assert (samples["status"].values == Status.OK).all() and 0 < np.isnan(found).sum() < len(found)
 
 
 @pytest.mark.thorough

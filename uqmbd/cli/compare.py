@@ -35,7 +35,7 @@ def show_comparison(paths: Sequence[Path], *, reference: str | None = None, out:
     out : Path, optional
         Folder for ``comparison.nc`` and ``report.html`` of all methods together.
     """
-    from uqmbd.results import compare, failed_methods, load, propagator_nodes, scalar_nodes
+    from uqmbd.results import compare, failed_methods, happening, load, propagator_nodes, scalar_nodes
 
     trees = {chr(ord("A") + k): load(_file(path)) for k, path in enumerate(paths)}
     nodes: dict[str, xr.DataTree] = {}
@@ -57,7 +57,10 @@ def show_comparison(paths: Sequence[Path], *, reference: str | None = None, out:
     chosen = _chosen(reference, list(nodes)) if reference else None
     # outputs over time, then those without
     moving = {label: node for label, node in nodes.items() if node["statistics"].sizes["output"]}
-    for some in (moving, scalar_nodes(nodes)):
+    still, left_out = happening(scalar_nodes(nodes))
+    if left_out:
+        screen.print(Text(f"Not compared, for they do not happen in all realisations: {', '.join(left_out)}."))
+    for some in (moving, still):
         for group in _groups(list(some), chosen) if len(some) > 1 else ():
             aligned, notes = align({label: some[label] for label in group})
             for note in notes:

@@ -79,7 +79,7 @@ from uqmbd.results.statistics import (
     varying,
 )
 from uqmbd.results.storage import SampleFile, load, sample_file, save
-from uqmbd.results.tree import joined_outputs, scalar_nodes, study_tree, with_requirements, with_scalars
+from uqmbd.results.tree import happening, joined_outputs, scalar_nodes, study_tree, with_requirements, with_scalars
 from uqmbd.status import Status
 
 __all__ = [
@@ -119,6 +119,7 @@ __all__ = [
     "failed_methods",
     "integration_shares",
     "join_nodes",
+    "happening",
     "joined_outputs",
     "labels",
     "least_squares",

@@ -18,8 +18,17 @@ from uqmbd.errors import StudyError
 from uqmbd.results.comparison import compare
 from uqmbd.results.requirements import compare_requirements
 from uqmbd.results.schema import Labels, comparable, join_nodes, node_parts, statistics_dataset
+from uqmbd.status import Status
 
-__all__ = ["compare_both", "joined_outputs", "scalar_nodes", "study_tree", "with_requirements", "with_scalars"]
+__all__ = [
+    "compare_both",
+    "happening",
+    "joined_outputs",
+    "scalar_nodes",
+    "study_tree",
+    "with_requirements",
+    "with_scalars",
+]
 
 
 def study_tree(
@@ -126,7 +135,8 @@ def joined_outputs(
     Parameters
     ----------
     nodes : sequence of xarray.DataTree
-        Further children than ``statistics`` are those of the first that is not refused.
+        Further children than ``statistics`` and ``samples`` are those of the first that is not refused.  Samples are
+        those of all: NaN where an output does not happen in one, which has not failed.
     label : str
     shares : sequence of float
         Of each output, the share of realisations in which it does not happen: ``censored`` (output,).
@@ -153,10 +163,34 @@ def joined_outputs(
     statistics["censored_bound"] = ("output", np.array(bounds), about)
     parts = node_parts(main)
     parts["statistics"] = statistics
+    if "samples" in parts:
+        parts["samples"] = _joined_samples(nodes, parts["samples"], names)
     if refused:
         parts["/"] = parts["/"].assign_attrs(refused=json.dumps(refused))
     parts["/"] = parts["/"].assign_attrs(label=label)
     return xr.DataTree.from_dict(parts, name=label)
+
+
+def _joined_samples(nodes: Sequence[xr.DataTree], first: xr.Dataset, names: Sequence[str]) -> xr.Dataset:
+    """Join the samples of nodes about some outputs each; `first` are those of one of them."""
+    held = [node.children["samples"].to_dataset(inherit=False) for node in nodes if "samples" in node.children]
+    response = np.full((first.sizes["sample"], len(names), *first["response"].shape[2:]), np.nan)
+    units = [""] * len(names)
+    for data in (data for data in held if data.sizes["sample"] == len(response)):
+        for column, name in enumerate(data["output"].values.tolist()):
+            response[:, names.index(name)] = data["response"].values[:, column]
+            units[names.index(name)] = str(data["output_units"].values[column])
+    status = first["status"].values.copy()
+    happens = np.isfinite(response).any(axis=tuple(range(1, response.ndim)))
+    status[happens & (status == Status.CENSORED)] = Status.OK
+    messages = np.where(status == Status.OK, "", first["message"].values)
+    found = first.drop_dims("output").drop_vars(["status", "message"])
+    coords = {"output": np.array(names, dtype=np.str_), "output_units": ("output", np.array(units, dtype=np.str_))}
+    return found.assign_coords(coords).assign(
+        response=(first["response"].dims, response, first["response"].attrs),
+        status=("sample", status, first["status"].attrs),
+        message=("sample", messages, first["message"].attrs),
+    )
 
 
 def _statistics(node: xr.DataTree) -> xr.Dataset:
@@ -242,7 +276,7 @@ def compare_both(nodes: Mapping[str, xr.DataTree], reference: str | None = None,
 
 def _compared_outputs(nodes: Mapping[str, xr.DataTree], reference: str | None, rtol: float) -> xr.Dataset:
     """Compare outputs over time and those without; where there are neither, nothing but the methods."""
-    inner, left_out = _happening(scalar_nodes(nodes))
+    inner, left_out = happening(scalar_nodes(nodes))
     over_time = any(node.children["statistics"].sizes["output"] for node in nodes.values())
     if not (over_time or inner) and (margins := _margin_nodes(nodes)):
         # no outputs: methods are compared by the margins of requirements
@@ -280,7 +314,7 @@ def _compared_outputs(nodes: Mapping[str, xr.DataTree], reference: str | None, r
     return compared.assign(found).assign_attrs({"scalar_reference": whole.attrs["reference"]} if differs else {})
 
 
-def _happening(nodes: Mapping[str, xr.DataTree]) -> tuple[dict[str, xr.DataTree], list[str]]:
+def happening(nodes: Mapping[str, xr.DataTree]) -> tuple[dict[str, xr.DataTree], list[str]]:
     """Return nodes about the outputs that happen in all realisations of all methods, and the names of the others.
 
     Statistics of the others are those of other realisations in each method, and nothing to be compared.

@@ -103,13 +103,18 @@ def scalar_densities(results: Results) -> Figure:
 
 
 def _responses(method: Method) -> dict[str, NDArray[np.float64]]:
-    """Return samples of each output of a method, or of its surrogate; nothing where it has neither."""
+    """Return samples of each output of a method, or of its surrogate; nothing where it has neither.
+
+    Those in which an output does not happen are left out, and an output that does not happen in two of them.
+    """
     if method.samples is not None:
-        values = method.samples["response"].values[method.samples["status"].values == Status.OK]
-        return dict(zip(method.names, values.T, strict=True)) if len(values) else {}
+        data = method.samples.isel(sample=np.flatnonzero(method.samples["status"].values == Status.OK))
+        known = zip(data["output"].values.tolist(), data["response"].values.T, strict=True)
+        return {name: some for name, values in known if len(some := values[np.isfinite(values)]) > 1}
     if "chaos" in method.node.children:
         # a general joint distribution cannot be sampled without its mechanism
         with contextlib.suppress(StudyError):
-            _, values = surrogate(method.node).sample(SURROGATE_SAMPLES, seed=0)
-            return dict(zip(method.names, values.T, strict=True))
+            chaos = surrogate(method.node)
+            _, values = chaos.sample(SURROGATE_SAMPLES, seed=0)
+            return dict(zip((output.name for output in chaos.labels.outputs), values.T, strict=True))
     return {}

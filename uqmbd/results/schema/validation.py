@@ -372,6 +372,17 @@ def _validate_timeless(node: xr.DataTree) -> None:
             _require(same, f"{node.path}/{child}/{name}", f"the dimensions {data[name].dims}", f"{variables[name]}")
         _require("time" not in data.dims, f"{node.path}/{child}", "a dimension 'time'", "none")
     statistics = node.children["statistics"].to_dataset()
+    refused = node.attrs.get("refused", "{}")
+    _require(_is_object(refused), node.path, f"attribute 'refused' = {refused!r}", "a JSON object")
+    names = statistics["output"].values.tolist() if "output" in statistics.coords else []
+    given = [name for name in names if name not in json.loads(refused)]
+    # a surrogate is of those that have statistics
+    for child, expected in {"samples": names, "chaos": given}.items():
+        if names and child in node.children and "output" in (data := node.children[child].to_dataset()).coords:
+            same = data["output"].values.tolist() == expected
+            _require(same, f"{node.path}/{child}/output", "other outputs than have statistics", ", ".join(expected))
+    if names:
+        statistics = statistics.sel(output=given)
     for name in (n for n in ("mean", "std") if n in statistics):
         finite = np.isfinite(statistics[name].values).all()
         _require(finite, f"{node.path}/statistics/{name}", "a value that is not finite", "a number")
