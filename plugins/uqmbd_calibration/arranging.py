@@ -87,7 +87,14 @@ def arrange(
                 block = _block(points[known], record, series, levels, bias.get(series.output), robust, first)
                 first += block.modes.shape[1] if robust else 0
                 blocks.append(block)
-        cases.append(Case(points[known], columns, tuple(blocks)))
+        case = Case(points[known], columns, tuple(blocks))
+        for column in case.free.tolist():
+            if (values := points[known].space.germs[column].values) is not None:
+                raise uqmbd.StudyError(
+                    f"calibrate: input {inputs.names[column]!r} takes {values} values only; its posterior has no "
+                    "density. Make it a number, or state it in each record: known={...}."
+                )
+        cases.append(case)
     return Arrangement(Unknowns(unknown, first - len(unknown), levels), tuple(points.values()), tuple(cases))
 
 

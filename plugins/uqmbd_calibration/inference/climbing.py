@@ -53,7 +53,7 @@ def climb(target: Posterior, starts: Array, steps: int = 30, difference: Array |
     difference : float or array, shape (D,)
         Steps of central differences.
     """
-    at = target.with_levels(starts)
+    at = target.with_levels(starts).copy()
     damping = np.full(len(at), 1e-2)
     now = target.linearised(at, difference)
     cost, gradient, hessian = now.cost.copy(), now.gradient.copy(), now.hessian.copy()

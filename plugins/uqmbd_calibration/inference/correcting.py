@@ -105,13 +105,13 @@ def corrected(
     fine = np.isfinite(real).all(axis=1)
     reach = 2.0 * np.sqrt(len(free)) + 2.0
     near = np.flatnonzero(fine & (distance <= reach))
-    if not len(near):
-        near = np.flatnonzero(fine)[np.argsort(distance[fine], kind="stable")[:1]]
+    if len(near) < (wanted := enough(len(free))):
+        near = np.flatnonzero(fine)[np.argsort(distance[fine], kind="stable")[:wanted]]
     splits = np.cumsum([v.shape[1] for v in values])[:-1]
     predicted = np.concatenate(base(points[near]), axis=1)
     usable = bool(np.isfinite(predicted).all())
-    # as dense as the posterior, with tails
-    weights = np.exp(-0.25 * distance[near] ** 2) + 0.02
+    # as dense as the posterior, with tails; where none is near the nearest ones count
+    weights = np.exp(-0.25 * (distance[near] ** 2 - np.min(distance[near]) ** 2)) + 0.02
     best: tuple[float, Corrected] | None = None
     for degree in range(DEGREES + 1):
         terms = uqmbd.index_set(len(free), degree, "total")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -30,6 +30,9 @@ MODES, WORSE = 4, 30.0
 
 WIDER = 1.3
 """How much wider than the posterior realisations are spread that correct the surrogate."""
+
+NEAR, FOLLOWED = 1.5, 6
+"""Deviations of the posterior within which its maximum stays, and how often realisations follow it at most."""
 
 SETTLED, SETTLING = 0.3, 6
 """Step of Gauss and Newton, in standard deviations of the posterior, that ends them; and how many there are at most."""
@@ -156,22 +159,40 @@ class _Work:
                 self.base[k], at, real[k], free, at[0, free], nothing[1], lambda left: np.zeros(len(left))
             )
 
-    def explore(self, peak: Array, factor: Array, seed: int) -> None:
-        """Compute realisations that are spread like the posterior, and a little wider."""
+    def explore(self, peak: Array, factor: Array, count: int, seed: int) -> bool:
+        """Compute realisations that are spread like the posterior, and a little wider; say whether any were left."""
+        while count >= CHECKED // 3 and not self.affordable(count + CHECKED):
+            count -= 1
+        if not self.affordable(count + CHECKED):
+            return False
+        local = spread_over_prior(len(peak), count, seed)
+        self.run(peak + WIDER * local @ factor.T)
+        return True
+
+    def follow(self, peak: Array, factor: Array, seeds: Iterator[int], *, explored: bool) -> tuple[Array, Array]:
+        """Correct the surrogate about a maximum, and again about the one that follows, until it stays where it is."""
         inputs = max(len(case.free) for case in self.cases)
         count = max(CHECKED, enough(inputs))
-        while count >= CHECKED // 2 and not self.affordable(count + CHECKED):
-            count -= 1
-        if self.affordable(count + CHECKED):
-            local = spread_over_prior(len(peak), count, seed)
-            self.run(peak + WIDER * local @ factor.T)
+        for _ in range(FOLLOWED):
+            if not explored and not self.explore(peak, factor, count, next(seeds)):
+                break
+            explored, count = False, max(CHECKED // 2, enough(inputs, 1))
+            then, factor = self.refit(peak, factor, 1)
+            step = np.linalg.norm(np.linalg.solve(factor, then - peak))
+            peak = then
+            if step < NEAR:
+                break
+        return self.refit(peak, factor)
 
-    def refit(self, peak: Array, factor: Array) -> tuple[Array, Array]:
+    def refit(self, peak: Array, factor: Array, times: int = 2) -> tuple[Array, Array]:
         """Fit corrections to all realisations about a maximum, with a factor of the covariance there; return new ones.
 
-        Where the posterior is decides which realisations count, and in which coordinates, so that it is done twice.
+        Where the posterior is decides which realisations count, and in which coordinates, so that it is done twice
+        where these are around it.
         """
-        for _ in range(2):
+        if not any(len(case.point.points) for case in self.cases):
+            return _peak(self.target, peak)
+        for _ in range(times):
             covariance = factor @ factor.T
             for k, case in enumerate(self.cases):
                 own = case.columns[case.free]
@@ -231,20 +252,19 @@ def infer(
     """
     work = _Work(unknowns, cases, base, variances)
     modes, start = _settled(work, peaks)
-    seeds = np.random.SeedSequence(seed).generate_state(64)
+    seeds = iter(np.random.SeedSequence(seed).generate_state(4096).tolist())
     checks: list[Check] = []
     peak, factor = _peak(work.target, start)
-    work.explore(peak, factor, int(seeds[-1]))
     while work.affordable(CHECKED):
-        peak, factor = work.refit(peak, factor)
-        found = sample(work.target.log_density, peak, factor, draws=draws, chains=chains, seed=int(seeds[len(checks)]))
-        checks.append(_checked(work, found, int(seeds[-2 - len(checks)])))
+        peak, factor = work.follow(peak, factor, seeds, explored=bool(checks))
+        found = sample(work.target.log_density, peak, factor, draws=draws, chains=chains, seed=next(seeds))
+        checks.append(_checked(work, found, next(seeds)))
         if checks[-1].passed:
             return Inferred(work.target, peak, found, tuple(checks), modes, False)
     peak, factor = work.refit(peak, factor)
     widened = _widened(work)
     peak, factor = _peak(widened, peak)
-    found = sample(widened.log_density, peak, factor, draws=draws, chains=chains, seed=int(seeds[len(checks)]))
+    found = sample(widened.log_density, peak, factor, draws=draws, chains=chains, seed=next(seeds))
     return Inferred(widened, peak, found, tuple(checks), modes, True)
 
 
@@ -288,7 +308,7 @@ def _followed(work: _Work, start: Array, steps: int, reserve: int, best: float) 
     best : float
         Log-density of the best maximum so far: what stays far below is left.
     """
-    found, x = None, start
+    found, x, last = None, start, np.inf
     for _ in range(steps):
         if not work.affordable(1 + reserve):
             break
@@ -302,8 +322,10 @@ def _followed(work: _Work, start: Array, steps: int, reserve: int, best: float) 
         mass = -float(peak.cost[0]) - 0.5 * float(np.linalg.slogdet(peak.hessian[0])[1])
         found = _Followed(Mode(peak.vectors[0], -float(peak.cost[0]), mass), x, real)
         x = peak.vectors[0]
-        if step < SETTLED or -float(peak.cost[0]) < best - WORSE:
+        # steps that do not shrink are those of wrong derivatives
+        if step < SETTLED or step > 0.7 * last or -float(peak.cost[0]) < best - WORSE:
             break
+        last = step
     return found
 
 

@@ -22,6 +22,12 @@ __all__ = ["PriorSurrogate", "default_method", "prior_surrogate"]
 ROWS = 4_000_000
 """Numbers that are evaluated at once."""
 
+HIGHEST, OVER, VERIFY = 6, 1.5, 16
+"""Highest order of the method that is chosen, its realisations for each term, and those that state its error."""
+
+ALIGNED, SHARE = 3, 0.55
+"""How often an aligned chaos follows a node, and the part of all realisations that the surrogate may take."""
+
 
 @dataclass(frozen=True, eq=False)
 class PriorSurrogate:
@@ -103,15 +109,15 @@ def default_method(study: uqmbd.Study, *, moving: bool, known: Sequence[str], mo
     weights = {"weights": tuple(1e3 if name in known else 1.0 for name in inputs.names)} if known else {}
     how = {"alignment": "auto"} if moving else {}
     best = None
-    for order in range(1, 7):
-        terms = len(uqmbd.index_set(max(free, 1), order, "total"))
-        samples = int(np.ceil(1.5 * terms))
-        if best is not None and (3 if moving else 1) * samples + VERIFY > 0.55 * most:
+    for order in range(1, HIGHEST + 1):
+        samples = int(np.ceil(OVER * len(uqmbd.index_set(max(free, 1), order, "total"))))
+        cost = (ALIGNED if moving else 1) * samples + VERIFY
+        if order == 1 and cost > most:
+            raise uqmbd.StudyError(
+                f"calibrate: realisations is {most}, and the first surrogate takes {cost}; expected {2 * cost} or more."
+            )
+        if order > 1 and cost > SHARE * most:
             break
-        options = {"order": order, "method": "regression", "samples": samples, "verify": VERIFY}
-        best = collocation(**options, **weights, **how)
+        best = collocation(order=order, method="regression", samples=samples, verify=VERIFY, **weights, **how)
     assert isinstance(best, uqmbd.Propagator)
     return best
-
-
-VERIFY = 16

@@ -82,7 +82,7 @@ class Calibration:
         xarray.Dataset
             ``prior_mean``, ``prior_sd``, ``mean``, ``sd``, ``lower`` and ``upper`` (of the 95 % interval), in
             ``units``; ``learned``, one minus the deviation of the posterior over that of the prior; ``rhat`` and
-            ``ess``; ``noise``, whether it is a noise level.
+            ``ess``; ``noise``, whether it is a noise level, whose prior is so wide that it has no moments here.
         """
         return self.tree["summary"].to_dataset()
 
@@ -159,7 +159,7 @@ class Calibration:
                     _pair(one["mean"], one["sd"]),
                     str(one["units"].item()),
                     f"{float(one['lower']):.6g} to {float(one['upper']):.6g}",
-                    f"{100 * max(float(one['learned']), 0.0):.1f} %",
+                    f"{100 * max(float(one['learned']), 0.0):.1f} %" if not bool(one["noise"]) else "",
                     f"{float(one['rhat']):.3f}",
                     f"{float(one['ess']):.0f}",
                 )
@@ -181,6 +181,8 @@ class Calibration:
 def _pair(mean: Any, sd: Any) -> str:
     """Write a mean and a deviation with two digits of the latter."""
     middle, width = float(mean), float(sd)
+    if np.isnan(middle):
+        return ""
     digits = max(0, 1 - int(np.floor(np.log10(width)))) if width > 0 else 6
     if digits > 7 or abs(middle) >= 1e7:
         return f"{middle:.7g} ± {width:.2g}"

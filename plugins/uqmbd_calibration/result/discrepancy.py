@@ -91,8 +91,11 @@ def discrepancy(found: Residuals, parameters: float) -> dict[str, Any]:
         parts = _segments(block.times, z, size, known=known)
         said["segments"] = parts
         tests.append(min(1.0, min(part["p"] for part in parts) * len(parts)))
-        said["where"] = _joined([part for part in parts if part["p"] * len(parts) < 0.01])
     said["p"] = min(1.0, min(tests, default=1.0) * max(len(tests), 1))
+    if parts := said.get("segments", []):
+        strange = [part for part in parts if part["p"] * len(parts) < 0.01]
+        worst = [min(parts, key=lambda part: float(part["p"]))] if said["p"] < DOUBT else []
+        said["where"] = _joined(strange or worst)
     said["outliers"] = int(np.count_nonzero(np.abs(found.raw) > FAR))
     said["largest"] = float(np.abs(found.raw).max())
     said["doubted"] = bool(said["p"] < DOUBT)

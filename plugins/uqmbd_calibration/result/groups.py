@@ -171,21 +171,24 @@ def _summary(study: uqmbd.Study, found: Found, posterior: xr.Dataset, prior: xr.
     names = list(posterior.data_vars)
     after = np.stack([posterior[name].values.ravel() for name in names])
     before = np.stack([prior[name].values.ravel() for name in names])
+    levels = np.arange(len(names)) >= len(unknowns.inputs)
+    # the prior of a noise level is so wide that its moments say nothing
+    spread = np.where(levels, np.nan, before.std(axis=1))
     where = [*range(len(unknowns.inputs)), *range(unknowns.first_level, unknowns.dimension)]
     columns = {
-        "prior_mean": (before.mean(axis=1), "mean of the prior"),
-        "prior_sd": (before.std(axis=1), "standard deviation of the prior"),
+        "prior_mean": (np.where(levels, np.nan, before.mean(axis=1)), "mean of the prior"),
+        "prior_sd": (spread, "standard deviation of the prior"),
         "mean": (after.mean(axis=1), "mean of the posterior"),
         "sd": (after.std(axis=1, ddof=1), "standard deviation of the posterior"),
         "lower": (np.quantile(after, 0.025, axis=1), "lower end of the 95 % interval"),
         "upper": (np.quantile(after, 0.975, axis=1), "upper end of the 95 % interval"),
-        "learned": (1 - after.std(axis=1, ddof=1) / before.std(axis=1), "1 - posterior over prior deviation"),
+        "learned": (1 - after.std(axis=1, ddof=1) / spread, "1 - posterior over prior deviation"),
         "rhat": (draws.rhat[where], "R-hat"),
         "ess": (draws.ess[where], "effective draws"),
     }
     units = np.array([posterior[name].attrs["units"] for name in names], dtype=np.str_)
     data = {name: ("input", values, {"long_name": text}) for name, (values, text) in columns.items()}
     return xr.Dataset(
-        {**data, "units": ("input", units), "noise": ("input", np.arange(len(names)) >= len(unknowns.inputs))},
+        {**data, "units": ("input", units), "noise": ("input", levels)},
         coords={"input": np.array(names, dtype=np.str_)},
     )

@@ -254,7 +254,8 @@ class SeriesProblem(Derived):
         if not bad.any():
             self._refuse_slow(series)
             return
-        output = self.problem.labels.outputs[int(left.max(axis=0).argmax())].name
+        # what the method watches besides has residuals, too
+        output = self.problem.watching().labels.outputs[int(left.max(axis=0).argmax())].name
         until = float(self.problem.times[0]) + self.longer * self.length
         raise uqmbd.StudyError(
             f"{self.label}: alignment='two-frequency' needs motions that are sums of harmonics of one or two "

@@ -71,3 +71,8 @@ def model(function, inputs, blocks, levels=(), coefficients=0, most=10_000, surr
 def predictor(function):
     """Make what predicts the blocks of a case."""
     return lambda case: lambda normals: [function(normals)[:, one.columns] for one in case.blocks]
+
+
+def builder(made, function):
+    """Make what a search asks for: the posterior of some of the values, by a surrogate."""
+    return lambda cases: Posterior(made.posterior.unknowns, cases, tuple(predictor(function)(one) for one in cases))

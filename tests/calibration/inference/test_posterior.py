@@ -60,6 +60,7 @@ def test_normal_equations_are_derivatives_of_the_density(robust, bias):
     np.testing.assert_allclose(found.gradient[0], numeric, rtol=1e-4, atol=1e-4)
 
 
+@pytest.mark.thorough
 def test_draws_of_a_linear_model_have_its_moments():
     generator = np.random.default_rng(5)
     matrix, offset, function = _linear(generator, 3, 20)
@@ -79,6 +80,7 @@ def test_draws_of_a_linear_model_have_its_moments():
     )
 
 
+@pytest.mark.thorough
 def test_the_sampler_finds_its_way_from_a_poor_start():
     # three times as wide and half a deviation beside, and curved: a banana, whose moments are known
     def density(z):
@@ -99,6 +101,7 @@ def test_the_same_seed_gives_the_same_bits():
     assert not np.array_equal(one, other)
 
 
+@pytest.mark.thorough
 def test_an_unknown_noise_level_has_its_posterior():
     """Values about a known mean: by quadrature over the level; with many, by the inverse gamma distribution."""
     generator = np.random.default_rng(2)
@@ -123,6 +126,7 @@ def test_an_unknown_noise_level_has_its_posterior():
     np.testing.assert_allclose(np.mean(1 / sigma**2), 25 / (values @ values), rtol=0.05)
 
 
+@pytest.mark.thorough
 def test_the_two_storey_oscillator_has_the_published_posterior():
     """U5 of the reference cases: eigenvalue and mode ratio of two masses on two springs, five times measured."""
     from scipy.stats import norm

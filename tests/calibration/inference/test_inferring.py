@@ -1,0 +1,171 @@
+"""Search, corrections by realisations, and checks, on formulas with surrogates that are wrong in known ways."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from uqmbd_calibration.inference import climb, directions, expected_covariance, infer, search
+from uqmbd_calibration.inference.correcting import corrected
+
+from . import forward
+
+TIMES = np.linspace(0.1, 4.0, 40)
+
+
+def decaying(z):
+    """An oscillation whose frequency and decay are unknown."""
+    omega, decay = 3.0 + 0.4 * z[:, :1], 0.3 * np.exp(0.3 * z[:, 1:2])
+    return np.exp(-decay * TIMES) * np.cos(omega * TIMES)
+
+
+def crude(z):
+    """Its first-order polynomial at the mean: far off in the tails."""
+    step = 1e-4 * np.eye(2)
+    middle = decaying(np.zeros((1, 2)))
+    slopes = [(decaying(step[k : k + 1]) - decaying(-step[k : k + 1])) / 2e-4 for k in range(2)]
+    return middle + z[:, :1] * slopes[0] + z[:, 1:2] * slopes[1]
+
+
+def inferred(function, surrogate, values, noise, *, most=200, inputs=2, **about):
+    made = forward.model(function, inputs, [forward.block(values, noise, times=TIMES, **about)], most=most)
+    case = made.posterior.cases[0]
+    base = forward.predictor(surrogate)(case)
+    build = forward.builder(made, surrogate)
+    peaks = search(build, (case,), inputs, inputs, 1)
+    error = np.mean((surrogate(SPREAD[:, :inputs]) - function(SPREAD[:, :inputs])) ** 2, axis=0)
+    found = infer(made.posterior.unknowns, (case,), (base,), ([error],), peaks, draws=4000, chains=4, seed=2)
+    return found, made
+
+
+SPREAD = np.random.default_rng(0).standard_normal((64, 3))
+
+
+def quadrature(function, values, noise, centre, sd):
+    """Return mean and deviations of two unknowns by a grid about a point."""
+    axes = [np.linspace(c - 7 * s, c + 7 * s, 201) for c, s in zip(centre, sd, strict=True)]
+    z = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
+    log = -0.5 * ((function(z) - values) ** 2).sum(axis=1) / noise**2 - 0.5 * (z**2).sum(axis=1)
+    weights = np.exp(log - log.max())
+    weights /= weights.sum()
+    mean = weights @ z
+    return mean, np.sqrt(weights @ (z - mean) ** 2)
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("truth", [(0.3, -0.4), (1.5, 1.0), (-1.8, 0.2)])
+def test_realisations_mend_a_crude_surrogate(truth):
+    noise = 0.02
+    values = decaying(np.array([truth]))[0] + noise * np.random.default_rng(1).standard_normal(40)
+    found, made = inferred(decaying, crude, values, noise)
+    assert found.checks[-1].passed and not found.widened
+    assert made.point.spent <= 200
+    flat = found.draws.flat
+    mean, sd = quadrature(decaying, values, noise, flat.mean(axis=0), flat.std(axis=0))
+    np.testing.assert_allclose((flat.mean(axis=0) - mean) / sd, 0, atol=0.15)
+    np.testing.assert_allclose(flat.std(axis=0), sd, rtol=0.08)
+    # the crude surrogate alone is wrong by far
+    alone = climb(
+        made.posterior.part((made.posterior.cases[0],), (forward.predictor(crude)(made.posterior.cases[0]),)),
+        np.array([truth]),
+    )
+    assert np.abs((alone.vectors[0] - mean) / sd).max() > 3
+
+
+@pytest.mark.thorough
+def test_where_realisations_do_not_suffice_the_errors_of_the_surrogate_widen_the_posterior():
+    noise, held = 0.02, 0
+    generator = np.random.default_rng(4)
+    slightly = lambda z: decaying(z) + 0.05 * np.sin(TIMES + 2 * z[:, :1])  # noqa: E731
+    for _ in range(6):
+        truth = 0.7 * generator.standard_normal(2)
+        values = decaying(truth[None])[0] + noise * generator.standard_normal(40)
+        found, made = inferred(decaying, slightly, values, noise, most=3)
+        assert found.widened and not found.checks and made.point.spent <= 3
+        low, high = np.quantile(found.draws.flat, [0.025, 0.975], axis=0)
+        held += int(((low <= truth) & (truth <= high)).sum())
+    # 12 intervals of 95 %
+    assert held >= 10
+
+
+@pytest.mark.thorough
+def test_long_records_are_searched_from_their_beginning():
+    """The phase goes round 30 times: the density has a maximum for nearly each turn."""
+    times = np.linspace(0.05, 20, 400)
+    function = lambda z: np.sin((10 + 1.5 * z[:, :1]) * times)  # noqa: E731
+    generator = np.random.default_rng(0)
+    found, alone = 0, 0
+    for k in range(5):
+        truth = generator.standard_normal(1)
+        values = function(truth[None])[0] + 0.1 * generator.standard_normal(400)
+        made = forward.model(function, 1, [forward.block(values, 0.1, times=times)])
+        peaks = search(forward.builder(made, function), made.posterior.cases, 1, 1, k)
+        found += bool(abs(peaks.vectors[0, 0] - truth[0]) < 0.01)
+        alone += bool(abs(climb(made.posterior, np.zeros((1, 1))).vectors[0, 0] - truth[0]) < 0.01)
+    assert found == 5
+    assert alone < 3
+
+
+@pytest.mark.thorough
+def test_a_second_maximum_is_told():
+    function = lambda z: np.tile(z[:, :1] ** 2, (1, 40))  # noqa: E731
+    values = 1.0 + 0.2 * np.random.default_rng(0).standard_normal(40)
+    found, _ = inferred(function, function, values, 0.2, inputs=1)
+    assert len(found.modes) == 2
+    assert found.modes[0].vector[0] == pytest.approx(-found.modes[1].vector[0], abs=0.02)
+    assert found.modes[0].log_mass == pytest.approx(found.modes[1].log_mass, abs=0.05)
+
+
+@settings(max_examples=20, deadline=None)
+@given(seed=st.integers(0, 10**6), inputs=st.integers(1, 3), degree=st.integers(0, 2))
+def test_corrections_are_exact_for_polynomials(seed, inputs, degree):
+    import uqmbd
+
+    generator = np.random.default_rng(seed)
+    terms = uqmbd.index_set(inputs, degree, "total")
+    weights = generator.standard_normal((len(terms), 7))
+    polynomial = lambda z: np.prod(z[:, None, :] ** terms, axis=2) @ weights  # noqa: E731
+    base = lambda z: [np.sin(z[:, :1] * np.arange(7))]  # noqa: E731
+    real = lambda z: base(z)[0] + polynomial(z)  # noqa: E731
+    points = generator.standard_normal((30, inputs))
+    measure = lambda left: (left**2).sum(axis=1) / 1e-12  # noqa: E731
+    made = corrected(base, points, [real(points)], np.arange(inputs), np.zeros(inputs), np.eye(inputs), measure)
+    other = generator.standard_normal((5, inputs))
+    np.testing.assert_allclose(made(other)[0], real(other), atol=1e-6)
+
+
+def test_errors_of_a_correction_are_those_of_realisations_that_are_left_out():
+    generator = np.random.default_rng(0)
+    points = generator.standard_normal((12, 1))
+    real = np.sin(3 * points)
+    about = (np.arange(1), np.zeros(1), np.eye(1), lambda left: (left**2).sum(axis=1) / 1e-12)
+    base = lambda z: [np.full((len(z), 1), np.nan)]  # noqa: E731
+    made = corrected(base, points, [real], *about)
+    assert made.base is None
+    weights = np.exp(-0.25 * (points[:, 0] ** 2 - (points**2).min())) + 0.02
+    left = []
+    for k in range(12):
+        others = np.arange(12) != k
+        basis = np.polynomial.polynomial.polyvander(points[:, 0], made.degree)
+        root = np.sqrt(weights)[others]
+        own = np.linalg.lstsq(basis[others] * root[:, None], real[others, 0] * root, rcond=None)[0]
+        left.append((real[k, 0] - basis[k] @ own) * np.sqrt(weights[k] / weights.sum()))
+    np.testing.assert_allclose(made.errors[:, 0], left, rtol=1e-6)
+
+
+def test_what_a_record_cannot_say_is_known_beforehand():
+    """The sum of the first two alone matters, and the third: F = 25 a a', a = (1, 1, 0), and 4 for the third."""
+    function = lambda z: np.concatenate([np.tile(z[:, :1] + z[:, 1:2], (1, 25)), 2 * z[:, 2:]], axis=1)  # noqa: E731
+    target = forward.model(function, 3, [forward.block(np.zeros(26), 1.0)]).posterior
+    covariance = expected_covariance(target, np.zeros(0), 0)
+    exact = np.eye(3)
+    exact[:2, :2] = np.linalg.inv(np.eye(2) + 25 * np.ones((2, 2)))
+    exact[2, 2] = 1 / 5
+    np.testing.assert_allclose(covariance, exact, atol=1e-6)
+    (one,) = directions(covariance, ["k1", "k2", "m"])
+    assert one.name == "0.71 k1 - 0.71 k2" and one.variance == pytest.approx(1.0)
+
+
+def test_directions_that_are_identified_are_not_named():
+    assert directions(np.diag([0.4, 0.1]), ["a", "b"]) == ()
+    assert [d.name for d in directions(np.diag([0.4, 0.9]), ["a", "b"])] == ["b"]
