@@ -4,6 +4,10 @@ The mechanism of `slider_crank.py` with uncertain lengths, slider mass and speed
 an angular velocity that grows evenly for 0.3 s to 60 rad/s, and stays there.  Three questions: does the force at the
 piston pin stay below what its bearing takes (overload); does the slider stay clear of the end of its guide, whose place
 is uncertain, too (clearance); and when is the bearing overloaded first (first passage)?
+
+The clearance is violated with 1.562 % in closed form, the bearing is overloaded with 2.848 % and either of both happens
+with 4.33 % (2,000,000 samples of a surrogate whose error is 4e-5 N).  With the seeds 0 to 19 the intervals of Monte
+Carlo hold these numbers in 19, 20 and 20 of 20 cases.
 """
 
 import chaospy
@@ -60,7 +64,7 @@ study = uqmbd.Study(
     mechanism,
     times=np.linspace(0, 0.6, 61),
     propagators=[
-        MonteCarlo(samples=2000, seed=2),
+        MonteCarlo(samples=4000, seed=1),
         Collocation(order=2, verify=32),
         Galerkin(order=2),
         Reliability(seed=1),

@@ -39,6 +39,7 @@ from .mechanism import JointDisplacement as JointDisplacement
 from .mechanism import Kinetic as Kinetic
 from .mechanism import Line as Line
 from .mechanism import Local as Local
+from .mechanism import MassProperties as MassProperties
 from .mechanism import Mechanism as Mechanism
 from .mechanism import Omission as Omission
 from .mechanism import Omissions as Omissions
@@ -73,6 +74,7 @@ from .mechanism import mode_shape as mode_shape
 from .mechanism import nominal as nominal
 from .mechanism import perpendiculars as perpendiculars
 from .mechanism import quaternion_product as quaternion_product
+from .mechanism import random_body_inertia as random_body_inertia
 from .mechanism import random_inertia as random_inertia
 from .mechanism import relative_quaternion as relative_quaternion
 from .mechanism import root_mean_square as root_mean_square

@@ -228,3 +228,127 @@ def test_a_planar_body_under_a_torque_has_the_moments_of_the_closed_form():
         found = study.propagate(method)["statistics"].dataset
         assert float(found["mean"][0, -1]) == pytest.approx(mean, rel=1e-7)
         assert float(found["std"][0, -1]) == pytest.approx(std, rel=1e-5)
+
+
+MASS, CENTRE = 2.0, (0.3, -0.1, 0.2)
+
+
+def pseudo(mass, centre, second):
+    """Pseudo-inertia, shape (..., n, n): mass, first and second moments about the origin of the frame."""
+    extended = np.concatenate([np.ones((*np.shape(mass), 1)), centre], axis=-1)
+    found = mass[..., None, None] * extended[..., :, None] * extended[..., None, :]
+    found[..., 1:, 1:] += second
+    return found
+
+
+def drawn_bodies(body, numbers, inputs):
+    """Mass (K,), centre (K, d) and second moments about it (K, d, d); half of the inertia each in the plane."""
+    spatial = isinstance(body.inertia, tuple)
+    inertia = body.inertia if spatial else (body.inertia,)
+    found = values((body.mass, *body.centre, *inertia), inputs, numbers)
+    dimension = len(body.centre)
+    mass, centre, rest = found[:, 0], found[:, 1 : 1 + dimension], found[:, 1 + dimension :]
+    return mass, centre, second_moments(tensor(rest)) if spatial else rest[:, 0]
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize(
+    ("inertia", "dispersion"), [(BODY, 0.1), (BODY, 0.84), (FLAT, 0.8), (ROD, 0.7), ((1, 1, 2), 0.4)]
+)
+def test_none_of_100000_random_bodies_is_unphysical(inertia, dispersion):
+    """All pseudo-inertias are positive semi-definite; mean and covariance are those of the closed form."""
+    body = uqmbd.random_body_inertia(MASS, CENTRE, inertia, dispersion)
+    inputs = variables((body.mass, *body.centre, *body.inertia))
+    uniform = np.random.default_rng(5).random((100_000, len(inputs)))
+    mass, centre, second = drawn_bodies(body, JointInput.of(inputs).from_uniform(uniform), inputs)
+    size = np.trace(second, axis1=1, axis2=2)
+    assert (mass > 0).all()
+    assert (np.linalg.eigvalsh(second)[:, 0] >= -1e-14 * size).all()
+    moments = np.linalg.eigvalsh(size[:, None, None] * np.eye(3) - second)
+    assert (moments[:, 2] <= (moments[:, 0] + moments[:, 1]) * (1 + 1e-14)).all()
+    found = pseudo(mass, centre, second)
+    expected = pseudo(np.array(MASS), np.array(CENTRE), second_moments(tensor(np.array(six(inertia), dtype=float))))
+    rank = np.linalg.matrix_rank(expected, tol=1e-10 * np.trace(expected))
+    both = np.einsum("ik,jl->ijkl", expected, expected) + np.einsum("il,jk->ijkl", expected, expected)
+    covariance = dispersion**2 / (rank + 1) * both
+    deviation = np.sqrt(np.einsum("ijij->ij", covariance))
+    assert (np.abs(found.mean(axis=0) - expected) <= 5 * deviation / np.sqrt(len(mass))).all()
+    off = found - expected
+    scale = np.einsum("ij,kl->ijkl", deviation, deviation)
+    sampled = np.einsum("nij,nkl->ijkl", off, off) / len(mass)
+    assert (np.abs(sampled - covariance) <= 0.06 * scale + 1e-14).all()
+    # the scatter of the centre: that of a normal over chi distributed one
+    freedom = (rank + 1) / dispersion**2
+    about = second_moments(tensor(np.array(six(inertia), dtype=float))) / (MASS * (freedom - 2))
+    assert np.cov(centre.T) == pytest.approx(about, abs=0.05 * about.max())
+
+
+@pytest.mark.thorough
+def test_mean_and_covariance_of_the_pseudo_inertia_are_exact():
+    """It is quadratic in independent variables: a Gauss rule of three points integrates its products exactly."""
+    body = uqmbd.random_body_inertia(MASS, CENTRE, FLAT, 0.5)
+    inputs = variables((body.mass, *body.centre, *body.inertia))
+    space = uqmbd.GermSpace.of(JointInput.of(inputs))
+    rule = uqmbd.gauss_tensor(space, 3)
+    order = [JointInput.of(inputs).names.index(v.name) for v in inputs]
+    found = pseudo(*drawn_bodies(body, space.to_inputs(rule.nodes)[:, order], inputs))
+    expected = pseudo(np.array(MASS), np.array(CENTRE), second_moments(tensor(np.array(FLAT))))
+    assert np.einsum("k,kij->ij", rule.weights, found) == pytest.approx(expected, abs=1e-10)
+    both = np.einsum("ik,jl->ijkl", expected, expected) + np.einsum("il,jk->ijkl", expected, expected)
+    off = found - expected
+    covariance = np.einsum("n,nij,nkl->ijkl", rule.weights, off, off)
+    assert covariance == pytest.approx(0.5**2 / 4 * both, abs=1e-9)
+
+
+@pytest.mark.thorough
+def test_planar_bodies_rods_and_point_masses_are_random_too():
+    body = uqmbd.random_body_inertia(2.0, (0.3, -0.1), 0.05, 0.4)
+    inputs = variables((body.mass, *body.centre, body.inertia))
+    uniform = np.random.default_rng(6).random((100_000, len(inputs)))
+    mass, centre, inertia = drawn_bodies(body, JointInput.of(inputs).from_uniform(uniform), inputs)
+    assert (mass > 0).all() and (inertia > 0).all()
+    about_mean = inertia + mass * ((centre - [0.3, -0.1]) ** 2).sum(axis=1)
+    # second moments about the mean centre: a Wishart matrix of two rows, whose trace varies by delta / 2
+    assert about_mean.mean() == pytest.approx(0.05, rel=5e-3)
+    assert about_mean.std() == pytest.approx(0.05 * 0.4 / 2, rel=0.02)
+    assert mass.std() == pytest.approx(2 * 0.4 * np.sqrt(2 / 4), rel=0.02)
+    assert inertia.mean() == pytest.approx(0.05 * (1 - 0.4**2 / 4), rel=5e-3)
+    point = uqmbd.random_body_inertia(2.0, (0.3, -0.1, 0), (0, 0, 0), 0.4)
+    assert point.inertia == (0,) * 6 and [float(x) for x in point.centre] == [0.3, -0.1, 0]
+
+
+def test_a_body_with_random_mass_properties_moves():
+    """The moment about a fixed axis is linear in the pseudo-inertia: so is the speed after a given push, over it."""
+    mechanism = uqmbd.Mechanism("arm", uqmbd.Spatial())
+    random = uqmbd.random_body_inertia(2.0, (0.5, 0, 0), (0.02, 0.05, 0.06), 0.1, name="arm")
+    arm = mechanism.body("arm", mass=random.mass, inertia=random.inertia, position=random.centre)
+    pivot = tuple(-x for x in random.centre)
+    mechanism.add(
+        Revolute("pivot", mechanism.ground, arm, point_i=(0, 0, 0), point_j=pivot, axis_i=(0, 0, 1), axis_j=(0, 0, 1))
+    )
+    mechanism.add(Torque("push", arm, torque=(0, 0, 3.0)))
+    mechanism.output("inverse_moment", arm.angular_velocity[2] / (3.0 * 0.2))
+    study = uqmbd.Study("arm", mechanism, [0, 0.2], [Collocation(order=2, method="regression", verify=0)])
+    data = study.run()["collocation/statistics"]
+    moment = 0.06 + 2 * 0.25
+    # of a gamma distributed moment of this mean: 1 / moment has the mean n / (n - 1)
+    variation = 0.1 * np.sqrt(2 / 5)
+    assert data["mean"].values[0, 1] == pytest.approx((1 + variation**2) / moment, rel=2e-3)
+    assert data["std"].values[0, 1] == pytest.approx(variation / moment, rel=0.05)
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"mass": 0}, "mass is 0 kg; expected more than 0"),
+        ({"centre": (1, 2, 3, 4)}, "two numbers in the plane, or three"),
+        ({"inertia": 0.1}, "inertia"),
+        ({"inertia": (1, 1, 3)}, "no body has this inertia"),
+        ({"dispersion": 0.9}, "less than 0.8452"),
+        ({"centre": (uqmbd.t, 0, 0)}, "depends on"),
+    ],
+)
+def test_random_bodies_that_cannot_be_are_refused(changes, said):
+    arguments = {"mass": 1, "centre": (0, 0, 0), "inertia": (1, 1, 1), "dispersion": 0.1, **changes}
+    with pytest.raises(uqmbd.StudyError, match=said):
+        uqmbd.random_body_inertia(**arguments)

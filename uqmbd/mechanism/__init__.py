@@ -100,7 +100,7 @@ from uqmbd.mechanism.imported import (
     from_urdf,
 )
 from uqmbd.mechanism.inertia import is_tensor_of_body
-from uqmbd.mechanism.inertia_ensemble import random_inertia
+from uqmbd.mechanism.inertia_ensemble import MassProperties, random_body_inertia, random_inertia
 from uqmbd.mechanism.mechanism import Mechanism
 from uqmbd.mechanism.output import Output
 from uqmbd.mechanism.rates import mode_shape, time_derivative
@@ -151,6 +151,7 @@ __all__ = [
     "LARGEST",
     "Line",
     "Local",
+    "MassProperties",
     "Mechanism",
     "ModeShape",
     "MotionSymbol",
@@ -194,6 +195,7 @@ __all__ = [
     "nominal",
     "perpendiculars",
     "quaternion_product",
+    "random_body_inertia",
     "random_inertia",
     "random_variables",
     "range_text",
