@@ -1,12 +1,14 @@
 """Time and error of every way to carry uncertainty, on the slider-crank, the Agile Eye and the motorcycle.
 
-Run with ``OMP_NUM_THREADS=1 python studies/benchmarks/propagation.py [--repeat N] [--quick] [--only STUDY]``.
+Run with ``OMP_NUM_THREADS=1 python studies/benchmarks/propagation.py [--repeat N] [--quick] [--only STUDY]
+[--summaries]``.
 """
 
 from __future__ import annotations
 
 import argparse
 import os
+import runpy
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -24,7 +26,8 @@ import mechanisms
 import motorcycle
 import numpy as np
 import slider_crank
-from measure import Contender, console, interleave, table_of
+import sympy
+from measure import Contender, console, interleave, show, table_of
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
@@ -32,6 +35,7 @@ import uqmbd
 from uqmbd.dynamics import Ensemble, integrate
 from uqmbd_collocation import Collocation
 from uqmbd_galerkin import Galerkin
+from uqmbd_montecarlo import MonteCarlo
 
 Array = NDArray[np.float64]
 
@@ -280,6 +284,32 @@ def inputs(counts: range, repeat: int, order: int = 2) -> None:
     console.print(table)
 
 
+def summaries(samples: int, repeat: int) -> list[Contender]:
+    """Compare Monte Carlo that sums motions up, or limits them, with the same study without that."""
+    plain, found = "outputs over time", list[Contender]()
+
+    def add(name: str, extend: Callable[[uqmbd.Mechanism, sympy.Expr], None]) -> None:
+        own = runpy.run_path(str(HERE.parent / "slider_crank.py"))
+        extend(own["mechanism"], own["pin"].reaction_force[0])
+        method = MonteCarlo(samples=samples, seed=1)
+        study = uqmbd.Study("slider_crank", own["mechanism"], own["study"].times, [method])
+        found.append(Contender(name, lambda: study.propagate(method), plain))
+
+    def four(mechanism: uqmbd.Mechanism, force: sympy.Expr) -> None:
+        size = sympy.Abs(force)
+        mechanism.output("largest", uqmbd.maximum(size), units="N")
+        mechanism.output("when", uqmbd.time_of_maximum(size), units="s")
+        mechanism.output("rms", uqmbd.root_mean_square(size), units="N")
+        mechanism.output("impulse", uqmbd.integral(size), units="N s")
+
+    add(plain, lambda *_: None)
+    add("and a largest force", lambda m, force: m.output("largest", uqmbd.maximum(force), units="N"))
+    add("and four summaries of its size", four)
+    add("and a limit to it at all times", lambda m, force: m.require("load", sympy.Abs(force) <= 1.5))
+    interleave(found, repeat)
+    return found
+
+
 def main() -> None:
     """Measure and print."""
     import warnings
@@ -293,8 +323,13 @@ def main() -> None:
         "motorcycle": Task(motorcycle.study),
     }
     parser.add_argument("--only", choices=tasks, help="one study only")
+    parser.add_argument("--summaries", action="store_true", help="only what summaries and requirements cost")
     options = parser.parse_args()
     repeat, most, count = (2, 4, 4) if options.quick else (options.repeat, 6, 6)
+    if options.summaries:
+        title = f"500 slider-cranks, {len(slider_crank.study.times)} output times, one process, {repeat} rounds"
+        show(title, summaries(500, repeat))
+        return
     with warnings.catch_warnings(), threadpool_limits(limits=1):
         warnings.simplefilter("ignore", UserWarning)  # what they say stands in the columns of errors
         for name, task in tasks.items():

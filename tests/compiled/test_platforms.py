@@ -135,28 +135,38 @@ if sys.argv[1:]:
     llvm.get_host_cpu_name = lambda: sys.argv[1]
     llvm.get_host_cpu_features = lambda: FeatureMap()
 import numpy as np
+import sympy
 import uqmbd
 from uqmbd_joints import Revolute
 mechanism = uqmbd.Mechanism("pendulum", uqmbd.Planar(gravity=(0, -9.81)))
 rod = mechanism.body("rod", mass=1, inertia=1 / 12, position=(0.5, 0))
-mechanism.add(Revolute("pivot", mechanism.ground, rod, (0, 0), (-0.5, 0)))
+pivot = mechanism.add(Revolute("pivot", mechanism.ground, rod, (0, 0), (-0.5, 0)))
 mechanism.output("x", rod.position[0], units="m")
+force = sympy.Abs(pivot.reaction_force[0])
+mechanism.output("largest", uqmbd.maximum(force))
+mechanism.output("impulse", uqmbd.integral(force))
+mechanism.output("lowest", uqmbd.first_time(rod.position[0] <= 0))
+mechanism.require("load", rod.position[1] >= -0.4)
 from uqmbd.compiled import host
-print(host().width, *uqmbd.simulate(mechanism, np.linspace(0, 2, 9), rtol=1e-10)["x"].values)
+found = uqmbd.simulate(mechanism, np.linspace(0, 2, 9), rtol=1e-10)
+names = "largest", "impulse", "lowest", "requirement_margin"
+print(host().width, *found["x"].values, *np.concatenate([found[x].values.ravel() for x in names]))
 """
 
 
 @pytest.mark.thorough
 @pytest.mark.skipif(not native.host().triple.startswith("x86_64"), reason="these are x86 processors")
 def test_motion_on_lesser_processors_is_the_same() -> None:
-    """The whole way: one cache that knows the processors apart, the driver, and kernels."""
+    """The whole way: one cache that knows the processors apart, the driver, kernels, and what sums a motion up."""
     found = []
-    for arguments in ([], ["x86-64"]):
+    for arguments in ([], ["x86-64"], ["x86-64-v3"]):
         command = [sys.executable, "-c", PENDULUM, *arguments]
         done = subprocess.run(command, capture_output=True, text=True, check=True, cwd=ROOT)
         found.append([float(x) for x in done.stdout.split()])
-    assert found[1][0] == 2 and found[0][0] == native.host().width
-    np.testing.assert_allclose(found[1][1:], found[0][1:], atol=1e-9)
+    assert [one[0] for one in found] == [native.host().width, 2, 4]
+    assert len(found[0]) == 22
+    for one in found[1:]:
+        np.testing.assert_allclose(one[1:], found[0][1:], atol=1e-9)
 
 
 REFUSED = """

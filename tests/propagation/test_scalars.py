@@ -470,3 +470,6 @@ def test_misuse_is_one_clear_message():
         uqmbd.at_equilibrium(uqmbd.eigenfrequency(1))
     with pytest.raises(uqmbd.StudyError, match="expected one expression"):
         uqmbd.at_equilibrium(pan.position)
+    for function in (uqmbd.maximum, uqmbd.integral, uqmbd.final, uqmbd.at_equilibrium):
+        with pytest.raises(uqmbd.StudyError, match=f"^{function.__name__} was given 2; a number has no motion"):
+            function(2)

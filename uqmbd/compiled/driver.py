@@ -22,15 +22,20 @@ from uqmbd.typing import Array
 __all__ = [
     "Coupled",
     "ENCOUNTERS",
+    "PARTS",
     "POOL",
     "RECORDED",
     "Contacts",
+    "Course",
     "Encounters",
     "Equations",
+    "Fitted",
+    "Parts",
     "Pool",
     "Problem",
     "Program",
     "SOURCES",
+    "Seen",
     "Segments",
     "Source",
     "Step",
@@ -109,7 +114,7 @@ POOL = (
 )
 """Arrays of a pool."""
 
-RECORDED = ("path", "path_ends", "path_kept", "recorded")
+RECORDED = ("path", "path_ends", "path_kept", "path_owner", "recorded")
 """Arrays of a pool with the steps that were recorded."""
 
 
@@ -191,6 +196,54 @@ class Segments(ctypes.Structure):
     )
 
 
+class Course(ctypes.Structure):
+    """``Course`` of parts.c."""
+
+    _fields_ = (
+        ("width", _INT),
+        *((name, _POINTER) for name in ("owner", "row", "begin", "end", "last", "kept", "states")),
+        *((name, _POINTER) for name in ("places", "weights")),
+    )
+
+
+class Seen(ctypes.Structure):
+    """``Seen`` of parts.c."""
+
+    _fields_ = (
+        *((name, _INT) for name in ("parameters", "inputs", "many")),
+        ("outputs", Program),
+        *((name, _POINTER) for name in ("results", "block", "values")),
+    )
+
+
+PARTS = (
+    *("step", "depth", "next", "whole", "low", "high", "begin", "end", "values", "coefficients"),
+    *("error", "most", "least", "highest", "lowest", "mean", "first", "open", "allowed", "known"),
+)
+"""Arrays of what is known of parts of steps."""
+
+
+class Parts(ctypes.Structure):
+    """``Parts`` of parts.c."""
+
+    _fields_ = (
+        ("course", _POINTER),
+        *((name, _INT) for name in ("members", "outputs", "needs")),
+        *((name, _POINTER) for name in ("kinds", "columns", "slack", "series", "fine", "weights")),
+        ("share", _DOUBLE),
+        *((name, _POINTER) for name in PARTS),
+    )
+
+
+class Fitted(ctypes.Structure):
+    """``Fitted`` of peaks.c."""
+
+    _fields_ = (
+        *((name, _INT) for name in ("outputs", "column")),
+        *((name, _POINTER) for name in ("values", "coefficients", "begin", "end", "fine", "places")),
+    )
+
+
 _FUNCTIONS: dict[str, tuple[Any, Sequence[Any]]] = {
     "run_program": (None, [_POINTER, _POINTER]),
     "evaluate": (None, [_POINTER, _POINTER, _POINTER, _INT, _INT, _INT, _POINTER, _INT, _POINTER]),
@@ -207,6 +260,12 @@ _FUNCTIONS: dict[str, tuple[Any, Sequence[Any]]] = {
     "least_speeds": (None, [*[_POINTER] * 3, _INT, _INT, _POINTER, _POINTER]),
     "segment_edges": (None, [_POINTER, _INT, *[_POINTER] * 3]),
     "segment_values": (None, [_POINTER, *[_INT] * 4, *[_POINTER] * 4, _INT, _DOUBLE, _DOUBLE, _POINTER, _POINTER]),
+    "part_states": (None, [_POINTER, _INT, *[_POINTER] * 5]),
+    "observe_parts": (None, [_POINTER, _POINTER, _INT, *[_POINTER] * 5]),
+    "refine_parts": (_INT, [_POINTER, _INT, _INT]),
+    "part_peaks": (None, [_POINTER, _DOUBLE, _INT, *[_POINTER] * 3]),
+    "least_so_far": (None, [_POINTER, _INT, _POINTER, _POINTER, _INT, _POINTER, _POINTER]),
+    "list_parts": (_INT, [_POINTER, _POINTER]),
     "wave_values": (None, [*[_INT] * 8, *[_POINTER] * 11]),
     "sizes": (None, [_POINTER]),
 }
@@ -227,12 +286,13 @@ class _Driver:
         places = addresses_of(tuple(_FUNCTIONS), _object_code())
         for (name, (result, arguments)), place in zip(_FUNCTIONS.items(), places, strict=True):
             setattr(self, name, ctypes.CFUNCTYPE(result, *arguments)(place))
-        kinds = (Step, Program, Source, Tableau, Problem, Pool, Coupled, Contacts, Encounters, Equations, Turns)
-        found = np.zeros(len(kinds) + 1, dtype=np.int64)
-        self.sizes(address(found))
-        assert found.tolist() == [ctypes.sizeof(kind) for kind in (*kinds, Segments)], (
-            "driver.bc was made from other sources"
+        kinds = (
+            *(Step, Program, Source, Tableau, Problem, Pool, Coupled, Contacts, Encounters, Equations, Turns),
+            *(Segments, Course, Seen, Parts, Fitted),
         )
+        found = np.zeros(len(kinds), dtype=np.int64)
+        self.sizes(address(found))
+        assert found.tolist() == [ctypes.sizeof(kind) for kind in kinds], "driver.bc was made from other sources"
 
     def __getattr__(self, name: str) -> Any:
         raise AttributeError(name)

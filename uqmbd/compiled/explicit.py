@@ -21,7 +21,7 @@ from uqmbd.compiled import driver as c
 from uqmbd.compiled.driver import address, aligned, driver
 from uqmbd.compiled.encounters import Contacts, Encounters
 from uqmbd.compiled.programs import Part
-from uqmbd.compiled.recording import FULL, PLACES, Recorder
+from uqmbd.compiled.recording import PLACES, Recorder
 from uqmbd.compiled.writer import LANES
 from uqmbd.typing import Array, Index
 
@@ -50,7 +50,6 @@ class Status(IntEnum):
     STEPPED = 8
     EVENT = 9
     NOTED = 10
-    FULL = FULL
 
 
 Leg = tuple[float, float, bool]
@@ -298,7 +297,9 @@ class Realisations:
                 address(workspace),
                 max(1, BUDGET // self.dynamics.cost),
             )
-            self.recorder.take(self.status)
+            self.recorder.take()
+            for name in c.RECORDED:
+                setattr(pool, name, address(getattr(self.recorder, name)))
 
     def project(self) -> None:
         """Put the states at the output times onto the constraints."""

@@ -1,29 +1,50 @@
-"""Steps of an explicit integration, recorded by the driver: the motion between output times."""
+"""Steps of an explicit integration, recorded by the driver, and what expressions do along steps.
+
+Steps are divided and evaluated in the driver: in NumPy the same takes fifteen times as long, most of it for copies of
+states and for the order of the parts after each round.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import ctypes
+from collections.abc import Iterable, Sequence
 from copy import copy
-from typing import NamedTuple
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from uqmbd.compiled import driver as c
+from uqmbd.compiled.driver import address, aligned, driver
+from uqmbd.compiled.programs import Program
+from uqmbd.compiled.writer import LANES
 from uqmbd.typing import Array, Index, Mask
 
-__all__ = ["FULL", "PLACES", "Path", "Recorder"]
+__all__ = ["FINE", "PLACES", "Course", "Fitted", "Need", "PartTable", "Path", "Recorder"]
 
 
 PLACES = 0.5 - 0.5 * np.cos(np.pi * np.arange(8) / 7)
 """Parts of a step at which its states are recorded: as many as determine the interpolant, which has degree 7."""
 
-ROOM = 1 << 21
-"""Numbers of recorded states that are held until they are taken, and at most ..."""
+FINE = np.linspace(-1, 1, 33)
+"""Where a polynomial is evaluated to find its largest and smallest values."""
 
-MOST = 32
-"""... so many steps of each."""
+ROOM = 1 << 23
+"""Numbers of recorded states that there is room for until they are taken, and ..."""
 
-FULL, RUNNING = 11, 0
-"""Status of a realisation whose steps are to be taken, and afterwards; as in dop853.h."""
+LEAST = 64
+"""... so many steps of each realisation at most.  What is not written takes no memory."""
+
+
+_VANDER = np.polynomial.chebyshev.chebvander
+_PADDED = np.append(FINE, np.ones(-len(FINE) % LANES))
+_WEIGHTS = np.where(np.arange(8) % 2, -1.0, 1.0) * np.where(np.arange(8) % 7, 1.0, 0.5)
+_SERIES = np.ascontiguousarray(np.linalg.inv(_VANDER(2 * PLACES - 1, 7)).T)
+_FINE = np.ascontiguousarray(_VANDER(_PADDED, 7).T)
+_MEAN = np.linalg.solve(_VANDER(2 * PLACES - 1, 7).T, [1 / (1 - k * k) if k % 2 == 0 else 0.0 for k in range(8)])
+"""Barycentric weights of the places, values at these to Chebyshev coefficients, such to values at `FINE`, and weights
+of Clenshaw and Curtis."""
 
 
 class Path(NamedTuple):
@@ -38,7 +59,7 @@ class Path(NamedTuple):
     kept : array of bool, shape (P,)
         Whether contacts last.
     states : array, shape (P, 8, width)
-        By interpolation, at `PLACES` from begin to end.
+        By interpolation, at `PLACES` from begin to end, on the constraints.
     """
 
     owner: Index
@@ -50,17 +71,22 @@ class Path(NamedTuple):
         """Return the steps of realisations that have other numbers elsewhere; those with negative ones are left out."""
         owner = numbers[self.owner]
         some = owner >= 0
+        if some.all():
+            return self._replace(owner=owner)
         return Path(owner[some], self.ends[some], self.kept[some], self.states[some])
 
     @classmethod
     def joined(cls, paths: Iterable[Path | None]) -> Path | None:
         """Join several; None where there is none."""
         found = [path for path in paths if path is not None]
+        found = [path for path in found if len(path.owner)] or found[:1]
+        if len(found) == 1:
+            return found[0]
         return cls(*(np.concatenate(parts) for parts in zip(*found, strict=True))) if found else None
 
 
 class Recorder:
-    """Room for the steps of some realisations, and what was recorded so far.
+    """Room for the steps of some realisations, one after the other as they are taken, and what was recorded so far.
 
     Parameters
     ----------
@@ -71,39 +97,302 @@ class Recorder:
     """
 
     def __init__(self, count: int, width: int, *, recording: bool) -> None:
-        self.room = min(max(ROOM // max(1, count * len(PLACES) * width), 1), MOST) if recording else 0
-        self.path = np.empty((count, self.room, len(PLACES), width))
-        self.path_ends, self.path_kept = np.empty((count, self.room, 2)), np.zeros((count, self.room), dtype=np.int8)
-        self.recorded, self.owner, self.taken = np.zeros(count, dtype=np.int64), np.arange(count), list[Path]()
+        self.room = max(min(ROOM // (len(PLACES) * max(1, width)), LEAST * count), LEAST) if recording else 0
+        self.width, self.owner, self.taken = width, np.arange(count), list[Path]()
+        self._begin_anew()
+
+    def _begin_anew(self) -> None:
+        self.path = np.empty((self.room, len(PLACES), self.width))
+        self.path_ends, self.path_kept = np.empty((self.room, 2)), np.zeros(self.room, dtype=np.int8)
+        self.path_owner, self.recorded = np.zeros(self.room, dtype=np.int64), np.zeros(1, dtype=np.int64)
+        self.begin, self.since, self.latest = 0, 0, -1
 
     def of(self, member: int) -> Recorder:
         """Make the recorder of one of the realisations, which goes on elsewhere; what was recorded stays together."""
-        other, one = copy(self), slice(member, member + 1)
-        for name in ("path", "path_ends", "path_kept", "recorded", "owner"):
-            setattr(other, name, getattr(self, name)[one].copy())
+        other = copy(self)
+        other.owner, other.room = self.owner[member : member + 1].copy(), min(self.room, LEAST)
+        other._begin_anew()
         return other
 
-    def take(self, status: Index) -> None:
-        """Take the steps that were recorded, so that there is room again."""
-        if not self.room or not np.any(self.recorded):
+    def take(self) -> None:
+        """Take the steps that were recorded, and make room for others."""
+        end = int(self.recorded[0])
+        if end == self.begin:
             return
-        used = np.arange(self.room) < self.recorded[:, None]
-        owner = np.broadcast_to(self.owner[:, None], used.shape)[used]
-        self.taken.append(Path(owner, self.path_ends[used], self.path_kept[used] != 0, self.path[used]))
-        self.recorded[:] = 0
-        status[status == FULL] = RUNNING
+        if self.latest == len(self.taken) - 1 >= 0:  # nothing was taken elsewhere since
+            self.taken.pop()
+        else:
+            self.since = self.begin
+        some = slice(self.since, end)
+        self.begin, self.latest = end, len(self.taken)
+        owner, kept = self.owner[self.path_owner[some]], self.path_kept[some] != 0
+        self.taken.append(Path(owner, self.path_ends[some], kept, self.path[some]))
+        if end + LANES > self.room:
+            self._begin_anew()
 
-    def passed(self, member: int, begin: float, end: float, states: Array) -> None:
-        """Record what somebody else has led a member through: states (8, width) at `PLACES` from begin to end."""
+    def passed(self, member: int, ends: Array, states: Array) -> None:
+        """Record what somebody else has led a member through: states (1, 8, width) at `PLACES`, ends (1, 2)."""
         if self.room:
-            ends, kept = np.array([[begin, end]]), np.zeros(1, dtype=bool)
-            self.taken.append(Path(self.owner[member : member + 1], ends, kept, states[None]))
+            self.taken.append(Path(self.owner[member : member + 1], ends, np.zeros(1, dtype=bool), states))
 
     @property
     def found(self) -> Path | None:
         """All steps that were recorded; None: none is."""
         if not self.room:
             return None
-        none = np.zeros((0, *self.path.shape[2:]))
+        none = np.zeros((0, len(PLACES), self.width))
         first = Path(np.zeros(0, dtype=np.int64), np.zeros((0, 2)), np.zeros(0, dtype=bool), none)
         return Path.joined([first, *self.taken])
+
+
+@dataclass(frozen=True)
+class Course:
+    """Steps of realisations, one after the other.
+
+    Attributes
+    ----------
+    owner : array of int, shape (P,)
+        Of which realisation a step is; ascending.
+    row : array of int, shape (P,)
+        Where its states stand.
+    begin, end : array, shape (P,)
+        From when to when it holds, s.
+    last : array, shape (P,)
+        Where its polynomial ends, s: not before `end`.
+    kept : array of bool, shape (P,)
+        Whether contacts last: states in between would not be on them.
+    states : array, shape (row, 8, width)
+        At the places of the polynomial.
+    """
+
+    owner: Index
+    row: Index
+    begin: Array
+    end: Array
+    last: Array
+    kept: Mask
+    states: Array
+
+    @cached_property
+    def structure(self) -> c.Course:
+        """As the driver takes it."""
+        integers = [np.ascontiguousarray(x, dtype=np.int64) for x in (self.owner, self.row)]
+        times = [np.ascontiguousarray(x, dtype=float) for x in (self.begin, self.end, self.last)]
+        rest = [self.kept.astype(np.int8), np.ascontiguousarray(self.states, dtype=float), PLACES, _WEIGHTS]
+        kept = integers + times + rest
+        found = c.Course(self.states.shape[2], *map(address, kept))
+        found.held = kept
+        return found
+
+    def states_of(self, steps: Index, low: Array, high: Array) -> tuple[Array, Array]:
+        """States (E, 8, width) and times (E, 8) at the places of parts of steps (E,), from one part to another."""
+        states, times = np.empty((len(steps), *self.states.shape[1:])), np.empty((len(steps), len(PLACES)))
+        given = [np.ascontiguousarray(x) for x in (steps, low, high)]
+        driver().part_states(ctypes.addressof(self.structure), len(steps), *map(address, (*given, states, times)))
+        return states, times
+
+    def observed(self, outputs: Program, block: Array, values: Array, steps: Index, low: Array, high: Array) -> Array:
+        """Evaluate expressions at the places of parts of steps (E,): shape (E, result, 8).
+
+        `outputs` is a program of a state, the time, zero, parameters and inputs; those of the realisations are in
+        `block` (K, parameter) and `values` (K, input).
+        """
+        found = np.empty((len(steps), len(outputs.results), len(PLACES)))
+        arrays = [np.ascontiguousarray(x, dtype=float) for x in (block, values, low, high)]
+        steps, part, work = np.ascontiguousarray(steps), outputs.part.structure, aligned(outputs.rows)
+        sizes = arrays[0].shape[1], arrays[1].shape[1], found.shape[1]
+        given = c.Seen(*sizes, part, *map(address, (outputs.results, *arrays[:2])))
+        places = (ctypes.addressof(x) for x in (self.structure, given))
+        driver().observe_parts(*places, len(steps), *map(address, (steps, *arrays[2:], found, work)))
+        return found
+
+
+class Need(NamedTuple):
+    """What an expression is resolved for.
+
+    Attributes
+    ----------
+    kind : int
+        0: its largest value, 1: its smallest, 2: its smallest so far, 3: its integral, 4: when it reaches zero.
+    slack : float
+        Tolerances of the polynomials by which a value may be less than an extreme and still count.
+    column : int
+        Which expression.
+    """
+
+    kind: int
+    slack: float
+    column: int
+
+
+class PartTable:
+    """Parts of steps on which polynomials are fitted to expressions, and which are halved as far as is needed.
+
+    One is used for some realisations after the other: it keeps its memory, which is dear to get.
+
+    Parameters
+    ----------
+    outputs : int
+        How many expressions.
+    needs : sequence of Need
+    share : float
+        By which a polynomial may be wrong, as a part of the largest value.
+
+    Attributes
+    ----------
+    count : int
+        How many parts there are.
+    step : array of int, shape (E,)
+        Of which each is a part.
+    low, high : array, shape (E,)
+        From which part of the step's polynomial to which.
+    begin, end : array, shape (E,)
+        When each begins and ends, s.
+    values, coefficients : array, shape (E, O, 8)
+        At the places, and of Chebyshev series.
+    error : array, shape (E, O)
+        By which the polynomial may be wrong; zero where nothing makes it better.
+    most, least : array, shape (E, O)
+        Between which the polynomial is.
+    highest, lowest : array, shape (E, O)
+        Of the values; NaN where any is not finite.
+    mean : array, shape (E, O)
+        Of the polynomial.
+    allowed : array, shape (R, O)
+        Tolerances of the realisations, absolute.
+    """
+
+    step: Index
+    depth: Index
+    next: Index
+    low: Array
+    high: Array
+    begin: Array
+    end: Array
+    values: Array
+    coefficients: Array
+    error: Array
+    most: Array
+    least: Array
+    highest: Array
+    lowest: Array
+    mean: Array
+
+    def __init__(self, outputs: int, needs: Sequence[Need], share: float) -> None:
+        kinds, columns = (np.array([need[k] for need in needs], dtype=np.int64) for k in (0, 2))
+        self.needs = kinds, columns, np.array([need.slack for need in needs], dtype=float)
+        self.outputs, self.share, self.room = outputs, share, 0
+        self.known = np.zeros(len(needs))
+
+    def begin_with(self, course: Course, step: Index, low: Array, high: Array) -> None:
+        """Begin with parts of steps (E,), in order."""
+        self.course, self.count, self.seen = course, len(step), 0
+        self._make_room(0)
+        some, owner = slice(self.count), course.owner[step]
+        self.step[some], self.low[some], self.high[some], self.depth[some] = step, low, high, 0
+        self.next[some] = np.where(owner != np.append(owner[1:], -1), -1, np.arange(1, self.count + 1))
+        self.first = np.flatnonzero(np.diff(owner, prepend=-1))
+        self.open, self.allowed = np.ones_like(self.first), np.zeros((len(self.first), self.outputs))
+
+    def _make_room(self, used: int) -> None:
+        """Let there be room for all parts to be halved; so many are kept."""
+        if self.room >= 3 * self.count:
+            return
+        self.room = 6 * self.count
+        shapes: dict[str, tuple[Any, ...]] = dict.fromkeys(("step", "depth", "next", "whole"), (np.int64,))
+        shapes |= dict.fromkeys(("low", "high", "begin", "end"), (float,))
+        shapes |= dict.fromkeys(("values", "coefficients"), (float, self.outputs, len(PLACES)))
+        shapes |= dict.fromkeys(("error", "most", "least", "highest", "lowest", "mean"), (float, self.outputs))
+        for name, (kind, *shape) in shapes.items():
+            array = np.empty((self.room, *shape), dtype=kind)
+            if used:
+                array[:used] = getattr(self, name)[:used]
+            setattr(self, name, array)
+
+    @property
+    def new(self) -> tuple[Index, Array, Array]:
+        """Parts whose values are wanted: step, low and high."""
+        some = slice(self.seen, self.count)
+        return self.step[some], self.low[some], self.high[some]
+
+    def refine(self, values: Array) -> bool:
+        """Take the values (E, output, 8) of new parts; tell whether there are more."""
+        self.values[self.seen : self.count] = values
+        self._make_room(self.count)
+        structure, begun, self.seen = self._structure(), self.seen, self.count
+        self.count = driver().refine_parts(ctypes.addressof(structure), begun, self.count)
+        return self.count > self.seen
+
+    def _structure(self) -> c.Parts:
+        kept = *self.needs, _SERIES, _FINE, _MEAN
+        found = c.Parts(
+            ctypes.addressof(self.course.structure),
+            *(len(self.first), self.outputs, len(self.needs[0])),
+            *map(address, kept),
+            self.share,
+            *(address(getattr(self, name)) for name in c.PARTS),
+        )
+        found.held = kept
+        return found
+
+    @property
+    def order(self) -> Index:
+        """Numbers of the parts that count, in order."""
+        found, structure = np.empty(self.count, dtype=np.int64), self._structure()
+        return found[: driver().list_parts(ctypes.addressof(structure), address(found))]
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """Polynomials of one expression on parts of steps.
+
+    Attributes
+    ----------
+    column : int
+        Which expression.
+    order : array of int, shape (E,)
+        Numbers of the parts.
+    begin, end : array, shape (P,)
+        When each begins and ends, s.
+    values, coefficients : array, shape (P, O, 8)
+        Of all expressions: values at the places, and Chebyshev coefficients.
+    """
+
+    column: int
+    order: Index
+    begin: Array
+    end: Array
+    values: Array
+    coefficients: Array
+
+    @cached_property
+    def structure(self) -> c.Fitted:
+        """As the driver takes it."""
+        arrays = self.values, self.coefficients, self.begin, self.end, _FINE, PLACES
+        kept = [np.ascontiguousarray(x, dtype=float) for x in arrays]
+        found = c.Fitted(self.values.shape[1], self.column, *map(address, kept))
+        found.held = kept
+        return found
+
+    def peaks(self, sign: float, which: Index) -> tuple[Array, Array]:
+        """Find where, from -1 to 1, and what the largest values of `sign` times some parts (N,) are: (N,) each.
+
+        Where it is constant, that is at the first place; NaN where a value is not finite.
+        """
+        place, value = np.empty((2, len(which)))
+        which = self.order[which]
+        driver().part_peaks(ctypes.addressof(self.structure), sign, len(which), *map(address, (which, place, value)))
+        return place, value
+
+    def least_so_far(self, first: Index, times: Array) -> Array:
+        """Find the smallest values so far at ascending times (T,), of realisations whose first parts are given: (R, T).
+
+        At the last of the times, that of all parts.
+        """
+        ends, times = np.append(first, len(self.order)).astype(np.int64), np.ascontiguousarray(times, dtype=float)
+        found = np.empty((len(first), len(times)))
+        place = ctypes.addressof(self.structure)
+        driver().least_so_far(
+            place, len(first), *map(address, (ends, self.order)), len(times), address(times), address(found)
+        )
+        return found

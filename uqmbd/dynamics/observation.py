@@ -11,7 +11,7 @@ from uqmbd.dynamics.equations import Model, OutputMap, state_arguments
 from uqmbd.dynamics.linear import RESIDUAL, Programs, accelerations
 from uqmbd.typing import Array, Index
 
-__all__ = ["energies", "observe", "observe_along", "prepare"]
+__all__ = ["energies", "observe", "observe_along", "output_program", "prepare"]
 
 
 def observe_along(batch: Batch, outputs: OutputMap, times: Array, states: Array) -> Array:
@@ -22,9 +22,9 @@ def observe_along(batch: Batch, outputs: OutputMap, times: Array, states: Array)
     members, count = states.shape[:2]
     times = np.asarray(times, dtype=float).ravel()
     flat = states.reshape(members * count, -1)
-    if _compiled(batch.model):
+    if (program := output_program(batch.model, outputs)) is not None:
         owners = Columns(batch.block, count), Columns(batch.values, count)
-        found = _by_program(batch.model, outputs, flat, Columns(times), *owners)
+        found = _by_program(program, batch.model, outputs, flat, Columns(times), *owners)
     else:
         found = observe(batch, outputs, flat, np.resize(times, members * count), np.repeat(np.arange(members), count))
     # times side by side: whoever reads all of them takes several times as long otherwise
@@ -34,8 +34,10 @@ def observe_along(batch: Batch, outputs: OutputMap, times: Array, states: Array)
 def observe(batch: Batch, outputs: OutputMap, states: Array, time: Array, owner: Index) -> Array:
     """Evaluate outputs at states (S, width) of the realisations `owner` (S,) at times (S,): shape (S, output)."""
     model = batch.model
-    if _compiled(model):
-        return _by_program(model, outputs, states, *map(Columns, (time, batch.block[owner], batch.values[owner])))
+    if (program := output_program(model, outputs)) is not None:
+        return _by_program(
+            program, model, outputs, states, *map(Columns, (time, batch.block[owner], batch.values[owner]))
+        )
     return _one_by_one(model, outputs, states, time, batch.block[owner], batch.values[owner])
 
 
@@ -60,6 +62,21 @@ def _one_by_one(
     return outputs(state, values, parameters, forces)
 
 
+def output_program(model: Model, outputs: OutputMap) -> Program | None:
+    """Return outputs as one program of (state, t, 0, parameters, inputs); None: they have to be observed one by one.
+
+    Where they need accelerations, its last result is how well these satisfy their system: poor above `RESIDUAL` ** 2.
+    """
+    if not _compiled(model):
+        return None
+    programs: Programs = model.system.programs
+    key = (outputs.kernel.name, outputs.needed.tobytes(), outputs.accelerates)
+    if key not in programs.others:
+        programs.others[key] = _program(model, outputs)
+    found: Program = programs.others[key]
+    return found
+
+
 def prepare(model: Model) -> None:
     """Compile what an observation takes besides the equations and the outputs, so that samples compile nothing."""
     if _compiled(model) and model.quaternions().size:
@@ -72,14 +89,15 @@ def _compiled(model: Model) -> bool:
 
 
 def _by_program(
-    model: Model, outputs: OutputMap, states: Array, time: Columns, block: Columns, values: Columns
+    program: Program,
+    model: Model,
+    outputs: OutputMap,
+    states: Array,
+    time: Columns,
+    block: Columns,
+    values: Columns,
 ) -> Array:
-    programs: Programs = model.system.programs
-    key = (outputs.kernel.name, outputs.needed.tobytes(), outputs.accelerates)
-    if key not in programs.others:
-        programs.others[key] = _program(model, outputs)
-    zero = Columns(np.zeros((1, 1)))
-    found: Array = programs.others[key](states, time, zero, block, values)
+    found = program(states, time, Columns(np.zeros((1, 1))), block, values)
     if not outputs.accelerates:
         return found
     count = len(outputs.names)

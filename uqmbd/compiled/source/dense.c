@@ -63,24 +63,27 @@ static void interpolate_at(const Problem *p, Group *g, Mask which, V moment) {
     put_on_contacts(p, g, which);
 }
 
-/* Record the states of the steps that are taken, up to `last`. */
+/* Record the states of the steps that are taken, up to `last`, on the constraints. */
 static void record(const Problem *p, const Pool *pool, Group *g, Mask taken, V last) {
     double *rows[LANES];
+    int64_t at[LANES];
+    for (int64_t l = 0; l < LANES; l++) {
+        if (!taken[l]) continue;
+        at[l] = (*pool->recorded)++;
+        pool->path_owner[at[l]] = g->member[l];
+        pool->path_ends[2 * at[l]] = g->now[l];
+        pool->path_ends[2 * at[l] + 1] = last[l];
+        pool->path_kept[at[l]] = g->touching[l] != 0;
+    }
     for (int64_t k = 0; k < PLACES; k++) {
         V moment = k + 1 < PLACES ? g->now + p->places[k] * (last - g->now) : last;
         interpolate_at(p, g, taken, moment);
+        g->work[p->time] = smaller(larger(moment, g->low), g->high);
+        put_on_constraints(p, g, taken & ~g->touching);
         for (int64_t l = 0; l < LANES; l++) {
-            int64_t at = taken[l] ? g->member[l] * p->room + pool->recorded[g->member[l]] : 0;
-            rows[l] = taken[l] ? pool->path + (at * PLACES + k) * p->width : (double *)g->last;
+            rows[l] = taken[l] ? pool->path + (at[l] * PLACES + k) * p->width : (double *)g->last;
         }
         to_rows(rows, LANES, g->work, p->width);
-    }
-    for (int64_t l = 0; l < LANES; l++) {
-        if (!taken[l]) continue;
-        int64_t at = g->member[l] * p->room + pool->recorded[g->member[l]]++;
-        pool->path_ends[2 * at] = g->now[l];
-        pool->path_ends[2 * at + 1] = last[l];
-        pool->path_kept[at] = g->touching[l] != 0;
     }
 }
 

@@ -212,7 +212,6 @@ static void step(const Problem *p, const Pool *pool, Group *g, int64_t *status) 
         else
             status[l] = advance_lane(p, pool, g, l, g->error[l], stiff[l] != 0);
         if (watched && status[l] == RUNNING && noted_many(p, pool, g->member[l])) status[l] = NOTED;
-        if (p->room && status[l] == RUNNING && pool->recorded[g->member[l]] == p->room) status[l] = FULL;
     }
 }
 
@@ -231,7 +230,7 @@ int64_t advance(const Problem *p, const Pool *pool, const int64_t *queue, int64_
         if (next < count) next++;
     }
     while (running) {
-        if (g.evaluations >= budget) {
+        if (g.evaluations >= budget || (p->room && *pool->recorded + LANES > p->room)) {
             for (int64_t l = 0; l < LANES; l++)
                 if (g.member[l] >= 0) store_lane(p, pool, &g, l);
             return g.evaluations;

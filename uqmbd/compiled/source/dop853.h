@@ -41,8 +41,7 @@ enum {
     SMALL,   /* the step size has become too small */
     STEPPED, /* a step was taken, and each is to be told */
     EVENT,   /* a guard has fallen through zero */
-    NOTED,   /* there might not be room for the marks of another step */
-    FULL     /* there is no room for another step that is recorded */
+    NOTED    /* there might not be room for the marks of another step */
 };
 
 typedef struct {
@@ -75,7 +74,7 @@ typedef struct {
     const int64_t *leg_jumps;
     const Contacts *contacts; /* null: there are no events */
     const double *places;    /* parts of a step (PLACES) at which its states are recorded */
-    int64_t room;            /* steps of a member that can be recorded until somebody takes them; 0: none is */
+    int64_t room;            /* steps that can be recorded until somebody takes them; 0: none is */
 } Problem;
 
 /* All realisations: rows of arrays. */
@@ -92,10 +91,11 @@ typedef struct {
     double *result; /* (member, instant, width) */
     double *off;    /* (member, equations + 1): largest residuals at the times that were projected, largest speed */
     int8_t *poor;   /* (member, instant): farther off the constraints than interpolation should lead */
-    double *path;      /* (member, room, PLACES, width): states of the steps that were taken, from begin to end */
-    double *path_ends; /* (member, room, 2): their begins and ends, s */
-    int8_t *path_kept; /* (member, room): whether contacts last there */
-    int64_t *recorded; /* how many there are */
+    double *path;        /* (room, PLACES, width): states of the steps that were taken, from begin to end */
+    double *path_ends;   /* (room, 2): their begins and ends, s */
+    int8_t *path_kept;   /* (room): whether contacts last there */
+    int64_t *path_owner; /* (room): whose they are */
+    int64_t *recorded;   /* how many there are, of all together */
     const Encounters *encounters;
 } Pool;
 
@@ -103,7 +103,7 @@ typedef struct {
 int64_t advance_workspace(const Problem *problem);
 
 /* Integrate the members of a queue that are running, until none is or `budget` evaluations (of eight states each) are
-   spent; return how many were. */
+   spent, or there is no room for what is recorded; return how many were. */
 int64_t advance(const Problem *problem, const Pool *pool, const int64_t *queue, int64_t count, double *workspace,
                 int64_t budget);
 

@@ -12,6 +12,8 @@
 #include "segments.c"
 #include "waves.c"
 #include "assembly.c"
+#include "parts.c"
+#include "peaks.c"
 
 /* Sizes of the structures, for those who mirror them. */
 void sizes(int64_t *found) {
@@ -27,4 +29,8 @@ void sizes(int64_t *found) {
     found[9] = sizeof(Equations);
     found[10] = sizeof(Turns);
     found[11] = sizeof(Segments);
+    found[12] = sizeof(Course);
+    found[13] = sizeof(Seen);
+    found[14] = sizeof(Parts);
+    found[15] = sizeof(Fitted);
 }

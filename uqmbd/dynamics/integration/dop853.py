@@ -24,6 +24,7 @@ from uqmbd.dynamics.integration.cheaper import FIRST, Comparison
 from uqmbd.dynamics.integration.legs import Leg, legs_of_members
 from uqmbd.dynamics.integration.restarts import speed_jumps
 from uqmbd.dynamics.integration.singular_poses import SingularPoseWatcher
+from uqmbd.dynamics.integration.steps import settled
 from uqmbd.dynamics.integration.trajectories import Counters, Solved
 from uqmbd.dynamics.linear import excess
 from uqmbd.typing import Array, Index
@@ -354,7 +355,8 @@ class _Integration:
                 if len(inside):
                     pool.result[k, inside] = course.curve(self.times[inside])
                     pool.column[k] = inside[-1] + 1
-                pool.recorder.passed(k, now, course.time, course.curve(now + (course.time - now) * PLACES))
+                ends, curve = np.array([[now, course.time]]), course.curve(now + (course.time - now) * PLACES)
+                pool.recorder.passed(k, ends, settled(self.batch, np.array([member]), ends, curve[None]))
                 pool.go_on_from(k, course.time, course.state)
             elif calm and watcher.alert:
                 self._settle(member)

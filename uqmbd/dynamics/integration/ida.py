@@ -27,7 +27,7 @@ from uqmbd.dynamics.integration.costs import implicit_costs
 from uqmbd.dynamics.integration.legs import pace
 from uqmbd.dynamics.integration.prescribed import instant
 from uqmbd.dynamics.integration.restarts import speed_jumps
-from uqmbd.dynamics.integration.steps import path_through
+from uqmbd.dynamics.integration.steps import path_through, settled
 from uqmbd.dynamics.integration.sundials import Solution, solve
 from uqmbd.dynamics.integration.trajectories import Counters, Solved
 from uqmbd.dynamics.linear import accelerations
@@ -239,7 +239,8 @@ def _path(ensemble: Batch, times: Array, y: Array, yp: Array) -> Path:
     states, rates = (np.concatenate(ensemble.expand(x.reshape(shape).transpose(1, 0, 2)), axis=2) for x in (y, yp))
     layout = ensemble.model.layout
     rates[:, :, layout.frozen] = 0.0
-    return path_through(times, states, rates, np.arange(len(ensemble)))
+    path = path_through(times, states, rates, np.arange(len(ensemble)))
+    return path._replace(states=settled(ensemble, path.owner, path.ends, path.states))
 
 
 def _dead_end(ensemble: Batch, found: Array, time: float) -> str:

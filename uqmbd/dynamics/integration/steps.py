@@ -9,9 +9,11 @@ from __future__ import annotations
 import numpy as np
 
 from uqmbd.compiled import PLACES, Path
+from uqmbd.dynamics.batch import Batch
+from uqmbd.dynamics.linear import excess
 from uqmbd.typing import Array, Index
 
-__all__ = ["path_through"]
+__all__ = ["path_through", "settled"]
 
 
 ALONE = 8
@@ -19,6 +21,10 @@ ALONE = 8
 
 APART = 0.5
 """Part of a step by which further times are apart: the noise of states is multiplied by what tiny steps are shorter."""
+
+
+INSIDE = 1e-12
+"""Part of a time by which constraints are evaluated inside a step."""
 
 
 def path_through(times: Array, states: Array, rates: Array | None, owner: Index, end: float | None = None) -> Path:
@@ -50,6 +56,26 @@ def path_through(times: Array, states: Array, rates: Array | None, owner: Index,
     ends = np.broadcast_to(np.stack([times[:-1], last], axis=1), (members, len(last), 2)).reshape(-1, 2)
     flat = found.reshape(-1, *found.shape[2:])
     return Path(np.repeat(owner, len(last)), ends.copy(), np.zeros(len(flat), dtype=bool), flat)
+
+
+def settled(batch: Batch, owner: Index, ends: Array, states: Array) -> Array:
+    """Put states (P, 8, width) of steps of realisations `owner` (P,) onto the constraints, which polynomials leave.
+
+    They stand at `PLACES` from begin to end, `ends` (P, 2).
+    """
+    model = batch.model
+    if not model.layout.rank or model.system is None or model.system.programs is None or not len(owner):
+        return states
+    shape, owner, begin, end = states.shape, np.repeat(owner, len(PLACES)), ends[:, :1], ends[:, 1:]
+    # at the ends of a step forces may jump
+    margin = np.minimum(INSIDE * np.maximum(1.0, np.maximum(np.abs(begin), np.abs(end))), 0.5 * (end - begin))
+    times = np.clip(begin + (end - begin) * PLACES, begin + margin, end - margin).ravel()
+    states = states.reshape(len(owner), -1).copy()
+    q, v = excess(model, states, times, batch.block[owner])
+    n, first = model.layout.coordinates, model.layout.velocities
+    states[:, :n] -= np.where(np.isfinite(q), q, 0.0)
+    states[:, first:] -= np.where(np.isfinite(v), v, 0.0)
+    return states.reshape(shape)
 
 
 def _even_windows(count: int) -> list[tuple[Index, Index]]:

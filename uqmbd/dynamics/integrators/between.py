@@ -14,7 +14,7 @@ import numpy as np
 
 from uqmbd.compiled import PLACES, Path
 from uqmbd.dynamics.ensemble import Ensemble
-from uqmbd.dynamics.integration import Counters, Trajectories, path_through, stops
+from uqmbd.dynamics.integration import Counters, Trajectories, path_through, settled, stops
 from uqmbd.typing import Array, Mask
 
 __all__ = ["with_motion_between"]
@@ -76,7 +76,8 @@ def with_motion_between(method: Method, ensemble: Ensemble, times: Array, rtol: 
                 scalars.setdefault(name, np.full(count, np.nan))[mine] = values[done]
             numbers = np.full(len(left), -1)
             numbers[done] = mine
-            paths += [path.placed(numbers) for path in pieces]
+            for path in (piece.placed(numbers) for piece in pieces):
+                paths.append(path._replace(states=settled(ensemble, path.owner, path.ends, path.states)))
             counters = counters + found.counters
             notes += [note for note in found.notes if note not in notes]
             left, intervals = np.delete(left, done), 2 * intervals

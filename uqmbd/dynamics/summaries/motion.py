@@ -2,118 +2,79 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from uqmbd.compiled import PLACES, Path
+from uqmbd.compiled import PLACES, Course, Path
 from uqmbd.dynamics.batch import Batch
 from uqmbd.dynamics.equations import OutputMap
-from uqmbd.dynamics.linear import excess
-from uqmbd.dynamics.observation import observe
-from uqmbd.typing import Array, Index, Mask
+from uqmbd.dynamics.linear import RESIDUAL
+from uqmbd.dynamics.observation import observe, output_program
+from uqmbd.typing import Array, Index
 
 __all__ = ["Motion", "motion_of"]
 
 
-INSIDE = 1e-12
-"""Part of a time by which equations are evaluated inside a step: at its ends forces may jump."""
-
 AT_ONCE = 1 << 9
-"""Parts that are evaluated at once."""
-
-_ENDS = np.where(np.arange(len(PLACES)) % 2, -1.0, 1.0) * np.where(np.arange(len(PLACES)) % (len(PLACES) - 1), 1.0, 0.5)
-"""Barycentric weights of the places, which are Chebyshev points."""
+"""Parts that are evaluated at once where the driver does not."""
 
 
 @dataclass(frozen=True)
 class Motion:
-    """Steps of realisations, one after the other.
+    """The motion of realisations.
 
     Attributes
     ----------
     batch : Batch
         The realisations.
-    owner : array of int, shape (P,)
-        Of which realisation a step is; ascending.
-    begin, end : array, shape (P,)
-        From when to when it holds, s.
-    last : array, shape (P,)
-        Where its polynomial ends, s: not before `end`.
-    kept : array of bool, shape (P,)
-        Whether contacts last: states in between would not be on them.
-    states : array, shape (P, 8, width)
-        At the places of the polynomial.
+    course : Course
+        Their steps.
     """
 
     batch: Batch
-    owner: Index
-    begin: Array
-    end: Array
-    last: Array
-    kept: Mask
-    states: Array
-
-    @cached_property
-    def reach(self) -> Array:
-        """Part of its polynomial at which each step ends, shape (P,)."""
-        length = self.last - self.begin
-        return np.where(length > 0, (self.end - self.begin) / np.where(length > 0, length, 1.0), 1.0)
+    course: Course
 
     def observed(self, outputs: OutputMap, steps: Index, low: Array, high: Array) -> Array:
-        """Evaluate outputs at the places of parts of steps (E,), from one part of each to another: (E, 8, output)."""
-        found = np.empty((len(steps), len(PLACES), len(outputs.names)))
-        kept = self.kept[steps]
-        for some in (np.flatnonzero(~kept), np.flatnonzero(kept)):
-            evaluate = self._interpolated if kept[some[:1]].any() else self._evaluated
-            for k in range(0, len(some), AT_ONCE):
-                rows = some[k : k + AT_ONCE]
-                found[rows] = evaluate(outputs, steps[rows], low[rows], high[rows])
-        return found
+        """Evaluate outputs at the places of parts of steps (E,), from one part of each to another: (E, output, 8)."""
+        program, count = output_program(self.batch.model, outputs), len(outputs.names)
+        if program is None:
+            found = np.empty((len(steps), count, len(PLACES)))
+            kept = self.course.kept[steps]
+            for some in (np.flatnonzero(~kept), np.flatnonzero(kept)):
+                evaluate = self._interpolated if kept[some[:1]].any() else self._evaluated
+                for k in range(0, len(some), AT_ONCE):
+                    rows = some[k : k + AT_ONCE]
+                    found[rows] = evaluate(outputs, steps[rows], low[rows], high[rows])
+            return found
+        given = self.batch.block[:, : self.batch.model.block_parameters], self.batch.values
+        found = self.course.observed(program, *given, steps, low, high)
+        if found.shape[1] > count:
+            poor = np.flatnonzero(~(found[:, count] <= RESIDUAL**2).all(axis=1))
+            if len(poor):
+                found[poor, :count] = self._evaluated(outputs, steps[poor], low[poor], high[poor])
+        return found[:, :count]
 
     def _evaluated(self, outputs: OutputMap, steps: Index, low: Array, high: Array) -> Array:
-        model, owner = self.batch.model, np.repeat(self.owner[steps], len(PLACES))
-        states = self._weighted(self.states[steps], low, high).reshape(len(owner), -1)
-        times = self._inside(steps, low, high)
-        if model.layout.rank and model.system is not None and model.system.programs is not None:
-            q, v = excess(model, states, times, self.batch.block[owner])
-            n, first = model.layout.coordinates, model.layout.velocities
-            states[:, :n] -= np.where(np.isfinite(q), q, 0.0)
-            states[:, first:] -= np.where(np.isfinite(v), v, 0.0)
-        return observe(self.batch, outputs, states, times, owner).reshape(len(steps), len(PLACES), -1)
+        owner = np.repeat(self.course.owner[steps], len(PLACES))
+        states, times = self.course.states_of(steps, low, high)
+        found = observe(self.batch, outputs, states.reshape(len(owner), -1), times.ravel(), owner)
+        return found.reshape(len(steps), len(PLACES), -1).transpose(0, 2, 1)
 
     def _interpolated(self, outputs: OutputMap, steps: Index, low: Array, high: Array) -> Array:
         """Interpolate outputs where contacts last: only recorded states are on these."""
         which, back = np.unique(steps, return_inverse=True)
-        zero, one = np.zeros(len(which)), np.ones(len(which))
-        owner = np.repeat(self.owner[which], len(PLACES))
-        states, times = self.states[which].reshape(len(owner), -1), self._inside(which, zero, one)
-        known = observe(self.batch, outputs, states, times, owner).reshape(len(which), len(PLACES), -1)
-        return self._weighted(known[back], low, high)
+        owner = np.repeat(self.course.owner[which], len(PLACES))
+        states, times = self.course.states_of(which, np.zeros(len(which)), np.ones(len(which)))
+        known = observe(self.batch, outputs, states.reshape(len(owner), -1), times.ravel(), owner)
+        known = known.reshape(len(which), len(PLACES), -1)
+        course = replace(self.course, row=np.arange(len(known)), states=known)
+        some = replace(course, **{name: getattr(self.course, name)[which] for name in STEPS})
+        return some.states_of(back.ravel(), low, high)[0].transpose(0, 2, 1)
 
-    def _weighted(self, values: Array, low: Array, high: Array) -> Array:
-        """Change values (E, 8, W) of polynomials at the places to those of parts, by barycentric interpolation."""
-        some = np.flatnonzero((low != 0) | (high != 1))
-        if not len(some):
-            return values
-        parts = low[some, None] + (high - low)[some, None] * PLACES
-        parts[:, -1] = high[some]
-        apart = parts[:, :, None] - PLACES
-        hit = apart == 0
-        weights = _ENDS / np.where(hit, 1.0, apart)
-        weights = np.where(hit.any(axis=2, keepdims=True), hit.astype(float), weights)
-        # one product for each step: the same in any company
-        values[some] = (weights @ values[some]) / weights.sum(axis=2, keepdims=True)
-        return values
 
-    def _inside(self, steps: Index, low: Array, high: Array) -> Array:
-        """Tell the times of the places of parts, inside the steps."""
-        begin, end = self.begin[steps, None], self.end[steps, None]
-        margin = np.minimum(INSIDE * np.maximum(1.0, np.maximum(np.abs(begin), np.abs(end))), 0.5 * (end - begin))
-        parts = low[:, None] + (high - low)[:, None] * PLACES
-        times = begin + parts * (self.last[steps, None] - begin)
-        return np.clip(times, begin + margin, end - margin).ravel()
+STEPS = ("owner", "begin", "end", "last", "kept")
+"""What a course says of each step, but where its states stand."""
 
 
 def motion_of(batch: Batch, path: Path, members: Index, time: float, states: Array) -> Motion:
@@ -137,5 +98,5 @@ def motion_of(batch: Batch, path: Path, members: Index, time: float, states: Arr
         later = np.minimum.accumulate(begin[first + 1 : stop][::-1])[::-1]
         end[first : stop - 1] = np.minimum(end[first : stop - 1], later)
     held = (end > begin) | (last == begin)
-    some, owner, begin, end, last = some[held], owner[held], begin[held], end[held], last[held]
-    return Motion(batch, owner, begin, end, last, path.kept[some], path.states[some])
+    owner, some, begin, end, last = (x[held] for x in (owner, some, begin, end, last))
+    return Motion(batch, Course(owner, some, begin, end, last, path.kept[some], path.states))

@@ -8,21 +8,22 @@ from functools import cached_property
 
 import numpy as np
 
+from uqmbd.compiled import Need
 from uqmbd.dynamics.batch import Batch
 from uqmbd.dynamics.equations import OutputMap
 from uqmbd.dynamics.integration import Trajectories
 from uqmbd.dynamics.observation import observe_along
-from uqmbd.dynamics.summaries.extremes import extremes, needed_for_extremes, needed_for_running, running_minima
-from uqmbd.dynamics.summaries.integrals import first_times, integrals, needed_for_crossings, needed_for_integrals
+from uqmbd.dynamics.summaries.extremes import SAME, extremes
+from uqmbd.dynamics.summaries.integrals import first_times, integrals
 from uqmbd.dynamics.summaries.motion import motion_of
-from uqmbd.dynamics.summaries.resolved import Need, Parts, resolved
+from uqmbd.dynamics.summaries.resolved import SHARE, Parts, part_table, resolved
 from uqmbd.mechanism import Output, Summary
 from uqmbd.typing import Array, Index
 
 __all__ = ["SummaryMap", "running_minimum", "summarised", "summary_map"]
 
 
-AT_ONCE = 64
+AT_ONCE = 128
 """Realisations whose motions are held at once."""
 
 
@@ -55,20 +56,25 @@ class SummaryMap:
     @cached_property
     def needs(self) -> list[Need]:
         """What has to be resolved."""
-        found: dict[tuple[str, int], Need] = {}
-        for kind, column in zip(self.kinds, self.columns, strict=True):
-            if kind in _EXTREMES:
-                sign = _EXTREMES[kind][0]
-                found[f"extreme {sign}", column] = needed_for_extremes(column, sign)
-            elif kind in ("integral", "root_mean_square"):
-                found["integral", column] = needed_for_integrals(column)
-            elif kind == "first_time":
-                found[kind, column] = needed_for_crossings(column)
-        return list(found.values())
+        every = zip(self.kinds, self.columns, strict=True)
+        return list(dict.fromkeys(Need(*_NEEDS[kind], column) for kind, column in every if kind in _NEEDS))
 
 
 _EXTREMES = {"maximum": (1.0, 0), "minimum": (-1.0, 0), "time_of_maximum": (1.0, 1), "time_of_minimum": (-1.0, 1)}
 """Sign, and whether it is the value or the time."""
+
+LARGEST, SMALLEST, SO_FAR, INTEGRAL, REACHED = range(5)
+"""What an expression is resolved for (`Need.kind`)."""
+
+_NEEDS = {
+    "maximum": (LARGEST, 0.0),
+    "time_of_maximum": (LARGEST, SAME / SHARE),
+    "minimum": (SMALLEST, 0.0),
+    "time_of_minimum": (SMALLEST, SAME / SHARE),
+    "integral": (INTEGRAL, 0.0),
+    "root_mean_square": (INTEGRAL, 0.0),
+    "first_time": (REACHED, 0.0),
+}
 
 
 def summary_map(found: Sequence[Summary], compiled: Callable[[list[Output]], OutputMap]) -> SummaryMap:
@@ -113,11 +119,11 @@ def summarised(batch: Batch, seen: SummaryMap, trajectories: Trajectories, membe
     if not seen.needs_path:
         return found
 
-    def collect(rows: Index, parts: Parts, allowed: Array, rtol: float) -> None:
+    def collect(rows: Index, parts: Parts, allowed: Array) -> None:
         for k, (kind, column) in enumerate(zip(seen.kinds, seen.columns, strict=True)):
             if kind in _EXTREMES:
                 sign, which = _EXTREMES[kind]
-                found[rows, k] = extremes(parts, allowed, column, sign, rtol)[which]
+                found[rows, k] = extremes(parts, allowed, column, sign)[which]
             elif kind == "first_time":
                 found[rows, k] = first_times(parts, column)
             elif kind != "final":
@@ -149,12 +155,12 @@ def running_minimum(batch: Batch, outputs: OutputMap, trajectories: Trajectories
     found = np.full((len(batch), len(outputs.names), len(times)), np.nan)
     members = np.flatnonzero([not message for message in trajectories.messages])
 
-    def collect(rows: Index, parts: Parts, allowed: Array, rtol: float) -> None:
+    def collect(rows: Index, parts: Parts, allowed: Array) -> None:
         for column in range(len(outputs.names)):
-            found[members[rows], column] = running_minima(parts, column, times)
+            found[members[rows], column] = parts.fitted(column).least_so_far(parts.first, times)
 
     if outputs.names:
-        needs = [needed_for_running(column) for column in range(len(outputs.names))]
+        needs = [Need(SO_FAR, 0.0, column) for column in range(len(outputs.names))]
         _resolve(batch, outputs, trajectories, members, needs, collect)
     return found
 
@@ -165,14 +171,15 @@ def _resolve(
     trajectories: Trajectories,
     members: Index,
     needs: Sequence[Need],
-    collect: Callable[[Index, Parts, Array, float], None],
+    collect: Callable[[Index, Parts, Array], None],
 ) -> None:
     """Resolve outputs along the motions of members, some at once, and hand them on with their rows among these."""
     if trajectories.path is None:
         raise ValueError("trajectories without a path: integrate(..., between=True)")
+    table = part_table(outputs, trajectories.rtol, needs)
     for k in range(0, len(members), AT_ONCE):
         rows = np.arange(k, min(k + AT_ONCE, len(members)))
         motion = motion_of(batch, trajectories.path, members[rows], trajectories.times[0], trajectories.states[:, 0])
-        parts, allowed = resolved(motion, outputs, trajectories.rtol, needs)
+        parts = resolved(motion, outputs, table)
         there = np.searchsorted(members[rows], parts.owner[parts.first])
-        collect(rows[there], parts, allowed, trajectories.rtol)
+        collect(rows[there], parts, table.allowed)

@@ -128,7 +128,7 @@ def maximum(expression: Any) -> sympy.Expr:
     Raises
     ------
     uqmbd.StudyError
-        If it is no single expression, or contains a quantity without a time already.
+        If it is no single expression, is a number, or contains a quantity without a time already.
 
     Examples
     --------
@@ -161,7 +161,7 @@ def minimum(expression: Any) -> sympy.Expr:
     Raises
     ------
     uqmbd.StudyError
-        If it is no single expression, or contains a quantity without a time already.
+        If it is no single expression, is a number, or contains a quantity without a time already.
 
     Examples
     --------
@@ -177,8 +177,9 @@ def minimum(expression: Any) -> sympy.Expr:
 def time_of_maximum(expression: Any) -> sympy.Expr:
     """Return when an expression is largest in the motion of a realisation, in s, for use in an output.
 
-    Of several peaks that are the same within the tolerance of the integration it is the first.  Where another peak
-    becomes the largest one within the range of the inputs, the time jumps: a surrogate of it has a discontinuity there.
+    Of several peaks that are the same within ten times the tolerance of the integration (`rtol`), as a part of the
+    largest value, it is the first.  Where another peak becomes the largest one within the range of the inputs, the time
+    jumps: a surrogate of it has a discontinuity there.
 
     Parameters
     ----------
@@ -188,7 +189,7 @@ def time_of_maximum(expression: Any) -> sympy.Expr:
     Raises
     ------
     uqmbd.StudyError
-        If it is no single expression, or contains a quantity without a time already.
+        If it is no single expression, is a number, or contains a quantity without a time already.
 
     Examples
     --------
@@ -219,7 +220,7 @@ def time_of_minimum(expression: Any) -> sympy.Expr:
     Raises
     ------
     uqmbd.StudyError
-        If it is no single expression, or contains a quantity without a time already.
+        If it is no single expression, is a number, or contains a quantity without a time already.
 
     Examples
     --------
@@ -243,7 +244,7 @@ def root_mean_square(expression: Any) -> sympy.Expr:
     Raises
     ------
     uqmbd.StudyError
-        If it is no single expression, or contains a quantity without a time already.
+        If it is no single expression, is a number, or contains a quantity without a time already.
 
     Examples
     --------
@@ -272,7 +273,7 @@ def integral(expression: Any) -> sympy.Expr:
     Raises
     ------
     uqmbd.StudyError
-        If it is no single expression, or contains a quantity without a time already.
+        If it is no single expression, is a number, or contains a quantity without a time already.
 
     Examples
     --------
@@ -299,7 +300,7 @@ def final(expression: Any) -> sympy.Expr:
     Raises
     ------
     uqmbd.StudyError
-        If it is no single expression, or contains a quantity without a time already.
+        If it is no single expression, is a number, or contains a quantity without a time already.
 
     Examples
     --------

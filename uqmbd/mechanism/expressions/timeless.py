@@ -309,6 +309,11 @@ def single(function: str, expression: Any, example: str = "body.position[0]") ->
         raise StudyError(
             f"{function} was given {shown(expression)}; expected one expression, e.g. uqmbd.{function}({example})."
         )
+    if value.is_number:
+        raise StudyError(
+            f"{function} was given {shown(value)}; a number has no motion and is the same in every pose. Expected an "
+            f"expression of what moves, e.g. uqmbd.{function}(body.position[0]); a number needs no {function}."
+        )
     if is_scalar(value):
         raise StudyError(
             f"{function} was given {shown(value)}, which holds a quantity without a time already; take "
