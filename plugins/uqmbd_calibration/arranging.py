@@ -177,7 +177,7 @@ def _point(
         times = np.unique(np.concatenate([times, study.times])) if moving else study.times
     if moving and len(times) == 1:
         times = np.unique(np.concatenate([times, study.times]))
-    other = study.with_times(times)
+    other = study if np.array_equal(times, study.times) else study.with_times(times)
     return OperatingPoint(other, known, moving=moving, still=still, most=most, executor=executor, progress=progress)
 
 

@@ -9,7 +9,7 @@ from typing import Any, Literal
 import numpy as np
 
 import uqmbd
-from uqmbd_calibration.finding import find
+from uqmbd_calibration.finding import Found, find
 from uqmbd_calibration.inference import Bias, require_sampler
 from uqmbd_calibration.records import Record, checked_records
 from uqmbd_calibration.result import Calibration, tree_of, warn_of
@@ -21,13 +21,14 @@ def calibrate(
     study: uqmbd.Study,
     records: Record | Sequence[Record],
     *,
-    surrogate: uqmbd.Propagator | None = None,
+    surrogate: uqmbd.Propagator | Calibration | None = None,
     realisations: int = 200,
     draws: int = 4000,
     chains: int = 4,
     noise: Literal["normal", "student"] = "normal",
     bias: Mapping[str, Bias] | None = None,
     individual: Sequence[str] = (),
+    on: Literal["surrogate", "mechanism"] = "surrogate",
     seed: int = 0,
     workers: int | Executor = 1,
     progress: uqmbd.Progress | bool | None = None,
@@ -45,6 +46,8 @@ def calibrate(
     surrogate : uqmbd.Propagator, optional
         A method that gives a surrogate, as ``Collocation(order=4)``.  By default collocation of the highest
         order that about half of the realisations suffice for, aligned where that is better.
+        An earlier calibration, in this process, with records at the same times: its surrogate is used again, and its
+        realisations are counted again.
     realisations : int
         Realisations of the mechanism, at most, for each operating point and machine; those of the surrogate count.
     draws, chains : int
@@ -56,6 +59,9 @@ def calibrate(
         By output, what the model may be wrong by.
     individual : sequence of str
         Inputs that each machine has of its own; all others are shared.
+    on : {"surrogate", "mechanism"}
+        What is sampled: a surrogate that realisations confirm, or the mechanism itself, in stacks of 32 realisations,
+        which takes ten thousand of them or more; `realisations` has to allow them.
     seed : int
         The same seed gives the same bits, whatever the number of workers.
     workers : int or concurrent.futures.Executor
@@ -80,18 +86,21 @@ def calibrate(
     """
     given = checked_records(records, study)
     require_sampler()
+    if on not in ("surrogate", "mechanism"):
+        raise uqmbd.StudyError(f"calibrate: on is {on!r}; expected 'surrogate' or 'mechanism'.")
     _check(study, noise, bias, {"realisations": realisations, "draws": draws, "chains": chains, "seed": seed})
     with uqmbd.pool(workers) as executor:
         found = find(
             study,
             given,
-            surrogate=surrogate,
+            surrogate=_method(surrogate),
             realisations=realisations,
             draws=draws,
             chains=chains,
             robust=noise == "student",
             bias=bias or {},
             individual=individual,
+            mechanism=on == "mechanism",
             seed=seed,
             executor=executor,
             progress=progress,
@@ -100,12 +109,27 @@ def calibrate(
         "kind": "calibration",
         "records": [record.name for record in given],
         "noise": noise,
+        "on": on,
         "seed": seed,
         "surrogate": found.method,
     }
-    made = Calibration(tree_of(study, found, seed, about))
+    made = Calibration(tree_of(study, found, seed, about), found)
     warn_of(made.checks, stacklevel=2)
     return made
+
+
+def _method(surrogate: object) -> uqmbd.Propagator | Found | None:
+    """Return what makes the surrogate, or has made it."""
+    if surrogate is None or isinstance(surrogate, uqmbd.Propagator):
+        return surrogate
+    if isinstance(surrogate, Calibration) and isinstance(surrogate.made_by, Found):
+        return surrogate.made_by
+    read = isinstance(surrogate, Calibration)
+    raise uqmbd.StudyError(
+        f"calibrate: surrogate is {surrogate!r}"
+        + (", which was read from a file and has no surrogate any more" if read else "")
+        + "; expected a method, as Collocation(order=4), or what calibrate() returned in this process."
+    )
 
 
 def _check(study: uqmbd.Study, noise: object, bias: object, numbers: Mapping[str, Any]) -> None:

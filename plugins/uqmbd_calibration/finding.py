@@ -90,6 +90,7 @@ def find(
     robust: bool,
     bias: Mapping[str, Bias],
     individual: Sequence[str],
+    mechanism: bool,
     seed: int,
     executor: Executor | None,
     progress: Any,
@@ -152,6 +153,7 @@ def find(
         draws=draws,
         chains=chains,
         seed=int(seeds[2]),
+        mechanism=mechanism,
     )
     made = tuple(nodes[id(point)] for point in arranged.points)
     if isinstance(surrogate, Found):

@@ -6,7 +6,8 @@ import pytest
 import xarray as xr
 
 import uqmbd
-from uqmbd_calibration import Calibration, Record, Series, calibrate
+from uqmbd_calibration import Bias, Calibration, Record, Series, calibrate
+from uqmbd_collocation import Collocation
 from uqmbd_springs import SpringDamper
 
 TIMES = np.linspace(0.05, 3, 60)
@@ -92,7 +93,6 @@ def test_a_calibration_is_stored_as_it_is(found, tmp_path):
 
 @pytest.mark.thorough
 def test_the_posterior_is_propagated_by_other_methods(found):
-    from uqmbd_collocation import Collocation
     from uqmbd_montecarlo import MonteCarlo
 
     by_name = {variable.name: variable for variable in found.variables()}
@@ -105,3 +105,227 @@ def test_the_posterior_is_propagated_by_other_methods(found):
         statistics = tree[method]["statistics"]
         np.testing.assert_allclose(statistics["mean"].values[0], exact.mean(axis=0), atol=loose * largest)
         np.testing.assert_allclose(statistics["std"].values[0], exact.std(axis=0), atol=loose * largest)
+
+
+PLAIN = Collocation(order=3)
+"""Short records need no alignment."""
+
+
+def moments(found, name):
+    draws = found.tree["posterior"][name].values
+    return draws.mean(), draws.std()
+
+
+@pytest.mark.thorough
+def test_the_noise_is_found_where_it_is_not_stated():
+    found = calibrate(oscillator(), record(stated=False), surrogate=PLAIN, seed=1)
+    mean, sd = moments(found, "noise[x]")
+    # 60 values, two inputs: the deviation of a deviation is sigma / sqrt(2 n)
+    assert mean == pytest.approx(0.005, abs=3 * 0.005 / np.sqrt(116)) and sd == pytest.approx(
+        0.005 / np.sqrt(116), rel=0.3
+    )
+    stiffness, grid_sd = moments(found, "stiffness")
+    expected, spread = grid(record()["x"].values, mean)
+    assert stiffness == pytest.approx(expected[0], abs=0.1 * spread[0]) and grid_sd == pytest.approx(spread[0], rel=0.1)
+    summary = found.summary().set_index(input="input")
+    assert bool(summary["noise"].sel(input="noise[x]")) and np.isnan(summary["prior_sd"].sel(input="noise[x]"))
+
+
+@pytest.mark.thorough
+def test_an_outlier_does_not_move_a_robust_result():
+    clean = record()
+    values = clean["x"].values.copy()
+    values[30] += 0.2
+    spoilt = Record("spoilt", [Series("x", TIMES, values, "m", noise=0.005)])
+    before = calibrate(oscillator(), clean, noise="student", surrogate=PLAIN, seed=1)
+    after = calibrate(oscillator(), spoilt, noise="student", surrogate=before, seed=1)
+    for name in ("stiffness", "damping"):
+        (mean, sd), (moved, _) = moments(before, name), moments(after, name)
+        assert abs(moved - mean) < 0.5 * sd
+    assert not after.checks["model"][0]["doubted"] and after.checks["model"][0]["outliers"] == 1
+    # normal noise follows it, and says so
+    with pytest.warns(uqmbd.StudyWarning, match="1 of 60 values are beyond 4 .* noise='student'"):
+        normal = calibrate(oscillator(), spoilt, surrogate=before, seed=1)
+    mean, sd = moments(before, "stiffness")
+    assert abs(moments(normal, "stiffness")[0] - mean) > 2 * sd
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("noise", ["normal", "student"])
+def test_an_offset_is_a_bias(noise):
+    shifted = Record("shifted", [Series("x", TIMES, record()["x"].values + 0.01, "m", noise=0.005)])
+    with pytest.warns(uqmbd.StudyWarning, match="does not give such values"):
+        plain = calibrate(oscillator(), shifted, surrogate=PLAIN, noise=noise, seed=1)
+    found = calibrate(oscillator(), shifted, surrogate=plain, noise=noise, bias={"x": Bias(sd=0.02)}, seed=1)
+    reference = calibrate(oscillator(), record(), surrogate=plain, noise=noise, bias={"x": Bias(sd=0.02)}, seed=1)
+    for name in ("stiffness", "damping"):
+        (mean, sd), (expected, spread) = moments(found, name), moments(reference, name)
+        # what the offset was does not matter
+        assert mean == pytest.approx(expected, abs=0.15 * spread) and sd == pytest.approx(spread, rel=0.1)
+    assert not found.checks["model"][0]["doubted"]
+    fitted = found.tree["fit"]["x"].values - motion(np.array(112.0), np.array(0.9))
+    assert fitted.mean() == pytest.approx(0.01, abs=0.003)
+
+
+@pytest.mark.thorough
+def test_operating_points_and_machines_of_their_own():
+    first, second = record(damping=0.7)["x"], record(damping=1.2, seed=3)["x"]
+    known = calibrate(
+        oscillator(),
+        [Record("a", [first], known={"damping": 0.7}), Record("b", [second], known={"damping": 1.2})],
+        surrogate=PLAIN,
+        seed=1,
+    )
+    assert known.names == ("stiffness",)
+    machines = calibrate(
+        oscillator(),
+        [Record("a", [first], machine="A"), Record("b", [second], machine="B")],
+        individual=["damping"],
+        surrogate=PLAIN,
+        seed=1,
+    )
+    assert machines.names == ("damping[A]", "damping[B]", "stiffness")
+    for found, name, truth in (
+        (known, "stiffness", 112.0),
+        (machines, "stiffness", 112.0),
+        (machines, "damping[A]", 0.7),
+        (machines, "damping[B]", 1.2),
+    ):
+        mean, sd = moments(found, name)
+        assert abs(mean - truth) < 3 * sd
+    # two records say more than one: the deviation of the shared input by both is that of their information together
+    single = calibrate(oscillator(), Record("a", [first], known={"damping": 0.7}), surrogate=PLAIN, seed=1)
+    assert moments(known, "stiffness")[1] < 0.85 * moments(single, "stiffness")[1]
+    assert [v.name for v in machines.variables("B")] == ["damping", "stiffness"]
+    with pytest.raises(uqmbd.StudyError, match="expected one of 'A', 'B'"):
+        machines.variables()
+
+
+@pytest.mark.thorough
+def test_an_unidentifiable_pair_is_named():
+    k1 = uqmbd.RandomVariable("k1", chaospy.Normal(60, 6), units="N/m")
+    k2 = uqmbd.RandomVariable("k2", chaospy.Normal(40, 6), units="N/m")
+    found = calibrate(oscillator(stiffness=k1 + k2), record(), seed=1)
+    assert found.unidentified == ("0.71 k1 - 0.71 k2",)
+    draws = found.tree["posterior"]
+    difference, together = draws["k1"] - draws["k2"], draws["k1"] + draws["k2"]
+    assert float(difference.std()) == pytest.approx(6 * np.sqrt(2), rel=0.05)
+    mean, sd = grid_of_sum()
+    assert float(together.mean()) == pytest.approx(mean, abs=0.15 * sd) and float(together.std()) == pytest.approx(
+        sd, rel=0.1
+    )
+
+
+def grid_of_sum():
+    """Return mean and deviation of the stiffness where its prior has the deviation of a sum."""
+    k, c = np.meshgrid(np.linspace(100, 125, 501), np.linspace(0.5, 1.5, 301), indexing="ij")
+    misfit = motion(k, c) - record()["x"].values
+    density = np.exp(-0.5 * (misfit**2).sum(axis=-1) / 0.005**2 - 0.5 * (k - 100) ** 2 / 72)
+    density /= density.sum()
+    mean = (density * k).sum()
+    return mean, np.sqrt((density * (k - mean) ** 2).sum())
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("stated", [True, False])
+def test_a_wrong_model_is_noticed(stated):
+    with pytest.warns(uqmbd.StudyWarning, match=r"record 'run 1', output 'x': .* at .* s; something is missing"):
+        found = calibrate(oscillator(damping=0.0), record(stated=stated), surrogate=PLAIN, seed=1)
+    (model,) = found.checks["model"]
+    assert model["doubted"] and model["where"]
+    assert "doubted: x of record 'run 1'" in str(found)
+
+
+@pytest.mark.thorough
+def test_the_two_storey_oscillator_is_calibrated_from_frequency_and_mode():
+    """U5 of the reference cases, as a mechanism: outputs without a time, measured five times."""
+    import sympy
+
+    k1 = uqmbd.RandomVariable("k1", chaospy.Uniform(0.8, 2.2), units="N/m")
+    k2 = uqmbd.RandomVariable("k2", chaospy.Uniform(0.4, 1.2), units="N/m")
+    made = uqmbd.Mechanism("storeys", uqmbd.Line())
+    lower, upper = made.body("lower", mass=1, position=(1,)), made.body("upper", mass=1, position=(2,))
+    ends = {"point_i": (0,), "point_j": (0,), "free_length": 1}
+    made.add(SpringDamper("first", made.ground, lower, stiffness=k1, **ends))
+    made.add(SpringDamper("second", lower, upper, stiffness=k2, **ends))
+    made.output("eigenvalue", (2 * sympy.pi * uqmbd.eigenfrequency(1)) ** 2, units="1/s^2")
+    made.output("ratio", uqmbd.mode_shape(1, upper.position[0], over=lower.position[0]))
+    measured = Record(
+        "laboratory",
+        [
+            Series("eigenvalue", [], [0.3860, 0.3922, 0.4157, 0.3592, 0.3615], "1/s^2", noise=0.0191),
+            Series("ratio", [], [1.68245252, 1.71103903, 1.57876073, 1.58722342, 1.61878479], "", noise=0.0809),
+        ],
+    )
+    found = calibrate(uqmbd.Study("storeys", made), measured, seed=1)
+    for name, mean, sd in (("k1", 1.0086, 0.0264), ("k2", 0.9907, 0.0416)):
+        assert moments(found, name) == (pytest.approx(mean, abs=0.1 * sd), pytest.approx(sd, rel=0.05))
+    assert found.realisations < 200
+
+
+@pytest.mark.slow
+def test_draws_of_the_mechanism_itself_are_those_of_the_confirmed_surrogate(found):
+    direct = calibrate(oscillator(), record(), on="mechanism", realisations=40_000, seed=2)
+    for name in ("stiffness", "damping"):
+        (mean, sd), (expected, spread) = moments(direct, name), moments(found, name)
+        assert mean == pytest.approx(expected, abs=0.1 * spread) and sd == pytest.approx(spread, rel=0.06)
+
+
+@pytest.mark.thorough
+def test_the_same_seed_gives_the_same_bits_for_any_number_of_workers():
+    about = {"surrogate": PLAIN, "seed": 3, "draws": 400, "chains": 2}
+    one, two = (calibrate(oscillator(), record(), workers=workers, **about) for workers in (1, 2))
+    assert one.tree.identical(two.tree)
+    other = calibrate(oscillator(), record(), surrogate=one, seed=4, draws=400, chains=2)
+    assert not one.tree["posterior"].equals(other.tree["posterior"])
+
+
+def test_what_is_missing_is_named_with_its_extra(monkeypatch):
+    import sys
+
+    monkeypatch.setitem(sys.modules, "emcee", None)
+    with pytest.raises(uqmbd.StudyError, match=r'emcee is not installed, .*: pip install "uqmbd\[calibration\]"'):
+        calibrate(oscillator(), record())
+
+
+def discrete():
+    return oscillator(damping=uqmbd.RandomVariable("damping", chaospy.DiscreteUniform(1, 3), units="N s/m"))
+
+
+@pytest.mark.parametrize(
+    "options, said",
+    [
+        ({"noise": "cauchy"}, "noise is 'cauchy'; expected 'normal' or 'student'"),
+        ({"on": "paper"}, "on is 'paper'"),
+        ({"realisations": 10}, "first surrogate takes 31; expected 62"),
+        ({"draws": 3}, "draws is 3"),
+        ({"seed": True}, "seed is True"),
+        ({"bias": {"y": Bias(sd=1)}}, "bias names 'y'; the study has the outputs x"),
+        ({"bias": {"x": 1.0}}, r"expected a mapping as .*Bias\(sd=0.5\)"),
+        ({"individual": ["dampin"]}, "individual names 'dampin'"),
+        ({"individual": ["damping"]}, "does not say of which machine"),
+        ({"surrogate": "collocation"}, "expected a method, as Collocation"),
+        ({"on": "mechanism"}, "takes [0-9]* realisations at least"),
+    ],
+)
+def test_what_cannot_be_used_is_refused(options, said):
+    with pytest.raises(uqmbd.StudyError, match=said):
+        calibrate(oscillator(), record(), **options)
+
+
+def test_inputs_of_few_values_are_refused():
+    with pytest.raises(uqmbd.StudyError, match="'damping' takes 3 values only"):
+        calibrate(discrete(), record())
+
+
+@pytest.mark.thorough
+def test_a_surrogate_of_other_times_is_not_used_again(found):
+    shorter = Record("short", [Series("x", TIMES[:30], record()["x"].values[:30], "m", noise=0.005)])
+    with pytest.raises(uqmbd.StudyError, match="calibration of other inputs, outputs, times"):
+        calibrate(oscillator(), shorter, surrogate=found)
+
+
+@pytest.mark.parametrize("given", [{"sd": 0}, {"sd": -1}, {"sd": "1"}, {"sd": True}, {"sd": 1, "length": 0}])
+def test_a_bias_has_positive_numbers(given):
+    with pytest.raises(uqmbd.StudyError, match="expected a positive number"):
+        Bias(**given)

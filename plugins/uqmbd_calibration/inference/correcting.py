@@ -25,7 +25,7 @@ OVER = 1.4
 """Realisations for each term, at least."""
 
 EXACT = 1e-3
-"""Sum of squares of errors over the variance of the noise below which nothing is gained."""
+"""Square of the error of the log-likelihood below which nothing is gained."""
 
 
 @dataclass(frozen=True, eq=False)

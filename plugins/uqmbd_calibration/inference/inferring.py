@@ -2,37 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from uqmbd.typing import Array
 from uqmbd_calibration.inference.cases import Case
 from uqmbd_calibration.inference.climbing import Peaks, climb
-from uqmbd_calibration.inference.correcting import Corrected, corrected, enough
+from uqmbd_calibration.inference.correcting import Corrected
 from uqmbd_calibration.inference.posterior import Posterior, Predictor
 from uqmbd_calibration.inference.sampling import Draws, sample
-from uqmbd_calibration.inference.searching import spread_over_prior
 from uqmbd_calibration.inference.unknowns import Unknowns
+from uqmbd_calibration.inference.working import CHECKED, Work, peak_of
 
 __all__ = ["Check", "Inferred", "Mode", "infer"]
 
-
-CHECKED = 24
-"""Draws that are computed on the mechanism at once."""
 
 EVEN, SHIFT = 0.8, 0.1
 """Share of the weights, and shift of the means over their standard deviations, at which a surrogate is good enough."""
 
 MODES, WORSE = 4, 30.0
 """Maxima that are computed on the mechanism, and by how much their log-density may be below the best one's."""
-
-WIDER = 1.3
-"""How much wider than the posterior realisations are spread that correct the surrogate."""
-
-NEAR, FOLLOWED = 1.5, 6
-"""Deviations of the posterior within which its maximum stays, and how often realisations follow it at most."""
 
 SETTLED, SETTLING = 0.3, 6
 """Step of Gauss and Newton, in standard deviations of the posterior, that ends them; and how many there are at most."""
@@ -118,111 +108,6 @@ class Inferred:
     widened: bool
 
 
-@dataclass(eq=False)
-class _Work:
-    """The cases with what is known of them so far."""
-
-    unknowns: Unknowns
-    cases: tuple[Case, ...]
-    base: tuple[Predictor, ...]
-    variances: tuple[list[Array], ...]
-    predictors: list[Predictor] = field(default_factory=list)
-
-    def __post_init__(self) -> None:
-        self.predictors = list(self.base)
-
-    @property
-    def target(self) -> Posterior:
-        return Posterior(self.unknowns, self.cases, tuple(self.predictors))
-
-    def affordable(self, count: int) -> bool:
-        """Whether so many vectors can be computed on the mechanism."""
-        wanted: dict[int, int] = {}
-        for case in self.cases:
-            wanted[id(case.point)] = wanted.get(id(case.point), 0) + count
-        return all(case.point.left >= wanted[id(case.point)] for case in self.cases)
-
-    def run(self, vectors: Array) -> list[list[Array]]:
-        """Compute vectors (K, N) on the mechanism: values (K, n) of each block of each case."""
-        found = []
-        for case in self.cases:
-            rows = case.point.run(case.normals(vectors))
-            found.append(case.point.values(rows, case.blocks))
-        return found
-
-    def shift(self, vector: Array, real: list[list[Array]]) -> None:
-        """Let predictions be the base, moved to what was computed at a vector."""
-        for k, case in enumerate(self.cases):
-            free, at = case.free, case.normals(vector[None])
-            nothing = np.zeros(len(free)), np.eye(len(free))
-            self.predictors[k] = corrected(
-                self.base[k], at, real[k], free, at[0, free], nothing[1], lambda left: np.zeros(len(left))
-            )
-
-    def explore(self, peak: Array, factor: Array, count: int, seed: int) -> bool:
-        """Compute realisations that are spread like the posterior, and a little wider; say whether any were left."""
-        while count >= CHECKED // 3 and not self.affordable(count + CHECKED):
-            count -= 1
-        if not self.affordable(count + CHECKED):
-            return False
-        local = spread_over_prior(len(peak), count, seed)
-        self.run(peak + WIDER * local @ factor.T)
-        return True
-
-    def follow(self, peak: Array, factor: Array, seeds: Iterator[int], *, explored: bool) -> tuple[Array, Array]:
-        """Correct the surrogate about a maximum, and again about the one that follows, until it stays where it is."""
-        inputs = max(len(case.free) for case in self.cases)
-        count = max(CHECKED, enough(inputs))
-        for _ in range(FOLLOWED):
-            if not explored and not self.explore(peak, factor, count, next(seeds)):
-                break
-            explored, count = False, max(CHECKED // 2, enough(inputs, 1))
-            then, factor = self.refit(peak, factor, 1)
-            step = np.linalg.norm(np.linalg.solve(factor, then - peak))
-            peak = then
-            if step < NEAR:
-                break
-        return self.refit(peak, factor)
-
-    def refit(self, peak: Array, factor: Array, times: int = 2) -> tuple[Array, Array]:
-        """Fit corrections to all realisations about a maximum, with a factor of the covariance there; return new ones.
-
-        Where the posterior is decides which realisations count, and in which coordinates, so that it is done twice
-        where these are around it.
-        """
-        if not any(len(case.point.points) for case in self.cases):
-            return _peak(self.target, peak)
-        for _ in range(times):
-            covariance = factor @ factor.T
-            for k, case in enumerate(self.cases):
-                own = case.columns[case.free]
-                local = np.linalg.inv(np.linalg.cholesky(covariance[np.ix_(own, own)]))
-                rows = np.arange(len(case.point.points))
-                values = case.point.values(rows, case.blocks)
-                centre = case.normals(peak[None])[0, case.free]
-                self.predictors[k] = corrected(
-                    self.base[k], case.point.points, values, case.free, centre, local, self._measure(k, peak)
-                )
-            peak, factor = _peak(self.target, peak)
-        return peak, factor
-
-    def _measure(self, k: int, peak: Array) -> Callable[[Array], Array]:
-        """Return how much errors (K, N) of a case matter: their squares over the variance of the noise."""
-        case = self.cases[k]
-        sigma = np.concatenate([np.full(len(b.values), b.sigma(self.unknowns, peak[None])[0]) for b in case.blocks])
-
-        def measure(errors: Array) -> Array:
-            return np.asarray(((errors / sigma) ** 2).sum(axis=1))
-
-        return measure
-
-    @property
-    def degree(self) -> int | None:
-        """Highest degree of the corrections."""
-        degrees = [p.degree for p in self.predictors if isinstance(p, Corrected)]
-        return max(degrees, default=None)
-
-
 def infer(
     unknowns: Unknowns,
     cases: tuple[Case, ...],
@@ -233,6 +118,7 @@ def infer(
     draws: int,
     chains: int,
     seed: int,
+    mechanism: bool = False,
 ) -> Inferred:
     """Find the posterior.
 
@@ -249,12 +135,18 @@ def infer(
         Where the surrogate over the prior has maxima, the best first.
     draws, chains, seed : int
         Of the sampler.
+    mechanism : bool
+        Whether draws are those of the mechanism itself, not of a surrogate.
     """
-    work = _Work(unknowns, cases, base, variances)
+    work = Work(unknowns, cases, base, variances)
     modes, start = _settled(work, peaks)
     seeds = iter(np.random.SeedSequence(seed).generate_state(4096).tolist())
     checks: list[Check] = []
-    peak, factor = _peak(work.target, start)
+    peak, factor = peak_of(work.target, start)
+    if mechanism:
+        peak, factor = work.follow(peak, factor, seeds, explored=False)
+        found = work.draw(peak, factor, draws=draws, chains=chains, seed=next(seeds))
+        return Inferred(work.target, peak, found, (), modes, False)
     while work.affordable(CHECKED):
         peak, factor = work.follow(peak, factor, seeds, explored=bool(checks))
         found = sample(work.target.log_density, peak, factor, draws=draws, chains=chains, seed=next(seeds))
@@ -263,12 +155,12 @@ def infer(
             return Inferred(work.target, peak, found, tuple(checks), modes, False)
     peak, factor = work.refit(peak, factor)
     widened = _widened(work)
-    peak, factor = _peak(widened, peak)
+    peak, factor = peak_of(widened, peak)
     found = sample(widened.log_density, peak, factor, draws=draws, chains=chains, seed=next(seeds))
     return Inferred(widened, peak, found, tuple(checks), modes, True)
 
 
-def _settled(work: _Work, peaks: Peaks) -> tuple[tuple[Mode, ...], Array]:
+def _settled(work: Work, peaks: Peaks) -> tuple[tuple[Mode, ...], Array]:
     """Follow the best maxima on the mechanism; the predictions are moved to the best of them."""
     found: list[_Followed] = []
     for k in range(min(MODES, len(peaks.cost))):
@@ -276,7 +168,7 @@ def _settled(work: _Work, peaks: Peaks) -> tuple[tuple[Mode, ...], Array]:
             break
         best = max((one.mode.log_density for one in found), default=-np.inf)
         one = _followed(work, peaks.vectors[k], 3 if found else SETTLING, CHECKED if found else 0, best)
-        if one is not None:
+        if one is not None and not any(other.same(one) for other in found):
             found.append(one)
     if not found:
         return (), peaks.vectors[0]
@@ -292,14 +184,20 @@ class _Followed:
     mode: Mode
     at: Array
     real: list[list[Array]]
+    hessian: Array
+
+    def same(self, other: _Followed) -> bool:
+        """Whether another one ended in the same maximum, within a deviation."""
+        away = other.mode.vector - self.mode.vector
+        return bool(away @ self.hessian @ away < 1.0)
 
 
-def _followed(work: _Work, start: Array, steps: int, reserve: int, best: float) -> _Followed | None:
+def _followed(work: Work, start: Array, steps: int, reserve: int, best: float) -> _Followed | None:
     """Climb to a maximum by derivatives of the surrogate and misfits of realisations; None where these fail.
 
     Parameters
     ----------
-    work : _Work
+    work : Work
     start : array, shape (N,)
     steps : int
         Realisations, at most.
@@ -320,7 +218,7 @@ def _followed(work: _Work, start: Array, steps: int, reserve: int, best: float) 
         away = peak.vectors[0] - x
         step = float(np.sqrt(max(away @ peak.hessian[0] @ away, 0.0)))
         mass = -float(peak.cost[0]) - 0.5 * float(np.linalg.slogdet(peak.hessian[0])[1])
-        found = _Followed(Mode(peak.vectors[0], -float(peak.cost[0]), mass), x, real)
+        found = _Followed(Mode(peak.vectors[0], -float(peak.cost[0]), mass), x, real, peak.hessian[0])
         x = peak.vectors[0]
         # steps that do not shrink are those of wrong derivatives
         if step < SETTLED or step > 0.7 * last or -float(peak.cost[0]) < best - WORSE:
@@ -329,22 +227,11 @@ def _followed(work: _Work, start: Array, steps: int, reserve: int, best: float) 
     return found
 
 
-def _density(work: _Work, vector: Array, real: list[list[Array]]) -> float:
+def _density(work: Work, vector: Array, real: list[list[Array]]) -> float:
     return float(work.target.log_likelihood(vector[None], real)[0])
 
 
-def _peak(target: Posterior, start: Array) -> tuple[Array, Array]:
-    """Return the maximum near a start, and a lower triangular factor of the covariance there."""
-    found = climb(target, start[None])
-    for _ in range(2):
-        # differences over a part of the posterior: as wide as rounding allows, as narrow as curvature asks
-        deviation = np.sqrt(np.diag(np.linalg.inv(found.hessian[0])))[: len(target.unknowns.inputs)]
-        found = climb(target, found.vectors, difference=np.clip(0.1 * deviation, 1e-7, 1e-2))
-    covariance = np.linalg.inv(found.hessian[0])
-    return found.vectors[0], np.asarray(np.linalg.cholesky(0.5 * (covariance + covariance.T)))
-
-
-def _checked(work: _Work, found: Draws, seed: int) -> Check:
+def _checked(work: Work, found: Draws, seed: int) -> Check:
     """Weigh draws by the likelihood of the mechanism over that of the surrogate."""
     flat = found.flat
     rows = np.sort(np.random.default_rng(seed).choice(len(flat), CHECKED, replace=False))
@@ -366,7 +253,7 @@ def _checked(work: _Work, found: Draws, seed: int) -> Check:
     return Check(CHECKED, share, float(shift), spread, failed, work.degree)
 
 
-def _widened(work: _Work) -> Posterior:
+def _widened(work: Work) -> Posterior:
     """Return the posterior whose likelihood holds the errors of the surrogate.
 
     Those of realisations that are left out; where there are none, what the surrogate over the prior states.

@@ -73,7 +73,6 @@ class OperatingPoint:
         self._values = {study.mechanism.inputs.names.index(name): value for name, value in known.items()}
         self.points = np.zeros((0, self.space.dimension))
         self.spent = self.failures = 0
-        self.reasons: list[str] = []
         self._over: list[Array] = []
         self._without: list[Array] = []
 
@@ -97,27 +96,44 @@ class OperatingPoint:
         Exhausted
             Where more than what is left is asked for: nothing is computed then.
         """
+        over, without = self._realised(normals)
+        self._over.append(over)
+        self._without.append(without)
+        first = len(self.points)
+        self.points = np.concatenate([self.points, normals])
+        return np.arange(first, first + len(normals))
+
+    def passing(self, normals: Array, blocks: Sequence[Block]) -> list[Array]:
+        """Compute realisations that are counted but not kept; return values (K, n) of each block.
+
+        Raises
+        ------
+        Exhausted
+            As of `run`.
+        """
+        over, without = self._realised(normals)
+        return [picked(without if block.timeless else over, block) for block in blocks]
+
+    def _realised(self, normals: Array) -> tuple[Array, Array]:
+        """Return outputs over time, and those without, (K, output, time); NaN where a realisation failed."""
         if len(normals) > self.left:
             raise Exhausted
         inputs = self.inputs(normals)
-        for problem, kept in ((self._moving, self._over), (self._still, self._without)):
+        found, failed = [], np.zeros(len(normals), dtype=bool)
+        for problem in (self._moving, self._still):
             if problem is None:
+                found.append(np.zeros((len(normals), 0, 0)))
                 continue
-            found = problem.realise(inputs)
-            response = np.where(found.good[:, None, None], found.response, np.nan)
-            kept.append(response)
-            if problem is (self._moving or self._still):
-                self.failures += int(np.count_nonzero(~found.good))
-                self.reasons.extend(message for message in found.messages if message)
-        first = len(self.points)
-        self.points = np.concatenate([self.points, normals])
+            computed = problem.realise(inputs)
+            failed |= ~computed.good
+            found.append(np.where(computed.good[:, None, None], computed.response, np.nan))
+        self.failures += int(np.count_nonzero(failed))
         self.spent += len(normals)
-        return np.arange(first, first + len(normals))
+        return found[0], found[1]
 
     def values(self, rows: Index, blocks: Sequence[Block]) -> list[Array]:
         """Return what was computed in some realisations, (K, n) for each block; NaN where one failed."""
-        over = np.concatenate(self._over)[rows] if self._over else np.zeros(0)
-        without = np.concatenate(self._without)[rows] if self._without else np.zeros(0)
+        over, without = np.concatenate(self._over)[rows], np.concatenate(self._without)[rows]
         return [picked(without if block.timeless else over, block) for block in blocks]
 
     def surrogates(self, method: uqmbd.Propagator) -> list[xr.DataTree]:

@@ -16,8 +16,11 @@ from uqmbd.typing import Array
 __all__ = ["Draws", "require_sampler", "sample"]
 
 
-CHAINS_BURN, BLOCK, BLOCKS = 100, 150, 12
+BURN, BLOCK, BLOCKS = 100, 150, 12
 """Steps that are left out, steps after which convergence is looked at, and how often at most."""
+
+WALKERS = 32
+"""Of each ensemble, at least."""
 
 ENOUGH, ALIKE = 400.0, 1.01
 """Effective draws of each unknown, and the largest R-hat, of draws that have converged."""
@@ -78,7 +81,10 @@ def sample(
     draws: int,
     chains: int,
     seed: int,
-    walkers: int | None = None,
+    walkers: int = WALKERS,
+    burn: int = BURN,
+    block: int = BLOCK,
+    affordable: Callable[[int], bool] = lambda _: True,
 ) -> Draws:
     """Sample a density that is about normal, with a centre and a factor of its covariance.
 
@@ -92,13 +98,17 @@ def sample(
         How many draws are kept in all, and how many independent ensembles there are.
     seed : int
         The same seed gives the same bits.
-    walkers : int, optional
-        Of each ensemble.
+    walkers : int
+        Of each ensemble, at least.
+    burn, block : int
+        Steps that are left out, and after which convergence is looked at.
+    affordable : callable
+        Whether the density can be evaluated at so many more vectors: else it ends.
     """
     import emcee
 
     dimension = len(centre)
-    count = walkers or max(2 * dimension + 2, 32)
+    count = max(2 * dimension + 2, walkers)
     count += count % 2
     seeds = np.random.SeedSequence(seed).spawn(chains)
     moves = [
@@ -116,17 +126,19 @@ def sample(
         random = np.random.RandomState(generator.integers(2**32, size=8, dtype=np.uint32))
         first = _starts(density, generator, count, dimension)
         state = emcee.State(first, random_state=random.get_state())
-        states.append(sampler.run_mcmc(state, CHAINS_BURN, store=False))
+        states.append(sampler.run_mcmc(state, burn, store=False))
         samplers.append(sampler)
-    for block in range(1, BLOCKS + 1):
-        states = [s.run_mcmc(state, BLOCK) for s, state in zip(samplers, states, strict=True)]
+    steps = 0
+    while steps < BLOCKS * BLOCK and (not steps or affordable(chains * count * block)):
+        steps += block
+        states = [s.run_mcmc(state, block) for s, state in zip(samplers, states, strict=True)]
         paths = np.stack([s.get_chain() for s in samplers])
         correlation = max(float(emcee.autocorr.integrated_time(path, quiet=True, tol=0).max()) for path in paths)
         thin = max(1, int(np.ceil(correlation)))
         kept = paths[:, thin - 1 :: thin].reshape(chains, -1, dimension)
         rhat, ess = _diagnosed(kept)
         ess = np.minimum(ess, paths.shape[0] * paths.shape[1] * count / max(correlation, 1.0))
-        converged = bool(np.all(rhat < ALIKE) and np.all(ess > ENOUGH)) and block * BLOCK >= 30 * correlation
+        converged = bool(np.all(rhat < ALIKE) and np.all(ess > ENOUGH)) and steps >= 30 * correlation
         if converged and kept.shape[0] * kept.shape[1] >= draws:
             break
     density_kept = np.stack([s.get_log_prob() for s in samplers])[:, thin - 1 :: thin].reshape(chains, -1)
@@ -139,7 +151,7 @@ def sample(
         ess=ess,
         acceptance=float(np.mean([s.acceptance_fraction.mean() for s in samplers])),
         correlation=correlation,
-        steps=block * BLOCK,
+        steps=steps,
         converged=converged,
     )
 

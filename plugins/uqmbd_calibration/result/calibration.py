@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -37,6 +37,8 @@ class Calibration:
     """
 
     tree: xr.DataTree
+    made_by: Any = field(default=None, repr=False)
+    """What it was made of, with its surrogates; `calibrate` uses these again.  It is not stored."""
 
     def __post_init__(self) -> None:
         if not isinstance(self.tree, xr.DataTree) or self.tree.attrs.get("kind") != KIND:

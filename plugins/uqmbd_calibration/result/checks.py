@@ -30,7 +30,8 @@ def checks_of(found: Found, of: list[Residuals]) -> dict[str, Any]:
     last = inferred.checks[-1] if inferred.checks else None
     return {
         "surrogate": [{**asdict(check), "passed": check.passed} for check in inferred.checks],
-        "even": bool(last is not None and last.passed),
+        # draws of the mechanism itself need no check
+        "even": bool(last.passed if last is not None else not inferred.widened),
         "widened": inferred.widened,
         "realisations": sum(point.spent for point in found.arrangement.points),
         "failures": sum(point.failures for point in found.arrangement.points),

@@ -1,0 +1,188 @@
+"""Cases with what is known of them so far: realisations, and the surrogates that these correct."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+import uqmbd
+from uqmbd.typing import Array
+from uqmbd_calibration.inference.blocks import FREEDOM
+from uqmbd_calibration.inference.cases import Case
+from uqmbd_calibration.inference.climbing import climb
+from uqmbd_calibration.inference.correcting import Corrected, corrected, enough
+from uqmbd_calibration.inference.points import Exhausted
+from uqmbd_calibration.inference.posterior import Posterior, Predictor
+from uqmbd_calibration.inference.sampling import Draws, sample
+from uqmbd_calibration.inference.searching import spread_over_prior
+from uqmbd_calibration.inference.unknowns import Unknowns
+
+__all__ = ["CHECKED", "Work", "peak_of"]
+
+
+CHECKED = 24
+"""Draws that are computed on the mechanism at once."""
+
+STACK, BURNED, STEPS = 64, 10, 25
+"""Walkers on the mechanism itself, steps that are left out, and steps after which convergence is looked at."""
+
+WIDER = 1.3
+"""How much wider than the posterior realisations are spread that correct the surrogate."""
+
+NEAR, FOLLOWED = 1.5, 6
+"""Deviations of the posterior within which its maximum stays, and how often realisations follow it at most."""
+
+
+@dataclass(eq=False)
+class Work:
+    """The cases with what is known of them so far."""
+
+    unknowns: Unknowns
+    cases: tuple[Case, ...]
+    base: tuple[Predictor, ...]
+    variances: tuple[list[Array], ...]
+    predictors: list[Predictor] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self.predictors = list(self.base)
+
+    @property
+    def target(self) -> Posterior:
+        """The posterior by the surrogates as they are now."""
+        return Posterior(self.unknowns, self.cases, tuple(self.predictors))
+
+    def affordable(self, count: int) -> bool:
+        """Whether so many vectors can be computed on the mechanism."""
+        wanted: dict[int, int] = {}
+        for case in self.cases:
+            wanted[id(case.point)] = wanted.get(id(case.point), 0) + count
+        return all(case.point.left >= wanted[id(case.point)] for case in self.cases)
+
+    def run(self, vectors: Array) -> list[list[Array]]:
+        """Compute vectors (K, N) on the mechanism: values (K, n) of each block of each case."""
+        found = []
+        for case in self.cases:
+            rows = case.point.run(case.normals(vectors))
+            found.append(case.point.values(rows, case.blocks))
+        return found
+
+    def shift(self, vector: Array, real: list[list[Array]]) -> None:
+        """Let predictions be the base, moved to what was computed at a vector."""
+        for k, case in enumerate(self.cases):
+            free, at = case.free, case.normals(vector[None])
+            nothing = np.zeros(len(free)), np.eye(len(free))
+            self.predictors[k] = corrected(
+                self.base[k], at, real[k], free, at[0, free], nothing[1], lambda left: np.zeros(len(left))
+            )
+
+    def explore(self, peak: Array, factor: Array, count: int, seed: int) -> bool:
+        """Compute realisations that are spread like the posterior, and a little wider; say whether any were left."""
+        while count >= CHECKED // 3 and not self.affordable(count + CHECKED):
+            count -= 1
+        if not self.affordable(count + CHECKED):
+            return False
+        local = spread_over_prior(len(peak), count, seed)
+        self.run(peak + WIDER * local @ factor.T)
+        return True
+
+    def follow(self, peak: Array, factor: Array, seeds: Iterator[int], *, explored: bool) -> tuple[Array, Array]:
+        """Correct the surrogate about a maximum, and again about the one that follows, until it stays where it is."""
+        inputs = max(len(case.free) for case in self.cases)
+        count = max(CHECKED, enough(inputs))
+        for _ in range(FOLLOWED):
+            if not explored and not self.explore(peak, factor, count, next(seeds)):
+                break
+            explored, count = False, max(CHECKED // 2, enough(inputs, 1))
+            then, factor = self.refit(peak, factor, 1)
+            step = np.linalg.norm(np.linalg.solve(factor, then - peak))
+            peak = then
+            if step < NEAR:
+                break
+        return self.refit(peak, factor)
+
+    def refit(self, peak: Array, factor: Array, times: int = 2) -> tuple[Array, Array]:
+        """Fit corrections to all realisations about a maximum, with a factor of the covariance there; return new ones.
+
+        Where the posterior is decides which realisations count, and in which coordinates, so that it is done twice
+        where these are around it.
+        """
+        if not any(len(case.point.points) for case in self.cases):
+            return peak_of(self.target, peak)
+        for _ in range(times):
+            covariance = factor @ factor.T
+            for k, case in enumerate(self.cases):
+                own = case.columns[case.free]
+                local = np.linalg.inv(np.linalg.cholesky(covariance[np.ix_(own, own)]))
+                rows = np.arange(len(case.point.points))
+                values = case.point.values(rows, case.blocks)
+                centre = case.normals(peak[None])[0, case.free]
+                self.predictors[k] = corrected(
+                    self.base[k], case.point.points, values, case.free, centre, local, self._measure(k, peak)
+                )
+            peak, factor = peak_of(self.target, peak)
+        return peak, factor
+
+    def draw(self, peak: Array, factor: Array, *, draws: int, chains: int, seed: int) -> Draws:
+        """Draw from the posterior of the mechanism: each ensemble proposes stacks of realisations."""
+
+        def real(case: Case) -> Predictor:
+            return lambda normals: case.point.passing(normals, case.blocks)
+
+        target = Posterior(self.unknowns, self.cases, tuple(real(case) for case in self.cases))
+        first = chains * STACK * (4 + BURNED + 1 + STEPS)
+        if not self.affordable(first):
+            spent = max(case.point.spent for case in self.cases)
+            raise uqmbd.StudyError(
+                f"calibrate: on='mechanism' takes {spent + first} realisations at least, with {chains} chains of "
+                f"{STACK} walkers; allow more, as realisations={2 * (spent + first)}, or sample on the surrogate."
+            )
+        about: dict[str, Any] = {"draws": draws, "chains": chains, "seed": seed}
+        steps: dict[str, Any] = {"walkers": STACK, "burn": BURNED, "block": STEPS, "affordable": self.affordable}
+        try:
+            return sample(target.log_density, peak, factor, **about, **steps)
+        except Exhausted:
+            raise uqmbd.StudyError(
+                "calibrate: the realisations were spent before the chains had started; many of them failed."
+            ) from None
+
+    def _measure(self, k: int, peak: Array) -> Callable[[Array], Array]:
+        """Return how much errors (K, N) of a case matter, in squares of the log-likelihood.
+
+        Where values are far from all predictions, as of a wrong model, errors count by their product with the misfit.
+        """
+        case, sigma, misfit = self.cases[k], [], []
+        predicted = self.predictors[k](case.normals(peak[None]))
+        for block, values in zip(case.blocks, predicted, strict=True):
+            level = block.sigma(self.unknowns, peak[None])
+            rest = block.misfit(values, peak[None])
+            sigma.append(np.full(len(block.values), level[0]))
+            misfit.append((rest - block.bias(rest, level))[0])
+        scale, away = np.concatenate(sigma), np.concatenate(misfit) / np.concatenate(sigma)
+        if case.blocks[0].robust:
+            away = away / (1 + away**2 / FREEDOM)
+
+        def measure(errors: Array) -> Array:
+            scaled = errors / scale
+            return np.asarray((scaled**2).sum(axis=1) + (scaled @ away) ** 2)
+
+        return measure
+
+    @property
+    def degree(self) -> int | None:
+        """Highest degree of the corrections."""
+        degrees = [p.degree for p in self.predictors if isinstance(p, Corrected)]
+        return max(degrees, default=None)
+
+
+def peak_of(target: Posterior, start: Array) -> tuple[Array, Array]:
+    """Return the maximum near a start, and a lower triangular factor of the covariance there."""
+    found = climb(target, start[None])
+    for _ in range(2):
+        # differences over a part of the posterior: as wide as rounding allows, as narrow as curvature asks
+        deviation = np.sqrt(np.diag(np.linalg.inv(found.hessian[0])))[: len(target.unknowns.inputs)]
+        found = climb(target, found.vectors, difference=np.clip(0.1 * deviation, 1e-7, 1e-2))
+    covariance = np.linalg.inv(found.hessian[0])
+    return found.vectors[0], np.asarray(np.linalg.cholesky(0.5 * (covariance + covariance.T)))
