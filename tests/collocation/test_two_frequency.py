@@ -284,3 +284,28 @@ def test_amplitudes_are_least_squares_and_frequencies_converge():
     assert np.allclose(found.frequencies, [3.0, 7.1], atol=1e-9)
     assert np.allclose(found.amplitudes[:, 0], [-2, 0, 1, 0, 0, 0.3], atol=1e-7)
     assert found.residual[0] < 1e-7
+
+
+def test_what_dies_down_is_refused_whatever_bases_its_realisations_have():
+    """A damped double pendulum: one realisation looks like one frequency, another one like two."""
+    mass = uqmbd.RandomVariable("mass", chaospy.Normal(0.5, 0.05), units="kg")
+    shoulder, elbow = (
+        uqmbd.RandomVariable(name, chaospy.LogNormal(mu=float(np.log(c)), sigma=0.3), units="N m s")
+        for name, c in (("shoulder", 0.012), ("elbow", 0.006))
+    )
+    mechanism = uqmbd.Mechanism("double pendulum", uqmbd.Planar(gravity=(0, -9.81)))
+    a, b = 0.9, 0.5
+    upper = mechanism.body("upper", 0.8, 0.0107, position=(0.2 * np.sin(a), -0.2 * np.cos(a)), angle=a)
+    place = (0.4 * np.sin(a) + 0.15 * np.sin(b), -0.4 * np.cos(a) - 0.15 * np.cos(b))
+    lower = mechanism.body("lower", mass, 0.0042, position=place, angle=b)
+    joints = [
+        mechanism.add(Revolute("A", mechanism.ground, upper, (0, 0), (0, 0.2))),
+        mechanism.add(Revolute("B", upper, lower, (0, -0.2), (0, 0.15))),
+    ]
+    mechanism.add(TorsionSpringDamper("c1", mechanism.ground, upper, stiffness=0, damping=shoulder))
+    mechanism.add(TorsionSpringDamper("c2", upper, lower, stiffness=0, damping=elbow))
+    for joint in joints:
+        mechanism.output(joint.name, joint.angle, units="rad")
+    study = uqmbd.Study("double pendulum", mechanism, np.arange(201) / 20)
+    with pytest.raises(uqmbd.StudyError, match="needs motions that are sums of harmonics .* dies down"):
+        study.with_propagators([Collocation(order=3, method="regression", samples=30, alignment="two-frequency")]).run()

@@ -240,8 +240,12 @@ class SeriesProblem(Derived):
         """Say whether longer realisations would tell nothing more."""
         turns = self.longer * self.length / (2 * np.pi)
         if found.bad.any():
-            fastest = min(float(np.abs(found.kind.main @ one.frequencies).max()) for one in found.series)
-            return fastest * turns > FEW
+            # some of these are of a base of their own, which may have fewer frequencies
+            base, main = len(found.kind.main.T), found.kind.main
+            lines = [
+                main @ one.frequencies if len(one.frequencies) == base else one.frequencies for one in found.series
+            ]
+            return min(float(np.abs(some).max()) for some in lines) * turns > FEW
         slowest = min(float(np.abs(one.frequencies).min()) for one in found.series)
         return bool(found.residuals.max() <= ACCURATE or slowest * turns > PERIODS)
 
