@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -88,7 +89,7 @@ class Calibration:
         """
         return self.tree["summary"].to_dataset()
 
-    def variables(self, machine: str = "") -> tuple[uqmbd.RandomVariable, ...]:
+    def variables(self, machine: str = "", inputs: Sequence[str] | None = None) -> tuple[uqmbd.RandomVariable, ...]:
         """Return the posterior as dependent random variables, with the names and units of the inputs.
 
         Their marginal distributions are smooth, and they depend on each other by a Gaussian copula: a posterior that is
@@ -98,11 +99,13 @@ class Calibration:
         ----------
         machine : str
             Whose, where inputs were found for each machine.
+        inputs : sequence of str, optional
+            Of which inputs, whatever the others are; by default all.
 
         Raises
         ------
         uqmbd.StudyError
-            If there is no such machine.
+            If there is no such machine, or no such input.
         """
         ending = f"[{machine}]"
         machines = sorted({name.split("[", 1)[1][:-1] for name in self.names if name.endswith("]")})
@@ -112,6 +115,14 @@ class Calibration:
                 + (f"expected one of {', '.join(map(repr, machines))}." if machines else "no input is individual.")
             )
         chosen = [name for name in self.names if not name.endswith("]") or name.endswith(ending)]
+        if inputs is not None:
+            known = [name.removesuffix(ending) for name in chosen]
+            if not inputs or any(name not in known for name in inputs):
+                raise uqmbd.StudyError(
+                    f"Calibration.variables: inputs is {list(inputs)!r}; expected some of "
+                    f"{', '.join(map(repr, known))}."
+                )
+            chosen = [name for name, one in zip(chosen, known, strict=True) if one in inputs]
         units = [str(unit) for unit in self.summary()["units"].sel(input=chosen).values]
         plain = [name.removesuffix(ending) for name in chosen]
         distribution = joint_distribution(self.tree["marginals"].to_dataset(), chosen)

@@ -1,0 +1,137 @@
+"""A method that runs another one with the posterior in the place of the prior."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import xarray as xr
+
+import uqmbd
+from uqmbd_calibration.result import Calibration
+
+__all__ = ["Calibrated"]
+
+
+KEPT = (
+    "posterior", "prior", "posterior_predictive", "prior_predictive", "observed_data", "constant_data", "fit",
+    "residuals", "summary",
+)  # fmt: skip
+"""Groups of a calibration that results hold, for the report."""
+
+
+@dataclass(frozen=True)
+class Calibrated(uqmbd.Propagator):
+    """Run a method with what records say of the inputs, in the place of what was known before.
+
+    Inputs that were not calibrated keep their distributions.  Of those that a study does not have, the posterior of the
+    others is taken whatever they are.  A study that runs the method with and without shows in one report what was
+    learned; the two are not compared with each other, as errors of methods are.
+
+    Parameters
+    ----------
+    method : uqmbd.Propagator
+        Any method, as ``Collocation(order=3)``.
+    calibration : Calibration
+        The posterior.
+    machine : str
+        Whose, where inputs were found for each machine.
+    label : str, optional
+        Name of the results, by default ``calibrated``.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        In a run, if the study has none of the inputs, or has one in other units.
+
+    Examples
+    --------
+    >>> import chaospy, numpy as np, uqmbd
+    >>> from uqmbd_calibration import Record, Series, calibrate
+    >>> from uqmbd_collocation import Collocation
+    >>> stiffness = uqmbd.RandomVariable("stiffness", chaospy.Normal(100, 10), units="N/m")
+    >>> mechanism = uqmbd.Mechanism("oscillator", uqmbd.Line())
+    >>> mass = mechanism.body("mass", mass=1, position=1)
+    >>> from uqmbd_springs import SpringDamper
+    >>> spring = mechanism.add(SpringDamper("spring", mechanism.ground, mass, 0, 0, stiffness, free_length=1))
+    >>> mechanism.output("frequency", uqmbd.eigenfrequency(1), units="Hz")
+    >>> record = Record("tap test", [Series("frequency", [], [1.67, 1.68, 1.66], "Hz", noise=0.01)])
+    >>> study = uqmbd.Study("oscillator", mechanism)
+    >>> found = calibrate(study, record)
+    >>> methods = [Collocation(order=3, label="before"), Calibrated(Collocation(order=3), found, label="after")]
+    >>> tree = study.with_propagators(methods).run()
+    >>> [round(float(tree[label]["scalars/statistics"]["std"].item()), 3) for label in ("before", "after")]
+    [0.08, 0.006]
+    """
+
+    name: ClassVar[str] = "calibrated"
+    method: uqmbd.Propagator
+    calibration: Calibration
+    machine: str = ""
+
+    def __post_init__(self, *_: Any) -> None:
+        """Check what is given; whether the method answers requirements itself is its own matter."""
+        super().__post_init__()
+        for name, kind, example in (
+            ("method", uqmbd.Propagator, "a method, as Collocation(order=3)"),
+            ("calibration", Calibration, "what calibrate() returned, or Calibration.load(path)"),
+        ):
+            if not isinstance(getattr(self, name), kind):
+                given = type(getattr(self, name)).__name__
+                raise uqmbd.StudyError(f"Calibrated: {name} is of the type {given}; expected {example}.")
+        object.__setattr__(self, "requirements", self.method.requirements)
+
+    def _shared(self, names: tuple[str, ...]) -> list[str]:
+        """Return which inputs of a study are calibrated."""
+        found = {name.removesuffix(f"[{self.machine}]") for name in self.calibration.names}
+        return [name for name in names if name in found]
+
+    def _strange(self, names: tuple[str, ...]) -> str:
+        return (
+            f"the calibration is of {', '.join(map(repr, self.calibration.names))}, none of which the study has; its "
+            f"inputs are {', '.join(map(repr, names)) or 'none'}; give the inputs of both the same names"
+        )
+
+    def obstacle(self, study: uqmbd.Study) -> str | None:
+        """Return what is in the way of the method, or that the calibration is of other inputs."""
+        if not self._shared(study.mechanism.inputs.names):
+            return self._strange(study.mechanism.inputs.names)
+        return self.method.obstacle(study)
+
+    def remarks(self, study: uqmbd.Study) -> tuple[str, ...]:
+        """Return what the method says, and which inputs stay as they are."""
+        shared = self._shared(study.mechanism.inputs.names)
+        kept = [name for name in study.mechanism.inputs.names if name not in shared]
+        own = (f"{', '.join(map(repr, kept))} keep the distribution of the study",) if kept else ()
+        return (*self.method.remarks(study), *own)
+
+    def watches(self, mechanism: uqmbd.Mechanism) -> Mapping[str, Any]:
+        """Return what the method needs to know besides the outputs."""
+        return self.method.watches(mechanism)
+
+    def propagate(self, problem: uqmbd.Problem) -> xr.DataTree:
+        """Run the method, and put the calibration beside its results."""
+        problem.require_random()
+        shared = self._shared(problem.inputs.names)
+        if not shared:
+            raise uqmbd.StudyError(f"{problem.label}: {self._strange(problem.inputs.names)}.")
+        node = self.method.propagate(problem.with_inputs(self.calibration.variables(self.machine, inputs=shared)))
+        records = self.calibration.tree.attrs["records"]
+        whole = ", ".join([records] if isinstance(records, str) else list(records))
+        node.attrs |= {
+            "propagator": self.name,
+            "method": self.method.name,
+            "options": json.dumps(
+                {"method": repr(self.method), "calibration": repr(self.calibration), "machine": self.machine}
+            ),
+            "population": f"what {whole} say of {', '.join(shared)}",
+        }
+        model = problem.model
+        first = "outputs" if model.outputs.names else "scalars" if model.scalars is not None else "requirements"
+        if problem.kind == first:
+            tree = self.calibration.tree
+            kept = {name: tree[name].to_dataset() for name in KEPT if name in tree.children}
+            node["calibration"] = xr.DataTree.from_dict({"/": xr.Dataset(attrs=tree.attrs), **kept})
+        return node
