@@ -303,6 +303,8 @@ def summaries(samples: int, repeat: int) -> list[Contender]:
         mechanism.output("impulse", uqmbd.integral(size), units="N s")
 
     add(plain, lambda *_: None)
+    # its tables are those of the others, and it takes no motion between the output times
+    add("and a last force", lambda m, force: m.output("last", uqmbd.final(force), units="N"))
     add("and a largest force", lambda m, force: m.output("largest", uqmbd.maximum(force), units="N"))
     add("and four summaries of its size", four)
     add("and a limit to it at all times", lambda m, force: m.require("load", sympy.Abs(force) <= 1.5))

@@ -83,14 +83,17 @@ def test_smallest_values_so_far_are_those_of_many_times():
 
 
 def test_only_what_can_win_is_halved():
-    """Eighty parts of a wave with kinks, which grows: for its largest value the last peak is resolved, not each kink."""
+    """Eighty parts of a wave with six kinks, which grows: for its largest value the last peak is resolved, not each kink.
+
+    For its integral each kink is enclosed by few parts, where halving takes some thirty.
+    """
     wave = lambda _, t: (1 + 0.05 * t) * np.abs(np.sin(t))  # noqa: E731
     course = steps(np.linspace(0, 20, 81))
     _, most = refined(course, [Need(LARGEST, 0.0, 0)], wave)
     table, every = refined(course, [Need(INTEGRAL, 0.0, 0)], wave)
-    assert most < 100 < 200 < every
+    assert most < 90 < every < 80 + 15 * 6
     order = table.order
-    total = (table.mean[order, 0] * (table.end - table.begin)[order]).sum()
+    total = (table.mean[order, 0] * (table.end[order] - table.begin[order])).sum()
     dense = np.linspace(0, 20, 4_000_001)
     assert total == pytest.approx(np.trapezoid(wave(0, dense), dense), abs=1e-7)
     begin, end = table.begin[order], table.end[order]

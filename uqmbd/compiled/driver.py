@@ -217,7 +217,7 @@ class Seen(ctypes.Structure):
 
 
 PARTS = (
-    *("step", "depth", "next", "whole", "low", "high", "begin", "end", "values", "coefficients"),
+    *("step", "depth", "next", "whole", "beside", "low", "high", "begin", "end", "values", "coefficients"),
     *("error", "most", "least", "highest", "lowest", "mean", "first", "open", "allowed", "known"),
 )
 """Arrays of what is known of parts of steps."""

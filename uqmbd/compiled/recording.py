@@ -226,7 +226,7 @@ class Need(NamedTuple):
 
 
 class PartTable:
-    """Parts of steps on which polynomials are fitted to expressions, and which are halved as far as is needed.
+    """Parts of steps on which polynomials are fitted to expressions, and which are divided as far as is needed.
 
     One is used for some realisations after the other: it keeps its memory, which is dear to get.
 
@@ -265,6 +265,7 @@ class PartTable:
     step: Index
     depth: Index
     next: Index
+    beside: Index
     low: Array
     high: Array
     begin: Array
@@ -289,17 +290,18 @@ class PartTable:
         self.course, self.count, self.seen = course, len(step), 0
         self._make_room(0)
         some, owner = slice(self.count), course.owner[step]
-        self.step[some], self.low[some], self.high[some], self.depth[some] = step, low, high, 0
+        self.step[some], self.low[some], self.high[some] = step, low, high
+        self.depth[some], self.beside[some] = 0, 0
         self.next[some] = np.where(owner != np.append(owner[1:], -1), -1, np.arange(1, self.count + 1))
         self.first = np.flatnonzero(np.diff(owner, prepend=-1))
         self.open, self.allowed = np.ones_like(self.first), np.zeros((len(self.first), self.outputs))
 
     def _make_room(self, used: int) -> None:
-        """Let there be room for all parts to be halved; so many are kept."""
-        if self.room >= 3 * self.count:
+        """Let there be room for all parts to be divided by three; so many are kept."""
+        if self.room >= 4 * self.count:
             return
-        self.room = 6 * self.count
-        shapes: dict[str, tuple[Any, ...]] = dict.fromkeys(("step", "depth", "next", "whole"), (np.int64,))
+        self.room = 8 * self.count
+        shapes: dict[str, tuple[Any, ...]] = dict.fromkeys(("step", "depth", "next", "whole", "beside"), (np.int64,))
         shapes |= dict.fromkeys(("low", "high", "begin", "end"), (float,))
         shapes |= dict.fromkeys(("values", "coefficients"), (float, self.outputs, len(PLACES)))
         shapes |= dict.fromkeys(("error", "most", "least", "highest", "lowest", "mean"), (float, self.outputs))

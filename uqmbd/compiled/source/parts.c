@@ -1,12 +1,12 @@
-/* Expressions along recorded steps, resolved: polynomials on parts of steps, which are halved where they are not accurate
+/* Expressions along recorded steps, resolved: polynomials on parts of steps, which are divided where they are not accurate
    and that can change what is asked for.  The lanes are the places of one part. */
 #include "dop853.h"
 
 enum {
     FINE = 33,     /* places at which a polynomial is evaluated to find its largest and smallest values */
     FINE_ROOM = 5, /* vectors of them: the last place several times */
-    DEEPEST = 40,  /* how often a part may be halved */
-    ROUGH = 6      /* after so many times two halves are more accurate than the whole, or neither is ever */
+    DEEPEST = 40,  /* how often a part may be divided */
+    ROUGH = 6      /* after so many times one part is more accurate than the whole, or none is ever */
 };
 
 /* By which an estimate of a polynomial's error is multiplied. */
@@ -16,10 +16,14 @@ static const double SAFETY = 2.0;
 static const double SLOW = 10.0;
 /* Error, as a part of what is between the largest and the smallest value, from which on it is that of a jump. */
 static const double JUMPING = 0.1;
-/* By how much two halves are more accurate than the whole, at least. */
+/* By how much that is more accurate, at least. */
 static const double SMOOTHER = 0.25;
 /* Part of the whole time over which a polynomial that is wrong by the tolerance counts fully in an integral. */
 static const double SHORT = 1.0 / 256;
+/* Part of the error of a polynomial that is left of its mean, as an inverse: less than a tenth, as its signs alternate. */
+static const double MEAN = 8.0;
+/* By how much a kink is enclosed on each side, as a part of what it is in, at least, and at most. */
+static const double NEAR = 1e-4, WIDEST = 0.1;
 /* Part of a time by which equations are evaluated inside a step: at its ends forces may jump. */
 static const double INSIDE = 1e-12;
 
@@ -56,7 +60,8 @@ typedef struct {
     const double *fine;                    /* (PLACES, 8 FINE_ROOM): a coefficient to values at the fine places */
     const double *weights;                 /* (PLACES): of values for the mean */
     double share;                          /* tolerance, as a part of the largest value */
-    int64_t *step, *depth, *next, *whole;  /* (part): the next in the list, and which one it is half of; -1: none */
+    int64_t *step, *depth, *next, *whole;  /* (part): the next in the list, and of which one it is a part; -1: none */
+    int64_t *beside;                       /* (part): beside what holds a kink */
     double *low, *high;                    /* from which part of the step's polynomial to which */
     double *begin, *end;                   /* s */
     double *values, *coefficients;         /* (part, many, PLACES), (part, output, PLACES) */
@@ -64,7 +69,7 @@ typedef struct {
     double *most, *least; /* (part, output): between which the polynomial is */
     double *highest, *lowest; /* (part, output): at the places */
     double *mean;             /* (part, output) */
-    int64_t *first, *open;    /* (member): first part, and whether any might be halved */
+    int64_t *first, *open;    /* (member): first part, and whether any might be divided */
     double *allowed;          /* (member, output): tolerance */
     double *known;            /* (need): of one realisation at a time */
 } Parts;
@@ -272,7 +277,64 @@ static int matters(const Parts *p, int64_t m, int64_t e, int64_t n) {
     }
 }
 
-/* Halve the parts of a realisation that need it; new ones stand behind the others. */
+/* Value at x of the polynomial through three values at places. */
+static double through(const double *at, const double *values, double x) {
+    double a = x - at[0], b = x - at[1], c = x - at[2], ab = at[0] - at[1], ac = at[0] - at[2], bc = at[1] - at[2];
+    return values[0] * b * c / (ab * ac) - values[1] * a * c / (ab * bc) + values[2] * a * b / (ac * bc);
+}
+
+/* Look for a kink between two places that have three places on both sides: where parabolas through these meet.  Its
+   place, from 0 to 1, and how far around it the kink surely is. */
+static int find_kink(const double *places, const double *values, double *at, double *around) {
+    int64_t gap = 0;
+    double most = 0.0;
+    for (int64_t k = 0; k + 2 < PLACES; k++) {
+        double before = (values[k + 1] - values[k]) / (places[k + 1] - places[k]);
+        double after = (values[k + 2] - values[k + 1]) / (places[k + 2] - places[k + 1]);
+        double bend = __builtin_fabs(after - before) / (places[k + 2] - places[k]);
+        if (bend > most) most = bend, gap = k;
+    }
+    for (int64_t k = gap; k < gap + 2; k++) {
+        if (k < 2 || k + 3 >= PLACES) continue;
+        const double *x = places + k, *y = values + k;
+        double low = x[0], high = x[1];
+        double left = through(x - 2, y - 2, low) - through(x + 1, y + 1, low);
+        double right = through(x - 2, y - 2, high) - through(x + 1, y + 1, high);
+        if (!(left * right < 0.0)) continue;
+        for (int64_t i = 0; i < 40; i++) {
+            double middle = 0.5 * (low + high), here = through(x - 2, y - 2, middle) - through(x + 1, y + 1, middle);
+            if (here * left > 0.0)
+                low = middle;
+            else
+                high = middle;
+        }
+        /* straight lines meet there, too, but for how much less they know */
+        double rise = (y[0] - y[-1]) / (x[0] - x[-1]), fall = (y[2] - y[1]) / (x[2] - x[1]);
+        double line = (y[1] - y[0] + rise * x[0] - fall * x[1]) / (rise - fall);
+        *at = 0.5 * (low + high);
+        *around = 4.0 * __builtin_fabs(line - *at) + NEAR;
+        if (*around <= WIDEST) return 1;
+    }
+    return 0;
+}
+
+/* Where a part is to be divided: in the middle, or on both sides of a kink of an output; how many parts there are then. */
+static int64_t divide(const Parts *p, int64_t e, int64_t o, double *edges) {
+    double at, around, low = p->low[e], length = p->high[e] - low;
+    int64_t index = e * p->outputs + o;
+    edges[0] = low;
+    if (!p->beside[e] && find_kink(p->course->places, p->values + index * PLACES, &at, &around)) {
+        edges[1] = low + (at - around) * length;
+        edges[2] = low + (at + around) * length;
+        edges[3] = p->high[e];
+        return 3;
+    }
+    edges[1] = 0.5 * (low + p->high[e]);
+    edges[2] = p->high[e];
+    return 2;
+}
+
+/* Divide the parts of a realisation that need it; new ones stand behind the others. */
 static int64_t halve(const Parts *p, int64_t m, int64_t count) {
     const double *allowed = p->allowed + m * p->outputs;
     int64_t before = -1, found = count;
@@ -281,35 +343,36 @@ static int64_t halve(const Parts *p, int64_t m, int64_t count) {
     double whole = end - p->begin[p->first[m]];
     know(p, m);
     for (int64_t e = p->first[m]; e >= 0; e = p->next[e]) {
-        int needed = 0;
+        int64_t needed = -1;
         for (int64_t n = 0; n < p->needs; n++) {
             int64_t o = p->columns[n], at = e * p->outputs + o;
             double length = p->end[e] - p->begin[e], much = allowed[o];
-            if (p->kinds[n] == INTEGRAL && length < SHORT * whole) much = allowed[o] * (SHORT * whole / length);
-            if (p->error[at] > much) needed |= matters(p, m, e, n);
+            if (p->kinds[n] == INTEGRAL) much *= MEAN * (length < SHORT * whole ? SHORT * whole / length : 1.0);
+            if (p->error[at] > much && needed < 0 && matters(p, m, e, n)) needed = o;
             if (p->kinds[n] == SO_FAR && !(p->lowest[at] >= p->known[n])) p->known[n] = p->lowest[at];
         }
-        if (!needed) {
+        if (needed < 0) {
             before = e;
             continue;
         }
-        double middle = 0.5 * (p->low[e] + p->high[e]);
-        for (int64_t half = 0; half < 2; half++) {
-            int64_t new = found + half;
+        double edges[4];
+        int64_t many = divide(p, e, needed, edges);
+        for (int64_t k = 0; k < many; k++) {
+            int64_t new = found + k;
             p->step[new] = p->step[e];
             p->depth[new] = p->depth[e] + 1;
-            p->low[new] = half ? middle : p->low[e];
-            p->high[new] = half ? p->high[e] : middle;
+            p->low[new] = edges[k];
+            p->high[new] = edges[k + 1];
             p->whole[new] = e;
+            p->beside[new] = many > 2 && k != 1;
+            p->next[new] = k + 1 < many ? new + 1 : p->next[e];
         }
-        p->next[found] = found + 1;
-        p->next[found + 1] = p->next[e];
         if (before < 0)
             p->first[m] = found;
         else
             p->next[before] = found;
-        e = before = found + 1;
-        found += 2;
+        found += many;
+        e = before = found - 1;
     }
     p->open[m] = found > count;
     return found;
@@ -322,14 +385,15 @@ int64_t refine_parts(const Parts *p, int64_t from, int64_t count) {
         analyse(p, e);
         for (int64_t o = 0; p->depth[e] >= DEEPEST && o < p->outputs; o++) as_good_as_ever(p, e, o);
     }
-    /* what is no better in both halves is rounding, or rougher than can be resolved */
-    for (int64_t e = from; from && e < count; e += 2) {
+    /* what is no better in all its parts is rounding, or rougher than can be resolved */
+    for (int64_t e = from, end; from && e < count; e = end) {
         int64_t whole = p->whole[e];
+        for (end = e + 1; end < count && p->whole[end] == whole;) end++;
         for (int64_t o = 0; o < p->outputs && p->depth[e] > ROUGH; o++) {
-            double enough = SMOOTHER * p->error[whole * p->outputs + o];
-            if (p->error[e * p->outputs + o] <= enough || p->error[(e + 1) * p->outputs + o] <= enough) continue;
-            as_good_as_ever(p, e, o);
-            as_good_as_ever(p, e + 1, o);
+            int better = 0;
+            for (int64_t k = e; k < end; k++)
+                better |= p->error[k * p->outputs + o] <= SMOOTHER * p->error[whole * p->outputs + o];
+            for (int64_t k = e; k < end && !better; k++) as_good_as_ever(p, k, o);
         }
     }
     int64_t found = count;

@@ -10,7 +10,7 @@ from uqmbd.compiled import PLACES, Course, Path
 from uqmbd.dynamics.batch import Batch
 from uqmbd.dynamics.equations import OutputMap
 from uqmbd.dynamics.linear import RESIDUAL
-from uqmbd.dynamics.observation import observe, output_program
+from uqmbd.dynamics.observation import observe, observe_one_by_one, output_program
 from uqmbd.typing import Array, Index
 
 __all__ = ["Motion", "motion_of"]
@@ -50,9 +50,12 @@ class Motion:
         given = self.batch.block[:, : self.batch.model.block_parameters], self.batch.values
         found = self.course.observed(program, *given, steps, low, high)
         if found.shape[1] > count:
-            poor = np.flatnonzero(~(found[:, count] <= RESIDUAL**2).all(axis=1))
-            if len(poor):
-                found[poor, :count] = self._evaluated(outputs, steps[poor], low[poor], high[poor])
+            rows, places = np.nonzero(~(found[:, count] <= RESIDUAL**2))
+            if len(rows):
+                states, times = self.course.states_of(steps[rows], low[rows], high[rows])
+                each, owner = np.arange(len(rows)), self.course.owner[steps[rows]]
+                poor = observe_one_by_one(self.batch, outputs, states[each, places], times[each, places], owner)
+                found[rows, :count, places] = poor
         return found[:, :count]
 
     def _evaluated(self, outputs: OutputMap, steps: Index, low: Array, high: Array) -> Array:

@@ -1,8 +1,8 @@
-"""Expressions along a motion, resolved: polynomials on parts of steps, which are halved where they are not accurate.
+"""Expressions along a motion, resolved: polynomials on parts of steps, which are divided where they are not accurate.
 
 A step of an integrator is long: an output of the states may have a peak or a kink within it.  So an expression is
-evaluated at interpolated states, at eight Chebyshev points of a part of a step, and the part is halved until the last
-coefficients of its polynomial are small, where that can change what is asked for.  All realisations are halved
+evaluated at interpolated states, at eight Chebyshev points of a part of a step, and the part is divided until the last
+coefficients of its polynomial are small, where that can change what is asked for.  All realisations are divided
 together, and each by what is its own.
 """
 
