@@ -29,14 +29,12 @@ from uqmbd_reliability.importance import Sampled
 from uqmbd_reliability.ledger import Ledger, LimitState
 from uqmbd_reliability.proposals import Proposal
 
-__all__ = ["FIRST", "learn"]
+__all__ = ["learn"]
 
 
 POPULATION = 10_000
 CYCLES, BATCH = 4, 32
-FIRST = 40
-"""Standard normal points with which everything begins."""
-
+PILOT = 40
 FREE = 10_000
 """Evaluations of the surrogate by which the proposal is found."""
 
@@ -82,7 +80,7 @@ def learn(
         None where the surrogate sees no violation at all: then it is of no use.
     """
     ledger = Ledger(limit, dimension, most)
-    ledger(generator.standard_normal((FIRST, dimension)))
+    ledger(generator.standard_normal((PILOT, dimension)))
     free, population = None, None
     for cycle in range(CYCLES):
         corrected = _Corrected.of(predict, ledger)
@@ -174,7 +172,7 @@ def _verified(
     rows = np.zeros(0, dtype=np.int64)
     place: dict[int, int] = {}
     estimates: list[Estimate] = []
-    lost = int(np.isnan(ledger.margins[:FIRST, 0]).sum())
+    lost = int(np.isnan(ledger.margins[:PILOT, 0]).sum())
     while ledger.left > 0:
         more = generator.choice(len(population.points), min(2 * BATCH, ledger.left), p=population.drawn)
         new = [int(k) for k in dict.fromkeys(more.tolist()) if k not in place]
@@ -210,7 +208,7 @@ def _estimates(population: _Population, drawn: Index, margins: Array, lost: int)
     real, guess = with_any(margins), with_any(population.predicted)
     doubt = with_any(-population.doubt)  # the largest of all stands for any
     failed = np.isnan(real[:, 0])
-    gone, most_gone = failing(np.where(failed, weights, 0.0), FIRST, lost)
+    gone, most_gone = failing(np.where(failed, weights, 0.0), PILOT, lost)
     kept = max(1.0 - gone, 1e-12)
     found = []
     for k in range(real.shape[1]):

@@ -11,17 +11,21 @@ __all__ = ["Calibrate"]
 
 
 class Calibrate:
-    """Find the inputs of a study from records."""
+    """Find the inputs of a study from records, and predict with what they say."""
 
     name = "calibrate"
-    help = "Find the inputs of a study from records of a machine; write DIR/calibration.nc."
+    help = (
+        "Find the inputs of a study from records of a machine.\n\n"
+        "Writes DIR/calibration.nc, the posterior, and DIR/results.nc and DIR/report.html, in which each method of the "
+        "study is run with the inputs as they were known before, and as the records say."
+    )
 
     def run(
         self,
         script: Annotated[Path, typer.Argument(metavar="STUDY.py", help="Study script: a Python file with a `study`.")],
         records: Annotated[
             list[Path],
-            typer.Argument(metavar="RECORD...", help="Records, .csv or .nc: outputs of the study at their times."),
+            typer.Argument(metavar="RECORD", help="Records, .csv or .nc: outputs of the study at their times."),
         ],
         out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the results.")] = Path(
             "calibration"
@@ -58,11 +62,15 @@ class Calibrate:
             ),
         ] = 200,
         seed: Annotated[int, typer.Option("--seed", metavar="N", min=0, help="Seed of the draws.")] = 0,
+        only: Annotated[
+            list[str] | None,
+            typer.Option("--only", metavar="LABEL", help="Predict by this method of the study only (may be repeated)."),
+        ] = None,
         workers: Annotated[
             int, typer.Option("--workers", metavar="N", min=1, help="Number of threads or processes.")
         ] = 1,
     ) -> None:
-        """Calibrate, and say what came out."""
+        """Calibrate, predict and report."""
         from uqmbd_calibration.command.running import Options, run
 
         run(
@@ -76,6 +84,7 @@ class Calibrate:
                 robust=robust,
                 realisations=realisations,
                 seed=seed,
+                only=tuple(only or ()),
                 workers=workers,
             ),
         )

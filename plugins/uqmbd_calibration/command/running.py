@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import sys
 import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import uqmbd
+from uqmbd.report import installed_sections, write_report
+from uqmbd.results import failed_methods, save
+from uqmbd_calibration.calibrated import Calibrated
 from uqmbd_calibration.calibrating import calibrate
 from uqmbd_calibration.command.assignments import numbers_of, texts_of
 from uqmbd_calibration.records import Record, check_known_names, outputs_in
+from uqmbd_calibration.result import Calibration
 
 __all__ = ["Options", "run"]
 
@@ -25,13 +30,15 @@ class Options:
     robust: bool = False
     realisations: int = 200
     seed: int = 0
+    only: Sequence[str] = ()
     workers: int = 1
 
 
 def run(script: Path, paths: Sequence[Path], out: Path, options: Options) -> None:
-    """Calibrate a study, write the posterior into a folder, and sum up what came out."""
+    """Calibrate a study, write the posterior, predictions and a report into a folder, and sum up what came out."""
     records = _records(paths, options)
     study = uqmbd.load_study(script)
+    methods = _methods(study, options.only)
     _make_folder(out)
     found = calibrate(
         study,
@@ -42,9 +49,36 @@ def run(script: Path, paths: Sequence[Path], out: Path, options: Options) -> Non
         workers=options.workers,
         progress=True,
     )
-    path = found.save(out / "calibration.nc")
+    # before anything else that may go wrong
+    files = {"calibration": found.save(out / "calibration.nc")}
     print(found)
-    print(f"calibration  {path}")
+    failed = _predicted(study, methods, found, out, options.workers, files)
+    for kind, path in files.items():
+        print(f"{kind:<12} {path}")
+    if failed:
+        raise SystemExit(1)
+
+
+def _predicted(
+    study: uqmbd.Study,
+    methods: Sequence[uqmbd.Propagator],
+    found: Calibration,
+    out: Path,
+    workers: int,
+    files: dict[str, Path],
+) -> bool:
+    """Run methods before and after, write results and report; return whether something failed."""
+    after = {f"{method.node_name}, calibrated": method for method in methods}
+    both = [*methods, *(Calibrated(method, found, label=label) for label, method in after.items())]
+    labels = [one.node_name for one in both]
+    # by their labels: curves of error against cost are no matter of this command
+    tree = study.with_propagators(both).run(workers, only=labels, progress=True)
+    files["results"] = save(tree, out / "results.nc")
+    files["report"] = write_report(tree, out / "report.html", sections=installed_sections(), folder=out / "figures")
+    failed = failed_methods(tree)
+    for label, reason in failed.items():
+        print(f"Error: there are no results of {label}: {reason}", file=sys.stderr, flush=True)
+    return bool(failed)
 
 
 def _records(paths: Sequence[Path], options: Options) -> list[Record]:
@@ -65,6 +99,19 @@ def _records(paths: Sequence[Path], options: Options) -> list[Record]:
         )
         for path, names in zip(paths, outputs, strict=True)
     ]
+
+
+def _methods(study: uqmbd.Study, only: Sequence[str]) -> list[uqmbd.Propagator]:
+    """Choose methods of a study; one that has none is predicted by collocation."""
+    known = {method.node_name: method for method in study.propagators}
+    for label in only:
+        if label not in known:
+            raise uqmbd.StudyError(
+                f"--only {label}: the study has no method of that label; it has {', '.join(known) or 'none'}."
+            )
+    if not known:
+        return [uqmbd.propagator("collocation")(order=3)]
+    return [method for label, method in known.items() if not only or label in only]
 
 
 def _make_folder(folder: Path) -> None:

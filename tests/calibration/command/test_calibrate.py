@@ -1,4 +1,4 @@
-"""`uqmbd calibrate`: from files of records to a posterior; every option is used."""
+"""`uqmbd calibrate`: from files of records to a posterior, predictions and a report; every option is used."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import uqmbd
 from uqmbd import plugins
 from uqmbd.cli import commands
 from uqmbd.testing import check_command
@@ -60,8 +61,10 @@ def folder(tmp_path, monkeypatch):
 
 
 @pytest.mark.thorough
-def test_a_record_leads_to_a_posterior(folder, command):
-    done = command("calibrate", "mass_study.py", "record.csv", "--noise", "way=0.001", "--out", "out")
+def test_a_record_leads_to_a_posterior_to_predictions_and_to_a_report(folder, command):
+    done = command(
+        "calibrate", "mass_study.py", "record.csv", "--noise", "way=0.001", "--out", "out", "--only", "third"
+    )
     assert done.returncode == 0, done.stderr
     found = Calibration.load(folder / "out" / "calibration.nc")
     assert str(found) in done.stdout
@@ -70,7 +73,17 @@ def test_a_record_leads_to_a_posterior(folder, command):
         one = table.sel(input=name)
         assert abs(float(one["mean"]) - truth) < 3.5 * float(one["sd"])
         assert float(one["learned"]) > 0.9
-    assert str(Path("out") / "calibration.nc") in done.stdout
+    tree = uqmbd.results.load(folder / "out" / "results.nc")
+    before, after = (tree[label]["statistics"].to_dataset() for label in ("third", "third, calibrated"))
+    assert set(uqmbd.results.propagator_nodes(tree)) == {"third", "third, calibrated"}
+    # what is known of the spring says where the mass will be
+    late = {"time": -1, "output": 0}
+    assert float(after["std"].isel(late)) < 0.1 * float(before["std"].isel(late))
+    assert abs(float(after["mean"].isel(late)) - way(3.0)) < 5 * float(after["std"].isel(late))
+    page = (folder / "out" / "report.html").read_text(encoding="utf-8")
+    assert "third, calibrated" in page
+    for name in ("calibration.nc", "results.nc", "report.html"):
+        assert str(Path("out") / name) in done.stdout
 
 
 @pytest.fixture
@@ -107,6 +120,14 @@ def test_every_option_is_used(folder, command, asked):
     assert Path("elsewhere").is_dir() and Path("calibration").is_dir()
 
 
+def test_methods_are_those_of_the_study_or_those_that_are_chosen(folder):
+    study = uqmbd.load_study("mass_study.py")
+    assert running._methods(study, ()) == list(study.propagators)
+    assert running._methods(study, ("third",)) == [study.propagators[1]]
+    (default,) = running._methods(study.with_propagators([]), ())
+    assert default.node_name == "collocation"
+
+
 UNUSABLE = {
     "no such file": ["none.csv"],
     "There is no file none.py": ["record.csv"],
@@ -117,6 +138,7 @@ UNUSABLE = {
     "--units names 'force', which is not recorded": ["record.csv", "--units", "force=N"],
     "the units of 'way' are 'm' in the file and 'mm' in units=": ["record.csv", "--units", "way=mm"],
     "its noise is -1": ["record.csv", "--noise", "way=-1"],
+    "--only fourth: the study has no method of that label": ["record.csv", "--only", "fourth"],
     "did you mean 'damping'?": ["record.csv", "--known", "dampnig=1"],
     "the record is in 'mm', the study in 'm'": ["long.csv"],
     "two records are called 'record'": ["record.csv", "record.csv"],
