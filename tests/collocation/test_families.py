@@ -304,7 +304,7 @@ def test_options_that_contradict(options, message):
     [
         {"order": 4, "rule": "smolyak"},
         {"order": 3, "method": "regression", "samples": 20},
-        {"order": 4, "method": "omp", "samples": 20},
+        pytest.param({"order": 4, "method": "omp", "samples": 20}, marks=pytest.mark.slow),
         {"order": 1, "adaptive": "order", "tolerance": 1e-3},
         {"adaptive": "dimension", "tolerance": 1e-3},
     ],

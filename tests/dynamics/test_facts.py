@@ -147,7 +147,7 @@ specs = st.fixed_dictionaries({}, optional={key: st.sampled_from(values) for key
 
 
 @pytest.mark.thorough
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(one=specs, other=specs)
 def test_facts_are_the_same_if_and_only_if_the_mechanisms_are(one: dict[str, Any], other: dict[str, Any]) -> None:
     assert facts(one) is not None

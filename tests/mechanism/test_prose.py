@@ -16,12 +16,12 @@ from uqmbd.testing.components.cases import cases
 
 
 def every():
-    """Every component in the plane, where it has one; in space as well, which takes long."""
+    """Every component in the plane, where it has one; some in space as well, where all others are slow."""
     for name in sorted(plugins.components()):
         spaces = plugins.component(name).spaces
         quick = uqmbd.Planar if uqmbd.Planar in spaces else spaces[0]
         for space in dict.fromkeys((quick, spaces[-1])):
-            marks = () if space is quick and (name, space) != ("Screw", uqmbd.Spatial) else pytest.mark.thorough
+            marks = () if space is quick or name in ("Revolute", "PlaneContact") else pytest.mark.slow
             yield pytest.param(name, space, id=f"{name}-{space.__name__}", marks=marks)
 
 

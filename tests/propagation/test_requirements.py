@@ -37,7 +37,9 @@ METHODS = [MonteCarlo(samples=400, seed=1), Collocation(order=4), Galerkin(order
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize("outputs", [(), ("x",), ("frequency",), ("x", "frequency")])
+@pytest.mark.parametrize(
+    "outputs", [(), ("x", "frequency"), *(pytest.param((x,), marks=pytest.mark.slow) for x in ("x", "frequency"))]
+)
 def test_every_method_gives_the_probability_and_an_interval_that_holds_it(outputs, tmp_path):
     study = uqmbd.Study("stiffness", oscillator(outputs), TIMES, METHODS)
     tree = study.run()

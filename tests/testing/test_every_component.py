@@ -26,9 +26,20 @@ def marked(name, space):
     return pytest.param(name, space, id=f"{name}-{space.__name__}", marks=marks)
 
 
+# Contacts share their laws, each of which is tried with a sphere on a plane.
+CONTACTS = ("ClearanceJoint", "RoadContact", "SphereContact")
+
+
 @pytest.mark.parametrize(("name", "space"), [marked(name, space) for name, space in EVERY])
 def test_component(name, space):
-    check_component(plugins.component(name), spaces=(space,), propagators=())
+    given = {"law": "hunt-crossley"} if name in CONTACTS else {}
+    check_component(plugins.component(name), spaces=(space,), given=given, propagators=())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", CONTACTS)
+def test_every_contact_with_every_law(name):
+    check_component(plugins.component(name), propagators=())
 
 
 def studied(name, space):

@@ -20,8 +20,11 @@ REPRESENTATIVES = ("Revolute", "TorsionSpringDamper", "SpringDamper", "PlaneCont
 
 
 def marked(name, space):
-    few = name in REPRESENTATIVES and space is uqmbd.Planar
-    return pytest.param(name, space, id=f"{name}-{space.__name__}", marks=() if few else pytest.mark.thorough)
+    """Every component in the plane, or in its first space, and some in every space; all others are slow."""
+    spaces = plugins.component(name).spaces
+    first = uqmbd.Planar if uqmbd.Planar in spaces else spaces[0]
+    few = name in REPRESENTATIVES or space is first
+    return pytest.param(name, space, id=f"{name}-{space.__name__}", marks=() if few else pytest.mark.slow)
 
 
 @pytest.mark.thorough

@@ -137,7 +137,7 @@ def test_killed_and_resumed_run_has_the_bits_of_an_undisturbed_one(script: Path,
     assert not (out / "unfinished").exists()
 
 
-@pytest.mark.thorough
+@pytest.mark.slow
 def test_run_that_is_killed_again_and_again_has_the_bits_of_an_undisturbed_one(script: Path, tmp_path: Path) -> None:
     out = tmp_path / "killed"
     generator = random.Random(1)

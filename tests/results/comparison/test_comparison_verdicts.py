@@ -101,7 +101,7 @@ def kinds(nodes: list[xr.DataTree], reference: str, method: str) -> list[str]:
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize(("repetitions", "most"), [(20, 1), pytest.param(100, 5, marks=pytest.mark.thorough)])
+@pytest.mark.parametrize(("repetitions", "most"), [(20, 1), pytest.param(100, 5, marks=pytest.mark.slow)])
 def test_methods_that_agree_are_not_said_to_differ(exact: xr.DataTree, repetitions: int, most: int) -> None:
     """In seeded repetitions with three methods a false alarm in any output at any time is rarer than 5 %."""
     surrogate = projected("surrogate", 5)
