@@ -166,10 +166,12 @@ def test_a_top_that_nutates_is_not_taken_for_steady():
         uqmbd.eigenfrequencies(mechanism, at="steady")
 
 
-def test_a_free_symmetric_body_wobbles():
-    """Euler: seen from the world a spinning body nutates at i3 / i1 of its spin."""
+@pytest.mark.parametrize("attitude", [(1, 0, 0, 0), (0.6, 0.1, -0.3, 0.7), (0.2, 0.9, 0.4, -0.1)])
+def test_a_free_symmetric_body_wobbles(attitude):
+    """Euler: seen from the world a spinning body nutates at i3 / i1 of its spin, whichever way it points."""
+    attitude = tuple(np.array(attitude) / np.linalg.norm(attitude))
     mechanism = uqmbd.Mechanism("body", uqmbd.Spatial())
-    mechanism.body("body", mass=1, inertia=(2, 2, 3), quaternion=(1, 0, 0, 0), angular_velocity=(0, 0, 4))
+    mechanism.body("body", mass=1, inertia=(2, 2, 3), quaternion=attitude, angular_velocity=(0, 0, 4))
     assert imaginary(mechanism) == pytest.approx([4 * 3 / 2], rel=1e-9)
 
 

@@ -43,6 +43,9 @@ CONSTANT = 1e-5
 NOISE = 1e-7
 """Stiffness, as a part of the largest one, that is no stiffness but rounding."""
 
+ROUNDING = 1e-12
+"""Part of its terms below which a sum is rounding."""
+
 CHOICES = 300
 """Choices of frames that are tried."""
 
@@ -192,10 +195,16 @@ def _seen(one: Batch, instant: _Instant, frames: list[Array]) -> tuple[Array, Ar
     return s, s1, s2
 
 
+def _seen_gradient(instant: _Instant, s: Array) -> Array:
+    """Gradient of the equations of positions by what is seen; zero where only rounding is left, as of unit lengths."""
+    found: Array = instant.gradient @ s
+    return np.where(np.abs(found) > ROUNDING * (np.abs(instant.gradient) @ np.abs(s)), found, 0.0)
+
+
 def _moves(one: Batch, start: _Instant, frames: list[Array]) -> list[bool]:
     """Which bodies have freedom to move."""
     s, *_ = _seen(one, start, frames)
-    basis = scipy.linalg.null_space(start.gradient @ s, rcond=1e-9)
+    basis = scipy.linalg.null_space(_seen_gradient(start, s), rcond=1e-9)
     blocks = np.abs(basis).reshape(len(one.model.bodies), -1)
     return [bool(x.max(initial=0.0) > 1e-9) for x in blocks]
 
@@ -211,7 +220,7 @@ def _constant(one: Batch, instants: list[_Instant], frames: list[Array], carried
     tangents: list[Array] = []
     for instant in instants:
         s, s1, s2 = _seen(one, instant, frames)
-        gradient = instant.gradient @ s
+        gradient = _seen_gradient(instant, s)
         if basis is None:
             basis = scipy.linalg.null_space(gradient, rcond=1e-9)
         elif np.abs(gradient @ basis).max(initial=0.0) > CONSTANT * np.abs(gradient).max(initial=0.0):
