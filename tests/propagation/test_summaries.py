@@ -145,6 +145,24 @@ def test_times_that_jump_between_peaks_are_told():
 
 
 @pytest.mark.thorough
+def test_what_is_wrong_without_a_time_is_told_with_the_recommendation():
+    """The position is a polynomial of the input, the kinked peak is none: the first line is about both."""
+    height = uqmbd.RandomVariable("height", chaospy.Uniform(0.5, 1.5))
+    mechanism = uqmbd.Mechanism("pulses", uqmbd.Line())
+    mass = mechanism.body("mass", mass=1)
+    mechanism.add(PointForce("force", mass, 0, sympy.sin(uqmbd.t) + height))
+    mechanism.output("x", mass.position[0], units="m")
+    mechanism.output("peak", uqmbd.maximum(sympy.Abs(mass.position[0] - uqmbd.t**2 / 2)), units="m")
+    mechanism.output("end", uqmbd.final(mass.position[0]), units="m")
+    study = uqmbd.Study("pulses", mechanism, [0, 0.5, 1], [MonteCarlo(samples=500, seed=1), Collocation(order=1)])
+    compared = study.run()["comparison"].to_dataset()
+    assert compared["verdict_kind"].sel({"method": "collocation"}).values == "agrees"
+    lead = compared.attrs["recommendation"].split("\n")[0]
+    assert "Use collocation" in lead
+    assert "Of outputs without a time, do not rely on peak of collocation: under-resolved" in lead
+
+
+@pytest.mark.thorough
 def test_what_never_happens_is_told_as_that():
     """Nothing has failed, and nothing is to be kept clear of."""
     mechanism = uqmbd.Mechanism("throw", uqmbd.Translational())

@@ -15,7 +15,7 @@ import numpy as np
 import xarray as xr
 
 from uqmbd.errors import StudyError
-from uqmbd.results.comparison import compare
+from uqmbd.results.comparison import DIFFERS, UNDER_RESOLVED, compare, overall
 from uqmbd.results.requirements import compare_requirements
 from uqmbd.results.schema import Labels, comparable, join_nodes, node_parts, statistics_dataset
 from uqmbd.status import Status
@@ -306,12 +306,31 @@ def _compared_outputs(nodes: Mapping[str, xr.DataTree], reference: str | None, r
     if compared is None:
         # no outputs, but all that is said of the methods
         compared = whole.isel(output=slice(0, 0))
+    elif "recommendation" in compared.attrs:
+        compared = compared.assign_attrs(recommendation=_with_doubts(compared, whole))
     blank = {name: "" if found[name].dtype.kind == "U" else np.nan for name in found.data_vars}
     every = np.array([str(label) for label in compared["method"].values], dtype=np.str_)
     if every.tolist() != found["method"].values.tolist():
         found = found.reindex({"method": every}, fill_value=blank)
     differs = whole.attrs["reference"] != compared.attrs["reference"]
     return compared.assign(found).assign_attrs({"scalar_reference": whole.attrs["reference"]} if differs else {})
+
+
+def _with_doubts(compared: xr.Dataset, whole: xr.Dataset) -> str:
+    """Return the recommendation, with what cannot be relied on among outputs without a time."""
+    lead, *others = str(compared.attrs["recommendation"]).split("\n")
+    for label in (str(method) for method in whole["method"].values):
+        kind, text, which = overall(whole, label)
+        if kind not in (DIFFERS, UNDER_RESOLVED):
+            continue
+        names = which or ", ".join(map(str, whole["output"].values))
+        said = f"Of outputs without a time, do not rely on {names} of {label}: {text}."
+        known = label in compared["method"].values and compared.sizes["output"]
+        if not known or overall(compared, label)[0] in (DIFFERS, UNDER_RESOLVED):
+            others.append(said)
+        else:  # it may be the one that is recommended
+            lead += f" {said}"
+    return "\n".join((lead, *others))
 
 
 def happening(nodes: Mapping[str, xr.DataTree]) -> tuple[dict[str, xr.DataTree], list[str]]:

@@ -9,13 +9,15 @@ from uqmbd.results.comparison.integration_share import IntegrationShare, integra
 from uqmbd.results.comparison.own_errors import own_error
 from uqmbd.results.comparison.recommendation import overall, recommend
 from uqmbd.results.comparison.sentences import NO_SPREAD, STILL, own_statements, statements
-from uqmbd.results.comparison.verdicts import COARSE
+from uqmbd.results.comparison.verdicts import COARSE, DIFFERS, UNDER_RESOLVED
 
 __all__ = [
     "COARSE",
+    "DIFFERS",
     "IntegrationShare",
     "NO_SPREAD",
     "STILL",
+    "UNDER_RESOLVED",
     "align",
     "choose_reference",
     "compare",
