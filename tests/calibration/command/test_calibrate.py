@@ -166,3 +166,31 @@ def test_a_command_line_that_is_incomplete_is_refused(folder, command):
 @pytest.mark.thorough
 def test_the_command_is_one():
     check_command(Calibrate, "uqmbd_calibration.command")
+
+
+BROKEN = """
+import dataclasses
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Broken(uqmbd.Propagator):
+    name = "broken"
+
+    def propagate(self, problem):
+        raise uqmbd.IntegrationError("it stopped")
+
+
+study = study.with_propagators([Collocation(order=2), Broken()])
+"""
+
+
+@pytest.mark.thorough
+def test_where_a_method_fails_the_others_are_reported_and_the_status_is_one(folder, command):
+    Path("mass_study.py").write_text(STUDY + BROKEN)
+    done = command("calibrate", "mass_study.py", "record.csv", "--noise", "way=0.001", "--out", "out")
+    assert done.returncode == 1
+    for label in ("broken", "broken, calibrated"):
+        assert f"Error: there are no results of {label}: it stopped" in done.stderr
+    tree = uqmbd.results.load(folder / "out" / "results.nc")
+    assert set(uqmbd.results.propagator_nodes(tree)) == {"collocation", "collocation, calibrated"}
+    assert (folder / "out" / "report.html").exists() and (folder / "out" / "calibration.nc").exists()
