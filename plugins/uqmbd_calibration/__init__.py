@@ -17,4 +17,6 @@ __getattr__, _, __all__ = lazy_loader.attach_stub(__name__, __file__)
 @uqmbd.hookimpl
 def uqmbd_report_sections() -> list[type]:
     """Return the report sections of this package."""
-    return []
+    from uqmbd_calibration.reporting import CalibrationSection
+
+    return [CalibrationSection]

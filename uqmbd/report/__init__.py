@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from uqmbd.report.drawing import arrange, axes_grid, figure_html, style, with_units, wrapped
 from uqmbd.report.figures import (
     bands,
     coefficient_decay,
@@ -30,6 +31,8 @@ from uqmbd.report.sections import Section
 __all__ = [
     "Section",
     "animate",
+    "arrange",
+    "axes_grid",
     "bands",
     "coefficient_decay",
     "convergence",
@@ -37,6 +40,7 @@ __all__ = [
     "error_cost",
     "event_times",
     "failure_inputs",
+    "figure_html",
     "histograms",
     "inputs",
     "installed_sections",
@@ -49,9 +53,12 @@ __all__ = [
     "sobol_indices",
     "split_pattern",
     "std_over_time",
+    "style",
     "time_history_histogram",
     "verification",
     "violated_by",
     "with_motion",
+    "with_units",
+    "wrapped",
     "write_report",
 ]

@@ -41,7 +41,7 @@ def write_report(
         Of the HTML file; folders on the way are made. An earlier report is replaced only by a complete one.
     sections : sequence of Section
         Sections of plugins, shown after the outputs. One that raises, or returns no text, becomes a note with its name
-        and the reason, and a `uqmbd.PluginWarning`.
+        and the reason, and a `uqmbd.PluginWarning`. One that returns an empty text is left out.
     folder : path-like, optional
         Where every figure of the report is written as a file, too (SVG, the animation as GIF), under its output's
         name and its own. Default: nowhere.
@@ -72,9 +72,10 @@ def write_report(
     if not result.methods:
         raise StudyError("A report needs the result of at least one propagator; there is none.")
     contents: dict[str, Content] = {}
+    of_plugins = [_of_plugin(section, tree, f"section-{k}") for k, section in enumerate(sections, 1)]
     shown = [
         *_built_in(ABOUT_RESULTS, result, contents),
-        *(_of_plugin(section, tree, f"section-{k}") for k, section in enumerate(sections, 1)),
+        *(one for one in of_plugins if one["html"] or one["problem"]),
         *_built_in(ABOUT_METHODS, result, contents),
     ]
     created = str(tree.attrs.get("created", ""))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from uqmbd.report.drawing.images import image, svg, write_images
+from uqmbd.report.drawing.images import figure_html, image, svg, write_images
 from uqmbd.report.drawing.scales import log_axis
 from uqmbd.report.drawing.style import (
     COLOURS,
@@ -33,6 +33,7 @@ __all__ = [
     "constant",
     "draw_histogram",
     "few_ticks",
+    "figure_html",
     "image",
     "limit_times",
     "line_width",

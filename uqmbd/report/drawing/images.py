@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import gc
+import html
 import io
 import re
 import warnings
@@ -16,7 +17,7 @@ from uqmbd.report.drawing.ticks import freeze_ticks
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["image", "svg", "write_images"]
+__all__ = ["figure_html", "image", "svg", "write_images"]
 
 _FONTS = "system-ui, -apple-system, 'Segoe UI', Roboto, 'Helvetica Neue', 'Noto Sans', 'DejaVu Sans', sans-serif"
 
@@ -57,6 +58,42 @@ def image(draw: Callable[[], Figure], alt: str, caption: str, name: str = "") ->
     finally:
         if collecting:
             gc.enable()
+
+
+def figure_html(draw: Callable[[], Figure], alt: str, caption: str) -> str:
+    """Return a figure for a section of the report, as HTML; one that cannot be drawn is a note in its place.
+
+    Parameters
+    ----------
+    draw : callable
+        Makes the figure, of Matplotlib.
+    alt, caption : str
+        What stands for it, and beneath it: plain text.
+
+    Returns
+    -------
+    str
+        A fragment of HTML, with the figure as an SVG in it.
+
+    Examples
+    --------
+    >>> from uqmbd.report import arrange, axes_grid
+    >>> def draw():
+    ...     figure, grid = axes_grid(1, 2.0)
+    ...     _ = grid[0].plot([0, 1], [0, 1])
+    ...     arrange(figure, grid)
+    ...     return figure
+    >>> figure_html(draw, "A line.", "It rises.").endswith('alt="A line."><figcaption>It rises.</figcaption></figure>')
+    True
+    """
+    found = image(draw, alt, caption)
+    text = {key: html.escape(value) for key, value in found.items()}
+    if found["problem"]:
+        told = f"This figure could not be drawn ({text['caption']}) {text['problem']}"
+        return f'<p class="problem">{told}</p>'
+    return (
+        f'<figure><img src="{text["source"]}" alt="{text["alt"]}"><figcaption>{text["caption"]}</figcaption></figure>'
+    )
 
 
 def write_images(content: object, folder: Path) -> list[Path]:

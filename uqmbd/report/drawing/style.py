@@ -47,7 +47,22 @@ _LINE, _CHARACTER = 0.165, 0.078  # inches: height of a line, width of a digit
 
 
 def style(k: int) -> tuple[str, Any]:
-    """Return colour and line style of the k-th method."""
+    """Return the colour and the line style that figures give the k-th of several things, counted from 0.
+
+    Parameters
+    ----------
+    k : int
+
+    Returns
+    -------
+    tuple
+        Of Matplotlib; distinguishable with every common colour vision, and in print.
+
+    Examples
+    --------
+    >>> style(0)
+    ('#0072B2', '-')
+    """
     return COLOURS[k % len(COLOURS)], LINES[k % len(LINES)]
 
 
@@ -59,7 +74,29 @@ def single_axes(height: float) -> tuple[Figure, Axes]:
 
 
 def axes_grid(count: int, height: float, columns: int = 2) -> tuple[Figure, list[Axes]]:
-    """Return a figure with ``count`` axes in at most ``columns`` columns, each row of some height (inches)."""
+    """Return a figure of the width of the report with axes in rows; `arrange` places them at the end.
+
+    Parameters
+    ----------
+    count : int
+        Of the axes.
+    height : float
+        Of each row, inches.
+    columns : int
+        At most.
+
+    Returns
+    -------
+    figure : matplotlib.figure.Figure
+    axes : list of matplotlib.axes.Axes
+        Row after row.
+
+    Examples
+    --------
+    >>> figure, grid = axes_grid(3, 2.0)
+    >>> len(grid), figure.get_size_inches().round(2).tolist()
+    (3, [5.6, 4.3])
+    """
     from matplotlib.figure import Figure
 
     rows = -(-count // min(count, columns))
@@ -266,7 +303,17 @@ def _legend_width(names: Sequence[str], columns: int) -> float:
 
 
 def with_units(name: str, units: str) -> str:
-    """Return a label: the name, and its units, if any, in brackets."""
+    """Return a label: the name, and its units, if any, in brackets.
+
+    Parameters
+    ----------
+    name, units : str
+
+    Examples
+    --------
+    >>> with_units("angle", "rad"), with_units("ratio", "1")
+    ('angle [rad]', 'ratio')
+    """
     return f"{name} [{units}]" if units not in ("", "1") else name
 
 

@@ -1,0 +1,195 @@
+"""The report's section on calibrations: what was measured, what follows of the inputs, and how far that is checked."""
+
+from __future__ import annotations
+
+import html
+import json
+from collections.abc import Iterator
+from functools import partial
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from uqmbd.report import figure_html, with_units
+from uqmbd_calibration.reporting.figures import draw_learned, draw_pairs, draw_record, inputs_of
+
+__all__ = ["CalibrationSection"]
+
+
+class CalibrationSection:
+    """What records say of the inputs."""
+
+    title = "Calibration"
+
+    def render(self, tree: xr.DataTree) -> str:
+        """Return the section; empty where no method has a calibration."""
+        found = list(_calibrations(tree))
+        parts = []
+        for labels, one in found:
+            if len(found) > 1:
+                parts.append(f"<h3>{_text(', '.join(labels))}</h3>")
+            parts += _paragraphs(one, labels)
+        return "\n".join(parts)
+
+
+def _calibrations(tree: xr.DataTree) -> Iterator[tuple[list[str], xr.DataTree]]:
+    """Yield each calibration once, with the labels of the methods that use it."""
+    seen: list[tuple[list[str], xr.DataTree]] = []
+    for label, node in tree.children.items():
+        for part in node.subtree:
+            if part.name != "calibration" or part.attrs.get("kind") != "calibration":
+                continue
+            same = next((labels for labels, other in seen if other.identical(part)), None)
+            if same is None:
+                seen.append(([str(label)], part))
+            else:
+                same.append(str(label))
+    yield from seen
+
+
+def _paragraphs(tree: xr.DataTree, labels: list[str]) -> list[str]:
+    checks = json.loads(str(tree.attrs.get("checks", "{}")))
+    said = [*_about(tree, labels, checks), *_doubts(tree, checks)]
+    parts = [f"<p>{_text(sentence)}</p>" for sentence in said]
+    parts.append(_table(tree))
+    names = [str(name) for name in tree["observed_data"].data_vars]
+    parts += [
+        figure_html(
+            partial(draw_record, tree, name),
+            f"What was measured of {name}, with predictions before and after, and residuals.",
+            f"{name}: what was measured, with the bands in which 95 % of measurements are expected before and after "
+            "the calibration; beneath, what the fit at the posterior's mean leaves, over the standard deviation of "
+            "the noise: of right models 95 % lie in the grey band.",
+        )
+        for name in names
+    ]
+    parts.append(
+        figure_html(
+            partial(draw_learned, tree),
+            "Width of the posterior over that of the prior.",
+            "What was learned: the standard deviation of each input after the calibration over that before. At the "
+            "line nothing was learned.",
+        )
+    )
+    if len(inputs_of(tree)) > 1:
+        parts.append(
+            figure_html(
+                partial(draw_pairs, tree),
+                "The posterior of each input and pair of inputs.",
+                "The inputs after the calibration, in standard deviations about their means: densities, with those "
+                "before, and draws of pairs. What lies along a line is known better together than each input alone.",
+            )
+        )
+    return parts
+
+
+def _about(tree: xr.DataTree, labels: list[str], checks: dict[str, Any]) -> list[str]:
+    records = tree.attrs.get("records", [])
+    names = [records] if isinstance(records, str) else [str(name) for name in records]
+    counted = sum(int(one.size) for one in tree["observed_data"].data_vars.values())
+    method = ", ".join(labels)
+    text = (
+        f"{method} {'takes' if len(labels) == 1 else 'take'} the inputs from "
+        f"{'the record' if len(names) == 1 else 'the records'} {', '.join(names)}: {counted} values of "
+        f"{', '.join(str(name) for name in tree['observed_data'].data_vars)}. The calibration took "
+        f"{int(tree.attrs.get('realisations', 0))} realisations of the mechanism"
+    )
+    if "even" in checks:
+        last = checks["surrogate"][-1] if checks.get("surrogate") else None
+        seen = (
+            f": realisations at {last['draws']} draws of the posterior have weights of which "
+            f"{100 * last['share']:.1f} % are effective, and move means by {last['shift']:.2g} standard deviations"
+            if last is not None
+            else ""
+        )
+        text += (
+            f"; they confirm the surrogate that was sampled{seen}."
+            if checks["even"]
+            else f"; they do not confirm the surrogate that was sampled{seen}, whose errors widen the posterior."
+        )
+    else:
+        text += "."
+    said = [text]
+    if "rhat" in checks:
+        state = "converged" if checks.get("converged") else "did not converge"
+        said.append(
+            f"The chains {state}: R-hat is {checks['rhat']:.3f} at most, and the effective number of draws "
+            f"{checks['ess']:.0f} at least."
+        )
+    others = [share for share in checks.get("modes", [])[1:] if share > 0.01]
+    if others:
+        said.append(
+            f"The posterior has {len(others)} more maxima, with about {100 * sum(others):.0f} % of its mass; only the "
+            "largest is shown."
+        )
+    return said
+
+
+def _doubts(tree: xr.DataTree, checks: dict[str, Any]) -> list[str]:
+    """Say what was not learned, and which records the model does not give."""
+    said = []
+    left = [one["name"] for one in json.loads(str(tree.attrs.get("unidentified", "[]")))]
+    if left:
+        said.append(
+            f"Not identified, as expected beforehand: {'; '.join(left)}. Of these the records say less than was known "
+            "before."
+        )
+    for one in checks.get("model", []):
+        where = ", ".join(f"{begin:.4g} to {end:.4g} s" for begin, end in one.get("where", []))
+        if one.get("doubted"):
+            said.append(
+                f"The model is doubted: it does not give such values of {one['output']} as record {one['record']} has "
+                f"(p = {one['p']:.1g})" + (f", above all at {where}." if where else ".")
+            )
+        else:
+            said.append(
+                f"The residuals of {one['output']} in record {one['record']} are those of the noise (p = "
+                f"{one['p']:.2g})."
+            )
+        if one.get("outliers"):
+            said.append(
+                f"{one['outliers']} of {one['values']} values of {one['output']} in record {one['record']} lie beyond "
+                "4 standard deviations of the noise."
+            )
+    return said
+
+
+def _table(tree: xr.DataTree) -> str:
+    data = tree["summary"].to_dataset()
+    heads = ("Input", "Before", "After", "95 % interval", "Learned", "R-hat", "Draws")
+    rows = []
+    for k, name in enumerate(data["input"].values.tolist()):
+        one = data.isel(input=k)
+        cells = (
+            _pair(one["prior_mean"], one["prior_sd"]),
+            _pair(one["mean"], one["sd"]),
+            f"{_number(one['lower'], one['sd'])} to {_number(one['upper'], one['sd'])}",
+            f"{100 * max(float(one['learned']), 0.0):.1f} %",
+            f"{float(one['rhat']):.3f}",
+            f"{float(one['ess']):.0f}",
+        )
+        shown = "".join(f'<td class="number">{_text(cell)}</td>' for cell in cells)
+        rows.append(f'<tr><th scope="row">{_text(with_units(str(name), str(one["units"].item())))}</th>{shown}</tr>')
+    head = "".join(f'<th scope="col">{head}</th>' for head in heads)
+    return (
+        '<div class="wide" tabindex="0" role="region" aria-label="What was learned of the inputs"><table>'
+        f"<thead><tr>{head}</tr></thead><tbody>{''.join(rows)}</tbody></table></div>"
+    )
+
+
+def _pair(mean: Any, sd: Any) -> str:
+    return f"{_number(mean, sd)} ± {float(sd):.2g}"
+
+
+def _number(value: Any, sd: Any) -> str:
+    """Write a number with two digits of its standard deviation."""
+    middle, width = float(value), float(sd)
+    if not width > 0 or not np.isfinite(width):
+        return f"{middle:.6g}"
+    digits = max(0, 1 - int(np.floor(np.log10(width))))
+    return f"{middle:.{digits}f}" if digits <= 9 and abs(middle) < 1e7 else f"{middle:.6g}"
+
+
+def _text(text: str) -> str:
+    return html.escape(text)
