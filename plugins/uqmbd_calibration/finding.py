@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import warnings
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
@@ -21,7 +22,7 @@ from uqmbd_calibration.inference import (
     Inferred,
     OperatingPoint,
     Posterior,
-    default_method,
+    default_methods,
     directions,
     expected_covariance,
     infer,
@@ -51,6 +52,8 @@ class Found:
         Which that was.
     nodes : tuple of list of xarray.DataTree
         What it made, of each operating point.
+    spent : tuple of int
+        Realisations that it took.
     """
 
     arrangement: Arrangement
@@ -60,6 +63,7 @@ class Found:
     notes: tuple[str, ...]
     method: str
     nodes: tuple[list[xr.DataTree], ...]
+    spent: tuple[int, ...]
 
     def given(self, place: int, point: OperatingPoint) -> list[xr.DataTree]:
         """Return the surrogates of an operating point for another one that is the same, at which they count.
@@ -75,7 +79,7 @@ class Found:
                 "calibrate: surrogate is a calibration of other inputs, outputs, times or known values; give it one of "
                 "the same study and the same times of the records, or a method, as Collocation(order=3)."
             )
-        point.count(self.nodes[place])
+        point.spent += self.spent[place]
         return self.nodes[place]
 
 
@@ -109,18 +113,21 @@ def find(
     unknowns, inputs = arranged.unknowns, len(arranged.unknowns.inputs)
     nodes: dict[int, list[xr.DataTree]] = {}
     notes: list[str] = []
-    method = None if isinstance(surrogate, Found) else surrogate
+    methods: list[str] = []
     for place, point in enumerate(arranged.points):
         if isinstance(surrogate, Found):
             nodes[id(point)] = surrogate.given(place, point)
             continue
-        if surrogate is None:
-            moving = any(not b.timeless for c in arranged.cases if c.point is point for b in c.blocks)
-            method = default_method(point.study, moving=moving, known=list(point.known), most=point.most)
-        assert method is not None
+        blocks = [block for case in arranged.cases if case.point is point for block in case.blocks]
+        outputs = list(dict.fromkeys(block.output for block in blocks if not block.timeless))
+        chosen: tuple[uqmbd.Propagator, ...] = () if surrogate is None else (surrogate,)
+        if not chosen:
+            about: dict[str, Any] = {"moving": bool(outputs), "known": list(point.known), "most": point.most}
+            chosen = default_methods(point.study, **about)
         with warnings.catch_warnings(record=True) as told:
             warnings.simplefilter("always")
-            nodes[id(point)] = point.surrogates(method)
+            nodes[id(point)] = point.surrogates(chosen, outputs)
+        methods += [_described(node) for node in nodes[id(point)]]
         notes += [str(one.message) for one in told if not issubclass(one.category, uqmbd.UnusedInputWarning)]
 
     def build(cases: tuple[Case, ...], *, doubted: bool = True) -> Posterior:
@@ -138,6 +145,7 @@ def find(
             )
         return Posterior(unknowns, cases, predictors)
 
+    spent = tuple(point.spent for point in arranged.points)
     seeds = np.random.SeedSequence(seed).generate_state(3)
     peaks = search(build, arranged.cases, inputs, unknowns.dimension, int(seeds[0]))
     prior = build(arranged.cases, doubted=False)
@@ -157,5 +165,13 @@ def find(
     )
     made = tuple(nodes[id(point)] for point in arranged.points)
     if isinstance(surrogate, Found):
-        return Found(arranged, inferred, before, prior, surrogate.notes, surrogate.method, made)
-    return Found(arranged, inferred, before, prior, tuple(notes), repr(method), made)
+        return Found(arranged, inferred, before, prior, surrogate.notes, surrogate.method, made, spent)
+    return Found(arranged, inferred, before, prior, tuple(notes), "; ".join(dict.fromkeys(methods)), made, spent)
+
+
+def _described(node: xr.DataTree) -> str:
+    """Say which method made a surrogate, with the options that matter to the reader."""
+    said = [str(node.attrs["propagator"])]
+    options = json.loads(node.attrs.get("options", "{}"))
+    said += [f"{name} {options[name]}" for name in ("order", "alignment") if options.get(name) is not None]
+    return ", ".join(said)

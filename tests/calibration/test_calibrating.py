@@ -297,7 +297,7 @@ def discrete():
     [
         ({"noise": "cauchy"}, "noise is 'cauchy'; expected 'normal' or 'student'"),
         ({"on": "paper"}, "on is 'paper'"),
-        ({"realisations": 10}, "first surrogate takes 31; expected 62"),
+        ({"realisations": 10}, "first surrogate takes 52; expected 104"),
         ({"draws": 3}, "draws is 3"),
         ({"seed": True}, "seed is True"),
         ({"bias": {"y": Bias(sd=1)}}, "bias names 'y'; the study has the outputs x"),

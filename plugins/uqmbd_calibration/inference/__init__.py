@@ -10,7 +10,7 @@ from uqmbd_calibration.inference.identifiability import Direction, combination, 
 from uqmbd_calibration.inference.inferring import Check, Inferred, Mode, infer
 from uqmbd_calibration.inference.points import OperatingPoint
 from uqmbd_calibration.inference.posterior import Posterior, Predictor
-from uqmbd_calibration.inference.prior_surrogate import PriorSurrogate, default_method, prior_surrogate
+from uqmbd_calibration.inference.prior_surrogate import PriorSurrogate, default_methods, prior_surrogate
 from uqmbd_calibration.inference.sampling import Draws, require_sampler, sample
 from uqmbd_calibration.inference.searching import search, spread_over_prior
 from uqmbd_calibration.inference.unknowns import LEVEL_SPREAD, Level, Unknown, Unknowns
@@ -36,7 +36,7 @@ __all__ = [
     "Unknowns",
     "climb",
     "combination",
-    "default_method",
+    "default_methods",
     "directions",
     "expected_covariance",
     "infer",

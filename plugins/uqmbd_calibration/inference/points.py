@@ -13,12 +13,17 @@ import xarray as xr
 import uqmbd
 from uqmbd.typing import Array, Index
 from uqmbd_calibration.inference.blocks import Block
+from uqmbd_calibration.inference.following import followed
 
 __all__ = ["Exhausted", "OperatingPoint", "picked"]
 
 
 NARROW = 1e-9
 """Width of the distribution that stands for a known value where a method wants one, over the value."""
+
+
+FOLLOWED = 0.05
+"""Error of a surrogate, over the largest deviation of an output, at which no other method is tried."""
 
 
 class Exhausted(Exception):
@@ -136,8 +141,47 @@ class OperatingPoint:
         over, without = np.concatenate(self._over)[rows], np.concatenate(self._without)[rows]
         return [picked(without if block.timeless else over, block) for block in blocks]
 
-    def surrogates(self, method: uqmbd.Propagator) -> list[xr.DataTree]:
-        """Run a method on the outputs over time, and on those without; known inputs are as good as fixed."""
+    def surrogates(self, methods: Sequence[uqmbd.Propagator], outputs: Sequence[str]) -> list[xr.DataTree]:
+        """Run methods on the outputs over time, and the first one on those without; known inputs are as good as fixed.
+
+        Parameters
+        ----------
+        methods : sequence of uqmbd.Propagator
+            For outputs over time: the next one is tried where those before leave an error that is too large, and the
+            one with the least error is taken.
+        outputs : sequence of str
+            Those over time that are recorded.
+
+        Returns
+        -------
+        list of xarray.DataTree
+            Of outputs over time, if there are some, and of those without.
+        """
+        found: list[xr.DataTree] = []
+        if self._moving is not None:
+            best, least = None, np.inf
+            for method in methods:
+                try:
+                    node = self._propagated(method)
+                except (uqmbd.StudyError, uqmbd.IntegrationError):
+                    if best is None:
+                        raise
+                    # such as a motion without a clock, which is seen when it has been followed
+                    self.spent += _expected(method, self.study)
+                    continue
+                error = followed(node, outputs) if len(methods) > 1 else 0.0
+                if best is None or error < least:
+                    best, least = node, error
+                if least <= FOLLOWED:
+                    break
+            assert best is not None
+            found.append(best)
+        if self._still is not None:
+            found.append(self._propagated(methods[0], still=True))
+        return found
+
+    def _propagated(self, method: uqmbd.Propagator, *, still: bool = False) -> xr.DataTree:
+        """Run a method, and count its realisations."""
         inputs = self.study.mechanism.inputs
         if self._values:
             variables = list(inputs.variables)
@@ -147,15 +191,10 @@ class OperatingPoint:
                 variables[column] = uqmbd.uniform_variable(one.name, value - width, value + width, one.units)
             inputs = type(inputs).of(variables)
         problem = self.study.problem(method, self._executor, self._progress)
-        asked = [problem] if self._moving is not None else []
-        asked += [problem.without_time()] if self._still is not None else []
-        found = [method.propagate(replace(kind, inputs=inputs, label=f"calibration-{kind.label}")) for kind in asked]
-        self.count(found)
-        return found
-
-    def count(self, nodes: Sequence[xr.DataTree]) -> None:
-        """Count the realisations of surrogates: of outputs over time, and of those without."""
-        self.spent += sum(int(node.attrs["realisations"]) for node in nodes)
+        problem = problem.without_time() if still else problem
+        node = method.propagate(replace(problem, inputs=inputs, label=f"calibration-{problem.label}"))
+        self.spent += int(node.attrs["realisations"])
+        return node
 
     def same(self, other: OperatingPoint) -> bool:
         """Whether surrogates of another one are those of this one."""
@@ -170,6 +209,12 @@ class OperatingPoint:
             and list(first.mechanism.scalars) == list(second.mechanism.scalars)
             and (first.rtol, first.integrator, first.start) == (second.rtol, second.integrator, second.start)
         )
+
+
+def _expected(method: uqmbd.Propagator, study: uqmbd.Study) -> int:
+    """Return how many realisations a method takes, by its own estimate."""
+    found = method.estimate(study)
+    return 0 if found is None else found.realisations
 
 
 def picked(response: Array, block: Block) -> Array:
