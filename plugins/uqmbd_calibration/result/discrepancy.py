@@ -38,12 +38,15 @@ class Residuals:
         Prediction and bias.
     normal : array, shape (n,)
         `raw` as quantiles of a standard normal distribution, where the noise is robust; else the same.
+    taken : float
+        How many values a bias that is integrated out is fitted to.
     """
 
     block: Block
     raw: Array
     predicted: Array
     normal: Array
+    taken: float
 
 
 def residuals(block: Block, prediction: Array, vector: Array, sigma: float) -> Residuals:
@@ -53,7 +56,12 @@ def residuals(block: Block, prediction: Array, vector: Array, sigma: float) -> R
     rest = misfit - block.bias(misfit, level)
     raw = -rest[0] / np.sqrt(sigma**2 + block.variance)
     normal = stats.norm.ppf(np.clip(stats.t.cdf(raw, FREEDOM), 1e-15, 1 - 1e-15)) if block.robust else raw
-    return Residuals(block, raw, block.values + rest[0], normal)
+    taken = 0.0
+    if not block.robust and block.modes.shape[1]:
+        # what the bias takes of the squares of residuals: of each of its own functions its part of the variance
+        own = np.maximum(np.linalg.eigvalsh(block.modes.T @ block.modes), 0.0)
+        taken = float((own / (sigma**2 + own)).sum())
+    return Residuals(block, raw, block.values + rest[0], normal, taken)
 
 
 def discrepancy(found: Residuals, parameters: float) -> dict[str, Any]:
@@ -75,8 +83,7 @@ def discrepancy(found: Residuals, parameters: float) -> dict[str, Any]:
     """
     block, z = found.block, found.normal
     count = len(z)
-    fitted = parameters + (0 if block.robust else block.modes.shape[1])
-    freedom = float(np.maximum(count - fitted, 1.0))
+    freedom = float(np.maximum(count - parameters - found.taken, 1.0))
     known = block.noise is not None
     said: dict[str, Any] = {"record": block.record, "output": block.output, "values": count}
     tests: list[float] = []
