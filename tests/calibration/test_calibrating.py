@@ -92,6 +92,19 @@ def test_a_calibration_is_stored_as_it_is(found, tmp_path):
 
 
 @pytest.mark.thorough
+@pytest.mark.filterwarnings("ignore::FutureWarning")
+def test_arviz_takes_the_tree(found):
+    import arviz
+
+    taken = arviz.from_datatree(found.tree) if hasattr(arviz, "from_datatree") else found.tree
+    table = arviz.summary(taken)
+    assert list(table.index) == ["damping", "stiffness"] and (table["r_hat"].astype(float) < 1.02).all()
+    # two inputs are fitted: the effective number of parameters by leave-one-out
+    loo = arviz.loo(taken)
+    assert float(loo.p if hasattr(loo, "p") else loo.p_loo) == pytest.approx(2.0, abs=0.8)
+
+
+@pytest.mark.thorough
 def test_the_posterior_is_propagated_by_other_methods(found):
     from uqmbd_montecarlo import MonteCarlo
 
