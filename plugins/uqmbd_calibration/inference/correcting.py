@@ -18,11 +18,8 @@ from uqmbd_calibration.inference.posterior import Predictor
 __all__ = ["Corrected", "corrected", "enough"]
 
 
-DEGREES = 3
-"""Highest degree of the polynomials."""
-
-OVER = 1.4
-"""Realisations for each term, at least."""
+OVER = (1.4, 1.4, 1.4, 2.5)
+"""Realisations for each term, at least, by the degree of the polynomials: cubic ones go astray where none is near."""
 
 EXACT = 1e-3
 """Square of the error of the log-likelihood below which nothing is gained."""
@@ -113,9 +110,9 @@ def corrected(
     # as dense as the posterior, with tails; where none is near the nearest ones count
     weights = np.exp(-0.25 * (distance[near] ** 2 - np.min(distance[near]) ** 2)) + 0.02
     best: tuple[float, Corrected] | None = None
-    for degree in range(DEGREES + 1):
+    for degree, over in enumerate(OVER):
         terms = uqmbd.index_set(len(free), degree, "total")
-        if degree and len(near) < OVER * len(terms) + 1:
+        if degree and len(near) < over * len(terms) + 1:
             break
         for own in (None, base) if usable else (None,):
             if own is None and degree < 1 and usable:
@@ -134,7 +131,7 @@ def corrected(
 
 def enough(inputs: int, degree: int = 2) -> int:
     """Return how many realisations a polynomial takes."""
-    return int(np.ceil(OVER * len(uqmbd.index_set(inputs, degree, "total")))) + 2
+    return int(np.ceil(OVER[degree] * len(uqmbd.index_set(inputs, degree, "total")))) + 2
 
 
 def _fitted(basis: Array, target: Array, weights: Array) -> tuple[Array, Array]:

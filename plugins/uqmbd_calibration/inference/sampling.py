@@ -3,7 +3,7 @@
 Half of the proposals are those of a Student's t distribution about the maximum, which is nearly the posterior where a
 record says much; the other half are emcee's stretches, which need no such knowledge.  Evaluations of the density for
 each effective draw, of 400 values and 3 (6) inputs: 7.6 (7.5) so; 37 (65) by stretches alone; 15 (16) by dynesty 3.1,
-which evaluates one vector after another, and took 5 (16) times as long.  blackjax needs JAX, on which uqmbd does not depend.
+which evaluates one vector after another, and took 5 (16) times as long.  blackjax needs JAX.
 """
 
 from __future__ import annotations
