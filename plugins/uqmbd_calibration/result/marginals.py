@@ -1,7 +1,8 @@
 """The posterior as dependent random variables: smooth marginal distributions, and a Gaussian copula.
 
-In the standard normal space of the prior, the posterior of each input is an increasing cubic of a standard normal
-variable, whose correlations are those of the ranks.  The inputs are the prior's own functions of that.
+The posterior of each input is an increasing function of a standard normal variable, and the correlations of these are
+those of the ranks.  The function is the simplest one that the draws have: an increasing cubic, which the prior's own
+function follows where the prior of the input is independent, or a curve through quantiles of the draws.
 """
 
 from __future__ import annotations
@@ -10,7 +11,8 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-from scipy.special import ndtri
+from scipy.interpolate import PchipInterpolator
+from scipy.special import ndtr, ndtri
 from scipy.stats import rankdata
 
 import uqmbd
@@ -22,6 +24,12 @@ __all__ = ["GRID", "joint_distribution", "marginals_of"]
 
 GRID = np.linspace(-8.0, 8.0, 1601)
 """Standard normal variable at which marginals are tabulated."""
+
+KNOTS = np.linspace(-3.0, 3.0, 13)
+"""Standard normal variable at which a curve goes through quantiles."""
+
+MOMENTS, AWAY = 0.03, 0.1
+"""Difference of mean and deviation, and mean distance of quantiles, in deviations, up to which a cubic is taken."""
 
 
 def marginals_of(found: Found, vectors: Array) -> xr.Dataset:
@@ -35,22 +43,64 @@ def marginals_of(found: Found, vectors: Array) -> xr.Dataset:
     """
     arranged = found.arrangement
     unknown = arranged.unknowns.inputs
-    own = vectors[:, : len(unknown)]
-    normal = ndtri((rankdata(own, axis=0) - 0.5) / len(own))
+    variables = arranged.points[0].study.mechanism.inputs.variables
+    values = arranged.physical(vectors)
+    normal = ndtri((rankdata(values, axis=0) - 0.5) / len(values))
     correlation = np.corrcoef(normal, rowvar=False).reshape(len(unknown), len(unknown))
-    moved = np.stack([increasing_cubic(normal[:, k], own[:, k]) for k in range(len(unknown))], axis=1)
-    points = np.tile(own.mean(axis=0), (len(GRID), 1))
     tables = np.empty((len(GRID), len(unknown)))
-    for k in range(len(unknown)):
-        at = np.zeros((len(GRID), arranged.unknowns.dimension))
-        at[:, : len(unknown)] = points
-        at[:, k] = np.clip(moved[:, k], -8.0, 8.0)
-        tables[:, k] = arranged.physical(at)[:, k]
+    for k, one in enumerate(unknown):
+        variable, tried = variables[one.input], []
+        if len(variable.joint.names) == 1:
+            at = np.zeros((len(GRID), arranged.unknowns.dimension))
+            at[:, k] = np.clip(increasing_cubic(normal[:, k], vectors[:, k]), -8.0, 8.0)
+            tried.append(arranged.physical(at)[:, k])
+        tried.append(increasing_cubic(normal[:, k], values[:, k]))
+        bounds = [float(np.ravel(b)[0]) for b in (variable.distribution.lower, variable.distribution.upper)]
+        tables[:, k] = _chosen(tried, normal[:, k], values[:, k], *bounds)
     names = np.array([one.name for one in unknown], dtype=np.str_)
     return xr.Dataset(
         {"quantile": (("normal", "input"), tables), "correlation": (("input", "other"), correlation)},
         coords={"normal": GRID, "input": names, "other": names},
     )
+
+
+def _chosen(tables: list[Array], normal: Array, values: Array, lower: float, upper: float) -> Array:
+    """Return the first table that is within bounds and close to the draws, else a curve through their quantiles."""
+    # an infinite support has finite bounds too, far out: draws beyond say which
+    lower = lower if lower <= values.min() else -np.inf
+    upper = upper if upper >= values.max() else np.inf
+    mean, sd = values.mean(), max(float(values.std()), 1e-300)
+    for table in tables:
+        own = np.interp(normal, GRID, table)
+        close = max(abs(own.mean() - mean), abs(own.std() - sd)) <= MOMENTS * sd
+        if close and np.sqrt(((own - values) ** 2).mean()) <= AWAY * sd and lower <= table[0] and table[-1] <= upper:
+            return table
+    return through_quantiles(values, lower, upper)
+
+
+def through_quantiles(values: Array, lower: float = -np.inf, upper: float = np.inf) -> Array:
+    """Return an increasing curve through quantiles of values, at `GRID`, which stays within bounds.
+
+    Examples
+    --------
+    >>> table = through_quantiles(np.linspace(0, 1, 10001), 0.0, 1.0)
+    >>> [round(float(np.interp(z, GRID, table)), 3) for z in (-8.0, -1.0, 0.0, 1.0, 8.0)]
+    [0.0, 0.159, 0.5, 0.841, 1.0]
+    """
+    # as many draws beyond the last knot as tell its quantile
+    reach = min(3.0, -float(ndtri(min(10.0 / len(values), 0.4))))
+    knots = KNOTS * reach / KNOTS[-1]
+    quantiles = np.quantile(values, ndtr(knots))
+    inner = PchipInterpolator(knots, quantiles)
+    found = inner(np.clip(GRID, -reach, reach))
+    for end, bound in ((-reach, lower), (reach, upper)):
+        rows = end * GRID > reach**2
+        slope = max(float(inner(end, 1)), 0.0)
+        left = bound - inner(end)
+        beyond = slope * (GRID[rows] - end)
+        # straight, and where there is a bound nearer and nearer to it
+        found[rows] += left * -np.expm1(-beyond / left) if np.isfinite(left) and left else beyond * bool(left)
+    return np.asarray(found)
 
 
 def increasing_cubic(normal: Array, values: Array) -> Array:
