@@ -71,7 +71,9 @@ def directions(covariance: Array, names: Sequence[str]) -> tuple[Direction, ...]
     for k in np.argsort(-values, kind="stable").tolist():
         if values[k] > LITTLE:
             weights = vectors[:, k]
-            weights = weights * np.sign(weights[np.argmax(np.abs(weights))])
+            # the first that is named counts upwards, however the last bits of equal ones fall
+            named = np.abs(weights) >= SMALL * np.abs(weights).max()
+            weights = weights * np.sign(weights[np.argmax(named)])
             found.append(Direction(combination(weights, names), weights, float(values[k])))
     return tuple(found)
 
