@@ -17,6 +17,10 @@ from uqmbd_calibration.records import Record, Series
 __all__ = ["Arrangement", "arrange"]
 
 
+SAME = 1e-10
+"""Difference of times, over the largest, up to which they are one."""
+
+
 @dataclass(frozen=True, eq=False)
 class Arrangement:
     """What is unknown, and what says something of it.
@@ -167,18 +171,24 @@ def _point(
     """Return the mechanism at an operating point, at the times of its records."""
     series = [one for record in records for one in record.series]
     moving, still = any(not one.timeless for one in series), any(one.timeless for one in series)
-    times = np.unique(np.concatenate([study.times[:1], *(one.times for one in series)]))
+    times = _merged(study.times[:1], *(one.times for one in series))
     if still:
-        if moving and times[-1] > study.times[-1]:
+        if moving and times[-1] > study.times[-1] + SAME * abs(times[-1]):
             raise uqmbd.StudyError(
                 f"calibrate: records last until {times[-1]:g} s, and the study until {study.times[-1]:g} s, of whose "
                 "whole motion an output without a time is recorded, too; let the study last as long."
             )
-        times = np.unique(np.concatenate([times, study.times])) if moving else study.times
+        times = _merged(times, study.times) if moving else study.times
     if moving and len(times) == 1:
-        times = np.unique(np.concatenate([times, study.times]))
+        times = _merged(times, study.times)
     other = study if np.array_equal(times, study.times) else study.with_times(times)
     return OperatingPoint(other, known, moving=moving, still=still, most=most, executor=executor, progress=progress)
+
+
+def _merged(*times: Array) -> Array:
+    """Return all these times, each once; of those that differ by rounding, as 0.3 and 3 * 0.1, the first."""
+    found = np.unique(np.concatenate(times))
+    return np.asarray(found[np.concatenate([[True], np.diff(found) > SAME * np.abs(found).max()])])
 
 
 def _block(
@@ -195,7 +205,8 @@ def _block(
     outputs = mechanism.scalars if series.timeless else mechanism.outputs
     columns = np.zeros(count, dtype=np.int64)
     if not series.timeless:
-        columns = np.searchsorted(point.study.times, series.times)
+        # the first of times that are the same but for rounding
+        columns = np.searchsorted(point.study.times, series.times, side="right") - 1
     level = -1
     if series.noise is None:
         level = [one.output for one in levels].index(series.output)

@@ -4,6 +4,7 @@ import chaospy
 import numpy as np
 import pytest
 import xarray as xr
+from scipy.stats import chi2
 
 import uqmbd
 from uqmbd_calibration import Bias, Calibration, Record, Series, calibrate
@@ -342,3 +343,37 @@ def test_a_surrogate_of_other_times_is_not_used_again(found):
 def test_a_bias_has_positive_numbers(given):
     with pytest.raises(uqmbd.StudyError, match="expected a positive number"):
         Bias(**given)
+
+
+@pytest.mark.thorough
+def test_times_that_differ_by_rounding_are_one():
+    exact = np.array([0.1, 0.2, 0.3, 0.6, 0.7])
+    rounded = np.array([1, 2, 3, 6, 7]) * 0.1
+    assert np.any(exact != rounded)
+    values = motion(np.array(105.0), np.array(1.0), exact)
+
+    def posterior(times):
+        both = [Record(name, [Series("x", at, values, "m", 0.01)]) for name, at in (("1", exact), ("2", times))]
+        return calibrate(oscillator(), both).tree["posterior"]["stiffness"].values
+
+    assert np.array_equal(posterior(rounded), posterior(exact))
+
+
+@pytest.mark.thorough
+@pytest.mark.filterwarnings("ignore:calibrate. the chains have not converged")
+def test_a_curved_posterior_is_not_doubted():
+    # inputs whose product is known, and which are not: predictions at their means are none of the record
+    factors = [uqmbd.RandomVariable(name, chaospy.Normal(10.0, 2.0)) for name in ("area", "modulus")]
+    made = uqmbd.Mechanism("oscillator", uqmbd.Line())
+    mass = made.body("mass", mass=1.0, position=1)
+    made.add(SpringDamper("spring", made.ground, mass, 0, 0, factors[0] * factors[1], free_length=1))
+    made.output("frequency", uqmbd.eigenfrequency(1), units="Hz")
+    values = np.sqrt(104.5) / (2 * np.pi) + 0.01 * np.random.default_rng(0).standard_normal(10)
+    found = calibrate(
+        uqmbd.Study("oscillator", made), Record("tap test", [Series("frequency", [], values, "Hz", noise=0.01)])
+    )
+    (model,) = found.checks["model"]
+    residual = (values - values.mean()) / 0.01
+    assert not model["doubted"]
+    # two inputs count as two that are fitted
+    assert model["chi_square"] == pytest.approx(chi2.sf(residual @ residual, 8), abs=0.1)

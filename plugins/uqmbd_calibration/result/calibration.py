@@ -33,7 +33,7 @@ class Calibration:
         levels that were found as ``noise[output]``; ``posterior_predictive`` and ``prior_predictive``, values as they
         may have been measured, of some of the draws; ``observed_data``; ``log_likelihood`` of each value, of some of
         the draws where there are very many; ``sample_stats``; ``constant_data``, the standard deviation of the noise.
-        Beside them ``fit`` (predictions at the posterior mean), ``residuals`` (over the noise), ``summary`` and
+        Beside them ``fit`` (means of predictions), ``residuals`` (over the noise), ``summary`` and
         ``marginals``.  A variable is named like its output, or ``output[record]`` where several records have it.
     """
 

@@ -50,8 +50,11 @@ class Residuals:
 
 
 def residuals(block: Block, prediction: Array, vector: Array, sigma: float) -> Residuals:
-    """Return residuals at a vector of unknowns, from the prediction (n,) and the noise level there."""
-    misfit = block.misfit(prediction[None], vector[None])
+    """Return residuals from a prediction (n,) at a vector of unknowns, or the mean of several ones (K, n), and a level.
+
+    The mean of predictions may be likely where that at the mean is not: of a product of inputs, all products are.
+    """
+    misfit = block.misfit(np.atleast_2d(prediction), np.atleast_2d(vector)).mean(axis=0, keepdims=True)
     level = np.array([sigma])
     rest = misfit - block.bias(misfit, level)
     raw = -rest[0] / np.sqrt(sigma**2 + block.variance)

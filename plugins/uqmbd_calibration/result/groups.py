@@ -49,7 +49,7 @@ def tree_of(study: uqmbd.Study, found: Found, seed: int, about: Mapping[str, Any
     prior = spread_over_prior(width, PRIOR, seed)[None]
     some = draws.vectors[:, np.linspace(0, count - 1, max(1, PREDICTED // chains)).astype(int)]
     centre = draws.flat.mean(axis=0)
-    parts = _residuals(target, centre)
+    parts = _residuals(target, some.reshape(-1, width), centre)
     numbers = sum(len(one.block.values) for one in parts)
     kept = np.arange(0, count, max(1, int(np.ceil(chains * count * numbers / MOST))))
 
@@ -79,7 +79,7 @@ def tree_of(study: uqmbd.Study, found: Found, seed: int, about: Mapping[str, Any
             [np.sqrt(one.block.sigma(unknowns, centre[None])[0] ** 2 + one.block.variance) for one in parts],
             long_name="standard deviation of the noise",
         ),
-        "fit": _series(named, [one.predicted for one in parts], long_name="prediction at the mean, with its bias"),
+        "fit": _series(named, [one.predicted for one in parts], long_name="mean of predictions, with its bias"),
         "residuals": _series(
             named, [one.raw for one in parts], units="", long_name="value minus prediction, over the noise"
         ),
@@ -140,11 +140,11 @@ def _predicted(target: Posterior, vectors: Array, made: Callable[[Block, Array, 
     return _series(_named(target), data, ("chain", "draw")).assign_coords(_draws(chains, count))
 
 
-def _residuals(target: Posterior, vector: Array) -> list[Residuals]:
-    """Return the residuals of all blocks at a vector of unknowns."""
-    predictions = target.predictions(vector[None])
+def _residuals(target: Posterior, vectors: Array, centre: Array) -> list[Residuals]:
+    """Return the residuals of all blocks from the mean of predictions, with the noise levels at a centre."""
+    predictions = target.predictions(vectors)
     return [
-        residuals(block, values[0], vector, float(block.sigma(target.unknowns, vector[None])[0]))
+        residuals(block, values, vectors, float(block.sigma(target.unknowns, centre[None])[0]))
         for case, predicted in zip(target.cases, predictions, strict=True)
         for block, values in zip(case.blocks, predicted, strict=True)
     ]
