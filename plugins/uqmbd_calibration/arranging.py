@@ -68,6 +68,7 @@ def arrange(
     """
     inputs = study.mechanism.inputs
     _check_groups(study, records, individual)
+    _check_bias(records, bias)
     groups: dict[tuple[tuple[tuple[str, float], ...], str], list[Record]] = {}
     for record in records:
         known = tuple(sorted(record.known.items()))
@@ -99,6 +100,7 @@ def arrange(
                     "density. Make it a number, or state it in each record: known={...}."
                 )
         cases.append(case)
+    _check_levels(levels, cases, len(unknown))
     return Arrangement(Unknowns(unknown, first - len(unknown), levels), tuple(points.values()), tuple(cases))
 
 
@@ -109,6 +111,11 @@ def _unknown(names: Sequence[str], groups: Mapping[Any, Any], individual: Sequen
         own = [machine for known, machine in groups if name not in dict(known)]
         if name not in individual:
             found += [Unknown(name, column)] if own else []
+        elif not own:
+            raise uqmbd.StudyError(
+                f"calibrate: individual names {name!r}, which all records know; leave it out of individual, or out of "
+                "what is known."
+            )
         else:
             found += [Unknown(f"{name}[{machine}]", column, machine) for machine in dict.fromkeys(own)]
     if not found:
@@ -144,6 +151,34 @@ def _check_groups(study: uqmbd.Study, records: Sequence[Record], individual: Seq
         if 0 < len(names & set(individual)) < len(names):
             raise uqmbd.StudyError(
                 f"calibrate: {', '.join(sorted(names))} depend on each other; all of them are individual, or none is."
+            )
+
+
+def _check_bias(records: Sequence[Record], bias: Mapping[str, Bias]) -> None:
+    """Refuse a bias of what no record holds."""
+    recorded = list(dict.fromkeys(name for record in records for name in record.outputs))
+    for name in bias:
+        if name not in recorded:
+            raise uqmbd.StudyError(
+                f"calibrate: bias names {name!r}, which no record holds; they hold {', '.join(recorded)}."
+            )
+
+
+def _check_levels(levels: Sequence[Level], cases: Sequence[Case], inputs: int) -> None:
+    """Refuse to find a noise level where some inputs give just the values that were measured."""
+    for number, level in enumerate(levels):
+        different, predicted = 0, 0
+        for case in cases:
+            own = [block for block in case.blocks if block.noise is None and block.level == number]
+            met = {pair for block in own for pair in zip(block.columns.tolist(), block.values.tolist(), strict=True)}
+            # readings that are rounded to the same value tell no noise
+            different += len(met)
+            predicted += len({column for column, _ in met})
+        if different <= min(inputs, predicted):
+            raise uqmbd.StudyError(
+                f"calibrate: the noise of {level.output!r} is not stated, and values that tell it are too few: "
+                f"{different}, where equal ones count once, beside {inputs} input{'s' if inputs > 1 else ''} to be "
+                f"found; state it, as Record.read(..., noise={{{level.output!r}: 0.01}}), or record more."
             )
 
 

@@ -327,6 +327,31 @@ def test_what_cannot_be_used_is_refused(options, said):
         calibrate(oscillator(), record(), **options)
 
 
+def test_options_that_nothing_takes_are_refused():
+    damped = oscillator(damping=uqmbd.RandomVariable("damping", chaospy.Normal(1.0, 0.1), units="N s/m"))
+    damped.mechanism.output("frequency", uqmbd.eigenfrequency(1), units="Hz")
+    with pytest.raises(uqmbd.StudyError, match="bias names 'frequency', which no record holds; they hold x"):
+        calibrate(damped, record(), bias={"frequency": Bias(sd=0.1)})
+    known = Record("run 1", record().series, known={"damping": 1.0}, machine="rig 1")
+    with pytest.raises(uqmbd.StudyError, match="individual names 'damping', which all records know"):
+        calibrate(damped, known, individual=["damping"])
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_noise_that_values_cannot_tell_beside_the_inputs_is_to_be_stated(count):
+    few = Record("short", [Series("x", TIMES[:count], [1.05, 1.06][:count], "m")])
+    with pytest.raises(uqmbd.StudyError, match=f"too few: {count}, where equal .* beside 2 inputs to be found; state"):
+        calibrate(oscillator(), few)
+
+
+def test_readings_that_are_rounded_to_the_same_tell_no_noise():
+    study = oscillator()
+    study.mechanism.output("frequency", uqmbd.eigenfrequency(1), units="Hz")
+    readings = Record("tap test", [Series("frequency", [], [1.61, 1.61, 1.61], "Hz")], known={"damping": 1.0})
+    with pytest.raises(uqmbd.StudyError, match="the noise of 'frequency' is not stated, .* too few: 1"):
+        calibrate(study, readings)
+
+
 def test_inputs_of_few_values_are_refused():
     with pytest.raises(uqmbd.StudyError, match="'damping' takes 3 values only"):
         calibrate(discrete(), record())
