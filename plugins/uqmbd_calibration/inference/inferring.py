@@ -24,6 +24,9 @@ EVEN, SHIFT = 0.8, 0.1
 MODES, WORSE = 4, 30.0
 """Maxima that are computed on the mechanism, and by how much their log-density may be below the best one's."""
 
+AS_LIKELY = 3.0
+"""By how much the log-mass of a maximum of the surrogate that is not followed is below the best one's to be told."""
+
 SETTLED, SETTLING = 0.3, 6
 """Step of Gauss and Newton, in standard deviations of the posterior, that ends them; and how many there are at most."""
 
@@ -98,6 +101,8 @@ class Inferred:
         The best first.
     widened : bool
         Whether the errors of the surrogate are in the likelihood, as they were not small enough in the end.
+    unseen : int
+        Maxima of the surrogate, about as likely as the best one, that were not followed on the mechanism.
     """
 
     target: Posterior
@@ -106,6 +111,7 @@ class Inferred:
     checks: tuple[Check, ...]
     modes: tuple[Mode, ...]
     widened: bool
+    unseen: int
 
 
 def infer(
@@ -139,42 +145,51 @@ def infer(
         Whether draws are those of the mechanism itself, not of a surrogate.
     """
     work = Work(unknowns, cases, base, variances)
-    modes, start = _settled(work, peaks)
+    modes, start, unseen = _settled(work, peaks)
     seeds = iter(np.random.SeedSequence(seed).generate_state(4096).tolist())
     checks: list[Check] = []
     peak, factor = peak_of(work.target, start)
     if mechanism:
         peak, factor = work.follow(peak, factor, seeds, explored=False)
         found = work.draw(peak, factor, draws=draws, chains=chains, seed=next(seeds))
-        return Inferred(work.target, peak, found, (), modes, False)
+        return Inferred(work.target, peak, found, (), modes, False, unseen)
     while work.affordable(CHECKED):
         peak, factor = work.follow(peak, factor, seeds, explored=bool(checks))
         found = sample(work.target.log_density, peak, factor, draws=draws, chains=chains, seed=next(seeds))
         checks.append(_checked(work, found, next(seeds)))
         if checks[-1].passed:
-            return Inferred(work.target, peak, found, tuple(checks), modes, False)
+            return Inferred(work.target, peak, found, tuple(checks), modes, False, unseen)
     peak, factor = work.refit(peak, factor)
     widened = _widened(work)
     peak, factor = peak_of(widened, peak)
     found = sample(widened.log_density, peak, factor, draws=draws, chains=chains, seed=next(seeds))
-    return Inferred(widened, peak, found, tuple(checks), modes, True)
+    return Inferred(widened, peak, found, tuple(checks), modes, True, unseen)
 
 
-def _settled(work: Work, peaks: Peaks) -> tuple[tuple[Mode, ...], Array]:
-    """Follow the best maxima on the mechanism; the predictions are moved to the best of them."""
+def _settled(work: Work, peaks: Peaks) -> tuple[tuple[Mode, ...], Array, int]:
+    """Follow the best maxima on the mechanism; the predictions are moved to the best of them.
+
+    Returns the maxima, where to start, and how many maxima of the surrogate that are about as likely were not followed.
+    """
     found: list[_Followed] = []
+    mass = -peaks.cost - 0.5 * np.linalg.slogdet(peaks.hessian)[1]
+    unseen = mass > mass.max() - AS_LIKELY
     for k in range(min(MODES, len(peaks.cost))):
         if peaks.cost[k] > peaks.cost[0] + WORSE:
             break
         best = max((one.mode.log_density for one in found), default=-np.inf)
-        one = _followed(work, peaks.vectors[k], 3 if found else SETTLING, CHECKED if found else 0, best)
+        reserve = CHECKED if found else 0
+        if not work.affordable(1 + reserve):
+            break
+        unseen[k] = False
+        one = _followed(work, peaks.vectors[k], 3 if found else SETTLING, reserve, best)
         if one is not None and not any(other.same(one) for other in found):
             found.append(one)
     if not found:
-        return (), peaks.vectors[0]
+        return (), peaks.vectors[0], int(unseen.sum())
     found.sort(key=lambda one: -one.mode.log_mass)
     work.shift(found[0].at, found[0].real)
-    return tuple(one.mode for one in found), found[0].mode.vector
+    return tuple(one.mode for one in found), found[0].mode.vector, int(unseen.sum())
 
 
 @dataclass(frozen=True, eq=False)

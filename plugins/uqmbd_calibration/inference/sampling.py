@@ -135,7 +135,7 @@ def sample(
         states.append(sampler.run_mcmc(state, burn, store=False))
         samplers.append(sampler)
     steps = 0
-    while steps < BLOCKS * BLOCK and (not steps or affordable(chains * count * block)):
+    while steps < max(BLOCKS * BLOCK, draws / (chains * count)) and (not steps or affordable(chains * count * block)):
         steps += block
         states = [s.run_mcmc(state, block) for s, state in zip(samplers, states, strict=True)]
         paths = np.stack([s.get_chain() for s in samplers])
@@ -147,8 +147,11 @@ def sample(
         converged = bool(np.all(rhat < ALIKE) and np.all(ess > ENOUGH)) and steps >= 30 * correlation
         if converged and kept.shape[0] * kept.shape[1] >= draws:
             break
+    # rather less thinned, which effective draws tell, than fewer than were asked for
+    each = -(-draws // chains)
+    thin = max(1, min(thin, steps * count // (each + count)))
+    kept = paths[:, thin - 1 :: thin].reshape(chains, -1, dimension)
     density_kept = np.stack([s.get_log_prob() for s in samplers])[:, thin - 1 :: thin].reshape(chains, -1)
-    each = max(1, draws // chains)
     rows = np.unique(np.linspace(0, kept.shape[1] - 1, min(each, kept.shape[1])).astype(int))
     return Draws(
         vectors=centre + kept[:, rows] @ factor.T,

@@ -117,12 +117,15 @@ def _about(tree: xr.DataTree, labels: list[str], checks: dict[str, Any]) -> list
             f"The chains {state}: R-hat is {checks['rhat']:.3f} at most, and the effective number of draws "
             f"{checks['ess']:.0f} at least."
         )
-    others = [share for share in checks.get("modes", [])[1:] if share > 0.01]
-    if others:
+    if others := checks.get("unsampled", []):
         said.append(
-            f"The posterior has {len(others)} more maxima, with about {100 * sum(others):.0f} % of its mass; only the "
-            "largest is shown."
+            f"The posterior has {len(others)} more maxima, with about {100 * sum(others):.0f} % of its mass, which no "
+            "draws are about."
         )
+    said += [
+        f"{one['input']} is {abs(one['deviations']):.1f} standard deviations from the median of its prior."
+        for one in checks.get("far", [])
+    ]
     return said
 
 

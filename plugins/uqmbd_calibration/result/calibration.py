@@ -62,7 +62,9 @@ class Calibration:
         ``even`` and ``widened``: whether realisations at draws of the posterior confirm the surrogate, or its errors
         widen the posterior; ``surrogate``: those checks one after another, with the effective ``share`` of the weights
         of their ``draws`` and the ``shift`` of means in standard deviations; ``converged``, ``rhat``, ``ess``;
-        ``modes``: shares of the maxima of the posterior that were found, the one that was sampled first; ``model``:
+        ``modes``: shares of the maxima of the posterior that were found, the one that was sampled first, ``unsampled``
+        of those that no draws are about, and ``unseen``, how many of the surrogate were not followed; ``far``: inputs
+        that are found far from their priors; ``model``:
         for each output of each record whether it may have come from the model, ``p``, ``where`` in time it did not,
         ``outliers``, and ``doubted``.
         """
@@ -179,6 +181,9 @@ class Calibration:
             )
         widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
         lines = ["  ".join(text.ljust(width) for text, width in zip(row, widths, strict=True)).rstrip() for row in rows]
+        lines += [] if checks["converged"] else ["the chains have not converged"]
+        if missing := sum(checks.get("unsampled", ())):
+            lines.append(f"other maxima, which no draws are about, have about {100 * missing:.0f} % of the mass")
         state = "confirmed by the mechanism" if checks["even"] else "not confirmed by the mechanism: widened"
         lines.append(f"{self.realisations} realisations; {state}")
         if self.unidentified:

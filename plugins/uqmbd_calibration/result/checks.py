@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 
 import uqmbd
+from uqmbd.typing import Array
 from uqmbd_calibration.finding import Found
+from uqmbd_calibration.inference import Mode
 from uqmbd_calibration.result.discrepancy import DOUBT, Residuals, discrepancy
 
 __all__ = ["checks_of", "warn_of"]
@@ -18,6 +20,9 @@ __all__ = ["checks_of", "warn_of"]
 
 PART = 0.01
 """Probability of another maximum, beside the best one, at which it is told."""
+
+FAR = 4.0
+"""Standard deviations of the prior by which an input may be away from its median without a word."""
 
 
 def checks_of(found: Found, of: list[Residuals]) -> dict[str, Any]:
@@ -42,10 +47,27 @@ def checks_of(found: Found, of: list[Residuals]) -> dict[str, Any]:
         "correlation": inferred.draws.correlation,
         "steps": inferred.draws.steps,
         "modes": [float(share) for share in others],
+        "unsampled": _unsampled(inferred.modes, others, inferred.draws.flat[:, :spent]),
+        "unseen": inferred.unseen,
+        "far": [
+            {"input": one.name, "deviations": float(away)}
+            for one, away in zip(unknowns.inputs, inferred.draws.flat.mean(axis=0)[:spent], strict=True)
+            if abs(away) > FAR
+        ],
         "model": [discrepancy(one, spent * len(one.block.values) / values) for one in of],
         "notes": list(found.notes),
         "method": found.method,
     }
+
+
+def _unsampled(modes: Sequence[Mode], shares: Array, inputs: Array) -> list[float]:
+    """Return the shares of the maxima that draws (K, D) of the inputs are not about, though they might have been."""
+    if len(modes) < 2:
+        return []
+    at = np.array([mode.vector[: inputs.shape[1]] for mode in modes])
+    nearest = np.argmin(((inputs[:, None, :] - at) ** 2).sum(axis=2), axis=1)
+    own = np.bincount(nearest, minlength=len(modes)) / len(inputs)
+    return [float(share) for share, drawn in zip(shares, own, strict=True) if PART < share and drawn < 0.2 * share]
 
 
 def warn_of(checks: Mapping[str, Any], stacklevel: int) -> None:
@@ -64,13 +86,25 @@ def warn_of(checks: Mapping[str, Any], stacklevel: int) -> None:
         )
     if not checks["converged"]:
         said.append(
-            f"the chains have not converged: R-hat is {checks['rhat']:.3f}, and effective draws are {checks['ess']:.0f}"
+            f"the chains have not converged: R-hat is {checks['rhat']:.3f}, effective draws are {checks['ess']:.0f}, "
+            f"and {checks['steps']} steps are {checks['steps'] / max(checks['correlation'], 1.0):.0f} times what a "
+            "walker takes to forget where it was"
         )
-    others = [share for share in checks["modes"][1:] if share > PART]
-    if others:
+    if others := checks["unsampled"]:
         said.append(
             f"there are {len(others)} more maxima of the posterior with about {100 * sum(others):.0f} % of its mass; "
-            "the draws are about the largest one alone"
+            "no draws are about these"
+        )
+    if checks["unseen"]:
+        said.append(
+            f"{checks['unseen']} more maxima of the surrogate are about as likely, and were not followed on the "
+            "mechanism; allow more realisations, or a prior that says which of them is meant"
+        )
+    for one in checks["far"]:
+        said.append(
+            f"input {one['input']!r} is found {abs(one['deviations']):.1f} standard deviations "
+            f"{'above' if one['deviations'] > 0 else 'below'} the median of its prior: the prior, the record or the "
+            "model is wrong, and so far out the surrogate is less exact"
         )
     for one in checks["model"]:
         if one["doubted"]:

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from uqmbd_calibration.inference import climb, directions, expected_covariance, infer, search
+from uqmbd_calibration.inference import climb, directions, expected_covariance, infer, sample, search
 from uqmbd_calibration.inference.correcting import corrected
 
 from . import forward
@@ -169,3 +169,17 @@ def test_what_a_record_cannot_say_is_known_beforehand():
 def test_directions_that_are_identified_are_not_named():
     assert directions(np.diag([0.4, 0.1]), ["a", "b"]) == ()
     assert [d.name for d in directions(np.diag([0.4, 0.9]), ["a", "b"])] == ["b"]
+
+
+@pytest.mark.thorough
+def test_as_many_draws_are_kept_as_are_asked_for():
+    def ridge(vectors):
+        # thin and curved: walkers forget slowly
+        return (
+            -0.5 * (vectors**2).sum(axis=1)
+            - 0.5 * (((1 + vectors[:, 0] / 5) * (1 + vectors[:, 1] / 5) - 1) / 1e-3) ** 2
+        )
+
+    factor = np.linalg.cholesky(np.linalg.inv(np.eye(2) + np.ones((2, 2)) / 25 / 1e-6))
+    for asked, kept in ((4000, 1000), (101, 26)):
+        assert sample(ridge, np.zeros(2), factor, draws=asked, chains=4, seed=1).vectors.shape == (4, kept, 2)

@@ -1,0 +1,66 @@
+"""What a posterior does not show by itself is told: other maxima, and inputs that are far from their priors."""
+
+import warnings
+
+import chaospy
+import numpy as np
+import pytest
+
+import uqmbd
+from uqmbd_calibration import Record, Series, calibrate
+from uqmbd_springs import SpringDamper
+
+
+def told(input_, stiffness, truth, noise, **options):
+    """Calibrate with the frequency of a mass on a spring; return the result, and what it warned of."""
+    made = uqmbd.Mechanism("oscillator", uqmbd.Line())
+    body = made.body("mass", mass=1.0, position=1)
+    made.add(SpringDamper("spring", made.ground, body, 0, 0, stiffness(input_), free_length=1))
+    made.output("frequency", uqmbd.eigenfrequency(1), units="Hz")
+    values = np.sqrt(stiffness(truth)) / (2 * np.pi) + noise * np.array([-1.0, 0.2, 0.8])
+    record = Record("tap test", [Series("frequency", [], values, "Hz", noise=noise)])
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        found = calibrate(uqmbd.Study("oscillator", made), record, **options)
+    return found, " ".join(str(one.message) for one in said)
+
+
+def symmetric(x):
+    return 20 + x**2
+
+
+@pytest.mark.thorough
+def test_a_maximum_that_no_draws_are_about_is_told():
+    found, said = told(uqmbd.RandomVariable("x", chaospy.Normal(0, 2)), symmetric, 3.0, 0.01)
+    assert "1 more maxima of the posterior with about 50 % of its mass; no draws are about these" in said
+    assert found.checks["unsampled"] == pytest.approx([0.5], abs=0.02)
+    assert "no draws are about" in str(found)
+
+
+@pytest.mark.thorough
+def test_maxima_that_draws_hold_are_not_told():
+    found, said = told(uqmbd.RandomVariable("x", chaospy.Normal(0, 2)), symmetric, 1.0, 0.02)
+    assert len(found.checks["modes"]) == 2
+    assert "maxima" not in said and not found.checks["unsampled"]
+    share = float((found.tree["posterior"]["x"] > 0).mean())
+    assert share == pytest.approx(0.5, abs=0.1)
+
+
+@pytest.mark.thorough
+def test_maxima_that_few_realisations_do_not_follow_are_told():
+    found, said = told(uqmbd.RandomVariable("x", chaospy.Normal(0, 2)), symmetric, 3.0, 0.01, realisations=40)
+    assert len(found.checks["modes"]) == 1
+    assert found.checks["unseen"] == 1
+    assert "1 more maxima of the surrogate are about as likely" in said
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("truth, side", [(120.0, "above"), (80.0, "below")])
+def test_an_input_far_from_its_prior_is_told(truth, side):
+    prior = uqmbd.RandomVariable("k", chaospy.Normal(100, 2), units="N/m")
+    found, said = told(prior, lambda k: k, truth, 0.002)
+    (far,) = found.checks["far"]
+    assert far["input"] == "k"
+    assert abs(far["deviations"]) == pytest.approx(10.0, abs=0.3)
+    assert f"standard deviations {side} the median of its prior" in said
+    assert "median of its prior" not in told(prior, lambda k: k, 103.0, 0.002)[1]
