@@ -55,6 +55,12 @@ def stages(monkeypatch):
     monkeypatch.setattr(module, "require_for", lambda *_: None)
 
 
+def drawn(self, ensemble, times, rtol):
+    """Draw the states at all times: a motion that no number of times resolves."""
+    shape = (len(ensemble), len(times), ensemble.model.layout.width)
+    return Trajectories(np.asarray(times), np.random.default_rng(1).normal(size=shape), ("",) * shape[0])
+
+
 def oscillator():
     """A mass on a spring: x = 1.5 + cos(10 t) / 2."""
     mechanism = uqmbd.Mechanism("oscillator", uqmbd.Translational())
@@ -368,3 +374,13 @@ def test_tiny_steps_beside_long_ones_do_not_spoil_the_motion_between_them():
     found = uqmbd.simulate(mechanism, [0, 3], integrator="ida", rtol=1e-8)
     assert float(found["slowest"]) == pytest.approx(400, rel=1e-7)
     assert float(found["nearest"]) == pytest.approx(1, rel=1e-7)
+
+
+@pytest.mark.thorough
+def test_a_motion_that_no_number_of_times_resolves_is_told(stages, monkeypatch):
+    monkeypatch.setattr(Stages, "integrate", drawn)
+    model, values = observed_model(oscillator()[0], 0.0), np.zeros((2, 0))
+    with pytest.warns(
+        UserWarning, match="'oscillator'.*not resolved by 16384 more times, in 2 of 2.*another integrator"
+    ):
+        integrate(Ensemble(model, values), np.array([0.0, 1.0]), 1e-6, "stages", between=True)

@@ -1,21 +1,25 @@
 """The motion between output times by integrators that do not return their steps: through states at more times.
 
-Evenly spaced times between the breaks of a realisation are doubled until polynomials of degree 7 through every second
-of its states agree with the others.  What is not resolved by as many as there may be, as the jump of a velocity in an
-impact, is a straight line from one time to the next.
+A realisation is integrated at even times of stretches, first those between its breaks.  A stretch is resolved where
+polynomials of degree 7 through every second of its states agree with the others.  Where states jump between two times,
+as velocities do in an impact, the stretch is cut on both sides of the jump, and what is between is searched again until
+it is short: there the motion is a straight line from before the jump to after it.  Any other stretch that is not
+resolved has twice as many times.
 """
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
 from uqmbd.compiled import PLACES, Path
 from uqmbd.dynamics.ensemble import Ensemble
 from uqmbd.dynamics.integration import Counters, Trajectories, path_through, settled, stops
-from uqmbd.typing import Array, Mask
+from uqmbd.typing import Array, Index
 
 __all__ = ["with_motion_between"]
 
@@ -25,13 +29,34 @@ FIRST, MOST = 256, 1 << 14
 """Intervals of time that are tried first, and at most."""
 
 LEAST = 16
-"""Intervals between two breaks, at least."""
+"""Intervals of a stretch, at least."""
+
+ROUNDS = 64
+"""Integrations of a realisation, at most."""
+
+SHORT, SHORTEST = 0.1, 1e-9
+"""Interval, over the whole time, that is not divided: over the tolerance, and whatever the tolerance."""
 
 ENOUGH = 25.0
 """Tolerances by which polynomials through every second state may differ from the others: by 2^8 less through all."""
 
 BESIDE = 4
 """Intervals on each side of one that is not resolved whose polynomials see it."""
+
+ALONE = 8.0
+"""By how much states change more unexpectedly in a jump than beside it."""
+
+
+class _Stretch(NamedTuple):
+    """A part of the time, and into how many intervals it is divided: an even number, or one."""
+
+    begin: float
+    end: float
+    intervals: int
+
+    @property
+    def times(self) -> Array:
+        return np.linspace(self.begin, self.end, self.intervals + 1)
 
 
 def with_motion_between(method: Method, ensemble: Ensemble, times: Array, rtol: float) -> Trajectories:
@@ -47,67 +72,144 @@ def with_motion_between(method: Method, ensemble: Ensemble, times: Array, rtol: 
         Output times, s.
     rtol : float
         Relative tolerance.
+
+    Warns
+    -----
+    UserWarning
+        If as many times as there may be do not resolve the motion of a realisation that has not failed.
     """
     count, width = len(ensemble), ensemble.model.layout.width
     states = np.full((count, len(times), width), np.nan)
     messages, counters, notes = [""] * count, Counters(), list[str]()
     scalars, paths = dict[str, Array](), list[Path]()
-    # whoever has the same breaks shares its times with nobody else
-    _, which = np.unique(np.nan_to_num(ensemble.breaks, nan=np.inf), axis=0, return_inverse=True)
-    for group in range(int(which.max(initial=-1)) + 1):
-        left, intervals = np.flatnonzero(which.ravel() == group), FIRST
-        edges = np.array([times[0], *stops(ensemble.breaks[left[:1]], times).tolist(), times[-1]])
-        while len(left):
-            stretches = [_even(begin, end, times, intervals) for begin, end in zip(edges[:-1], edges[1:], strict=True)]
-            every = np.unique(np.concatenate([times, *stretches]))
-            found = method(ensemble.select(left), every, rtol)
-            pieces, rough = list[Path](), np.zeros(len(left), dtype=np.bool_)
-            for grid in stretches:
-                path, resolved = _smooth(grid, found.states[:, np.searchsorted(every, grid)], rtol)
-                pieces.append(path)
-                rough |= ~resolved
-            failed = np.array([bool(message) for message in found.messages])
-            done = np.flatnonzero(~rough | failed | (intervals >= MOST))
-            mine = left[done]
-            states[mine] = found.states[np.ix_(done, np.searchsorted(every, times))]
-            for k, member in zip(done.tolist(), mine.tolist(), strict=True):
-                messages[member] = found.messages[k]
-            for name, values in found.scalars.items():
-                scalars.setdefault(name, np.full(count, np.nan))[mine] = values[done]
-            numbers = np.full(len(left), -1)
-            numbers[done] = mine
-            for path in (piece.placed(numbers) for piece in pieces):
-                paths.append(path._replace(states=settled(ensemble, path.owner, path.ends, path.states)))
+    coarse = np.zeros(count)
+    waiting, short = _first(ensemble.breaks, times), max(SHORT * rtol, SHORTEST) * float(times[-1] - times[0])
+    for turn in range(ROUNDS):
+        following = dict[tuple[_Stretch, ...], list[int]]()
+        for stretches, members in waiting.items():
+            every = np.unique(np.concatenate([times, *(stretch.times for stretch in stretches)]))
+            found = method(ensemble.select(np.array(members)), every, rtol)
             counters = counters + found.counters
             notes += [note for note in found.notes if note not in notes]
-            left, intervals = np.delete(left, done), 2 * intervals
+            pieces, wrong = list[Path](), list[Array]()
+            for stretch in stretches:
+                path, off = _smooth(stretch.times, found.states[:, np.searchsorted(every, stretch.times)], rtol, short)
+                pieces.append(path)
+                wrong.append(off)
+            numbers = np.full(len(members), -1)
+            for k, member in enumerate(members):
+                finer = _divided(stretches, [off[k] for off in wrong], short)
+                much = sum(stretch.intervals for stretch in finer) > MOST
+                if finer == stretches or found.messages[k] or much or turn == ROUNDS - 1:
+                    numbers[k] = member
+                    if finer != stretches and not found.messages[k]:
+                        coarse[member] = max(
+                            _longest(*pair) for pair in zip(stretches, (off[k] for off in wrong), strict=True)
+                        )
+                else:
+                    following.setdefault(finer, []).append(member)
+            done = np.flatnonzero(numbers >= 0)
+            states[numbers[done]] = found.states[np.ix_(done, np.searchsorted(every, times))]
+            for k in done.tolist():
+                messages[members[k]] = found.messages[k]
+            for name, values in found.scalars.items():
+                scalars.setdefault(name, np.full(count, np.nan))[numbers[done]] = values[done]
+            for path in (piece.placed(numbers) for piece in pieces):
+                paths.append(path._replace(states=settled(ensemble, path.owner, path.ends, path.states)))
+        waiting = following
+    if coarse.any():
+        warnings.warn(
+            f"mechanism {ensemble.model.name!r}: the motion between output times is not resolved by {MOST} more times, "
+            f"in {np.count_nonzero(coarse)} of {count} realisations: on intervals of up to {coarse.max():.3g} s it is "
+            "a straight line.  Try a shorter motion or another integrator.",
+            stacklevel=2,
+        )
     found = Trajectories(times, states, tuple(messages), counters, scalars, tuple(notes))
     return replace(found, path=Path.joined(paths))
 
 
-def _even(begin: float, end: float, times: Array, intervals: int) -> Array:
-    """Evenly spaced times of a stretch, an even number of intervals."""
-    share = (end - begin) / float(times[-1] - times[0])
-    return np.linspace(begin, end, 1 + max(LEAST, 2 * round(share * intervals / 2)))
+def _first(breaks: Array, times: Array) -> dict[tuple[_Stretch, ...], list[int]]:
+    """Return the stretches between the breaks, and the realisations of each such division."""
+    found = dict[tuple[_Stretch, ...], list[int]]()
+    for member, row in enumerate(breaks):
+        edges = [float(times[0]), *stops(row[None], times).tolist(), float(times[-1])]
+        part = FIRST / 2 / (edges[-1] - edges[0])
+        every = zip(edges[:-1], edges[1:], strict=True)
+        stretches = tuple(_Stretch(begin, end, max(LEAST, 2 * round(part * (end - begin)))) for begin, end in every)
+        found.setdefault(stretches, []).append(member)
+    return found
 
 
-def _smooth(grid: Array, states: Array, rtol: float) -> tuple[Path, Mask]:
-    """Return polynomials through states (M, S, width), straight where they are not smooth, and who is all smooth."""
+def _divided(stretches: tuple[_Stretch, ...], wrong: list[Array], short: float) -> tuple[_Stretch, ...]:
+    """Return finer stretches where one is not resolved, from what `_smooth` says of each."""
+    found = list[_Stretch]()
+    for stretch, (bad, surprise) in zip(stretches, wrong, strict=True):
+        if not bad.any():
+            found.append(stretch)
+            continue
+        jumps, times = _jumps(surprise), stretch.times
+        if not len(jumps):
+            found.append(stretch._replace(intervals=2 * stretch.intervals))
+            continue
+        for low, high in _pairs([0, *np.unique([jumps, jumps + 1]).tolist(), stretch.intervals]):
+            begin, end = float(times[low]), float(times[high])
+            found.append(_Stretch(begin, end, 1 if end - begin <= short else max(LEAST, 2 * ((high - low + 1) // 2))))
+    return tuple(found)
+
+
+def _longest(stretch: _Stretch, wrong: Array) -> float:
+    """Return the length of the intervals of a stretch that is not resolved, s; else zero."""
+    return (stretch.end - stretch.begin) / stretch.intervals if wrong[0].any() else 0.0
+
+
+def _pairs(edges: list[int]) -> list[tuple[int, int]]:
+    return [(low, high) for low, high in zip(edges[:-1], edges[1:], strict=True) if low < high]
+
+
+def _jumps(surprise: Array) -> Index:
+    """Find the intervals whose change is foreseen neither from the left nor from the right, other than beside them."""
+    beside = np.maximum(np.append(surprise[1:], 0.0), np.insert(surprise[:-1], 0, 0.0))
+    return np.flatnonzero((surprise > 1.0) & (surprise > ALONE * np.maximum(beside, np.median(surprise))))
+
+
+def _surprise(states: Array) -> Array:
+    """By how much states (M, S, width) at even times differ from what those on one side foretell: (M, S - 1, width).
+
+    By cubic polynomials, of lower degree near the ends; the better of the two sides.
+    """
+    sides = list[Array]()
+    for side in (states, states[:, ::-1]):
+        off = np.abs(np.diff(side, axis=1))
+        for order in range(2, 5):
+            off[:, order - 1 :] = np.abs(np.diff(side, n=order, axis=1))
+        sides.append(off)
+    return np.asarray(np.minimum(sides[0], sides[1][:, ::-1]))
+
+
+def _smooth(grid: Array, states: Array, rtol: float, short: float) -> tuple[Path, Array]:
+    """Return polynomials through states (M, S, width), straight where they are not smooth, and what is wrong.
+
+    That is (M, 2, S - 1): whether an interval is to be resolved, and by how many tolerances its change is a surprise.
+    """
     members = np.arange(len(states))
     path = path_through(grid, states, None, members)
+    if len(grid) == 2:
+        return path, np.zeros((len(states), 2, 1))
     coarse = path_through(grid[::2], states[:, ::2], None, members)
     shape = (len(states), -1, len(PLACES), states.shape[2])
     middle = _between(coarse.states.reshape(shape), 0.5)
-    scale = np.maximum(np.abs(states).max(axis=1), 1e-3)[:, None]
+    scale = ENOUGH * rtol * np.maximum(np.abs(states).max(axis=1), 1e-3)[:, None]
     wrong = (np.abs(middle - states[:, 1::2]) / scale).max(axis=2)
-    bad = np.repeat(~(wrong <= ENOUGH * rtol), 2, axis=1)
+    bad = np.repeat(~(wrong <= 1.0), 2, axis=1)
     spread = bad.copy()
     for k in range(1, BESIDE + 1):
         spread[:, k:] |= bad[:, :-k]
         spread[:, :-k] |= bad[:, k:]
     straight = states[:, :-1, None] + PLACES[:, None] * (states[:, 1:] - states[:, :-1])[:, :, None]
     values = np.where(spread[:, :, None, None], straight, path.states.reshape(shape))
-    return path._replace(states=values.reshape(path.states.shape)), np.asarray(~bad.any(axis=1))
+    surprise = (_surprise(states) / scale).max(axis=2)
+    unresolved = bad & (np.diff(grid) > short)
+    return path._replace(states=values.reshape(path.states.shape)), np.stack([unresolved, surprise], axis=1)
 
 
 def _between(states: Array, part: float) -> Array:
