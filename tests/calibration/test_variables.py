@@ -7,7 +7,7 @@ from scipy.stats import norm
 
 import uqmbd
 from uqmbd_calibration import Record, Series, calibrate
-from uqmbd_calibration.result.marginals import GRID, through_quantiles
+from uqmbd_calibration.result.marginals import CURVED, GRID, curvature, through_quantiles
 from uqmbd_springs import SpringDamper
 
 
@@ -76,3 +76,30 @@ def test_a_curve_through_quantiles_increases_and_stays_within_bounds(bounds, cou
     inside = np.linspace(0.12, 0.88, 19)
     away = np.interp(norm.ppf(inside), GRID, table) - np.quantile(values, inside)
     assert np.abs(away).max() < (0.3 if count == 100 else 0.03) * values.std()
+
+
+@pytest.mark.parametrize("correlation", [-0.99, -0.4, 0.0, 0.45, 0.999])
+def test_a_gaussian_copula_is_not_curved(correlation):
+    covariance = [[1.0, correlation], [correlation, 1.0]]
+    normal = np.random.default_rng(0).multivariate_normal([0.0, 0.0], covariance, 1000)
+    assert curvature(normal).max() < 0.7 * CURVED
+
+
+def test_a_crescent_and_a_ring_are_curved():
+    generator = np.random.default_rng(0)
+    x = generator.standard_normal(4000)
+    angle = 2 * np.pi * generator.random(4000)
+    for pair in ((x, -(x**2) + 0.1 * generator.standard_normal(4000)), (np.cos(angle), np.sin(angle))):
+        ranks = np.argsort(np.argsort(np.stack(pair, axis=1), axis=0), axis=0)
+        assert curvature(norm.ppf((ranks + 0.5) / 4000))[0, 1] > 1.2 * CURVED
+
+
+@pytest.mark.thorough
+def test_variables_of_a_crescent_warn():
+    x = uqmbd.RandomVariable("x", chaospy.Normal(0.0, 1.0))
+    offset = uqmbd.RandomVariable("offset", chaospy.Normal(30.0, 2.0), units="N/m")
+    record = Record("tap test", [Series("frequency", [], [frequency(31.0)], "Hz", noise=0.01)])
+    found = calibrate(oscillator(offset + 2 * x**2), record)
+    with pytest.warns(uqmbd.StudyWarning, match="posterior of (offset and x|x and offset) is curved"):
+        found.variables()
+    assert len(found.variables(inputs=["x"])) == 1

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -14,7 +15,7 @@ import xarray as xr
 
 import uqmbd
 from uqmbd.results import load, save
-from uqmbd_calibration.result.marginals import joint_distribution
+from uqmbd_calibration.result.marginals import CURVED, joint_distribution
 
 __all__ = ["Calibration"]
 
@@ -108,6 +109,11 @@ class Calibration:
         ------
         uqmbd.StudyError
             If there is no such machine, or no such input.
+
+        Warns
+        -----
+        uqmbd.StudyWarning
+            If the posterior of two of them is so curved that the copula does not hold it.
         """
         ending = f"[{machine}]"
         machines = sorted({name.split("[", 1)[1][:-1] for name in self.names if name.endswith("]")})
@@ -127,7 +133,19 @@ class Calibration:
             chosen = [name for name, one in zip(chosen, known, strict=True) if one in inputs]
         units = [str(unit) for unit in self.summary()["units"].sel(input=chosen).values]
         plain = [name.removesuffix(ending) for name in chosen]
-        distribution = joint_distribution(self.tree["marginals"].to_dataset(), chosen)
+        tables = self.tree["marginals"].to_dataset()
+        distribution = joint_distribution(tables, chosen)
+        if "curvature" in tables:
+            own = np.argwhere(np.triu(tables["curvature"].sel(input=chosen, other=chosen).values) > CURVED)
+            if len(own):
+                pairs = "; ".join(f"{plain[i]} and {plain[j]}" for i, j in own.tolist())
+                warnings.warn(
+                    f"Calibration.variables: the posterior of {pairs} is curved, and a Gaussian copula is not: what is "
+                    "predicted with these variables may spread more than the records say. Its draws are in "
+                    "tree['posterior'].",
+                    uqmbd.StudyWarning,
+                    stacklevel=2,
+                )
         if len(chosen) == 1:
             return (uqmbd.RandomVariable(plain[0], distribution, units[0]),)
         return uqmbd.random_vector(plain, distribution, units)

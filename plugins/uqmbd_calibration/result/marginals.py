@@ -19,7 +19,7 @@ import uqmbd
 from uqmbd.typing import Array
 from uqmbd_calibration.finding import Found
 
-__all__ = ["GRID", "joint_distribution", "marginals_of"]
+__all__ = ["CURVED", "GRID", "joint_distribution", "marginals_of"]
 
 
 GRID = np.linspace(-8.0, 8.0, 1601)
@@ -27,6 +27,9 @@ GRID = np.linspace(-8.0, 8.0, 1601)
 
 KNOTS = np.linspace(-3.0, 3.0, 13)
 """Standard normal variable at which a curve goes through quantiles."""
+
+CURVED = 0.5
+"""Curvature of a pair above which a Gaussian copula is not its posterior."""
 
 MOMENTS, AWAY = 0.03, 0.1
 """Difference of mean and deviation, and mean distance of quantiles, in deviations, up to which a cubic is taken."""
@@ -59,9 +62,35 @@ def marginals_of(found: Found, vectors: Array) -> xr.Dataset:
         tables[:, k] = _chosen(tried, normal[:, k], values[:, k], *bounds)
     names = np.array([one.name for one in unknown], dtype=np.str_)
     return xr.Dataset(
-        {"quantile": (("normal", "input"), tables), "correlation": (("input", "other"), correlation)},
+        {
+            "quantile": (("normal", "input"), tables),
+            "correlation": (("input", "other"), correlation),
+            "curvature": (("input", "other"), curvature(normal)),
+        },
         coords={"normal": GRID, "input": names, "other": names},
     )
+
+
+def curvature(normal: Array) -> Array:
+    """Return how far pairs of normal variables (K, d) are from a Gaussian copula, (d, d), by their joint moments.
+
+    The largest of the mean of the square of one times the other, which is zero of a copula, and of what the mean of
+    the product of both squares lacks, where they hardly correlate.
+
+    Examples
+    --------
+    >>> x, y = np.random.default_rng(0).standard_normal((2, 4000))
+    >>> round(float(curvature(np.stack([x, y], axis=1))[0, 1]), 1)
+    0.0
+    """
+    squares = normal**2
+    skewed = np.abs((squares - squares.mean(axis=0)).T @ normal) / len(normal)
+    correlation = np.atleast_2d(np.corrcoef(normal, rowvar=False))
+    expected = np.multiply.outer(squares.mean(axis=0), squares.mean(axis=0)) + 2 * correlation**2
+    lacking = np.where(np.abs(correlation) < 0.5, np.abs(squares.T @ squares / len(normal) - expected), 0.0)
+    found = np.maximum(np.maximum(skewed, skewed.T), lacking)
+    np.fill_diagonal(found, 0.0)
+    return np.asarray(found)
 
 
 def _chosen(tables: list[Array], normal: Array, values: Array, lower: float, upper: float) -> Array:
@@ -84,8 +113,8 @@ def through_quantiles(values: Array, lower: float = -np.inf, upper: float = np.i
     Examples
     --------
     >>> table = through_quantiles(np.linspace(0, 1, 10001), 0.0, 1.0)
-    >>> [round(float(np.interp(z, GRID, table)), 3) for z in (-8.0, -1.0, 0.0, 1.0, 8.0)]
-    [0.0, 0.159, 0.5, 0.841, 1.0]
+    >>> [round(float(np.interp(z, GRID, table)), 2) for z in (-8.0, -1.0, 0.0, 1.0, 8.0)]
+    [0.0, 0.16, 0.5, 0.84, 1.0]
     """
     # as many draws beyond the last knot as tell its quantile
     reach = min(3.0, -float(ndtri(min(10.0 / len(values), 0.4))))
