@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import sys
+from dataclasses import replace
 
 import chaospy
 import numpy as np
@@ -380,7 +381,23 @@ def test_tiny_steps_beside_long_ones_do_not_spoil_the_motion_between_them():
 def test_a_motion_that_no_number_of_times_resolves_is_told(stages, monkeypatch):
     monkeypatch.setattr(Stages, "integrate", drawn)
     model, values = observed_model(oscillator()[0], 0.0), np.zeros((2, 0))
-    with pytest.warns(
-        UserWarning, match="'oscillator'.*not resolved by 16384 more times, in 2 of 2.*another integrator"
-    ):
+    with pytest.warns(UserWarning, match="'oscillator'.*not resolved, in 2 of 2.*16384 more.*another integrator"):
         integrate(Ensemble(model, values), np.array([0.0, 1.0]), 1e-6, "stages", between=True)
+
+
+def test_a_realisation_that_fails_at_more_times_only_is_that_of_fewer(stages, monkeypatch):
+    """Which is told, too; one that fails from the first on has failed."""
+
+    def fussy(self, ensemble, times, rtol):
+        found = drawn(self, ensemble, times, rtol)
+        return replace(found, messages=("no",) * len(ensemble)) if len(times) > most else found
+
+    monkeypatch.setattr(Stages, "integrate", fussy)
+    ensemble = Ensemble(observed_model(oscillator()[0], 0.0), np.zeros((2, 0)))
+    most = 1000
+    with pytest.warns(UserWarning, match="in 2 of 2.*the integrator fails at more"):
+        got = integrate(ensemble, np.array([0.0, 1.0]), 1e-6, "stages", between=True)
+    assert got.messages == ("", "")
+    most = 100
+    got = integrate(ensemble, np.array([0.0, 1.0]), 1e-6, "stages", between=True)
+    assert got.messages == ("no", "no")

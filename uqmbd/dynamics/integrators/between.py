@@ -59,6 +59,20 @@ class _Stretch(NamedTuple):
         return np.linspace(self.begin, self.end, self.intervals + 1)
 
 
+class _Run(NamedTuple):
+    """One integration of some realisations: of each stretch its motion, and what `_smooth` says of it."""
+
+    stretches: tuple[_Stretch, ...]
+    found: Trajectories
+    pieces: list[Path]
+    wrong: list[Array]
+
+    def longest(self, k: int) -> float:
+        """Return the longest interval on which the motion of one of them is not resolved, s."""
+        every = zip(self.stretches, self.wrong, strict=True)
+        return max((s.end - s.begin) / s.intervals if off[k, 0].any() else 0.0 for s, off in every)
+
+
 def with_motion_between(method: Method, ensemble: Ensemble, times: Array, rtol: float) -> Trajectories:
     """Integrate an ensemble, and find its motion between the output times.
 
@@ -76,56 +90,69 @@ def with_motion_between(method: Method, ensemble: Ensemble, times: Array, rtol: 
     Warns
     -----
     UserWarning
-        If as many times as there may be do not resolve the motion of a realisation that has not failed.
+        If the motion of a realisation that has not failed is not resolved by as many times as there may be, or the
+        integrator fails where it is asked for more of them: what was found before holds.
     """
-    count, width = len(ensemble), ensemble.model.layout.width
-    states = np.full((count, len(times), width), np.nan)
-    messages, counters, notes = [""] * count, Counters(), list[str]()
-    scalars, paths = dict[str, Array](), list[Path]()
-    coarse = np.zeros(count)
+    count, counters, notes = len(ensemble), Counters(), list[str]()
+    kept, coarse = dict[int, tuple[_Run, int]](), np.zeros(count)
     waiting, short = _first(ensemble.breaks, times), max(SHORT * rtol, SHORTEST) * float(times[-1] - times[0])
     for turn in range(ROUNDS):
         following = dict[tuple[_Stretch, ...], list[int]]()
         for stretches, members in waiting.items():
-            every = np.unique(np.concatenate([times, *(stretch.times for stretch in stretches)]))
-            found = method(ensemble.select(np.array(members)), every, rtol)
-            counters = counters + found.counters
-            notes += [note for note in found.notes if note not in notes]
-            pieces, wrong = list[Path](), list[Array]()
-            for stretch in stretches:
-                path, off = _smooth(stretch.times, found.states[:, np.searchsorted(every, stretch.times)], rtol, short)
-                pieces.append(path)
-                wrong.append(off)
-            numbers = np.full(len(members), -1)
+            run = _run(method, ensemble.select(np.array(members)), times, stretches, rtol, short)
+            counters = counters + run.found.counters
+            notes += [note for note in run.found.notes if note not in notes]
             for k, member in enumerate(members):
-                finer = _divided(stretches, [off[k] for off in wrong], short)
-                much = sum(stretch.intervals for stretch in finer) > MOST
-                if finer == stretches or found.messages[k] or much or turn == ROUNDS - 1:
-                    numbers[k] = member
-                    if finer != stretches and not found.messages[k]:
-                        coarse[member] = max(
-                            _longest(*pair) for pair in zip(stretches, (off[k] for off in wrong), strict=True)
-                        )
+                failed = bool(run.found.messages[k])
+                if failed and member in kept:
+                    before, j = kept[member]
+                    coarse[member] = before.longest(j)
+                    continue
+                kept[member], finer = (run, k), _divided(stretches, [off[k] for off in run.wrong], short)
+                if failed or finer == stretches:
+                    continue
+                if sum(stretch.intervals for stretch in finer) > MOST or turn == ROUNDS - 1:
+                    coarse[member] = run.longest(k)
                 else:
                     following.setdefault(finer, []).append(member)
-            done = np.flatnonzero(numbers >= 0)
-            states[numbers[done]] = found.states[np.ix_(done, np.searchsorted(every, times))]
-            for k in done.tolist():
-                messages[members[k]] = found.messages[k]
-            for name, values in found.scalars.items():
-                scalars.setdefault(name, np.full(count, np.nan))[numbers[done]] = values[done]
-            for path in (piece.placed(numbers) for piece in pieces):
-                paths.append(path._replace(states=settled(ensemble, path.owner, path.ends, path.states)))
         waiting = following
     if coarse.any():
         warnings.warn(
-            f"mechanism {ensemble.model.name!r}: the motion between output times is not resolved by {MOST} more times, "
-            f"in {np.count_nonzero(coarse)} of {count} realisations: on intervals of up to {coarse.max():.3g} s it is "
-            "a straight line.  Try a shorter motion or another integrator.",
+            f"mechanism {ensemble.model.name!r}: the motion between output times is not resolved, in "
+            f"{np.count_nonzero(coarse)} of {count} realisations: on intervals of up to {coarse.max():.3g} s it is a "
+            f"straight line, as it takes over {MOST} more times, or the integrator fails at more.  Try a shorter "
+            "motion or another integrator.",
             stacklevel=2,
         )
+    states = np.full((count, len(times), ensemble.model.layout.width), np.nan)
+    messages, scalars, paths = [""] * count, dict[str, Array](), list[Path]()
+    for run in {id(run): run for run, _ in kept.values()}.values():
+        numbers = np.full(len(run.found.messages), -1)
+        for member, (its, k) in kept.items():
+            if its is run:
+                numbers[k], messages[member] = member, run.found.messages[k]
+        done = np.flatnonzero(numbers >= 0)
+        states[numbers[done]] = run.found.states[np.ix_(done, np.searchsorted(run.found.times, times))]
+        for name, values in run.found.scalars.items():
+            scalars.setdefault(name, np.full(count, np.nan))[numbers[done]] = values[done]
+        for path in (piece.placed(numbers) for piece in run.pieces):
+            paths.append(path._replace(states=settled(ensemble, path.owner, path.ends, path.states)))
     found = Trajectories(times, states, tuple(messages), counters, scalars, tuple(notes))
     return replace(found, path=Path.joined(paths))
+
+
+def _run(
+    method: Method, ensemble: Ensemble, times: Array, stretches: tuple[_Stretch, ...], rtol: float, short: float
+) -> _Run:
+    """Integrate realisations that share their stretches."""
+    every = np.unique(np.concatenate([times, *(stretch.times for stretch in stretches)]))
+    found = method(ensemble, every, rtol)
+    pieces, wrong = list[Path](), list[Array]()
+    for stretch in stretches:
+        path, off = _smooth(stretch.times, found.states[:, np.searchsorted(every, stretch.times)], rtol, short)
+        pieces.append(path)
+        wrong.append(off)
+    return _Run(stretches, replace(found, times=every), pieces, wrong)
 
 
 def _first(breaks: Array, times: Array) -> dict[tuple[_Stretch, ...], list[int]]:
@@ -155,11 +182,6 @@ def _divided(stretches: tuple[_Stretch, ...], wrong: list[Array], short: float) 
             begin, end = float(times[low]), float(times[high])
             found.append(_Stretch(begin, end, 1 if end - begin <= short else max(LEAST, 2 * ((high - low + 1) // 2))))
     return tuple(found)
-
-
-def _longest(stretch: _Stretch, wrong: Array) -> float:
-    """Return the length of the intervals of a stretch that is not resolved, s; else zero."""
-    return (stretch.end - stretch.begin) / stretch.intervals if wrong[0].any() else 0.0
 
 
 def _pairs(edges: list[int]) -> list[tuple[int, int]]:
