@@ -13,11 +13,11 @@ import numpy as np
 from uqmbd.typing import Array
 from uqmbd_calibration.inference.posterior import STEP, Posterior
 
-__all__ = ["Peaks", "climb", "distinct"]
+__all__ = ["REACH", "Peaks", "climb", "distinct"]
 
 
 REACH = 5.0
-"""Standard deviations of the prior beyond which nothing is looked for."""
+"""Standard deviations of the prior beyond which nothing is looked for at first."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +40,9 @@ class Peaks:
         return Peaks(self.vectors[rows], self.cost[rows], self.hessian[rows])
 
 
-def climb(target: Posterior, starts: Array, steps: int = 30, difference: Array | float = STEP) -> Peaks:
+def climb(
+    target: Posterior, starts: Array, steps: int = 30, difference: Array | float = STEP, reach: float = REACH
+) -> Peaks:
     """Climb from starts (K, N) to maxima of the posterior density.
 
     Parameters
@@ -52,6 +54,8 @@ def climb(target: Posterior, starts: Array, steps: int = 30, difference: Array |
         At most.
     difference : float or array, shape (D,)
         Steps of central differences.
+    reach : float
+        Standard deviations of the prior beyond which nothing is looked for.
     """
     at = target.with_levels(starts).copy()
     damping = np.full(len(at), 1e-2)
@@ -66,7 +70,7 @@ def climb(target: Posterior, starts: Array, steps: int = 30, difference: Array |
         damped = hessian[rows] + damping[rows, None, None] * diagonal[:, :, None] * np.eye(at.shape[1])
         step = -np.linalg.solve(damped, gradient[rows][..., None])[..., 0]
         step[:, target.unknowns.first_level :] = 0.0
-        tried = np.clip(at[rows] + step, -REACH, REACH)
+        tried = np.clip(at[rows] + step, -reach, reach)
         tried = target.with_levels(tried)
         then = target.linearised(tried, difference)
         better = then.cost < cost[rows]

@@ -12,7 +12,7 @@ import uqmbd
 from uqmbd.typing import Array
 from uqmbd_calibration.inference.blocks import FREEDOM
 from uqmbd_calibration.inference.cases import Case
-from uqmbd_calibration.inference.climbing import climb
+from uqmbd_calibration.inference.climbing import REACH, climb
 from uqmbd_calibration.inference.correcting import Corrected, corrected, enough
 from uqmbd_calibration.inference.points import Exhausted
 from uqmbd_calibration.inference.posterior import Posterior, Predictor
@@ -183,6 +183,8 @@ def peak_of(target: Posterior, start: Array) -> tuple[Array, Array]:
     for _ in range(2):
         # differences over a part of the posterior: as wide as rounding allows, as narrow as curvature asks
         deviation = np.sqrt(np.diag(np.linalg.inv(found.hessian[0])))[: len(target.unknowns.inputs)]
-        found = climb(target, found.vectors, difference=np.clip(0.1 * deviation, 1e-7, 1e-2))
+        # a record that contradicts the prior leads further than is looked at first
+        reach = 10 * REACH if np.abs(found.vectors).max() >= REACH else REACH
+        found = climb(target, found.vectors, difference=np.clip(0.1 * deviation, 1e-7, 1e-2), reach=reach)
     covariance = np.linalg.inv(found.hessian[0])
     return found.vectors[0], np.asarray(np.linalg.cholesky(0.5 * (covariance + covariance.T)))
