@@ -29,12 +29,14 @@ from uqmbd_reliability.importance import Sampled
 from uqmbd_reliability.ledger import Ledger, LimitState
 from uqmbd_reliability.proposals import Proposal
 
-__all__ = ["learn"]
+__all__ = ["FIRST", "learn"]
 
 
 POPULATION = 10_000
 CYCLES, BATCH = 4, 32
-PILOT = 40
+FIRST = 40
+"""Standard normal points with which everything begins."""
+
 FREE = 10_000
 """Evaluations of the surrogate by which the proposal is found."""
 
@@ -80,7 +82,7 @@ def learn(
         None where the surrogate sees no violation at all: then it is of no use.
     """
     ledger = Ledger(limit, dimension, most)
-    ledger(generator.standard_normal((PILOT, dimension)))
+    ledger(generator.standard_normal((FIRST, dimension)))
     free, population = None, None
     for cycle in range(CYCLES):
         corrected = _Corrected.of(predict, ledger)
@@ -172,7 +174,7 @@ def _verified(
     rows = np.zeros(0, dtype=np.int64)
     place: dict[int, int] = {}
     estimates: list[Estimate] = []
-    lost = int(np.isnan(ledger.margins[:PILOT, 0]).sum())
+    lost = int(np.isnan(ledger.margins[:FIRST, 0]).sum())
     while ledger.left > 0:
         more = generator.choice(len(population.points), min(2 * BATCH, ledger.left), p=population.drawn)
         new = [int(k) for k in dict.fromkeys(more.tolist()) if k not in place]
@@ -208,7 +210,7 @@ def _estimates(population: _Population, drawn: Index, margins: Array, lost: int)
     real, guess = with_any(margins), with_any(population.predicted)
     doubt = with_any(-population.doubt)  # the largest of all stands for any
     failed = np.isnan(real[:, 0])
-    gone, most_gone = failing(np.where(failed, weights, 0.0), PILOT, lost)
+    gone, most_gone = failing(np.where(failed, weights, 0.0), FIRST, lost)
     kept = max(1.0 - gone, 1e-12)
     found = []
     for k in range(real.shape[1]):

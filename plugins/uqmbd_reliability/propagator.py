@@ -13,7 +13,7 @@ import uqmbd
 from uqmbd.results import requirement_names, sample_dataset, statistics_of_samples
 from uqmbd_reliability.analysis import LEAST, PILOT, Analysis, analyse
 from uqmbd_reliability.describing import described
-from uqmbd_reliability.learning import learn
+from uqmbd_reliability.learning import FIRST, learn
 from uqmbd_reliability.predicting import Predictor, predictor
 from uqmbd_reliability.runs import Runs
 from uqmbd_reliability.space import StandardSpace
@@ -177,7 +177,9 @@ class Reliability(uqmbd.Propagator):
 
     def _without(self, problem: uqmbd.Problem, space: StandardSpace) -> xr.DataTree:
         """Give the statistics alone: there are no requirements, or they are answered in another run."""
-        points = np.random.default_rng(self.seed).standard_normal((PILOT, space.dimension))
+        # in the latter case they are those of that run, and not computed again
+        count = PILOT if self.surrogate is None or not problem.requirements else FIRST
+        points = np.random.default_rng(self.seed).standard_normal((count, space.dimension))
         if not problem.requirements:
             warnings.warn(f"{problem.label}: {NOTHING}.", stacklevel=3)
         pilot = problem.realise(space.to_inputs(points))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from typing import Protocol
 
 import numpy as np
 
@@ -11,6 +12,19 @@ from uqmbd.typing import Array, Index, Mask
 from uqmbd_reliability.space import StandardSpace
 
 __all__ = ["Runs"]
+
+
+class Known(Protocol):
+    """Margins of realisations, as they are given beside outputs, and alone."""
+
+    @property
+    def values(self) -> Array: ...
+    @property
+    def running(self) -> Array: ...
+    @property
+    def failed(self) -> Mask: ...
+    @property
+    def messages(self) -> tuple[str, ...]: ...
 
 
 class Runs:
@@ -45,12 +59,12 @@ class Runs:
             self.pilot = self._problem.realise(inputs)
             self.counters.update(self.pilot.counters)
             self.wall_time += self.pilot.wall_time
-            # known beside the outputs: not computed again
-            found = self._problem.margins(inputs)
+            # computed beside the outputs, and not again
+            found: Known = self.pilot.margins or self._problem.margins(inputs)
         else:
-            found = self._problem.margins(inputs)
-            self.counters.update(found.counters)
-            self.wall_time += found.wall_time
+            found = more = self._problem.margins(inputs)
+            self.counters.update(more.counters)
+            self.wall_time += more.wall_time
         self.count += len(points)
         self.failures += int(np.count_nonzero(found.failed))
         self.reasons.update(message for message in found.messages if message)

@@ -91,11 +91,11 @@ METHODS = {
 
 
 def _options(inputs, order):
-    """Of many inputs each has terms of its own only, which are fitted to twice as many samples."""
+    """Of many inputs each has terms of its own only (hyperbolic, order 2 or 3), fitted to twice as many samples."""
     if inputs < MANY:
         return {"order": order}
-    terms = 1 + inputs * (order - 1)
-    return {"order": order - 1, "index_set": "hyperbolic", "method": "regression", "samples": 2 * terms}
+    lower = (order + 1) // 2
+    return {"order": lower, "index_set": "hyperbolic", "method": "regression", "samples": 2 * (1 + inputs * lower)}
 
 
 def mechanism_of(case):

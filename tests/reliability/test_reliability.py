@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import warnings
+from collections import Counter
+
 import chaospy
 import numpy as np
 import pytest
@@ -221,3 +224,37 @@ def test_what_a_surrogate_takes_counts_even_where_it_is_of_no_use(monkeypatch):
     assert node.attrs["realisations"] == 600
     assert np.allclose(data["violated_by"].values[:, -1], data["violation_probability"].values)
     assert data["violation_probability"].item() == pytest.approx(norm.sf(3), rel=0.3)
+
+
+class Counted:
+    """How many realisations each piece of work takes."""
+
+    def __init__(self):
+        self.counts = Counter()
+
+    def start(self, label, total):
+        pass
+
+    def advance(self, label, count=1):
+        self.counts[label] += count
+
+    def finish(self, label):
+        pass
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("outputs", [True, False])
+@pytest.mark.parametrize("options", [{}, {"method": "form"}, {"surrogate": Collocation(order=2)}], ids=str)
+def test_what_is_counted_is_what_is_computed(options, outputs):
+    """Margins of the first points are computed beside the outputs there, and not again."""
+    w = uqmbd.RandomVariable("w", chaospy.Normal(1, 0.05))
+    mechanism = spring({"stiff": w <= 1.15}, [w], lambda v: 50 * v)
+    if outputs:
+        mechanism.output("x", next(iter(mechanism.bodies.values())).position[0])
+    computed = Counted()
+    method = Reliability(seed=1, max_realisations=900, **options)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        node = uqmbd.Study("s", mechanism, [0, 0.1] if outputs else None, [method]).run(progress=computed)
+    realisations = node["reliability"].attrs["realisations"]
+    assert computed.counts.total() == realisations <= 900
