@@ -78,7 +78,7 @@ from uqmbd.results.statistics import (
     varies,
     varying,
 )
-from uqmbd.results.storage import SampleFile, load, sample_file, save
+from uqmbd.results.storage import SampleChunk, SampleFile, SampleStore, SampleStoreChunks, load, sample_file, save
 from uqmbd.results.tree import happening, joined_outputs, scalar_nodes, study_tree, with_requirements, with_scalars
 from uqmbd.status import Status
 
@@ -101,7 +101,10 @@ __all__ = [
     "QuasiPeriodicChaos",
     "QuasiPeriodicElement",
     "STATUS_MEANINGS",
+    "SampleChunk",
     "SampleFile",
+    "SampleStore",
+    "SampleStoreChunks",
     "Status",
     "Violations",
     "align",

@@ -1,0 +1,132 @@
+"""Samples in a Zarr folder: what another reader finds in it, what is refused, and what is damaged."""
+
+from __future__ import annotations
+
+import json
+import os
+import pickle
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from uqmbd.errors import StudyError
+from uqmbd.results import SampleStore, labels, sample_dataset
+
+
+def samples_of(count: int, outputs: int = 2, times: int | None = 5, inputs: int = 1, seed: int = 0) -> xr.Dataset:
+    """Make samples of which every seventh failed."""
+    rng = np.random.default_rng(seed)
+    axes = labels(
+        [(f"x{k}", "m", 360.0 * k) for k in range(outputs)],
+        [(f"k{k}", "N/m") for k in range(inputs)],
+        None if times is None else np.linspace(0, 1, times),
+    )
+    status = np.where(np.arange(count) % 7 == 3, 2, 0)
+    messages = [f"sample {k} failed: \N{GREEK SMALL LETTER LAMDA}" if s else "" for k, s in enumerate(status)]
+    response = rng.normal(size=(count, *axes.shape))
+    return sample_dataset(response, rng.normal(size=(count, inputs)), axes, status=status, messages=messages)
+
+
+@settings(max_examples=15, deadline=None)
+@given(
+    count=st.integers(1, 60),
+    outputs=st.integers(1, 3),
+    times=st.sampled_from([None, 1, 4]),
+    inputs=st.integers(1, 3),
+    size=st.sampled_from([1, 3, 16, 64]),
+)
+def test_xarray_reads_what_was_written(
+    tmp_path_factory: pytest.TempPathFactory, count: int, outputs: int, times: int | None, inputs: int, size: int
+) -> None:
+    samples = samples_of(count, outputs, times, inputs)
+    store = SampleStore.write(tmp_path_factory.mktemp("s") / "a-samples.zarr", samples, size)
+    found = xr.load_dataset(store.folder, engine="zarr")
+    for name in ("response", "inputs", "status", "message"):
+        assert found[name].dims == samples[name].dims
+        np.testing.assert_array_equal(found[name], samples[name])
+    for name in ("output", "output_units", "input", "input_units", "time"):
+        assert (name in found.coords) == (name in samples.coords)
+        if name in samples.coords:
+            np.testing.assert_array_equal(found[name], samples[name])
+    for _ in range(2):
+        parts = list(store.chunks())
+        assert [part.first for part in parts] == list(range(0, count, size)) and len(store) == count
+        np.testing.assert_array_equal(np.concatenate([p.response for p in parts]), samples["response"])
+        np.testing.assert_array_equal(np.concatenate([p.good for p in parts]), samples["status"] == 0)
+    one = [part.response for part in store.chunks([f"x{outputs - 1}"])]
+    np.testing.assert_array_equal(np.concatenate(one), samples["response"][:, [-1]])
+
+
+@pytest.fixture
+def store(tmp_path: Path) -> SampleStore:
+    return SampleStore.write(tmp_path / "a-samples.zarr", samples_of(50), size=16)
+
+
+def test_missing_chunk_is_refused(store: SampleStore) -> None:
+    path = store.folder / "response" / "2.0.0"
+    path.unlink()
+    with pytest.raises(StudyError, match="chunks are missing"):
+        SampleStore.open(store.folder)
+    with pytest.raises(StudyError, match=r"2\.0\.0 is missing"):
+        list(store.chunks())
+
+
+@pytest.mark.parametrize("damage", [b"", b"short", None], ids=["empty", "short", "half"])
+def test_damaged_chunk_is_named(store: SampleStore, damage: bytes | None) -> None:
+    path = store.folder / "response" / "1.0.0"
+    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2] if damage is None else damage)
+    with pytest.raises(StudyError, match=r"1\.0\.0 is damaged"):
+        list(store.chunks())
+
+
+def test_length_that_a_chunk_states_is_not_believed(store: SampleStore) -> None:
+    path = store.folder / "response" / "1.0.0"
+    content = bytearray(path.read_bytes())
+    content[4:8] = (2**31 - 1).to_bytes(4, "little")
+    path.write_bytes(bytes(content))
+    with pytest.raises(StudyError, match=r"1\.0\.0 is damaged: its length"):
+        list(store.chunks())
+
+
+def test_outputs_that_there_are_not_are_refused(store: SampleStore) -> None:
+    with pytest.raises(StudyError, match="no output 'y'; there are x0, x1"):
+        store.chunks(["y"])
+
+
+def test_foreign_codecs_and_links_are_refused_before_anything_runs(store: SampleStore, tmp_path: Path) -> None:
+    class Bad:
+        def __reduce__(self) -> tuple[object, tuple[str]]:
+            return os.mkdir, (str(tmp_path / "ran"),)
+
+    about = store.folder / "message" / ".zarray"
+    whole = about.read_text()
+    about.write_text(json.dumps(json.loads(whole) | {"dtype": "|O", "filters": [{"id": "pickle"}]}))
+    (store.folder / "message" / "0").write_bytes(pickle.dumps(Bad()))
+    with pytest.raises(StudyError, match="codec 'pickle'"):
+        SampleStore.open(store.folder)
+    about.write_text(whole)
+    (store.folder / "response" / "0.0.0").unlink()
+    (store.folder / "response" / "0.0.0").symlink_to("1.0.0")
+    with pytest.raises(StudyError, match="is a link"):
+        SampleStore.open(store.folder)
+    assert not (tmp_path / "ran").exists()
+
+
+@pytest.mark.parametrize("wrong", [{"chunks": [8, 2, 5]}, {"dtype": "<f4"}, {"order": "F"}, {"compressor": None}])
+def test_other_layouts_are_refused(store: SampleStore, wrong: dict[str, object]) -> None:
+    about = store.folder / "response" / ".zarray"
+    about.write_text(json.dumps(json.loads(about.read_text()) | wrong))
+    with pytest.raises(StudyError, match="another layout|cannot be read"):
+        SampleStore.open(store.folder)
+
+
+def test_what_is_no_store_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(StudyError, match="There are no samples"):
+        SampleStore.open(tmp_path / "nothing.zarr")
+    (tmp_path / "bad.zarr").mkdir()
+    with pytest.raises(StudyError, match="cannot be read as samples"):
+        SampleStore.open(tmp_path / "bad.zarr")
