@@ -12,6 +12,7 @@ import typer
 from uqmbd.cli.commands import Commands
 from uqmbd.cli.failures import explained
 from uqmbd.cli.loading import loading
+from uqmbd.clusters import Workers, with_worker_options
 
 __all__ = ["app", "main"]
 
@@ -59,6 +60,7 @@ def options(
 
 
 @app.command()
+@with_worker_options
 def run(
     script: Script,
     only: Annotated[
@@ -69,12 +71,6 @@ def run(
         typer.Option("--set", metavar="LABEL.option=value", help="Change an option of a propagator (may be repeated)."),
     ] = None,
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the results.")] = Path("results"),
-    workers: Annotated[
-        int | None, typer.Option("--workers", metavar="N", min=1, help="Number of threads or processes (default: 1).")
-    ] = None,
-    dask: Annotated[
-        str | None, typer.Option("--dask", metavar="ADDRESS", help="Scheduler of a Dask cluster that does the work.")
-    ] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Continue an unfinished run in DIR.")] = False,
     require: Annotated[
         float | None,
@@ -86,17 +82,15 @@ def run(
             help="Exit with status 3 unless each requirement is violated with probability P at most (95 % confidence).",
         ),
     ] = None,
+    *,
+    workers: Workers,
 ) -> None:
     """Run a study; write DIR/results.nc and DIR/report.html."""
     with loading():
         from uqmbd.cli.run import run_study
 
-    if workers is not None and dask is not None:
-        raise typer.BadParameter("give either --workers or --dask, not both")
     chosen, changed = only or (), set_ or ()
-    run_study(
-        script, only=chosen, settings=changed, out=out, workers=workers or 1, dask=dask, resume=resume, require=require
-    )
+    run_study(script, only=chosen, settings=changed, out=out, workers=workers, resume=resume, require=require)
 
 
 @app.command()

@@ -5,9 +5,8 @@ from __future__ import annotations
 import sys
 import time
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from concurrent.futures import Executor
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,6 +16,7 @@ from uqmbd.cli.progress import shown_progress
 from uqmbd.cli.report import keep_motion, write
 from uqmbd.cli.settings import apply_settings, check_labels
 from uqmbd.cli.tables import show_summary
+from uqmbd.clusters import Workers
 from uqmbd.errors import MethodFailedWarning, StudyError, UqmbdError
 from uqmbd.isolation import Isolated
 from uqmbd.propagation import claimed, load_study, set_aside
@@ -37,8 +37,7 @@ def run_study(
     only: Sequence[str] = (),
     settings: Sequence[str] = (),
     out: Path = Path("results"),
-    workers: int = 1,
-    dask: str | None = None,
+    workers: Workers | None = None,
     resume: bool = False,
     require: float | None = None,
 ) -> None:
@@ -54,10 +53,8 @@ def run_study(
         Changed options, ``LABEL.option=value``.
     out : Path
         Folder for the results; made if it does not exist.
-    workers : int
-        Number of workers.
-    dask : str, optional
-        Address of a Dask scheduler that does the work instead.
+    workers : Workers, optional
+        Who computes; None: this process.
     resume : bool
         Continue an unfinished run in the folder.
     require : float, optional
@@ -83,10 +80,10 @@ def run_study(
     # Before the work, not after it: a folder that cannot be written should cost no hours.
     _make_folder(out)
     with claimed(out):
-        previous = set_aside(out)
-        if previous:
-            print(f"Note: the results that were in {out} are in {previous} now.", file=sys.stderr, flush=True)
-        with _executor(workers, dask, script) as executor:
+        with (workers or Workers()).at_work(script) as executor:
+            previous = set_aside(out)
+            if previous:
+                print(f"Note: the results that were in {out} are in {previous} now.", file=sys.stderr, flush=True)
             tree = _computed(study, executor, only, out, script, resume=resume)
         complete = _delivered(tree, study, out, script)
     print(f"Done in {format_duration(time.monotonic() - begin, rough=True)}.")
@@ -184,27 +181,3 @@ def _make_folder(folder: Path) -> None:
         probe.unlink()
     except OSError as error:
         raise StudyError(f"--out {folder}: this folder cannot be written ({error.strerror}).") from error
-
-
-@contextmanager
-def _executor(workers: int, address: str | None, script: Path) -> Iterator[int | Executor]:
-    """Yield what `Study.run` takes as workers: a number of workers, or the pool of a Dask cluster."""
-    if address is None:
-        yield workers
-        return
-    try:
-        import distributed
-    except ImportError as error:
-        raise StudyError('--dask needs Dask, which is not installed: pip install "uqmbd[distributed]"') from error
-    try:
-        connect: Any = distributed.Client
-        client: Any = connect(address, timeout=10)
-    except (OSError, ValueError) as error:
-        raise StudyError(
-            f"--dask {address}: no Dask scheduler answers there ({type(error).__name__}). Expected an address such as "
-            "tcp://host:8786, as `dask scheduler` prints it."
-        ) from error
-    with client:
-        # The workers know uqmbd, but not the script, whose functions may be part of the work.
-        client.upload_file(str(script.resolve()))
-        yield client.get_executor()

@@ -19,6 +19,10 @@ class Command(Protocol):
     `uqmbd.UqmbdError` with 1, and ``raise SystemExit(status)`` with another one.  ``--debug`` is an option of all
     commands, and shows the traceback.
 
+    A parameter of the type `uqmbd.Workers` without a default, after a ``*``, becomes the options ``--workers``,
+    ``--dask`` and ``--mpi``: ``with workers.at_work(script) as executor:`` yields what `Study.run`, `uqmbd.pool` and
+    others take as workers.
+
     Attributes
     ----------
     name : str
@@ -55,6 +59,8 @@ def command_line(command: type[Command]) -> Any:
     """
     import typer
 
+    from uqmbd.clusters import with_worker_options
+
     # help without rich, as that of the other commands
     app = typer.Typer(
         rich_markup_mode=None,
@@ -62,5 +68,5 @@ def command_line(command: type[Command]) -> Any:
         add_completion=False,
         context_settings={"help_option_names": ["-h", "--help"]},
     )
-    app.command(name=command.name, help=command.help)(command().run)
+    app.command(name=command.name, help=command.help)(with_worker_options(command().run))
     return typer.main.get_command(app)

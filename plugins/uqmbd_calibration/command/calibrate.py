@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+import uqmbd
+
 __all__ = ["Calibrate"]
 
 
@@ -66,9 +68,8 @@ class Calibrate:
             list[str] | None,
             typer.Option("--only", metavar="LABEL", help="Predict by this method of the study only (may be repeated)."),
         ] = None,
-        workers: Annotated[
-            int, typer.Option("--workers", metavar="N", min=1, help="Number of threads or processes.")
-        ] = 1,
+        *,
+        workers: uqmbd.Workers,
     ) -> None:
         """Calibrate, predict and report."""
         from uqmbd_calibration.command.running import Options, run

@@ -5,7 +5,8 @@ from __future__ import annotations
 import sys
 import tempfile
 from collections.abc import Sequence
-from dataclasses import dataclass
+from concurrent.futures import Executor
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import uqmbd
@@ -31,7 +32,7 @@ class Options:
     realisations: int = 200
     seed: int = 0
     only: Sequence[str] = ()
-    workers: int = 1
+    workers: uqmbd.Workers = field(default_factory=uqmbd.Workers)
 
 
 def run(script: Path, paths: Sequence[Path], out: Path, options: Options) -> None:
@@ -40,19 +41,20 @@ def run(script: Path, paths: Sequence[Path], out: Path, options: Options) -> Non
     study = uqmbd.load_study(script)
     methods = _methods(study, options.only)
     _make_folder(out)
-    found = calibrate(
-        study,
-        records,
-        noise="student" if options.robust else "normal",
-        realisations=options.realisations,
-        seed=options.seed,
-        workers=options.workers,
-        progress=True,
-    )
-    # before anything else that may go wrong
-    files = {"calibration": found.save(out / "calibration.nc")}
-    print(found)
-    failed = _predicted(study, methods, found, out, options.workers, files)
+    with options.workers.at_work(script) as workers:
+        found = calibrate(
+            study,
+            records,
+            noise="student" if options.robust else "normal",
+            realisations=options.realisations,
+            seed=options.seed,
+            workers=workers,
+            progress=True,
+        )
+        # before anything else that may go wrong
+        files = {"calibration": found.save(out / "calibration.nc")}
+        print(found)
+        failed = _predicted(study, methods, found, out, workers, files)
     for kind, path in files.items():
         print(f"{kind:<12} {path}")
     if failed:
@@ -64,7 +66,7 @@ def _predicted(
     methods: Sequence[uqmbd.Propagator],
     found: Calibration,
     out: Path,
-    workers: int,
+    workers: int | Executor,
     files: dict[str, Path],
 ) -> bool:
     """Run methods before and after, write results and report; return whether something failed."""

@@ -1,0 +1,183 @@
+"""Dask clusters: one that runs, one of this machine, or one whose workers are jobs of a queue."""
+
+from __future__ import annotations
+
+import logging
+import shutil
+import time
+from collections.abc import Iterator, Sequence
+from concurrent.futures import Executor
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from uqmbd.errors import StudyError
+
+__all__ = ["STARTED_HERE", "dask_executor"]
+
+QUEUES = {
+    "htcondor": "HTCondorCluster",
+    "lsf": "LSFCluster",
+    "moab": "MoabCluster",
+    "oar": "OARCluster",
+    "pbs": "PBSCluster",
+    "sge": "SGECluster",
+    "slurm": "SLURMCluster",
+}
+"""Classes of ``dask-jobqueue``, by the names of their sections in Dask's configuration."""
+
+STARTED_HERE = ("local", *QUEUES)
+"""Clusters that are started for a run, and end with it."""
+
+PATIENCE = 10
+"""Seconds within which a scheduler has to answer."""
+
+
+@contextmanager
+def dask_executor(asked: str, count: int | None, files: Sequence[Path]) -> Iterator[Executor]:
+    """Yield the executor of a Dask cluster.
+
+    Parameters
+    ----------
+    asked : str
+        One of `STARTED_HERE`, an address, or a scheduler file.
+    count : int, optional
+        Worker processes of a cluster that is started.
+    files : sequence of Path
+        Scripts that workers may need.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If Dask is missing, nobody answers, or a cluster cannot be started.
+    """
+    try:
+        import distributed
+    except ImportError as error:
+        raise StudyError('--dask needs Dask, which is not installed: pip install "uqmbd[distributed]"') from error
+    with _scheduler(asked, count) as scheduler, _client(distributed, asked, scheduler) as client:
+        if files:
+            from uqmbd.clusters.study_files import StudyFiles
+
+            try:
+                client.register_plugin(StudyFiles.of(files))
+            except ImportError as error:
+                raise StudyError(
+                    f"--dask {asked}: a worker cannot import what it needs ({error}). Workers start in an environment "
+                    "where this version of uqmbd, and the plugins of the study, are installed."
+                ) from error
+        # the same piece again, after its worker was lost, is new work and no result of before
+        yield client.get_executor(pure=False)
+
+
+def _client(distributed: Any, asked: str, scheduler: Any) -> Any:
+    """Connect with a scheduler."""
+    try:
+        if isinstance(scheduler, Path):
+            return distributed.Client(scheduler_file=str(scheduler), timeout=PATIENCE)
+        return distributed.Client(scheduler, timeout=PATIENCE)
+    except (OSError, ValueError) as error:
+        raise StudyError(
+            f"--dask {asked}: no Dask scheduler answers there ({type(error).__name__}). Expected an address such as "
+            "tcp://host:8786, as `dask scheduler` prints it, the file that `dask scheduler --scheduler-file` writes, "
+            f"or one of {', '.join(sorted(STARTED_HERE))}."
+        ) from error
+
+
+@contextmanager
+def _scheduler(asked: str, count: int | None) -> Iterator[Any]:
+    """Yield what a client connects with: an address, a scheduler file, or a cluster that is started here."""
+    if asked == "local":
+        import distributed
+
+        # a process has one thread: what is computed in Python holds up the other threads of its process
+        with distributed.LocalCluster(n_workers=count, threads_per_worker=1, dashboard_address=None) as cluster:
+            yield cluster
+    elif asked in QUEUES:
+        with _queue(asked) as cluster:
+            _scale(asked, cluster, count)
+            yield cluster
+    else:
+        file = Path(asked)
+        if ":" not in asked and not file.is_file():
+            raise StudyError(
+                f"--dask {asked}: expected an address such as tcp://host:8786, a scheduler file (there is none of this "
+                f"name), or one of {', '.join(sorted(STARTED_HERE))}."
+            )
+        yield file if file.is_file() else asked
+
+
+def _queue(asked: str) -> Any:
+    """Start a scheduler here, whose workers are jobs of a queue; no job yet."""
+    try:
+        import dask_jobqueue
+    except ImportError as error:
+        raise StudyError(
+            f'--dask {asked} needs dask-jobqueue, which is not installed: pip install "uqmbd[cluster]"'
+        ) from error
+    cluster = getattr(dask_jobqueue, QUEUES[asked])
+    submit = cluster.job_cls.submit_command.split()[0]
+    if shutil.which(submit) is None:
+        raise StudyError(f"--dask {asked}: there is no command {submit!r} here, by which jobs are submitted.")
+    try:
+        return cluster()
+    except ValueError as error:
+        raise StudyError(
+            f"--dask {asked}: Dask's configuration does not describe the jobs: {error}\n"
+            f"Expected a section jobqueue, {asked}, with at least cores and memory, in a file such as jobqueue.yaml in "
+            f"one of these folders (DASK_CONFIG names another file or folder): {_folders()}"
+        ) from error
+
+
+def _folders() -> str:
+    """Name the folders in which Dask looks for its configuration."""
+    import dask.config
+
+    return ", ".join(map(str, dask.config.paths))
+
+
+def _scale(asked: str, cluster: Any, count: int | None) -> None:
+    """Ask for a number of workers, or for as many as there is work for, between the limits of the configuration."""
+    if count is not None:
+        # jobs that end before the work does, as those at the end of their time, are replaced
+        _submit(asked, cluster, count)
+        cluster.adapt(minimum=count, maximum=count)
+        return
+    import dask.config
+
+    least, most = (dask.config.get(f"distributed.adaptive.{limit}") for limit in ("minimum", "maximum"))
+    if most == float("inf"):
+        raise StudyError(
+            f"--dask {asked}: how many workers? Give their number (--workers N), or limits between which the cluster "
+            f"grows and shrinks: distributed, adaptive, minimum and maximum in a file of Dask's configuration, in one "
+            f"of these folders (DASK_CONFIG names another file or folder): {_folders()}"
+        )
+    _submit(asked, cluster, max(least, 1))
+    cluster.adapt(minimum=least, maximum=most)
+
+
+def _submit(asked: str, cluster: Any, count: int) -> None:
+    """Submit the first jobs; a queue that refuses them would else be told in a log, and waited for without end."""
+    from distributed.core import Status
+
+    log = logging.getLogger("tornado.application")
+    before, log.disabled = log.disabled, True
+    try:
+        cluster.scale(count)
+        while len(cluster.workers) < len(cluster.worker_spec):
+            time.sleep(0.05)
+    finally:
+        log.disabled = before
+    refused = [job for job in cluster.workers.values() if job.status == Status.created]
+    for job in refused:
+        try:
+            cluster.sync(job.start)
+        except RuntimeError as error:
+            for one in refused:
+                one.status = Status.failed
+            raise StudyError(f"--dask {asked}: the queue takes no jobs: {_answer(error)}") from error
+
+
+def _answer(error: RuntimeError) -> str:
+    """Return what the command has said that submits jobs."""
+    return str(error).partition("stderr:")[2].strip() or str(error)

