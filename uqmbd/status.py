@@ -32,6 +32,8 @@ class Status(IntEnum):
 
     CENSORED = 5
     """What is asked for does not happen in it until the last time: it has not failed."""
+    WORKER_DIED = 6
+    """The process that computed it has ended, and so has that of a second attempt."""
 
     @property
     def meaning(self) -> str:

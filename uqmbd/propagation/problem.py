@@ -6,7 +6,6 @@ Length: this is one class, the whole of what methods know of a study.
 from __future__ import annotations
 
 import hashlib
-import pickle
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
@@ -29,6 +28,7 @@ from uqmbd.propagation.execution import (
     Kind,
     Margins,
     Observed,
+    Packed,
     Progress,
     Realisations,
     Silent,
@@ -38,6 +38,7 @@ from uqmbd.propagation.execution import (
     executor_for,
     fingerprint,
     in_order,
+    lost_chunk,
     needs_motion,
     run_tasks,
     threads_of,
@@ -178,9 +179,9 @@ class Problem:
         return labels_of(self.model, self.inputs, self.times, self.kind, self.chosen)
 
     @cached_property
-    def _packed(self) -> bytes:
+    def _packed(self) -> Packed:
         """The model, for workers."""
-        return pickle.dumps(self.model)
+        return Packed.of(self.model)
 
     def ensemble(self, values: Array) -> Ensemble:
         """Make the ensemble of some realisations, for methods that solve them together.
@@ -257,7 +258,7 @@ class Problem:
         size = chunk_size(len(values), len(self.times) * (self.labels.shape[0] + self.model.layout.width))
         parts = [np.ascontiguousarray(values[k : k + size]) for k in range(0, len(values), size)]
         workers = executor_for(self.executor, unlocked=self._unlocked)
-        work = in_order(parts, workers, self._found, self._task, self._keep)
+        work = in_order(parts, workers, self._found, self._task, self._keep, self._lost)
         for part, chunk in zip(parts, work, strict=True):
             now = self.clock()
             found = Realisations.of(part, chunk, now - begin)
@@ -286,7 +287,7 @@ class Problem:
             Of each task, in order; the same bits for any number of workers.  What an interrupted run had finished is
             not done again.
         """
-        work = (self._packed, self._fingerprint, self.executor, self.checkpoint, self.clock)
+        work = (self.label, self._packed, self._fingerprint, self.executor, self.checkpoint, self.clock)
         return run_tasks(*work, function, tasks)
 
     def each(self, function: Callable[[Any], Any], pieces: Sequence[Any]) -> Iterator[Any]:
@@ -359,7 +360,7 @@ class Problem:
         moves = needs_motion(model, self.kind)
         return declares(cls, "unlocked") and moves and not (model.events or model.controls)
 
-    def _task(self, part: Array) -> tuple[Callable[..., Chunk], tuple[bytes, Array, Array, float, str, Kind]]:
+    def _task(self, part: Array) -> tuple[Callable[..., Chunk], tuple[Packed, Array, Array, float, str, Kind]]:
         times = self.times if self.over is None else self.over
         return compute_chunk, (self._packed, part, times, self.rtol, self.integrator, self.kind)
 
@@ -387,6 +388,11 @@ class Problem:
             self.checkpoint.save(key, replace(chunk, seconds=seconds))
             self.clock.done(key)
         return self._noted(part, chunk)
+
+    def _lost(self, part: Array, reason: str) -> Chunk:
+        """Return a chunk that killed its workers; it is not stored: a run that goes on tries it again."""
+        times = self.times if self.over is None else self.over
+        return self._noted(part, lost_chunk(self.model, len(part), times, reason, self.kind))
 
     @property
     def folder(self) -> Path | None:

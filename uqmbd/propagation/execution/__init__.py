@@ -9,6 +9,7 @@ from uqmbd.propagation.execution.chunks import (
     chunk_size,
     compute_chunk,
     integrated_by,
+    lost_chunk,
     needs_motion,
     not_finite_output,
 )
@@ -22,6 +23,7 @@ from uqmbd.propagation.execution.progress import Lines, Progress, Silent, UntilT
 from uqmbd.propagation.execution.realisations import Realisations
 from uqmbd.propagation.execution.run_folder import claimed, set_aside
 from uqmbd.propagation.execution.tasks import Arrays, run_tasks
+from uqmbd.propagation.execution.transport import Packed
 from uqmbd.propagation.execution.workers import Crew, Staff, executor_for, pool, threads_of
 
 __all__ = [
@@ -37,6 +39,7 @@ __all__ = [
     "Lines",
     "Margins",
     "Observed",
+    "Packed",
     "Progress",
     "Realisations",
     "Silent",
@@ -51,6 +54,7 @@ __all__ = [
     "in_order",
     "needs_motion",
     "integrated_by",
+    "lost_chunk",
     "not_finite_output",
     "pool",
     "run_tasks",

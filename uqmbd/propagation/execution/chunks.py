@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import pickle
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from typing import Literal
 
 import numpy as np
@@ -24,6 +22,7 @@ from uqmbd.dynamics import (
     margins_of,
     scalars_of,
 )
+from uqmbd.propagation.execution.transport import Packed
 from uqmbd.status import Status
 from uqmbd.threads import one_thread
 from uqmbd.typing import Array
@@ -35,7 +34,7 @@ __all__ = [
     "chunk_size",
     "compute_chunk",
     "integrated_by",
-    "model_of",
+    "lost_chunk",
     "needs_motion",
     "not_finite_output",
 ]
@@ -87,7 +86,7 @@ class Chunk:
     response : array, shape (K, output, time)
         NaN where a realisation failed.
     status : array of int, shape (K,)
-        0: fine, 1: not assembled, 2: integration failed, 3: an output is not finite.
+        Of `Status`; 0: fine.
     messages : tuple of str
         Reasons.
     counters : dict
@@ -191,22 +190,15 @@ def needs_motion(model: Model, kind: Kind) -> bool:
     return kind == "outputs" or any(one is not None and one.needs_motion for one in beside)
 
 
-@lru_cache(maxsize=4)
-def model_of(data: bytes) -> Model:
-    """Return the model that was pickled; the last few are kept."""
-    model: Model = pickle.loads(data)  # noqa: S301 - made by the same program
-    return model
-
-
 def compute_chunk(
-    data: bytes, values: Array, times: Array, rtol: float, integrator: str = "auto", kind: Kind = "outputs"
+    packed: Packed, values: Array, times: Array, rtol: float, integrator: str = "auto", kind: Kind = "outputs"
 ) -> Chunk:
     """Assemble, integrate and observe some realisations.
 
     Parameters
     ----------
-    data : bytes
-        The pickled model.
+    packed : Packed
+        The model.
     values : array, shape (K, input)
         Inputs.
     times : array, shape (T,)
@@ -218,7 +210,7 @@ def compute_chunk(
     kind : {"outputs", "scalars", "requirements"}
         What is wanted.  Nothing is integrated unless it, or what is computed beside it, needs a motion.
     """
-    model = model_of(data)
+    model: Model = packed.value()
     # threads on blocks of some dozen rows cost a factor, and their number would change the last bits
     with one_thread():
         ensemble = Ensemble(model, values)
@@ -238,6 +230,36 @@ def compute_chunk(
         if not declares(integrator_class(integrator), "delegates"):
             counters[f"by_{integrator}"] = int(np.count_nonzero(ensemble.start.ok))
     found = replace(chunk, counters=counters).of(kind)
+    if found is None:
+        raise ValueError(f"no {kind}")
+    return found
+
+
+def lost_chunk(model: Model, count: int, times: Array, reason: str, kind: Kind = "outputs") -> Chunk:
+    """Return the chunk of realisations that nobody could compute, for their workers have died.
+
+    Parameters
+    ----------
+    model : Model
+    count : int
+        Realisations.
+    times : array, shape (T,)
+        Output times, s.
+    reason : str
+        Why they are lost.
+    kind : {"outputs", "scalars", "requirements"}
+        What was wanted.
+    """
+    status, messages = np.full(count, int(Status.WORKER_DIED)), (reason,) * count
+    scalars, margins = model.scalars, model.margins
+    chunk = Chunk(np.full((count, len(model.outputs.names), len(times)), np.nan), status, messages, {})
+    if scalars is not None and kind != "requirements":
+        unknown = np.full((count, len(scalars.names)), np.nan)
+        chunk = replace(chunk, scalars=ScalarValues(unknown, status, messages, np.zeros(unknown.shape, dtype=bool)))
+    if margins is not None:
+        running = np.full((count, len(margins.requirements), len(times)), np.nan)
+        chunk = replace(chunk, margins=MarginValues(running, status, messages))
+    found = chunk.of(kind)
     if found is None:
         raise ValueError(f"no {kind}")
     return found

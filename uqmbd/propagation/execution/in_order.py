@@ -1,22 +1,46 @@
-"""Pieces of work done here, or by many workers: in order, and each kept as soon as it is finished."""
+"""Pieces of work done here, or by many workers: in order, and each kept as soon as it is finished.
+
+The work of the process that hands them out does not grow with what is finished, and per piece it is a fraction of a
+millisecond, whatever the number of workers.
+"""
 
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
-from typing import Any, TypeVar
+import queue
+import time
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import CancelledError, Executor, Future
+from dataclasses import dataclass, field, fields, is_dataclass
+from functools import partial
+from typing import Any, Generic, TypeVar
 
-from uqmbd.errors import StudyError
+import numpy as np
+
+from uqmbd.errors import IntegrationError, StudyError
 from uqmbd.propagation.execution.cost import Laps
+from uqmbd.propagation.execution.transport import Answer, Route, Seen, death, route_to, versions
 
 __all__ = ["in_order"]
 
 Piece = TypeVar("Piece")
 Result = TypeVar("Result")
 
-AHEAD = 64
-"""Pieces that are done or held ahead of the one that is wanted next."""
+HELD = 1 << 27
+"""Bytes of results that wait for the one that is wanted next; beyond, no further piece is sent."""
+
+WAITING = 16
+"""Results that wait for the one that is wanted next, at most, over the pieces that are under way at most."""
+
+DEATHS = 2
+"""Deaths of workers after which a piece is lost."""
+
+LATE = 4.0
+"""Over the time that pieces take: after so much longer one is given to another worker, too, who has nothing to do."""
+
+TICK = 0.25
+"""Seconds after which somebody looks whether a piece is late."""
 
 
 def in_order(
@@ -25,8 +49,13 @@ def in_order(
     known: Callable[[Piece], Result | None],
     work: Callable[[Piece], tuple[Callable[..., Result], tuple[Any, ...]]],
     keep: Callable[[Piece, Result, float], Result],
+    lost: Callable[[Piece, str], Result] | None = None,
+    patience: float = 1.0,
 ) -> Iterator[Result]:
     """Yield the results of pieces of work, in their order.
+
+    A piece whose worker dies is tried once elsewhere.  One that takes much longer than others is given to a second
+    worker when there is nothing else to do, and the first answer counts: both have the same bits.
 
     Parameters
     ----------
@@ -37,42 +66,270 @@ def in_order(
     known : callable
         Gives a result that need not be computed.
     work : callable
-        Gives the function to call, and its arguments.
+        Gives the function to call, and its arguments, of which some may be a `Packed` object.
     keep : callable
         Is given each result with the seconds that it took; what it returns is yielded.
+    lost : callable, optional
+        Gives the result of a piece of which the second worker has died, too; it is told why, and may raise.  Default:
+        an error.
+    patience : float
+        Seconds for which a piece may take longer than others, at least.
+
+    Raises
+    ------
+    uqmbd.IntegrationError
+        If no worker has the versions of this process, or a piece is lost.
     """
-    ready: dict[int, Result] = {}
-    running: dict[Future[Result], int] = {}
-    submitted, laps = 0, Laps()
-    try:
-        for wanted in range(len(pieces)):
-            while wanted not in ready:
-                # some in reserve for every worker, but never all at once: results must not pile up
-                while submitted < len(pieces) and len(running) + len(ready) < AHEAD:
-                    index, submitted = submitted, submitted + 1
-                    if (found := known(pieces[index])) is not None:
-                        ready[index] = found
-                    else:
-                        function, arguments = work(pieces[index])
-                        if executor is None:
-                            ready[index] = keep(pieces[index], function(*arguments), laps())
-                        else:
-                            running[executor.submit(function, *arguments)] = index
-                    if executor is None:
-                        break
-                if wanted in ready:
+    if executor is None:
+        return _here(pieces, known, work, keep)
+    return _There(pieces, route_to(executor), known, work, keep, lost or _raise, patience).results()
+
+
+def _here(
+    pieces: Sequence[Piece],
+    known: Callable[[Piece], Result | None],
+    work: Callable[[Piece], tuple[Callable[..., Result], tuple[Any, ...]]],
+    keep: Callable[[Piece, Result, float], Result],
+) -> Iterator[Result]:
+    laps = Laps()
+    for piece in pieces:
+        found = known(piece)
+        if found is None:
+            function, arguments = work(piece)
+            found = keep(piece, function(*arguments), laps())
+        yield found
+
+
+def _raise(piece: object, reason: str) -> Any:
+    raise IntegrationError(f"A piece of work was lost: {reason}.")
+
+
+@dataclass
+class _Flight:
+    """A piece under way.
+
+    Attributes
+    ----------
+    futures : list of Future
+        One, or two where it is late.
+    whole : bool
+        Whether it is sent with packed arguments themselves.
+    begun : float, optional
+        Since when it is certainly worked at, s: since one that was sent later has been answered.
+    deaths : int
+        Of workers that did it.
+    alone : bool
+        Whether nothing else may be under way.
+    """
+
+    futures: list[Future[Answer]] = field(default_factory=list)
+    whole: bool = False
+    begun: float | None = None
+    deaths: int = 0
+    alone: bool = False
+
+
+class _There(Generic[Piece, Result]):
+    """Pieces of work at workers."""
+
+    def __init__(
+        self,
+        pieces: Sequence[Piece],
+        route: Route,
+        known: Callable[[Piece], Result | None],
+        work: Callable[[Piece], tuple[Callable[..., Result], tuple[Any, ...]]],
+        keep: Callable[[Piece, Result, float], Result],
+        lost: Callable[[Piece, str], Result],
+        patience: float,
+    ) -> None:
+        self.pieces, self.route, self.patience = pieces, route, patience
+        self.known, self.work, self.keep, self.lost = known, work, keep, lost
+        self.seen, self.laps = Seen(versions()), Laps()
+        self.next = self.held = 0
+        self.flights: dict[int, _Flight] = {}
+        """By the index of the piece, in the order in which they were sent."""
+        self.refused: deque[int] = deque()
+        self.suspects: deque[tuple[int, int]] = deque()
+        """Pieces that may have killed a worker, and how many."""
+        self.ready: dict[int, tuple[Result, int]] = {}
+        """Results, and their bytes, by the index of the piece."""
+        self.arrived: queue.SimpleQueue[tuple[int, Future[Answer]]] = queue.SimpleQueue()
+
+    def results(self) -> Iterator[Result]:
+        """Yield the results in order."""
+        try:
+            for wanted in range(len(self.pieces)):
+                while wanted not in self.ready:
+                    self._send_more(wanted)
+                    if wanted not in self.ready:
+                        self._take()
+                result, size = self.ready.pop(wanted)
+                self.held -= size
+                yield result
+        finally:
+            self._end()
+
+    def _send_more(self, wanted: int) -> None:
+        """Send what may be sent: some in reserve for every worker, never all at once, for results must not pile up."""
+        if self.suspects and self.flights:
+            self._send_again()
+            return
+        if self.suspects:
+            # whoever dies with one that kills must not be taken for it: where that cannot be told, it goes alone
+            index, deaths = self.suspects.popleft()
+            self._send(index, _Flight(whole=True, deaths=deaths, alone=True))
+            return
+        if any(flight.alone for flight in self.flights.values()):
+            return
+        window = self.seen.window
+        while self.refused and len(self.flights) < window - 1:
+            self._send(self.refused.popleft(), _Flight())
+        if self.refused and not self.flights:
+            self.seen.complain()
+            time.sleep(0.01)
+            self._send(self.refused.popleft(), _Flight())
+        if self.refused:
+            return
+        most = WAITING * window
+        while self.next < len(self.pieces):
+            if len(self.flights) >= window:
+                return
+            if self.next > wanted and (self.held >= HELD or len(self.ready) >= most):
+                break
+            index, self.next = self.next, self.next + 1
+            if (found := self.known(self.pieces[index])) is not None:
+                self._put(index, found, wanted)
+            else:
+                self._send(index, _Flight())
+        self._send_again()
+
+    def _send(self, index: int, flight: _Flight) -> None:
+        function, arguments = self.work(self.pieces[index])
+        future = self.route.send(function, arguments, whole=flight.whole)
+        flight.futures.append(future)
+        self.flights[index] = flight
+        future.add_done_callback(partial(self._hear, index))
+
+    def _hear(self, index: int, future: Future[Answer]) -> None:
+        self.arrived.put((index, future))
+
+    def _send_again(self) -> None:
+        """Give pieces that are late to those who have nothing to do."""
+        idle = self.seen.count - sum(len(flight.futures) for flight in self.flights.values())
+        if idle <= 0 or not self.route.apart or any(flight.alone for flight in self.flights.values()):
+            return
+        now, late = time.monotonic(), self.patience + LATE * self.seen.typical
+        for index, flight in self.flights.items():
+            if flight.begun is None:  # there are more workers than pieces: somebody works at each
+                flight.begun = now
+            if idle > 0 and len(flight.futures) == 1 and now - flight.begun >= late:
+                idle -= 1
+                function, arguments = self.work(self.pieces[index])
+                future = self.route.send(function, arguments, whole=flight.whole)
+                flight.futures.append(future)
+                future.add_done_callback(partial(self._hear, index))
+
+    def _take(self) -> None:
+        """Wait for an answer, for a moment at most, and see what it says."""
+        try:
+            index, future = self.arrived.get(timeout=TICK)
+        except queue.Empty:
+            return
+        flight = self.flights.get(index)
+        if flight is None or future not in flight.futures:
+            return  # a second answer
+        flight.futures.remove(future)
+        error = CancelledError() if future.cancelled() else future.exception()
+        if error is not None:
+            self._failed(index, flight, error)
+            return
+        said = future.result()
+        if said.kind == "done":
+            self._begun_before(index)
+            self.seen.done(said.worker, said.seconds)
+            self._leave(index)
+            self._put(index, self.keep(self.pieces[index], said.result, self.laps()))
+        elif flight.futures:
+            return  # somebody else does it
+        elif said.kind == "missing":
+            self.seen.missing(said.worker)
+            carried = sum(other.whole for other in self.flights.values()) - flight.whole
+            del self.flights[index]
+            self._send(index, _Flight(whole=carried < self.seen.lacking, deaths=flight.deaths, alone=flight.alone))
+        else:
+            self.seen.refuse(said.worker)
+            del self.flights[index]
+            if flight.deaths:
+                self.suspects.appendleft((index, flight.deaths))
+                self.seen.complain()
+            else:
+                self.refused.append(index)
+
+    def _failed(self, index: int, flight: _Flight, error: BaseException) -> None:
+        reason = death(error)
+        if not reason:
+            raise error
+        self.route.renew()
+        self.seen.gone()
+        flight.deaths += 1
+        if flight.futures:
+            return
+        self._leave(index)
+        if flight.deaths >= DEATHS:
+            said = f"the process that computed it ended unexpectedly, and so did that of a second attempt ({reason})"
+            self._put(index, self.lost(self.pieces[index], said))
+        elif self.route.names_the_dead:
+            self._send(index, _Flight(whole=True, deaths=flight.deaths))
+        else:
+            self.suspects.append((index, flight.deaths))
+
+    def _begun_before(self, index: int) -> None:
+        """Note that what was sent before this piece is being worked at."""
+        now = time.monotonic()
+        for other, flight in self.flights.items():
+            if other == index:
+                return
+            if flight.begun is None:
+                flight.begun = now
+
+    def _leave(self, index: int) -> None:
+        for future in self.flights.pop(index).futures:
+            future.cancel()
+
+    def _put(self, index: int, result: Result, wanted: int | None = None) -> None:
+        size = 0 if index == wanted else size_of(result)
+        self.ready[index] = result, size
+        self.held += size
+
+    def _end(self) -> None:
+        """Cancel what is under way, and keep what is finished."""
+        for index, flight in self.flights.items():
+            for future in flight.futures:
+                if future.cancel() or not future.done() or future.cancelled() or future.exception() is not None:
+                    continue
+                said = future.result()
+                if said.kind == "done":
+                    with contextlib.suppress(StudyError):  # whatever ended the run is said instead
+                        self.keep(self.pieces[index], said.result, self.laps())
                     break
-                # one that failed ends the run: what is finished beside it is stored first
-                for future in sorted(wait(running, return_when=FIRST_COMPLETED).done, key=_failed):
-                    index = running.pop(future)
-                    ready[index] = keep(pieces[index], future.result(), laps())
-            yield ready.pop(wanted)
-    finally:
-        for future, index in running.items():
-            if not future.cancel() and future.done() and not _failed(future):
-                with contextlib.suppress(StudyError):  # whatever ended the run is said instead
-                    keep(pieces[index], future.result(), laps())
 
 
-def _failed(future: Future[Any]) -> bool:
-    return future.cancelled() or future.exception() is not None
+def size_of(value: object) -> int:
+    """Return the bytes of the arrays in a result, some more for each object, roughly.
+
+    Examples
+    --------
+    >>> size_of({"a": np.zeros(1000)}) // 1000
+    8
+    """
+    if isinstance(value, np.ndarray):
+        return 100 + value.nbytes
+    if isinstance(value, (str, bytes)):
+        return 50 + len(value)
+    if isinstance(value, Mapping):
+        return 200 + sum(map(size_of, value.values()))
+    if isinstance(value, (tuple, list)):
+        return 50 + sum(map(size_of, value))
+    if is_dataclass(value):
+        return 100 + sum(size_of(getattr(value, one.name)) for one in fields(value))
+    return 30

@@ -11,10 +11,11 @@ from typing import Any
 from numpy.typing import NDArray
 
 from uqmbd.dynamics import Model
+from uqmbd.errors import IntegrationError
 from uqmbd.propagation.execution.checkpoint import Checkpoint
-from uqmbd.propagation.execution.chunks import model_of
 from uqmbd.propagation.execution.cost import Clock
 from uqmbd.propagation.execution.in_order import in_order
+from uqmbd.propagation.execution.transport import Packed
 from uqmbd.threads import one_thread
 
 __all__ = ["Arrays", "run_tasks"]
@@ -23,7 +24,8 @@ Arrays = dict[str, NDArray[Any]]
 
 
 def run_tasks(
-    data: bytes,
+    label: str,
+    packed: Packed,
     fingerprint: bytes,
     executor: Executor | None,
     checkpoint: Checkpoint | None,
@@ -43,7 +45,7 @@ def run_tasks(
         return found
 
     def work(piece: tuple[str, tuple[Any, ...]]) -> tuple[Callable[..., Arrays], tuple[Any, ...]]:
-        return _call, (function, data, piece[1])
+        return _call, (function, packed, piece[1])
 
     def keep(piece: tuple[str, tuple[Any, ...]], found: Arrays, seconds: float) -> Arrays:
         if checkpoint is not None:
@@ -51,11 +53,18 @@ def run_tasks(
             clock.done(piece[0])
         return found
 
-    return in_order(list(zip(names, tasks, strict=True)), executor, known, work, keep)
+    def lost(piece: tuple[str, tuple[Any, ...]], reason: str) -> Arrays:
+        number, name = names.index(piece[0]) + 1, f"{function.__module__}.{function.__qualname__}"
+        raise IntegrationError(
+            f"{label}: task {number} of {len(tasks)} of {name} was lost: {reason}. With workers=1 an error shows where "
+            "it happens."
+        )
+
+    return in_order(list(zip(names, tasks, strict=True)), executor, known, work, keep, lost)
 
 
-def _call(function: Callable[..., Arrays], data: bytes, task: tuple[Any, ...]) -> Arrays:
-    model: Model = model_of(data)
+def _call(function: Callable[..., Arrays], packed: Packed, task: tuple[Any, ...]) -> Arrays:
+    model: Model = packed.value()
     with one_thread():
         return function(model, *task)
 

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any, ParamSpec, Self, TypeVar
 from uqmbd.errors import IntegrationError, StudyError
 from uqmbd.propagation.execution.main_script import Script, adopt, main_script, refuse_workers_of_workers, spawning
 from uqmbd.propagation.execution.parent import end_with_parent
+from uqmbd.propagation.execution.transport import Processes
 
 if TYPE_CHECKING:
     from concurrent.futures import ProcessPoolExecutor
@@ -47,13 +48,12 @@ class Staff(Executor):
     def __init__(self, count: int) -> None:
         self._count = count
         self._threads: ThreadPoolExecutor | None = None
-        self._processes: ProcessPoolExecutor | None = None
-        self._event: Any = None
+        self._processes: Processes | None = None
 
     @property
     def started(self) -> bool:
         """Whether any of the processes has started."""
-        return self._event is not None and bool(self._event.is_set())
+        return self._processes is not None and self._processes.started
 
     @property
     def threads(self) -> Executor:
@@ -66,7 +66,7 @@ class Staff(Executor):
     def processes(self) -> Executor:
         """Those who have processes of their own."""
         if self._processes is None:
-            self._processes, self._event = _hired(self._count)
+            self._processes = Processes(self._count, _hired)
         return self._processes
 
     def submit(
@@ -167,15 +167,9 @@ class Crew:
         try:
             yield self._staff
         except BrokenExecutor as error:
-            started = self._staff.started
-            self._dismiss()
-            if started:
-                raise IntegrationError(
-                    "A worker process ended unexpectedly; perhaps it ran out of memory or was killed. "
-                    "Try fewer workers; with workers=1 an error shows where it happens."
-                ) from error
-            raise StudyError(
-                "The worker processes cannot start: what they say is above. With workers=1 this process does the work."
+            raise IntegrationError(
+                "A worker process ended unexpectedly; perhaps it ran out of memory or was killed. "
+                "Try fewer workers; with workers=1 an error shows where it happens."
             ) from error
 
     def _dismiss(self) -> None:
@@ -234,16 +228,16 @@ def pool(workers: int | Executor) -> Iterator[Executor | None]:
         yield executor
 
 
-def _hired(count: int) -> tuple[ProcessPoolExecutor, Any]:
-    """Make a pool of processes, and an event that tells whether any of them has started."""
+def _hired() -> tuple[ProcessPoolExecutor, Any]:
+    """Make a pool of one process, and a shared integer: its number, when it has started."""
     from concurrent.futures import ProcessPoolExecutor
 
     # OpenMP runtimes do not survive a fork; threads on small blocks cost more than they give
     os.environ.setdefault("OMP_NUM_THREADS", "1")
     context = spawning()
-    started = context.Event()
+    started = context.Value("q", 0)
     start = (started, main_script())
-    return ProcessPoolExecutor(count, mp_context=context, initializer=_start, initargs=start), started
+    return ProcessPoolExecutor(1, mp_context=context, initializer=_start, initargs=start), started
 
 
 def _count(workers: object) -> int:
@@ -263,4 +257,4 @@ def _start(started: Any, script: Script | None) -> None:
     end_with_parent()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     adopt(script)
-    started.set()
+    started.value = os.getpid()

@@ -39,10 +39,11 @@ class Recorder(Executor):
         except Exception as error:  # noqa: BLE001 - handed to whoever waits for the result
             future.set_exception(error)
             return future
-        status = getattr(found, "status", ())
+        computed = getattr(found, "result", found)  # of an answer that says who has computed it
+        status = getattr(computed, "status", ())
         self.chunks += 1
         self.realisations += len(status)
-        self.reasons += [m for m, s in zip(getattr(found, "messages", ()), status, strict=True) if s]
+        self.reasons += [m for m, s in zip(getattr(computed, "messages", ()), status, strict=True) if s]
         future.set_result(pickle.loads(pickle.dumps(found)))  # noqa: S301
         return future
 

@@ -1,0 +1,24 @@
+"""How calls travel to workers, of whatever executor, and what comes back."""
+
+from __future__ import annotations
+
+from uqmbd.propagation.execution.transport.calls import Answer
+from uqmbd.propagation.execution.transport.identity import Worker, machine_type, versions
+from uqmbd.propagation.execution.transport.packed import Packed
+from uqmbd.propagation.execution.transport.processes import Processes, WorkerDied
+from uqmbd.propagation.execution.transport.routes import Route, death, route_to
+from uqmbd.propagation.execution.transport.seen import Seen
+
+__all__ = [
+    "Answer",
+    "Packed",
+    "Processes",
+    "Route",
+    "Seen",
+    "Worker",
+    "WorkerDied",
+    "death",
+    "machine_type",
+    "route_to",
+    "versions",
+]

@@ -1,0 +1,128 @@
+"""How a call reaches the workers of an executor: what is sent of packed objects, and how a death is told."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import BrokenExecutor, Executor, Future, ThreadPoolExecutor
+from dataclasses import dataclass, field
+from itertools import count
+from typing import Any, Protocol
+
+from uqmbd.propagation.execution.transport.calls import Answer, answer
+from uqmbd.propagation.execution.transport.identity import versions
+from uqmbd.propagation.execution.transport.packed import Packed
+from uqmbd.propagation.execution.transport.processes import Processes
+
+__all__ = ["Route", "death", "route_to"]
+
+
+class Route(Protocol):
+    """The way to some workers."""
+
+    @property
+    def names_the_dead(self) -> bool:
+        """Whether a death is told of that piece alone which the worker was doing; else of others, too."""
+
+    @property
+    def apart(self) -> bool:
+        """Whether one worker may be slow, or stop, while others go on."""
+
+    def send(self, function: Callable[..., Any], arguments: tuple[Any, ...], *, whole: bool) -> Future[Answer]:
+        """Send a call, with packed arguments themselves (`whole`), or with what is usual."""
+
+    def renew(self) -> None:
+        """Forget what workers hold: some may have died with it."""
+
+
+@dataclass(frozen=True)
+class _Direct:
+    """Threads, and processes that are told themselves what each of them has: nothing is done to arguments here."""
+
+    executor: Executor
+    apart: bool
+    names_the_dead: bool = True
+
+    def send(self, function: Callable[..., Any], arguments: tuple[Any, ...], *, whole: bool) -> Future[Answer]:
+        return self.executor.submit(answer, versions(), function, *arguments)
+
+    def renew(self) -> None:
+        pass
+
+
+@dataclass(frozen=True)
+class _Asking:
+    """Anybody: the hash is sent, and the bytes go to those who ask."""
+
+    executor: Executor
+    names_the_dead: bool = False
+    apart: bool = True
+
+    def send(self, function: Callable[..., Any], arguments: tuple[Any, ...], *, whole: bool) -> Future[Answer]:
+        sent = [_shown(x) if isinstance(x, Packed) and not whole else x for x in arguments]
+        return self.executor.submit(answer, versions(), function, *sent)
+
+    def renew(self) -> None:
+        pass
+
+
+def _shown(packed: Packed) -> Packed:
+    """Return a hash; workers that share this process, though the executor does not say so, find the object itself."""
+    packed.value()
+    return packed.ticket
+
+
+@dataclass(frozen=True)
+class _Dask:
+    """The workers of a Dask cluster, which hand packed objects on to each other when they ask.
+
+    They are results of tasks, and not scattered: those that are lost with a worker are made again by the scheduler.
+    """
+
+    executor: Executor
+    client: Any
+    held: dict[str, Any] = field(default_factory=dict)
+    generation: Any = field(default_factory=count)
+    names_the_dead: bool = False
+    apart: bool = True
+
+    def send(self, function: Callable[..., Any], arguments: tuple[Any, ...], *, whole: bool) -> Future[Answer]:
+        sent = [(self._held(x) if whole else x.ticket) if isinstance(x, Packed) else x for x in arguments]
+        more: Any = {"pure": False}  # the same call once more is another task
+        return self.executor.submit(answer, versions(), function, *sent, **more)
+
+    def renew(self) -> None:
+        self.held.clear()
+
+    def _held(self, packed: Packed) -> Any:
+        if packed.digest not in self.held:
+            key = f"uqmbd-packed-{packed.digest}-{next(self.generation)}"
+            self.held[packed.digest] = self.client.submit(_same, packed, key=key)
+        return self.held[packed.digest]
+
+
+def _same(packed: Packed) -> Packed:
+    return packed
+
+
+def route_to(executor: Executor) -> Route:
+    """Return the way to the workers of an executor."""
+    if isinstance(executor, (ThreadPoolExecutor, Processes)):
+        return _Direct(executor, apart=isinstance(executor, Processes))
+    client = getattr(executor, "_client", None)
+    if type(executor).__module__.partition(".")[0] == "distributed" and client is not None:
+        return _Dask(executor, client)
+    return _Asking(executor)
+
+
+def death(error: BaseException) -> str:
+    """Say what an error tells of the death of a worker; empty if it tells something else.
+
+    Examples
+    --------
+    >>> death(BrokenExecutor("a process has ended")), death(ValueError("no"))
+    ('a process has ended', '')
+    """
+    dask = type(error).__module__.startswith("distributed.") and type(error).__name__ == "KilledWorker"
+    if not dask and not isinstance(error, BrokenExecutor):
+        return ""
+    return str(error) or type(error).__name__
