@@ -137,6 +137,7 @@ def _replace(child: str, change: Callable[[xr.Dataset], xr.Dataset]) -> Callable
         (_set("statistics/variance", 9.0, (0, 0)), "differs from std"),
         (_set("statistics/kurtosis", 0.0, (0, 9)), "not the excess"),
         (_set("statistics/quantile", 9e9, (0, 0, 0)), "falls with the probability"),
+        (_set("statistics/largest", -9e9, (0, 0)), "/statistics/quantile: found a quantile that is beyond the samples"),
         (_set("samples/response", 1.0, (0, 0, 0)), "/samples/response: found a number in a failed sample at sample 0"),
         (_set("samples/response", np.inf, (5, 0, 0)), "not finite in a sample of status 0 at sample 5"),
         (_set("samples/status", 55, (5,)), "'flag_values' does not list at sample 5"),

@@ -5,7 +5,9 @@ A result is an :class:`xarray.DataTree` with one node per propagator, named by i
     /                          attrs: schema_version, study, mechanism, rtol, integrator, created, uqmbd_version, ...
     |-- monte-carlo            attrs: propagator, label, options, seed, wall_time, realisations, failures, ...
     |   |-- statistics         mean, std, variance, skewness, kurtosis (output, time),
-    |   |                      quantile (probability, output, time); where an output is an angle
+    |   |                      quantile (probability, output, time); of samples smallest, largest (output, time),
+    |   |                      and quantile_error (probability, output, time) where quantiles are not those of all
+    |   |                      samples exactly; where an output is an angle
     |   |                      circular_mean, circular_std (output, time);
     |   |                      integration_error (output, time), NaN where it is not known
     |   `-- samples            response (sample, output, time), inputs (sample, input), status, message (sample)
@@ -59,6 +61,9 @@ _LONG_NAMES = {
     "skewness": "skewness",
     "kurtosis": "kurtosis",
     "quantile": "quantile",
+    "quantile_error": "bound on the error of the quantile",
+    "smallest": "smallest sample",
+    "largest": "largest sample",
     "std_error_mean": "standard error of the mean",
     "std_error_std": "standard error of the standard deviation",
     "circular_mean": "circular mean",
@@ -72,6 +77,7 @@ _COMMENTS = {
     "skewness": "third standardised moment; 0 where the output does not vary",
     "kurtosis": "fourth standardised moment, not the excess: 3 for a normal; 3 where the output does not vary",
     "quantile": "NaN where the method cannot tell",
+    "quantile_error": "how far the quantile of all samples may be from that which is stated; certain",
     "circular_mean": "mean direction, within half a turn of 0; NaN where directions cancel and for what is no angle",
     "circular_std": "sqrt(-2 ln R), R the length of the mean direction; of n samples at most some sqrt(ln n) radians",
 }
@@ -209,10 +215,13 @@ def statistics_dataset(
     skewness: ArrayLike | None = None,
     kurtosis: ArrayLike | None = None,
     quantile: ArrayLike | None = None,
+    quantile_error: ArrayLike | None = None,
     probability: ArrayLike | None = None,
     variance: ArrayLike | None = None,
     std_error_mean: ArrayLike | None = None,
     std_error_std: ArrayLike | None = None,
+    smallest: ArrayLike | None = None,
+    largest: ArrayLike | None = None,
     sobol_first: ArrayLike | None = None,
     sobol_total: ArrayLike | None = None,
     circular_mean: ArrayLike | None = None,
@@ -230,12 +239,16 @@ def statistics_dataset(
         Standardised moments; the kurtosis is not the excess (3 for a normal distribution). Default: NaN, unknown.
     quantile : array_like, shape (P, O, T), optional
         Default: NaN at the default probabilities.
+    quantile_error : array_like, shape (P, O, T), optional
+        How far the quantiles of all samples may be from those that are given. Default: not at all.
     probability : array_like, shape (P,), optional
         Of the quantiles, increasing, between 0 and 1.
     variance : array_like, shape (O, T), optional
         Default: ``std**2``.
     std_error_mean, std_error_std : array_like, shape (O, T), optional
         Standard errors of mean and standard deviation, where the method can tell.
+    smallest, largest : array_like, shape (O, T), optional
+        Of the samples, where the method has some.
     sobol_first, sobol_total : array_like, shape (I, O, T), optional
         Sobol' indices of each input.
     circular_mean, circular_std : array_like, shape (O, T), optional
@@ -268,6 +281,8 @@ def statistics_dataset(
         "kurtosis": unknown if kurtosis is None else kurtosis,
         "std_error_mean": std_error_mean,
         "std_error_std": std_error_std,
+        "smallest": smallest,
+        "largest": largest,
         "circular_mean": circular_mean,
         "circular_std": circular_std,
     }
@@ -277,6 +292,7 @@ def statistics_dataset(
     table: list[tuple[str, ArrayLike | None, tuple[str, ...], tuple[int, ...]]] = [
         *given,
         ("quantile", quantiles, ("probability",), (len(levels),)),
+        ("quantile_error", quantile_error, ("probability",), (len(levels),)),
         *((name, value, ("input",), (len(labels.inputs),)) for name, value in by_input.items()),
     ]
     variables = {}

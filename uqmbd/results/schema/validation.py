@@ -19,6 +19,7 @@ __all__ = ["validate"]
 _OVER_TIME = ("output", "time")
 _PLAIN = ("mean", "std", "variance", "skewness", "kurtosis")
 _OPTIONAL = ("std_error_mean", "std_error_std", "variance_reduction", "variance_reduction_std")
+_EXTREMES = ("smallest", "largest")
 _CIRCULAR = ("circular_mean", "circular_std")
 _MAYBE_UNKNOWN = ("circular_std", "integration_error")
 _BY_INPUT = ("sobol_first", "sobol_total")
@@ -206,8 +207,9 @@ def _values(node: xr.DataTree, name: str, bad: xr.DataArray, found: str, expecte
 def _validate_statistics(node: xr.DataTree, end: float) -> None:
     for name in _PLAIN:
         _dims(node, name, _OVER_TIME)
-    _dims(node, "quantile", ("probability", *_OVER_TIME))
-    for name in (n for n in (*_OPTIONAL, *_CIRCULAR, "integration_error") if n in node.data_vars):
+    for name in (n for n in ("quantile", "quantile_error") if n == "quantile" or n in node.data_vars):
+        _dims(node, name, ("probability", *_OVER_TIME))
+    for name in (n for n in (*_OPTIONAL, *_EXTREMES, *_CIRCULAR, "integration_error") if n in node.data_vars):
         _dims(node, name, _OVER_TIME)
     for name in (n for n in _BY_INPUT if n in node.data_vars):
         _dims(node, name, ("input", *_OVER_TIME))
@@ -233,12 +235,18 @@ def _validate_statistics(node: xr.DataTree, end: float) -> None:
         _values(node, name, _not_finite(data[name]), "a value that is not finite", "a number: failures must not enter")
         if name != "mean":
             _values(node, name, data[name] < 0, "a negative value", "none")
+    if "quantile_error" in data:
+        _values(node, "quantile_error", ~(data["quantile_error"] >= 0), "a bound that is not a number from 0 on", "one")
     for name in (n for n in _MAYBE_UNKNOWN if n in data):
         _values(node, name, data[name] < 0, "a negative value", "none")
     off = abs(data["variance"] - data["std"] ** 2) > 1e-6 * data["variance"] + np.finfo(float).tiny
     _values(node, "variance", off, "a value that differs from std**2", "the square of 'std'")
     falls = data["quantile"].diff("probability") < -1e-9 * abs(data["quantile"]).max("probability")
     _values(node, "quantile", falls, "a quantile that falls with the probability", "none")
+    if set(_EXTREMES) <= set(data):
+        off = ~((data["smallest"] <= data["quantile"]) & (data["quantile"] <= data["largest"]))
+        known = data["quantile"].notnull()
+        _values(node, "quantile", off & known, "a quantile that is beyond the samples", "none")
     expected = "the fourth standardised moment (3 for a normal), not the excess"
     _values(node, "kurtosis", data["kurtosis"] < 1 - 1e-9, "a value below 1", expected)
 

@@ -11,6 +11,7 @@ from uqmbd.results.statistics.circular import (
 )
 from uqmbd.results.statistics.directions import mean_direction, mean_rotation, rotation_std
 from uqmbd.results.statistics.moments import Moments
+from uqmbd.results.statistics.quantiles import Chunk, CountedQuantiles, quantiles_of_chunks
 from uqmbd.results.statistics.replicates import replicate_errors, studentised
 from uqmbd.results.statistics.samples import (
     replicate_statistics,
@@ -22,6 +23,8 @@ from uqmbd.results.statistics.scaling import divisor, over_time, relative
 from uqmbd.results.statistics.spread import integration_error, rtol_of, settled, varies, varying
 
 __all__ = [
+    "Chunk",
+    "CountedQuantiles",
     "Moments",
     "circular_mean",
     "circular_of_blocks",
@@ -32,6 +35,7 @@ __all__ = [
     "mean_direction",
     "mean_rotation",
     "over_time",
+    "quantiles_of_chunks",
     "relative",
     "replicate_errors",
     "replicate_statistics",

@@ -15,6 +15,7 @@ from uqmbd.errors import StudyError
 from uqmbd.results.schema import DEFAULT_PROBABILITIES, InputInfo, Labels, output_infos, statistics_dataset
 from uqmbd.results.statistics.circular import circular_of_samples
 from uqmbd.results.statistics.moments import Moments, error_of_std
+from uqmbd.results.statistics.quantiles import NOT_FINITE, interpolated, levels_of, ranks_of
 from uqmbd.results.statistics.replicates import replicate_errors
 from uqmbd.results.statistics.scaling import divisor
 from uqmbd.status import Status
@@ -61,8 +62,9 @@ def sample_statistics(
     -------
     dict of str to numpy.ndarray
         ``mean``, ``std``, ``variance`` (unbiased), ``skewness`` and ``kurtosis`` (of the sample; not the excess: 3 for
-        a normal distribution), ``std_error_mean``, ``std_error_std``, each of shape (...), ``quantile`` of shape
-        (P, ...) by linear interpolation, and ``probability`` (P,). Made for ``statistics_dataset(labels, **it)``.
+        a normal distribution), ``std_error_mean``, ``std_error_std``, ``smallest`` and ``largest``, each of shape
+        (...), ``quantile`` of shape (P, ...) by linear interpolation, and ``probability`` (P,). Made for
+        ``statistics_dataset(labels, **it)``.
         Where all samples agree (to rounding) the skewness is 0 and the kurtosis 3.
 
     Raises
@@ -89,9 +91,7 @@ def sample_statistics(
             raise StudyError(f"'status' must hold one number for each of the {len(samples)} samples; found {ok.shape}.")
         # Copies only if something failed: a large response is held once.
         samples = samples if ok.all() else samples[ok]
-    levels = np.array(probabilities, dtype=float)
-    if levels.ndim != 1 or np.any(levels < 0) or np.any(levels > 1) or np.any(np.diff(levels) <= 0) or not levels.size:
-        raise StudyError(f"Probabilities must increase between 0 and 1; {list(probabilities)} was given.")
+    levels = levels_of(probabilities)
     n = len(samples)
     if n < 2:
         raise StudyError(
@@ -118,14 +118,10 @@ def _block_statistics(block: NDArray[np.float64], levels: NDArray[np.float64]) -
     # One row per column: contiguous sorting gives quantiles, extremes and the median (an exact shift) at once.
     x = np.sort(np.ascontiguousarray(block.T), axis=1)
     if not (np.all(np.isfinite(x[:, 0])) and np.all(np.isfinite(x[:, -1]))):
-        raise StudyError(
-            "A sample that counts as successful holds a NaN or an infinity; give it a status other than 0."
-        )
-    position = levels * (n - 1)
-    below = np.minimum(position.astype(int), n - 2)
-    part, step = position - below, x[:, below + 1] - x[:, below]
-    # From the nearer end, so that the extremes are met exactly.
-    quantile = np.where(part < 0.5, x[:, below] + part * step, x[:, below + 1] - (1 - part) * step)
+        raise StudyError(NOT_FINITE)
+    below, part = ranks_of(levels, n)
+    quantile = interpolated(x[:, below].T, x[:, below + 1].T, part)
+    smallest, largest = x[:, 0].copy(), x[:, -1].copy()
 
     reach = np.maximum(np.abs(x[:, 0]), np.abs(x[:, -1]))
     spread = x[:, -1] - x[:, 0]
@@ -153,7 +149,9 @@ def _block_statistics(block: NDArray[np.float64], levels: NDArray[np.float64]) -
         "kurtosis": np.where(shapeless, 3.0, m4 / safe**2),
         "std_error_mean": unit * std / np.sqrt(n),
         "std_error_std": error_of_std(variance, m4, n, unit),
-        "quantile": quantile.T,
+        "quantile": quantile,
+        "smallest": smallest,
+        "largest": largest,
     }
 
 
