@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import uqmbd
+from uqmbd_montecarlo.lowfidelity import LowFidelity
 from uqmbd_montecarlo.propagator import MonteCarlo
 
-__all__ = ["MonteCarlo"]
+__all__ = ["LowFidelity", "MonteCarlo"]
 
 
 @uqmbd.hookimpl

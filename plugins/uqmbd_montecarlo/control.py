@@ -1,9 +1,9 @@
-"""Control variates: mean and variance of samples, with the help of a surrogate whose moments are known exactly."""
+"""Control variates: mean and variance of samples, with a surrogate whose moments are known, or a cheaper model."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from uqmbd.typing import Array
 from uqmbd_montecarlo.jointmoments import JointMoments
 
-__all__ = ["FOLDS", "LEAST_SAMPLES", "Controlled", "controlled_statistics", "fold_of", "variables"]
+__all__ = ["FOLDS", "LEAST_SAMPLES", "Controlled", "controlled_statistics", "controls", "fold_of", "variables"]
 
 
 FOLDS = 10
@@ -88,7 +88,12 @@ def variables(response: Array, surrogate: Array, fine: NDArray[np.bool_]) -> Arr
     return found
 
 
-def controlled_statistics(folds: Sequence[JointMoments]) -> Controlled:
+def controls(surrogate: Array) -> Array:
+    """Return what is gathered of realisations of the surrogate alone, shape (S, 2, C), from those of `variables`."""
+    return np.stack([surrogate, surrogate**2 - 1.0], axis=1)
+
+
+def controlled_statistics(folds: Sequence[JointMoments], further: JointMoments | None = None) -> Controlled:
     r"""Estimate mean and variance with a surrogate as control variate, cross-fitted.
 
     The mean of fold k is :math:`\bar u_k - b_k \bar z_k`, whose factor :math:`b_k` is the regression coefficient of the
@@ -100,6 +105,11 @@ def controlled_statistics(folds: Sequence[JointMoments]) -> Controlled:
     The errors of the variance come from fourth powers: with heavy tails they are too small as often as those of plain
     samples, and more often where the surrogate is good everywhere but in the tails.
 
+    Where the expectations of the controls are not known, their means over `further` realisations of the surrogate alone
+    take their place: approximate control variates [3]_, two levels of multifidelity Monte Carlo [4]_.  With n samples
+    and N further realisations the best factors are those above times N / (n + N), and the variance of the means that
+    take the expectations' place is added to that of the estimate.
+
     Where samples failed, responses and successes are estimated alike, and divided: the statistics are those of the
     inputs that do not fail, as without a control, though the surrogate's expectation is known over all inputs only.
 
@@ -107,6 +117,9 @@ def controlled_statistics(folds: Sequence[JointMoments]) -> Controlled:
     ----------
     folds : sequence of JointMoments
         Of `variables`; one that is empty is passed over.
+    further : JointMoments, optional
+        Of `controls`, of two realisations at least that are independent of the samples.  By default the expectations
+        of the controls are zero.
 
     Returns
     -------
@@ -116,6 +129,9 @@ def controlled_statistics(folds: Sequence[JointMoments]) -> Controlled:
     ----------
     .. [1] A. N. Avramidis and J. R. Wilson, Operations Research 41 (1993) 535-549 (splitting).
     .. [2] P. Glasserman, Monte Carlo Methods in Financial Engineering, Springer, 2003, section 4.1.
+    .. [3] A. A. Gorodetsky, G. Geraci, M. S. Eldred and J. D. Jakeman, Journal of Computational Physics 408 (2020)
+       109257.
+    .. [4] B. Peherstorfer, K. Willcox and M. Gunzburger, SIAM Journal on Scientific Computing 38 (2016) A3163-A3194.
 
     Examples
     --------
@@ -129,9 +145,9 @@ def controlled_statistics(folds: Sequence[JointMoments]) -> Controlled:
     """
     used = [fold for fold in folds if fold.count]
     others = _others(used)
-    plain = _moments(*_estimate(used, others, _ALL_TARGETS, ()))
-    both = _moments(*_estimate(used, others, _ALL_TARGETS, (_Z1, _Z2)))
-    (response, success), covariance = _estimate(used, others, _MEAN_TARGETS, (_Z1,))
+    plain = _moments(*_estimate(used, others, _ALL_TARGETS, (), None))
+    both = _moments(*_estimate(used, others, _ALL_TARGETS, (_Z1, _Z2), further))
+    (response, success), covariance = _estimate(used, others, _MEAN_TARGETS, (_Z1,), further)
     mean = response / success
     of_mean = _quadratic(np.stack([1 / success, -mean / success]), covariance)
     return Controlled(
@@ -155,30 +171,52 @@ def _moments(values: Array, covariance: Array) -> tuple[Array, Array, Array, Arr
 
 
 def _estimate(
-    folds: Sequence[JointMoments], others: Sequence[JointMoments], targets: tuple[int, ...], controls: tuple[int, ...]
+    folds: Sequence[JointMoments],
+    others: Sequence[JointMoments],
+    targets: tuple[int, ...],
+    controls: tuple[int, ...],
+    further: JointMoments | None,
 ) -> tuple[Array, Array]:
     """Estimate expectations of targets (N, C) with controls, and the covariance (N, N, C) of these estimates."""
     count = sum(fold.count for fold in folds)
+    weight = 1.0 if further is None else further.count / (count + further.count)
     total: JointMoments | None = None
+    factors = np.zeros((len(targets), 2, folds[0].mean.shape[1]))
     for fold, rest in zip(folds, others, strict=True):
-        residual = fold.transformed(_residual(rest, targets, controls))
+        matrix, taken = _residual(rest, targets, controls, weight)
+        residual = fold.transformed(matrix)
+        if further is not None:
+            expected = np.einsum("nvc,vc->nc", taken, further.mean)
+            residual = replace(residual, mean=residual.mean + expected)
+            factors += taken * (fold.count / count)
         total = residual if total is None else total.merge(residual)
     if total is None:
         raise ValueError("no samples")
-    return total.mean, total.products / (count * (count - 1))
+    covariance = total.products / (count * (count - 1))
+    if further is not None:
+        covariance += further.transformed(factors).products / (further.count * (further.count - 1))
+    return total.mean, covariance
 
 
-def _residual(fitted_to: JointMoments, targets: tuple[int, ...], controls: tuple[int, ...]) -> Array:
-    """Make the matrix (N, 5, C) that takes `variables` to targets less their regression on the controls."""
-    matrix = np.zeros((len(targets), 5, fitted_to.mean.shape[1]))
-    for row, target in zip(matrix, targets, strict=True):
+def _residual(
+    fitted_to: JointMoments, targets: tuple[int, ...], controls: tuple[int, ...], weight: float
+) -> tuple[Array, Array]:
+    """Make the matrix (N, 5, C) that takes `variables` to targets less their regression on the controls, weighted.
+
+    Also the factors (N, 2, C) of both controls that are taken off.
+    """
+    columns = fitted_to.mean.shape[1]
+    matrix, taken = np.zeros((len(targets), 5, columns)), np.zeros((len(targets), 2, columns))
+    for row, off, target in zip(matrix, taken, targets, strict=True):
         row[target] = 1.0
-        # a response is what the surrogate leaves of it, and the surrogate: the regression replaces that
-        for control in {_D: (_Z1,), _W: (_Z2,), _I: ()}[target]:
-            row[control] = float(control not in controls)
+        # a response is what the surrogate leaves of it, and the surrogate: its factor in the response is one more
+        own = {_D: (_Z1,), _W: (_Z2,), _I: ()}[target]
+        for control in own:
+            row[control] = 1.0 if control not in controls else 1.0 - weight
         for control, factor in zip(controls, _regression(fitted_to.products, target, controls), strict=True):
-            row[control] -= factor
-    return matrix
+            row[control] -= weight * factor
+            off[control - _Z1] = weight * (factor + float(control in own))
+    return matrix, taken
 
 
 def _regression(products: Array, target: int, controls: tuple[int, ...]) -> list[Array]:

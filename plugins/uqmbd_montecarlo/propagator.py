@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections import Counter
+from contextlib import closing, nullcontext
 from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar
 
@@ -13,11 +14,14 @@ import xarray as xr
 import uqmbd
 from uqmbd.results import PolynomialChaos, Violations, replicate_errors, sample_dataset, statistics_of_samples
 from uqmbd_montecarlo.control import FOLDS, LEAST_SAMPLES
+from uqmbd_montecarlo.controlledsums import ControlledSums
+from uqmbd_montecarlo.gain import of_study, of_surrogate
 from uqmbd_montecarlo.gathering import Gathered, gather
+from uqmbd_montecarlo.lowfidelity import LowFidelity, PairedControl, mismatch
 from uqmbd_montecarlo.pickfreeze import obstacle_of
 from uqmbd_montecarlo.replicates import replicate_sizes, uniform_samples
 from uqmbd_montecarlo.sensitivity import SobolRun, run_sobol
-from uqmbd_montecarlo.surrogate import ControlledSums, Surrogate, surrogate_of
+from uqmbd_montecarlo.surrogate import ChaosControl, Surrogate, surrogate_of
 
 __all__ = ["MonteCarlo"]
 
@@ -44,11 +48,12 @@ class MonteCarlo(uqmbd.Propagator):
         Samples that are kept in the results.  Where there are more, moments are gathered while they come, quantiles
         are those of the kept ones, and all samples go to ``LABEL-samples.nc`` in the folder of the run: the memory
         needed does not grow with the number of samples.
-    control : uqmbd.Propagator or uqmbd.results.PolynomialChaos, optional
+    control : uqmbd.Propagator, uqmbd.results.PolynomialChaos, LowFidelity or uqmbd.Study, optional
         A surrogate as control variate, which makes mean and standard deviation more certain: a method that gives a
         polynomial chaos, as ``Collocation(order=3)``, which is run first, on realisations of its own; or a chaos that
-        is there already.  For random sampling and 50 samples at least.  The estimates stay unbiased however
-        poor the surrogate is, for its factors are cross-fitted in ten parts of the samples; see
+        is there already; or a cheaper study (`LowFidelity`; a study alone is ``LowFidelity(study)``), which is computed
+        at the samples, and as often besides as pays.  For random sampling and 50 samples at least.  The estimates stay
+        unbiased however poor the control is, for its factors are cross-fitted in ten parts of the samples; see
         `uqmbd_montecarlo.control`.  Where samples fail, the statistics are those of the inputs that do not.  The
         other statistics (skewness, kurtosis, quantiles) are those of the samples.
     sobol_indices : bool
@@ -62,7 +67,7 @@ class MonteCarlo(uqmbd.Propagator):
     Warns
     -----
     UserWarning
-        In a run, if realisations fail: how many, and the most frequent reason.
+        In a run, if realisations fail: how many, and the most frequent reason; if a control does not pay.
 
     Raises
     ------
@@ -83,13 +88,15 @@ class MonteCarlo(uqmbd.Propagator):
     replicates: Annotated[int, uqmbd.Bounds(2)] = 16
     max_failures: Annotated[float, uqmbd.Bounds(0, 1)] = 0.5
     keep: Annotated[int, uqmbd.Bounds(2)] = 20_000
-    control: uqmbd.Propagator | PolynomialChaos | None = None
+    control: uqmbd.Propagator | PolynomialChaos | LowFidelity | uqmbd.Study | None = None
     sobol_indices: bool = False
 
     def __post_init__(self) -> None:
         super().__post_init__()
         independent = uqmbd.sampling_design(self.sampling, "MonteCarlo: sampling").independent
         replicate_sizes(self.sampling, self.samples, self.replicates)
+        if isinstance(self.control, uqmbd.Study):
+            object.__setattr__(self, "control", LowFidelity(self.control))
         self._check_control()
         if self.sobol_indices and (self.samples % 2 or self.samples < 4):
             raise uqmbd.StudyError(
@@ -106,16 +113,18 @@ class MonteCarlo(uqmbd.Propagator):
     def _check_control(self) -> None:
         if self.control is None:
             return
-        if not isinstance(self.control, (uqmbd.Propagator, PolynomialChaos)):
+        if not isinstance(self.control, (uqmbd.Propagator, PolynomialChaos, LowFidelity)):
             raise uqmbd.StudyError(
                 f"MonteCarlo: control is {self.control!r}; expected a propagator that gives a polynomial chaos, e.g. "
-                "Collocation(order=3), or a uqmbd.results.PolynomialChaos."
+                "Collocation(order=3), a uqmbd.results.PolynomialChaos, or a cheaper study, e.g. LowFidelity(study)."
             )
         if self.samples < LEAST_SAMPLES:
             raise uqmbd.StudyError(
                 f"MonteCarlo: samples is {self.samples}; a control needs {LEAST_SAMPLES} at least, for its factors are "
                 f"fitted to {FOLDS} parts of them."
             )
+        if isinstance(self.control, LowFidelity):
+            self.control.check_samples(self.samples)
 
     def estimate(self, study: uqmbd.Study) -> uqmbd.Estimate:
         """Count realisations, and the memory of the samples that are kept."""
@@ -127,6 +136,11 @@ class MonteCarlo(uqmbd.Propagator):
             kept = total
         # the samples, and what is sorted for their quantiles
         found = uqmbd.Estimate(total, 8 * kept * (3 * values + inputs), f"{kept} samples that are kept")
+        if isinstance(self.control, LowFidelity):
+            # how many pay is known from the samples
+            total += self.control.samples or self.samples
+            detail = f"{found.detail}; {self.control!r} counts as well, at the samples at least"
+            return uqmbd.Estimate(total, found.memory, detail)
         control = self.control.estimate(study) if isinstance(self.control, uqmbd.Propagator) else None
         if control is None:
             return found
@@ -140,6 +154,13 @@ class MonteCarlo(uqmbd.Propagator):
             return reason
         if isinstance(self.control, uqmbd.Propagator) and (found := self.control.obstacle(study)):
             return f"its control {self.control.name!r}: {found}"
+        if isinstance(self.control, LowFidelity):
+            mechanism, times = study.mechanism, study.times
+            if not (names := (*mechanism.outputs, *mechanism.scalars)):
+                return "a study controls outputs, and there are none besides requirements"
+            units = {variable.name: variable.units for variable in inputs.variables}
+            if found := mismatch(self.control.study, units, names, times):
+                return found
         return obstacle_of(inputs) if self.sobol_indices else None
 
     def propagate(self, problem: uqmbd.Problem) -> xr.DataTree:
@@ -147,12 +168,19 @@ class MonteCarlo(uqmbd.Propagator):
         self._check_problem(problem)
         sizes = replicate_sizes(self.sampling, self.samples, self.replicates)
         uniform = uniform_samples(self.sampling, sizes, len(problem.inputs), self.seed)
-        # a chaos of outputs over time says nothing of those without
-        silent = problem.timeless and isinstance(self.control, PolynomialChaos)
-        surrogate = None if self.control is None or silent else surrogate_of(self.control, problem)
-        sums = None if surrogate is None else ControlledSums(surrogate.chaos, uniform)
         values = problem.inputs.from_uniform(uniform)
-        found = gather(problem, values, sizes, self.keep, None if sums is None else sums.add)
+        surrogate = paired = sums = None
+        if isinstance(self.control, LowFidelity):
+            paired = PairedControl(self.control, self, problem, values)
+            sums = ControlledSums(paired, self.samples)
+        elif isinstance(self.control, uqmbd.Propagator) or (
+            isinstance(self.control, PolynomialChaos) and not problem.timeless
+        ):
+            # a chaos of outputs over time says nothing of those without
+            surrogate = surrogate_of(self.control, problem)
+            sums = ControlledSums(ChaosControl(surrogate.chaos, uniform), self.samples)
+        with nullcontext() if paired is None else closing(paired):
+            found = gather(problem, values, sizes, self.keep, None if sums is None else sums.add)
         few = min(found.count, int(np.count_nonzero(found.kept.good))) < 2
         if few or found.failures > self.max_failures * self.samples:
             raise uqmbd.IntegrationError(
@@ -165,8 +193,17 @@ class MonteCarlo(uqmbd.Propagator):
             kept.response, kept.values, problem.labels, status=kept.status, messages=kept.messages, copy=False
         )
         statistics = self._statistics(problem, samples, found)
-        if sums is not None:
+        attrs: dict[str, Any] = {}
+        if sums is not None and surrogate is not None:
             statistics = sums.apply(statistics)
+            attrs = of_surrogate(statistics, surrogate)
+        if sums is not None and paired is not None:
+            left = sums.left()
+            if count := paired.control.further(self.samples, left):
+                # the samples are of the first child of this seed, and Sobol' indices of the second
+                seed = np.random.SeedSequence(self.seed, spawn_key=(2,))
+                statistics = sums.apply(statistics, paired.further(count, seed))
+            attrs = of_study(statistics, paired, problem, self.samples, left, found.wall_time)
         if found.failures:
             warnings.warn(
                 f"{problem.label}: {found.failures} of {self.samples} realisations failed; the statistics are those of "
@@ -183,7 +220,7 @@ class MonteCarlo(uqmbd.Propagator):
             )
         if sobol is not None:
             statistics = statistics.merge(sobol.variables, compat="equals", join="exact")
-        return self._node(problem, statistics, samples, found, surrogate, sobol)
+        return self._node(problem, statistics, samples, found, surrogate, paired, sobol, attrs)
 
     def _check_problem(self, problem: uqmbd.Problem) -> None:
         problem.require_random()
@@ -218,18 +255,21 @@ class MonteCarlo(uqmbd.Propagator):
         samples: xr.Dataset,
         found: Gathered,
         surrogate: Surrogate | None,
+        paired: PairedControl | None,
         sobol: SobolRun | None,
+        attrs: dict[str, Any],
     ) -> xr.DataTree:
-        attrs: dict[str, Any] = {}
         realisations, failures, wall_time = self.samples, found.failures, found.wall_time
         counters = Counter(found.counters)
         if surrogate is not None:
-            attrs |= {"control_realisations": surrogate.realisations, "control_failures": surrogate.failures}
-            attrs["control_summary"] = _gain(statistics, surrogate)
             realisations += surrogate.realisations
             failures += surrogate.failures
             wall_time += surrogate.wall_time
             counters.update(surrogate.counters)
+        if paired is not None:
+            # its realisations are none of this mechanism
+            wall_time += paired.alone
+            counters.update(paired.counters)
         if sobol is not None:
             attrs |= {"sobol_rows": sobol.rows, "sobol_rows_dropped": sobol.dropped, "sobol_summary": sobol.words}
             realisations += len(sobol.mixed.status)
@@ -257,21 +297,3 @@ class MonteCarlo(uqmbd.Propagator):
             children=children,
             attrs=attrs,
         )
-
-
-def _gain(statistics: xr.Dataset, surrogate: Surrogate) -> str:
-    """Say in words what the control brought."""
-    varies = (statistics["variance_reduction"] != 1.0).values
-    parts = []
-    for name, words in (("variance_reduction", "mean"), ("variance_reduction_std", "standard deviation")):
-        values = np.where(varies, statistics[name].values, np.nan)
-        if not varies.any():
-            return "no output varies: nothing to control"
-        worst = np.unravel_index(int(np.nanargmin(values)), values.shape)
-        where = f"{statistics['output'].values[worst[0]]} at {statistics['time'].values[worst[1]]:g} s"
-        parts.append(
-            f"variance of the {words} divided by {np.nanmedian(values):.3g} (median over outputs and times; least "
-            f"{values[worst]:.3g}, of {where})"
-        )
-    cost = f"{surrogate.realisations} realisations for the surrogate" if surrogate.realisations else "a given surrogate"
-    return f"control variate with {cost}: {', '.join(parts)}"

@@ -20,8 +20,9 @@ from uqmbd.results import PolynomialChaos, labels, project, propagator_nodes, sa
 from uqmbd_joints import Revolute
 from uqmbd_montecarlo import MonteCarlo
 from uqmbd_montecarlo.control import FOLDS, controlled_statistics, fold_of, variables
+from uqmbd_montecarlo.controlledsums import ControlledSums
 from uqmbd_montecarlo.jointmoments import JointMoments
-from uqmbd_montecarlo.surrogate import ControlledSums
+from uqmbd_montecarlo.surrogate import ChaosControl
 
 from .conftest import Quadrature, resting
 
@@ -82,7 +83,7 @@ def repeated(
     for seed in range(repetitions):
         uniform, x = draw(seed, samples)
         y = model(x)[:, None, None]
-        sums = ControlledSums(chaos, uniform)
+        sums = ControlledSums(ChaosControl(chaos, uniform), len(uniform))
         for first in range(0, samples, 64):
             part = y[first : first + 64]
             sums.add(first, part, np.ones(len(part), dtype=bool))
@@ -224,7 +225,7 @@ def test_failed_samples_leave_the_statistics_of_the_others() -> None:
         uniform, x = draw(seed, SAMPLES)
         fine = x[:, 0] < 1.5
         y = np.where(fine, model(x), np.nan)[:, None, None]
-        sums = ControlledSums(chaos, uniform)
+        sums = ControlledSums(ChaosControl(chaos, uniform), len(uniform))
         sums.add(0, y, fine)
         found.append(sums.apply(statistics(sample_statistics(y[fine]))))
     all_of = xr.concat(found, "r", data_vars="all").isel(output=0, time=0)
@@ -242,7 +243,7 @@ def test_surrogate_that_leaves_nothing_is_exact() -> None:
     chaos = chaos_of([[0, 0], [1, 0], [0, 1]], np.array([2.0, 0.5, 0.1]))
     uniform, x = draw(1, 100)
     y = (1e4 + 0.5 * x[:, 0] + 0.1 * x[:, 1])[:, None, None]
-    sums = ControlledSums(chaos, uniform)
+    sums = ControlledSums(ChaosControl(chaos, uniform), len(uniform))
     sums.add(0, y, np.ones(100, dtype=bool))
     found = sums.apply(statistics(sample_statistics(y)))
     assert found["mean"].item() == pytest.approx(1e4, rel=1e-13)

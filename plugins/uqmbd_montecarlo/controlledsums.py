@@ -1,0 +1,146 @@
+"""What samples and a control variate beside them say together, gathered as the samples come."""
+
+from __future__ import annotations
+
+from typing import Any, Protocol
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from uqmbd.typing import Array, Mask
+from uqmbd_montecarlo.control import FOLDS, Controlled, controlled_statistics, fold_of, variables
+from uqmbd_montecarlo.jointmoments import JointMoments
+
+__all__ = ["ROUNDING", "Control", "ControlledSums"]
+
+
+ROUNDING = 32.0 * np.finfo(float).eps
+"""Numbers that differ by less than this share of them are the same."""
+
+
+class Control(Protocol):
+    """A control variate, as `ControlledSums` takes it; arrays (C,) are of outputs and times.
+
+    Attributes
+    ----------
+    words : str
+        What it is.
+    centre, unit : array, shape (C,)
+        Known once it has been asked for values: what they are measured from, and in.
+    """
+
+    words: str
+    centre: Array
+    unit: Array
+
+    @property
+    def useful(self) -> Mask:
+        """Where it varies (C,), known once it has given all values."""
+
+    def standardised(self, first: int, count: int) -> Array:
+        """Return its values at samples from index `first` on, less the centre, in units (count, C)."""
+
+
+class ControlledSums:
+    """What is kept of samples and of a control beside them, in a memory that does not grow with their number.
+
+    Parameters
+    ----------
+    control : Control
+    samples : int
+        Number of all samples.
+    """
+
+    def __init__(self, control: Control, samples: int) -> None:
+        self._control, self._samples = control, samples
+        self._shift: Array | None = None
+        self._folds: list[JointMoments | None] = [None] * FOLDS
+
+    def add(self, first: int, response: Array, fine: NDArray[np.bool_]) -> None:
+        """Add samples from index `first` on: responses (K, output, time), and which of them succeeded (K,)."""
+        surrogate = self._control.standardised(first, len(fine))
+        found = (response.reshape(len(fine), -1) - self._control.centre) / self._control.unit
+        if self._shift is None:
+            # near the mean, so that no digits are lost; the estimates do not depend on it
+            self._shift = found[fine].mean(axis=0) if fine.any() else np.zeros(found.shape[1])
+        gathered = variables(found - self._shift, surrogate, fine)
+        of_fold = fold_of(np.arange(first, first + len(fine)), self._samples)
+        for k in np.unique(of_fold).tolist():
+            part, before = JointMoments.of(gathered[of_fold == k]), self._folds[k]
+            self._folds[k] = part if before is None else before.merge(part)
+
+    def left(self) -> float:
+        """Return the share of the variances of mean and deviation that the control leaves, if its own mean is known.
+
+        It is the mean over all outputs and times that vary, and over both statistics; 1 where none does.
+        """
+        found = self._found(None)
+        deviation = np.sqrt(np.maximum(found.variance, 0.0)) * self._control.unit
+        varies = deviation > ROUNDING * np.abs(self._places + self._control.unit * found.mean)
+        if not varies.any():
+            return 1.0
+        shares = [1.0 / of[varies] for of in (found.reduction_mean, found.reduction_variance)]
+        return float(np.clip(np.mean(shares), 0.0, 1.0))
+
+    @property
+    def _places(self) -> Array:
+        """What the estimates are measured from, in units of the outputs."""
+        shift = 0.0 if self._shift is None else self._shift
+        return self._control.centre + self._control.unit * shift
+
+    def _found(self, further: JointMoments | None) -> Controlled:
+        return controlled_statistics([fold for fold in self._folds if fold is not None], further)
+
+    def apply(self, statistics: xr.Dataset, further: JointMoments | None = None) -> xr.Dataset:
+        """Put controlled estimates of mean and deviation, and what was gained, into the statistics of the samples.
+
+        They stay where the control or the output does not vary, and the deviation where its estimate is not positive.
+
+        Parameters
+        ----------
+        statistics : xarray.Dataset
+            Of the samples.
+        further : JointMoments, optional
+            Of realisations of the control alone, where its expectation is not known; as of `controlled_statistics`.
+        """
+        found = self._found(further)
+        mean, std = statistics["mean"].values, statistics["std"].values
+        useful = self._control.useful.reshape(mean.shape) & (std > ROUNDING * np.abs(mean))
+
+        def shaped(values: Array, otherwise: Any, where: NDArray[np.bool_]) -> Array:
+            return np.where(where, values.reshape(mean.shape), otherwise)
+
+        unit, centre = self._control.unit, self._places
+        positive = useful & (found.variance > 0).reshape(mean.shape)
+        deviation = np.sqrt(np.where(found.variance > 0, found.variance, 1.0))
+        controlled_std = shaped(unit * deviation, std, positive)
+        replaced = {
+            "mean": shaped(centre + unit * found.mean, mean, useful),
+            "std": controlled_std,
+            "variance": controlled_std**2,
+            "std_error_mean": shaped(unit * found.error_mean, statistics["std_error_mean"].values, useful),
+            "std_error_std": shaped(
+                unit * found.error_variance / (2 * deviation), statistics["std_error_std"].values, positive
+            ),
+        }
+        note = {"comment": f"of samples, with {self._control.words} as control variate"}
+        dims = statistics["mean"].dims
+        reductions = {
+            "variance_reduction": ("mean", shaped(found.reduction_mean, 1.0, useful)),
+            "variance_reduction_std": ("standard deviation", shaped(found.reduction_variance, 1.0, positive)),
+        }
+        changed = {
+            name: (dims, value, {**statistics[name].attrs, **({} if "error" in name else note)})
+            for name, value in replaced.items()
+        }
+        about = "variance of the estimate without control over that with it; 1 where there is nothing to control"
+        added = {
+            name: (dims, value, {"long_name": f"variance reduction of the {what}", "comment": about})
+            for name, (what, value) in reductions.items()
+        }
+        result = statistics.assign(changed | added)
+        for name in ("skewness", "kurtosis", "quantile"):
+            kept = statistics[name].attrs.get("comment", "")
+            result[name].attrs["comment"] = f"{kept}; of the samples alone, without the control".lstrip("; ")
+        return result

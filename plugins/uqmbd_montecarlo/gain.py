@@ -1,0 +1,114 @@
+"""What a control variate brought and cost, as attributes of results."""
+
+from __future__ import annotations
+
+import warnings
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+import uqmbd
+from uqmbd_montecarlo.allocation import optimum
+from uqmbd_montecarlo.lowfidelity import PairedControl
+from uqmbd_montecarlo.surrogate import Surrogate
+
+__all__ = ["of_study", "of_surrogate"]
+
+
+HARM = 0.8
+"""Gain on an equal budget below which a warning says that there is none: times are measured to some per cent."""
+
+
+def of_surrogate(statistics: xr.Dataset, surrogate: Surrogate) -> dict[str, Any]:
+    """Make the attributes of controlled statistics whose control is a surrogate."""
+    cost = f"{surrogate.realisations} realisations for the surrogate" if surrogate.realisations else "a given surrogate"
+    return {
+        "control_realisations": surrogate.realisations,
+        "control_failures": surrogate.failures,
+        "control_summary": f"control variate with {cost}: {_reductions(statistics)}",
+    }
+
+
+def of_study(
+    statistics: xr.Dataset,
+    paired: PairedControl,
+    problem: uqmbd.Problem,
+    samples: int,
+    left: float,
+    wall_time: float,
+) -> dict[str, Any]:
+    """Make the attributes of statistics whose control is a cheaper study, and warn where it does not help.
+
+    Parameters
+    ----------
+    statistics : xarray.Dataset
+        Controlled, if there were further realisations.
+    paired : PairedControl
+        Of a control that has been computed.
+    problem : uqmbd.Problem
+        That of the samples; where its outputs are those without a time, the samples are known, and times say nothing.
+    samples : int
+    left : float
+        Share of the variance that the control leaves.
+    wall_time : float
+        Of the samples with the control at them, s.
+    """
+    stated, total = paired.control.cost, paired.realisations
+    attrs: dict[str, Any] = {
+        "control_realisations": total,
+        "control_failures": paired.failures,
+        "control_cost": stated,
+    }
+    about = f"control variate by {paired.words}, which leaves {left:.3g} of the variances"
+    if total == samples:
+        words = f"{about}, at {stated:g} of the cost: variance reduction 1.0, plain Monte Carlo would do"
+        warnings.warn(f"{problem.label}: {words}.", stacklevel=3)
+        return attrs | {"control_summary": words}
+    attrs["control_summary"] = (
+        f"{about}, with {total} realisations, {samples} of them at the samples: {_reductions(statistics)}"
+    )
+    further = paired.alone / (total - samples)
+    whole = wall_time / samples - further
+    if problem.timeless or not further > 0 or not whole > 0:
+        return attrs
+    ratio, cost = total / samples, further / whole
+    gains = [_medians(statistics)[k] / (1 + cost * ratio) for k in range(2)]
+    best = round(optimum(left, cost) * samples)
+    attrs["control_measured"] = (
+        f"a realisation of the control took {cost:.3g} of the time of one of the study: on an equal budget the "
+        f"variance of the mean is that of plain Monte Carlo divided by {gains[0]:.3g}, that of the standard deviation "
+        f"by {gains[1]:.3g} (medians over outputs and times); with cost={cost:.2g} the control would have {best} "
+        "realisations"
+    )
+    if max(gains) < HARM:
+        warnings.warn(f"{problem.label}: {attrs['control_measured']}; plain Monte Carlo would do better.", stacklevel=3)
+    return attrs
+
+
+_NAMES = (("variance_reduction", "mean"), ("variance_reduction_std", "standard deviation"))
+
+
+def _varying(statistics: xr.Dataset, name: str) -> Any:
+    return np.where((statistics["variance_reduction"] != 1.0).values, statistics[name].values, np.nan)
+
+
+def _medians(statistics: xr.Dataset) -> list[float]:
+    found = [_varying(statistics, name) for name, _ in _NAMES]
+    return [1.0 if np.isnan(values).all() else float(np.nanmedian(values)) for values in found]
+
+
+def _reductions(statistics: xr.Dataset) -> str:
+    """Say in words by what variances of estimates were divided."""
+    parts = []
+    for name, words in _NAMES:
+        values = _varying(statistics, name)
+        if np.isnan(values).all():
+            return "no output varies: nothing to control"
+        worst = np.unravel_index(int(np.nanargmin(values)), values.shape)
+        where = f"{statistics['output'].values[worst[0]]} at {statistics['time'].values[worst[1]]:g} s"
+        parts.append(
+            f"variance of the {words} divided by {np.nanmedian(values):.3g} (median over outputs and times; least "
+            f"{values[worst]:.3g}, of {where})"
+        )
+    return ", ".join(parts)

@@ -1,0 +1,271 @@
+"""A cheaper model as control variate: another study, which is computed at the samples, and more often besides."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from numbers import Integral, Real
+from typing import Any
+
+import numpy as np
+
+import uqmbd
+from uqmbd.typing import Array, Mask
+from uqmbd_montecarlo.allocation import optimum
+from uqmbd_montecarlo.control import controls
+from uqmbd_montecarlo.controlledsums import ROUNDING
+from uqmbd_montecarlo.jointmoments import JointMoments
+
+__all__ = ["LowFidelity", "PairedControl", "mismatch"]
+
+
+BLOCK = 2**18
+"""Most further realisations whose inputs are held at once."""
+
+LEAST_FURTHER = 2
+"""Further realisations whose scatter can be told."""
+
+
+@dataclass(frozen=True)
+class LowFidelity:
+    """A cheaper study of the same outputs, for ``MonteCarlo(control=...)``.
+
+    Its mechanism leaves out what costs much and changes little: a rigid rod for an elastic one, a continuous law for a
+    sampled controller; or it is the same mechanism, and the study has a looser `rtol` or another integrator.  Its
+    inputs are given the values of those with their names in the study that is controlled, whatever it says of their
+    distributions; it may lack some.
+
+    Parameters
+    ----------
+    study : uqmbd.Study
+        With the same times, and with all outputs of the study that is controlled, by name; others are left alone.
+    cost : float
+        Of one of its realisations over that of one of the study that is controlled.  From this and from the
+        correlation at the samples follows how many realisations beyond these are computed.  The results state the
+        ratio of the times that were measured.
+    samples : int, optional
+        Number of its realisations, those at the samples included, instead of the best one.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If it is no study, or a number cannot be used.
+
+    Examples
+    --------
+    >>> import chaospy, numpy as np, uqmbd
+    >>> from uqmbd_montecarlo import LowFidelity, MonteCarlo
+    >>> speed = uqmbd.RandomVariable("speed", chaospy.Normal(3, 0.2), units="m/s")
+    >>> def fall(drag):
+    ...     mechanism = uqmbd.Mechanism("fall", uqmbd.Translational(gravity=(0, -9.81)))
+    ...     stone = mechanism.body("stone", mass=1, velocity=(speed, 0))
+    ...     mechanism.output("drop", stone.position[1] - drag * stone.position[0] ** 2, units="m")
+    ...     return uqmbd.Study("fall", mechanism, np.linspace(0, 1, 3))
+    >>> method = MonteCarlo(samples=50, seed=1, control=LowFidelity(fall(0.1), cost=0.01))
+    >>> node = fall(0.11).propagate(method)
+    >>> bool((node["statistics/variance_reduction"].isel(time=-1) > 10).all())
+    True
+    """
+
+    study: uqmbd.Study
+    cost: float = 0.1
+    samples: int | None = None
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.study, uqmbd.Study):
+            raise uqmbd.StudyError(f"LowFidelity: study is {self.study!r}; expected a uqmbd.Study.")
+        cost: Any = self.cost
+        samples: Any = self.samples
+        if isinstance(cost, bool) or not isinstance(cost, Real) or not 0 < float(cost) < np.inf:
+            raise uqmbd.StudyError(f"LowFidelity: cost is {cost!r}; expected a number above 0, e.g. 0.1.")
+        object.__setattr__(self, "cost", float(cost))
+        if samples is None:
+            return
+        if isinstance(samples, bool) or not isinstance(samples, Integral) or samples < 1:
+            raise uqmbd.StudyError(f"LowFidelity: samples is {samples!r}; expected a whole number, 1 or more, or None.")
+        object.__setattr__(self, "samples", int(samples))
+
+    def __repr__(self) -> str:
+        more = "" if self.samples is None else f", samples={self.samples}"
+        return f"LowFidelity({self.study.name!r}, cost={self.cost:g}{more})"
+
+    def check_samples(self, samples: int) -> None:
+        """Raise a `uqmbd.StudyError` where its realisations are not more than the samples that it is to control."""
+        if self.samples is not None and self.samples < samples + LEAST_FURTHER:
+            raise uqmbd.StudyError(
+                f"MonteCarlo: samples is {samples}, and its control has samples={self.samples}; expected "
+                f"{samples + LEAST_FURTHER} or more of the control, which is computed at the samples and besides."
+            )
+
+    def further(self, samples: int, left: float) -> int:
+        """Return how many realisations are computed beside those at the samples.
+
+        Parameters
+        ----------
+        samples : int
+        left : float
+            Share of the variance that it leaves.
+        """
+        if self.samples is not None:
+            return self.samples - samples
+        count = round((optimum(left, self.cost) - 1.0) * samples)
+        return count if count >= LEAST_FURTHER else 0
+
+
+def mismatch(control: uqmbd.Study, inputs: dict[str, str], outputs: tuple[str, ...], times: Array) -> str | None:
+    """Say why a study cannot be the control of another one, or None.
+
+    Parameters
+    ----------
+    control : uqmbd.Study
+    inputs : dict
+        Units of the random inputs of the other study, by name.
+    outputs : tuple of str
+        Names of the outputs that are to be controlled.
+    times : array, shape (T,)
+        Output times of the other study, s.
+    """
+    about = f"its control, the study {control.name!r},"
+    if not np.array_equal(control.times, times):
+        return f"{about} has other times; make it for the same times"
+    own = control.mechanism.inputs.variables
+    if strange := [v.name for v in own if v.name not in inputs]:
+        return f"{about} has the input {strange[0]!r}; expected none but those of the study, {', '.join(inputs)}"
+    if other := [v for v in own if v.units != inputs[v.name]]:
+        return f"{about} has the input {other[0].name!r} in {other[0].units!r}; expected {inputs[other[0].name]!r}"
+    there = {*control.mechanism.outputs, *control.mechanism.scalars}
+    if missing := [name for name in outputs if name not in there]:
+        return f"{about} has no output {missing[0]!r}; it needs all outputs of the study, {', '.join(outputs)}"
+    return None
+
+
+class PairedControl:
+    """A cheaper study beside samples, and at further inputs.
+
+    A realisation of it that fails counts as one of the mean, at the samples and besides: that makes it less alike, but
+    causes no bias.
+
+    Parameters
+    ----------
+    control : LowFidelity
+        What it is.
+    method : uqmbd.Propagator
+        At work.
+    problem : uqmbd.Problem
+        Of the samples.
+    values : array, shape (S, input)
+        Their inputs.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If it does not fit the problem.
+    """
+
+    def __init__(self, control: LowFidelity, method: uqmbd.Propagator, problem: uqmbd.Problem, values: Array) -> None:
+        self.control, self._problem = control, problem
+        self.words = f"the study {control.study.name!r}"
+        names = tuple(output.name for output in problem.labels.outputs)
+        units = {variable.name: variable.units for variable in problem.inputs.variables}
+        times = problem.times if problem.over is None else problem.over
+        if reason := mismatch(control.study, units, names, times):
+            raise uqmbd.StudyError(f"{problem.label}: {reason}.")
+        made = control.study.problem(method, problem.executor, problem.progress)
+        self._cheap = _of_kind(replace(made, clock=problem.clock), problem, names)
+        own = [output.name for output in self._cheap.labels.outputs]
+        if missing := [name for name in names if name not in own]:
+            raise uqmbd.StudyError(
+                f"{problem.label}: the output {missing[0]!r} of its control, the study {control.study.name!r}, is of "
+                f"another kind; expected one {'without a time' if problem.timeless else 'over time'}."
+            )
+        self._outputs = [own.index(name) for name in names]
+        self._columns = [problem.inputs.names.index(name) for name in self._cheap.inputs.names]
+        self._parts = self._stream(values, "control")
+        self._ahead: list[tuple[Array, Mask]] = []
+        self._spread: JointMoments | None = None
+        self.centre = self.unit = np.zeros(0)
+        self.realisations = self.failures = 0
+        self.counters: dict[str, float] = {}
+        self.alone = 0.0
+        """Seconds of further realisations."""
+
+    def _stream(self, values: Array, label: str) -> Iterator[tuple[Array, Mask]]:
+        """Compute it at inputs of the study that is controlled: responses (K, C), and which succeeded."""
+        label = f"{self._problem.label}: {label}"
+        store = self._problem.checkpoint and replace(self._problem.checkpoint, label=label)
+        problem = replace(self._cheap, label=label, checkpoint=store)
+        for part in problem.stream(values[:, self._columns]):
+            good = part.good
+            self.realisations += len(good)
+            self.failures += int(np.count_nonzero(~good)) - part.censored
+            for name, number in part.counters.items():
+                self.counters[name] = self.counters.get(name, 0) + number
+            yield part.response[:, self._outputs].reshape(len(good), -1), good
+
+    def standardised(self, first: int, count: int) -> Array:
+        """Return it at the next samples, less the centre, in units (count, C)."""
+        while sum(len(good) for _, good in self._ahead) < count:
+            self._ahead.append(next(self._parts))
+        response, good = (np.concatenate(parts) for parts in zip(*self._ahead, strict=True))
+        self._ahead = [(response[count:], good[count:])]
+        response, good = response[:count], good[:count]
+        if not len(self.unit):
+            # any numbers near mean and deviation: the estimates do not depend on them
+            some = response[good] if good.any() else np.zeros((1, response.shape[1]))
+            self.centre, deviation = some.mean(axis=0), some.std(axis=0)
+            self.unit = np.where(deviation > ROUNDING * np.abs(self.centre), deviation, 1.0)
+        return self._measured(response, good)
+
+    def _measured(self, response: Array, good: Mask) -> Array:
+        off = np.where(good[:, None], response - self.centre, 0.0)
+        # what differs by rounding does not vary
+        return np.asarray(np.where(np.abs(off) > ROUNDING * np.abs(self.centre), off / self.unit, 0.0))
+
+    def further(self, count: int, seed: np.random.SeedSequence) -> JointMoments:
+        """Compute it at further random inputs, and return the moments of `controls`.
+
+        Parameters
+        ----------
+        count : int
+        seed : numpy.random.SeedSequence
+            Not that of the samples.
+        """
+        begin, inputs = self._problem.clock(), self._problem.inputs
+        sizes = [min(BLOCK, count - done) for done in range(0, count, BLOCK)]
+        found = JointMoments.of(np.zeros((0, 2, len(self.unit))))
+        for k, (size, one) in enumerate(zip(sizes, seed.spawn(len(sizes)), strict=True)):
+            uniform = uqmbd.sampling_design("random").points(len(inputs), size, one)
+            label = f"control alone {k + 1}" if len(sizes) > 1 else "control alone"
+            for response, good in self._stream(inputs.from_uniform(uniform), label):
+                found = found.merge(JointMoments.of(controls(self._measured(response, good))))
+        self.alone = self._problem.clock() - begin
+        self._spread = found
+        return found
+
+    @property
+    def useful(self) -> Mask:
+        """Where it varies."""
+        if self._spread is None:
+            return np.zeros(len(self.unit), dtype=bool)
+        return np.asarray(self._spread.products[0, 0] > 0)
+
+    def close(self) -> None:
+        """Let what is still being computed at samples go."""
+        self._parts.close()  # type: ignore[attr-defined]
+
+
+def _of_kind(made: uqmbd.Problem, problem: uqmbd.Problem, names: tuple[str, ...]) -> uqmbd.Problem:
+    """Return the problem of the control whose outputs are of the kind of another problem's, and nothing besides."""
+    made = replace(made, model=replace(made.model, margins=None), progress=problem.progress)
+    if problem.kind == "outputs":
+        return replace(made, model=replace(made.model, scalars=None))
+    if problem.kind == "requirements":
+        raise uqmbd.StudyError(
+            f"{problem.label}: a study controls outputs, and there are none besides requirements; leave out control."
+        )
+    if made.model.scalars is None:
+        raise uqmbd.StudyError(
+            f"{problem.label}: its control has no outputs without a time; expected {', '.join(names)}."
+        )
+    made = made.without_time()
+    return made if problem.chosen is None else made.choosing(names)
