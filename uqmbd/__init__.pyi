@@ -104,6 +104,7 @@ from .propagation import Problem as Problem
 from .propagation import Progress as Progress
 from .propagation import Propagator as Propagator
 from .propagation import Realisations as Realisations
+from .propagation import Sizing as Sizing
 from .propagation import Study as Study
 from .propagation import Verification as Verification
 from .propagation import VerificationPoints as VerificationPoints

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Annotated, Any, ClassVar, Literal
 
 import xarray as xr
@@ -21,6 +21,10 @@ from uqmbd_collocation.runs import announced_once
 from uqmbd_collocation.two_frequency import expand_series
 
 __all__ = ["Collocation"]
+
+BOUND = 10.0
+"""An accuracy over the tolerance of a refinement for it: a bound of few verification realisations is larger than what
+ends the refinement."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -277,6 +281,29 @@ class Collocation(uqmbd.Propagator):
             detail += f"; families {', '.join(ways)}" if len(ways) > 1 else ""
             return uqmbd.Estimate(count, 16 * boxes * one * len(ways), detail + left_out)
         return uqmbd.Estimate(boxes * nodes + self.verify, 8 * boxes * one, detail, at_most=self._limits.adaptive)
+
+    def sizing(self, study: uqmbd.Study, accuracy: float | None) -> uqmbd.Sizing | None:
+        """Raise the order; a refinement is bounded by its realisations, and ends at the accuracy."""
+        if self.adaptive != "no":
+            tolerance = self.tolerance if accuracy is None else accuracy / BOUND
+            space = uqmbd.GermSpace.of(study.mechanism.inputs, self.transform)
+            return uqmbd.Sizing(
+                option="max_realisations",
+                at=lambda most: replace(self, max_realisations=most, tolerance=tolerance),
+                least=len(self._plans(self.node_name).first_nodes(space)) + self.verify,
+                falls="itself",
+                also=("tolerance",),
+                bound=self.max_realisations,
+            )
+        given = any(getattr(self, name) is not None for name in ("nodes", "level", "samples"))
+        if given or self.elements == "adaptive" or not self.verify:
+            return None
+        return uqmbd.Sizing(
+            option="order",
+            at=lambda order: replace(self, order=order),
+            least=1,
+            falls="steps",
+        )
 
     def _possible(self, study: uqmbd.Study) -> tuple[tuple[Family, ...], str]:
         """Return the families that may be possible, and say which are left out."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
@@ -199,7 +199,20 @@ class Galerkin(uqmbd.Propagator):
             pilots = max(self.verify, PILOTS)
             count += pilots
             detail += f", {pilots} realisations for the clock, again where their splines need more times"
-        return uqmbd.Estimate(count, memory, detail, at_most=self._limits.adaptive)
+        disk = 8 * boxes * terms * (times * outputs + len(study.mechanism.scalars))
+        return uqmbd.Estimate(count, memory, detail, at_most=self._limits.adaptive, disk=disk, together=True)
+
+    def sizing(self, study: uqmbd.Study, accuracy: float | None) -> uqmbd.Sizing | None:
+        """Raise the order."""
+        given = any(getattr(self, name) is not None for name in ("nodes", "level", "samples", "stop_at"))
+        if given or self.elements == "adaptive" or not self.verify:
+            return None
+        return uqmbd.Sizing(
+            option="order",
+            at=lambda order: replace(self, order=order),
+            least=1,
+            falls="steps",
+        )
 
     def watches(self, mechanism: uqmbd.Mechanism) -> Mapping[str, Any]:
         """Watch the rates of what may be a clock."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import warnings
 from collections import Counter
 from contextlib import closing, nullcontext
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
@@ -19,11 +19,14 @@ from uqmbd_montecarlo.gain import of_study, of_surrogate
 from uqmbd_montecarlo.gathering import Gathered, gather
 from uqmbd_montecarlo.lowfidelity import LowFidelity, PairedControl, mismatch
 from uqmbd_montecarlo.pickfreeze import obstacle_of
-from uqmbd_montecarlo.replicates import replicate_sizes, uniform_samples
+from uqmbd_montecarlo.replicates import allowed_samples, replicate_sizes, uniform_samples
 from uqmbd_montecarlo.sensitivity import SobolRun, run_sobol
 from uqmbd_montecarlo.surrogate import ChaosControl, Surrogate, surrogate_of
 
 __all__ = ["MonteCarlo"]
+
+FIRST = 64
+"""Samples, or four in each replicate, with which a search for their number begins."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -135,17 +138,39 @@ class MonteCarlo(uqmbd.Propagator):
             total += self.samples // 2 * inputs
             kept = total
         # the samples, and what is sorted for their quantiles
-        found = uqmbd.Estimate(total, 8 * kept * (3 * values + inputs), f"{kept} samples that are kept")
+        memory, disk = (
+            8 * kept * (3 * values + inputs),
+            8 * (kept if total <= kept else kept + total) * (values + inputs),
+        )
+        found = uqmbd.Estimate(total, memory, f"{kept} samples that are kept", disk=disk)
         if isinstance(self.control, LowFidelity):
             # how many pay is known from the samples
             total += self.control.samples or self.samples
             detail = f"{found.detail}; {self.control!r} counts as well, at the samples at least"
-            return uqmbd.Estimate(total, found.memory, detail)
+            return replace(found, realisations=total, detail=detail)
         control = self.control.estimate(study) if isinstance(self.control, uqmbd.Propagator) else None
         if control is None:
             return found
         most = max(found.memory, control.memory)
-        return uqmbd.Estimate(total + control.realisations, most, found.detail, control.at_most)
+        return replace(found, realisations=total + control.realisations, memory=most, at_most=control.at_most)
+
+    def sizing(self, study: uqmbd.Study, accuracy: float | None) -> uqmbd.Sizing:
+        """Take as many samples as are needed."""
+        rows = self.keep // (len(study.mechanism.inputs) + 2)
+
+        def allowed(samples: int) -> int:
+            if self.sobol_indices:
+                return 2 * min(samples // 2, rows)
+            return allowed_samples(self.sampling, samples, self.replicates)
+
+        independent = uqmbd.sampling_design(self.sampling, "MonteCarlo: sampling").independent
+        return uqmbd.Sizing(
+            option="samples",
+            at=lambda samples: replace(self, samples=samples),
+            least=allowed(FIRST if independent else max(FIRST, 4 * self.replicates)),
+            allowed=allowed,
+            extends=independent,
+        )
 
     def obstacle(self, study: uqmbd.Study) -> str | None:
         """Say what is in the way: a mechanism in which nothing is random, or what an option cannot do."""

@@ -7,7 +7,7 @@ import numpy as np
 import uqmbd
 from uqmbd.typing import Array
 
-__all__ = ["replicate_sizes", "uniform_samples"]
+__all__ = ["allowed_samples", "replicate_sizes", "uniform_samples"]
 
 
 def replicate_sizes(design: str, samples: int, replicates: int) -> list[int]:
@@ -56,6 +56,27 @@ def replicate_sizes(design: str, samples: int, replicates: int) -> list[int]:
                 f"{found.base * below}."
             )
     return [len(part) for part in np.array_split(np.arange(samples), replicates)]
+
+
+def allowed_samples(design: str, samples: int, replicates: int) -> int:
+    """Return the largest number of samples, up to a given one, that a design takes in so many replicates.
+
+    Where all are larger it is the smallest.
+
+    Examples
+    --------
+    >>> allowed_samples("sobol", 1500, 16), allowed_samples("latin-hypercube", 1500, 16)
+    (1024, 1500)
+    """
+    found = uqmbd.sampling_design(design, "MonteCarlo: sampling")
+    if found.independent:
+        return max(samples, 2)
+    if found.base < 2:
+        return max(samples, 2 * replicates)
+    power = found.base
+    while power * found.base * replicates <= samples:
+        power *= found.base
+    return power * replicates
 
 
 def uniform_samples(design: str, sizes: list[int], dimension: int, seed: int) -> Array:

@@ -21,6 +21,9 @@ from uqmbd_reliability.subset import MISSING, available, subset
 
 __all__ = ["Reliability"]
 
+FINEST = 0.005
+"""Least coefficient of variation that may be asked for."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Reliability(uqmbd.Propagator):
@@ -75,7 +78,7 @@ class Reliability(uqmbd.Propagator):
     requirements: ClassVar[bool] = True
     requirement: str | None = None
     method: Literal["auto", "form", "subset"] = "auto"
-    target_cov: Annotated[float, uqmbd.Bounds(0.005, 1)] = 0.05
+    target_cov: Annotated[float, uqmbd.Bounds(FINEST, 1)] = 0.05
     max_realisations: Annotated[int, uqmbd.Bounds(LEAST)] = 3000
     seed: Annotated[int, uqmbd.Bounds(0)] = 0
     surrogate: uqmbd.Propagator | None = None
@@ -98,6 +101,23 @@ class Reliability(uqmbd.Propagator):
         if other is None:
             return found
         return uqmbd.Estimate(count, max(found.memory, other.memory), found.detail, at_most=True)
+
+    def sizing(self, study: uqmbd.Study, accuracy: float | None) -> uqmbd.Sizing | None:
+        """Bound the realisations, and end where half a 95 % interval is the accuracy times the probability."""
+        if not study.mechanism.requirements:
+            return None
+        # an interval reaches from p exp(-1.96 cov) to p exp(1.96 cov)
+        wanted = self.target_cov if accuracy is None else float(np.log1p(accuracy)) / 1.96
+        target = min(max(wanted, FINEST), 1.0)
+        return uqmbd.Sizing(
+            option="max_realisations",
+            at=lambda most: replace(self, max_realisations=most, target_cov=target),
+            least=LEAST,
+            falls="itself",
+            of="probabilities",
+            also=("target_cov",),
+            bound=int(np.ceil(self.max_realisations * max(self.target_cov / target, 1.0) ** 2)),
+        )
 
     def obstacle(self, study: uqmbd.Study) -> str | None:
         """Say what is in the way: nothing random, or a requirement that there is not."""

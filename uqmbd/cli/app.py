@@ -21,7 +21,8 @@ app = typer.Typer(
     name="uqmbd",
     cls=Commands,
     help="How uncertainty in lengths, masses, stiffnesses and loads spreads through a mechanism.",
-    epilog="Exit status: 0 done, 1 the computation failed, 2 the input cannot be used, 3 a requirement is not met.",
+    epilog="Exit status: 0 done, 1 the computation failed, 2 the input cannot be used, 3 a requirement "
+    "or an accuracy is not met.",
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
     add_completion=False,
@@ -71,6 +72,14 @@ def run(
         typer.Option("--set", metavar="LABEL.option=value", help="Change an option of a propagator (may be repeated)."),
     ] = None,
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the results.")] = Path("results"),
+    budget: Annotated[
+        str | None,
+        typer.Option("--budget", metavar="B", help="How much to compute: 30s, 10min, 2h, or a number of realisations."),
+    ] = None,
+    accuracy: Annotated[
+        str | None,
+        typer.Option("--accuracy", metavar="A", help="Take as many samples, or orders, as errors of A need: 1%."),
+    ] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Continue an unfinished run in DIR.")] = False,
     require: Annotated[
         float | None,
@@ -90,7 +99,17 @@ def run(
         from uqmbd.cli.run import run_study
 
     chosen, changed = only or (), set_ or ()
-    run_study(script, only=chosen, settings=changed, out=out, workers=workers, resume=resume, require=require)
+    run_study(
+        script,
+        only=chosen,
+        settings=changed,
+        out=out,
+        workers=workers,
+        resume=resume,
+        require=require,
+        budget=budget,
+        accuracy=accuracy,
+    )
 
 
 @app.command()

@@ -10,6 +10,7 @@ from concurrent.futures import Executor
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from uqmbd.cli.budget import check_sizes, choices, missed
 from uqmbd.cli.failures import FAILED, UNMET
 from uqmbd.cli.loading import loading
 from uqmbd.cli.progress import shown_progress
@@ -40,6 +41,8 @@ def run_study(
     workers: Workers | None = None,
     resume: bool = False,
     require: float | None = None,
+    budget: str | None = None,
+    accuracy: str | None = None,
 ) -> None:
     """Run a study script and write ``results.nc`` and ``report.html`` into a folder.
 
@@ -60,7 +63,11 @@ def run_study(
     require : float, optional
         Probability with which each requirement may be violated.  Where all methods succeeded, and one of them does not
         tell with 95 % confidence that it is less, the exit status is 3.
+    budget, accuracy : str, optional
+        As of `Study.run`.  Where all methods succeeded, and one of them does not reach the accuracy, the exit status is
+        3.
     """
+    chosen = choices(budget, accuracy)
     begin = time.monotonic()
     with loading():
         # before the work, not after it: whatever is wrong with the report should cost no hours
@@ -69,6 +76,7 @@ def run_study(
         study = load_study(script)
     check_labels(only, study.propagators)
     if settings:
+        check_sizes(settings, study, chosen, only)
         study = study.with_propagators(apply_settings(settings, study.propagators))
     if require is not None and not study.mechanism.requirements:
         raise StudyError(
@@ -84,7 +92,7 @@ def run_study(
             previous = set_aside(out)
             if previous:
                 print(f"Note: the results that were in {out} are in {previous} now.", file=sys.stderr, flush=True)
-            tree = _computed(study, executor, only, out, script, resume=resume)
+            tree = _computed(study, executor, only, out, script, resume=resume, **chosen)
         complete = _delivered(tree, study, out, script)
     print(f"Done in {format_duration(time.monotonic() - begin, rough=True)}.")
     if not complete:
@@ -92,6 +100,7 @@ def run_study(
     from uqmbd.results import propagator_nodes, unmet
 
     said = [] if require is None else unmet(propagator_nodes(tree), require)
+    said += missed(tree)
     for sentence in said:
         print(f"{sentence[:1].upper()}{sentence[1:]}.", file=sys.stderr, flush=True)
     if said:
@@ -99,7 +108,7 @@ def run_study(
 
 
 def _computed(
-    study: Study, executor: int | Executor, only: Sequence[str], out: Path, script: Path, *, resume: bool
+    study: Study, executor: int | Executor, only: Sequence[str], out: Path, script: Path, *, resume: bool, **chosen: Any
 ) -> xr.DataTree:
     """Run a study; where that ends before its time, say how to go on."""
     from uqmbd.results import save
@@ -113,7 +122,7 @@ def _computed(
                 grows = getattr(study, "convergence", None) is not None and not only
                 before: dict[str, Any] = {"finished": lambda tree: save(tree, out / "results.nc")} if grows else {}
                 return study.run(
-                    executor, only=list(only) or None, progress=progress, folder=out, resume=resume, **before
+                    executor, only=list(only) or None, progress=progress, folder=out, resume=resume, **before, **chosen
                 )
         except KeyboardInterrupt:
             print(_how_to_go_on(script, out), file=sys.stderr, flush=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from uqmbd.propagation.annotations import Bounds, option_types
+from uqmbd.propagation.budget import accuracy_of, budget_of
 from uqmbd.propagation.chaos import (
     Clock,
     Dense,
@@ -27,7 +28,7 @@ from uqmbd.propagation.chaos import (
 )
 from uqmbd.propagation.deterministic import input_point, simulate
 from uqmbd.propagation.equilibrium import eigenfrequencies, static_equilibrium
-from uqmbd.propagation.estimate import Estimate
+from uqmbd.propagation.estimate import Estimate, Sizing
 from uqmbd.propagation.execution import History, Lines, Margins, Progress, Realisations, claimed, pool, set_aside
 from uqmbd.propagation.observed_model import observed_model, stepped
 from uqmbd.propagation.obstacle import obstacle_of
@@ -53,6 +54,7 @@ __all__ = [
     "Progress",
     "Propagator",
     "Realisations",
+    "Sizing",
     "Study",
     "choose_clock",
     "clock_at_means",
@@ -69,6 +71,8 @@ __all__ = [
     "NodeFit",
     "Verification",
     "VerificationPoints",
+    "accuracy_of",
+    "budget_of",
     "fit_nodes",
     "nothing_random",
     "pool",

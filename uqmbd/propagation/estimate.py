@@ -1,10 +1,12 @@
-"""What a method would take, found out before anything is computed or allocated."""
+"""What a method would take, found out before anything is computed or allocated; and which sizes of it there are."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any, Literal
 
-__all__ = ["Estimate", "readable"]
+__all__ = ["Estimate", "Sizing", "readable"]
 
 
 @dataclass(frozen=True)
@@ -21,6 +23,10 @@ class Estimate:
         What they are for, as "3542 nodes, 1771 terms".
     at_most : bool
         Whether it is the most that a method may take that finds out by itself, rather than what it will.
+    disk : int, optional
+        Bytes of its results, before compression; None: it does not tell.
+    together : bool
+        Whether its realisations are solved together, so that what one takes alone does not tell their time.
 
     Examples
     --------
@@ -34,12 +40,68 @@ class Estimate:
     memory: int
     detail: str = ""
     at_most: bool = False
+    disk: int | None = None
+    together: bool = False
 
     @property
     def words(self) -> str:
         """Both numbers, for people."""
         some = "" if self.realisations == 1 else "s"
         return f"{'up to ' if self.at_most else ''}{self.realisations} realisation{some}, {readable(self.memory)}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sizing:
+    """How a method is made larger or smaller, so that a run can choose its size by a budget and an accuracy.
+
+    A size is one whole number, which the larger takes more realisations and has the smaller error.
+
+    Parameters
+    ----------
+    option : str
+        Name of the option that it is, as ``samples`` or ``order``.
+    at : callable
+        From a size to the method (a `uqmbd.Propagator`) of that size; it may raise a `uqmbd.StudyError` where there is
+        none of that size.
+    least : int
+        The smallest size that states an error.
+    falls : {"root", "steps", "itself"}
+        How the error falls with the size.  ``root``: as 1 / sqrt(size), as of samples.  ``steps``: by a factor with
+        each step of the size, as of orders: one is tried after the other.  ``itself``: the method ends by itself at the
+        accuracy, and the size only bounds it.
+    allowed : callable, optional
+        From any number to the largest size that is not larger, where not all numbers are sizes.
+    extends : bool
+        Whether the realisations of a size are the first ones of a larger size, in the same order.
+    of : {"moments", "probabilities"}
+        What its accuracy is of: see `uqmbd.results.stated_accuracy`.
+    also : tuple of str
+        Names of further options that `at` sets.
+    bound : int, optional
+        Of a method that ends by itself: its size where there is no budget.
+
+    Examples
+    --------
+    >>> from uqmbd_montecarlo import MonteCarlo
+    >>> sizing = MonteCarlo(samples=500, sampling="sobol", seed=1).sizing(None, 0.01)
+    >>> sizing.option, sizing.largest(1500), sizing.at(1024).samples
+    ('samples', 1024, 1024)
+    """
+
+    option: str
+    at: Callable[[int], Any]
+    least: int
+    falls: Literal["root", "steps", "itself"] = "root"
+    allowed: Callable[[int], int] | None = None
+    extends: bool = False
+    of: Literal["moments", "probabilities"] = "moments"
+    also: tuple[str, ...] = ()
+    bound: int | None = None
+
+    def largest(self, number: float) -> int:
+        """Return the largest size up to a number; the least one where none is so small."""
+        found = int(number) if self.allowed is None else self.allowed(int(number))
+        return max(found, self.least)
 
 
 def readable(size: int) -> str:

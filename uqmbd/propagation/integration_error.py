@@ -166,5 +166,6 @@ def _silent(problem: Problem, what: str, **changes: object) -> Problem:
         model=replace(problem.model, margins=None),
         known=problem.beside.setdefault(what, {}),
         observed=Observed(),
+        ledger=None,
         **changes,  # type: ignore[arg-type]  # names and types of fields
     )

@@ -18,6 +18,7 @@ __all__ = [
     "not_unique_attribute",
     "notices_attribute",
     "observed_model",
+    "parts_attribute",
     "refuse_jumps",
     "step_attributes",
     "stepped",
@@ -82,3 +83,10 @@ def not_unique_attribute(model: Model) -> dict[str, str]:
 def notices_attribute(model: Model) -> dict[str, str]:
     """Return the attribute that holds what was warned of, as JSON, if there is anything."""
     return {"warnings": json.dumps(model.notices)} if model.notices else {}
+
+
+def parts_attribute(mechanism: Mechanism) -> dict[str, str]:
+    """Bodies, and components with their types, as JSON: `uqmbd compare` tells which only one of two mechanisms has."""
+    components = {c.name: type(c).__name__ for c in mechanism.components.values()}
+    components |= {c.name: type(c).__name__ for c in mechanism.controllers.values()}
+    return {"parts": json.dumps({"bodies": list(mechanism.bodies), "components": components})}

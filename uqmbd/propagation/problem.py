@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from uqmbd.dynamics import Capability, Ensemble, Model, declares, integrator_class, require
+from uqmbd.dynamics import Capability, Ensemble, Model, built_in_names, declares, integrator_class, require
 from uqmbd.errors import StudyError
 from uqmbd.mechanism import Requirement
 from uqmbd.propagation.annotations import Method
@@ -26,6 +26,7 @@ from uqmbd.propagation.execution import (
     Clock,
     History,
     Kind,
+    Ledger,
     Margins,
     Observed,
     Packed,
@@ -110,6 +111,8 @@ class Problem:
     """Called, it reads seconds; it counts what an interrupted run has spent on what need not be computed again."""
     observed: Observed = field(default_factory=Observed, repr=False, compare=False)
     """Realisations from which the error of the integration is measured."""
+    ledger: Ledger | None = field(default=None, repr=False, compare=False)
+    """What a run with a budget may compute, and what it has computed for other sizes of the method."""
 
     @property
     def timeless(self) -> bool:
@@ -255,7 +258,7 @@ class Problem:
             return
         self.progress.start(self.label, len(values))
         begin = self.clock()
-        size = chunk_size(len(values), len(self.times) * (self.labels.shape[0] + self.model.layout.width))
+        size = self.chunk_of(len(values))
         parts = [np.ascontiguousarray(values[k : k + size]) for k in range(0, len(values), size)]
         workers = executor_for(self.executor, unlocked=self._unlocked)
         work = in_order(parts, workers, self._found, self._task, self._keep, self._lost)
@@ -268,7 +271,18 @@ class Problem:
             yield found
             begin = now
             self.progress.advance(self.label, len(chunk.status))
+            if self.ledger is not None and part is not parts[-1]:
+                self.ledger.begin()
         self.progress.finish(self.label)
+
+    def chunk_of(self, count: int) -> int:
+        """Return how many of so many realisations are computed together."""
+        return chunk_size(count, len(self.times) * (self.labels.shape[0] + self.model.layout.width))
+
+    @property
+    def joins(self) -> bool:
+        """Whether a realisation is known not to depend on those beside it: of the integrators of the core."""
+        return self.integrator in built_in_names() or declares(integrator_class(self.integrator), "delegates")
 
     def run(self, function: Callable[..., Arrays], tasks: Sequence[tuple[Any, ...]]) -> Iterator[Arrays]:
         """Do work that is not a row of realisations, on all workers, as a method that solves parts of its own does.
@@ -288,7 +302,10 @@ class Problem:
             not done again.
         """
         work = (self.label, self._packed, self._fingerprint, self.executor, self.checkpoint, self.clock)
-        return run_tasks(*work, function, tasks)
+        for done, found in enumerate(run_tasks(*work, function, tasks), 1):
+            yield found
+            if self.ledger is not None and done < len(tasks):
+                self.ledger.begin()
 
     def each(self, function: Callable[[Any], Any], pieces: Sequence[Any]) -> Iterator[Any]:
         """Apply a function to pieces in order, like `map`, in threads where the study has workers.
@@ -369,7 +386,12 @@ class Problem:
         if self.timeless and (known := self.known.get((self.kind, part.tobytes()))) is not None:
             return known
         key = self._key(part)
-        if (found := self.checkpoint.load(key) if self.checkpoint else None) is None:
+        found = self.ledger.find(part, self._key, join=self.joins) if self.ledger else None
+        if found is None:
+            found = self.checkpoint.load(key) if self.checkpoint else None
+        if self.ledger:
+            self.ledger.begin(len(part)) if found is None else self.ledger.reuse(len(part))
+        if found is None:
             return None
         self.clock.recover(key, found.seconds)
         return self._noted(part, found)
@@ -383,6 +405,8 @@ class Problem:
 
     def _keep(self, part: Array, chunk: Chunk, seconds: float) -> Chunk:
         """Store a chunk with the wall time that was spent on it."""
+        if self.ledger:
+            self.ledger.keep(self._key(part), replace(chunk, seconds=seconds))
         if self.checkpoint:
             key = self._key(part)
             self.checkpoint.save(key, replace(chunk, seconds=seconds))

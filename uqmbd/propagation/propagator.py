@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from uqmbd.mechanism import Mechanism
-    from uqmbd.propagation.estimate import Estimate
+    from uqmbd.propagation.estimate import Estimate, Sizing
     from uqmbd.propagation.problem import Problem
 
 __all__ = ["Propagator"]
@@ -128,6 +128,20 @@ class Propagator(ABC):
         ------
         uqmbd.StudyError
             If it can tell already that it cannot do the study.
+        """
+        return None
+
+    def sizing(self, study: Any, accuracy: float | None) -> Sizing | None:
+        """Return how this method is made larger or smaller, or None if it cannot be: it then runs as it is.
+
+        A run with a budget, or an accuracy, asks for it.  A method may override it, beside `estimate`, which tells
+        what a size takes; it must not compute anything.
+
+        Parameters
+        ----------
+        study : Study
+        accuracy : float, optional
+            What is asked for, for methods that end by themselves; None: as accurate as the budget allows.
         """
         return None
 

@@ -5,12 +5,13 @@ from __future__ import annotations
 import json
 import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from uqmbd.errors import MethodFailedWarning, StudyError, UqmbdError
 from uqmbd.isolation import Isolated, reason_of, release
+from uqmbd.propagation.budget import Terms, Within
 from uqmbd.propagation.execution import Crew, Progress
 from uqmbd.propagation.obstacle import obstacle_of
 from uqmbd.propagation.propagator import Propagator
@@ -40,6 +41,8 @@ class Outcome:
 
     nodes: tuple[xr.DataTree, ...]
     errors: Mapping[str, BaseException]
+    attrs: Mapping[str, str] = field(default_factory=dict)
+    """Further attributes of the root."""
 
     @property
     def reasons(self) -> dict[str, str]:
@@ -48,8 +51,9 @@ class Outcome:
 
     @property
     def attribute(self) -> dict[str, str]:
-        """The root attribute ``failed``, if there is anything to say: a JSON object, from label to reason."""
-        return {"failed": json.dumps(self.reasons, ensure_ascii=False)} if self.errors else {}
+        """Of the root: ``failed``, if there is anything to say, a JSON object from label to reason; and `attrs`."""
+        failed = {"failed": json.dumps(self.reasons, ensure_ascii=False)} if self.errors else {}
+        return {**failed, **self.attrs}
 
     def told(self, study: str, stacklevel: int) -> None:
         """Warn of each method that failed; where none succeeded, raise the first error, which names the others."""
@@ -73,8 +77,16 @@ def run_methods(
     crew: Crew,
     progress: Progress | bool | None = None,
     folder: Path | None = None,
+    terms: Terms | None = None,
+    *,
+    resume: bool = False,
 ) -> Outcome:
-    """Run methods; all are asked for what is in their way before the first realisation is computed."""
+    """Run methods; all are asked for what is in their way before the first realisation is computed.
+
+    With `terms` at the sizes that a budget and an accuracy choose: as they are at those sizes they give the same bits.
+    """
+    if terms is not None:
+        return _run_within(study, propagators, Within(study, terms, crew, progress, folder, resume))
     errors: dict[str, BaseException] = {}
     for propagator in propagators:
         if (error := _obstacle(propagator, study)) is not None:
@@ -90,6 +102,19 @@ def run_methods(
             errors[propagator.node_name] = work.error
     order = [p.node_name for p in propagators if p.node_name in errors]
     return Outcome(tuple(nodes), {label: errors[label] for label in order})
+
+
+def _run_within(study: Studied, propagators: Sequence[Propagator], within: Within) -> Outcome:
+    """Run methods at sizes that are chosen."""
+    for propagator in propagators:
+        if (error := _obstacle(within.smallest(propagator), study)) is not None:
+            within.errors[propagator.node_name] = error
+    within.run([p for p in propagators if p.node_name not in within.errors])
+    within.tell_warnings(stacklevel=3)
+    order = [p.node_name for p in propagators]
+    nodes = tuple(within.nodes[label] for label in order if label in within.nodes)
+    errors = {label: within.errors[label] for label in order if label in within.errors}
+    return Outcome(nodes, errors, within.attribute())
 
 
 def _obstacle(propagator: Propagator, study: Studied) -> BaseException | None:

@@ -17,12 +17,14 @@ from numpy.typing import ArrayLike
 from uqmbd.display import html_of
 from uqmbd.errors import StudyError
 from uqmbd.names import check_name, checked
+from uqmbd.propagation.budget import Terms
 from uqmbd.propagation.convergence import check_convergence_of, with_convergence
 from uqmbd.propagation.execution import Crew, Progress, pool, told
 from uqmbd.propagation.existence import existence_of
 from uqmbd.propagation.observed_model import (
     notices_attribute,
     observed_model,
+    parts_attribute,
     refuse_jumps,
     step_attributes,
     stepped,
@@ -277,6 +279,9 @@ class Study:
         folder: Path | None = None,
         resume: bool = False,
         finished: Callable[[xr.DataTree], object] | None = None,
+        budget: int | str | None = None,
+        accuracy: float | str | None = None,
+        planned: Callable[[str], object] | None = None,
     ) -> xr.DataTree:
         """Run all propagators: one that cannot do the study, or fails, does not keep the others from it.
 
@@ -300,6 +305,13 @@ class Study:
         finished : callable, optional
             Given the results of the methods and their comparison before curves of error against cost are computed, as
             `uqmbd run` does to store them.
+        budget : int or str, optional
+            How much is computed: realisations, or a time, as ``"30s"``, ``"10min"``, ``"2h"``.  The methods share it.
+        accuracy : float or str, optional
+            Each method takes as many samples, or as high an order, as its stated errors need, within the budget: 0.01
+            or ``"1%"`` of what `uqmbd.results.stated_accuracy` says.
+        planned : callable, optional
+            Is given sentences on the sizes that are chosen by budget and accuracy.
 
         Returns
         -------
@@ -328,18 +340,19 @@ class Study:
             )
         chosen = self.propagators if only is None else self._chosen(only)
         progress, folder = told(progress), self._folder(folder, resume=resume)
+        terms = Terms.of(f"study {self.name!r}", budget, accuracy, planned)
         with claimed(folder), Crew(workers) as crew:
             if folder:
                 reopen(folder) if resume else clear(folder)
             # what is wrong with the mechanism is no matter of a method
             self.model  # noqa: B018 - built once
-            outcome = run_methods(self, chosen, crew, progress, folder)
+            outcome = run_methods(self, chosen, crew, progress, folder, terms, resume=resume)
             outcome.told(self.name, stacklevel=2)
             tree = joined(self, outcome, self._attributes())
             if finished is not None:
                 finished(tree)
             if only is None:
-                tree = with_convergence(self, tree, crew, progress, folder)
+                tree = with_convergence(self, tree, crew, progress, folder, left_out=terms.bounds if terms else "")
             if folder:
                 computed(folder, tree.attrs)
         return tree
@@ -351,7 +364,7 @@ class Study:
             shown["over"] = json.dumps(over, ensure_ascii=False)
         about = {"rtol": self.rtol, "integrator": self.integrator, "start": self.start}
         steps = step_attributes(self.max_step, self.breaks)
-        return {**about, **steps, **shown, **_parts(self.mechanism), **notices_attribute(self.model)}
+        return {**about, **steps, **shown, **parts_attribute(self.mechanism), **notices_attribute(self.model)}
 
     @checked
     def converge(
@@ -404,10 +417,3 @@ class Study:
         names = ", ".join(p.node_name for p in self.propagators) or "no propagators"
         times = f"{len(self.times)} times to {self.times[-1]:g} s" if len(self.times) > 1 else "no times"
         return f"<study {self.name!r} of mechanism {self.mechanism.name!r}: {times}; {names}>"
-
-
-def _parts(mechanism: Mechanism) -> dict[str, str]:
-    """Bodies, and components with their types, as JSON: `uqmbd compare` tells which only one of two mechanisms has."""
-    components = {c.name: type(c).__name__ for c in mechanism.components.values()}
-    components |= {c.name: type(c).__name__ for c in mechanism.controllers.values()}
-    return {"parts": json.dumps({"bodies": list(mechanism.bodies), "components": components})}

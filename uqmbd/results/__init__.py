@@ -23,6 +23,7 @@ from uqmbd.results.chaos import (
 )
 from uqmbd.results.comparison import (
     IntegrationShare,
+    StatedAccuracy,
     align,
     choose_reference,
     compare,
@@ -31,6 +32,7 @@ from uqmbd.results.comparison import (
     own_statements,
     recommend,
     relative_errors,
+    stated_accuracy,
     statements,
     worst_integration_share,
 )
@@ -108,6 +110,7 @@ __all__ = [
     "SampleFile",
     "SampleStore",
     "SampleStoreChunks",
+    "StatedAccuracy",
     "Status",
     "Violations",
     "align",
@@ -152,6 +155,7 @@ __all__ = [
     "sample_statistics",
     "save",
     "scalar_nodes",
+    "stated_accuracy",
     "statements",
     "statistics_dataset",
     "statistics_of_samples",

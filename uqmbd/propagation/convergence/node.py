@@ -57,9 +57,12 @@ def with_convergence(
     crew: Crew,
     progress: Progress | bool | None = None,
     folder: Path | None = None,
+    *,
+    left_out: str = "",
 ) -> xr.DataTree:
     """Add the node ``convergence`` to the results of a study that asks for it.
 
+    Where `left_out` says why, they are not computed.
     Whatever goes wrong here is a warning and the attribute ``problem`` of the node: the other results stand.
     """
     import xarray as xr
@@ -71,6 +74,8 @@ def with_convergence(
     found = None
     # what is computed must stand, whatever methods of plugins raise
     with Isolated(Exception, SystemExit) as work:
+        if left_out:
+            raise StudyError(f"{left_out}; run the study without it for them.")
         if isinstance(reference, str):
             if reference not in tree.children:
                 raise StudyError(f"the reference {reference!r} gave no results.")

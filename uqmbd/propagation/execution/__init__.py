@@ -17,6 +17,7 @@ from uqmbd.propagation.execution.cost import Clock
 from uqmbd.propagation.execution.fingerprint import fingerprint
 from uqmbd.propagation.execution.histories import History, event_histories
 from uqmbd.propagation.execution.in_order import in_order
+from uqmbd.propagation.execution.ledger import LIMIT, BudgetSpent, Ledger
 from uqmbd.propagation.execution.margins import Margins
 from uqmbd.propagation.execution.observed import AGAIN, Observed
 from uqmbd.propagation.execution.progress import Lines, Progress, Silent, UntilTheEnd, told
@@ -29,6 +30,7 @@ from uqmbd.propagation.execution.workers import Crew, Staff, executor_for, pool,
 __all__ = [
     "AGAIN",
     "Arrays",
+    "BudgetSpent",
     "Checkpoint",
     "Chunk",
     "Clock",
@@ -36,6 +38,8 @@ __all__ = [
     "FOLDER",
     "History",
     "Kind",
+    "LIMIT",
+    "Ledger",
     "Lines",
     "Margins",
     "Observed",

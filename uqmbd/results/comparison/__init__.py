@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from uqmbd.results.comparison.accuracy import StatedAccuracy, stated_accuracy
 from uqmbd.results.comparison.alignment import align
 from uqmbd.results.comparison.differences import choose_reference, compare
 from uqmbd.results.comparison.error_norms import relative_errors
@@ -17,6 +18,7 @@ __all__ = [
     "IntegrationShare",
     "NO_SPREAD",
     "STILL",
+    "StatedAccuracy",
     "UNDER_RESOLVED",
     "align",
     "choose_reference",
@@ -27,6 +29,7 @@ __all__ = [
     "own_statements",
     "recommend",
     "relative_errors",
+    "stated_accuracy",
     "statements",
     "worst_integration_share",
 ]

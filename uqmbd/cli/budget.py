@@ -1,0 +1,58 @@
+"""`--budget` and `--accuracy`: what they are, what contradicts them, and what came of them."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+from uqmbd.errors import StudyError
+from uqmbd.propagation import accuracy_of, budget_of
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from uqmbd.propagation import Study
+
+__all__ = ["check_sizes", "choices", "missed"]
+
+
+def choices(budget: str | None, accuracy: str | None) -> dict[str, Any]:
+    """Return the arguments of `Study.run`, after a look at them; none where nothing is asked for.
+
+    Examples
+    --------
+    >>> choices(None, None)
+    {}
+    """
+    if budget is None and accuracy is None:
+        return {}
+    budget_of(budget, "--budget")
+    accuracy_of(accuracy, "--accuracy")
+    return {"budget": budget, "accuracy": accuracy, "planned": _say}
+
+
+def check_sizes(settings: Sequence[str], study: Study, chosen: dict[str, Any], only: Sequence[str]) -> None:
+    """Raise where an option is set that a budget or an accuracy chooses."""
+    if not chosen:
+        return
+    known = {p.node_name: p for p in study.propagators if not only or p.node_name in only}
+    asked = " and ".join(f"--{name}" for name in ("budget", "accuracy") if chosen[name] is not None)
+    for setting in settings:
+        label, _, option = setting.partition("=")[0].strip().rpartition(".")
+        sizing = known[label].sizing(study, accuracy_of(chosen["accuracy"])) if label in known else None
+        if sizing is not None and option in (sizing.option, *sizing.also):
+            raise StudyError(
+                f"--set {setting} contradicts {asked}, by which {option} of {label} is chosen; leave one of them out."
+            )
+
+
+def missed(tree: xr.DataTree) -> list[str]:
+    """Return sentences on the methods that do not reach the accuracy that was asked for."""
+    methods = json.loads(tree.attrs.get("budget", "{}")).get("methods", {})
+    return [f"accuracy of {label}: {about['summary']}" for label, about in methods.items() if about.get("met") is False]
+
+
+def _say(sentence: str) -> None:
+    print(sentence, file=sys.stderr, flush=True)

@@ -1,0 +1,8 @@
+"""Runs whose sizes follow from a budget and an accuracy."""
+
+from __future__ import annotations
+
+from uqmbd.propagation.budget.amounts import Amount, accuracy_of, budget_of
+from uqmbd.propagation.budget.sharing import Terms, Within
+
+__all__ = ["Amount", "Terms", "Within", "accuracy_of", "budget_of"]

@@ -1,0 +1,120 @@
+"""A budget and an accuracy, as they are given: ``10min``, ``5000``, ``1%``."""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+from numbers import Integral, Real
+
+from uqmbd.errors import StudyError
+from uqmbd.wording import format_duration
+
+__all__ = ["Amount", "accuracy_of", "budget_of"]
+
+SECONDS = {"s": 1.0, "min": 60.0, "h": 3600.0, "d": 86400.0}
+
+FINEST, COARSEST = 1e-9, 1.0
+
+
+@dataclass(frozen=True)
+class Amount:
+    """How much a run may compute.
+
+    Parameters
+    ----------
+    realisations, seconds : float
+        One of them is finite.
+
+    Examples
+    --------
+    >>> budget_of("10min").words, budget_of(5000).words
+    ('10 min 0 s', '5000 realisations')
+    """
+
+    realisations: float = math.inf
+    seconds: float = math.inf
+
+    @property
+    def words(self) -> str:
+        """It, for people."""
+        if math.isfinite(self.seconds):
+            return format_duration(self.seconds)
+        return f"{self.realisations:.0f} realisations"
+
+
+def budget_of(given: object, name: str = "budget") -> Amount | None:
+    """Read a budget.
+
+    Parameters
+    ----------
+    given : int or str, optional
+        A number of realisations, or a duration: ``"30s"``, ``"10min"``, ``"2h"``.
+    name : str
+        What messages call it.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If it is neither.
+
+    Examples
+    --------
+    >>> budget_of("1.5h"), budget_of("1e4")
+    (Amount(realisations=inf, seconds=5400.0), Amount(realisations=10000, seconds=inf))
+    """
+    if given is None:
+        return None
+    if not isinstance(given, bool) and isinstance(given, Integral) and int(given) > 0:
+        return Amount(realisations=int(given))
+    if isinstance(given, str) and (found := re.fullmatch(r"\s*([0-9.]+(?:e[0-9]+)?)\s*([a-z]*)\s*", given)):
+        try:
+            number = float(found[1])
+        except ValueError:
+            number = math.nan
+        if found[2] in SECONDS and 0 < number < math.inf:
+            return Amount(seconds=number * SECONDS[found[2]])
+        if not found[2] and 0 < number < math.inf and number == int(number):
+            return Amount(realisations=int(number))
+    raise StudyError(
+        f"{name} is {given!r}; expected a number of realisations, as 5000, or a time in s, min, h or d, as 10min."
+    )
+
+
+def accuracy_of(given: object, name: str = "accuracy") -> float | None:
+    """Read an accuracy.
+
+    Parameters
+    ----------
+    given : float or str, optional
+        A share, as 0.01, or ``"1%"``.
+    name : str
+        What messages call it.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If it is no share between 0 and 1.
+
+    Examples
+    --------
+    >>> accuracy_of("1%"), accuracy_of("0.5 %"), accuracy_of(0.02)
+    (0.01, 0.005, 0.02)
+    """
+    if given is None:
+        return None
+    value = math.nan
+    if not isinstance(given, bool) and isinstance(given, Real):
+        value = float(given)
+    elif isinstance(given, str):
+        text = given.strip()
+        try:
+            value = float(text.removesuffix("%")) / 100 if text.endswith("%") else float(text)
+        except ValueError:
+            value = math.nan
+    if not FINEST <= value < COARSEST:
+        raise StudyError(
+            f"{name} is {given!r}; expected a share of the standard deviation of each output, between 0 and 1, as 0.01 "
+            "or '1%'."
+        )
+    return value

@@ -1,0 +1,382 @@
+"""Methods that share a budget: a pilot of each, then the sizes that it allows, and what came of it."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import math
+import time
+import warnings
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from uqmbd.errors import StudyError
+from uqmbd.files import replacing
+from uqmbd.isolation import Isolated, release
+from uqmbd.propagation.budget.amounts import Amount, accuracy_of, budget_of
+from uqmbd.propagation.budget.sized import Left, Sized, Stage
+from uqmbd.propagation.execution import FOLDER, LIMIT, BudgetSpent, Crew, Ledger, Progress
+from uqmbd.propagation.obstacle import obstacle_of
+from uqmbd.propagation.problem import Problem
+from uqmbd.propagation.propagator import Propagator
+from uqmbd.propagation.run_method import run_method
+from uqmbd.propagation.studied import Studied
+from uqmbd.wording import format_duration
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+__all__ = ["Terms", "Within"]
+
+METHOD = (Exception, SystemExit)
+
+RECORD = "budget.json"
+"""File of the sizes that a run has chosen, beside its finished chunks: a run that goes on chooses the same."""
+
+
+@dataclass(frozen=True)
+class Terms:
+    """What a run is held to.
+
+    Parameters
+    ----------
+    budget : Amount, optional
+    accuracy : float, optional
+        See `uqmbd.results.stated_accuracy`.
+    say : callable, optional
+        Is given sentences on the sizes that are chosen.
+    clock : callable
+        Seconds.
+    """
+
+    budget: Amount | None = None
+    accuracy: float | None = None
+    say: Callable[[str], object] | None = None
+    clock: Callable[[], float] = time.monotonic
+
+    @classmethod
+    def of(cls, where: str, budget: object, accuracy: object, say: Callable[[str], object] | None) -> Terms | None:
+        """Read them; None where nothing is asked for."""
+        if budget is None and accuracy is None:
+            return None
+        return cls(budget_of(budget, f"{where}: budget"), accuracy_of(accuracy, f"{where}: accuracy"), say)
+
+    @property
+    def bounds(self) -> str:
+        """Say that there is a budget; empty where there is none."""
+        return "" if self.budget is None else f"they are not part of the budget of {self.budget.words}"
+
+    @property
+    def asked(self) -> dict[str, Any]:
+        """What is asked for, as it is stored."""
+        known = self.budget or Amount()
+        about = {"realisations": known.realisations, "seconds": known.seconds, "accuracy": self.accuracy}
+        return {name: value for name, value in about.items() if value is not None and math.isfinite(value)}
+
+    def tell(self, sentence: str) -> None:
+        """Say a sentence."""
+        if self.say is not None:
+            self.say(sentence)
+
+
+@dataclass
+class Within:
+    """The methods of a study within a budget.
+
+    Parameters
+    ----------
+    study : Study
+    terms : Terms
+    crew, progress, folder
+        As of a run.
+    resume : bool
+        Whether the sizes that an interrupted run has chosen are taken again.
+    """
+
+    study: Studied
+    terms: Terms
+    crew: Crew
+    progress: Progress | bool | None = None
+    folder: Path | None = None
+    resume: bool = False
+    nodes: dict[str, xr.DataTree] = field(default_factory=dict)
+    errors: dict[str, BaseException] = field(default_factory=dict)
+    about: dict[str, dict[str, Any]] = field(default_factory=dict)
+    _ledgers: dict[str, Ledger] = field(default_factory=dict)
+    _said: dict[str, list[warnings.WarningMessage]] = field(default_factory=dict)
+    _record: dict[str, list[dict[str, Any]]] = field(default_factory=dict)
+    _begin: float = 0.0
+    _earlier: float = 0.0
+
+    def run(self, propagators: Sequence[Propagator]) -> None:
+        """Run methods, and leave their nodes, or errors, by their labels.
+
+        Those that cannot be sized come first, for what they take is not to be chosen.  Then each gets its pilot, and
+        its part of what is left: the cheapest first, so that what it leaves is shared by the others.
+        """
+        self._read()
+        self._begin = self.terms.clock()
+        self._warm(propagators)
+        sized: list[Sized] = []
+        for propagator in propagators:
+            found = self._asked(propagator)
+            if isinstance(found, Sized):
+                sized.append(found)
+        for number, one in enumerate(sized):
+            # a pilot is bounded by what all of them may take, and what is left of it is shared again
+            self._turn(one, self._left(len(sized) - number), pilot=True)
+        waiting = [one for one in sized if one.label not in self.errors]
+        waiting.sort(key=lambda one: one.wanted() if one.sizing.falls == "root" else 0.0)
+        for number, one in enumerate(waiting):
+            self._turn(one, self._left(len(waiting) - number))
+            if one.label not in self.errors:
+                self._end(one)
+
+    def _warm(self, propagators: Sequence[Propagator]) -> None:
+        """Compute the realisation at the means: what is compiled for it is no part of the cost of the others."""
+        with Isolated(*METHOD), warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            problem = self._problem(propagators[0])
+            problem.realise(problem.inputs.means[None, :])
+
+    def _left(self, shared_by: int) -> Left:
+        """Return the part that the next of some methods may take."""
+        budget = self.terms.budget or Amount()
+        spent = sum(ledger.spent for ledger in self._ledgers.values())
+        seconds = budget.seconds - self._elapsed()
+        most = max(budget.realisations - spent, 0) / shared_by
+        return Left(math.floor(most) if math.isfinite(most) else most, max(seconds, 0.0) / shared_by)
+
+    def _elapsed(self) -> float:
+        return self.terms.clock() - self._begin + self._earlier
+
+    def smallest(self, propagator: Propagator) -> Propagator:
+        """Return the smallest size of a method, or the method itself where it has none."""
+        found = propagator
+        with Isolated(*METHOD):  # it is told where its sizes are asked for
+            if (sizing := propagator.sizing(self.study, self.terms.accuracy)) is not None:
+                found = sizing.at(sizing.least)
+        return found
+
+    def _asked(self, propagator: Propagator) -> Sized | None:
+        """Ask a method for its sizes; one that has none runs as it is."""
+        label, sizing = propagator.node_name, None
+        with Isolated(*METHOD) as asked:
+            sizing = propagator.sizing(self.study, self.terms.accuracy)
+        if asked.error is not None:
+            self.errors[label] = asked.error
+            return None
+        ledger = self._ledgers[label] = Ledger(clock=self.terms.clock)
+        if sizing is not None:
+            one = Sized(propagator, sizing, self.study, self.terms.accuracy)
+            with Isolated(*METHOD):  # a model that cannot be made is told of in the first run
+                problem = self._problem(propagator)
+                rows = LIMIT / (8 * max(math.prod(problem.labels.shape), 1))
+                one.chunk, one.joins, one.held = problem.chunk_of, problem.joins, math.inf if self.folder else rows
+            for stored in self._record.get(label, []):
+                self._earlier += stored.get("seconds", 0.0)
+            return one
+        self.terms.tell(f"{label}: its size cannot be chosen; it runs as it is")
+        left = self._left(1)
+        ledger.most, ledger.until = left.realisations, math.inf
+        with Isolated(*METHOD) as work:
+            estimate = propagator.estimate(self.study)
+            if estimate is not None and not estimate.at_most and estimate.realisations > left.realisations:
+                raise StudyError(
+                    f"{label}: its size cannot be chosen, and it takes {estimate.realisations} realisations, more than "
+                    f"the budget leaves ({left.realisations:.0f})."
+                )
+            begin = self.terms.clock()
+            try:
+                node = self._computed(propagator, ledger)
+            except BudgetSpent as spent:
+                raise StudyError(f"{label}: its size cannot be chosen, and the budget is too small: {spent}.") from None
+            self.nodes[label] = node
+            found = self._stated(node, "moments")
+            words = f"its size cannot be chosen; as it is it states {found.words}"
+            self.about[label] = {"sized": False, "stated": found.value, "summary": words}
+            self.about[label]["seconds"] = self.terms.clock() - begin
+        if work.error is not None:
+            release(work.error)
+            self.errors[label] = work.error
+        return None
+
+    def _problem(self, propagator: Propagator) -> Problem:
+        """Return the problem whose realisations a method asks for first."""
+        problem = self.study.problem(propagator)
+        return problem if problem.model.outputs.names or problem.model.scalars is None else problem.without_time()
+
+    def _stated(self, node: xr.DataTree, of: Any) -> Any:
+        from uqmbd.results import stated_accuracy
+
+        return stated_accuracy(node, rtol=getattr(self.study, "rtol", 0.0), of=of)
+
+    def _turn(self, one: Sized, left: Left, *, pilot: bool = False) -> None:
+        """Run a method at one size after the other, until it is accurate enough or has taken its part.
+
+        One that fails at its first size has failed; at a later one it keeps what it has.
+        """
+        ledger, now, size, done = self._ledgers[one.label], self.terms.clock(), 0, 0
+        ledger.most, ledger.until = ledger.spent + left.realisations, now + left.seconds
+        while True:
+            with Isolated(*METHOD) as work:
+                try:
+                    if (chosen := self._next(one, self._remaining(ledger))) is None:
+                        return
+                    size, done = chosen, ledger.done
+                    if not pilot:
+                        self._announce(one, size)
+                    self._stage(one, size, ledger)
+                except BudgetSpent as spent:
+                    one.problem = f"the budget ended {one.sizing.option}={size}"
+                    self._salvage(one, size, ledger.done - done, ledger)
+                    if one.node is None:
+                        raise StudyError(
+                            f"{one.label}: the budget is too small for its smallest size, {one.sizing.option}={size}: "
+                            f"{spent}."
+                        ) from None
+                    return
+            if work.error is not None:
+                release(work.error)
+                if one.node is None:
+                    self.errors[one.label] = work.error
+                else:
+                    one.problem = f"{one.sizing.option}={size} failed: {work.reason}"
+                return
+            if pilot:
+                return
+
+    def _salvage(self, one: Sized, size: int, done: int, ledger: Ledger) -> None:
+        """Take the largest size whose realisations are all there when the budget ends another one."""
+        self._record[one.label] = self._record[one.label][: len(one.stages)]
+        if (found := one.finished(size, done)) is None:
+            return
+        ledger.most, ledger.until = ledger.spent, math.inf
+        with contextlib.suppress(BudgetSpent):
+            self._stage(one, found, ledger)
+
+    def _remaining(self, ledger: Ledger) -> Left:
+        return Left(ledger.most - ledger.spent, max(ledger.until - self.terms.clock(), 0.0))
+
+    def _next(self, one: Sized, left: Left) -> int | None:
+        """Choose the next size, or take the one that was chosen before the run was interrupted."""
+        known = self._record.get(one.label, [])
+        if len(one.stages) < len(known):
+            return int(known[len(one.stages)]["size"])
+        return one.following(left) if one.stages else one.first(left)
+
+    def _announce(self, one: Sized, size: int) -> None:
+        last, wanted = one.stages[-1], one.wanted()
+        text = f"{one.label}: {one.sizing.option}={last.size} states {_percent(last.accuracy)} ({last.quantity})"
+        if one.accuracy is not None and math.isfinite(wanted) and one.sizing.falls != "itself":
+            count = one.sizing.largest(wanted)
+            text += f"; {_percent(one.accuracy)} needs about {one.sizing.option}={count}"
+        text += f"; now {size}, {one.cost(size)} realisations, about {format_duration(one.seconds(size), rough=True)}"
+        if one.sizing.falls == "root" and math.isfinite(last.accuracy):
+            text += f", for about {_percent(last.accuracy * math.sqrt(last.size / size))}"
+        self.terms.tell(text)
+
+    def _stage(self, one: Sized, size: int, ledger: Ledger) -> None:
+        """Run a method at a size."""
+        method = one.sizing.at(size)
+        if method.node_name != one.label:
+            method = replace(method, label=one.label)
+        record, k = self._record.setdefault(one.label, []), len(one.stages)
+        again = record[k] if k < len(record) else None
+        if again is None:
+            if (reason := obstacle_of(method, self.study)) is not None:
+                raise StudyError(f"{one.label}: it cannot do this study: {reason}")
+            if one.stages and one.fresh(size) > ledger.most - ledger.spent:
+                raise BudgetSpent(f"{one.fresh(size)} realisations")
+            record.append({"size": size})
+            self._write()
+        begin, spent, reused, before = self.terms.clock(), ledger.spent, ledger.reused, ledger.computing
+        node = self._computed(method, ledger)
+        counted = int(node.attrs.get("realisations", 0))
+        # what a method solves for all together is not computed one by one
+        ledger.spent += max(counted - (ledger.spent - spent) - (ledger.reused - reused), 0)
+        fresh, seconds, computing = ledger.spent - spent, self.terms.clock() - begin, ledger.computing - before
+        if again is not None and "seconds" in again:
+            # what was computed before counts as it did then
+            seconds, fresh, computing = again["seconds"], again["fresh"], again["computing"]
+            ledger.spent = spent + fresh
+        found = self._stated(node, one.sizing.of)
+        one.add(Stage(size, counted, fresh, seconds, computing, found.value, found.quantity), node)
+        record[k].update(seconds=seconds, fresh=fresh, computing=computing)
+        self._write()
+
+    def _computed(self, method: Propagator, ledger: Ledger) -> xr.DataTree:
+        """Run a method; what it warns of is told of the size that is taken."""
+        with warnings.catch_warnings(record=True) as said, self.crew.at_work() as executor:
+            warnings.simplefilter("always")
+            problem = self.study.problem(method, executor, self.progress, self.folder)
+            node = run_method(method, replace(problem, ledger=ledger))
+        self._said[method.node_name] = said
+        return node
+
+    def _end(self, one: Sized) -> None:
+        """Note what was chosen, and say it."""
+        assert one.node is not None and one.taken is not None
+        taken, asked = one.taken, one.accuracy
+        about: dict[str, Any] = {
+            "sized": True,
+            "option": one.sizing.option,
+            "size": taken.size,
+            "stated": taken.accuracy,
+            "quantity": taken.quantity,
+            "spent": self._ledgers[one.label].spent,
+            "seconds": sum(stage.seconds for stage in one.stages),
+            "stages": [asdict(stage) for stage in one.stages],
+        }
+        text = f"{one.sizing.option}={taken.size} states {_percent(taken.accuracy)} ({taken.quantity})"
+        if asked is not None:
+            about["met"] = one.met
+            text += f"; {_percent(asked)} was asked for"
+            text += "" if one.met else f" and is not reached: {one.problem or 'the budget is used'}"
+        about["summary"] = text
+        one.node.attrs["budget_summary"] = text
+        self.about[one.label], self.nodes[one.label] = about, one.node
+        self.terms.tell(f"{one.label}: {text}")
+
+    def tell_warnings(self, stacklevel: int) -> None:
+        """Pass on what the methods warn of, at the sizes that were taken."""
+        for label in self.nodes:
+            for one in self._said.get(label, []):
+                warnings.warn(one.message, one.category, stacklevel=stacklevel + 1)
+
+    def attribute(self) -> dict[str, str]:
+        """Return the root attribute ``budget``: what was asked for, and what became of it by method, in JSON."""
+        about = {"asked": self.terms.asked, "methods": self.about}
+        return {"budget": json.dumps(_plain(about), ensure_ascii=False)}
+
+    def _read(self) -> None:
+        """Take the sizes that an interrupted run has chosen for the same budget and accuracy."""
+        if self.folder is None or not self.resume:
+            return
+        with contextlib.suppress(OSError, ValueError, KeyError, TypeError):
+            found = json.loads((self.folder / FOLDER / RECORD).read_text())
+            if found["asked"] == self.terms.asked:
+                self._record = {str(k): list(v) for k, v in found["methods"].items()}
+
+    def _write(self) -> None:
+        if self.folder is None:
+            return
+        place = self.folder / FOLDER
+        place.mkdir(parents=True, exist_ok=True)
+        with replacing(place / RECORD) as part:
+            part.write_text(json.dumps({"asked": self.terms.asked, "methods": self._record}))
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:.2g} %" if math.isfinite(share) else "no error"
+
+
+def _plain(value: Any) -> Any:
+    """Return what JSON can hold: what is infinite is null."""
+    if isinstance(value, dict):
+        return {key: _plain(one) for key, one in value.items()}
+    if isinstance(value, list):
+        return [_plain(one) for one in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -1,0 +1,141 @@
+"""What an accuracy of 1 % means: the one measure of stated errors that a run with ``accuracy=`` is held to."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import xarray as xr
+
+from uqmbd.results.comparison.own_errors import own_error
+from uqmbd.results.statistics import over_time
+from uqmbd.typing import Array
+
+__all__ = ["StatedAccuracy", "stated_accuracy"]
+
+TWO_SIDED = 1.96
+"""Standard errors of 95 % confidence, to either side."""
+
+
+@dataclass(frozen=True)
+class StatedAccuracy:
+    """How accurate a result says that it is.
+
+    Attributes
+    ----------
+    value : float
+        The largest half-width, relative to its scale; infinite where none is stated.
+    quantity : str
+        Which one has it; or why none is stated.
+
+    Examples
+    --------
+    >>> StatedAccuracy(0.0123, "mean of x at 0.5 s").words
+    '1.2 % (mean of x at 0.5 s)'
+    """
+
+    value: float
+    quantity: str
+
+    @property
+    def words(self) -> str:
+        """Both, for people."""
+        return f"{100 * self.value:.2g} % ({self.quantity})" if math.isfinite(self.value) else self.quantity
+
+
+def stated_accuracy(
+    node: xr.DataTree, *, rtol: float = 0.0, of: Literal["moments", "probabilities"] = "moments"
+) -> StatedAccuracy:
+    """Return how accurate a result says that it is, with 95 % confidence.
+
+    Parameters
+    ----------
+    node : xarray.DataTree
+        Of a propagator.
+    rtol : float
+        Tolerance of the integration, which tells what does not vary.
+    of : {"moments", "probabilities"}
+        ``moments``: half-widths of the mean and of the standard deviation of each output at each time, each by itself,
+        relative to the largest standard deviation of that output over time; of an output without a time relative to
+        its standard deviation.  Half a width is 1.96 standard errors (of replicates those of Student's t), and of a
+        surrogate the bound of its error that its verification tells.  What does not vary counts for nothing.  The
+        error of the integration, which no number of realisations makes smaller, is stated apart from it.
+
+        ``probabilities``: the longer side of the 95 % interval of each probability that a requirement is violated,
+        relative to that probability.
+
+    Returns
+    -------
+    StatedAccuracy
+        Of the worst of them.
+
+    Examples
+    --------
+    >>> from uqmbd.results import labels, propagator_node, statistics_dataset
+    >>> axes = labels(["x"], [], [0.0, 1.0])
+    >>> statistics = statistics_dataset(axes, mean=[[0.0, 0.0]], std=[[1.0, 2.0]], std_error_mean=[[0.1, 0.1]],
+    ...                                 std_error_std=[[0.05, 0.2]])
+    >>> node = propagator_node("a", statistics, propagator="p", realisations=100, wall_time=0.0)
+    >>> stated_accuracy(node).words
+    '20 % (standard deviation of x at 1 s)'
+    """
+    if of == "probabilities":
+        return _of_probabilities(node)
+    found = [_of_moments(one, rtol) for one in (node, *_scalars(node))]
+    return max(found, key=lambda one: one.value)
+
+
+def _scalars(node: xr.DataTree) -> list[xr.DataTree]:
+    return [node.children["scalars"]] if "scalars" in node.children else []
+
+
+def _of_moments(node: xr.DataTree, rtol: float) -> StatedAccuracy:
+    statistics = node.children["statistics"].to_dataset()
+    own = own_error(node, rtol, dependence=False)
+    names = [str(name) for name in statistics["output"].values]
+    # an output without any statistics (it may not happen) is told of as such
+    rows = np.flatnonzero(own.varies & np.isfinite(own.std).any(axis=1))
+    if not len(rows):
+        return StatedAccuracy(0.0, "nothing varies")
+    noisy = {"std_error_mean", "std_error_std"} <= set(statistics.data_vars)
+    if not noisy and np.isnan(own.stated[rows]).any():
+        name = names[rows[int(np.argmax(np.isnan(own.stated[rows])))]]
+        return StatedAccuracy(np.inf, f"no error is stated of {name}")
+    times = np.asarray(statistics["time"].values, dtype=float) if "time" in statistics["mean"].dims else None
+    worst = StatedAccuracy(0.0, "nothing varies")
+    for kind, words in (("mean", "mean"), ("std", "standard deviation")):
+        noise = over_time(statistics[f"std_error_{kind}"].values) if noisy else np.zeros_like(own.std)
+        widths = TWO_SIDED * noise + own.bias
+        for row in rows.tolist():
+            found = _largest(widths[row], own.std[row], getattr(own, kind)[row])
+            if found[0] > worst.value:
+                at = "" if times is None else f" at {times[found[1]]:g} s"
+                unknown = "" if math.isfinite(found[0]) else " is not known"
+                worst = StatedAccuracy(found[0], f"{words} of {names[row]}{at}{unknown}")
+    return worst
+
+
+def _largest(widths: Array, std: Array, values: Array) -> tuple[float, int]:
+    """Return the largest of half-widths (T,) over the largest standard deviation, and where it is."""
+    unknown = ~(np.isfinite(widths) & np.isfinite(std) & np.isfinite(values))
+    if unknown.any():
+        return np.inf, int(np.argmax(unknown))
+    k, scale = int(np.argmax(widths)), float(std.max())
+    return (float(widths[k]) / scale if scale > 0 else 0.0), k
+
+
+def _of_probabilities(node: xr.DataTree) -> StatedAccuracy:
+    if "requirements" not in node.children:
+        return StatedAccuracy(np.inf, "there are no requirements")
+    data = node.children["requirements"].to_dataset()
+    worst = StatedAccuracy(0.0, "no probability")
+    for name in data["requirement"].values.tolist():
+        one = data.sel(requirement=name)
+        p, (lower, upper) = float(one["violation_probability"]), one["interval"].values.tolist()
+        if not p > 0:
+            return StatedAccuracy(np.inf, f"no violation of {name} was found")
+        if (wide := max(p - lower, upper - p) / p) > worst.value:
+            worst = StatedAccuracy(wide, f"probability of {name}")
+    return worst
