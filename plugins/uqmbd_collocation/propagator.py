@@ -22,6 +22,9 @@ from uqmbd_collocation.two_frequency import expand_series
 
 __all__ = ["Collocation"]
 
+FEW = 40
+"""Numbers of each output at each time in the results, besides coefficients: statistics and errors."""
+
 BOUND = 10.0
 """An accuracy over the tolerance of a refinement for it: a bound of few verification realisations is larger than what
 ends the refinement."""
@@ -266,10 +269,13 @@ class Collocation(uqmbd.Propagator):
         ways, left_out = self._possible(study)
         if self.adaptive != "no":
             most = self.max_realisations * len(ways)
-            return uqmbd.Estimate(most, 8 * 3 * most * values, f"{most} realisations{left_out}", at_most=True)
+            return uqmbd.Estimate(
+                most, 8 * 3 * most * values, f"{most} realisations{left_out}", at_most=True, disk=8 * FEW * values
+            )
         planned = self._plans(self.node_name).plan(space, self.order)
         nodes, terms, boxes = len(planned.nodes), len(planned.multi_index), self._limits.computed
         one = (nodes + self.verify) * (3 * values + terms) + 3 * terms * values
+        disk = 8 * values * (FEW + boxes * terms)
         detail = f"{nodes} nodes, {terms} terms" + (f" in each of {boxes} elements" if boxes > 1 else "")
         if ways != ("plain",):
             # nodes are followed longer, most of them twice; nobody knows yet where sequences differ
@@ -279,8 +285,10 @@ class Collocation(uqmbd.Propagator):
             alone = nodes if "plain" in ways and "phase" not in ways else 0
             count = 2 * boxes * nodes * len(aligned) + alone + self.verify
             detail += f"; families {', '.join(ways)}" if len(ways) > 1 else ""
-            return uqmbd.Estimate(count, 16 * boxes * one * len(ways), detail + left_out)
-        return uqmbd.Estimate(boxes * nodes + self.verify, 8 * boxes * one, detail, at_most=self._limits.adaptive)
+            return uqmbd.Estimate(count, 16 * boxes * one * len(ways), detail + left_out, disk=disk)
+        return uqmbd.Estimate(
+            boxes * nodes + self.verify, 8 * boxes * one, detail, at_most=self._limits.adaptive, disk=disk
+        )
 
     def sizing(self, study: uqmbd.Study, accuracy: float | None) -> uqmbd.Sizing | None:
         """Raise the order; a refinement is bounded by its realisations, and ends at the accuracy."""

@@ -199,7 +199,8 @@ class Galerkin(uqmbd.Propagator):
             pilots = max(self.verify, PILOTS)
             count += pilots
             detail += f", {pilots} realisations for the clock, again where their splines need more times"
-        disk = 8 * boxes * terms * (times * outputs + len(study.mechanism.scalars))
+        # of each output at each time the coefficients, and some forty statistics and errors
+        disk = 8 * (40 + boxes * terms) * (times * outputs + len(study.mechanism.scalars))
         return uqmbd.Estimate(count, memory, detail, at_most=self._limits.adaptive, disk=disk, together=True)
 
     def sizing(self, study: uqmbd.Study, accuracy: float | None) -> uqmbd.Sizing | None:

@@ -96,11 +96,13 @@ class Reliability(uqmbd.Propagator):
         """Count realisations, and the running margins that are kept."""
         wanted = len(study.mechanism.requirements)
         count = self.max_realisations if wanted else PILOT
-        found = uqmbd.Estimate(count, 8 * count * (wanted * len(study.times) + 4), "running margins", at_most=True)
+        values = len(study.mechanism.outputs) * len(study.times) + len(study.mechanism.scalars)
+        memory, disk = 8 * count * (wanted * len(study.times) + 4), 8 * (PILOT + 20) * values
+        found = uqmbd.Estimate(count, memory, "running margins", at_most=True, disk=disk)
         other = None if self.surrogate is None or not wanted else self.surrogate.estimate(study)
         if other is None:
             return found
-        return uqmbd.Estimate(count, max(found.memory, other.memory), found.detail, at_most=True)
+        return replace(found, memory=max(found.memory, other.memory))
 
     def sizing(self, study: uqmbd.Study, accuracy: float | None) -> uqmbd.Sizing | None:
         """Bound the realisations, and end where half a 95 % interval is the accuracy times the probability."""

@@ -361,7 +361,7 @@ def test_check(cli, study, monkeypatch):
         "B.point[1] (follow from the others",
         "Normal(mu=1, sigma=0.02)",
         "Enters nothing: mass",
-        "samples=100, seed=None",
+        "FakeMonteCarlo",
     ):
         assert part in out
 

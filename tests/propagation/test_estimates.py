@@ -14,6 +14,7 @@ from typer.testing import CliRunner
 
 import uqmbd
 from uqmbd.cli.app import app
+from uqmbd.propagation.budget import timing_of
 from uqmbd.propagation.obstacle import obstacle_of
 from uqmbd_collocation import Collocation
 from uqmbd_galerkin import Galerkin
@@ -131,8 +132,35 @@ def test_check_shows_what_each_method_takes(tmp_path):
         "    Galerkin(order=4), Collocation(adaptive='order', max_realisations=123, label='adaptive')])\n"
     )
     said = CliRunner().invoke(app, ["check", str(script)], env={"COLUMNS": "200"}).output
-    for words in ("70 realisations", "19 realisations", "21 realisations", "up to 123 realisations"):
-        assert words in said
+    rows = {line.split()[0]: line for line in said.split("estimate ")[1].splitlines()[1:] if line}
+    for label, count in {"monte-carlo": "70", "collocation": "19", "galerkin": "21", "adaptive": "up to 123"}.items():
+        assert re.match(rf"{label} +{count} +(up to |below )?[\d.]+ (s|min)", rows[label])
+        assert re.search(r"[\d.]+ kB +(up to )?[\d.]+ kB", rows[label])
+    assert "samples=70" in said
+    assert "keep=" not in said  # as by default
+
+
+def test_times_are_those_of_the_largest_number_that_was_timed():
+    """With a clock that counts realisations: 1, 8, 64, as far as the limit allows."""
+    study, computed = loads(2), []
+
+    class Clock:
+        def __call__(self):
+            return 0.01 * sum(computed)
+
+    class Counted(uqmbd.Study):
+        def problem(self, *arguments):
+            problem = super().problem(*arguments)
+            realise = problem.realise
+            object.__setattr__(problem, "realise", lambda values: (computed.append(len(values)), realise(values))[1])
+            return problem
+
+    counted = Counted("loads", study.mechanism, study.times, [MonteCarlo(samples=5000)])
+    for limit, count in ((0.005, 1), (0.1, 8), (1.0, 64)):
+        timing = timing_of(counted, counted.propagators[0], limit, Clock())
+        assert timing.count == count
+        assert timing.each == pytest.approx(0.01)
+        assert timing.seconds(counted.propagators[0], counted) == pytest.approx(50.0)
 
 
 def test_a_run_refuses_what_it_cannot_hold_and_does_the_rest():

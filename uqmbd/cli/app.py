@@ -122,7 +122,7 @@ def check(
 ) -> None:
     """Show what a study computes, without running it.
 
-    Its bodies, equations, rank, redundant equations, mobility, inputs and propagators.
+    Its bodies, equations, rank, redundant equations, mobility, inputs, propagators, and what each of these would take.
     """
     with loading():
         from uqmbd.cli.check import show_check

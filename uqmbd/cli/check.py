@@ -1,8 +1,9 @@
-"""`uqmbd check`: what a study would compute, found out without computing it, but for a realisation at the means."""
+"""`uqmbd check`: what a study would compute, found out without computing it, but for a few realisations."""
 
 from __future__ import annotations
 
 import dataclasses
+import math
 import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,7 +17,8 @@ from uqmbd.cli.tables import console, plain_table
 from uqmbd.errors import StudyError
 from uqmbd.isolation import Isolated
 from uqmbd.mechanism import ImportedMechanism, Mechanism
-from uqmbd.propagation import Estimate, Propagator, load_study, obstacle_of
+from uqmbd.propagation import Estimate, Propagator, Timing, load_study, obstacle_of, readable, timing_of
+from uqmbd.wording import format_count, format_duration, format_integer
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -230,18 +232,14 @@ def _show_requirements(screen: Console, study: Study) -> None:
 
 
 def _show_propagators(screen: Console, study: Study) -> None:
-    """Print the study's propagators with their options, and the others that are installed."""
-    table = plain_table("propagator", "type", "fits", "takes", "options")
+    """Print the study's propagators, what each would take, and the others that are installed."""
+    table = plain_table("propagator", "type", "fits", "options other than by default")
     for propagator in study.propagators:
-        options = ", ".join(
-            f"{option.name}={getattr(propagator, option.name)!r}"
-            for option in dataclasses.fields(propagator)
-            if option.name != "label"
-        )
         names = (Text(propagator.node_name), Text(type(propagator).__name__))
-        table.add_row(*names, _fit(propagator, study), Text(_takes(propagator, study)), Text(options))
+        table.add_row(*names, _fit(propagator, study), Text(_options(propagator)))
     screen.print()
     screen.print(table if study.propagators else "The study has no propagators.")
+    _show_estimates(screen, study)
     for propagator in study.propagators:
         for remark in _remarks(propagator, study):
             screen.print(f"{propagator.node_name}: {remark}.", markup=False)
@@ -249,6 +247,64 @@ def _show_propagators(screen: Console, study: Study) -> None:
     others = sorted(set(plugins.propagators()) - used)
     if others:
         screen.print(f"Installed besides: {', '.join(others)}", markup=False)
+
+
+def _options(propagator: Any) -> str:
+    """List the options that are not as by default.
+
+    Examples
+    --------
+    >>> from uqmbd_montecarlo import MonteCarlo
+    >>> _options(MonteCarlo(samples=200, seed=1, label="reference"))
+    'samples=200, seed=1'
+    """
+    given = []
+    for option in dataclasses.fields(propagator):
+        value, default = getattr(propagator, option.name), option.default
+        if option.default_factory is not dataclasses.MISSING:
+            default = option.default_factory()
+        if option.name != "label" and (default is dataclasses.MISSING or repr(value) != repr(default)):
+            given.append(f"{option.name}={value!r}")
+    return ", ".join(given)
+
+
+def _show_estimates(screen: Console, study: Study) -> None:
+    """Print what each method would take: realisations, time, memory, disk."""
+    known = [(p, found) for p in study.propagators if (found := _estimate(p, study)) is not None]
+    if not known:
+        return
+    timing = timing_of(study, known[0][0])
+    table = plain_table("estimate", "realisations", "time", "memory", "disk", "", right=5)
+    table.columns[-1].justify = "left"
+    for propagator, found in known:
+        most = "up to " if found.at_most else ""
+        table.add_row(
+            Text(propagator.node_name),
+            f"{most}{format_integer(found.realisations)}",
+            _time(propagator, study, timing, most),
+            f"{most}{readable(found.memory)}",
+            "–" if found.disk is None else f"{most}{readable(found.disk)}",
+            Text(found.detail, style="dim"),
+        )
+    screen.print()
+    screen.print(table)
+    if timing is not None:
+        each = format_duration(timing.each) if timing.each >= 1e-3 else f"{1e6 * timing.each:.0f} μs"
+        measured = f"{format_count(timing.count, 'realisation')}, {each} each"
+        screen.print(f"Times are estimates for one worker, by {measured}, without statistics and report.", markup=False)
+        screen.print("Sizes by a time and an accuracy: uqmbd run --budget 10min --accuracy 1%", markup=False)
+
+
+def _time(propagator: Propagator, study: Study, timing: Timing | None, most: str) -> str:
+    """Say how long a method would take."""
+    seconds = math.nan
+    if timing is not None:
+        with Isolated(Exception, SystemExit), warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            seconds = timing.seconds(propagator, study)
+    if not math.isfinite(seconds):
+        return "–"
+    return f"{most}{format_duration(seconds, rough=True)}" if seconds >= 0.1 else "below 0.1 s"
 
 
 def _fit(propagator: Any, study: Study) -> Text:
@@ -260,14 +316,14 @@ def _fit(propagator: Any, study: Study) -> Text:
     return Text("yes", style="green") if obstacle is None else Text(f"no: {obstacle}", style="bold red")
 
 
-def _takes(propagator: Any, study: Study) -> str:
-    """Ask a propagator what it would take; empty: it does not tell."""
+def _estimate(propagator: Any, study: Study) -> Estimate | None:
+    """Ask a propagator what it would take; None: it does not tell."""
     if not isinstance(propagator, Propagator) or not len(study.mechanism.inputs):
-        return ""
+        return None
     found: Any = None
     with Isolated(Exception, SystemExit):  # what is in the way is told there
         found = propagator.estimate(study)
-    return found.words if isinstance(found, Estimate) else ""
+    return found if isinstance(found, Estimate) else None
 
 
 def _remarks(propagator: Any, study: Study) -> tuple[str, ...]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from uqmbd.propagation.annotations import Bounds, option_types
-from uqmbd.propagation.budget import accuracy_of, budget_of
+from uqmbd.propagation.budget import Timing, accuracy_of, budget_of, timing_of
 from uqmbd.propagation.chaos import (
     Clock,
     Dense,
@@ -28,7 +28,7 @@ from uqmbd.propagation.chaos import (
 )
 from uqmbd.propagation.deterministic import input_point, simulate
 from uqmbd.propagation.equilibrium import eigenfrequencies, static_equilibrium
-from uqmbd.propagation.estimate import Estimate, Sizing
+from uqmbd.propagation.estimate import Estimate, Sizing, readable
 from uqmbd.propagation.execution import History, Lines, Margins, Progress, Realisations, claimed, pool, set_aside
 from uqmbd.propagation.observed_model import observed_model, stepped
 from uqmbd.propagation.obstacle import obstacle_of
@@ -56,6 +56,7 @@ __all__ = [
     "Realisations",
     "Sizing",
     "Study",
+    "Timing",
     "choose_clock",
     "clock_at_means",
     "claimed",
@@ -76,6 +77,7 @@ __all__ = [
     "fit_nodes",
     "nothing_random",
     "pool",
+    "readable",
     "refine_elements",
     "require_clock",
     "require_outputs_over_time",
@@ -84,5 +86,6 @@ __all__ = [
     "simulate",
     "static_equilibrium",
     "stepped",
+    "timing_of",
     "watched_angles",
 ]

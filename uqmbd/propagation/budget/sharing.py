@@ -17,9 +17,9 @@ from uqmbd.files import replacing
 from uqmbd.isolation import Isolated, release
 from uqmbd.propagation.budget.amounts import Amount, accuracy_of, budget_of
 from uqmbd.propagation.budget.sized import Left, Sized, Stage
+from uqmbd.propagation.budget.timing import first_problem
 from uqmbd.propagation.execution import FOLDER, LIMIT, BudgetSpent, Crew, Ledger, Progress
 from uqmbd.propagation.obstacle import obstacle_of
-from uqmbd.propagation.problem import Problem
 from uqmbd.propagation.propagator import Propagator
 from uqmbd.propagation.run_method import run_method
 from uqmbd.propagation.studied import Studied
@@ -138,7 +138,7 @@ class Within:
         """Compute the realisation at the means: what is compiled for it is no part of the cost of the others."""
         with Isolated(*METHOD), warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            problem = self._problem(propagators[0])
+            problem = first_problem(self.study, propagators[0])
             problem.realise(problem.inputs.means[None, :])
 
     def _left(self, shared_by: int) -> Left:
@@ -172,7 +172,7 @@ class Within:
         if sizing is not None:
             one = Sized(propagator, sizing, self.study, self.terms.accuracy)
             with Isolated(*METHOD):  # a model that cannot be made is told of in the first run
-                problem = self._problem(propagator)
+                problem = first_problem(self.study, propagator)
                 rows = LIMIT / (8 * max(math.prod(problem.labels.shape), 1))
                 one.chunk, one.joins, one.held = problem.chunk_of, problem.joins, math.inf if self.folder else rows
             for stored in self._record.get(label, []):
@@ -202,11 +202,6 @@ class Within:
             release(work.error)
             self.errors[label] = work.error
         return None
-
-    def _problem(self, propagator: Propagator) -> Problem:
-        """Return the problem whose realisations a method asks for first."""
-        problem = self.study.problem(propagator)
-        return problem if problem.model.outputs.names or problem.model.scalars is None else problem.without_time()
 
     def _stated(self, node: xr.DataTree, of: Any) -> Any:
         from uqmbd.results import stated_accuracy

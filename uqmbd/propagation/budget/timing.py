@@ -1,0 +1,115 @@
+"""What realisations take on this machine, measured by a few of them."""
+
+from __future__ import annotations
+
+import time
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from uqmbd.isolation import Isolated
+from uqmbd.propagation.budget.sized import TOGETHER
+from uqmbd.propagation.problem import Problem
+from uqmbd.propagation.propagator import Propagator
+from uqmbd.propagation.run_method import run_method
+from uqmbd.propagation.studied import Studied
+
+__all__ = ["Timing", "first_problem", "timing_of"]
+
+METHOD = (Exception, SystemExit)
+
+GROWTH, MOST = 8, 512
+"""By how much the number of realisations grows that are timed, and the largest."""
+
+DEAR = 30.0
+"""Realisations that a node of a method may cost that solves all together, at most."""
+
+
+@dataclass(frozen=True)
+class Timing:
+    """What was measured.
+
+    Parameters
+    ----------
+    each : float
+        Seconds of a realisation, in one process.
+    count : int
+        How many were timed together.
+    """
+
+    each: float
+    count: int
+
+    def seconds(self, propagator: Propagator, study: Studied, limit: float = 0.5) -> float:
+        """Return the seconds that a method is going to take; NaN where that is not known.
+
+        A method that solves for all nodes together is run at its smallest size, if that is no matter of more than
+        `limit` seconds.
+        """
+        estimate = propagator.estimate(study)
+        if estimate is None:
+            return np.nan
+        if not estimate.together:
+            return self.each * estimate.realisations
+        sizing = propagator.sizing(study, None)
+        if sizing is None or (least := sizing.at(sizing.least)).estimate(study) is None:
+            return np.nan
+        cost = least.estimate(study).realisations
+        if DEAR * cost * self.each > limit:
+            return np.nan
+        for _ in range(2):  # the first one compiles
+            begin = time.perf_counter()
+            run_method(least, study.problem(least), check=False)
+            took = time.perf_counter() - begin
+        return float(took * (estimate.realisations / cost) ** TOGETHER)
+
+
+def timing_of(
+    study: Any, propagator: Propagator, limit: float = 0.3, clock: Callable[[], float] = time.perf_counter
+) -> Timing | None:
+    """Time realisations of a study: one at the means to compile what is compiled, then more and more.
+
+    Parameters
+    ----------
+    study : Study
+    propagator : Propagator
+        One of its methods, whose realisations are meant.
+    limit : float
+        Seconds that may be spent, roughly; less where one realisation takes longer.
+    clock : callable
+        Seconds.
+
+    Returns
+    -------
+    Timing or None
+        None where no realisation can be computed.
+    """
+    found = None
+    with Isolated(*METHOD), warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        problem = first_problem(study, propagator)
+        problem.realise(problem.inputs.means[None, :])
+        points = np.random.default_rng(0).random((MOST, len(problem.inputs)))
+        values, count, spent = problem.inputs.from_uniform(points), 1, 0.0
+        while count <= MOST:
+            begin = clock()
+            problem.realise(values[:count])
+            took = clock() - begin
+            spent += took
+            found = Timing(took / count, count)
+            # many together take less than as many times one
+            if spent + GROWTH * took > limit:
+                break
+            count *= GROWTH
+    return found
+
+
+def first_problem(study: Any, propagator: Propagator) -> Problem:
+    """Return the problem whose realisations a method asks for first."""
+    problem: Problem = study.problem(propagator)
+    if problem.model.outputs.names:
+        return problem
+    return problem.of_requirements() if problem.model.scalars is None else problem.without_time()
