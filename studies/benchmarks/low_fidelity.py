@@ -46,12 +46,13 @@ from uqmbd_contact import PlaneImpact
 from uqmbd_joints import Fixed, Prismatic, Revolute
 from uqmbd_montecarlo import LowFidelity, MonteCarlo
 from uqmbd_montecarlo.allocation import equal_budget, optimum
-from uqmbd_springs import RotationalFriction, Torque, TorsionSpringDamper
+from uqmbd_springs import PointForce, RotationalFriction, Torque, TorsionSpringDamper
 
 Array = NDArray[np.float64]
 
 LADDER = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8)
 FINE = 1e-6
+BRAKE = 0.3  # N s/m
 STILL = 1e-3
 """Outputs whose deviation is below this share of its largest over time do not count."""
 
@@ -155,6 +156,30 @@ def ball_with_impacts() -> uqmbd.Mechanism:
     return mechanism
 
 
+def brake(_: float, measured: Array) -> Array:
+    """Return the force that slows a ball down, N, shape (K, 1)."""
+    return -BRAKE * measured
+
+
+def slowed_ball(sampled: bool) -> uqmbd.Mechanism:
+    """Make the ball of the study with impacts, slowed by a thruster under a controller of 200 Hz, or at all times."""
+    mechanism = uqmbd.Mechanism("sampled" if sampled else "at_all_times", uqmbd.Translational(gravity=(0, -9.81)))
+    ball = mechanism.body("ball", mass=1, position=(0, bouncing_ball.drop), velocity=(0, 0))
+    restitution = bouncing_ball.restitution
+    mechanism.add(PlaneImpact("floor", mechanism.ground, ball, (0, 0), (0, 0), (0, 1), restitution=restitution))
+    force = -BRAKE * ball.velocity[1]
+    if sampled:
+        controller = uqmbd.Controller(
+            "controller", measured=[ball.velocity[1]], commanded={"thrust": "N"}, rate=200.0, function=brake
+        )
+        mechanism.add(controller)
+        force = controller.command("thrust")
+    mechanism.add(PointForce("thruster", ball, (0, 0), (0, force)))
+    mechanism.output("height", ball.position[1], units="m")
+    mechanism.output("velocity", ball.velocity[1], units="m/s")
+    return mechanism
+
+
 @dataclass(frozen=True)
 class Pair:
     """A study, and a cheaper one.
@@ -199,6 +224,13 @@ def pairs() -> dict[str, Callable[[], Pair]]:
             100,
             0.07,
             "controller of 100 Hz: continuous law",
+        ),
+        "slowed ball": lambda: Pair(
+            study("sampled", slowed_ball(True), np.linspace(0, 2.4, 121)),
+            study("at_all_times", slowed_ball(False), np.linspace(0, 2.4, 121), rtol=1e-4),
+            60,
+            0.02,
+            "impacts, controller of 200 Hz: continuous law",
         ),
         "rod": lambda: Pair(
             study("elastic", crank(4), short),
