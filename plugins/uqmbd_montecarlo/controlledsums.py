@@ -140,7 +140,9 @@ class ControlledSums:
             for name, (what, value) in reductions.items()
         }
         result = statistics.assign(changed | added)
-        for name in ("skewness", "kurtosis", "quantile"):
+        for name in ("skewness", "kurtosis", "quantile", "smallest", "largest"):
+            if name not in statistics:
+                continue
             kept = statistics[name].attrs.get("comment", "")
             result[name].attrs["comment"] = f"{kept}; of the samples alone, without the control".lstrip("; ")
         return result

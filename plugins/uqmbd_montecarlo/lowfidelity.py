@@ -201,6 +201,9 @@ class PairedControl:
             for name, number in part.counters.items():
                 self.counters[name] = self.counters.get(name, 0) + number
             yield part.response[:, self._outputs].reshape(len(good), -1), good
+            if self._problem.ledger is not None:
+                # a budget of time is for it, too; one of realisations is for those of the study
+                self._problem.ledger.begin()
 
     def standardised(self, first: int, count: int) -> Array:
         """Return it at the next samples, less the centre, in units (count, C)."""

@@ -379,7 +379,7 @@ def main() -> None:
     parser.add_argument("--repeat", type=int, default=3, help="rounds of --tolerances (default 3)")
     parser.add_argument("--only", nargs="*", default=None, help="names of rows")
     options = parser.parse_args()
-    rows = []
+    rows: list[tuple[str, ...]] = []
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)
         if options.tolerances:
@@ -394,6 +394,7 @@ def main() -> None:
             for name, (of, count) in tolerance_cases().items():
                 if options.only is None or name in options.only:
                     rows.append(tolerances(name, of, count, options.repeat))
+                    print(*rows[-1], sep=" | ", file=sys.stderr, flush=True)
         else:
             columns = (
                 "study",
@@ -408,6 +409,7 @@ def main() -> None:
             for name, make in pairs().items():
                 if options.only is None or name in options.only:
                     rows.append(compared(name, make(), options.seeds))
+                    print(*rows[-1], sep=" | ", file=sys.stderr, flush=True)
     table = table_of("Cheaper models beside samples:", *columns)
     for row in rows:
         table.add_row(*row)

@@ -322,3 +322,14 @@ def test_outputs_of_another_kind_are_refused() -> None:
         uqmbd.StudyError, match="output 'angle' of its control, .* another kind; expected one over time"
     ):
         other.propagate(MonteCarlo(samples=50, control=control))
+
+
+@pytest.mark.thorough
+def test_an_accuracy_takes_fewer_samples_with_a_control() -> None:
+    fine, cheap = resting({"y": sympy.exp(A)}), resting({"y": 1 + A + A**2 / 2})
+    methods = (MonteCarlo(samples=100, seed=1), MonteCarlo(samples=100, seed=1, control=LowFidelity(cheap, cost=0.01)))
+    few, many = (
+        fine.with_propagators([method]).run(accuracy=0.03)["monte-carlo"].attrs["realisations"]
+        for method in reversed(methods)
+    )
+    assert 5 * few < many
