@@ -104,6 +104,8 @@ from .propagation import Problem as Problem
 from .propagation import Progress as Progress
 from .propagation import Propagator as Propagator
 from .propagation import Realisations as Realisations
+from .propagation import Reduced as Reduced
+from .propagation import Reductions as Reductions
 from .propagation import Sizing as Sizing
 from .propagation import Study as Study
 from .propagation import Verification as Verification

@@ -9,7 +9,7 @@ import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
-__all__ = ["replacing", "sweep"]
+__all__ = ["flush", "replacing", "sweep"]
 
 _PREFIX = ".uqmbd-"
 _SUFFIX = ".part"
@@ -48,9 +48,7 @@ def replacing(path: Path, *, lasting: bool = True) -> Iterator[Path]:
         part = scratch / "new"
         yield part
         if lasting:
-            for file in [part, *part.rglob("*")]:
-                if file.is_file():
-                    _flush(file)
+            flush(part)
         if path.is_dir():
             (scratch / _OLD).mkdir()
             os.replace(path, scratch / _OLD / path.name)
@@ -78,6 +76,13 @@ def _discard(scratch: Path) -> None:
         if not place.exists():
             os.replace(old, place)
     shutil.rmtree(scratch, ignore_errors=True)
+
+
+def flush(path: Path) -> None:
+    """Have a file, or all files of a folder, on the disk, where they survive a loss of power."""
+    for file in [path, *path.rglob("*")]:
+        if file.is_file():
+            _flush(file)
 
 
 def _flush(path: Path) -> None:

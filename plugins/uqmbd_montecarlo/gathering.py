@@ -1,21 +1,24 @@
-"""Samples as they come: moments of all, responses of the first ones, and a file for all where they are many."""
+"""Samples as they come: moments of all, responses of the first ones, and a store of all where they are many."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable
-from contextlib import ExitStack
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import reduce
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 import uqmbd
-from uqmbd.results import Moments, Violations, sample_file
+from uqmbd.results import Moments, SampleStore, Violations
 from uqmbd.typing import Array
 
-__all__ = ["Gathered", "gather"]
+__all__ = ["Gathered", "gather", "reduced"]
+
+SUMS = ("mean", "second", "third", "fourth")
+"""What moments consist of, besides their number."""
 
 
 @dataclass(frozen=True)
@@ -35,8 +38,8 @@ class Gathered:
         Of all samples.
     reason : str
         The most frequent reason of failure, or empty.
-    file : str
-        Name of the file that holds all samples, or empty.
+    store : uqmbd.results.SampleStore, optional
+        All samples, where there are more than are kept, and the run has a folder.
     """
 
     count: int
@@ -46,7 +49,7 @@ class Gathered:
     reason: str
     counters: dict[str, float]
     wall_time: float
-    file: str
+    store: SampleStore | None
     violations: tuple[Violations, ...] = ()
     """Counts of each replicate, where requirements are to be answered."""
 
@@ -79,54 +82,114 @@ def gather(
         Is told of each chunk: index of its first sample, responses, and which of them succeeded.
     """
     shape = problem.labels.shape
-    edges = np.cumsum([0, *sizes])
+    edges = tuple(np.cumsum([0, *sizes]).tolist())
     whole = len(values) <= keep
-    replicates = [] if whole and len(sizes) == 1 else [Moments.of(np.zeros((0, *shape))) for _ in sizes]
+    counted = problem.answers_requirements and bool(problem.requirements)
+    gathered = _Sums(shape, len(sizes), moments=not whole or len(sizes) > 1, violations=counted)
     room = min(keep, len(values))
     response, status, messages = np.empty((room, *shape)), np.empty(room, dtype=np.int64), list[str]()
     counters: Counter[str] = Counter()
     reasons: Counter[str] = Counter()
     failures, censored, first, wall = 0, 0, 0, 0.0
-    violations: list[Violations | None] = [None] * len(sizes)
-    file = f"{problem.label}-samples.nc" if len(values) > keep and problem.folder else ""
-    with ExitStack() as stack:
-        store = None
-        if file and problem.folder:
-            store = stack.enter_context(sample_file(problem.folder / file, len(values), problem.labels))
-        for part in problem.stream(values):
-            last = first + len(part.status)
-            # what is not finite is a failure like any other: it must not enter a sum
-            fine = part.good
-            failures += int(np.count_nonzero(~fine)) - part.censored
-            censored += part.censored
-            for r in range(int(np.searchsorted(edges, first, side="right")) - 1, len(sizes)):
-                low, high = max(first, edges[r]) - first, min(last, edges[r + 1]) - first
-                if low >= high:
-                    break
-                if replicates:
-                    replicates[r] = replicates[r].merge(Moments.of(part.response[low:high][fine[low:high]]))
-                if problem.answers_requirements and part.margins is not None:
-                    more = Violations.of(part.margins.running[low:high], part.margins.failed[low:high])
-                    before = violations[r]
-                    violations[r] = more if before is None else before + more
-            if watch is not None:
-                watch(first, part.response, fine)
-            if store is not None:
-                store.write(first, part.values, part.response, part.status, part.messages)
-            if reason := part.most_frequent_reason():
-                reasons[reason] += part.failures
-            if first < room:
-                # into its place: the responses of all samples are not held twice
-                taken = min(last, room) - first
-                response[first : first + taken] = part.response[:taken]
-                status[first : first + taken] = part.status[:taken]
-                messages += part.messages[:taken]
-            counters.update(part.counters)
-            wall += part.wall_time
-            first = last
+    handed = len(values) if watch is not None else room
+    asked = (edges, gathered.moments, counted)
+    streamed = None if whole else problem.reduce(values, reduced, asked, keep=handed)
+    for part in _reduced_here(problem, values, asked) if streamed is None else streamed:
+        last = first + len(part.status)
+        # what is not finite is a failure like any other: it must not enter a sum
+        failures += int(np.count_nonzero(~part.good)) - part.censored
+        censored += part.censored
+        gathered.add(part.result)
+        if watch is not None:
+            watch(first, part.response, part.good)
+        if reason := part.realisations.most_frequent_reason():
+            reasons[reason] += part.realisations.failures
+        if first < room:
+            # into its place: the responses of all samples are not held twice
+            taken = min(last, room) - first
+            response[first : first + taken] = part.response[:taken]
+            status[first : first + taken] = part.status[:taken]
+            messages += part.messages[:taken]
+        counters.update(part.counters)
+        wall += part.wall_time
+        first = last
     reason = reasons.most_common(1)[0][0] if reasons else ""
     kept = uqmbd.Realisations(values[:room], response, status, tuple(messages), {}, 0.0)
-    counted = tuple(one for one in violations if one is not None)
     return Gathered(
-        first - failures - censored, tuple(replicates), kept, failures, reason, dict(counters), wall, file, counted
+        first - failures - censored,
+        tuple(gathered.replicates),
+        kept,
+        failures,
+        reason,
+        dict(counters),
+        wall,
+        None if streamed is None else streamed.store,
+        tuple(one for one in gathered.violations if one is not None),
     )
+
+
+def _reduced_here(problem: uqmbd.Problem, values: Array, asked: tuple[Any, ...]) -> Iterator[uqmbd.Reduced]:
+    """Compute samples that are all kept."""
+    first = 0
+    for part in problem.stream(values):
+        about = (part.status, part.messages, part.good, part.response, part.counters, part.wall_time)
+        yield uqmbd.Reduced(first, part.values, reduced(part, first, *asked), *about)
+        first += len(part.status)
+
+
+class _Sums:
+    """Moments of replicates, and how often requirements are violated, of chunks in their order."""
+
+    def __init__(self, shape: tuple[int, ...], count: int, *, moments: bool, violations: bool) -> None:
+        self.moments = moments
+        self.replicates = [Moments.of(np.zeros((0, *shape)))] * count if moments else []
+        self.violations: list[Violations | None] = [None] * count
+
+    def add(self, result: dict[str, NDArray[Any]]) -> None:
+        """Add what `reduced` has made of a chunk."""
+        for k, r in enumerate(result["replicate"].tolist()):
+            if self.moments:
+                one = Moments(int(result["count"][k]), *(result[name][k] for name in SUMS))
+                self.replicates[r] = self.replicates[r].merge(one)
+            if "by_time" in result:
+                more = Violations(result["by_time"][k], int(result["total"][k]), int(result["failed"][k]))
+                before = self.violations[r]
+                self.violations[r] = more if before is None else before + more
+
+
+def reduced(
+    part: uqmbd.Realisations, first: int, edges: tuple[int, ...], moments: bool, violations: bool
+) -> dict[str, NDArray[Any]]:
+    """Sum up a chunk of samples, as workers do.
+
+    Parameters
+    ----------
+    part : uqmbd.Realisations
+    first : int
+        Index of the first of them.
+    edges : tuple of int
+        Where replicates begin, and the last one ends.
+    moments, violations : bool
+        What is asked for.
+
+    Returns
+    -------
+    dict of str to array
+        ``replicate`` (R,): those that have samples of the chunk; ``count``, ``mean``, ``second``, ``third`` and
+        ``fourth`` (R, ...) as of `uqmbd.results.Moments`; ``by_time``, ``total`` and ``failed`` (R, ...) as of
+        `uqmbd.results.Violations`.
+    """
+    last, fine = first + len(part.status), part.good
+    touched = [r for r in range(len(edges) - 1) if max(first, edges[r]) < min(last, edges[r + 1])]
+    slices = [slice(max(first, edges[r]) - first, min(last, edges[r + 1]) - first) for r in touched]
+    found: dict[str, NDArray[Any]] = {"replicate": np.array(touched)}
+    if moments:
+        sums = [Moments.of(part.response[rows][fine[rows]]) for rows in slices]
+        found["count"] = np.array([one.count for one in sums])
+        found |= {name: np.stack([getattr(one, name) for one in sums]) for name in SUMS}
+    if violations and part.margins is not None:
+        counts = [Violations.of(part.margins.running[rows], part.margins.failed[rows]) for rows in slices]
+        found["by_time"] = np.stack([one.by_time for one in counts])
+        found["total"] = np.array([one.total for one in counts])
+        found["failed"] = np.array([one.failed for one in counts])
+    return found

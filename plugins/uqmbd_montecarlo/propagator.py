@@ -49,7 +49,7 @@ class MonteCarlo(uqmbd.Propagator):
         Share of failed samples above which the run is an error; fewer are a warning.
     keep : int
         Samples that are kept in the results.  Where there are more, moments are gathered while they come, quantiles
-        are those of the kept ones, and all samples go to ``LABEL-samples.nc`` in the folder of the run: the memory
+        are those of the kept ones, and all samples go to ``LABEL-samples.zarr`` in the folder of the run: the memory
         needed does not grow with the number of samples.
     control : uqmbd.Propagator, uqmbd.results.PolynomialChaos, LowFidelity or uqmbd.Study, optional
         A surrogate as control variate, which makes mean and standard deviation more certain: a method that gives a
@@ -306,8 +306,8 @@ class MonteCarlo(uqmbd.Propagator):
             attrs |= {"failures": failures, "samples_kept": min(self.keep, self.samples)}
         if len(found.replicates) < 2 and self.sampling != "random":
             attrs["independent_samples"] = "true"  # readers need not have the plugin of the design
-        if found.file:
-            attrs["all_samples"] = found.file
+        if found.store is not None:
+            attrs["all_samples"] = found.store.folder.name
         children = {}
         if found.violations:
             times = problem.times if problem.over is None else problem.over

@@ -313,7 +313,7 @@ def test_many_samples_are_controlled_as_they_come(curved: uqmbd.Study, tmp_path:
     whole = curved.propagate(MonteCarlo(**options))
     streamed = curved.with_propagators([MonteCarlo(**options, keep=100)]).run(folder=tmp_path)["monte-carlo"]
     validate(streamed)
-    assert streamed.attrs["all_samples"] == "monte-carlo-samples.nc"
+    assert streamed.attrs["all_samples"] == "monte-carlo-samples.zarr"
     for name in ("mean", "std", "std_error_mean", "std_error_std", "variance_reduction"):
         expected = whole["statistics"][name]
         np.testing.assert_allclose(streamed["statistics"][name], expected, rtol=1e-9, atol=1e-14, err_msg=name)

@@ -43,5 +43,5 @@ def test_hundred_thousand_samples_need_no_more_memory_than_five_thousand(tmp_pat
         command = [sys.executable, "-c", SCRIPT, str(samples), str(out)]
         done = subprocess.run(command, check=True, capture_output=True, text=True)
         peaks.append(int(done.stdout.split()[-1]))
-        assert (out / "monte-carlo-samples.nc").exists()
+        assert (out / "monte-carlo-samples.zarr").exists()
     assert peaks[1] < 1.15 * peaks[0]

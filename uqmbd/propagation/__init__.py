@@ -29,12 +29,22 @@ from uqmbd.propagation.chaos import (
 from uqmbd.propagation.deterministic import input_point, simulate
 from uqmbd.propagation.equilibrium import eigenfrequencies, static_equilibrium
 from uqmbd.propagation.estimate import Estimate, Sizing, readable
-from uqmbd.propagation.execution import History, Lines, Margins, Progress, Realisations, claimed, pool, set_aside
+from uqmbd.propagation.execution import (
+    History,
+    Lines,
+    Margins,
+    Progress,
+    Realisations,
+    claimed,
+    pool,
+    set_aside,
+)
 from uqmbd.propagation.observed_model import observed_model, stepped
 from uqmbd.propagation.obstacle import obstacle_of
 from uqmbd.propagation.problem import Problem
 from uqmbd.propagation.propagator import Propagator
 from uqmbd.propagation.random_inputs import nothing_random
+from uqmbd.propagation.reduction import Reduced, Reductions
 from uqmbd.propagation.script import load_study
 from uqmbd.propagation.study import Study
 
@@ -55,6 +65,8 @@ __all__ = [
     "Propagator",
     "Realisations",
     "Sizing",
+    "Reduced",
+    "Reductions",
     "Study",
     "Timing",
     "choose_clock",

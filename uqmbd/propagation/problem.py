@@ -47,6 +47,7 @@ from uqmbd.propagation.execution import (
 from uqmbd.propagation.existence import Existence
 from uqmbd.propagation.method_node import labels_of, method_node
 from uqmbd.propagation.random_inputs import nothing_random
+from uqmbd.propagation.reduction import Reduction, Reductions, Work
 from uqmbd.randomness import GermSpace, JointInput, RandomVariable
 from uqmbd.results import Labels
 from uqmbd.typing import Array
@@ -55,6 +56,9 @@ if TYPE_CHECKING:
     import xarray as xr
 
 __all__ = ["Problem", "Realisations"]
+
+Known = dict[tuple[Kind, bytes], Chunk | tuple[Checkpoint, str]]
+"""Chunks, or where they are stored, by kind and inputs."""
 
 
 @dataclass(frozen=True)
@@ -99,13 +103,15 @@ class Problem:
     over: Array | None = field(default=None, repr=False)
     chosen: tuple[str, ...] | None = None
     answers_requirements: bool = False
+    origin: str = field(default="", repr=False)
+    """Label of the method, whatever parts of its work have labels of their own."""
     watched: Model | None = field(default=None, repr=False)
     """The model whose outputs are those of the study, and what the method watches besides (`Propagator.watches`)."""
     existence: Existence = field(default_factory=lambda: Existence({}, {}, {}), repr=False)
     """Which moments of the outputs exist."""
-    known: dict[tuple[Kind, bytes], Chunk] = field(default_factory=dict, repr=False, compare=False)
-    """Outputs without a time, and margins, that were computed beside the others, by the inputs."""
-    beside: dict[str, dict[tuple[Kind, bytes], Chunk]] = field(default_factory=dict, repr=False, compare=False)
+    known: Known = field(default_factory=dict, repr=False, compare=False)
+    """Outputs without a time, and margins, that were computed beside the others, by the inputs: or where they are."""
+    beside: dict[str, Known] = field(default_factory=dict, repr=False, compare=False)
     """The same, of realisations that are integrated once more, by what for."""
     clock: Clock = field(default_factory=Clock, repr=False, compare=False)
     """Called, it reads seconds; it counts what an interrupted run has spent on what need not be computed again."""
@@ -141,10 +147,15 @@ class Problem:
         return replace(self._of("requirements"), existence=Existence({}, {}, {}))
 
     def _of(self, kind: Kind, **changes: Any) -> Problem:
-        label, whole = f"{self.label}-{kind}", self.times if self.over is None else self.over
+        label, whole = f"{self.label}-{kind}", self._whole
         checkpoint = self.checkpoint and replace(self.checkpoint, label=label)
         about = {"label": label, "checkpoint": checkpoint, "observed": Observed(), "times": whole, **changes}
         return replace(self, kind=kind, over=whole, chosen=None, **about)
+
+    @property
+    def _whole(self) -> Array:
+        """Output times of the study, shape (T,)."""
+        return self.times if self.over is None else self.over
 
     def watching(self, times: Array | None = None) -> Problem:
         """Return the problem whose outputs are those of the study, then what is watched, at any times (T,)."""
@@ -276,13 +287,68 @@ class Problem:
         self.progress.finish(self.label)
 
     def chunk_of(self, count: int) -> int:
-        """Return how many of so many realisations are computed together."""
-        return chunk_size(count, len(self.times) * (self.labels.shape[0] + self.model.layout.width))
+        """Return how many of so many realisations are computed together, the same for all kinds of outputs."""
+        return chunk_size(count, len(self._whole) * (len(self.model.outputs.names) + self.model.layout.width))
 
     @property
     def joins(self) -> bool:
         """Whether a realisation is known not to depend on those beside it: of the integrators of the core."""
         return self.integrator in built_in_names() or declares(integrator_class(self.integrator), "delegates")
+
+    def reduce(
+        self, values: Array, function: Reduction, arguments: tuple[Any, ...] = (), *, keep: int = 0
+    ) -> Reductions:
+        """Compute the response to each row of inputs, and have those who compute apply a function to it.
+
+        For ensembles whose responses are too many to be held, or to be sent: what is handed over, and held, does not
+        grow with their number.  Where the run has a folder, each response is written there once, by who computes it, to
+        the Zarr folder ``LABEL-samples.zarr``; a run that was interrupted goes on with what is there.
+
+        Parameters
+        ----------
+        values : array, shape (K, input)
+            Inputs, in the order of ``inputs.names``.
+        function : callable
+            Of a module, so that it can be sent to a worker: from `Realisations` of some consecutive rows, the index of
+            the first of them, and `arguments` to arrays by name, by arithmetic alone.
+        arguments : tuple
+            Plain data.
+        keep : int
+            Of how many of the first realisations the responses are handed over.
+
+        Returns
+        -------
+        Reductions
+            An iterable of `Reduced`, in the order of the rows: the same bits for any number of workers.  Its attribute
+            ``store`` is then the `uqmbd.results.SampleStore` of all responses, or None without a folder.
+        """
+        work = Work(
+            label=self.label,
+            method=self.origin or self.label,
+            kind=self.kind,
+            chosen=self.chosen,
+            model=self.model,
+            inputs=self.inputs,
+            times=self._whole,
+            rtol=self.rtol,
+            integrator=self.integrator,
+            packed=self._packed,
+            fingerprint=self._common,
+            answers_requirements=self.answers_requirements,
+            unlocked=self._unlocked,
+            executor=self.executor,
+            progress=self.progress,
+            checkpoint=self.checkpoint,
+            clock=self.clock,
+            ledger=self.ledger,
+            joins=self.joins,
+            observed=self.observed,
+            chunk_size=self.chunk_of,
+            key=self._key,
+            held=self._beside_others,
+            hold=self._hold,
+        )
+        return Reductions(work, self._checked(values), function, arguments, keep)
 
     def run(self, function: Callable[..., Arrays], tasks: Sequence[tuple[Any, ...]]) -> Iterator[Arrays]:
         """Do work that is not a row of realisations, on all workers, as a method that solves parts of its own does.
@@ -378,12 +444,11 @@ class Problem:
         return declares(cls, "unlocked") and moves and not (model.events or model.controls)
 
     def _task(self, part: Array) -> tuple[Callable[..., Chunk], tuple[Packed, Array, Array, float, str, Kind]]:
-        times = self.times if self.over is None else self.over
-        return compute_chunk, (self._packed, part, times, self.rtol, self.integrator, self.kind)
+        return compute_chunk, (self._packed, part, self._whole, self.rtol, self.integrator, self.kind)
 
     def _found(self, part: Array) -> Chunk | None:
         """Return a chunk that need not be computed."""
-        if self.timeless and (known := self.known.get((self.kind, part.tobytes()))) is not None:
+        if (known := self._beside_others(part)) is not None:
             return known
         key = self._key(part)
         found = self.ledger.find(part, self._key, join=self.joins) if self.ledger else None
@@ -397,11 +462,27 @@ class Problem:
         return self._noted(part, found)
 
     def _noted(self, part: Array, chunk: Chunk) -> Chunk:
-        for kind, found in chunk.beside(self.kind, margins=not self.answers_requirements).items():
-            self.known[kind, part.tobytes()] = found
+        found = chunk.beside(self.kind, margins=not self.answers_requirements)
         if self.chosen is not None:  # others of them may be asked for next
-            self.known["scalars", part.tobytes()] = replace(chunk, counters={})
+            found["scalars"] = replace(chunk, counters={})
+        self._hold(part, found)
         return chunk
+
+    def _hold(self, part: Array, chunks: Mapping[Kind, Chunk]) -> None:
+        """Hold what was computed beside others; what lies on the disk is read there."""
+        stored = self.checkpoint and (self.checkpoint, self._key(part))
+        for kind, chunk in chunks.items():
+            self.known[kind, _digest(part)] = stored or chunk
+
+    def _beside_others(self, part: Array) -> Chunk | None:
+        """Return a chunk that was computed beside others."""
+        found = self.known.get((self.kind, _digest(part))) if self.timeless else None
+        if not isinstance(found, tuple):
+            return found
+        checkpoint, key = found
+        chunk = checkpoint.load(key)
+        found = None if chunk is None else chunk.of(self.kind)
+        return None if found is None else replace(found, counters={})
 
     def _keep(self, part: Array, chunk: Chunk, seconds: float) -> Chunk:
         """Store a chunk with the wall time that was spent on it."""
@@ -415,8 +496,7 @@ class Problem:
 
     def _lost(self, part: Array, reason: str) -> Chunk:
         """Return a chunk that killed its workers; it is not stored: a run that goes on tries it again."""
-        times = self.times if self.over is None else self.over
-        return self._noted(part, lost_chunk(self.model, len(part), times, reason, self.kind))
+        return self._noted(part, lost_chunk(self.model, len(part), self._whole, reason, self.kind))
 
     @property
     def folder(self) -> Path | None:
@@ -428,6 +508,11 @@ class Problem:
         text.update(part.tobytes())
         text.update(self._fingerprint)
         return text.hexdigest()[:32]
+
+    @cached_property
+    def _common(self) -> bytes:
+        """What the numbers of chunks of all kinds depend on."""
+        return fingerprint(self.model, self.inputs, (self.rtol, self.integrator), (self._whole.tobytes(),))
 
     @cached_property
     def _fingerprint(self) -> bytes:
@@ -474,3 +559,7 @@ class Problem:
         about = {"realisations": realisations, "wall_time": wall_time}
         given = {"solver_counters": counters, "children": children, "attrs": attrs}
         return method_node(self.label, self.model, self.existence, propagator, statistics, samples, **about, **given)
+
+
+def _digest(part: Array) -> bytes:
+    return hashlib.sha256(part.tobytes()).digest()

@@ -129,12 +129,15 @@ def test_of_many_that_want_a_folder_at_once_one_gets_it(tmp_path: Path) -> None:
 
 def test_results_that_are_there_are_set_aside(tmp_path: Path) -> None:
     """Nothing asks, and nothing is mixed: the last results but one are in `previous`, and no earlier ones."""
-    out, mine = tmp_path / "out", ["results.nc", "report.html", "motion.nc", "monte-carlo-samples.nc"]
+    out, mine = (
+        tmp_path / "out",
+        ["results.nc", "report.html", "motion.nc", "monte-carlo-samples.nc", "a-samples.zarr/.zattrs"],
+    )
     (out / "figures").mkdir(parents=True)
     (out / "notes.txt").write_text("the user's own")
     for version in "123":
         for name in (*mine, "figures/a.svg"):
-            (out / name).parent.mkdir(exist_ok=True)
+            (out / name).parent.mkdir(exist_ok=True, parents=True)
             (out / name).write_text(version)
         if version == "1":
             (out / "figures" / "old.svg").write_text("old")
@@ -213,7 +216,7 @@ def test_workers_end_with_their_parent_when_it_is_killed(tmp_path: Path) -> None
     command = [sys.executable, "-c", code, "run", str(study), "--out", str(out), "--workers", "2"]
     process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True)
     try:
-        while not list((out / "unfinished").rglob("*.npz")):
+        while not list((out / "unfinished").rglob("response/[0-9]*")):
             assert process.poll() is None
             time.sleep(0.02)
         assert len(alive(process.pid)) >= 3

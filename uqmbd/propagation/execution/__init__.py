@@ -19,7 +19,7 @@ from uqmbd.propagation.execution.histories import History, event_histories
 from uqmbd.propagation.execution.in_order import in_order
 from uqmbd.propagation.execution.ledger import LIMIT, BudgetSpent, Ledger
 from uqmbd.propagation.execution.margins import Margins
-from uqmbd.propagation.execution.observed import AGAIN, Observed
+from uqmbd.propagation.execution.observed import AGAIN, Observed, evenly, late_outputs
 from uqmbd.propagation.execution.progress import Lines, Progress, Silent, UntilTheEnd, told
 from uqmbd.propagation.execution.realisations import Realisations
 from uqmbd.propagation.execution.run_folder import claimed, set_aside
@@ -53,9 +53,11 @@ __all__ = [
     "claimed",
     "compute_chunk",
     "event_histories",
+    "evenly",
     "executor_for",
     "fingerprint",
     "in_order",
+    "late_outputs",
     "needs_motion",
     "integrated_by",
     "lost_chunk",

@@ -37,6 +37,10 @@ class Clock:
             self._known.add(key)
             self._recovered += seconds
 
+    def knows(self, key: str) -> bool:
+        """Tell whether work was done or read in this run."""
+        return key in self._known
+
     def done(self, key: str) -> None:
         """Note that work was done in this run."""
         self._known.add(key)

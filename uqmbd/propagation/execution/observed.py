@@ -9,9 +9,9 @@ import numpy as np
 
 from uqmbd.propagation.execution.realisations import Realisations
 from uqmbd.status import Status
-from uqmbd.typing import Array
+from uqmbd.typing import Array, Index
 
-__all__ = ["AGAIN", "Observed"]
+__all__ = ["AGAIN", "Observed", "evenly", "late_outputs"]
 
 
 AGAIN = 3
@@ -44,15 +44,35 @@ class Observed:
     failed: int = 0
 
     def add(self, part: Realisations) -> None:
-        """Take some of a chunk, evenly spread, until there are enough."""
+        """Count those of a chunk, and take some of it, evenly spread, until there are enough."""
+        self.count(part, late_outputs(part))
+        chosen = evenly(part.status, AGAIN - len(self.values))
+        self.take(part.values[chosen], part.response[chosen])
+
+    def count(self, part: Realisations, late: Index) -> None:
+        """Count those of a chunk, and in how many of them each output does not happen."""
         self.counters.update(part.counters)
-        good = np.flatnonzero(part.status == Status.OK)
-        late = np.isnan(part.response[part.status == Status.CENSORED]).any(axis=2).sum(axis=0)
         self.missing.update({k: int(late[k]) for k in np.flatnonzero(late).tolist()})
-        self.counted += part.censored + len(good)
+        self.counted += int(np.count_nonzero(part.status == Status.OK)) + part.censored
         self.failed += part.failures
-        wanted = min(AGAIN - len(self.values), len(good))
-        if wanted > 0:
-            for k in good[np.linspace(0, len(good) - 1, wanted).round().astype(int)].tolist():
-                self.values.append(part.values[k].copy())
-                self.responses.append(part.response[k].copy())
+
+    def take(self, values: Array, responses: Array) -> None:
+        """Take some, until there are enough."""
+        for value, response in zip(values, responses, strict=True):
+            if len(self.values) < AGAIN:
+                self.values.append(value.copy())
+                self.responses.append(response.copy())
+
+
+def evenly(status: Index, wanted: int = AGAIN) -> Index:
+    """Return the indices of some realisations that succeeded, evenly spread."""
+    good = np.flatnonzero(status == Status.OK)
+    count = max(0, min(wanted, len(good)))
+    found: Index = good[np.linspace(0, len(good) - 1, count).round().astype(int)]
+    return found
+
+
+def late_outputs(part: Realisations) -> Index:
+    """Return in how many realisations each output does not happen."""
+    found: Index = np.isnan(part.response[part.status == Status.CENSORED]).any(axis=2).sum(axis=0)
+    return found

@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+from uqmbd.results.storage.journal import Record
 from uqmbd.results.storage.sample_file import SampleFile, sample_file
 from uqmbd.results.storage.sample_store import SampleChunk, SampleStore, SampleStoreChunks
 from uqmbd.results.storage.storage import load, save
 from uqmbd.results.storage.unfinished import FOLDER, clear, computed, how_to_go_on, reopen
+from uqmbd.results.storage.unfinished_store import Shelf, UnfinishedStore
 
 __all__ = [
     "FOLDER",
+    "Record",
     "SampleChunk",
     "SampleFile",
     "SampleStore",
     "SampleStoreChunks",
+    "Shelf",
+    "UnfinishedStore",
     "clear",
     "computed",
     "how_to_go_on",

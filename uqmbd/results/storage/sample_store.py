@@ -9,7 +9,8 @@ from __future__ import annotations
 import json
 import os
 import tempfile
-from collections.abc import Iterator, Sequence
+import zlib
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -26,7 +27,7 @@ from uqmbd.results.storage.zarr_check import check_codecs
 from uqmbd.status import Status
 from uqmbd.typing import Array, Mask
 
-__all__ = ["MESSAGE", "SampleChunk", "SampleStore", "SampleStoreChunks", "encoded", "write_file"]
+__all__ = ["MESSAGE", "SampleChunk", "SampleStore", "SampleStoreChunks", "encoded", "read_checked", "write_file"]
 
 BLOCK = 8192
 """Samples of a chunk of inputs, status and messages, about: these are small."""
@@ -214,13 +215,16 @@ class SampleStore:
         return SampleStore.open(target)
 
     @staticmethod
-    def create(folder: Path, count: int, size: int, axes: Labels) -> SampleStore:
-        """Make a store without chunks, in a folder that does not exist."""
+    def create(
+        folder: Path, count: int, size: int, axes: Labels, attrs: Mapping[str, str] | None = None
+    ) -> SampleStore:
+        """Make a store without chunks, in a folder that does not exist, with attributes."""
         import zarr
         from numcodecs import Blosc
 
         coords = xr.Dataset(coords={**axes.output_coords(), **axes.input_coords()})
-        coords.assign_attrs(schema_version=SCHEMA_VERSION).to_zarr(folder, zarr_format=2, consolidated=False)
+        coords.attrs = {"schema_version": SCHEMA_VERSION, **(attrs or {})}
+        coords.to_zarr(folder, zarr_format=2, consolidated=False)
         group = zarr.open_group(folder, mode="a", zarr_format=2)
         store = SampleStore(folder, count, size, axes)
         for name, kind in _KINDS.items():
@@ -236,6 +240,15 @@ class SampleStore:
             )
         zarr.consolidate_metadata(folder, zarr_format=2)
         return store
+
+    @staticmethod
+    def attribute(folder: Path, name: str) -> str | None:
+        """Return an attribute of a store; nothing where there is none."""
+        try:
+            found = json.loads((folder / ".zattrs").read_bytes()).get(name)
+        except (OSError, ValueError, AttributeError):
+            return None
+        return found if isinstance(found, str) else None
 
     def dims(self, name: str) -> list[str]:
         """Return the dimensions of a variable."""
@@ -298,16 +311,29 @@ def encoded(values: NDArray[Any], kind: str, chunk: tuple[int, ...]) -> bytes:
     return found
 
 
-def _decoded(path: Path, kind: str, chunk: tuple[int, ...]) -> NDArray[Any]:
-    from numcodecs import blosc
+def read_checked(path: Path, chunk: tuple[int, ...], checksum: int, count: int) -> Array | None:
+    """Return the first responses of a chunk whose file has a checksum; nothing where it is not so."""
+    try:
+        content = path.read_bytes()
+        return _decode(path, content, "<f8", chunk)[:count] if zlib.crc32(content) == checksum else None
+    except (OSError, StudyError):
+        return None
 
-    size = int(np.prod(chunk)) * np.dtype(kind).itemsize
+
+def _decoded(path: Path, kind: str, chunk: tuple[int, ...]) -> NDArray[Any]:
     try:
         content = path.read_bytes()
     except FileNotFoundError:
         if kind == "<f8":
             raise StudyError(f"{path} is missing: the samples are incomplete.") from None
         return np.zeros(chunk, dtype=kind)
+    return _decode(path, content, kind, chunk)
+
+
+def _decode(path: Path, content: bytes, kind: str, chunk: tuple[int, ...]) -> NDArray[Any]:
+    from numcodecs import blosc
+
+    size = int(np.prod(chunk)) * np.dtype(kind).itemsize
     try:
         if size > LARGEST:
             return np.frombuffer(content, dtype=kind).reshape(chunk)

@@ -1,0 +1,222 @@
+"""Samples that are more than are kept: reduced by who computes them, stored once, gone on with in place."""
+
+from __future__ import annotations
+
+import json
+import random
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import chaospy
+import numpy as np
+import pytest
+import xarray as xr
+
+import uqmbd
+from uqmbd.propagation.reduction.reduced import Order
+from uqmbd.results import SampleStore, save
+from uqmbd.results.storage.journal import Journal
+from uqmbd_joints import Distance
+from uqmbd_montecarlo import MonteCarlo
+
+SAMPLES, KEEP = 600, 100
+
+
+def swing(*, samples: int = SAMPLES, keep: int = KEEP, sampling: str = "random", more: bool = False) -> uqmbd.Study:
+    """A study of ten chunks; with `more`, with outputs without a time, of which one may not happen, and requirements."""
+    mechanism = uqmbd.Mechanism("swing", uqmbd.Translational(gravity=(0, -9.81)))
+    length = uqmbd.RandomVariable("length", chaospy.Normal(1, 0.02), units="m")
+    speed = uqmbd.RandomVariable("speed", chaospy.Normal(0.2, 0.05), units="m/s")
+    bob = mechanism.body("bob", mass=1, position=(0, -length), velocity=(speed, 0))
+    mechanism.add(Distance("rod", mechanism.ground, bob, (0, 0), (0, 0), length=length))
+    mechanism.output("x", bob.position[0], units="m")
+    if more:
+        mechanism.output("most", uqmbd.maximum(bob.position[0]), units="m")
+        mechanism.output("when", uqmbd.first_time(bob.position[0] >= 0.02), units="s")
+        mechanism.require("near", bob.position[0] <= 0.025)
+        mechanism.require("slow", uqmbd.maximum(bob.velocity[0]) <= 0.28)
+    method = MonteCarlo(samples=samples, seed=3, keep=keep, sampling=sampling, replicates=4)
+    return uqmbd.Study("swing", mechanism, np.linspace(0, 0.1, 3), [method])
+
+
+class Here(Executor):
+    """Does everything at once, and counts; it may give up, or not share the folder."""
+
+    def __init__(self, gives_up_after: int | None = None, *, apart: bool = False) -> None:
+        self.chunks, self.computed, self.sent = 0, 0, 0
+        self.gives_up_after, self.apart = gives_up_after, apart
+
+    def submit(self, fn: Any, /, *args: Any, **kwargs: Any) -> Future[Any]:
+        future: Future[Any] = Future()
+        if self.gives_up_after is not None and self.chunks >= self.gives_up_after:
+            future.set_exception(KeyboardInterrupt())
+            return future
+        self.chunks += 1
+        if self.apart:
+            args = tuple(_elsewhere(x) if isinstance(x, Order) else x for x in args)
+        found = fn(*args, **kwargs)
+        handed = found.result
+        self.computed += getattr(handed, "computed", False)
+        self.sent += any(content is not None for _, content in getattr(handed, "files", {}).values())
+        future.set_result(found)
+        return future
+
+
+def _elsewhere(order: Order) -> Order:
+    nowhere = Path("/nowhere")
+    return replace(
+        order,
+        shelves={
+            kind: replace(shelf, token=(nowhere, "token"), path=nowhere / "0") for kind, shelf in order.shelves.items()
+        },
+    )
+
+
+def content(tree: xr.DataTree, folder: Path) -> dict[str, bytes]:
+    """All numbers of the method's node, and all samples."""
+    found = {
+        f"{node.path}/{name}": np.asarray(data.values).tobytes()
+        for node in tree["monte-carlo"].subtree
+        for name, data in node.to_dataset(inherit=False).variables.items()
+    }
+    for store in sorted(folder.glob("*.zarr")):
+        data = xr.load_dataset(store, engine="zarr")
+        found |= {f"{store.name}/{name}": data[name].values.tobytes() for name in data.variables}
+    attrs = tree["monte-carlo"].attrs
+    counters = json.loads(attrs["solver_counters"])
+    counts = attrs["realisations"], attrs["failures"], {name: counters[name] for name in counters if name != "seconds"}
+    return found | {"counts": repr(counts).encode()}
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> dict[bool, dict[str, bytes]]:
+    """What undisturbed runs give."""
+    found = {}
+    for more in (False, True):
+        folder = tmp_path_factory.mktemp("whole")
+        found[more] = content(swing(more=more).run(folder=folder), folder)
+    return found
+
+
+def test_stored_samples_and_statistics_are_those_of_all(tmp_path: Path) -> None:
+    tree = swing(more=True).run(folder=tmp_path)
+    kept = swing(more=True, keep=SAMPLES).run()
+    for name in ("mean", "std", "skewness"):
+        for part in ("monte-carlo", "monte-carlo/scalars"):
+            found, expected = tree[f"{part}/statistics"][name], kept[f"{part}/statistics"][name]
+            np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-15, err_msg=f"{part} {name}")
+    xr.testing.assert_identical(
+        tree["monte-carlo/requirements"].to_dataset(), kept["monte-carlo/requirements"].to_dataset()
+    )
+    store = SampleStore.open(tmp_path / tree["monte-carlo"].attrs["all_samples"])
+    found = np.concatenate([part.response for part in store.chunks()])
+    np.testing.assert_array_equal(found, kept["monte-carlo/samples"]["response"])
+    scalars = SampleStore.open(tmp_path / tree["monte-carlo/scalars"].attrs["all_samples"])
+    found = np.concatenate([part.response[:, :, 0] for part in scalars.chunks()])
+    np.testing.assert_array_equal(found, kept["monte-carlo/scalars/samples"]["response"])
+    assert np.isnan(found).any(), "an output does not happen in some realisations"
+
+
+@pytest.mark.parametrize("more", [False, True])
+def test_realisations_are_computed_once_and_nothing_of_them_is_held(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, more: bool
+) -> None:
+    problems, made = [], uqmbd.Study.problem
+
+    def problem(*args: Any) -> uqmbd.Problem:
+        problems.append(made(*args))
+        return problems[-1]
+
+    monkeypatch.setattr(uqmbd.Study, "problem", problem)
+    executor = Here()
+    swing(more=more).run(executor, folder=tmp_path)
+    assert executor.computed == 10 and executor.sent == 0
+    (one,) = problems
+    assert not one.known
+
+
+@pytest.mark.parametrize("who", ["threads", "not shared", pytest.param("processes", marks=pytest.mark.thorough)])
+def test_bits_do_not_depend_on_who_computes(tmp_path: Path, whole: dict[bool, dict[str, bytes]], who: str) -> None:
+    if who == "threads":
+        with ThreadPoolExecutor(3) as executor:
+            tree = swing(more=True).run(executor, folder=tmp_path)
+    elif who == "processes":
+        tree = swing(more=True).run(2, folder=tmp_path)
+    else:
+        apart = Here(apart=True)
+        tree = swing(more=True).run(apart, folder=tmp_path)
+        assert apart.sent == apart.computed == 10
+    assert content(tree, tmp_path) == whole[True]
+
+
+@pytest.mark.parametrize("more", [False, True])
+def test_interrupted_runs_go_on_in_place_with_the_same_bits(
+    tmp_path: Path, whole: dict[bool, dict[str, bytes]], more: bool
+) -> None:
+    """Interrupted at random chunks until all are there: none that is whole is computed twice."""
+    generator, total = random.Random(4), 0
+    for most in [*(generator.randint(1, 30) for _ in range(8)), None]:
+        executor = Here(gives_up_after=most)
+        try:
+            tree = swing(more=more).run(executor, folder=tmp_path, resume=True)
+        except KeyboardInterrupt:
+            assert most is not None
+        total += executor.computed
+    assert total == 10
+    assert content(tree, tmp_path) == whole[more]
+    save(tree, tmp_path / "results.nc")
+    left = {"results.nc", "monte-carlo-samples.zarr"} | ({"monte-carlo-scalars-samples.zarr"} if more else set())
+    assert {p.name for p in tmp_path.iterdir()} == left
+
+
+@pytest.mark.parametrize("ended", [False, True], ids=["interrupted", "not saved"])
+def test_damage_costs_only_itself(tmp_path: Path, whole: dict[bool, dict[str, bytes]], ended: bool) -> None:
+    """Of ten chunks, one file is lost, one is torn, one has a flipped bit, and the record of one is damaged."""
+    try:
+        swing(more=True).run(Here(gives_up_after=None if ended else 9), folder=tmp_path)
+    except KeyboardInterrupt:
+        assert not ended
+    journal, *_ = sorted(tmp_path.glob("un*/*/*.journal"), key=lambda path: -path.stat().st_size)
+    (store,) = {*tmp_path.rglob(f"{journal.stem}.zarr"), *tmp_path.glob("monte-carlo-samples.zarr")}
+    (store / "response" / "1.0.0").unlink()
+    path = store / "response" / "2.0.0"
+    path.write_bytes(path.read_bytes()[:-10])
+    path = store / "response" / "3.0.0"
+    flipped = bytearray(path.read_bytes())
+    flipped[-20] ^= 8
+    path.write_bytes(flipped)
+    records = bytearray(journal.read_bytes())
+    places = [place for place, _ in Journal(journal).places()]
+    records[(places[6] + places[7]) // 2] ^= 1
+    journal.write_bytes(records + records[:200])
+    executor = Here()
+    tree = swing(more=True).run(executor, folder=tmp_path, resume=True)
+    assert executor.computed == (4 if ended else 5)
+    assert content(tree, tmp_path) == whole[True]
+
+
+def test_another_study_is_not_gone_on_with(tmp_path: Path) -> None:
+    with pytest.raises(KeyboardInterrupt):
+        swing().run(Here(gives_up_after=4), folder=tmp_path)
+    executor = Here()
+    swing(samples=SAMPLES + 1).run(executor, folder=tmp_path, resume=True)
+    assert executor.computed == 10
+
+
+def test_more_that_are_kept_do_not_change_what_is_computed(tmp_path: Path) -> None:
+    """The samples are gone on with, though another number of them is kept; what violates was counted."""
+    with pytest.raises(KeyboardInterrupt):
+        swing(more=True).run(Here(gives_up_after=4), folder=tmp_path)
+    executor = Here()
+    tree = swing(more=True, keep=KEEP + 50).run(executor, folder=tmp_path, resume=True)
+    assert executor.computed == 6
+    assert tree["monte-carlo/samples"].sizes["sample"] == KEEP + 50
+
+
+def test_without_a_folder_statistics_are_the_same(tmp_path: Path, whole: dict[bool, dict[str, bytes]]) -> None:
+    executor = Here()
+    found = content(swing(more=True).run(executor), tmp_path)
+    assert executor.computed == 10
+    assert found == {name: value for name, value in whole[True].items() if ".zarr" not in name}

@@ -1,0 +1,8 @@
+"""Realisations that are reduced by those who compute them, and stored a chunk at a time."""
+
+from __future__ import annotations
+
+from uqmbd.propagation.reduction.reduced import Reduced, Reduction
+from uqmbd.propagation.reduction.reductions import Reductions, Work
+
+__all__ = ["Reduced", "Reduction", "Reductions", "Work"]

@@ -1,0 +1,211 @@
+"""Chunks of realisations of which a worker hands over little: what a function makes of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from uqmbd.propagation.execution import (
+    Arrays,
+    Chunk,
+    Kind,
+    Packed,
+    Realisations,
+    compute_chunk,
+    evenly,
+    late_outputs,
+)
+from uqmbd.results.storage import Shelf
+from uqmbd.status import Status
+from uqmbd.threads import one_thread
+from uqmbd.typing import Array, Index, Mask
+
+__all__ = ["Handover", "Order", "Reduced", "Reduction", "compute_reduced", "reduce_chunk", "store_chunk"]
+
+Reduction = Callable[..., Arrays]
+"""From realisations, the index of the first of them, and further arguments to arrays by name."""
+
+
+@dataclass(frozen=True)
+class Reduced:
+    """What is left of the realisations of a chunk.
+
+    Attributes
+    ----------
+    first : int
+        Index of the first of them.
+    values : array, shape (K, input)
+        The inputs.
+    result : dict of str to array
+        What the function gave.
+    status : array of int, shape (K,)
+        0: fine; `uqmbd.results.STATUS_MEANINGS` names the others.
+    messages : tuple of str
+        Reason of each failure, else empty.
+    good : array of bool, shape (K,)
+        Which succeeded, with outputs that are all finite.
+    response : array, shape (W, output, time)
+        Of the first W of them, as many as were asked for.
+    counters : dict
+        Solver counters, summed.
+    wall_time : float
+        s.
+    """
+
+    first: int
+    values: Array
+    result: Arrays
+    status: Index
+    messages: tuple[str, ...]
+    good: Mask
+    response: Array
+    counters: dict[str, float]
+    wall_time: float
+
+    @property
+    def censored(self) -> int:
+        """In how many of them an output that is asked for does not happen: they have not failed."""
+        return int(np.count_nonzero(self.status == Status.CENSORED))
+
+    @property
+    def realisations(self) -> Realisations:
+        """The realisations without the responses that were not asked for: of what failed, and why."""
+        response = np.zeros((len(self.status), 0, 0))
+        return Realisations(self.values, response, self.status, self.messages, self.counters, self.wall_time)
+
+
+@dataclass(frozen=True)
+class Order:
+    """What a worker is to do with a chunk besides computing it.
+
+    Attributes
+    ----------
+    first : int
+        Index of its first realisation.
+    function : callable, and its further arguments
+        What is made of it.
+    chosen : tuple of str, optional
+        Which of the outputs without a time are asked for.
+    wanted : int
+        Of how many realisations the responses are handed over.
+    shelves : mapping
+        Where responses are stored, by kind.
+    margins : bool
+        Whether margins of requirements are wanted beside it.
+    stored : Chunk, optional
+        What is known of the one that is stored, but its response.
+    known : bool
+        Whether it is known what the function makes of the one that is stored.
+    """
+
+    first: int
+    function: Reduction
+    arguments: tuple[Any, ...]
+    chosen: tuple[str, ...] | None
+    wanted: int
+    shelves: Mapping[Kind, Shelf]
+    margins: bool
+    stored: Chunk | None = None
+    known: bool = False
+    here: bool = False
+    """Whether the folder is certainly that of who does it."""
+
+
+@dataclass(frozen=True)
+class Handover:
+    """What a worker hands over of a chunk.
+
+    Attributes
+    ----------
+    chunk : Chunk
+        Without its response.
+    response : array, shape (W, output, time)
+        Those that are wanted.
+    status, messages : array, tuple
+        Where an output that is asked for does not happen, the realisation is censored.
+    good : array of bool, shape (K,)
+    missing : array of int, shape (output,)
+        In how many realisations each output does not happen.
+    seen, responses : array
+        Indices of a few that succeeded, and their responses, from which the error of the integration is measured.
+    result : dict, optional
+        What the function gave.
+    computed : bool
+        Whether it was computed, and not read.
+    unread : bool
+        Whether it is stored where who was asked cannot read it: there is nothing else here.
+    beside : dict
+        Chunks of other kinds; without a response where it is stored.
+    files : dict
+        By kind, the checksum of the file of the responses, and its content where it could not be written.
+    """
+
+    chunk: Chunk
+    response: Array
+    status: Index
+    messages: tuple[str, ...]
+    good: Mask
+    missing: Index
+    seen: Index
+    responses: Array
+    result: Arrays | None
+    computed: bool = False
+    unread: bool = False
+    beside: dict[Kind, Chunk] = field(default_factory=dict)
+    files: dict[Kind, tuple[int, bytes | None]] = field(default_factory=dict)
+
+
+def compute_reduced(
+    packed: Packed, values: Array, times: Array, rtol: float, integrator: str, kind: Kind, order: Order
+) -> Handover:
+    """Compute some realisations, or read them where they are stored, and reduce them; arguments as of `compute_chunk`.
+
+    Returns
+    -------
+    Handover
+        What is left of them.  Responses are written where that is asked for, once.
+    """
+    if order.stored is not None:
+        if not (order.here or order.shelves[kind].shared):
+            none = np.zeros(0, dtype=np.int64)
+            nothing = np.zeros((0, 0, 0))
+            return Handover(order.stored, nothing, none, (), none.astype(bool), none, none, nothing, None, unread=True)
+        response = order.shelves[kind].load(len(values))
+        if response is not None:
+            return reduce_chunk(packed, values, replace(order.stored, response=response), order, known=order.known)
+    return store_chunk(packed, values, compute_chunk(packed, values, times, rtol, integrator, kind), kind, order)
+
+
+def store_chunk(packed: Packed, values: Array, full: Chunk, kind: Kind, order: Order) -> Handover:
+    """Reduce a chunk that has been computed, and write its responses."""
+    answer = reduce_chunk(packed, values, full, order)
+    beside = full.beside(kind, margins=order.margins)
+    files = {}
+    for name, shelf in order.shelves.items():
+        if (stored := full if name == kind else beside.get(name)) is not None:
+            files[name] = shelf.put(stored.response)
+            beside |= {name: _bare(stored)} if name != kind else {}
+    if order.chosen is not None and not order.shelves:  # others of them may be asked for next
+        beside[kind] = replace(full, counters={})
+    return replace(answer, computed=True, beside=beside, files=files)
+
+
+def reduce_chunk(packed: Packed, values: Array, chunk: Chunk, order: Order, *, known: bool = False) -> Handover:
+    """Reduce a chunk that is there; what the function makes of it may be known."""
+    part = Realisations.of(values, chunk, 0.0)
+    if order.chosen is not None:
+        part = part.choosing(packed.value().scalars, order.chosen)
+    seen, result = evenly(part.status), None
+    if not known:
+        with one_thread():
+            result = order.function(part, order.first, *order.arguments)
+    few = part.response[: order.wanted].copy()
+    about = (part.status, part.messages, part.good, late_outputs(part), seen, part.response[seen])
+    return Handover(_bare(chunk), few, *about, result)
+
+
+def _bare(chunk: Chunk) -> Chunk:
+    return replace(chunk, response=np.zeros((len(chunk.status), 0, 0)), scalars=None, margins=None)

@@ -1,0 +1,324 @@
+"""Realisations that are reduced by those who compute them, and stored where the run has a folder."""
+
+from __future__ import annotations
+
+import hashlib
+import pickle
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from uqmbd.dynamics import Model
+from uqmbd.propagation.execution import (
+    Checkpoint,
+    Chunk,
+    Clock,
+    Kind,
+    Ledger,
+    Observed,
+    Packed,
+    Progress,
+    executor_for,
+    in_order,
+    lost_chunk,
+)
+from uqmbd.propagation.method_node import labels_of
+from uqmbd.propagation.reduction.reduced import (
+    Handover,
+    Order,
+    Reduced,
+    Reduction,
+    compute_reduced,
+    reduce_chunk,
+    store_chunk,
+)
+from uqmbd.randomness import JointInput
+from uqmbd.results import SampleStore
+from uqmbd.results.storage import Record, UnfinishedStore
+from uqmbd.typing import Array
+
+__all__ = ["Reductions", "Work", "store_name"]
+
+
+@dataclass(frozen=True)
+class Work:
+    """What is known of a problem whose realisations are reduced; names as of `uqmbd.Problem`.
+
+    Attributes
+    ----------
+    method : str
+        Label of the method at work, `label` being that of this part of its work.
+    times : array, shape (T,)
+        Output times of the study, whatever the kind.
+    packed : Packed
+        The model, for workers.
+    fingerprint : bytes
+        What the numbers of all kinds depend on besides inputs.
+    unlocked : bool
+        Whether realisations are computed without the interpreter.
+    chunk_size : callable
+        From the number of realisations.
+    key : callable
+        Gives the name of a chunk, from its inputs.
+    held : callable
+        Gives a chunk that was computed beside others, from its inputs.
+    hold : callable
+        Is given the inputs of a chunk, and the chunks of other kinds that were computed beside it.
+    """
+
+    label: str
+    method: str
+    kind: Kind
+    chosen: tuple[str, ...] | None
+    model: Model
+    inputs: JointInput
+    times: Array
+    rtol: float
+    integrator: str
+    packed: Packed
+    fingerprint: bytes
+    answers_requirements: bool
+    unlocked: bool
+    executor: Executor | None
+    progress: Progress
+    checkpoint: Checkpoint | None
+    clock: Clock
+    ledger: Ledger | None
+    joins: bool
+    observed: Observed
+    chunk_size: Callable[[int], int]
+    key: Callable[[Array], str]
+    held: Callable[[Array], Chunk | None]
+    hold: Callable[[Array, Mapping[Kind, Chunk]], None]
+
+
+def store_name(label: str) -> str:
+    """Return the name of the store of samples beside the results.
+
+    Examples
+    --------
+    >>> store_name("monte-carlo")
+    'monte-carlo-samples.zarr'
+    """
+    return f"{re.sub(r'[<>:|?*]+', '-', label)}-samples.zarr"  # what Windows does not take
+
+
+@dataclass(frozen=True)
+class Piece:
+    """A chunk of rows, by its number."""
+
+    number: int
+    first: int
+    values: Array
+
+
+class Pieces(Sequence[Piece]):
+    """Rows in chunks of a size, each made when it is asked for."""
+
+    def __init__(self, values: Array, size: int) -> None:
+        self.values, self.size = values, size
+
+    def __len__(self) -> int:
+        return -(-len(self.values) // self.size)
+
+    def __getitem__(self, number: Any) -> Any:
+        if not 0 <= number < len(self):
+            raise IndexError(number)
+        first = number * self.size
+        return Piece(number, first, np.ascontiguousarray(self.values[first : first + self.size]))
+
+
+class Reductions:
+    """What a function makes of realisations, a chunk of rows after another, in their order.
+
+    It is gone through once.  Afterwards `store` has the responses, where the run has a folder.
+
+    Parameters
+    ----------
+    work : Work
+    values : array, shape (K, input)
+    function, arguments : callable, tuple
+    keep : int
+        Of how many realisations the responses are handed over.
+    """
+
+    def __init__(self, work: Work, values: Array, function: Reduction, arguments: tuple[Any, ...], keep: int) -> None:
+        self._work, self._values, self._keep = work, values, keep
+        self._function, self._arguments = function, arguments
+        text = hashlib.sha256(f"{function.__module__}.{function.__qualname__}".encode())
+        text.update(pickle.dumps((arguments, work.chosen)))
+        self._asked = text.hexdigest()[:32]
+        self._stores: dict[Kind, UnfinishedStore] = {}
+        self.store: SampleStore | None = None
+
+    def __iter__(self) -> Iterator[Reduced]:
+        work, values = self._work, self._values
+        if not len(values):
+            return
+        size = work.chunk_size(len(values))
+        identity = self._identity(work.kind, size)
+        self._stores = self._made(size)
+        own = self._stores.get(work.kind)
+        again = work.clock.knows(identity)
+        work.progress.start(work.label, len(values))
+        begin, recovered = work.clock(), 0.0
+        pieces = Pieces(values, size)
+        workers = executor_for(work.executor, unlocked=work.unlocked)
+        for piece, answer in zip(
+            pieces, in_order(pieces, workers, self._known, self._task, self._kept, self._lost), strict=True
+        ):
+            now = work.clock()
+            spent = 0.0 if answer.computed or again else answer.chunk.seconds
+            recovered += spent
+            found = Reduced(
+                piece.first,
+                piece.values,
+                answer.result or {},
+                answer.status,
+                answer.messages,
+                answer.good,
+                answer.response,
+                dict(answer.chunk.counters),
+                now - begin + spent,
+            )
+            work.observed.count(found.realisations, answer.missing)
+            work.observed.take(piece.values[answer.seen], answer.responses)
+            if own is not None:
+                own.fill(piece.values, answer.chunk.status, answer.chunk.messages)
+            yield found
+            begin = now
+            work.progress.advance(work.label, len(found.status))
+            if work.ledger is not None and piece.number + 1 < len(pieces):
+                work.ledger.begin()
+        if own is not None:
+            self.store = own.finish()
+        work.clock.recover(identity, recovered)
+        work.progress.finish(work.label)
+
+    def _made(self, size: int) -> dict[Kind, UnfinishedStore]:
+        """Open the stores of what is computed: of its own kind, and of those beside it that are asked for later."""
+        work = self._work
+        if work.checkpoint is None:
+            return {}
+        kinds: list[Kind] = [work.kind]
+        if work.kind == "outputs" and work.model.scalars is not None:
+            kinds.append("scalars")
+        if self._margins:
+            kinds.append("requirements")
+        found: dict[Kind, UnfinishedStore] = {}
+        checkpoint = replace(work.checkpoint, label=work.method)
+        for kind in kinds:
+            name = store_name(work.label) if kind == work.kind else None
+            times = work.times[:1] if kind == "scalars" else work.times
+            axes = labels_of(work.model, work.inputs, times, kind, None)
+            about = (name, self._identity(kind, size), len(self._values), size, axes)
+            found[kind] = UnfinishedStore(checkpoint.folder, checkpoint.place, *about)
+        return found
+
+    @property
+    def _margins(self) -> bool:
+        """Whether the margins are those of a problem that is still to come."""
+        work = self._work
+        first = work.kind == "outputs" or (work.kind == "scalars" and not work.model.outputs.names)
+        return first and work.model.margins is not None and not work.answers_requirements
+
+    def _identity(self, kind: Kind, size: int) -> str:
+        text = hashlib.sha256(np.ascontiguousarray(self._values).tobytes())
+        text.update(self._work.fingerprint)
+        text.update(self._work.method.encode())
+        text.update(f"{kind} {self._values.shape} {size}".encode())
+        return text.hexdigest()[:32]
+
+    def _order(self, piece: Piece, record: Record | None, stored: Chunk | None) -> Order:
+        work = self._work
+        known = record is not None and self._is_of(record)
+        checksum = None if record is None else int(record[0]["checksum"])
+        shelves = {
+            kind: store.shelf(piece.number, checksum if kind == work.kind else None)
+            for kind, store in self._stores.items()
+        }
+        about = (work.chosen, max(0, self._keep - piece.first), shelves, self._margins, stored, known)
+        return Order(piece.first, self._function, self._arguments, *about)
+
+    def _is_of(self, record: Record) -> bool:
+        """Tell whether the result of a record is that of the same function of the same arguments."""
+        return bool(record[0].get("asked") == self._asked)
+
+    def _known(self, piece: Piece) -> Handover | None:
+        """Reduce a chunk that is held: it was computed beside others, or for another size of the method."""
+        work = self._work
+        if not self._stores and (chunk := work.held(piece.values)) is not None:
+            return reduce_chunk(work.packed, piece.values, chunk, self._order(piece, None, None))
+        if work.ledger is None:
+            return None
+        if self._stored(piece) is not None:
+            work.ledger.reuse(len(piece.values))
+        elif (found := work.ledger.find(piece.values, work.key, join=work.joins)) is not None:
+            work.ledger.reuse(len(piece.values))
+            answer = store_chunk(work.packed, piece.values, found, work.kind, self._order(piece, None, None))
+            return self._kept(piece, answer, found.seconds)
+        else:
+            work.ledger.begin(len(piece.values))
+        return None
+
+    def _stored(self, piece: Piece) -> tuple[Record, Chunk] | None:
+        """Return what is known of a chunk that is stored and can be used."""
+        work = self._work
+        own = self._stores.get(work.kind)
+        record = None if own is None else own.record(piece.number)
+        # margins are not stored: what a function makes of them is, or they are computed
+        if record is None or (work.answers_requirements and not self._is_of(record)):
+            return None
+        return record, _chunk(record, len(piece.values))
+
+    def _lost(self, piece: Piece, reason: str) -> Handover:
+        """Return a chunk that killed its workers; a run that goes on tries it again."""
+        work = self._work
+        full = lost_chunk(work.model, len(piece.values), work.times, reason, work.kind)
+        answer = store_chunk(work.packed, piece.values, full, work.kind, self._order(piece, None, None))
+        return self._kept(piece, answer, 0.0, lost=True)
+
+    def _task(self, piece: Piece) -> tuple[Callable[..., Handover], tuple[Any, ...]]:
+        work = self._work
+        order = self._order(piece, *(self._stored(piece) or (None, None)))
+        return compute_reduced, (work.packed, piece.values, work.times, work.rtol, work.integrator, work.kind, order)
+
+    def _kept(self, piece: Piece, answer: Handover, seconds: float, *, lost: bool = False) -> Handover:
+        """Note a chunk that was computed, and hold what was computed beside it; one that was read has its result."""
+        work = self._work
+        if answer.unread:
+            order = self._order(piece, *(self._stored(piece) or (None, None)))
+            answer = compute_reduced(
+                work.packed, piece.values, work.times, work.rtol, work.integrator, work.kind, replace(order, here=True)
+            )
+        if not answer.computed:
+            own = self._stores[work.kind]
+            record = own.record(piece.number) if answer.result is None else None
+            return answer if record is None else replace(answer, result=record[1])
+        for kind, (checksum, content) in answer.files.items():
+            mine = kind == work.kind
+            chunk = answer.chunk if mine else answer.beside[kind]
+            about = _about(chunk, checksum, seconds if mine else 0.0) | ({"asked": self._asked} if mine else {})
+            about |= {"lost": True} if lost else {}
+            self._stores[kind].keep(piece.number, content, about, answer.result or {} if mine else {})
+        if not self._stores:
+            work.hold(piece.values, answer.beside)
+        return replace(answer, beside={}, files={})
+
+
+def _about(chunk: Chunk, checksum: int, seconds: float) -> dict[str, Any]:
+    failed = [[k, int(chunk.status[k]), chunk.messages[k]] for k in np.flatnonzero(chunk.status).tolist()]
+    return {"checksum": checksum, "seconds": seconds, "counters": chunk.counters, "failed": failed}
+
+
+def _chunk(record: Record, count: int) -> Chunk:
+    """Return a chunk of a record, without its response."""
+    about = record[0]
+    status, messages = np.zeros(count, dtype=np.int64), [""] * count
+    for k, number, message in about["failed"]:
+        status[k], messages[k] = number, message
+    return Chunk(np.zeros((count, 0, 0)), status, tuple(messages), about["counters"], seconds=about["seconds"])

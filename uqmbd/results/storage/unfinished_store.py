@@ -1,0 +1,219 @@
+"""The store of samples while a run is unfinished: at once the checkpoint of its chunks.
+
+Who computes a chunk writes its responses, once.  A journal says which chunks are whole, with checksums.  At the end the
+store takes its place beside the results; its journal stays with what is unfinished until these are saved, so that a run
+which is resumed goes on in place.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import secrets
+import shutil
+import zlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uqmbd.errors import StudyError
+from uqmbd.files import flush
+from uqmbd.results.schema import Labels
+from uqmbd.results.storage.journal import Journal, Record
+from uqmbd.results.storage.sample_store import MESSAGE, SampleStore, encoded, read_checked, write_file
+from uqmbd.results.storage.unfinished import how_to_go_on
+from uqmbd.typing import Array, Index
+
+__all__ = ["Shelf", "UnfinishedStore"]
+
+_IDENTITY = "identity"
+
+
+@dataclass(frozen=True)
+class Shelf:
+    """The file of the responses of one chunk, for who computes it.
+
+    Attributes
+    ----------
+    path : Path
+        Of the file.
+    token : tuple of Path and str
+        A file and what is in it: who reads this there shares the folder.
+    chunk : tuple of int
+        Shape of a chunk, of which the last may be filled in part.
+    checksum : int, optional
+        Of the file, where it has been written.
+    """
+
+    path: Path
+    token: tuple[Path, str]
+    chunk: tuple[int, ...]
+    checksum: int | None = None
+
+    @property
+    def shared(self) -> bool:
+        """Whether the folder is that of who asked for the chunk."""
+        try:
+            return self.token[0].read_text() == self.token[1]
+        except (OSError, ValueError):
+            return False
+
+    def load(self, count: int) -> Array | None:
+        """Return the responses that were written, (K, output, time); nothing where they are not what was written."""
+        return None if self.checksum is None else read_checked(self.path, self.chunk, self.checksum, count)
+
+    def put(self, response: Array) -> tuple[int, bytes | None]:
+        """Write responses where the folder is shared; return their checksum, and else the content of the file."""
+        content = encoded(response, "<f8", self.chunk)
+        checksum = zlib.crc32(content)
+        if self.shared:
+            # where that fails, whoever asked for it tries, and says what is wrong
+            with contextlib.suppress(OSError):
+                write_file(self.path, content)
+                return checksum, None
+        return checksum, content
+
+
+class UnfinishedStore:
+    """Samples of one kind of outputs of a method, while they are computed.
+
+    Parameters
+    ----------
+    folder : Path
+        Of the run.
+    place : Path
+        Folder of what is unfinished of the method.
+    name : str, optional
+        Of the store beside the results, where it takes its place there.
+    identity : str
+        What the numbers depend on: a store with another one is not gone on with.
+    count, size : int
+        Samples, and those of a chunk.
+    axes : Labels
+        Meaning of the axes.
+
+    Raises
+    ------
+    StudyError
+        If it cannot be made.
+    """
+
+    def __init__(
+        self, folder: Path, place: Path, name: str | None, identity: str, count: int, size: int, axes: Labels
+    ) -> None:
+        self._folder, self._place, self._target = folder, place, None if name is None else folder / name
+        self._journal = Journal(place / f"{identity}.journal")
+        self._token = place / f"{identity}.token", secrets.token_hex(16)
+        self._records = np.full(-(-count // size), -1, dtype=np.int64)
+        self._held: list[tuple[Array, Index, Sequence[str]]] = []
+        self._filled = 0
+        try:
+            place.mkdir(parents=True, exist_ok=True)
+            self._token[0].write_text(self._token[1])
+            for at, about in self._journal.places():
+                if 0 <= about["number"] < len(self._records) and not about.get("lost"):
+                    self._records[about["number"]] = at
+            own = place / f"{identity}.zarr"
+            if self._target and (self._records >= 0).any() and _identity(self._target) == identity:
+                own = self._target
+            if _identity(own) == identity:
+                self._store = SampleStore(own, count, size, axes)
+            else:
+                shutil.rmtree(own, ignore_errors=True)
+                self._store = SampleStore.create(own, count, size, axes, {_IDENTITY: identity})
+        except OSError as error:
+            raise self._failed(error) from error
+
+    def __len__(self) -> int:
+        """How many chunks there are."""
+        return len(self._records)
+
+    def record(self, number: int) -> Record | None:
+        """Return what is known of a chunk; nothing where it has not been computed."""
+        at = int(self._records[number])
+        return None if at < 0 else self._journal.read(at)
+
+    def shelf(self, number: int, checksum: int | None = None) -> Shelf:
+        """Return where the responses of a chunk are."""
+        _, chunk = self._store.shapes("response")
+        return Shelf(self._store.place("response", number), self._token, chunk, checksum)
+
+    def keep(
+        self, number: int, content: bytes | None, about: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]
+    ) -> None:
+        """Note that a chunk is whole, and write its responses where nobody has.
+
+        Raises
+        ------
+        StudyError
+            If it cannot be written: the file, the reason, and how to go on.
+        """
+        try:
+            if content is not None:
+                write_file(self._store.place("response", number), content)
+            self._records[number] = self._journal.append({**about, "number": number}, arrays)
+        except OSError as error:
+            raise self._failed(error) from error
+
+    def fill(self, values: Array, status: Index, messages: Sequence[str]) -> None:
+        """Write inputs (K, input), status (K,) and messages of the next samples, in their order."""
+        self._held.append((values, status, messages))
+        if sum(len(held[1]) for held in self._held) >= self._store.block:
+            self._flush()
+
+    def _flush(self) -> None:
+        if not self._held:
+            return
+        values, status = (np.concatenate([held[k] for held in self._held]) for k in (0, 1))
+        try:
+            self._store.put("inputs", self._filled, values)
+            self._store.put("status", self._filled, status)
+            if status.any():
+                shortened = [_shortened(m) for held in self._held for m in held[2]]
+                self._store.put("message", self._filled, np.array(shortened, dtype=f"<U{MESSAGE}"))
+        except OSError as error:
+            raise self._failed(error) from error
+        self._filled += len(status)
+        self._held.clear()
+
+    def finish(self) -> SampleStore:
+        """Write what is left, and let the store take its place; all chunks are whole."""
+        self._flush()
+        store = self._store
+        try:
+            for stray in store.folder.glob("*/.*.part"):  # of a worker that was killed
+                stray.unlink(missing_ok=True)
+            if self._target is not None and store.folder != self._target:
+                flush(store.folder)
+                old = self._place / "old.zarr"
+                shutil.rmtree(old, ignore_errors=True)
+                if self._target.exists():
+                    os.replace(self._target, old)
+                os.replace(store.folder, self._target)
+                shutil.rmtree(old, ignore_errors=True)
+        except OSError as error:
+            raise self._failed(error) from error
+        if self._target is not None:
+            self._store = SampleStore(self._target, store.count, store.size, store.labels)
+        return self._store
+
+    def _failed(self, error: OSError) -> StudyError:
+        reason = error.strerror or str(error)
+        where = error.filename or self._store_folder
+        return StudyError(f"{where} cannot be written: {reason}.{how_to_go_on(self._folder)}")
+
+    @property
+    def _store_folder(self) -> Path:
+        return self._store.folder if hasattr(self, "_store") else self._place
+
+
+def _identity(folder: Path) -> str | None:
+    return SampleStore.attribute(folder, _IDENTITY)
+
+
+def _shortened(message: str) -> str:
+    return message if len(message) <= MESSAGE else message[: MESSAGE - 4] + " ..."
