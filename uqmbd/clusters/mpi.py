@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import sys
+from collections.abc import Iterable, Iterator
 from concurrent.futures import Executor
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 from uqmbd.errors import StudyError
@@ -15,8 +17,13 @@ HOW = "mpiexec -n 3 uqmbd run STUDY.py --mpi"
 
 
 @contextmanager
-def mpi_executor() -> Iterator[Executor]:
+def mpi_executor(files: Iterable[Path]) -> Iterator[Executor]:
     """Yield the executor of all processes but the first; in these, serve until the first has done its work, and exit.
+
+    Parameters
+    ----------
+    files : iterable of Path
+        Scripts, whose functions may be a part of the work: they are imported from their folders.
 
     Raises
     ------
@@ -44,6 +51,8 @@ def mpi_executor() -> Iterator[Executor]:
             "--mpi: there is one process, and nobody to whom it could give work. Expected two or more, started by the "
             f"mpiexec of the library that mpi4py uses ({_library(MPI.Get_library_version())}): {HOW}"
         )
+    # those who serve do so as soon as they enter
+    sys.path += [folder for folder in {str(file.resolve().parent) for file in files} if folder not in sys.path]
     executor: Any
     with MPICommExecutor(MPI.COMM_WORLD, root=0) as executor:
         if executor is not None:

@@ -6,6 +6,7 @@ import functools
 import inspect
 import typing
 from collections.abc import Callable
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
@@ -59,7 +60,8 @@ def with_worker_options(run: Callable[..., None]) -> Callable[..., None]:
         if not mpi:
             run(**others, **{name: workers})
             return
-        with mpi_executor() as executor:
+        files = [given for given in others.values() if isinstance(given, Path) and given.is_file()]
+        with mpi_executor(files) as executor:
             run(**others, **{name: Workers(executor=executor)})
 
     parameters = [

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import os
 import sys
 from collections.abc import Sequence
@@ -42,4 +43,5 @@ class StudyFiles(WorkerPlugin):  # type: ignore[misc]  # Dask has no types
             await worker.upload_file(filename=name, data=content, load=False)
             # one of an earlier run, of this name, is not what is meant
             sys.modules.pop(Path(name).stem, None)
+        importlib.invalidate_caches()
         sys.path += [folder for folder in self.folders if os.path.isdir(folder) and folder not in sys.path]

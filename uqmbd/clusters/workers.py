@@ -98,7 +98,7 @@ class Workers:
             with dask_executor(self.dask, self.count, [Path(file).resolve() for file in files]) as executor:
                 yield executor
         elif self.mpi:
-            with mpi_executor() as executor:
+            with mpi_executor(map(Path, files)) as executor:
                 yield executor
         else:
             yield self.executor or self.count or 1
