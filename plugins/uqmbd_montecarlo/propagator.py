@@ -12,7 +12,15 @@ import numpy as np
 import xarray as xr
 
 import uqmbd
-from uqmbd.results import PolynomialChaos, Violations, replicate_errors, sample_dataset, statistics_of_samples
+from uqmbd.results import (
+    PolynomialChaos,
+    Violations,
+    replicate_errors,
+    sample_dataset,
+    statistics_dataset,
+    statistics_of_samples,
+)
+from uqmbd_montecarlo.all_samples import AllSamples, Passing, Stored, together
 from uqmbd_montecarlo.control import FOLDS, LEAST_SAMPLES
 from uqmbd_montecarlo.controlledsums import ControlledSums
 from uqmbd_montecarlo.gain import of_study, of_surrogate
@@ -20,7 +28,7 @@ from uqmbd_montecarlo.gathering import Gathered, gather
 from uqmbd_montecarlo.lowfidelity import LowFidelity, PairedControl, mismatch
 from uqmbd_montecarlo.pickfreeze import obstacle_of
 from uqmbd_montecarlo.replicates import allowed_samples, replicate_sizes, uniform_samples
-from uqmbd_montecarlo.sensitivity import SobolRun, run_sobol
+from uqmbd_montecarlo.sensitivity import SobolRun, rows_at_once, run_sobol
 from uqmbd_montecarlo.surrogate import ChaosControl, Surrogate, surrogate_of
 
 __all__ = ["MonteCarlo"]
@@ -48,9 +56,10 @@ class MonteCarlo(uqmbd.Propagator):
     max_failures : float
         Share of failed samples above which the run is an error; fewer are a warning.
     keep : int
-        Samples that are kept in the results.  Where there are more, moments are gathered while they come, quantiles
-        are those of the kept ones, and all samples go to ``LABEL-samples.zarr`` in the folder of the run: the memory
-        needed does not grow with the number of samples.
+        Samples that are kept in the results.  Where there are more, statistics are those of all nevertheless, and the
+        memory needed does not grow with the number of samples.  All samples go to ``LABEL-samples.zarr`` in the folder
+        of the run, from which quantiles are found; in a run without a folder they are counted while the samples come,
+        and ``quantile_error`` bounds how far they may be off.
     control : uqmbd.Propagator, uqmbd.results.PolynomialChaos, LowFidelity or uqmbd.Study, optional
         A surrogate as control variate, which makes mean and standard deviation more certain: a method that gives a
         polynomial chaos, as ``Collocation(order=3)``, which is run first, on realisations of its own; or a chaos that
@@ -60,10 +69,10 @@ class MonteCarlo(uqmbd.Propagator):
         `uqmbd_montecarlo.control`.  Where samples fail, the statistics are those of the inputs that do not.  The
         other statistics (skewness, kurtosis, quantiles) are those of the samples.
     sobol_indices : bool
-        Estimate Sobol' indices of first order and total ones, with 95 % bootstrap intervals, by pick-freeze: the
+        Estimate Sobol' indices of first order and total ones, with 95 % jackknife intervals, by pick-freeze: the
         samples are taken as N = `samples` / 2 pairs, and N realisations more are computed for each input, N (d + 2) in
-        all for d inputs.  They are kept in memory: `keep` must allow for them.  For random sampling of inputs that do
-        not depend on each other.  The other statistics are those of the samples, the same as without this option.
+        all for d inputs, of which no more than `keep` are held at once.  For random sampling of inputs that do not
+        depend on each other.  The other statistics are those of the samples, the same as without this option.
     label : str, optional
         Name of the results, by default ``monte-carlo``.
 
@@ -134,14 +143,12 @@ class MonteCarlo(uqmbd.Propagator):
         values = len(study.mechanism.outputs) * len(study.times) + len(study.mechanism.scalars)
         inputs = len(study.mechanism.inputs)
         kept, total = min(self.samples, self.keep), self.samples
+        # the samples, and what is sorted for their quantiles
+        memory = 8 * kept * (3 * values + inputs)
         if self.sobol_indices:
             total += self.samples // 2 * inputs
-            kept = total
-        # the samples, and what is sorted for their quantiles
-        memory, disk = (
-            8 * kept * (3 * values + inputs),
-            8 * (kept if total <= kept else kept + total) * (values + inputs),
-        )
+            memory += 8 * rows_at_once(self.samples // 2, inputs, self.keep) * (inputs + 2) * (values + inputs)
+        disk = 8 * (kept if self.samples <= kept else kept + self.samples) * (values + inputs)
         found = uqmbd.Estimate(total, memory, f"{kept} samples that are kept", disk=disk)
         if isinstance(self.control, LowFidelity):
             # how many pay is known from the samples
@@ -191,6 +198,12 @@ class MonteCarlo(uqmbd.Propagator):
     def propagate(self, problem: uqmbd.Problem) -> xr.DataTree:
         """Sample, compute, and summarise."""
         self._check_problem(problem)
+        if self.samples <= self.keep or problem.folder is not None:
+            return self._propagated(problem, None)
+        with closing(Passing(problem.labels, again=self.sobol_indices)) as passing:
+            return self._propagated(problem, passing)
+
+    def _propagated(self, problem: uqmbd.Problem, passing: Passing | None) -> xr.DataTree:
         sizes = replicate_sizes(self.sampling, self.samples, self.replicates)
         uniform = uniform_samples(self.sampling, sizes, len(problem.inputs), self.seed)
         values = problem.inputs.from_uniform(uniform)
@@ -204,8 +217,9 @@ class MonteCarlo(uqmbd.Propagator):
             # a chaos of outputs over time says nothing of those without
             surrogate = surrogate_of(self.control, problem)
             sums = ControlledSums(ChaosControl(surrogate.chaos, uniform), self.samples)
+        watching = [one.add for one in (sums, passing) if one is not None]
         with nullcontext() if paired is None else closing(paired):
-            found = gather(problem, values, sizes, self.keep, None if sums is None else sums.add)
+            found = gather(problem, values, sizes, self.keep, together(watching))
         few = min(found.count, int(np.count_nonzero(found.kept.good))) < 2
         if few or found.failures > self.max_failures * self.samples:
             raise uqmbd.IntegrationError(
@@ -217,7 +231,8 @@ class MonteCarlo(uqmbd.Propagator):
         samples = sample_dataset(
             kept.response, kept.values, problem.labels, status=kept.status, messages=kept.messages, copy=False
         )
-        statistics = self._statistics(problem, samples, found)
+        everything = passing if found.store is None else Stored(found.store, problem.labels)
+        statistics = self._statistics(problem, samples, found, everything)
         attrs: dict[str, Any] = {}
         if sums is not None and surrogate is not None:
             statistics = sums.apply(statistics)
@@ -235,12 +250,15 @@ class MonteCarlo(uqmbd.Propagator):
                 f"the others. Most frequent reason: {found.reason or 'an output is not finite'}",
                 stacklevel=2,
             )
-        sobol = run_sobol(problem, kept, self.seed, self.max_failures) if self.sobol_indices else None
+        sobol = None
+        if self.sobol_indices:
+            again = everything.responses if everything else lambda first, last: kept.response[first:last]
+            sobol = run_sobol(problem, values, again, self.keep, self.max_failures)
         if sobol is not None and sobol.failures:
             warnings.warn(
-                f"{problem.label}: {sobol.failures} of {len(sobol.mixed.status)} further realisations for Sobol' "
+                f"{problem.label}: {sobol.failures} of {sobol.realisations} further realisations for Sobol' "
                 f"indices failed; {sobol.dropped} rows are left out. Most frequent reason: "
-                f"{sobol.mixed.most_frequent_reason() or 'an output is not finite'}",
+                f"{sobol.reason or 'an output is not finite'}",
                 stacklevel=2,
             )
         if sobol is not None:
@@ -253,20 +271,14 @@ class MonteCarlo(uqmbd.Propagator):
             return
         if obstacle := obstacle_of(problem.inputs):
             raise uqmbd.StudyError(f"{problem.label}: sobol_indices cannot be estimated: {obstacle}.")
-        total = self.samples // 2 * (len(problem.inputs) + 2)
-        if total > self.keep:
-            raise uqmbd.StudyError(
-                f"{problem.label}: sobol_indices with samples={self.samples} keeps {total} realisations in memory "
-                f"({self.samples // 2} rows of {len(problem.inputs)} + 2), more than keep={self.keep} allows; "
-                "take fewer samples, or a larger keep."
-            )
 
-    def _statistics(self, problem: uqmbd.Problem, samples: xr.Dataset, found: Gathered) -> xr.Dataset:
-        statistics = statistics_of_samples(samples, each=problem.each)
-        if self.samples > self.keep:
-            for name, value in found.moments.statistics().items():
-                statistics[name] = statistics[name].copy(data=value)
-            statistics["quantile"].attrs["comment"] = f"of the first {self.keep} of {self.samples} samples"
+    def _statistics(
+        self, problem: uqmbd.Problem, samples: xr.Dataset, found: Gathered, everything: AllSamples | None
+    ) -> xr.Dataset:
+        if everything is None:
+            statistics = statistics_of_samples(samples, each=problem.each)
+        else:
+            statistics = statistics_dataset(problem.labels, **found.moments.statistics(), **everything.statistics())
         if len(found.replicates) > 1:
             errors = replicate_errors(found.replicates)
             for name, error in zip(("std_error_mean", "std_error_std"), errors, strict=True):
@@ -297,10 +309,10 @@ class MonteCarlo(uqmbd.Propagator):
             counters.update(paired.counters)
         if sobol is not None:
             attrs |= {"sobol_rows": sobol.rows, "sobol_rows_dropped": sobol.dropped, "sobol_summary": sobol.words}
-            realisations += len(sobol.mixed.status)
+            realisations += sobol.realisations
             failures += sobol.failures
-            wall_time += sobol.mixed.wall_time
-            counters.update(sobol.mixed.counters)
+            wall_time += sobol.wall_time
+            counters.update(sobol.counters)
         if self.samples > self.keep or failures > found.failures:
             # failures are not only those of the kept samples
             attrs |= {"failures": failures, "samples_kept": min(self.keep, self.samples)}

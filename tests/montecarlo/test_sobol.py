@@ -13,9 +13,13 @@ import xarray as xr
 import uqmbd
 from uqmbd.results import load, save, validate
 from uqmbd_montecarlo import MonteCarlo
-from uqmbd_montecarlo.pickfreeze import pick_freeze
+from uqmbd_montecarlo.pickfreeze import PickFreeze, SobolIndices
 
 from .conftest import Quadrature, resting
+
+
+def pick_freeze(a: np.ndarray, b: np.ndarray, mixed: np.ndarray) -> SobolIndices:
+    return PickFreeze.of(np.arange(len(a)), len(a), a, b, mixed).indices()
 
 
 def uniform(name: str, low: float, high: float) -> uqmbd.RandomVariable:
@@ -84,7 +88,7 @@ def test_intervals_hold_as_often_as_stated() -> None:
     exact = (slopes**2 / np.sum(slopes**2))[:, None]
     a, b = np.random.default_rng(0).uniform(-1, 1, (2, rows, repetitions, 4))
     mixed = np.where(np.eye(4, dtype=bool)[:, None, None], b, a)
-    found = pick_freeze(a @ slopes, b @ slopes, mixed @ slopes, np.random.SeedSequence(0))
+    found = pick_freeze(a @ slopes, b @ slopes, mixed @ slopes)
     for estimate, ends in ((found.first, found.first_interval), (found.total, found.total_interval)):
         inside = ((ends[0] <= exact + 1e-12) & (exact - 1e-12 <= ends[1])).mean(axis=1)
         assert np.all((inside[:3] >= 0.88) & (inside[:3] <= 0.995)), inside
@@ -96,13 +100,23 @@ def test_mean_and_units_of_a_response_do_not_matter() -> None:
     generator = np.random.default_rng(0)
     a, b = generator.normal(size=(2, 300, 1))
     mixed = generator.normal(size=(2, 300, 1))
-    one = pick_freeze(a, b, mixed, np.random.SeedSequence(0))
+    one = pick_freeze(a, b, mixed)
     for other in (
-        pick_freeze(1e-200 * a, 1e-200 * b, 1e-200 * mixed, np.random.SeedSequence(0)),
-        pick_freeze(1e5 + a, 1e5 + b, 1e5 + mixed, np.random.SeedSequence(0)),
+        pick_freeze(1e-200 * a, 1e-200 * b, 1e-200 * mixed),
+        pick_freeze(1e5 + a, 1e5 + b, 1e5 + mixed),
     ):
         np.testing.assert_allclose(other.first, one.first, rtol=1e-8)
         np.testing.assert_allclose(other.total_interval, one.total_interval, rtol=1e-8)
+
+
+def test_estimates_are_those_of_jansen() -> None:
+    generator = np.random.default_rng(0)
+    a, b = generator.normal(size=(2, 300, 4))
+    mixed = generator.normal(size=(2, 300, 4))
+    found = pick_freeze(a, b, mixed)
+    base = np.mean((b - a) ** 2, axis=0)
+    np.testing.assert_allclose(found.first, 1 - np.mean((b - mixed) ** 2, axis=1) / base, rtol=1e-13)
+    np.testing.assert_allclose(found.total, np.mean((a - mixed) ** 2, axis=1) / base, rtol=1e-13)
 
 
 def test_blocks_do_not_matter() -> None:
@@ -110,11 +124,31 @@ def test_blocks_do_not_matter() -> None:
     generator = np.random.default_rng(0)
     a, b = generator.normal(size=(2, 50, 3, 7))
     mixed = generator.normal(size=(2, 50, 3, 7))
-    whole = pick_freeze(a, b, mixed, np.random.SeedSequence(0))
-    parts = pick_freeze(*(np.tile(x, 40) for x in (a, b, mixed)), np.random.SeedSequence(0))
+    whole = pick_freeze(a, b, mixed)
+    many = [np.tile(x, 4000) for x in (a, b, mixed)]
+    parts = pick_freeze(*many)
     assert whole.first_interval.shape == (2, 2, 3, 7)
     for name in ("first", "total", "first_interval", "total_interval"):
         np.testing.assert_allclose(getattr(parts, name)[..., -7:], getattr(whole, name), rtol=1e-12, atol=1e-14)
+
+
+@pytest.mark.parametrize("scale", [1.0, 1e-170, 1e170])
+def test_rows_that_come_in_parts_have_the_indices_of_all(scale: float) -> None:
+    """Parts of any sizes, one without rows, rows that are missing, and parts of other sizes of responses."""
+    generator = np.random.default_rng(0)
+    a, b = scale * generator.normal(size=(2, 1000, 3))
+    mixed = scale * generator.normal(size=(2, 1000, 3))
+    for x in (a, b, mixed[0], mixed[1]):
+        x[:300] *= 1e-6
+    kept = np.flatnonzero(generator.random(1000) < 0.9)
+    whole = PickFreeze.of(kept, 1000, a[kept], b[kept], mixed[:, kept])
+    merged = None
+    for rows in np.split(kept, [10, 10, 400, 555]):
+        part = PickFreeze.of(rows, 1000, a[rows], b[rows], mixed[:, rows])
+        merged = part if merged is None else merged.merge(part)
+    np.testing.assert_array_equal(merged.rows, whole.rows)
+    for name in ("first", "total", "first_interval", "total_interval"):
+        np.testing.assert_allclose(getattr(merged.indices(), name), getattr(whole.indices(), name), rtol=1e-11)
 
 
 @pytest.mark.thorough
@@ -133,6 +167,21 @@ def test_other_statistics_are_those_without_indices_and_seeds_give_the_same_bits
     validate(load(tmp_path / "results.nc"))
     other = functions.propagate(MonteCarlo(samples=64, seed=4, sobol_indices=True))["statistics"]
     assert not np.array_equal(other["sobol_first"], statistics["sobol_first"])
+
+
+@pytest.mark.thorough
+@pytest.mark.filterwarnings("ignore:.*realisations failed:UserWarning")
+@pytest.mark.filterwarnings("ignore:.*indices failed:UserWarning")
+def test_fewer_realisations_at_once_give_the_same_indices() -> None:
+    """An output that is not a number for some; keep holds 40 samples, or 10 rows of four."""
+    a, b = uniform("a", 0, 1), uniform("b", 0, 1)
+    study = resting({"y": sympy.sqrt(sympy.Rational(95, 100) - a) + b})
+    whole = study.propagate(MonteCarlo(samples=200, seed=1, sobol_indices=True))
+    parts = study.propagate(MonteCarlo(samples=200, seed=1, sobol_indices=True, keep=40))
+    for name in ("sobol_first", "sobol_total", "sobol_first_interval", "sobol_total_interval"):
+        np.testing.assert_allclose(parts["statistics"][name], whole["statistics"][name], rtol=1e-11, atol=1e-13)
+    for name in ("failures", "realisations", "sobol_rows", "sobol_rows_dropped"):
+        assert parts.attrs[name] == whole.attrs[name]
 
 
 @pytest.mark.thorough
@@ -209,10 +258,3 @@ def test_dependent_inputs_are_refused_and_independent_vectors_not() -> None:
     independent = resting({"y": a + b})
     assert method.obstacle(independent) is None
     assert "sobol_first" in independent.propagate(method)["statistics"]
-
-
-def test_more_realisations_than_are_kept_are_refused(functions: uqmbd.Study) -> None:
-    with pytest.raises(
-        uqmbd.StudyError, match=r"keeps 250 realisations in memory .50 rows of 3 \+ 2., more than keep=200"
-    ):
-        functions.propagate(MonteCarlo(samples=100, keep=200, sobol_indices=True))

@@ -66,6 +66,7 @@ from uqmbd.results.schema import (
     validate,
 )
 from uqmbd.results.statistics import (
+    CircularMoments,
     CountedQuantiles,
     Moments,
     circular_mean,
@@ -90,6 +91,7 @@ __all__ = [
     "AlignedChaos",
     "AlignedElement",
     "Answer",
+    "CircularMoments",
     "ComposedChaos",
     "CountedQuantiles",
     "DEFAULT_PROBABILITIES",

@@ -57,7 +57,7 @@ def cut(x: np.ndarray, good: np.ndarray, edges: Sequence[int]) -> list[Part]:
     return [Part(*one) for one in zip(np.split(x, edges), np.split(good, edges), strict=True)]
 
 
-def check(x: np.ndarray, good: np.ndarray, parts: list[Part], levels: Sequence[float], first: int) -> None:
+def check(x: np.ndarray, good: np.ndarray, parts: list[Part], levels: Sequence[float]) -> None:
     """Hold both ways against NumPy's, on the samples that succeeded."""
     whole = x[good]
     ascending = np.sort(whole, axis=0)
@@ -70,7 +70,7 @@ def check(x: np.ndarray, good: np.ndarray, parts: list[Part], levels: Sequence[f
     np.testing.assert_allclose((found["quantile"] / scale)[usable], (exact / scale)[usable], rtol=0, atol=1e-14)
     np.testing.assert_array_equal(found["smallest"], ascending[0])
     np.testing.assert_array_equal(found["largest"], ascending[-1])
-    counted = CountedQuantiles(whole[:first], levels)
+    counted = CountedQuantiles(levels)
     for part in parts:
         counted.add(part.response[part.good])
     with np.errstate(over="ignore", invalid="ignore"):
@@ -101,7 +101,7 @@ def test_quantiles_are_those_of_numpy(data: st.DataObject) -> None:
         patch.setattr(quantiles, "GATHERED", data.draw(st.sampled_from([0, 5, 50, 50])))
         patch.setattr(quantiles, "COUNTERS", data.draw(st.sampled_from([1, 300, 5000])))
         patch.setattr(brackets, "_BLOCK_NUMBERS", data.draw(st.sampled_from([40, 10_000])))
-        check(x, good, cut(x, good, edges), levels, first)
+        check(x, good, cut(x, good, edges), levels)
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -125,11 +125,13 @@ def test_counted_ones_are_the_same_in_any_order_and_close() -> None:
     x = np.random.default_rng(2).normal(size=(40_000, 2, 3))
     parts = np.split(x, range(1000, 40_000, 1000))
     found = []
-    for order in (range(40), reversed(range(40))):
-        counted = CountedQuantiles(x[:4000])
-        for k in order:
-            counted.add(parts[k])
-        found.append(counted.statistics())
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(quantiles, "FIRST_SAMPLES", 4000)
+        for order in ([0, 1, 2, 3, *range(4, 40)], [0, 1, 2, 3, *reversed(range(4, 40))]):
+            counted = CountedQuantiles()
+            for k in order:
+                counted.add(parts[k])
+            found.append(counted.statistics())
     for name, value in found[0].items():
         np.testing.assert_array_equal(value, found[1][name], err_msg=name)
     assert found[0]["quantile_error"].shape == (7, 2, 3)
@@ -156,12 +158,15 @@ def test_what_cannot_be_is_told() -> None:
         x[1] = bad
         with pytest.raises(StudyError, match="holds a NaN or an infinity"):
             quantiles_of_chunks([Part(x, good)])
-        counted = CountedQuantiles(np.zeros((2, 1)))
+        counted = CountedQuantiles()
         counted.add(x)
         with pytest.raises(StudyError, match="holds a NaN or an infinity"):
             counted.statistics()
-    with pytest.raises(StudyError, match="at least two"):
-        CountedQuantiles(np.zeros((0, 1))).statistics()
+    one = CountedQuantiles()
+    for count in (0, 1):
+        with pytest.raises(StudyError, match=f"at least two successful samples; there are {count}"):
+            one.statistics()
+        one.add(np.ones((1, 1)))
     with pytest.raises(StudyError, match="Probabilities must increase"):
         quantiles_of_chunks([Part(x, good)], [0.5, 0.5])
 

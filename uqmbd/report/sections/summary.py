@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from uqmbd.report.figures import design_of
 from uqmbd.report.sections.agreement import agreement
 from uqmbd.report.sections.inputs import input_rows
@@ -97,15 +99,29 @@ def _outcome(method: Method, compared: bool) -> list[str]:
             f"inputs; the other {format_integer(total - counted)} were chosen to find violations."
         )
     elif kept < total:
-        text.append(
-            f"Means and standard deviations of {label} are those of all {format_integer(total)}; quantiles, "
-            f"histograms and densities are those of the first {format_integer(kept)}, which the results hold."
-        )
+        text.append(_beyond_the_kept(method, total, kept))
     if method.ends_at is not None:
         text.append(
             f"Results of {label} end at t = {format_number(method.ends_at)} s, before the end of the "
             "study: beyond, they could not be computed, or not be trusted."
         )
+    return text
+
+
+def _beyond_the_kept(method: Method, total: int, kept: int) -> str:
+    """Say of which realisations statistics and figures are, where the results do not hold all."""
+    every, first = format_integer(total), f"the first {format_integer(kept)}, which the results hold"
+    if "smallest" not in method.statistics:  # of an earlier version
+        return (
+            f"Means and standard deviations of {method.label} are those of all {every}; quantiles, histograms and "
+            f"densities are those of {first}."
+        )
+    text = f"Statistics of {method.label} are those of all {every}; histograms and densities are those of {first}."
+    if "quantile_error" in method.statistics:
+        error, std = (method.statistics[name] for name in ("quantile_error", "std"))
+        worst = float((error.max("probability") / std.where(std > 0)).max())
+        share = f"{percent(worst)} of the standard deviation" if math.isfinite(worst) else "rounding"
+        text += f" Quantiles were counted between edges, and are known within {share}."
     return text
 
 

@@ -9,9 +9,11 @@ from uqmbd.results.statistics.circular import (
     circular_std,
     unwrap_samples,
 )
+from uqmbd.results.statistics.circular_moments import CircularMoments
+from uqmbd.results.statistics.counted_quantiles import CountedQuantiles
 from uqmbd.results.statistics.directions import mean_direction, mean_rotation, rotation_std
 from uqmbd.results.statistics.moments import Moments
-from uqmbd.results.statistics.quantiles import Chunk, CountedQuantiles, quantiles_of_chunks
+from uqmbd.results.statistics.quantiles import Chunk, quantiles_of_chunks
 from uqmbd.results.statistics.replicates import replicate_errors, studentised
 from uqmbd.results.statistics.samples import (
     replicate_statistics,
@@ -24,6 +26,7 @@ from uqmbd.results.statistics.spread import integration_error, rtol_of, settled,
 
 __all__ = [
     "Chunk",
+    "CircularMoments",
     "CountedQuantiles",
     "Moments",
     "circular_mean",

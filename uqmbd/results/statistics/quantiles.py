@@ -1,4 +1,4 @@
-"""Quantiles and extremes of more samples than are held at once: by passes over them, or counted while they come."""
+"""Quantiles and extremes of more samples than are held at once, exactly, by passes over them."""
 
 from __future__ import annotations
 
@@ -11,10 +11,21 @@ import numpy as np
 
 from uqmbd.errors import StudyError
 from uqmbd.results.schema import DEFAULT_PROBABILITIES
-from uqmbd.results.statistics.brackets import Brackets, Counts, block_rows, row_blocks
+from uqmbd.results.statistics.brackets import Brackets, Counts, row_blocks
 from uqmbd.typing import Array, Index, Mask
 
-__all__ = ["Chunk", "CountedQuantiles", "quantiles_of_chunks"]
+__all__ = [
+    "Chunk",
+    "bin_of",
+    "check_counts",
+    "first_brackets",
+    "first_rows",
+    "interpolated",
+    "levels_of",
+    "quantiles_of_chunks",
+    "ranks_of",
+    "too_few",
+]
 
 
 class Chunk(Protocol):
@@ -38,6 +49,9 @@ FIRST_NUMBERS = 8_000_000
 DEVIATIONS = 6.0
 """Half the width of a first bracket, in standard deviations of the rank: one in 5e8 misses its quantile."""
 
+BEYOND = 0.5
+"""Where a first bracket ends with the first samples, it is wider by this share of their range."""
+
 COUNTERS, MOST_BINS, LEAST_BINS = 4_000_000, 1024, 8
 """Counters (8 bytes each) of all brackets, and bins of each."""
 
@@ -48,105 +62,6 @@ NOT_FINITE = "A sample that counts as successful holds a NaN or an infinity; giv
 
 POOR = 4
 """Where bins divide the number of candidates by less, the next ones are bins of floating-point numbers."""
-
-
-class CountedQuantiles:
-    """Quantiles of samples that come once, with bounds that hold; the same bits in whatever order chunks come.
-
-    Numbers of samples are counted between edges that come from the first samples: fine ones near each quantile.  A
-    quantile is interpolated between the two edges about it, and cannot lie beyond them.
-
-    Parameters
-    ----------
-    first : array, shape (S, ...)
-        The first samples, without those that failed; S may be zero, then the bounds are the smallest and the largest
-        sample.  They are not counted here: give them to `add` too.
-    probabilities : sequence of float
-        Increasing, between 0 and 1; P of them.
-
-    Examples
-    --------
-    >>> x = np.random.default_rng(1).normal(size=(100_000, 1))
-    >>> quantiles = CountedQuantiles(x[:20_000], [0.5])
-    >>> for k in range(0, len(x), 10_000):
-    ...     quantiles.add(x[k : k + 10_000])
-    >>> found = quantiles.statistics()
-    >>> bool(np.abs(found["quantile"] - np.median(x)) <= found["quantile_error"]), found["quantile_error"].item() < 1e-3
-    (True, True)
-    """
-
-    def __init__(self, first: Array, probabilities: Sequence[float] = DEFAULT_PROBABILITIES) -> None:
-        self._shape = first.shape[1:]
-        self._levels = levels_of(probabilities)
-        columns = first.reshape(len(first), prod(self._shape)) if len(first) else np.zeros((1, prod(self._shape)))
-        self._counts = Counts(first_brackets(columns, self._levels), columns.shape[1])
-        self._waiting: list[Array] = []
-
-    def add(self, samples: Array) -> None:
-        """Count samples that succeeded, shape (K, ...)."""
-        if not len(samples):
-            return
-        self._waiting.append(samples.reshape(len(samples), prod(self._shape)))
-        if sum(map(len, self._waiting)) >= block_rows(prod(self._shape)):
-            self._flush()
-
-    def _flush(self) -> None:
-        """Count the samples that wait: few at once would take longer."""
-        for block in row_blocks(self._waiting):
-            self._counts.add(block)
-        self._waiting = []
-
-    def statistics(self) -> dict[str, Array]:
-        """Return the quantiles, how far they may be off, and the extremes.
-
-        Returns
-        -------
-        dict of str to numpy.ndarray
-            ``quantile`` and ``quantile_error``, shape (P, ...): the quantile of all samples, as `sample_statistics`
-            has it, lies within the error; ``smallest`` and ``largest``, shape (...), exact.
-
-        Raises
-        ------
-        StudyError
-            With fewer than two samples, or samples that are not finite.
-        """
-        self._flush()
-        _check(self._counts)
-        below, part = ranks_of(self._levels, self._counts.count)
-        ends = [self._about(below), self._about(below + 1)]
-        value, low, high = (interpolated(a, b, part) for a, b in zip(*ends, strict=True))
-        value = np.maximum.accumulate(value)  # brackets may overlap where the first samples are few
-        # rounding of the interpolation is no error of the counts, but must not lead out of the bound
-        rounding = np.where(low < high, 4 * np.finfo(float).eps * np.maximum(np.abs(low), np.abs(high)), 0.0)
-        error = np.maximum(np.maximum(value - low, high - value), 0.0) + rounding
-        return {
-            "quantile": value.reshape(-1, *self._shape),
-            "quantile_error": error.reshape(-1, *self._shape),
-            "smallest": self._counts.smallest.reshape(self._shape),
-            "largest": self._counts.largest.reshape(self._shape),
-        }
-
-    def _about(self, ranks: Index) -> tuple[Array, Array, Array]:
-        """Estimate order statistics (P, C), with their bounds."""
-        counts, brackets = self._counts, self._counts.brackets
-        shape = (len(self._levels), len(counts.smallest))
-        smallest, largest = (np.tile(x, len(self._levels)) for x in (counts.smallest, counts.largest))
-        wanted = np.repeat(ranks, shape[1]) - counts.below
-        cumulated = counts.inside.cumsum(axis=1)
-        within = cumulated[:, -1]
-        cases = [wanted < 0, wanted >= within]
-        which = np.arange(len(wanted))
-        number = np.minimum(_bin_of(cumulated, wanted, which), brackets.bins - 1)
-        low, high = brackets.edges(which, number)
-        there = counts.inside[which, number]
-        before = cumulated[which, number] - there
-        low = np.maximum(np.select(cases, [smallest, brackets.high], low), smallest)
-        high = np.minimum(np.select(cases, [brackets.low, largest], high), largest)
-        there = np.select(cases, [counts.below, counts.count - counts.below - within], there)
-        place = wanted - np.select(cases, [-counts.below, within], before)
-        with np.errstate(over="ignore"):
-            value = np.clip(low + (place + 0.5) / there * (high - low), low, high)
-        return value.reshape(shape), low.reshape(shape), high.reshape(shape)
 
 
 def quantiles_of_chunks(
@@ -195,7 +110,7 @@ def quantiles_of_chunks(
     brackets = first_brackets(first, levels)
     del first
     counts = _counted(chunks, brackets, columns)
-    _check(counts)
+    check_counts(counts)
     below, part = ranks_of(levels, counts.count)
     # the pairs of order statistics between which quantiles are interpolated, and the brackets that they are in
     rank = np.repeat(np.concatenate([below, below + 1]), columns)
@@ -258,7 +173,7 @@ def _narrowed(counts: Counts, rank: Index, where: Index) -> tuple[_Narrowed, Ind
     brackets, bins = counts.brackets, counts.brackets.bins
     cumulated = counts.inside.cumsum(axis=1)
     wanted = rank - counts.below[where]
-    number = np.where(wanted < 0, -1, _bin_of(cumulated, wanted, where))
+    number = np.where(wanted < 0, -1, bin_of(cumulated, wanted, where))
     pairs, inverse = np.unique(where * (bins + 2) + number + 1, return_inverse=True)
     parent, number = pairs // (bins + 2), pairs % (bins + 2) - 1
     inner = np.clip(number, 0, bins - 1)
@@ -321,13 +236,13 @@ def _first_samples(chunks: Iterable[Chunk]) -> tuple[Array, tuple[int, ...]]:
     for chunk in chunks:
         shape = chunk.response.shape[1:]
         rows = chunk.response[chunk.good].reshape(np.count_nonzero(chunk.good), prod(shape))
-        most = min(FIRST_SAMPLES, FIRST_NUMBERS // max(1, rows.shape[1])) - count
-        found.append(rows[: max(most, 1 - count)])
+        most = first_rows(rows.shape[1])
+        found.append(rows[: most - count])
         count += len(found[-1])
-        if count >= 1 and len(rows) >= most:
+        if count == most:
             break
     if shape is None or not count:
-        raise StudyError("Statistics need at least two successful samples; there are 0.")
+        raise StudyError(too_few(0))
     return np.concatenate(found), shape
 
 
@@ -338,10 +253,20 @@ def _good_rows(chunks: Iterable[Chunk]) -> Iterator[Array]:
             yield rows.reshape(len(rows), prod(rows.shape[1:]))
 
 
-def _check(counts: Counts) -> None:
+def first_rows(columns: int) -> int:
+    """Return how many samples the first brackets come from."""
+    return max(1, min(FIRST_SAMPLES, FIRST_NUMBERS // max(1, columns)))
+
+
+def too_few(count: int) -> str:
+    """Say that there are too few samples."""
+    return f"Statistics need at least two successful samples; there are {count}."
+
+
+def check_counts(counts: Counts) -> None:
     """Raise where there are too few samples, or what is not finite."""
     if counts.count < 2:
-        raise StudyError(f"Statistics need at least two successful samples; there are {counts.count}.")
+        raise StudyError(too_few(counts.count))
     # minima and maxima pass on what is not a number
     if not (np.isfinite(counts.smallest).all() and np.isfinite(counts.largest).all()):
         raise StudyError(NOT_FINITE)
@@ -350,14 +275,18 @@ def _check(counts: Counts) -> None:
 def first_brackets(first: Array, levels: Array) -> Brackets:
     """Return a bracket about each quantile, level after level, from the first samples, shape (S, C), S at least 1."""
     count, columns = first.shape
-    # where they are, so that ranks of all samples are some deviations away from the ends
     reach = DEVIATIONS * np.sqrt(count * levels * (1 - levels)) + 1
-    low = np.maximum(np.floor(levels * (count - 1) - reach), 0).astype(np.int64)
-    high = np.minimum(np.ceil(levels * (count - 1) + reach), count - 1).astype(np.int64)
+    ranks = np.array([np.floor(levels * (count - 1) - reach), np.ceil(levels * (count - 1) + reach)])
+    places = np.clip(ranks, 0, count - 1).astype(np.int64)
+    # how far beyond the first samples others are looked for, where these are too few to tell
+    beyond = np.array([ranks[0] < 0, ranks[1] > count - 1]) * np.array([[-BEYOND], [BEYOND]])
     ends = np.empty((2, len(levels), columns))
+    most = np.finfo(float).max
     for start in range(0, columns, width := max(1, 1_000_000 // count)):
         part = np.sort(first[:, start : start + width].T, axis=1)
-        ends[0, :, start : start + width], ends[1, :, start : start + width] = part[:, low].T, part[:, high].T
+        with np.errstate(over="ignore", invalid="ignore"):
+            further = beyond[..., None] * np.minimum(part[:, -1] - part[:, 0], most)
+            ends[:, :, start : start + width] = np.clip(part.T[places] + further, -most, most)
     number = len(levels) * columns
     column, level = np.tile(np.arange(columns), len(levels)), np.repeat(np.arange(len(levels)), columns)
     return Brackets(column, level, ends[0].ravel(), ends[1].ravel(), np.zeros(number, dtype=bool), bins_of(number))
@@ -368,7 +297,7 @@ def bins_of(brackets: int) -> int:
     return int(np.clip(COUNTERS // max(brackets, 1), LEAST_BINS, MOST_BINS))
 
 
-def _bin_of(cumulated: Index, wanted: Index, where: Index) -> Index:
+def bin_of(cumulated: Index, wanted: Index, where: Index) -> Index:
     """Return the bins that hold order statistics `wanted` of brackets `where`: the number of bins if none does."""
     bins = cumulated.shape[1]
     # the rows, one above the other, ascend

@@ -1,0 +1,145 @@
+"""What is said of all samples where only the first are kept: from a store of them, or while they come."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable, Sequence
+from typing import Any, Protocol
+
+import numpy as np
+
+import uqmbd
+from uqmbd.results import CircularMoments, CountedQuantiles, Labels, SampleStore, quantiles_of_chunks
+from uqmbd.typing import Array, Mask
+
+__all__ = ["AllSamples", "Passing", "Stored", "together"]
+
+
+class AllSamples(Protocol):
+    """Statistics of all samples, and their responses again."""
+
+    def statistics(self) -> dict[str, Array]:
+        """Return those that moments do not tell."""
+
+    def responses(self, first: int, last: int) -> Array:
+        """Return responses (K, output, time) of samples from one index to another, NaN where they failed."""
+
+
+Watch = Callable[[int, Array, Mask], None]
+
+
+class Passing:
+    """Quantiles, extremes and directions of samples that come once, in memory that does not grow with their number.
+
+    Parameters
+    ----------
+    labels : uqmbd.results.Labels
+        Of the problem.
+    again : bool
+        Whether the responses are asked for again: they go to a temporary file, which nobody else sees and which is
+        gone at the end.
+
+    Examples
+    --------
+    >>> passing = Passing(uqmbd.results.labels(["x"], ["k"], [0.0]), again=True)
+    >>> passing.add(0, np.array([[[1.0]], [[5.0]], [[3.0]]]), np.array([True, False, True]))
+    >>> passing.statistics()["largest"].tolist(), passing.responses(1, 3).ravel().tolist()
+    ([[3.0]], [nan, 3.0])
+    >>> passing.close()
+    """
+
+    def __init__(self, labels: Labels, again: bool) -> None:
+        self._shape, self._turns = labels.shape, np.asarray(labels.turns, dtype=float)
+        self._quantiles = CountedQuantiles()
+        self._directions = CircularMoments.of(np.empty((0, *labels.shape)), self._turns)
+        self._file: Any = tempfile.TemporaryFile() if again else None
+        self._bytes = 8 * int(np.prod(labels.shape))
+
+    def add(self, first: int, response: Array, fine: Mask) -> None:
+        """Gather samples from index `first` on: responses (K, output, time), and which of them succeeded (K,).
+
+        Raises
+        ------
+        uqmbd.StudyError
+            If the temporary file cannot be written.
+        """
+        good = response if fine.all() else response[fine]
+        self._quantiles.add(good)
+        self._directions = self._directions.merge(CircularMoments.of(good, self._turns))
+        if self._file is None:
+            return
+        whole = np.where(fine.reshape(-1, *[1] * (response.ndim - 1)), response, np.nan)
+        try:
+            self._file.seek(first * self._bytes)
+            self._file.write(np.ascontiguousarray(whole).tobytes())
+            self._file.flush()
+        except OSError as error:
+            raise uqmbd.StudyError(
+                f"The samples cannot be written to a temporary file in {tempfile.gettempdir()}, from which Sobol' "
+                f"indices take them again: {error.strerror}. Run in a folder, or set TMPDIR to one with more space."
+            ) from error
+
+    def close(self) -> None:
+        """Delete the temporary file."""
+        if self._file is not None:
+            self._file.close()
+
+    def statistics(self) -> dict[str, Array]:
+        """Return ``quantile``, ``quantile_error``, ``smallest``, ``largest``, and those of directions."""
+        return self._quantiles.statistics() | self._directions.statistics()
+
+    def responses(self, first: int, last: int) -> Array:
+        """Return responses (K, output, time) of samples from one index to another, NaN where they failed."""
+        self._file.seek(first * self._bytes)
+        found = np.frombuffer(self._file.read((last - first) * self._bytes))
+        return found.reshape(last - first, *self._shape)
+
+
+class Stored:
+    """The same of samples in a store, where quantiles are exact.
+
+    Parameters
+    ----------
+    store : uqmbd.results.SampleStore
+    labels : uqmbd.results.Labels
+        Of the problem, whose outputs are some of those in the store.
+    """
+
+    def __init__(self, store: SampleStore, labels: Labels) -> None:
+        self._store, self._labels = store, labels
+        self._chunks = self._of([output.name for output in labels.outputs])
+
+    def _of(self, names: list[str]) -> Any:
+        every = names == [output.name for output in self._store.labels.outputs]
+        return self._store.chunks(None if every else names)
+
+    def statistics(self) -> dict[str, Array]:
+        """Return ``quantile``, ``probability``, ``smallest``, ``largest``, and those of directions."""
+        turns = np.asarray(self._labels.turns, dtype=float)
+        found = quantiles_of_chunks(self._chunks)
+        if not np.any(turns):
+            return found
+        directions = CircularMoments.of(np.empty((0, *self._labels.shape)), turns)
+        for part in self._chunks:
+            good = part.response if part.good.all() else part.response[part.good]
+            directions = directions.merge(CircularMoments.of(good, turns))
+        return found | directions.statistics()
+
+    def responses(self, first: int, last: int) -> Array:
+        """Return responses (K, output, time) of samples from one index to another, NaN where they failed."""
+        found, size = [], self._store.size
+        for number in range(first // size, (last - 1) // size + 1):
+            part = self._chunks[number]
+            rows = slice(max(first - part.first, 0), last - part.first)
+            found.append(np.where(part.good[rows, None, None], part.response[rows], np.nan))
+        return np.concatenate(found)
+
+
+def together(watching: Sequence[Watch]) -> Watch | None:
+    """Return who tells several that watch samples come, or None where nobody does."""
+
+    def tell(first: int, response: Array, fine: Mask) -> None:
+        for one in watching:
+            one(first, response, fine)
+
+    return tell if watching else None

@@ -1,0 +1,97 @@
+"""Directions of samples that are gathered chunk by chunk, in memory that does not grow with their number."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from uqmbd.results.statistics.circular import ROUNDING
+from uqmbd.typing import Array
+
+__all__ = ["CircularMoments"]
+
+
+@dataclass(frozen=True, eq=False)
+class CircularMoments:
+    """Sums of sine and of 1 - cosine of angles from a reference; two of them merge into those of all samples.
+
+    Attributes
+    ----------
+    count : int
+        Number of samples.
+    turns : array, shape (O,)
+        Length of a turn in the units of each output; 0: the output is no angle, and nothing is gathered of it.
+    reference : array, shape (A, ...)
+        An angle near the samples, so that no digits are lost where they deviate little, of the A outputs that are
+        angles; in radians.
+    sine, lack : array, shape (A, ...)
+        Sums of the sine, and of 1 less the cosine, of the angles less their reference.
+
+    Examples
+    --------
+    >>> turns = np.array([360.0])
+    >>> parts = (CircularMoments.of(np.array([[[x]]]), turns) for x in (350.0, 20.0))
+    >>> next(parts).merge(next(parts)).statistics()["circular_mean"].round(9).tolist()
+    [[5.0]]
+    """
+
+    count: int
+    turns: Array
+    reference: Array
+    sine: Array
+    lack: Array
+
+    @classmethod
+    def of(cls, response: Array, turns: Array) -> CircularMoments:
+        """Gather finite samples, shape (S, O, ...), in the units of the outputs; S may be zero."""
+        angular = np.flatnonzero(turns)
+        angles = response[:, angular] * (2.0 * np.pi / turns[angular]).reshape(-1, *[1] * (response.ndim - 2))
+        if not len(angles):
+            zero = np.zeros(angles.shape[1:])
+            return cls(0, turns, zero, zero, zero)
+        half = (angles - angles[0]) / 2.0
+        sine = np.sin(half)
+        double = 2.0 * sine
+        lack = (double * sine).sum(axis=0)
+        return cls(len(angles), turns, angles[0], (double * np.cos(half)).sum(axis=0), lack)
+
+    def merge(self, other: CircularMoments) -> CircularMoments:
+        """Gather the samples of both."""
+        if not self.count or not other.count:
+            return other if not self.count else self
+        shift = other.reference - self.reference
+        sine, cosine, n = np.sin(shift), np.cos(shift), other.count
+        turned_sine = other.sine * cosine + (n - other.lack) * sine
+        turned_lack = 2.0 * n * np.sin(shift / 2.0) ** 2 + other.lack * cosine + other.sine * sine
+        return CircularMoments(
+            self.count + n, self.turns, self.reference, self.sine + turned_sine, self.lack + turned_lack
+        )
+
+    def statistics(self) -> dict[str, Array]:
+        """Return what `sample_statistics` does not: mean and deviation of directions.
+
+        Returns
+        -------
+        dict of str to numpy.ndarray
+            ``circular_mean`` and ``circular_std``, shape (O, ...), in the units of the outputs, as `circular_mean` and
+            `circular_std` have them, NaN for what is no angle; empty where nothing is one.
+        """
+        angular = np.flatnonzero(self.turns)
+        if not len(angular):
+            return {}
+        sine, lack = self.sine / self.count, self.lack / self.count
+        length = np.hypot(1.0 - lack, sine)
+        cancels = length <= ROUNDING
+        # 1 - length, without the loss of digits of that difference
+        short = np.clip((2.0 * lack - lack**2 - sine**2) / (1.0 + length), 0.0, 1.0 - ROUNDING)
+        angle = self.reference + np.arctan2(sine, 1.0 - lack)
+        angle -= 2.0 * np.pi * np.round(angle / (2.0 * np.pi))
+        mean = np.where(cancels, np.nan, np.where(angle <= -np.pi, np.pi, angle))
+        std = np.where(cancels, np.inf, np.sqrt(-2.0 * np.log1p(-short)))
+        radians = (2.0 * np.pi / self.turns[angular]).reshape(-1, *[1] * (mean.ndim - 1))
+        found = {}
+        for name, value in (("circular_mean", mean), ("circular_std", std + 0.0)):
+            found[name] = np.full((len(self.turns), *mean.shape[1:]), np.nan)
+            found[name][angular] = value / radians
+        return found
