@@ -23,7 +23,7 @@ from uqmbd.propagation.obstacle import obstacle_of
 from uqmbd.propagation.propagator import Propagator
 from uqmbd.propagation.run_method import run_method
 from uqmbd.propagation.studied import Studied
-from uqmbd.wording import format_duration
+from uqmbd.wording import format_duration, format_percent
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -193,11 +193,12 @@ class Within:
                 node = self._computed(propagator, ledger)
             except BudgetSpent as spent:
                 raise StudyError(f"{label}: its size cannot be chosen, and the budget is too small: {spent}.") from None
-            self.nodes[label] = node
             found = self._stated(node, "moments")
             words = f"its size cannot be chosen; as it is it states {found.words}"
             self.about[label] = {"sized": False, "stated": found.value, "summary": words}
             self.about[label]["seconds"] = self.terms.clock() - begin
+            node.attrs["budget_summary"] = words
+            self.nodes[label] = node
         if work.error is not None:
             release(work.error)
             self.errors[label] = work.error
@@ -264,13 +265,13 @@ class Within:
 
     def _announce(self, one: Sized, size: int) -> None:
         last, wanted = one.stages[-1], one.wanted()
-        text = f"{one.label}: {one.sizing.option}={last.size} states {_percent(last.accuracy)} ({last.quantity})"
+        text = f"{one.label}: {one.sizing.option}={last.size} states {format_percent(last.accuracy, 'no error')} ({last.quantity})"
         if one.accuracy is not None and math.isfinite(wanted) and one.sizing.falls != "itself":
             count = one.sizing.largest(wanted)
-            text += f"; {_percent(one.accuracy)} needs about {one.sizing.option}={count}"
+            text += f"; {format_percent(one.accuracy, 'no error')} needs about {one.sizing.option}={count}"
         text += f"; now {size}, {one.cost(size)} realisations, about {format_duration(one.seconds(size), rough=True)}"
         if one.sizing.falls == "root" and math.isfinite(last.accuracy):
-            text += f", for about {_percent(last.accuracy * math.sqrt(last.size / size))}"
+            text += f", for about {format_percent(last.accuracy * math.sqrt(last.size / size), 'no error')}"
         self.terms.tell(text)
 
     def _stage(self, one: Sized, size: int, ledger: Ledger) -> None:
@@ -325,10 +326,12 @@ class Within:
             "seconds": sum(stage.seconds for stage in one.stages),
             "stages": [asdict(stage) for stage in one.stages],
         }
-        text = f"{one.sizing.option}={taken.size} states {_percent(taken.accuracy)} ({taken.quantity})"
+        text = (
+            f"{one.sizing.option}={taken.size} states {format_percent(taken.accuracy, 'no error')} ({taken.quantity})"
+        )
         if asked is not None:
             about["met"] = one.met
-            text += f"; {_percent(asked)} was asked for"
+            text += f"; {format_percent(asked, 'no error')} was asked for"
             text += "" if one.met else f" and is not reached: {one.problem or 'the budget is used'}"
         about["summary"] = text
         one.node.attrs["budget_summary"] = text
@@ -362,10 +365,6 @@ class Within:
         place.mkdir(parents=True, exist_ok=True)
         with replacing(place / RECORD) as part:
             part.write_text(json.dumps({"asked": self.terms.asked, "methods": self._record}))
-
-
-def _percent(share: float) -> str:
-    return f"{100 * share:.2g} %" if math.isfinite(share) else "no error"
 
 
 def _plain(value: Any) -> Any:

@@ -39,6 +39,7 @@ def cost(result: StudyResult) -> Content:
                 "wall_time": format_duration(method.wall_time),
                 "realisations": method.realisations,
                 "failures": method.failures,
+                "budget": str(method.node.attrs.get("budget_summary", "")),
                 "each": format_duration(method.wall_time / method.realisations) if method.realisations else "",
                 "counters": [
                     *(_counter(name, value) for name, value in method.pairs("solver_counters")),

@@ -10,12 +10,12 @@ __all__ = ["PROVENANCE"]
 _ATTRIBUTES = {"integrated_by": "integrated by", "not_unique": "not unique, as constraints are redundant"}
 
 
-_SHOWN = {"study", "mechanism", "created", "command", "parts", "failed", "warnings"}
+_SHOWN = {"study", "mechanism", "created", "command", "parts", "failed", "warnings", "budget"}
 """Attributes of a study that the report shows elsewhere."""
 
 _KNOWN = {
     "propagator", "label", "seed", "created", "uqmbd_version", "options", "versions", "solver_counters", "wall_time",
-    "realisations", "failures", "warnings",
+    "realisations", "failures", "warnings", "budget_summary",
 }  # fmt: skip
 """Attributes of a method that are shown by another name, or elsewhere."""
 

@@ -12,6 +12,7 @@ from uqmbd.propagation import Propagator
 from uqmbd.results import load, save
 from uqmbd.testing.propagators.executors import Recorder
 from uqmbd.testing.propagators.moments import check_moments, check_schema, difference
+from uqmbd.testing.propagators.sizes import check_sizes
 from uqmbd.testing.propagators.subject import Subject, quiet
 from uqmbd.testing.propagators.survival import check_failures, check_nothing_random, check_resume
 from uqmbd.testing.solutions import CASES
@@ -41,6 +42,8 @@ def check_propagator(
     - *failures*: realisations that cannot be assembled are counted and their reason is told, or there is an error with
       a remedy; statistics hold no NaN. Where all fail, there is an error.
     - *resume*: a run that was interrupted goes on with what is finished, to the same bits.
+    - *sizes*: where it has some (`uqmbd.Propagator.sizing`), larger ones take more, and one that an accuracy has
+      chosen gives the same bits without one.
     - *nothing random*: a study without random variables is a `uqmbd.StudyError` with a remedy.
 
     Parameters
@@ -92,6 +95,7 @@ def check_propagator(
     if nothing_random:
         check_nothing_random(subject)
     _check_storage(subject)
+    check_sizes(subject)
 
 
 def _check_case(subject: Subject, name: str, tolerance: float) -> None:

@@ -1,0 +1,80 @@
+"""`uqmbd run --budget --accuracy`: what is said, the exit status, and what is refused."""
+
+from __future__ import annotations
+
+import json
+import re
+
+import pytest
+
+from uqmbd.results import load
+
+STUDY = """
+import chaospy, numpy as np, uqmbd
+from uqmbd_collocation import Collocation
+from uqmbd_montecarlo import MonteCarlo
+speed = uqmbd.RandomVariable("speed", chaospy.Normal(3, 0.2))
+mechanism = uqmbd.Mechanism("fall", uqmbd.Translational(gravity=(0, -9.81)))
+stone = mechanism.body("stone", mass=1, velocity=(0, speed))
+mechanism.output("height", stone.position[1])
+study = uqmbd.Study("fall", mechanism, np.linspace(0, 1, 5), [MonteCarlo(seed=1), Collocation()])
+"""
+
+
+@pytest.fixture
+def script(tmp_path):
+    path = tmp_path / "fall.py"
+    path.write_text(STUDY)
+    return path.name
+
+
+@pytest.mark.thorough
+def test_sizes_are_said_stored_and_shown(command_line, script, tmp_path):
+    status, out, said = command_line("run", script, "--out", "r", "--accuracy", "20%")
+    assert status == 0, said
+    assert re.search(r"monte-carlo: samples=64 states 2[45] % \(mean of height at", said)
+    assert "20 % needs about samples=106" in said
+    tree = load(tmp_path / "r" / "results.nc")
+    assert json.loads(tree["monte-carlo"].attrs["options"])["samples"] == 106
+    assert "; 20 % was asked for" in tree["monte-carlo"].attrs["budget_summary"]
+    assert json.loads(tree.attrs["budget"])["methods"]["collocation"]["size"] == 1
+    assert "Size of monte-carlo, chosen by what it states" in (tmp_path / "r" / "report.html").read_text()
+    status, _, _ = command_line("run", script, "--out", "again", "--set", "monte-carlo.samples=106")
+    assert status == 0
+    again = load(tmp_path / "again" / "results.nc")
+    assert tree["monte-carlo/samples"].to_dataset().identical(again["monte-carlo/samples"].to_dataset())
+
+
+@pytest.mark.thorough
+def test_an_accuracy_that_is_not_reached_is_the_exit_status(command_line, script):
+    status, _, said = command_line("run", script, "--accuracy", "1%", "--budget", "300")
+    assert status == 3
+    assert "1 % was asked for and is not reached: about samples=42258 would take 42258 realisations" in said
+    assert "collocation: order=1 states" in said
+
+
+@pytest.mark.parametrize(
+    ("words", "part"),
+    [
+        (
+            ["--accuracy", "1%", "--set", "monte-carlo.samples=9"],
+            "samples=9 contradicts --accuracy, by which samples of monte-carlo is chosen",
+        ),
+        (["--budget", "1min", "--set", "collocation.order=2"], "contradicts --budget, by which order of collocation"),
+        (["--budget", "fast"], "--budget is 'fast'; expected a number of realisations, as 5000, or a time"),
+        (["--accuracy", "150%"], "--accuracy is '150%'; expected a share of the standard deviation"),
+        (["--budget", "30"], "the budget is too small for its smallest size"),
+    ],
+)
+def test_what_cannot_be_is_refused(command_line, script, words, part):
+    status, _, said = command_line("run", script, *words)
+    assert status in (1, 2)
+    assert part in said
+
+
+@pytest.mark.thorough
+def test_an_option_that_is_not_chosen_may_be_set(command_line, script):
+    status, _, said = command_line(
+        "run", script, "--only", "monte-carlo", "--accuracy", "20%", "--set", "monte-carlo.seed=7"
+    )
+    assert status == 0, said
