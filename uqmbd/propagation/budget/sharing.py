@@ -265,7 +265,8 @@ class Within:
 
     def _announce(self, one: Sized, size: int) -> None:
         last, wanted = one.stages[-1], one.wanted()
-        text = f"{one.label}: {one.sizing.option}={last.size} states {format_percent(last.accuracy, 'no error')} ({last.quantity})"
+        stated = format_percent(last.accuracy, "no error")
+        text = f"{one.label}: {one.sizing.option}={last.size} states {stated} ({last.quantity})"
         if one.accuracy is not None and math.isfinite(wanted) and one.sizing.falls != "itself":
             count = one.sizing.largest(wanted)
             text += f"; {format_percent(one.accuracy, 'no error')} needs about {one.sizing.option}={count}"
@@ -299,7 +300,7 @@ class Within:
             seconds, fresh, computing = again["seconds"], again["fresh"], again["computing"]
             ledger.spent = spent + fresh
         found = self._stated(node, one.sizing.of)
-        one.add(Stage(size, counted, fresh, seconds, computing, found.value, found.quantity), node)
+        one.add(Stage(size, counted, fresh, seconds, computing, found.value, found.quantity, found.kind), node)
         record[k].update(seconds=seconds, fresh=fresh, computing=computing)
         self._write()
 

@@ -16,7 +16,11 @@ if TYPE_CHECKING:
 __all__ = ["Left", "Sized", "Stage"]
 
 MARGIN = 1.1
-"""Samples beyond those at which the stated error, extrapolated, is the accuracy."""
+"""Samples over those at which the stated error, extrapolated, is the accuracy."""
+
+HEAVY, LEAST_HEAVY = 1.8, 1.4
+"""The same where the error of the standard deviation is the largest, and the least that is enough: the kurtosis, which
+tells that error, is that of a heavy tail, and of such samples it is too small more often than not."""
 
 GROWTH = 256
 """By how much samples grow at most from one size to the next: a spread that few of them tell is not trusted further."""
@@ -74,6 +78,8 @@ class Stage:
         That it states; infinite where it states none.
     quantity : str
         The quantity that decides.
+    kind : str
+        What that is: ``mean``, ``std`` or ``probability``.
     """
 
     size: int
@@ -83,6 +89,7 @@ class Stage:
     computing: float
     accuracy: float
     quantity: str
+    kind: str = ""
 
 
 @dataclass
@@ -167,7 +174,7 @@ class Sized:
         if self.accuracy is None or not self.stages:
             return math.inf
         last = self.stages[-1]
-        if last.accuracy <= self.accuracy:
+        if self._enough():
             return last.size
         if self.sizing.falls == "itself":
             return math.inf if self.sizing.bound is None else self.sizing.bound
@@ -175,7 +182,20 @@ class Sized:
             return self._step()
         if not math.isfinite(last.accuracy):
             return 4.0 * last.size
-        return math.ceil(MARGIN * last.size * (last.accuracy / self.accuracy) ** 2)
+        margin = HEAVY if self._heavy(last) else MARGIN
+        return math.ceil(margin * last.size * (last.accuracy / self.accuracy) ** 2)
+
+    def _heavy(self, stage: Stage) -> bool:
+        """Whether independent samples, whose standard errors come from their moments, have a heavy tail."""
+        return self.sizing.falls == "root" and self.sizing.extends and stage.kind == "std"
+
+    def _enough(self) -> bool:
+        """Whether no larger size is wanted."""
+        last = self.stages[-1]
+        if self.accuracy is None:
+            return False
+        margin = LEAST_HEAVY if self._heavy(last) else 1.0
+        return last.accuracy <= self.accuracy / math.sqrt(margin)
 
     def _step(self) -> float:
         """Return the order at which the error, which falls by a factor with each order, is the accuracy."""
@@ -189,7 +209,7 @@ class Sized:
     def following(self, left: Left) -> int | None:
         """Return the next size to run, or nothing: it is accurate enough, or there is none that may be run."""
         last = self.stages[-1]
-        if self.problem or (self.accuracy is not None and last.accuracy <= self.accuracy):
+        if self.problem or self._enough():
             return None
         if self.sizing.falls == "steps":
             return self._following_step(left)

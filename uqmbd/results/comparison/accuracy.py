@@ -29,6 +29,8 @@ class StatedAccuracy:
         The largest half-width, relative to its scale; infinite where none is stated.
     quantity : str
         Which one has it; or why none is stated.
+    kind : {"mean", "std", "probability", ""}
+        What that is.
 
     Examples
     --------
@@ -38,6 +40,7 @@ class StatedAccuracy:
 
     value: float
     quantity: str
+    kind: Literal["mean", "std", "probability", ""] = ""
 
     @property
     def words(self) -> str:
@@ -105,7 +108,8 @@ def _of_moments(node: xr.DataTree, rtol: float) -> StatedAccuracy:
         return StatedAccuracy(np.inf, f"no error is stated of {name}")
     times = np.asarray(statistics["time"].values, dtype=float) if "time" in statistics["mean"].dims else None
     worst = StatedAccuracy(0.0, "nothing varies")
-    for kind, words in (("mean", "mean"), ("std", "standard deviation")):
+    kinds: tuple[tuple[Literal["mean", "std"], str], ...] = (("mean", "mean"), ("std", "standard deviation"))
+    for kind, words in kinds:
         noise = over_time(statistics[f"std_error_{kind}"].values) if noisy else np.zeros_like(own.std)
         widths = TWO_SIDED * noise + own.bias
         for row in rows.tolist():
@@ -113,7 +117,7 @@ def _of_moments(node: xr.DataTree, rtol: float) -> StatedAccuracy:
             if found[0] > worst.value:
                 at = "" if times is None else f" at {times[found[1]]:g} s"
                 unknown = "" if math.isfinite(found[0]) else " is not known"
-                worst = StatedAccuracy(found[0], f"{words} of {names[row]}{at}{unknown}")
+                worst = StatedAccuracy(found[0], f"{words} of {names[row]}{at}{unknown}", kind)
     return worst
 
 
@@ -137,5 +141,5 @@ def _of_probabilities(node: xr.DataTree) -> StatedAccuracy:
         if not p > 0:
             return StatedAccuracy(np.inf, f"no violation of {name} was found")
         if (wide := max(p - lower, upper - p) / p) > worst.value:
-            worst = StatedAccuracy(wide, f"probability of {name}")
+            worst = StatedAccuracy(wide, f"probability of {name}", "probability")
     return worst
