@@ -14,6 +14,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import CancelledError, Executor, Future
 from dataclasses import dataclass, field, fields, is_dataclass
 from functools import partial
+from itertools import islice
 from typing import Any, Generic, TypeVar
 
 import numpy as np
@@ -39,8 +40,11 @@ DEATHS = 2
 LATE = 4.0
 """Over the time that pieces take: after so much longer one is given to another worker, too, who has nothing to do."""
 
+PAUSE = 0.002
+"""Seconds between attempts while nobody accepts, and between looks."""
+
 TICK = 0.25
-"""Seconds after which somebody looks whether a piece is late."""
+"""Seconds between looks whether a piece is late, at most."""
 
 
 def in_order(
@@ -111,9 +115,11 @@ class _Flight:
     Attributes
     ----------
     futures : list of Future
-        One, or two where it is late.
+        One, or more where it is late.
     whole : bool
         Whether it is sent with packed arguments themselves.
+    sent : float
+        When, at last, s.
     begun : float, optional
         Since when it is certainly worked at, s: since one that was sent later has been answered.
     deaths : int
@@ -124,6 +130,7 @@ class _Flight:
 
     futures: list[Future[Answer]] = field(default_factory=list)
     whole: bool = False
+    sent: float = 0.0
     begun: float | None = None
     deaths: int = 0
     alone: bool = False
@@ -146,6 +153,8 @@ class _There(Generic[Piece, Result]):
         self.known, self.work, self.keep, self.lost = known, work, keep, lost
         self.seen, self.laps = Seen(versions()), Laps()
         self.next = self.held = 0
+        self.tick = min(TICK, patience / 4 + PAUSE)
+        self.looked = self.heard = time.monotonic()
         self.flights: dict[int, _Flight] = {}
         """By the index of the piece, in the order in which they were sent."""
         self.refused: deque[int] = deque()
@@ -171,70 +180,77 @@ class _There(Generic[Piece, Result]):
 
     def _send_more(self, wanted: int) -> None:
         """Send what may be sent: some in reserve for every worker, never all at once, for results must not pile up."""
-        if self.suspects and self.flights:
-            self._send_again()
-            return
-        if self.suspects:
+        if self.suspects and not self.flights:
             # whoever dies with one that kills must not be taken for it: where that cannot be told, it goes alone
             index, deaths = self.suspects.popleft()
             self._send(index, _Flight(whole=True, deaths=deaths, alone=True))
-            return
-        if any(flight.alone for flight in self.flights.values()):
-            return
-        window = self.seen.window
-        while self.refused and len(self.flights) < window - 1:
-            self._send(self.refused.popleft(), _Flight())
+        elif not self.suspects and not any(flight.alone for flight in self._first()):
+            self._send_refused()
+            if not self.refused:
+                self._send_new(wanted)
+        if self.route.apart and (now := time.monotonic()) - self.looked >= self.tick:
+            self.looked = now
+            self._send_again(now)
+
+    def _first(self) -> Iterator[_Flight]:
+        """Yield what was sent first, if anything is under way: what goes alone is the only one."""
+        return islice(self.flights.values(), 1)
+
+    def _send_refused(self) -> None:
+        """Send what was refused, as much as those can do who accept."""
+        while self.refused and len(self.flights) < self.seen.window - 1:
+            self._send(self.refused.popleft(), _Flight(whole=self.seen.wants(0)))
         if self.refused and not self.flights:
             self.seen.complain()
-            time.sleep(0.01)
-            self._send(self.refused.popleft(), _Flight())
-        if self.refused:
-            return
-        most = WAITING * window
-        while self.next < len(self.pieces):
-            if len(self.flights) >= window:
+            time.sleep(PAUSE)
+            self._send(self.refused.popleft(), _Flight(whole=self.seen.wants(0)))
+
+    def _send_new(self, wanted: int) -> None:
+        """Send the next pieces, unless too many are under way, or too many results wait for the one that is wanted."""
+        window = self.seen.window
+        while self.next < len(self.pieces) and len(self.flights) < window:
+            if self.next > wanted and (self.held >= HELD or len(self.ready) >= WAITING * window):
                 return
-            if self.next > wanted and (self.held >= HELD or len(self.ready) >= most):
-                break
             index, self.next = self.next, self.next + 1
             if (found := self.known(self.pieces[index])) is not None:
                 self._put(index, found, wanted)
             else:
                 self._send(index, _Flight())
-        self._send_again()
 
     def _send(self, index: int, flight: _Flight) -> None:
+        """Send a piece, for the first time or once more."""
         function, arguments = self.work(self.pieces[index])
         future = self.route.send(function, arguments, whole=flight.whole)
         flight.futures.append(future)
-        self.flights[index] = flight
+        flight.sent = time.monotonic()
+        self.flights.setdefault(index, flight)
         future.add_done_callback(partial(self._hear, index))
 
     def _hear(self, index: int, future: Future[Answer]) -> None:
         self.arrived.put((index, future))
 
-    def _send_again(self) -> None:
-        """Give pieces that are late to those who have nothing to do."""
-        idle = self.seen.count - sum(len(flight.futures) for flight in self.flights.values())
-        if idle <= 0 or not self.route.apart or any(flight.alone for flight in self.flights.values()):
-            return
-        now, late = time.monotonic(), self.patience + LATE * self.seen.typical
+    def _send_again(self, now: float) -> None:
+        """Give pieces that are late to those who have nothing to do; to one more whenever twice the time has passed."""
+        late = self.patience + LATE * self.seen.typical
+        behind, working = [], 0
         for index, flight in self.flights.items():
-            if flight.begun is None:  # there are more workers than pieces: somebody works at each
-                flight.begun = now
-            if idle > 0 and len(flight.futures) == 1 and now - flight.begun >= late:
-                idle -= 1
-                function, arguments = self.work(self.pieces[index])
-                future = self.route.send(function, arguments, whole=flight.whole)
-                flight.futures.append(future)
-                future.add_done_callback(partial(self._hear, index))
+            # nobody says when a worker begins: what is sent begins at the latest when nobody answers any more
+            begun = max(flight.sent, self.heard) if flight.begun is None else flight.begun
+            if now - begun >= late * 2 ** (len(flight.futures) - 1):
+                behind.append((index, flight))
+            else:
+                working += len(flight.futures)
+        for index, flight in behind[: max(self.seen.count - working, 0)]:
+            flight.whole = True
+            self._send(index, flight)
 
     def _take(self) -> None:
         """Wait for an answer, for a moment at most, and see what it says."""
         try:
-            index, future = self.arrived.get(timeout=TICK)
+            index, future = self.arrived.get(timeout=self.tick)
         except queue.Empty:
             return
+        self.heard = time.monotonic()
         flight = self.flights.get(index)
         if flight is None or future not in flight.futures:
             return  # a second answer
@@ -253,9 +269,9 @@ class _There(Generic[Piece, Result]):
             return  # somebody else does it
         elif said.kind == "missing":
             self.seen.missing(said.worker)
-            carried = sum(other.whole for other in self.flights.values()) - flight.whole
             del self.flights[index]
-            self._send(index, _Flight(whole=carried < self.seen.lacking, deaths=flight.deaths, alone=flight.alone))
+            whole = self.seen.wants(sum(other.whole for other in self.flights.values()))
+            self._send(index, _Flight(whole=whole, deaths=flight.deaths, alone=flight.alone))
         else:
             self.seen.refuse(said.worker)
             del self.flights[index]
@@ -272,8 +288,6 @@ class _There(Generic[Piece, Result]):
         self.route.renew()
         self.seen.gone()
         flight.deaths += 1
-        if flight.futures:
-            return
         self._leave(index)
         if flight.deaths >= DEATHS:
             said = f"the process that computed it ended unexpectedly, and so did that of a second attempt ({reason})"
@@ -285,12 +299,11 @@ class _There(Generic[Piece, Result]):
 
     def _begun_before(self, index: int) -> None:
         """Note that what was sent before this piece is being worked at."""
-        now = time.monotonic()
         for other, flight in self.flights.items():
             if other == index:
                 return
             if flight.begun is None:
-                flight.begun = now
+                flight.begun = self.heard
 
     def _leave(self, index: int) -> None:
         for future in self.flights.pop(index).futures:

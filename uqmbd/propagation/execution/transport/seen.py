@@ -38,10 +38,13 @@ class Seen:
         """Workers that have answered lately."""
         return len(self._last)
 
-    @property
-    def lacking(self) -> int:
-        """Processes that have asked for a packed object, and have not got it yet."""
-        return len(self._lacking)
+    def wants(self, carried: int) -> bool:
+        """Tell whether packed objects go with the next piece, where they are under way with so many others.
+
+        They go once for each process that has asked and has not got them yet; where some refuse, who may take what is
+        meant for others, with all.
+        """
+        return len(self._lacking) > (0 if self._refusers else carried)
 
     @property
     def window(self) -> int:
