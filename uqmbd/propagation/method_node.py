@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from uqmbd.dynamics import Model
 from uqmbd.errors import StudyWarning
 from uqmbd.propagation.annotations import Method
-from uqmbd.propagation.execution import Kind
+from uqmbd.propagation.execution import Kind, solver_counters
 from uqmbd.propagation.existence import Existence
 from uqmbd.propagation.observed_model import not_unique_attribute, step_attributes
 from uqmbd.randomness import JointInput
@@ -69,6 +69,7 @@ def method_node(
     statistics, sentences = existence.applied(statistics)
     for sentence in sentences:
         warnings.warn(f"{label}: {sentence}.", StudyWarning, stacklevel=4)
+    about["solver_counters"] = solver_counters(about.get("solver_counters") or {})
     told = {"warnings": json.dumps(sentences)} if sentences else {}
     return propagator_node(
         label,

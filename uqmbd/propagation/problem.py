@@ -461,16 +461,16 @@ class Problem:
         self.clock.recover(key, found.seconds)
         return self._noted(part, found)
 
-    def _noted(self, part: Array, chunk: Chunk) -> Chunk:
+    def _noted(self, part: Array, chunk: Chunk, *, lost: bool = False) -> Chunk:
         found = chunk.beside(self.kind, margins=not self.answers_requirements)
         if self.chosen is not None:  # others of them may be asked for next
             found["scalars"] = replace(chunk, counters={})
-        self._hold(part, found)
+        self._hold(part, found, lost=lost)
         return chunk
 
-    def _hold(self, part: Array, chunks: Mapping[Kind, Chunk]) -> None:
-        """Hold what was computed beside others; what lies on the disk is read there."""
-        stored = self.checkpoint and (self.checkpoint, self._key(part))
+    def _hold(self, part: Array, chunks: Mapping[Kind, Chunk], *, lost: bool = False) -> None:
+        """Hold what was computed beside others; what lies on the disk is read there, and what is lost does not."""
+        stored = None if lost else self.checkpoint and (self.checkpoint, self._key(part))
         for kind, chunk in chunks.items():
             self.known[kind, _digest(part)] = stored or chunk
 
@@ -496,7 +496,7 @@ class Problem:
 
     def _lost(self, part: Array, reason: str) -> Chunk:
         """Return a chunk that killed its workers; it is not stored: a run that goes on tries it again."""
-        return self._noted(part, lost_chunk(self.model, len(part), self._whole, reason, self.kind))
+        return self._noted(part, lost_chunk(self.model, len(part), self._whole, reason, self.kind), lost=True)
 
     @property
     def folder(self) -> Path | None:

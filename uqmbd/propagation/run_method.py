@@ -17,7 +17,7 @@ import numpy as np
 import xarray as xr
 
 from uqmbd.errors import IntegrationError, StudyError, StudyWarning, UnusedInputWarning
-from uqmbd.propagation.execution import Kind, Observed, UntilTheEnd, integrated_by
+from uqmbd.propagation.execution import Kind, Observed, UntilTheEnd, integrated_by, machine_attribute
 from uqmbd.propagation.integration_error import with_integration_error
 from uqmbd.propagation.problem import Problem
 from uqmbd.propagation.propagator import Propagator
@@ -224,6 +224,14 @@ def _run(propagator: Propagator, problem: Problem, check: bool, *, mixed: bool =
             node = _checked(propagator, problem, propagator.propagate(problem))
     for name, value in integrated_by(problem.observed.counters, problem.integrator).items():
         node.attrs.setdefault(name, value)
+    if machines := machine_attribute(problem.observed.counters):
+        node.attrs.update(machines)
+        warnings.warn(
+            f"{problem.label}: realisations were computed on machines of more than one type, or of another than this: "
+            f"{machines['machines']}. Their last bits may differ from those of another run with the same seed.",
+            StudyWarning,
+            stacklevel=4,
+        )
     node = with_integration_error(node, problem) if check else node
     progress.end()
     statistics = node.children["statistics"]

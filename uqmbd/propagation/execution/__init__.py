@@ -24,7 +24,7 @@ from uqmbd.propagation.execution.progress import Lines, Progress, Silent, UntilT
 from uqmbd.propagation.execution.realisations import Realisations
 from uqmbd.propagation.execution.run_folder import claimed, set_aside
 from uqmbd.propagation.execution.tasks import Arrays, run_tasks
-from uqmbd.propagation.execution.transport import Packed
+from uqmbd.propagation.execution.transport import Packed, machine_attribute, solver_counters
 from uqmbd.propagation.execution.workers import Crew, Staff, executor_for, pool, threads_of
 
 __all__ = [
@@ -58,6 +58,7 @@ __all__ = [
     "fingerprint",
     "in_order",
     "late_outputs",
+    "machine_attribute",
     "needs_motion",
     "integrated_by",
     "lost_chunk",
@@ -65,6 +66,7 @@ __all__ = [
     "pool",
     "run_tasks",
     "set_aside",
+    "solver_counters",
     "threads_of",
     "told",
 ]

@@ -22,7 +22,7 @@ from uqmbd.dynamics import (
     margins_of,
     scalars_of,
 )
-from uqmbd.propagation.execution.transport import Packed
+from uqmbd.propagation.execution.transport import Packed, machine_counter
 from uqmbd.status import Status
 from uqmbd.threads import one_thread
 from uqmbd.typing import Array
@@ -90,7 +90,7 @@ class Chunk:
     messages : tuple of str
         Reasons.
     counters : dict
-        Solver counters.
+        Solver counters, and how many of them which type of machine has computed.
     scalars : ScalarValues, optional
         Outputs without a time, where the mechanism has some.
     margins : MarginValues, optional
@@ -229,6 +229,7 @@ def compute_chunk(
         counters = dict(vars(trajectories.counters))
         if not declares(integrator_class(integrator), "delegates"):
             counters[f"by_{integrator}"] = int(np.count_nonzero(ensemble.start.ok))
+    counters |= machine_counter(len(values))
     found = replace(chunk, counters=counters).of(kind)
     if found is None:
         raise ValueError(f"no {kind}")

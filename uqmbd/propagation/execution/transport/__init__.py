@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from uqmbd.propagation.execution.transport.calls import Answer
 from uqmbd.propagation.execution.transport.identity import Worker, machine_type, versions
+from uqmbd.propagation.execution.transport.machines import machine_attribute, machine_counter, solver_counters
 from uqmbd.propagation.execution.transport.packed import Packed
 from uqmbd.propagation.execution.transport.processes import Processes, WorkerDied
 from uqmbd.propagation.execution.transport.routes import Route, death, route_to
@@ -18,7 +19,10 @@ __all__ = [
     "Worker",
     "WorkerDied",
     "death",
+    "machine_attribute",
+    "machine_counter",
     "machine_type",
     "route_to",
+    "solver_counters",
     "versions",
 ]
