@@ -199,6 +199,10 @@ def test_a_worker_of_another_version_is_refused_by_name(cluster: Any, other_vers
     with connected(cluster, workers=1) as client:
         with pytest.raises(uqmbd.UqmbdError, match=r"No worker has the versions .*uqmbd 0\.0\.1"):
             monte_carlo().run(client.get_executor())
+        # what it refuses is done by one that has the version
+        cluster.hire()
+        client.wait_for_workers(2, timeout=60)
+        assert difference_from_one_process(monte_carlo().run(client.get_executor())) == ""
 
 
 SCRIPT = """

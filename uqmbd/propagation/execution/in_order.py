@@ -274,6 +274,7 @@ class _There(Generic[Piece, Result]):
             self._send(index, _Flight(whole=whole, deaths=flight.deaths, alone=flight.alone))
         else:
             self.seen.refuse(said.worker)
+            self.route.refused(said.worker)
             del self.flights[index]
             if flight.deaths:
                 self.suspects.appendleft((index, flight.deaths))

@@ -6,11 +6,13 @@ import hashlib
 import os
 import platform
 import socket
+import sys
 import threading
 from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
+from typing import Any
 
 from uqmbd.compiled import host
 from uqmbd.version import __version__
@@ -43,6 +45,8 @@ class Worker:
         Names and versions of all that has to be the same everywhere.
     machine : str
         Type of the machine, on which last bits depend.
+    address : str
+        Where a Dask cluster finds it; empty elsewhere.
     """
 
     host: str
@@ -50,6 +54,7 @@ class Worker:
     thread: int
     versions: Versions
     machine: str
+    address: str = ""
 
     @property
     def key(self) -> tuple[str, int, int]:
@@ -107,7 +112,17 @@ def machine_type() -> str:
 
 def this_worker() -> Worker:
     """Return who is here."""
-    return Worker(*_process(os.getpid()), threading.get_ident(), versions(), machine_type())
+    return Worker(*_process(os.getpid()), threading.get_ident(), versions(), machine_type(), _address())
+
+
+def _address() -> str:
+    dask: Any = sys.modules.get("distributed")
+    if dask is None:
+        return ""
+    try:
+        return str(dask.get_worker().address)
+    except ValueError:  # this is none of its workers
+        return ""
 
 
 @cache

@@ -9,7 +9,7 @@ from itertools import count
 from typing import Any, Protocol
 
 from uqmbd.propagation.execution.transport.calls import Answer, answer
-from uqmbd.propagation.execution.transport.identity import versions
+from uqmbd.propagation.execution.transport.identity import Worker, versions
 from uqmbd.propagation.execution.transport.packed import Packed
 from uqmbd.propagation.execution.transport.processes import Processes
 
@@ -33,6 +33,9 @@ class Route(Protocol):
     def renew(self) -> None:
         """Forget what workers hold: some may have died with it."""
 
+    def refused(self, worker: Worker) -> None:
+        """Give others what this one refuses to do, if that can be chosen."""
+
 
 @dataclass(frozen=True)
 class _Direct:
@@ -46,6 +49,9 @@ class _Direct:
         return self.executor.submit(answer, versions(), function, *arguments)
 
     def renew(self) -> None:
+        pass
+
+    def refused(self, worker: Worker) -> None:
         pass
 
 
@@ -62,6 +68,9 @@ class _Asking:
         return self.executor.submit(answer, versions(), function, *sent)
 
     def renew(self) -> None:
+        pass
+
+    def refused(self, worker: Worker) -> None:
         pass
 
 
@@ -82,16 +91,24 @@ class _Dask:
     client: Any
     held: dict[str, Any] = field(default_factory=dict)
     generation: Any = field(default_factory=count)
+    avoided: set[str] = field(default_factory=set)
     names_the_dead: bool = False
     apart: bool = True
 
     def send(self, function: Callable[..., Any], arguments: tuple[Any, ...], *, whole: bool) -> Future[Answer]:
         sent = [(self._held(x) if whole else x.ticket) if isinstance(x, Packed) else x for x in arguments]
         more: Any = {"pure": False}  # the same call once more is another task
+        if self.avoided and (others := sorted(self.client.nthreads().keys() - self.avoided)):
+            # should they all leave, it goes to whoever comes
+            more |= {"workers": others, "allow_other_workers": True}
         return self.executor.submit(answer, versions(), function, *sent, **more)
 
     def renew(self) -> None:
         self.held.clear()
+
+    def refused(self, worker: Worker) -> None:
+        # who refuses has nothing to do, and the scheduler gives it the same piece again and again
+        self.avoided.add(worker.address)
 
     def _held(self, packed: Packed) -> Any:
         if packed.digest not in self.held:
