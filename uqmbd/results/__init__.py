@@ -83,7 +83,7 @@ from uqmbd.results.statistics import (
     varies,
     varying,
 )
-from uqmbd.results.storage import SampleChunk, SampleFile, SampleStore, SampleStoreChunks, load, sample_file, save
+from uqmbd.results.storage import SampleChunk, SampleStore, SampleStoreChunks, load, open, save
 from uqmbd.results.tree import happening, joined_outputs, scalar_nodes, study_tree, with_requirements, with_scalars
 from uqmbd.status import Status
 
@@ -109,7 +109,6 @@ __all__ = [
     "QuasiPeriodicElement",
     "STATUS_MEANINGS",
     "SampleChunk",
-    "SampleFile",
     "SampleStore",
     "SampleStoreChunks",
     "StatedAccuracy",
@@ -138,6 +137,7 @@ __all__ = [
     "mean_direction",
     "mean_rotation",
     "node_parts",
+    "open",
     "overall",
     "own_statements",
     "project",
@@ -153,7 +153,6 @@ __all__ = [
     "requirements_of",
     "rotation_std",
     "sample_dataset",
-    "sample_file",
     "sample_statistics",
     "save",
     "scalar_nodes",

@@ -3,7 +3,12 @@
 from __future__ import annotations
 
 import json
+import os
 import random
+import signal
+import subprocess
+import sys
+import time
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
@@ -220,3 +225,83 @@ def test_without_a_folder_statistics_are_the_same(tmp_path: Path, whole: dict[bo
     found = content(swing(more=True).run(executor), tmp_path)
     assert executor.computed == 10
     assert found == {name: value for name, value in whole[True].items() if ".zarr" not in name}
+
+
+FULL = """
+import resource, sys
+from pathlib import Path
+sys.path.insert(0, sys.argv[1])
+from test_reductions import content, swing, SAMPLES, save
+folder = Path(sys.argv[2])
+before = resource.getrlimit(resource.RLIMIT_FSIZE)
+for limit in map(int, sys.argv[3:]):
+    resource.setrlimit(resource.RLIMIT_FSIZE, (limit, before[1]))
+    try:
+        swing().run(folder=folder, resume=True)
+        said = "nothing"
+    except Exception as error:
+        said = f"{type(error).__name__}: {error}"
+    resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    print(limit, said)
+"""
+
+
+@pytest.mark.thorough
+@pytest.mark.skipif(sys.platform == "win32", reason="the resource module is of Unix")
+def test_full_disk_is_told_and_costs_nothing_that_is_there(tmp_path: Path, whole: dict[bool, dict[str, bytes]]) -> None:
+    """The disk takes no metadata, then no chunk, then not the whole journal."""
+    limits = ["150", "900", "4000"]
+    command = [sys.executable, "-c", FULL, str(Path(__file__).parent), str(tmp_path), *limits]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    told = done.stdout.splitlines()
+    assert [line.split()[0] for line in told] == limits
+    for line in told:
+        assert "StudyError" in line and "cannot be written: File too large" in line and str(tmp_path) in line, line
+        assert "--resume" in line, line
+    executor = Here()
+    assert content(swing().run(executor, folder=tmp_path, resume=True), tmp_path) == whole[False]
+    assert executor.computed < 10, "what was there"
+
+
+KILLED = """
+import sys
+from pathlib import Path
+sys.path.insert(0, sys.argv[1])
+from test_reductions import swing, save
+if __name__ == "__main__":
+    folder = Path(sys.argv[2])
+    save(swing(more=True, samples=1200).run(int(sys.argv[3]), folder=folder, resume=True), folder / "results.nc")
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform == "win32", reason="kills process groups")
+@pytest.mark.parametrize("workers", [1, 2])
+def test_runs_that_are_killed_at_random_moments_have_the_bits_of_an_undisturbed_one(
+    tmp_path: Path, workers: int
+) -> None:
+    undisturbed, out = tmp_path / "undisturbed", tmp_path / "killed"
+    expected = content(swing(more=True, samples=1200).run(folder=undisturbed), undisturbed)
+    generator, kills = random.Random(workers), 0
+    (tmp_path / "script.py").write_text(KILLED)
+    command = [sys.executable, str(tmp_path / "script.py"), str(Path(__file__).parent), str(out), str(workers)]
+    while not (out / "results.nc").exists():
+        process = subprocess.Popen(command, start_new_session=True, stderr=subprocess.DEVNULL)
+        before, most = chunks(out), generator.randint(1, 6) if kills < 6 else 10_000
+        while process.poll() is None and chunks(out) < before + most:
+            time.sleep(0.001)
+        time.sleep(generator.random() * 0.05)
+        if process.poll() is None and kills < 6:
+            os.killpg(process.pid, signal.SIGKILL)
+            kills += 1
+        process.wait()
+        assert chunks(out) >= before or (out / "results.nc").exists(), "a stored chunk was lost"
+    assert kills > 1
+    found = xr.open_datatree(out / "results.nc", engine="h5netcdf").load()
+    again = content(found, out)
+    assert {name for name in expected if expected[name] != again.get(name)} <= {"counts"}
+
+
+def chunks(folder: Path) -> int:
+    """How many chunks of responses are stored."""
+    return sum(name[0] != "." for where, _, names in os.walk(folder) if where.endswith("response") for name in names)

@@ -25,7 +25,7 @@ SCRIPT = """
 import resource, sys
 from pathlib import Path
 import numpy as np, xarray as xr
-from uqmbd.results import labels, load, sample_file, save
+from uqmbd.results import load, save
 
 folder, ending = Path(sys.argv[1]), sys.argv[2]
 noise = np.random.default_rng(0).normal(size=(20, 20_000))
@@ -35,13 +35,7 @@ before = resource.getrlimit(resource.RLIMIT_FSIZE)
 for limit in map(int, sys.argv[3:]):
     resource.setrlimit(resource.RLIMIT_FSIZE, (limit, before[1]))
     try:
-        if ending == "-samples.nc":
-            with sample_file(folder / f"r{ending}", 64 * 20, labels(["x"], ["k"], np.arange(500.0))) as file:
-                for k in range(20):
-                    file.write(64 * k, np.ones((64, 1)), noise.reshape(-1)[: 64 * 500].reshape(64, 1, 500),
-                               np.zeros(64, int), ["a reason"] * 64)
-        else:
-            save(tree, folder / f"r{ending}")
+        save(tree, folder / f"r{ending}")
         said = "nothing"
     except Exception as error:
         said = f"{type(error).__name__}: {error}"
@@ -52,7 +46,7 @@ for limit in map(int, sys.argv[3:]):
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize("ending", [".nc", pytest.param(".zarr", marks=pytest.mark.thorough), "-samples.nc"])
+@pytest.mark.parametrize("ending", [".nc", pytest.param(".zarr", marks=pytest.mark.thorough)])
 def test_limit_on_files_is_told_and_leaves_what_was_there(ending: str, tmp_path: Path) -> None:
     (tmp_path / "unfinished").mkdir()
     limits = [0, 3000, 300_000]
@@ -66,7 +60,7 @@ def test_limit_on_files_is_told_and_leaves_what_was_there(ending: str, tmp_path:
     for line in told:
         if ending == ".zarr" and "nothing" in line:
             continue  # it consists of small files
-        assert f"StudyError: {'The result' if ending != '-samples.nc' else ''}" in line
+        assert "StudyError: The result" in line
         assert f"r{ending}" in line and "File too large" in line and "unfinished" in line and "--resume" in line
     assert sorted(p.name for p in tmp_path.iterdir()) == [f"r{ending}", "unfinished"]
 

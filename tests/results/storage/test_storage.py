@@ -15,7 +15,7 @@ import xarray as xr
 
 from uqmbd import results
 from uqmbd.errors import StudyError
-from uqmbd.results.storage import hdf5, storage
+from uqmbd.results.storage import hdf5, lazy, storage
 from uqmbd.results.storage import zarr_writer as zarrwriter
 
 MakeNode = Callable[..., xr.DataTree]
@@ -186,9 +186,9 @@ def test_unusable_paths_are_named(tmp_path: Path, study: xr.DataTree, monkeypatc
     (tmp_path / "file").write_text("")
     with pytest.raises(StudyError, match="cannot be written"):
         results.save(study, tmp_path / "file" / "a.nc")
-    monkeypatch.setattr(storage, "find_spec", lambda name: None)
+    monkeypatch.setattr(lazy, "find_spec", lambda name: None)
     with pytest.raises(StudyError, match=r'pip install "uqmbd\[distributed\]"'):
-        results.save(study, tmp_path / "a.zarr")
+        results.open(tmp_path / "a.nc")
 
 
 @pytest.mark.thorough

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from uqmbd.results.storage.journal import Record
-from uqmbd.results.storage.sample_file import SampleFile, sample_file
+from uqmbd.results.storage.lazy import open
 from uqmbd.results.storage.sample_store import SampleChunk, SampleStore, SampleStoreChunks
 from uqmbd.results.storage.storage import load, save
 from uqmbd.results.storage.unfinished import FOLDER, clear, computed, how_to_go_on, reopen
@@ -13,7 +13,6 @@ __all__ = [
     "FOLDER",
     "Record",
     "SampleChunk",
-    "SampleFile",
     "SampleStore",
     "SampleStoreChunks",
     "Shelf",
@@ -22,7 +21,7 @@ __all__ = [
     "computed",
     "how_to_go_on",
     "load",
+    "open",
     "reopen",
-    "sample_file",
     "save",
 ]

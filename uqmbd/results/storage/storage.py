@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Callable, Mapping
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +19,7 @@ from uqmbd.results.storage.hdf5 import netcdf_file
 from uqmbd.results.storage.unfinished import how_to_go_on, saved, unsaved
 from uqmbd.results.storage.zarr_check import check_codecs
 
-__all__ = ["load", "save"]
+__all__ = ["load", "load_with", "save"]
 
 _JSON_ATTRIBUTES = "uqmbd_json_attributes"
 _CHILDREN = "uqmbd_children"
@@ -108,7 +107,16 @@ def load(path: str | os.PathLike[str]) -> xr.DataTree:
         ...
     uqmbd.errors.StudyError: There is no result at 'nowhere.nc'.
     """
-    source = Path(path)
+    return load_with(Path(path), _read)
+
+
+def _read(source: Path, engine: Any) -> xr.DataTree:
+    with xr.open_datatree(source, engine=engine, decode_timedelta=False) as opened:
+        return opened.load()
+
+
+def load_with(source: Path, read: Callable[[Path, Any], xr.DataTree]) -> xr.DataTree:
+    """Read a result, of which nothing is executed, by a function of its path and the engine of xarray."""
     _writer(source)
     if not source.exists():
         raise StudyError(f"There is no result at {str(source)!r}.")
@@ -116,8 +124,7 @@ def load(path: str | os.PathLike[str]) -> xr.DataTree:
     try:
         if engine == "zarr":
             check_codecs(source)
-        with xr.open_datatree(source, engine=engine, decode_timedelta=False) as opened:
-            tree = opened.load()
+        tree = read(source, engine)
     except StudyError:
         raise
     except (OSError, LookupError, TypeError, ValueError, RuntimeError) as error:
@@ -125,7 +132,9 @@ def load(path: str | os.PathLike[str]) -> xr.DataTree:
     check_version(tree.attrs, str(source))
     if tree.attrs.pop(_VERSION_ADDED, None):
         del tree.attrs[_VERSION]
-    return _decode_tree(tree)
+    found = _decode_tree(tree)
+    found.set_close(tree.close)
+    return found
 
 
 def _writer(path: Path) -> Callable[[xr.DataTree, Path], None]:
@@ -133,11 +142,6 @@ def _writer(path: Path) -> Callable[[xr.DataTree, Path], None]:
         return _write_netcdf
     if path.suffix != ".zarr":
         raise StudyError(f"A result is stored as .nc (netCDF) or .zarr (Zarr); {str(path)!r} ends in neither.")
-    if find_spec("zarr") is None:
-        raise StudyError(
-            f"{str(path)!r} needs the package zarr, which is not installed: "
-            'pip install "uqmbd[distributed]" brings it (so does "uqmbd[test]"), or use .nc instead.'
-        )
     from uqmbd.results.storage.zarr_writer import write_zarr
 
     return write_zarr

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uqmbd.errors import StudyError
-from uqmbd.files import flush
+from uqmbd.files import flush, replacing
 from uqmbd.results.schema import Labels
 from uqmbd.results.storage.journal import Journal, Record
 from uqmbd.results.storage.sample_store import MESSAGE, SampleStore, encoded, read_checked, write_file
@@ -120,11 +120,10 @@ class UnfinishedStore:
             own = place / f"{identity}.zarr"
             if self._target and (self._records >= 0).any() and _identity(self._target) == identity:
                 own = self._target
-            if _identity(own) == identity:
-                self._store = SampleStore(own, count, size, axes)
-            else:
-                shutil.rmtree(own, ignore_errors=True)
-                self._store = SampleStore.create(own, count, size, axes, {_IDENTITY: identity})
+            self._store = SampleStore(own, count, size, axes)
+            if _identity(own) != identity:
+                with replacing(own, lasting=False) as part:
+                    SampleStore.create(part, count, size, axes, {_IDENTITY: identity})
         except OSError as error:
             raise self._failed(error) from error
 
@@ -203,12 +202,8 @@ class UnfinishedStore:
 
     def _failed(self, error: OSError) -> StudyError:
         reason = error.strerror or str(error)
-        where = error.filename or self._store_folder
+        where = error.filename or self._place
         return StudyError(f"{where} cannot be written: {reason}.{how_to_go_on(self._folder)}")
-
-    @property
-    def _store_folder(self) -> Path:
-        return self._store.folder if hasattr(self, "_store") else self._place
 
 
 def _identity(folder: Path) -> str | None:

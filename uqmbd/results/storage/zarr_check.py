@@ -19,6 +19,8 @@ __all__ = ["check_codecs"]
 _COMPRESSORS = frozenset({"blosc", "zstd"})
 """What Zarr compresses with by default, hence what `save` writes: it depends on the version of Zarr."""
 
+_METADATA = ("zarr.json", ".zarray", ".zmetadata")
+
 _TYPE = re.compile(r"[<>|]([biufcmMU])(\d+)(\[\w+\])?")
 """Numbers, times, and text of fixed width."""
 
@@ -33,9 +35,12 @@ def check_codecs(folder: Path) -> None:
     OSError, ValueError
         Where the metadata cannot be read.
     """
-    for path in _entries(folder):
-        name = path.name.lower()  # some file systems open `.ZARRAY` for `.zarray`
-        if path.is_symlink():
+    for entry in _entries(folder):
+        name = entry.name.lower()  # some file systems open `.ZARRAY` for `.zarray`
+        if not (entry.is_symlink() or name in _METADATA):
+            continue  # a chunk, of which there may be many
+        path = Path(entry.path)
+        if entry.is_symlink():
             raise _refused(folder, f"{path.relative_to(folder)} is a link")
         if name == "zarr.json":
             raise _refused(folder, f"{path.relative_to(folder)} is of Zarr's format 3")
@@ -47,10 +52,12 @@ def check_codecs(folder: Path) -> None:
                     _check_array(folder, str(key).rpartition("/")[0], content)
 
 
-def _entries(folder: Path) -> Iterator[Path]:
-    for where, folders, files in os.walk(folder):
-        for name in (*folders, *files):
-            yield Path(where) / name
+def _entries(folder: str | Path) -> Iterator[os.DirEntry[str]]:
+    with os.scandir(folder) as entries:
+        for entry in entries:
+            yield entry
+            if entry.is_dir(follow_symlinks=False):
+                yield from _entries(entry.path)
 
 
 def _check_array(folder: Path, array: str, about: Any) -> None:

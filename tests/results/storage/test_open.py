@@ -1,0 +1,130 @@
+"""Results that are opened, not read: all samples as arrays of Dask, and what is refused before anything runs."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import chaospy
+import numpy as np
+import pytest
+import xarray as xr
+
+import uqmbd
+from uqmbd.errors import StudyError, StudyWarning
+from uqmbd.results import SampleStore, labels, load, save
+from uqmbd_joints import Distance
+from uqmbd_montecarlo import MonteCarlo
+
+pytest.importorskip("dask")
+
+SAMPLES, KEEP = 300, 100
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Results of a study with outputs over time and without, and more samples than are kept."""
+    mechanism = uqmbd.Mechanism("swing", uqmbd.Translational(gravity=(0, -9.81)))
+    length = uqmbd.RandomVariable("length", chaospy.Normal(1, 0.02), units="m")
+    bob = mechanism.body("bob", mass=1, position=(0, -length), velocity=(0.2, 0))
+    mechanism.add(Distance("rod", mechanism.ground, bob, (0, 0), (0, 0), length=length))
+    mechanism.output("x", bob.position[0], units="m")
+    mechanism.output("most", uqmbd.maximum(bob.position[0]), units="m")
+    study = uqmbd.Study("swing", mechanism, np.linspace(0, 0.1, 3), [MonteCarlo(samples=SAMPLES, seed=3, keep=KEEP)])
+    folder = tmp_path_factory.mktemp("out")
+    save(study.run(folder=folder), folder / "results.nc")
+    return folder
+
+
+@pytest.fixture
+def folder(run: Path, tmp_path: Path) -> Path:
+    return Path(shutil.copytree(run, tmp_path / "out"))
+
+
+@pytest.mark.parametrize("ending", [".nc", ".zarr"])
+def test_opened_results_are_those_that_are_loaded_with_all_samples(folder: Path, ending: str) -> None:
+    loaded = load(folder / "results.nc")
+    path = folder / f"results{ending}"
+    if ending == ".zarr":
+        save(loaded, path)
+    with uqmbd.results.open(path) as opened:
+        assert [node.path for node in opened.subtree] == [node.path for node in loaded.subtree]
+        for node in opened.subtree:
+            found, expected = node.to_dataset(inherit=False), loaded[node.path].to_dataset(inherit=False)
+            if node.name == "samples":
+                assert found.sizes["sample"] == SAMPLES and found["response"].dims == expected["response"].dims
+                assert found["response"].chunks is not None
+                found = found.isel(sample=slice(KEEP))
+            xr.testing.assert_identical(found.compute(), expected)
+        for name in ("monte-carlo", "monte-carlo/scalars"):
+            mean = opened[f"{name}/samples"]["response"].mean("sample").values
+            np.testing.assert_allclose(mean, loaded[f"{name}/statistics"]["mean"], rtol=1e-12)
+
+
+def test_samples_that_are_elsewhere_are_told(folder: Path) -> None:
+    shutil.rmtree(folder / "monte-carlo-samples.zarr")
+    with pytest.warns(StudyWarning, match="not beside the result"), uqmbd.results.open(folder / "results.nc") as opened:
+        assert opened["monte-carlo/samples"].sizes["sample"] == KEEP
+
+
+@pytest.mark.parametrize("name", ["../out/monte-carlo-samples.zarr", "/tmp", "..", ""])
+def test_samples_are_not_looked_for_elsewhere(folder: Path, name: str) -> None:
+    tree = load(folder / "results.nc")
+    tree["monte-carlo"].attrs["all_samples"] = name
+    save(tree, folder / "results.nc")
+    with pytest.raises(StudyError, match="expected the name of a store beside the result"):
+        uqmbd.results.open(folder / "results.nc")
+
+
+def test_foreign_codecs_links_and_holes_are_refused(folder: Path) -> None:
+    store = folder / "monte-carlo-samples.zarr"
+    about = store / "response" / ".zarray"
+    whole = about.read_text()
+    about.write_text(json.dumps(json.loads(whole) | {"filters": [{"id": "pickle"}]}))
+    with pytest.raises(StudyError, match="codec 'pickle'"):
+        uqmbd.results.open(folder / "results.nc")
+    about.write_text(whole)
+    (store / "response" / "0.0.0").rename(store / "elsewhere")
+    with pytest.raises(StudyError, match="chunks are missing"):
+        uqmbd.results.open(folder / "results.nc")
+    (store / "response" / "0.0.0").symlink_to(store / "elsewhere")
+    with pytest.raises(StudyError, match="is a link"):
+        uqmbd.results.open(folder / "results.nc")
+
+
+MANY = """
+import resource, sys, time, uqmbd.results, xarray, dask.array, zarr
+small = uqmbd.results.open(sys.argv[1])
+before, begin = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss, time.process_time()
+tree = uqmbd.results.open(sys.argv[2])
+opened = time.process_time() - begin
+response = tree["monte-carlo/samples"]["response"]
+mean = float(response.mean())
+print(response.sizes["sample"], response.nbytes, opened, mean, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before)
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform != "linux", reason="kilobytes of memory are those of Linux")
+def test_ten_million_realisations_open_in_a_second_and_stream(folder: Path, tmp_path: Path) -> None:
+    """A store of 1.6 GB whose chunks are names of one file: `open` takes no second, the mean less than 400 MB."""
+    count, size = 10_000_000, 512
+    many = Path(shutil.copytree(folder, tmp_path / "many"))
+    shutil.rmtree(many / "monte-carlo-samples.zarr")
+    axes = labels([("x", "m")], ["length"], np.linspace(0, 0.1, 20))
+    store = SampleStore.create(many / "monte-carlo-samples.zarr", count, size, axes)
+    store.put("response", 0, np.full((size, 1, 20), 0.25))
+    store.put("inputs", 0, np.ones((store.block, 1)))
+    for name, step in (("response", size), ("inputs", store.block)):
+        for k in range(1, -(-count // step)):
+            os.link(store.place(name, 0), store.place(name, k))
+    command = [sys.executable, "-c", MANY, str(folder / "results.nc"), str(many / "results.nc")]
+    said = subprocess.run(command, check=True, capture_output=True, text=True).stdout.split()
+    assert int(said[0]) == count and int(said[1]) == 8 * 20 * count
+    assert float(said[2]) < 1.0, "processor time of opening, s"
+    assert float(said[3]) == 0.25
+    assert int(said[4]) < 400_000, "kilobytes more than before"

@@ -1,0 +1,119 @@
+"""Results that are read when they are computed with, as arrays of Dask: samples beyond `keep` in their own store."""
+
+from __future__ import annotations
+
+import os
+import warnings
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from uqmbd.errors import StudyError, StudyWarning
+from uqmbd.results.schema import fixed_width
+from uqmbd.results.storage.sample_store import SampleStore
+from uqmbd.results.storage.storage import load_with
+
+__all__ = ["open"]
+
+AT_ONCE = 1 << 25
+"""Bytes of responses that Dask reads at once, about."""
+
+
+def open(path: str | os.PathLike[str]) -> xr.DataTree:
+    """Open a result without reading its arrays: they are of Dask, and are read where they are computed with.
+
+    Where a method has more samples than `keep`, its node ``samples`` has all of them, from the store beside the result.
+    Nothing that is read is executed, as by :func:`uqmbd.results.load`.
+
+    Parameters
+    ----------
+    path : path-like
+        A netCDF file (``.nc``) or a Zarr folder (``.zarr``) written by :func:`uqmbd.results.save`.
+
+    Returns
+    -------
+    xarray.DataTree
+        The file is open until `close` of the tree, or its end.
+
+    Raises
+    ------
+    StudyError
+        As :func:`uqmbd.results.load`; if the samples are damaged or have codecs of their own, or Dask is missing.
+
+    Warns
+    -----
+    uqmbd.StudyWarning
+        If the store of a method's samples is not beside the result: its node has those that were kept.
+
+    Examples
+    --------
+    >>> import tempfile, uqmbd.results
+    >>> tree = xr.DataTree.from_dict({"a/statistics": xr.Dataset({"mean": ("time", np.arange(4.0))})})
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = uqmbd.results.save(tree, folder + "/results.nc")
+    ...     with uqmbd.results.open(path) as found:
+    ...         mean = found["a/statistics"]["mean"]
+    ...         print(type(mean.data).__module__, float(mean.sum()))
+    dask.array.core 6.0
+    """
+    if find_spec("dask") is None:
+        raise StudyError(
+            'uqmbd.results.open needs the package dask, which is not installed: pip install "uqmbd[distributed]" '
+            "brings it; or use uqmbd.results.load, which reads a result at once."
+        )
+    source = Path(path)
+    tree = load_with(source, _unread)
+    for node in [node for node in tree.subtree if "all_samples" in node.attrs]:
+        found = _all_samples(source.parent, str(node.attrs["all_samples"]), node)
+        if found is not None:
+            node["samples"] = xr.DataTree(found)
+    return tree
+
+
+def _unread(source: Path, engine: Any) -> xr.DataTree:
+    """Open a tree; coordinates are read."""
+    tree = xr.open_datatree(source, engine=engine, decode_timedelta=False, chunks={})
+    for node in tree.subtree:
+        node.dataset = _with_coordinates(node.to_dataset(inherit=False))
+    return tree
+
+
+def _with_coordinates(data: xr.Dataset) -> xr.Dataset:
+    return data.assign_coords({name: data[name].load() for name in data.coords})
+
+
+def _all_samples(folder: Path, name: str, node: xr.DataTree) -> xr.Dataset | None:
+    """Open all samples of a method, whose node has those that were kept."""
+    place = folder / name
+    if Path(name).name != name or name in ("", ".", ".."):
+        raise StudyError(f"{node.path}: all_samples is {name!r}; expected the name of a store beside the result.")
+    if not place.exists():
+        warnings.warn(
+            f"{node.path}: all its samples are in {name}, which is not beside the result; those that were kept are "
+            "shown. Put it there, or take uqmbd.results.load.",
+            StudyWarning,
+            stacklevel=3,
+        )
+        return None
+    kept = node.children["samples"].to_dataset(inherit=False) if "samples" in node.children else xr.Dataset()
+    if place.suffix == ".nc":  # written by uqmbd 0.1
+        data = xr.open_dataset(place, engine="h5netcdf", chunks={})
+    else:
+        store = SampleStore.open(place)
+        many = max(1, AT_ONCE // max(1, 8 * store.size * int(np.prod(store.labels.shape)))) * store.size
+        data = xr.open_zarr(place, chunks={"sample": many}, consolidated=True)
+    data = _with_coordinates(data).drop_attrs(deep=False)
+    if "time" not in kept.dims and data.sizes.get("time") == 1:
+        data = data.isel(time=0, drop=True)
+    texts = {
+        str(key): (data[key].dims, fixed_width(data[key].values), data[key].attrs)
+        for key in data.coords
+        if data[key].dtype.kind in "OT"
+    }
+    data = data.assign_coords(texts)
+    for key in set(data.variables) & set(kept.variables):
+        data[key].attrs = kept[key].attrs
+    return data
