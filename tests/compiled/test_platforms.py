@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import pickle
 import struct
 import subprocess
 import sys
@@ -9,6 +11,7 @@ from dataclasses import replace
 from importlib.resources import files
 from pathlib import Path
 
+import chaospy
 import llvmlite.binding as llvm
 import numpy as np
 import pytest
@@ -16,8 +19,10 @@ import symengine as se
 import sympy
 
 import uqmbd
-from uqmbd.compiled import Target, kernels, native, object_code
+from uqmbd.compiled import Target, kernel, kernels, native, object_code
 from uqmbd.mechanism.expressions.computable import FUNCTIONS
+from uqmbd_joints import Revolute
+from uqmbd_montecarlo import MonteCarlo
 
 TARGETS = {
     "x86_64 Linux": Target("x86_64-unknown-linux-gnu", "x86-64", ""),
@@ -122,7 +127,8 @@ def test_lesser_processors_compute_the_same(cpu: str, width: int, monkeypatch) -
     target = Target(native.host().triple, cpu, "")
     assert target.width == width
     monkeypatch.setattr(kernels, "host", lambda: target)
-    monkeypatch.setattr(kernels, "object_code", lambda source: object_code(source, target))
+    monkeypatch.setattr(kernel, "host", lambda: target)
+    monkeypatch.setattr(kernel, "object_code", lambda source: object_code(source, target))
     for e, values in zip((short, long), expected, strict=True):
         np.testing.assert_allclose(kernels.compile_kernel(x, e)(rows), values, rtol=1e-13)
 
@@ -196,9 +202,84 @@ def test_refused_executable_memory_is_told(how: str) -> None:
     assert last.startswith("uqmbd.errors.UqmbdError: This system refuses memory") and "MemoryDenyWriteExecute" in last
 
 
-def test_code_of_another_processor_is_not_run() -> None:
-    """A model that was compiled elsewhere says so, before an instruction is met that is not there."""
-    kernel = kernels.compile_kernel([se.Symbol("x")], [se.Symbol("x") ** 3])
-    assert replace(kernel, needs=kernel.needs.rpartition(" ")[0])(np.full((1, 1), 2.0)) == 8
-    with pytest.raises(uqmbd.UqmbdError, match="lacks avx1024"):
-        replace(kernel, needs=f"{kernel.needs} avx1024")(np.ones((1, 1)))
+def test_code_of_another_processor_is_compiled_again() -> None:
+    """Code that was made elsewhere is made anew, before an instruction is met that is not there."""
+    cube = kernels.compile_kernel([se.Symbol("x")], [se.Symbol("x") ** 3])
+    assert replace(cube, needs=cube.needs.rpartition(" ")[0])(np.full((1, 1), 2.0)) == 8
+    wrong = replace(cube, code=b"no code", needs=f"{cube.needs} avx1024", name="elsewhere")
+    assert wrong(np.full((1, 1), 2.0)) == 8
+
+
+SENT = """
+import pickle
+import sys
+import llvmlite.binding as llvm
+from llvmlite.binding.targets import FeatureMap
+if sys.argv[2:]:
+    llvm.get_host_cpu_name = lambda: sys.argv[2]
+    llvm.get_host_cpu_features = lambda: FeatureMap()
+import numpy as np
+from uqmbd import compiled
+from uqmbd.compiled import kernel
+made = []
+real = kernel.compiled
+kernel.compiled = lambda source: made.append(1) or real(source)
+from uqmbd.propagation.execution import Packed, compute_chunk
+with open(sys.argv[1], "rb") as file:
+    packed = Packed.of(pickle.load(file))
+chunk = compute_chunk(packed, np.array([[0.9], [1.1]]), np.linspace(0, 1, 5), 1e-10)
+print(len(made), *chunk.response.ravel(), *chunk.scalars.values.ravel())
+"""
+
+
+@pytest.mark.thorough
+@pytest.mark.skipif(not native.host().triple.startswith("x86_64"), reason="these are x86 processors")
+def test_models_travel_to_lesser_processors(tmp_path) -> None:
+    """A model that is pickled here is computed there, to rounding; what is compiled again is compiled once."""
+    mechanism = uqmbd.Mechanism("pendulum", uqmbd.Planar(gravity=(0, -9.81)))
+    length = uqmbd.RandomVariable("length", chaospy.Uniform(0.8, 1.2), units="m")
+    rod = mechanism.body("rod", mass=1, inertia=length**2 / 12, position=(length / 2, 0))
+    mechanism.add(Revolute("pivot", mechanism.ground, rod, (0, 0), (-length / 2, 0)))
+    mechanism.output("x", rod.position[0], units="m")
+    mechanism.output("lowest", uqmbd.minimum(rod.position[1]), units="m")
+    study = uqmbd.Study("pendulum", mechanism, np.linspace(0, 1, 5), [MonteCarlo(samples=4)])
+    (tmp_path / "model").write_bytes(pickle.dumps(study.problem(study.propagators[0]).model))
+    found = []
+    for cpu in ([], ["x86-64"], ["x86-64"], ["x86-64-v3"]):
+        command = [sys.executable, "-c", SENT, str(tmp_path / "model"), *cpu]
+        about = {**os.environ, "UQMBD_CACHE": str(tmp_path / "cache")}
+        done = subprocess.run(command, capture_output=True, text=True, check=True, cwd=ROOT, env=about)
+        found.append([float(x) for x in done.stdout.split()])
+    again = [int(one[0]) for one in found]
+    assert again[0] == again[2] == 0 < again[1] == again[3]
+    for one in found[1:]:
+        np.testing.assert_allclose(one[1:], found[0][1:], atol=1e-9)
+
+
+def test_processes_that_want_the_same_at_once_make_it_once(tmp_path) -> None:
+    """Four workers of one machine that start at the same time."""
+    code = """
+import sys, time
+from pathlib import Path
+from uqmbd.compiled.store import Store
+folder = Path(sys.argv[1])
+store = Store(folder / "cache")
+store.put("other", b"")
+print("ready", flush=True)
+sys.stdin.readline()
+with store.alone("key"):
+    if store.get("key") is None:
+        with open(folder / "made", "a") as file:
+            file.write("made\\n")
+        time.sleep(0.3)
+        store.put("key", b"content")
+"""
+    command = [sys.executable, "-c", code, str(tmp_path)]
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
+    workers = [subprocess.Popen(command, text=True, cwd=ROOT, **pipes) for _ in range(4)]
+    for worker in workers:
+        assert worker.stdout.readline() == "ready\n"
+    for worker in workers:
+        worker.communicate("go\n")
+    assert (tmp_path / "made").read_text().split() == ["made"]
+    assert not list((tmp_path / "cache").glob("*.lock"))

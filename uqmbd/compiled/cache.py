@@ -65,6 +65,7 @@ def cached(key: object, make: Callable[[], Any]) -> Any:  # noqa: ANN401 - whate
     """Return what `make` returns, from the cache on disk if it is there.
 
     What is damaged, or was not put there by this user, is made again; a folder that cannot be written costs only time.
+    Of several processes that want the same at once, as the workers on a machine do when they start, one makes it.
 
     Parameters
     ----------
@@ -75,10 +76,13 @@ def cached(key: object, make: Callable[[], Any]) -> Any:  # noqa: ANN401 - whate
     """
     name = hashlib.sha256(repr(key).encode() + _surroundings()).hexdigest()
     store = Store(cache_folder())
-    stored = store.get(name)
-    if stored is not None:
-        with contextlib.suppress(Exception):  # written by us as a whole, but not for what is installed now
-            return pickle.loads(stored)  # noqa: S301 - checked by the store
-    value = make()
-    store.put(name, pickle.dumps(value))
+    for waited in (False, True):
+        with store.alone(name) if waited else contextlib.nullcontext():
+            stored = store.get(name)
+            if stored is not None:
+                with contextlib.suppress(Exception):  # written by us as a whole, but not for what is installed now
+                    return pickle.loads(stored)  # noqa: S301 - checked by the store
+            if waited:
+                value = make()
+                store.put(name, pickle.dumps(value))
     return value

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import ctypes
+import hashlib
+import zlib
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -10,12 +12,24 @@ from typing import Any
 import numpy as np
 
 from uqmbd.compiled import driver as c
+from uqmbd.compiled.cache import cached
 from uqmbd.compiled.driver import address, aligned, driver
-from uqmbd.compiled.native import addresses_of, lacking
-from uqmbd.errors import UqmbdError
+from uqmbd.compiled.native import addresses_of, host, lacking, object_code
 from uqmbd.typing import Array
 
-__all__ = ["Kernel"]
+__all__ = ["Kernel", "compiled"]
+
+
+def compiled(source: str) -> tuple[str, bytes]:
+    """Return the name of a function, which is the digest of what it does and of this processor, and its object code.
+
+    Parameters
+    ----------
+    source : str
+        LLVM IR, in which it is called ``KERNEL``.
+    """
+    name = f"k{hashlib.sha256((host().digest + source).encode()).hexdigest()[:40]}"
+    return name, object_code(source.replace("@KERNEL(", f"@{name}(", 1))
 
 
 @dataclass(frozen=True)
@@ -34,6 +48,8 @@ class Kernel:
         What the processor must have, in words (`Target.needs`).
     operations : int
         How many it takes, as counted where it was written; functions of the C library count as several.
+    source : bytes
+        Compressed LLVM IR, of which other processors make code of their own.
     """
 
     code: bytes
@@ -42,23 +58,25 @@ class Kernel:
     outputs: int
     needs: str = ""
     operations: int = 0
+    source: bytes = b""
 
     def __getstate__(self) -> dict[str, Any]:
         """Leave out what is made anew: addresses."""
-        return {key: value for key, value in self.__dict__.items() if key != "_native"}
+        return {key: value for key, value in self.__dict__.items() if key not in ("_native", "address")}
 
-    @property
+    @cached_property
     def address(self) -> int:
-        """Where the function is in memory, which the first use loads it into; 0 where there is nothing to compute."""
+        """Where the function is in memory, which the first use loads it into; 0 where there is nothing to compute.
+
+        Where this processor lacks what the code needs, it is compiled again, once on each machine.
+        """
         if not self.code:
             return 0
-        if lack := lacking(self.needs):
-            raise UqmbdError(
-                f"This model was compiled for another processor, and the one here lacks {lack}. Expected processors "
-                "that have all that the one has on which a study is started: start it on the least of them."
-            )
         driver()  # holds what kernels call, and has to be loaded before them
-        return addresses_of([self.name], self.code)[0]
+        name, code = self.name, self.code
+        if lacking(self.needs):
+            name, code = cached(("kernel", name), lambda: compiled(zlib.decompress(self.source).decode()))
+        return addresses_of([name], code)[0]
 
     def __call__(self, arguments: Array, out: Array | None = None) -> Array:
         """Evaluate.

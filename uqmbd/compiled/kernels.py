@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import hashlib
+import zlib
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from uqmbd.compiled.emission import NotCompiled, Operation, expressions_text, operations_text
-from uqmbd.compiled.kernel import Kernel
-from uqmbd.compiled.native import host, object_code
+from uqmbd.compiled.kernel import Kernel, compiled
+from uqmbd.compiled.native import host
 from uqmbd.compiled.tables import Tables
 from uqmbd.errors import StudyError
 from uqmbd.typing import Array
@@ -98,10 +98,9 @@ def _kernel(text: Any, inputs: int, outputs: int) -> Kernel:
     """Compile the text of a function, whose name is the digest of what it does."""
     compilations[0] += 1
     source = text("KERNEL")
-    name = f"k{hashlib.sha256((host().digest + source).encode()).hexdigest()[:40]}"
-    code = object_code(source.replace("@KERNEL(", f"@{name}(", 1))
+    name, code = compiled(source)
     operations = source.count(" = f") + LIBRARY * source.count("@lanes.")
-    return Kernel(code, name, inputs, outputs, host().needs, operations)
+    return Kernel(code, name, inputs, outputs, host().needs, operations, zlib.compress(source.encode()))
 
 
 def replaced(expressions: Sequence[Any], known: dict[Any, Any]) -> Sequence[Any]:

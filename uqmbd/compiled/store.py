@@ -7,6 +7,7 @@ import hashlib
 import os
 import stat
 import warnings
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -79,6 +80,27 @@ class Store:
                     open(part, "wb", opener=lambda path, flags: os.open(path, flags, 0o600)) as file,
                 ):
                     file.write(_header(key, content) + content)
+
+    @contextlib.contextmanager
+    def alone(self, key: str) -> Iterator[None]:
+        """Wait until no other process makes the content of a key, and keep others waiting.
+
+        Where there are no such locks, or nothing can be written, nobody waits.
+        """
+        path, handle = self.folder / f"{key}.lock", -1
+        with contextlib.suppress(OSError, ImportError):
+            import fcntl
+
+            if self.folder.is_dir() and self._private():
+                handle = os.open(path, os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0), 0o600)
+                fcntl.flock(handle, fcntl.LOCK_EX)
+        try:
+            yield
+        finally:
+            if handle >= 0:
+                with contextlib.suppress(OSError):
+                    path.unlink()
+                os.close(handle)
 
     def _private(self) -> bool:
         """Whether the folder is its user's alone, after it was made so."""
