@@ -222,6 +222,19 @@ def test_reliability_ends_at_the_accuracy_of_the_probability():
     assert told(bounded)["reliability"]["met"] is False
 
 
+def test_one_that_ends_by_itself_does_not_take_what_the_others_need():
+    """In a budget of realisations it needs no pilot; its part is what the others leave it."""
+    study = fall(Reliability(seed=1), MonteCarlo(seed=1), Collocation(), of=lambda x: x**2, require=MEAN + 3 * STD)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        tree = study.run(budget=4000, accuracy=0.1)
+    about = told(tree)
+    assert about["collocation"]["met"]
+    assert about["monte-carlo"]["met"]
+    assert about["reliability"]["met"]
+    assert sum(one["spent"] for one in about.values()) <= 4000
+
+
 def test_a_refinement_is_bounded_and_ends_at_the_accuracy():
     study = fall(Collocation(adaptive="order"), of=lambda x: sympy.sin(3 * x))
     tree = study.run(accuracy=0.01, budget=400)

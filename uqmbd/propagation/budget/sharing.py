@@ -124,11 +124,12 @@ class Within:
             found = self._asked(propagator)
             if isinstance(found, Sized):
                 sized.append(found)
-        for number, one in enumerate(sized):
-            # a pilot is bounded by what all of them may take, and what is left of it is shared again
-            self._turn(one, self._left(len(sized) - number), pilot=True)
+        for one in sized:
+            # what is left of its part is shared again
+            if one.needs_pilot(timed=math.isfinite((self.terms.budget or Amount()).seconds)):
+                self._turn(one, self._left(len(sized)), pilot=True)
         waiting = [one for one in sized if one.label not in self.errors]
-        waiting.sort(key=lambda one: one.wanted() if one.sizing.falls == "root" else 0.0)
+        waiting.sort(key=lambda one: one.dear())
         for number, one in enumerate(waiting):
             self._turn(one, self._left(len(waiting) - number))
             if one.label not in self.errors:
@@ -222,7 +223,7 @@ class Within:
                     if (chosen := self._next(one, self._remaining(ledger))) is None:
                         return
                     size, done = chosen, ledger.done
-                    if not pilot:
+                    if one.stages and not pilot:
                         self._announce(one, size)
                     self._stage(one, size, ledger)
                 except BudgetSpent as spent:

@@ -157,13 +157,21 @@ class Sized:
             self._costs[size] = size if found is None else found.realisations
         return self._costs[size]
 
-    def first(self, left: Left) -> int:
-        """Return the size of the pilot.
+    def needs_pilot(self, *, timed: bool) -> bool:
+        """Whether a small size tells what a large one takes: of a method that ends by itself, only its time."""
+        return self.sizing.falls != "itself" or timed
 
-        A method that ends by itself needs none where its realisations are all that counts.
-        """
+    def dear(self) -> float:
+        """Return what the methods are sorted by that share a budget: about how much one will want."""
+        if self.sizing.falls == "steps":
+            return 0.0
+        bound = self.sizing.bound if self.sizing.falls == "itself" and self.accuracy is not None else None
+        return self.wanted() if bound is None else float(bound)
+
+    def first(self, left: Left) -> int:
+        """Return the first size."""
         least = self.sizing.least
-        if self.sizing.falls != "itself" or math.isfinite(left.seconds):
+        if self.needs_pilot(timed=math.isfinite(left.seconds)):
             return least
         bound = math.inf if self.sizing.bound is None or self.accuracy is None else self.sizing.bound
         most = min(left.realisations, bound)

@@ -15,7 +15,7 @@ from uqmbd.typing import Array
 
 __all__ = ["LIMIT", "BudgetSpent", "Ledger"]
 
-LIMIT = 500_000_000
+LIMIT = 200_000_000
 """Bytes of finished chunks that are held in memory for the next size of a method, beside those of a checkpoint."""
 
 
