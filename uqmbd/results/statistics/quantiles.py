@@ -60,6 +60,8 @@ GATHERED = 2_000_000
 
 NOT_FINITE = "A sample that counts as successful holds a NaN or an infinity; give it a status other than 0."
 
+CHANGED = "Samples are others than on the pass before: something has written into them."
+
 POOR = 4
 """Where bins divide the number of candidates by less, the next ones are bins of floating-point numbers."""
 
@@ -215,19 +217,23 @@ def _gathered(chunks: Iterable[Chunk], parents: Brackets, narrowed: _Narrowed) -
     """Return all values in brackets, sorted in each, bracket after bracket."""
     if not len(narrowed.number):
         return np.empty(0)
-    owners, values = [np.empty(0, dtype=np.int64)], [np.empty(0)]
+    # in their places at once: many small arrays between large ones would keep memory from being used again
+    total = int(narrowed.number.sum())
+    owner, values, count = np.empty(total, dtype=np.int64), np.empty(total), 0
     inner = (narrowed.bin >= 0) & (narrowed.bin < parents.bins)
     for block in row_blocks(_good_rows(chunks)):
         for which, x in narrowed.brackets.within(block):
             # brackets of bins are wider by some last bits
             keep = ~inner[which]
             keep[~keep] = parents.index(narrowed.parent[which[~keep]], x[~keep]) == narrowed.bin[which[~keep]]
-            owners.append(which[keep])
-            values.append(x[keep])
-    owner, x = np.concatenate(owners), np.concatenate(values)
-    if not np.array_equal(np.bincount(owner, minlength=len(narrowed.number)), narrowed.number):
-        raise StudyError("Samples are others than on the pass before: something has written into them.")
-    return x[np.lexsort((x, owner))]
+            which, x = which[keep], x[keep]
+            if count + len(x) > total:
+                raise StudyError(CHANGED)
+            owner[count : count + len(x)], values[count : count + len(x)] = which, x
+            count += len(x)
+    if not np.array_equal(np.bincount(owner[:count], minlength=len(narrowed.number)), narrowed.number):
+        raise StudyError(CHANGED)
+    return values[np.lexsort((values, owner))]
 
 
 def _first_samples(chunks: Iterable[Chunk]) -> tuple[Array, tuple[int, ...]]:
