@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -82,7 +83,7 @@ def gather(
         Is told of each chunk: index of its first sample, responses, and which of them succeeded.
     """
     shape = problem.labels.shape
-    edges = tuple(np.cumsum([0, *sizes]).tolist())
+    edges = (*np.cumsum([0, *sizes[:-1]]).tolist(), sys.maxsize)  # more samples are asked for alike
     whole = len(values) <= keep
     counted = problem.answers_requirements and bool(problem.requirements)
     gathered = _Sums(shape, len(sizes), moments=not whole or len(sizes) > 1, violations=counted)
@@ -168,7 +169,7 @@ def reduced(
     first : int
         Index of the first of them.
     edges : tuple of int
-        Where replicates begin, and the last one ends.
+        Where replicates begin, and where, or behind which, the last one ends.
     moments, violations : bool
         What is asked for.
 

@@ -204,10 +204,22 @@ def test_damage_costs_only_itself(tmp_path: Path, whole: dict[bool, dict[str, by
 
 def test_another_study_is_not_gone_on_with(tmp_path: Path) -> None:
     with pytest.raises(KeyboardInterrupt):
-        swing().run(Here(gives_up_after=4), folder=tmp_path)
+        swing(sampling="latin-hypercube").run(Here(gives_up_after=4), folder=tmp_path)
     executor = Here()
-    swing(samples=SAMPLES + 1).run(executor, folder=tmp_path, resume=True)
+    swing().run(executor, folder=tmp_path, resume=True)
     assert executor.computed == 10
+
+
+@pytest.mark.parametrize("samples", [300, 1000])
+def test_other_numbers_of_samples_go_on_with_those_that_are_there(tmp_path: Path, samples: int) -> None:
+    """Of 600 samples all chunks of 64 but the last, which is not full; fewer samples leave the others out."""
+    folder = tmp_path / "undisturbed"
+    expected = content(swing(more=True, samples=samples).run(folder=folder), folder)
+    swing(more=True).run(folder=tmp_path / "out")
+    executor = Here()
+    tree = swing(more=True, samples=samples).run(executor, folder=tmp_path / "out", resume=True)
+    assert executor.computed == -(-samples // 64) - min(SAMPLES // 64, samples // 64)
+    assert content(tree, tmp_path / "out") == expected
 
 
 def test_more_that_are_kept_do_not_change_what_is_computed(tmp_path: Path) -> None:

@@ -227,10 +227,11 @@ class Reductions:
         return first and work.model.margins is not None and not work.answers_requirements
 
     def _identity(self, kind: Kind, size: int) -> str:
-        text = hashlib.sha256(np.ascontiguousarray(self._values).tobytes())
+        """Name a store: one of more samples that begin alike goes on with it."""
+        text = hashlib.sha256(self._values[0].tobytes())
         text.update(self._work.fingerprint)
         text.update(self._work.method.encode())
-        text.update(f"{kind} {self._values.shape} {size}".encode())
+        text.update(f"{kind} {self._values.shape[1]} {size}".encode())
         return text.hexdigest()[:32]
 
     def _order(self, piece: Piece, record: Record | None, stored: Chunk | None) -> Order:
@@ -273,6 +274,8 @@ class Reductions:
         # margins are not stored: what a function makes of them is, or they are computed
         if record is None or (work.answers_requirements and not self._is_of(record)):
             return None
+        if record[0].get("inputs") != _digest(piece.values):
+            return None
         return record, _chunk(record, len(piece.values))
 
     def _lost(self, piece: Piece, reason: str) -> Handover:
@@ -303,7 +306,7 @@ class Reductions:
             mine = kind == work.kind
             chunk = answer.chunk if mine else answer.beside[kind]
             about = _about(chunk, checksum, seconds if mine else 0.0) | ({"asked": self._asked} if mine else {})
-            about |= {"lost": True} if lost else {}
+            about |= {"inputs": _digest(piece.values)} | ({"lost": True} if lost else {})
             self._stores[kind].keep(piece.number, content, about, answer.result or {} if mine else {})
         if not self._stores:
             work.hold(piece.values, answer.beside)
@@ -322,3 +325,7 @@ def _chunk(record: Record, count: int) -> Chunk:
     for k, number, message in about["failed"]:
         status[k], messages[k] = number, message
     return Chunk(np.zeros((count, 0, 0)), status, tuple(messages), about["counters"], seconds=about["seconds"])
+
+
+def _digest(values: Array) -> str:
+    return hashlib.sha256(values.tobytes()).hexdigest()[:32]

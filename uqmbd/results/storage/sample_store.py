@@ -155,7 +155,7 @@ class SampleStore:
             )
         try:
             check_codecs(folder)
-            about = {name: json.loads((folder / name / ".zarray").read_bytes()) for name in _KINDS}
+            about = _layout(folder)
             with xr.open_zarr(folder, chunks=None, consolidated=True) as data:
                 check_version(data.attrs, str(folder))
                 coords = data.coords.to_dataset().load()
@@ -173,6 +173,13 @@ class SampleStore:
                 f"{str(folder)!r} cannot be read as samples: some of its chunks are missing, or of another layout."
             )
         return store
+
+    def fits(self) -> bool:
+        """Tell whether what is in the folder has this layout."""
+        try:
+            return all(self._fits(name, found) for name, found in _layout(self.folder).items())
+        except (OSError, LookupError, TypeError, ValueError):
+            return False
 
     def _fits(self, name: str, found: dict[str, Any]) -> bool:
         """Tell whether a variable has the layout that is written here."""
@@ -267,7 +274,11 @@ class SampleStore:
 
     def place(self, name: str, number: int) -> Path:
         """Return the file of a chunk of a variable."""
-        return self.folder / name / ".".join([str(number), *"0" * (len(self.dims(name)) - 1)])
+        return self.place_in(self.folder, name, number)
+
+    def place_in(self, folder: Path, name: str, number: int) -> Path:
+        """Return the file of a chunk of a variable in another folder."""
+        return folder / name / ".".join([str(number), *"0" * (len(self.dims(name)) - 1)])
 
     def put(self, name: str, first: int, values: NDArray[Any]) -> None:
         """Write a variable, from the index of a sample on at which a chunk begins; what is empty has no file."""
@@ -290,6 +301,10 @@ class SampleStore:
         found = _decoded(self.place(name, number), _KINDS[name], chunk)
         begin = number * chunk[0]
         return found[first - begin : last - begin]
+
+
+def _layout(folder: Path) -> dict[str, dict[str, Any]]:
+    return {name: json.loads((folder / name / ".zarray").read_bytes()) for name in _KINDS}
 
 
 def _small(name: str, chunk: tuple[int, ...]) -> bool:

@@ -108,6 +108,7 @@ class UnfinishedStore:
         self._folder, self._place, self._target = folder, place, None if name is None else folder / name
         self._journal = Journal(place / f"{identity}.journal")
         self._token = place / f"{identity}.token", secrets.token_hex(16)
+        self._identity = identity
         self._records = np.full(-(-count // size), -1, dtype=np.int64)
         self._held: list[tuple[Array, Index, Sequence[str]]] = []
         self._filled = 0
@@ -118,14 +119,27 @@ class UnfinishedStore:
                 if 0 <= about["number"] < len(self._records) and not about.get("lost"):
                     self._records[about["number"]] = at
             own = place / f"{identity}.zarr"
-            if self._target and (self._records >= 0).any() and _identity(self._target) == identity:
-                own = self._target
-            self._store = SampleStore(own, count, size, axes)
-            if _identity(own) != identity:
-                with replacing(own, lasting=False) as part:
-                    SampleStore.create(part, count, size, axes, {_IDENTITY: identity})
+            begun = (self._records >= 0).any()
+            there = [p for p in (self._target if begun else None, own) if p is not None and _identity(p) == identity]
+            self._store = SampleStore(there[0] if there else own, count, size, axes)
+            if len(there) != 1 or not self._store.fits():
+                self._store = self._made(there, own)
         except OSError as error:
             raise self._failed(error) from error
+
+    def _made(self, there: Sequence[Path], own: Path) -> SampleStore:
+        """Make the store anew, with the responses that are there, of the last that has them."""
+        store = SampleStore(own, self._store.count, self._store.size, self._store.labels)
+        with replacing(own, lasting=False) as part:
+            made = SampleStore.create(part, store.count, store.size, store.labels, {_IDENTITY: self._identity})
+            for old in there:
+                for number in np.flatnonzero(self._records >= 0).tolist():
+                    with contextlib.suppress(FileNotFoundError):
+                        os.replace(store.place_in(old, "response", number), made.place("response", number))
+        for old in there:
+            if old != own:
+                shutil.rmtree(old)
+        return store
 
     def __len__(self) -> int:
         """How many chunks there are."""
