@@ -1,0 +1,35 @@
+"""Scripts of the page run by Node."""
+
+import json
+import shutil
+import subprocess
+
+import pytest
+
+from uqmbd.report.live import joined_modules
+
+
+@pytest.fixture
+def node(tmp_path):
+    """Run modules of the page with further lines that read `given` and set `answer`; both are JSON."""
+    command = shutil.which("node")
+    if command is None:
+        pytest.skip("node is not on this machine: what the page computes is not verified")
+
+    def run(names, lines, given=None):
+        script = tmp_path / "script.mjs"
+        script.write_text(
+            'import { readFileSync as _read } from "node:fs";\n'
+            + joined_modules(*names)
+            + "\nconst given = JSON.parse(_read(0, 'utf-8'));\nlet answer = null;\n"
+            + lines
+            + "\nconsole.log(JSON.stringify(answer));\n",
+            encoding="utf-8",
+        )
+        done = subprocess.run(
+            [command, str(script)], input=json.dumps(given), capture_output=True, text=True, timeout=60
+        )
+        assert done.returncode == 0, done.stderr
+        return json.loads(done.stdout)
+
+    return run

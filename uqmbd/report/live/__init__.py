@@ -1,0 +1,8 @@
+"""What moves in a report: data for its scripts, and the scripts, which are modules of JavaScript in this folder."""
+
+from __future__ import annotations
+
+from uqmbd.report.live.packing import json_script, packed, unpacked
+from uqmbd.report.live.scripts import joined_modules
+
+__all__ = ["joined_modules", "json_script", "packed", "unpacked"]
