@@ -217,7 +217,7 @@ def test_reliability_ends_at_the_accuracy_of_the_probability():
     assert float(found["violation_probability"][0]) == pytest.approx(probability, rel=0.2)
     assert told(tree)["reliability"]["met"]
     with pytest.warns(UserWarning, match="target_cov=0.0050767 was not reached"):
-        bounded = study.run(budget=600, accuracy="1%")
+        bounded = study.run(budget=600, accuracy="1%", planned=str)
     assert bounded["reliability"].attrs["realisations"] <= 600
     assert told(bounded)["reliability"]["met"] is False
 
@@ -251,6 +251,11 @@ def test_a_method_without_sizes_runs_as_it_is_and_that_is_told():
     assert any("runs as it is" in sentence for sentence in said)
     with pytest.raises(uqmbd.StudyError, match="takes 21 realisations, more than the budget leaves"):
         fall(Collocation(nodes=5, order=2)).run(budget=20)
+
+
+def test_an_accuracy_that_is_not_reached_is_a_warning():
+    with pytest.warns(uqmbd.StudyWarning, match=r"1 % was asked for and is not reached: about samples=\d+ would take"):
+        fall(MonteCarlo(seed=1)).run(accuracy=0.01, budget=200)
 
 
 def test_an_output_of_infinite_variance_ends_with_the_budget():

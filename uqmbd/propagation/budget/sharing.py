@@ -12,7 +12,7 @@ from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from uqmbd.errors import StudyError
+from uqmbd.errors import StudyError, StudyWarning
 from uqmbd.files import replacing
 from uqmbd.isolation import Isolated, release
 from uqmbd.propagation.budget.amounts import Amount, accuracy_of, budget_of
@@ -300,6 +300,11 @@ class Within:
             # what was computed before counts as it did then
             seconds, fresh, computing = again["seconds"], again["fresh"], again["computing"]
             ledger.spent = spent + fresh
+        elif again is not None:
+            # what was finished before the interruption was computed for this budget, too
+            planned = one.fresh(size) if one.stages else counted
+            fresh = max(fresh, planned)
+            ledger.spent = spent + fresh
         found = self._stated(node, one.sizing.of)
         one.add(Stage(size, counted, fresh, seconds, computing, found.value, found.quantity, found.kind), node)
         record[k].update(seconds=seconds, fresh=fresh, computing=computing)
@@ -341,7 +346,10 @@ class Within:
         self.terms.tell(f"{one.label}: {text}")
 
     def tell_warnings(self, stacklevel: int) -> None:
-        """Pass on what the methods warn of, at the sizes that were taken."""
+        """Pass on what the methods warn of, at the sizes that were taken; and an accuracy that nobody is told of."""
+        for label, about in self.about.items():
+            if about.get("met") is False and self.terms.say is None:
+                warnings.warn(f"{label}: {about['summary']}", StudyWarning, stacklevel=stacklevel + 1)
         for label in self.nodes:
             for one in self._said.get(label, []):
                 warnings.warn(one.message, one.category, stacklevel=stacklevel + 1)
