@@ -312,8 +312,7 @@ class Study:
             Each method takes as many samples, or as high an order, as its stated errors need, within the budget: 0.01
             or ``"1%"`` of what `uqmbd.results.stated_accuracy` says.
         planned : callable, optional
-            Is given sentences on the sizes that are chosen by budget and accuracy; without it an accuracy that is not
-            reached is a `uqmbd.StudyWarning`.
+            Is given sentences on chosen sizes; without it an accuracy that is missed is a `uqmbd.StudyWarning`.
 
         Returns
         -------

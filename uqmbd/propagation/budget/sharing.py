@@ -32,6 +32,9 @@ __all__ = ["Terms", "Within"]
 
 METHOD = (Exception, SystemExit)
 
+BEHIND = 0, 2, 8, 32
+"""Chunks that may be missing behind the last one that is finished: each is tried."""
+
 RECORD = "budget.json"
 """File of the sizes that a run has chosen, beside its finished chunks: a run that goes on chooses the same."""
 
@@ -247,12 +250,16 @@ class Within:
 
     def _salvage(self, one: Sized, size: int, done: int, ledger: Ledger) -> None:
         """Take the largest size whose realisations are all there when the budget ends another one."""
-        self._record[one.label] = self._record[one.label][: len(one.stages)]
-        if (found := one.finished(size, done)) is None:
-            return
         ledger.most, ledger.until = ledger.spent, math.inf
-        with contextlib.suppress(BudgetSpent):
-            self._stage(one, found, ledger)
+        del self._record[one.label][len(one.stages) :]
+        for behind in BEHIND:
+            # several workers finish chunks in another order
+            if (found := one.finished(size, done - behind * one.chunk(size))) is None:
+                return
+            with contextlib.suppress(BudgetSpent):
+                self._stage(one, found, ledger, there=True)
+                return
+            del self._record[one.label][len(one.stages) :]
 
     def _remaining(self, ledger: Ledger) -> Left:
         return Left(ledger.most - ledger.spent, max(ledger.until - self.terms.clock(), 0.0))
@@ -276,8 +283,8 @@ class Within:
             text += f", for about {format_percent(last.accuracy * math.sqrt(last.size / size), 'no error')}"
         self.terms.tell(text)
 
-    def _stage(self, one: Sized, size: int, ledger: Ledger) -> None:
-        """Run a method at a size."""
+    def _stage(self, one: Sized, size: int, ledger: Ledger, *, there: bool = False) -> None:
+        """Run a method at a size; `there`: all of its realisations are finished."""
         method = one.sizing.at(size)
         if method.node_name != one.label:
             method = replace(method, label=one.label)
@@ -286,7 +293,7 @@ class Within:
         if again is None:
             if (reason := obstacle_of(method, self.study)) is not None:
                 raise StudyError(f"{one.label}: it cannot do this study: {reason}")
-            if one.stages and one.fresh(size) > ledger.most - ledger.spent:
+            if one.stages and not there and one.fresh(size) > ledger.most - ledger.spent:
                 raise BudgetSpent(f"{one.fresh(size)} realisations")
             record.append({"size": size})
             self._write()
