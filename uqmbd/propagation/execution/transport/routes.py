@@ -139,7 +139,6 @@ def death(error: BaseException) -> str:
     >>> death(BrokenExecutor("a process has ended")), death(ValueError("no"))
     ('a process has ended', '')
     """
-    dask = type(error).__module__.startswith("distributed.") and type(error).__name__ == "KilledWorker"
-    if not dask and not isinstance(error, BrokenExecutor):
-        return ""
-    return str(error) or type(error).__name__
+    if type(error).__module__.startswith("distributed.") and type(error).__name__ == "KilledWorker":
+        return "Dask has seen its workers die while they ran it; their logs may say why"
+    return str(error) or type(error).__name__ if isinstance(error, BrokenExecutor) else ""
