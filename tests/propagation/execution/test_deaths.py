@@ -196,16 +196,16 @@ def test_answers_say_who_has_computed():
 
 
 def plain(packed, piece):
-    return np.full((64, 1, 31), float(piece))
+    return np.full((512, 1, 31), float(piece))
 
 
 @pytest.mark.slow
-def test_handing_out_costs_less_than_a_millisecond_of_processor_time_per_piece():
-    """Of this process, with pickling, queues and threads: 1 % of the 64 pendula in a piece, or less."""
-    packed, pieces = Packed.of(bytes(50_000)), 2000
+def test_handing_out_a_million_realisations_costs_less_than_four_seconds():
+    """Of this process, with pickling, queues and threads: they are 1,954 pieces of 512, here with all responses."""
+    packed, pieces = Packed.of(bytes(50_000)), 1_000_000 // 512 + 1
     with Crew(2) as crew, crew.at_work() as staff:
         through(staff.processes, 20, packed, plain)
         before = time.process_time()
         through(staff.processes, pieces, packed, plain)
         spent = time.process_time() - before
-    assert spent / pieces < 1e-3
+    assert spent < 4.0
