@@ -366,6 +366,11 @@ class Problem:
         dict of str to numpy.ndarray
             Of each task, in order; the same bits for any number of workers.  What an interrupted run had finished is
             not done again.
+
+        Raises
+        ------
+        uqmbd.IntegrationError
+            If a task ends the worker that does it, and another one, too: its number and function.
         """
         work = (self.label, self._packed, self._fingerprint, self.executor, self.checkpoint, self.clock)
         for done, found in enumerate(run_tasks(*work, function, tasks), 1):
