@@ -110,11 +110,15 @@ class Ledger:
         self.reused += count
         self.done += count
 
-    def keep(self, key: str, chunk: Chunk) -> None:
-        """Note a chunk that was computed; hold it, if there is room."""
-        self.done += len(chunk.status)
+    def finish(self, count: int) -> None:
+        """Note realisations that were computed."""
+        self.done += count
         now = self.clock()
         self.computing, self._last, self._running = self.computing + now - self._last, now, max(self._running - 1, 0)
+
+    def keep(self, key: str, chunk: Chunk) -> None:
+        """Note a chunk that was computed; hold it, if there is room."""
+        self.finish(len(chunk.status))
         size = chunk.response.nbytes + (0 if chunk.margins is None else chunk.margins.running.nbytes)
         if self._held + size <= LIMIT and key not in self._chunks:
             self._chunks[key] = chunk

@@ -169,7 +169,7 @@ class Reductions:
         pieces = Pieces(values, size)
         workers = executor_for(work.executor, unlocked=work.unlocked)
         for piece, answer in zip(
-            pieces, in_order(pieces, workers, self._known, self._task, self._kept, self._lost), strict=True
+            pieces, in_order(pieces, workers, self._known, self._task, self._finished, self._lost), strict=True
         ):
             now = work.clock()
             spent = 0.0 if answer.computed or again else answer.chunk.seconds
@@ -289,6 +289,12 @@ class Reductions:
         work = self._work
         order = self._order(piece, *(self._stored(piece) or (None, None)))
         return compute_reduced, (work.packed, piece.values, work.times, work.rtol, work.integrator, work.kind, order)
+
+    def _finished(self, piece: Piece, answer: Handover, seconds: float) -> Handover:
+        """Note a chunk that a worker has computed, or read."""
+        if self._work.ledger is not None and answer.computed:
+            self._work.ledger.finish(len(piece.values))
+        return self._kept(piece, answer, seconds)
 
     def _kept(self, piece: Piece, answer: Handover, seconds: float, *, lost: bool = False) -> Handover:
         """Note a chunk that was computed, and hold what was computed beside it; one that was read has its result."""
