@@ -9,7 +9,7 @@ import signal
 import subprocess
 import sys
 import time
-from concurrent.futures import Executor, Future, ThreadPoolExecutor
+from concurrent.futures import BrokenExecutor, Executor, Future, ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -319,3 +319,31 @@ def test_runs_that_are_killed_at_random_moments_have_the_bits_of_an_undisturbed_
 def chunks(folder: Path) -> int:
     """How many chunks of responses are stored."""
     return sum(name[0] != "." for where, _, names in os.walk(folder) if where.endswith("response") for name in names)
+
+
+class Deadly(Here):
+    """Its workers die of one chunk."""
+
+    def submit(self, fn: Any, /, *args: Any, **kwargs: Any) -> Future[Any]:
+        if any(isinstance(x, Order) and x.first == 128 for x in args):
+            future: Future[Any] = Future()
+            future.set_exception(BrokenExecutor("killed"))
+            return future
+        return super().submit(fn, *args, **kwargs)
+
+
+def test_chunk_that_kills_its_workers_is_failed_and_tried_again_by_a_run_that_goes_on(
+    tmp_path: Path, whole: dict[bool, dict[str, bytes]]
+) -> None:
+    with pytest.warns(UserWarning, match="64 of 600 realisations failed.*ended unexpectedly"):
+        tree = swing().run(Deadly(), folder=tmp_path)
+    data = xr.load_dataset(tmp_path / "monte-carlo-samples.zarr", engine="zarr")
+    failed = np.arange(SAMPLES) // 64 == 2
+    np.testing.assert_array_equal(data["status"] == uqmbd.results.Status.WORKER_DIED, failed)
+    np.testing.assert_array_equal(np.isnan(data["response"]).all(("output", "time")), failed)
+    assert tree["monte-carlo"].attrs["failures"] == 64
+    assert all("unexpectedly" in str(text) for text in data["message"].values[failed])
+    executor = Here()
+    again = swing().run(executor, folder=tmp_path, resume=True)
+    assert executor.computed == 1
+    assert content(again, tmp_path) == whole[False]

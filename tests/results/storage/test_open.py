@@ -71,6 +71,21 @@ def test_samples_that_are_elsewhere_are_told(folder: Path) -> None:
         assert opened["monte-carlo/samples"].sizes["sample"] == KEEP
 
 
+def test_samples_of_earlier_versions_open(folder: Path) -> None:
+    """They are in a netCDF file."""
+    tree = load(folder / "results.nc")
+    path = folder / "monte-carlo-samples.zarr"
+    samples = xr.load_dataset(path, engine="zarr").drop_attrs(deep=False)
+    samples.to_netcdf(folder / "monte-carlo-samples.nc", engine="h5netcdf")
+    shutil.rmtree(path)
+    tree["monte-carlo"].attrs["all_samples"] = "monte-carlo-samples.nc"
+    save(tree, folder / "results.nc")
+    with uqmbd.results.open(folder / "results.nc") as opened:
+        found = opened["monte-carlo/samples"].to_dataset()
+        assert found["response"].chunks is not None
+        np.testing.assert_array_equal(found["response"], samples["response"])
+
+
 @pytest.mark.parametrize("name", ["../out/monte-carlo-samples.zarr", "/tmp", "..", ""])
 def test_samples_are_not_looked_for_elsewhere(folder: Path, name: str) -> None:
     tree = load(folder / "results.nc")

@@ -285,8 +285,10 @@ class SampleStore:
         _, chunk = self.shapes(name)
         for k in range(0, len(values), chunk[0]):
             part = values[k : k + chunk[0]]
-            if name in ("response", "inputs") or part.astype(bool).any():
+            if name in ("response", "inputs") or (part != part.dtype.type()).any():
                 write_file(self.place(name, (first + k) // chunk[0]), encoded(part, _KINDS[name], chunk))
+            else:
+                self.place(name, (first + k) // chunk[0]).unlink(missing_ok=True)  # of an earlier run
 
     def read(self, name: str, first: int, last: int) -> NDArray[Any]:
         """Read a variable of some samples, all of one chunk.

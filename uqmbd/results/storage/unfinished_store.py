@@ -185,9 +185,12 @@ class UnfinishedStore:
         try:
             self._store.put("inputs", self._filled, values)
             self._store.put("status", self._filled, status)
+            messages = [""] * len(status)
             if status.any():
-                shortened = [_shortened(m) for held in self._held for m in held[2]]
-                self._store.put("message", self._filled, np.array(shortened, dtype=f"<U{MESSAGE}"))
+                messages = [_shortened(m) for held in self._held for m in held[2]]
+            self._store.put(
+                "message", self._filled, np.array(messages, dtype=f"<U{MESSAGE}" if any(messages) else "<U1")
+            )
         except OSError as error:
             raise self._failed(error) from error
         self._filled += len(status)
