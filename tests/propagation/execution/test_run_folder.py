@@ -217,7 +217,9 @@ def test_workers_end_with_their_parent_when_it_is_killed(tmp_path: Path) -> None
     process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True)
     try:
         # folders come and go: os.walk leaves out what has just gone, Path.rglob raises
-        while not any(where.endswith("response") and names for where, _, names in os.walk(out / "unfinished")):
+        while not any(
+            name[0] != "." for at, _, names in os.walk(out / "unfinished") if at.endswith("response") for name in names
+        ):
             assert process.poll() is None
             time.sleep(0.02)
         assert len(alive(process.pid)) >= 3
