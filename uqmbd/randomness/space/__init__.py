@@ -4,10 +4,14 @@ from __future__ import annotations
 
 from uqmbd.randomness.space.boxes import GermBox, located
 from uqmbd.randomness.space.germ_space import TRANSFORMS, GermSpace
+from uqmbd.randomness.space.marginals import Marginal
+from uqmbd.randomness.space.transforms import Coupled
 
 __all__ = [
+    "Coupled",
     "GermBox",
     "GermSpace",
+    "Marginal",
     "TRANSFORMS",
     "located",
 ]

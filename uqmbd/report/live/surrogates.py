@@ -1,0 +1,274 @@
+"""A stored surrogate as data of a page, which `surrogate.js` evaluates, and what is left of it there."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from uqmbd.errors import StudyError
+from uqmbd.randomness import GermBox, GermSpace
+from uqmbd.report.live.compression import compressed, expanded
+from uqmbd.report.live.packing import json_script, packed, unpacked
+from uqmbd.report.live.tables import germ_data, input_data
+from uqmbd.results import (
+    AlignedChaos,
+    AlignedElement,
+    ComposedChaos,
+    PiecewiseChaos,
+    PolynomialChaos,
+    QuasiPeriodicChaos,
+    QuasiPeriodicElement,
+    surrogate,
+    surrogate_parts,
+)
+from uqmbd.results.chaos import Surrogate, reference_spread, spread_germs
+from uqmbd.typing import Array, Index
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+__all__ = ["live_surrogate", "packed_surrogate", "shipped"]
+
+
+SHARE = 0.1
+"""Part of the stated error that the compression may lose."""
+
+LEAST = 1e-6
+"""Part of the standard deviation that it may lose where the stated error is smaller, or not known."""
+
+ROUNDING = 1e-14
+"""Part of the largest mean that is rounding."""
+
+PROBES = 256
+"""Germ points at which the loss is measured."""
+
+MARGIN = 0.6
+"""Part of what may be lost that the probes may show: they do not see all of the tails."""
+
+TIGHTER = (1.0, 0.2, 0.04, 0.008, 0.0)
+"""Factors of what each coefficient may lose, tried until the outputs lose as little as they may; 0: nothing is lost."""
+
+LARGEST = 4_000_000
+"""Characters of data beyond which a surrogate is not put into a page."""
+
+
+def live_surrogate(node: xr.DataTree, most: int = LARGEST) -> dict[str, Any]:
+    """Return the surrogate of a method as data, or ``{"reason": ...}``, which says why there is none.
+
+    Parameters
+    ----------
+    node : xarray.DataTree
+        The node of a method, or its child ``scalars``.
+    most : int
+        Characters of data that a page has room for.
+    """
+    if not surrogate_parts(node):
+        return {"reason": "This method keeps samples and no surrogate; collocation and Galerkin make one."}
+    try:
+        data = packed_surrogate(surrogate(node))
+    except StudyError as error:
+        return {"reason": str(error)}
+    size = len(json_script(data))
+    if size > most:
+        return {
+            "reason": f"The surrogate takes {size / 1e6:.1f} MB, and a page has room for {most / 1e6:.1f} MB: choose a "
+            "lower order, fewer output times or fewer outputs."
+        }
+    return data
+
+
+def packed_surrogate(chaos: Surrogate) -> dict[str, Any]:
+    """Return a surrogate as plain data.
+
+    Its coefficients are compressed.  At no output and time the compression changes it, as a root mean square over
+    `PROBES` germ points, by more than a tenth of the stated error, or a millionth of the standard deviation where that
+    is more; `shipped` tells what is left.
+
+    Parameters
+    ----------
+    chaos : PolynomialChaos, PiecewiseChaos, AlignedChaos, QuasiPeriodicChaos or ComposedChaos
+
+    Returns
+    -------
+    dict
+        What `json_script` takes: ``outputs``, ``times``, ``inputs``, ``germs``, ``parts``; ``stated_error`` over the
+        standard deviation and ``stated_rms`` in the units of the outputs, (O, T), None without verification; ``loss``,
+        the largest part of what may be lost that is lost.
+
+    Raises
+    ------
+    StudyError
+        If it is a surrogate of another kind, or its compression fails.
+    """
+    germs = spread_germs(chaos.space, PROBES, 0)
+    values = chaos.evaluate_germs(germs).reshape(len(germs), len(chaos.labels.outputs), -1)
+    if not np.isfinite(values).any():
+        raise StudyError("The surrogate has no values at the output times.")
+    known = chaos.verification_germs is not None
+    shape = values.shape[1:]
+    rms = chaos.verification_rms().reshape(shape) if known else np.zeros(shape)
+    allowed = _allowed(values, rms)
+    parts, worst = [], 0.0
+    for part, rows in _parts(chaos):
+        for tightened in TIGHTER:
+            data = _part(part, tightened * allowed[rows], rows)
+            made = _restored(part, data).evaluate_germs(germs).reshape(len(germs), len(rows), -1)
+            loss = float(np.max(_root_mean_square(made - values[:, rows]) / allowed[rows], initial=0.0))
+            if loss <= MARGIN:
+                break
+        else:
+            raise StudyError(f"By its compression the surrogate loses {loss:.3g} times what it may.")
+        parts.append(data)
+        worst = max(worst, loss)
+    times = chaos.labels.times
+    return {
+        "outputs": [{"name": o.name, "units": o.units, "turn": float(o.turn)} for o in chaos.labels.outputs],
+        "times": None if times is None else packed(times),
+        "inputs": input_data(chaos.space, chaos.labels),
+        "germs": germ_data(chaos.space, chaos.verification_germs),
+        "parts": parts,
+        "stated_error": packed(chaos.verification_error().reshape(shape), "float32") if known else None,
+        "stated_rms": packed(rms, "float32") if known else None,
+        "loss": worst,
+    }
+
+
+def shipped(chaos: Surrogate, data: Mapping[str, Any]) -> Surrogate:
+    """Return the surrogate with the coefficients that are in the data."""
+    parts: list[Surrogate] = [_restored(part, own) for (part, _), own in zip(_parts(chaos), data["parts"], strict=True)]
+    if isinstance(chaos, ComposedChaos):
+        return replace(chaos, parts=dict(zip(chaos.parts, parts, strict=True)))  # type: ignore[arg-type]
+    return parts[0]
+
+
+def _parts(chaos: Surrogate) -> list[tuple[Any, list[int]]]:
+    """Return surrogates of one kind each, with the numbers of their outputs."""
+    parts = list(chaos.parts.values()) if isinstance(chaos, ComposedChaos) else [chaos]
+    names = [o.name for o in chaos.labels.outputs]
+    return [(part, [names.index(o.name) for o in part.labels.outputs]) for part in parts]
+
+
+def _allowed(values: Array, rms: Array) -> Array:
+    """Return what each output may lose at each time, (O, T), as a root mean square; rms (O, T) is the stated error."""
+    there = np.isfinite(values)
+    count = np.maximum(there.sum(axis=0), 1)
+    mean = np.where(there, values, 0.0).sum(axis=0) / count
+    std = _root_mean_square(values - mean)
+    rounding = ROUNDING * np.abs(mean).max(axis=-1, keepdims=True)
+    stated = np.where(np.isfinite(rms), rms, 0.0)
+    floor = np.maximum(LEAST * reference_spread(std), rounding)
+    return np.asarray(np.maximum(np.maximum(SHARE * stated, floor), np.finfo(float).tiny))
+
+
+def _root_mean_square(values: Array) -> Array:
+    """Return the root mean square over the first axis, of what is known."""
+    there = np.isfinite(values)
+    square = np.where(there, values, 0.0) ** 2
+    return np.asarray(np.sqrt(square.sum(axis=0) / np.maximum(there.sum(axis=0), 1)))
+
+
+def _part(part: Surrogate, allowed: Array, rows: list[int]) -> dict[str, Any]:
+    terms = part.multi_index
+    if isinstance(part, PolynomialChaos | PiecewiseChaos):
+        boxes = part.boxes if isinstance(part, PiecewiseChaos) else (GermBox.whole(part.space),)
+        whole = part.coefficients.reshape(len(boxes), len(terms), len(rows), -1)
+        own: dict[str, Any] = {"kind": "polynomial", "field": compressed(whole, allowed)}
+    elif isinstance(part, AlignedChaos):
+        boxes = tuple(e.box for e in part.elements)
+        times = np.asarray(part.labels.times)
+        own = {"kind": "segments", "elements": [_segments(e, times, allowed) for e in part.elements]}
+    elif isinstance(part, QuasiPeriodicChaos):
+        boxes = tuple(e.box for e in part.elements)
+        own = {
+            "kind": "waves",
+            "lattice": packed(part.lattice, "int32"),
+            "origin": float(part.origin),
+            "elements": [_waves(e, allowed) for e in part.elements],
+        }
+    else:
+        raise StudyError(f"A {type(part).__name__} cannot be evaluated in a page.")
+    lower, upper = _ends(boxes)
+    return {
+        "outputs": rows,
+        "degrees": packed(terms, "int32"),
+        "lower": packed(lower),
+        "upper": packed(upper),
+        "recurrences": packed(_recurrences([box.local for box in boxes], terms)),
+        **own,
+    }
+
+
+def _segments(element: AlignedElement, times: Array, allowed: Array) -> dict[str, Any]:
+    """Edges are kept: an error of an edge is one of the output times its slope."""
+    terms, count, outputs, powers = element.segments.shape
+    limits = np.empty((outputs, count, powers))
+    for s in range(count):
+        inside = (times >= element.edges[0, s]) & (times <= element.edges[0, s + 1])
+        own = allowed[:, inside] if inside.any() else allowed
+        limits[:, s] = np.sqrt((own**2).mean(axis=1, keepdims=True) / powers)
+    flat = element.segments.transpose(0, 2, 1, 3).reshape(1, terms, outputs, count * powers)
+    field = compressed(flat, limits.reshape(outputs, -1))
+    return {"edges": packed(element.edges), "segments": count, "powers": powers, "field": field}
+
+
+def _waves(element: QuasiPeriodicElement, allowed: Array) -> dict[str, Any]:
+    """Frequencies and drifts are kept: their errors grow with time."""
+    both = np.concatenate([element.waves.real, -element.waves.imag], axis=2)
+    limits = np.sqrt((allowed**2).mean(axis=1, keepdims=True) / max(both.shape[2], 1)) * np.ones(both.shape[2])
+    return {
+        "frequencies": packed(element.frequencies),
+        "constants": packed(element.constants),
+        "drifts": packed(element.drifts),
+        "field": compressed(both[None], limits),
+    }
+
+
+def _ends(boxes: tuple[GermBox, ...]) -> tuple[Array, Array]:
+    """Return the ends of elements (E, d), infinite where they are those of the support, which is no condition."""
+    lower, upper = (np.array([getattr(box, name) for box in boxes]) for name in ("lower", "upper"))
+    bounds = np.array([germ.bounds for germ in boxes[0].space.germs])
+    return np.where(lower > bounds[:, 0], lower, -np.inf), np.where(upper < bounds[:, 1], upper, np.inf)
+
+
+def _recurrences(spaces: list[GermSpace], terms: Index) -> Array:
+    """Return recurrence coefficients (E, d, 2, N) of orthonormal polynomials: alpha, and the roots of beta."""
+    highest = terms.max(axis=0)
+    found = np.zeros((len(spaces), terms.shape[1], 2, int(highest.max(initial=0)) + 1))
+    for e, space in enumerate(spaces):
+        for k, germ in enumerate(space.germs):
+            # an element of few values of a discrete germ has fewer polynomials than others
+            most = highest[k] if germ.highest_degree is None else min(highest[k], germ.highest_degree)
+            alpha, beta = germ.coefficients(int(most) + 1)
+            found[e, k, :, : len(alpha)] = alpha, np.sqrt(beta)
+    return found
+
+
+def _restored(part: Any, data: Mapping[str, Any]) -> Any:
+    """Return a surrogate of one kind with the coefficients of the data."""
+    if isinstance(part, PolynomialChaos):
+        return replace(part, coefficients=expanded(data["field"])[0].reshape(part.coefficients.shape))
+    if isinstance(part, PiecewiseChaos):
+        whole = expanded(data["field"]).reshape(part.coefficients.shape)
+        trios = zip(part.elements, whole, _places(part), strict=True)
+        return PiecewiseChaos(tuple(replace(e, coefficients=own[there]) for e, own, there in trios), part.boxes)
+    elements: list[Any] = []
+    for element, own in zip(part.elements, data["elements"], strict=True):
+        field = expanded(own["field"])[0]
+        if isinstance(part, AlignedChaos):
+            terms, count, outputs, powers = element.segments.shape
+            segments = field.reshape(terms, outputs, count, powers).transpose(0, 2, 1, 3)
+            elements.append(replace(element, segments=segments, edges=unpacked(own["edges"])))
+        else:
+            real, imaginary = np.split(field, 2, axis=2)
+            kept = {name: unpacked(own[name]) for name in ("frequencies", "constants", "drifts")}
+            elements.append(replace(element, waves=real - 1j * imaginary, **kept))
+    return replace(part, elements=tuple(elements))
+
+
+def _places(part: PiecewiseChaos) -> list[list[int]]:
+    """Return where the terms of each element stand among all."""
+    place = {tuple(row): k for k, row in enumerate(part.multi_index.tolist())}
+    return [[place[tuple(row)] for row in element.multi_index.tolist()] for element in part.elements]

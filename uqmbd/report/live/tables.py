@@ -1,0 +1,141 @@
+"""The inputs as a page's script maps them: from germs to values and back, and how probable lower ones are.
+
+A slider moves a germ.  Germs are independent, and the surrogate is a function of them.  Where inputs are independent,
+germ and value of an input are functions of each other.  Where a Gaussian copula couples inputs, all germs of the group
+together give the values: a slider moves what its own germ adds to the inputs before it, and those behind it follow.  A
+general joint distribution is not stored with results: no values are shown, with the reason; the levels of germs are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from uqmbd.randomness import Germ, GermSpace, cumulated
+from uqmbd.randomness.space import Coupled, Marginal
+from uqmbd.report.live.packing import packed
+from uqmbd.results import Labels
+from uqmbd.typing import Array
+
+__all__ = ["germ_data", "input_data"]
+
+
+KNOTS = 257
+"""Of a table."""
+
+BETWEEN = np.arange(1, 16) / 16
+"""Where between two knots the error of a table is measured."""
+
+SAFE = 1.1
+"""Factor of that error, for what lies between these points."""
+
+TAIL = 1e-3
+"""Probability of what lies beyond each end of a slider, where the distribution has no near end."""
+
+NEAR = 0.05
+"""Part of a slider's length by which it is extended to the end of a distribution."""
+
+UNKNOWN = (
+    "It depends on other inputs by a joint distribution that is not stored with the results: its slider shows how "
+    "probable lower values are, given the inputs before it."
+)
+"""Why an input has no values."""
+
+FARTHEST = 6.0
+"""Standard normal up to which a table of quantiles reaches."""
+
+
+def germ_data(space: GermSpace, verified: Array | None) -> list[dict[str, Any]]:
+    """Describe the germs.
+
+    Parameters
+    ----------
+    space : GermSpace
+    verified : array, shape (V, d), optional
+        Germ points of verification realisations.
+
+    Returns
+    -------
+    list of dict
+        For each germ ``name``; ``support``, ends of which are None where there is none; ``range``, that of its slider;
+        ``start``, the median; ``verified``, the range in which its error is known, or None; ``values`` and
+        ``levels`` of a germ that takes few values; else ``table``, the distribution function over the range.
+    """
+    return [_germ(germ, None if verified is None else verified[:, k]) for k, germ in enumerate(space.germs)]
+
+
+def input_data(space: GermSpace, labels: Labels) -> list[dict[str, Any]]:
+    """Describe the inputs.
+
+    Returns
+    -------
+    list of dict
+        For each input ``name``, ``units``, ``description``; ``sum``, the germs and weights of its standard variable;
+        ``map`` of that to its value; or ``reason``, why there is no map.
+    """
+    found: list[dict[str, Any]] = [
+        {"name": i.name, "units": i.units, "description": i.description, "sum": [], "map": None, "reason": ""}
+        for i in labels.inputs
+    ]
+    for group in space.groups:
+        for row, column in enumerate(group.columns):
+            if not isinstance(group, Coupled):
+                found[column]["reason"] = UNKNOWN
+                continue
+            weights = [(group.columns[k], float(group.factor[row, k])) for k in group.order if group.factor[row, k]]
+            found[column] |= {"sum": [list(pair) for pair in weights], "map": _map(group.marginals[row])}
+    return found
+
+
+def _germ(germ: Germ, verified: Array | None) -> dict[str, Any]:
+    low, high = (float(x) for x in germ.from_uniform([TAIL, 1 - TAIL]))
+    margin = NEAR * (high - low)
+    begin = germ.bounds[0] if germ.bounds[0] >= low - margin else low
+    end = germ.bounds[1] if germ.bounds[1] <= high + margin else high
+    found: dict[str, Any] = {
+        "name": germ.name,
+        "support": [_finite(x) for x in germ.bounds],
+        "range": [begin, end],
+        "start": float(germ.from_uniform([0.5])[0]),
+        "verified": None if verified is None else [float(verified.min()), float(verified.max())],
+        "values": None,
+        "levels": None,
+        "table": None,
+    }
+    if germ.values is not None and germ.table is not None:
+        found |= {"range": list(germ.bounds), "levels": packed(germ.table[0]), "values": packed(germ.table[1])}
+        return found
+    return found | {"table": _table(lambda x: cumulated(germ, x), begin, end)}
+
+
+def _map(marginal: Marginal) -> dict[str, Any]:
+    bounds = [_finite(x) for x in marginal.bounds]
+    if marginal.kind == "affine":
+        return {"kind": "affine", "bounds": bounds, "shift": marginal.shift, "scale": marginal.scale}
+    if marginal.kind == "exponential":
+        numbers = {name: float(getattr(marginal, name)) for name in ("shift", "scale", "mu", "sigma")}
+        return {"kind": "exponential", "bounds": bounds, **numbers}
+    return {"kind": "table", "bounds": bounds, "table": _table(marginal.to_input, -FARTHEST, FARTHEST)}
+
+
+def _table(function: Callable[[Array], Array], begin: float, end: float) -> dict[str, Any]:
+    """Tabulate a function that does not fall, with slopes that keep it so, and the largest error, measured between."""
+    from scipy.interpolate import PchipInterpolator
+
+    knots = np.linspace(begin, end, KNOTS)
+    values = np.maximum.accumulate(function(knots))
+    curve = PchipInterpolator(knots, values)
+    between = (knots[:-1, None] + BETWEEN * np.diff(knots)[:, None]).ravel()
+    return {
+        "begin": begin,
+        "end": end,
+        "values": packed(values),
+        "slopes": packed(curve.derivative()(knots)),
+        "error": SAFE * float(np.abs(curve(between) - function(between)).max()),
+    }
+
+
+def _finite(x: float) -> float | None:
+    return float(x) if np.isfinite(x) else None
