@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+import re
 import traceback
 from pathlib import Path
 
 __all__ = [
+    "format_at_most",
     "format_count",
     "format_duration",
     "format_integer",
@@ -16,7 +18,14 @@ __all__ = [
     "format_share",
     "minus",
     "place_of",
+    "reciprocal_units",
+    "typeset_units",
 ]
+
+_POWER = re.compile(r"(?:\^|\*\*)(?:\((-?\d+)\)|(-?\d+)(?![\d.]))")
+_TIMES = re.compile(r"\s*\*\s*")
+SMALLEST_SHARE = 1e-6
+"""Errors below this part are said to be below it: what they are exactly, rounding decides."""
 
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
@@ -60,15 +69,51 @@ def format_number(value: float, error: float | None = None) -> str:
 
 
 def format_quantity(value: float, units: str, error: float | None = None) -> str:
-    """Write a number as :func:`format_number` does, with its units if it has any.
+    """Write a number as :func:`format_number` does, with its units as :func:`typeset_units` does, if it has any.
 
     Examples
     --------
-    >>> format_quantity(0.150123, "m", 0.00134), format_quantity(2.0, ""), format_quantity(float("nan"), "m")
+    >>> format_quantity(0.150123, "m", 0.00134), format_quantity(2.0, "1"), format_quantity(float("nan"), "m")
     ('0.1501 ± 0.0013 m', '2', 'unknown')
+    >>> format_quantity(9.81, "m/s^2")
+    '9.81 m/s²'
     """
-    text = format_number(value, error)
-    return f"{text} {units}" if units and not math.isnan(value) else text
+    text, shown = format_number(value, error), typeset_units(units)
+    return f"{text} {shown}" if shown and not math.isnan(value) else text
+
+
+def typeset_units(units: str) -> str:
+    """Write units for reading: whole powers raised, products with a dot, nothing for a pure number ("1").
+
+    All that reports, figures and tables on the terminal show of units comes from here.
+
+    Examples
+    --------
+    >>> [typeset_units(u) for u in ("m/s^2", "kg*m**2", "s^-1", "N m", "m^(1/2)", "1", "")]
+    ['m/s²', 'kg·m²', 's⁻¹', 'N m', 'm^(1/2)', '', '']
+    """
+    text = units.strip()
+    if text == "1":
+        return ""
+    text = _POWER.sub(lambda found: (found[1] or found[2]).translate(_SUPERSCRIPTS), text)
+    return _TIMES.sub("·", text)
+
+
+def reciprocal_units(units: str) -> str:
+    """Write the units of a density over a quantity: those of one over it, typeset.
+
+    Examples
+    --------
+    >>> [reciprocal_units(u) for u in ("m", "m/s^2", "1/s", "N m", "kg*m^2/s", "1")]
+    ['1/m', 's²/m', 's', '1/(N m)', '1/(kg·m²/s)', '']
+    """
+    text = typeset_units(units)
+    if not text:
+        return ""
+    over, slash, under = text.partition("/")
+    if slash and not any(c in over + under for c in " /·()"):
+        return under if over == "1" else f"{under}/{over}"
+    return f"1/({text})" if any(c in text for c in " /·") else f"1/{text}"
 
 
 def format_duration(seconds: float, rough: bool = False) -> str:
@@ -130,15 +175,27 @@ def format_percent(share: float, unknown: str = "–") -> str:
     Examples
     --------
     >>> [format_percent(x) for x in (0.0123, 1.7, 2e-9, 0.0, float("nan"))]
-    ['1.2 %', '170 %', 'below 0.0001 %', '0', '–']
+    ['1.2 %', '170 %', 'below 0.0001 %', '0 %', '–']
     """
     if not math.isfinite(share):
         return unknown
     if share == 0:
-        return "0"
-    if share < 1e-6:
+        return "0 %"
+    if share < SMALLEST_SHARE:
         return "below 0.0001 %"
     return f"{100 * share:.2g} %" if share < 0.995 else f"{100 * share:.0f} %"
+
+
+def format_at_most(share: float) -> str:
+    """Write a bound of an error in per cent, as a part of a sentence.
+
+    Examples
+    --------
+    >>> [format_at_most(x) for x in (0.0123, 2e-9, 0.0, float("nan"))]
+    ['at most 1.2 %', 'below 0.0001 %', 'at most 0 %', 'an unknown part']
+    """
+    text = format_percent(share, "an unknown part")
+    return f"at most {text}" if math.isfinite(share) and not 0 < share < SMALLEST_SHARE else text
 
 
 def format_share(share: float) -> str:

@@ -18,7 +18,7 @@ from uqmbd.errors import StudyError
 from uqmbd.isolation import Isolated
 from uqmbd.mechanism import ImportedMechanism, Mechanism
 from uqmbd.propagation import Estimate, Propagator, Timing, load_study, obstacle_of, readable, timing_of
-from uqmbd.wording import format_count, format_duration, format_integer
+from uqmbd.wording import format_count, format_duration, format_integer, typeset_units
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -213,7 +213,7 @@ def _show_controllers(screen: Console, controllers: tuple[tuple[str, str, str, s
 def _show_inputs(screen: Console, inputs: tuple[tuple[str, str, str], ...], unused: tuple[str, ...]) -> None:
     table = plain_table("random input", "distribution", "units")
     for name, distribution, units in inputs:
-        table.add_row(Text(name), Text(distribution), Text(units))
+        table.add_row(Text(name), Text(distribution), Text(typeset_units(units)))
     screen.print()
     screen.print(table if inputs else "No random inputs: every realisation is the same.")
     if unused:

@@ -12,6 +12,7 @@ from rich.text import Text
 from uqmbd.cli.differences import what_differs
 from uqmbd.cli.tables import console, plain_table
 from uqmbd.errors import StudyError
+from uqmbd.wording import typeset_units
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -138,7 +139,7 @@ def _show_group(screen: Console, found: xr.Dataset, notes: Sequence[str]) -> Non
             scale = 0.0 if still else float(found["reference_std_max"].values[number])
             table.add_row(
                 Text(str(output)),
-                Text(str(found["output_units"].values[number])),
+                Text(typeset_units(str(found["output_units"].values[number]))),
                 _relative(float(row["mean_difference_max"].values[number]), scale),
                 _relative(float(row["std_difference_max"].values[number]), scale),
                 Text(str(row["verdict"].values[number])),

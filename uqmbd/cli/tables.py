@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from uqmbd.wording import format_duration, format_share
+from uqmbd.wording import format_duration, format_share, typeset_units
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -160,10 +160,10 @@ def _add_requirements(table: Table, nodes: Mapping[str, xr.DataTree]) -> None:
 
 
 def units_of(statistics: xr.Dataset) -> list[str]:
-    """Return the units of the outputs; empty where none are stated."""
+    """Return the units of the outputs as they are shown; empty where none are stated."""
     if "output_units" not in statistics.coords:
         return [""] * statistics.sizes["output"]
-    return [str(unit) for unit in statistics["output_units"].values]
+    return [typeset_units(str(unit)) for unit in statistics["output_units"].values]
 
 
 def _final(node: xr.DataTree, output: int) -> str:

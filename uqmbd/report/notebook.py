@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from uqmbd.wording import format_number
+from uqmbd.wording import format_number, typeset_units
 
 if TYPE_CHECKING:
     from uqmbd.mechanism import Mechanism
@@ -75,7 +75,7 @@ def chaos_html(chaos: PolynomialChaos) -> str:
     labels = chaos.labels
     mean, std = (np.asarray(x).reshape(len(labels.outputs), -1)[:, -1] for x in (chaos.mean, chaos.std))
     rows = [
-        (output.name, output.units, format_number(float(mean[k])), format_number(float(std[k])))
+        (output.name, typeset_units(output.units), format_number(float(mean[k])), format_number(float(std[k])))
         for k, output in enumerate(labels.outputs)
     ]
     when = "" if labels.times is None else f" at t = {format_number(labels.times[-1])} s"
@@ -83,7 +83,7 @@ def chaos_html(chaos: PolynomialChaos) -> str:
     size = ""
     if index is not None:
         size = f"<p>Order {int(index.max(initial=0))}, {len(index)} term{'s' * (len(index) != 1)}.</p>"
-    inputs = [(i.name, i.description, i.units) for i in labels.inputs]
+    inputs = [(i.name, i.description, typeset_units(i.units)) for i in labels.inputs]
     parts = [
         size,
         _table("Inputs", ("name", "distribution", "units"), inputs),
@@ -111,8 +111,8 @@ def _tables(mechanism: Mechanism) -> str:
     ]
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        inputs = [(v.name, v.description, v.units) for v in mechanism.inputs.variables]
-    outputs = [(o.name, o.units, str(o.expression)) for o in mechanism.outputs.values()]
+        inputs = [(v.name, v.description, typeset_units(v.units)) for v in mechanism.inputs.variables]
+    outputs = [(o.name, typeset_units(o.units), str(o.expression)) for o in mechanism.outputs.values()]
     return "".join(
         (
             _table("Bodies", ("name", "mass [kg]", "position as drawn [m]"), bodies),

@@ -19,7 +19,7 @@ from rich.console import Console
 from uqmbd import RandomVariable, report, results
 from uqmbd.cli.compare import show_comparison
 from uqmbd.randomness import GermSpace, JointInput
-from uqmbd.results.chaos.decay import percent
+from uqmbd.wording import format_at_most, format_percent
 
 TIMES = np.linspace(0, 2, 6)
 SPACE = GermSpace.of(JointInput.of([RandomVariable("k", chaospy.Uniform(-1, 1))]))
@@ -138,7 +138,7 @@ def test_no_page_contradicts_itself(tree: xr.DataTree, without_figures: None, tm
             assert shown.get((method, output), "no spread") == "no spread"
             continue
         if (method, output) in shown:
-            assert shown[method, output] == ("below 0.0001 %" if largest < 1e-6 else percent(largest))
+            assert shown[method, output] == format_percent(largest)
         assert "does not vary" not in text
         # what is worst comes first: an error above the limit is said before that the method agrees
         if kind == "agrees":
@@ -157,7 +157,7 @@ def test_no_page_contradicts_itself(tree: xr.DataTree, without_figures: None, tm
     for method in re.split(", | or ", recommended.group(1)) if recommended else ():
         assert not any(kind in WORST for (m, _), (kind, _) in verdict.items() if m == method)
         errors = data["stated_error_max"].sel({"method": method}).values
-        assert f"at most {percent(float(errors.max()))} of the standard deviation" in lead
+        assert f"{format_at_most(float(errors.max()))} of the standard deviation" in lead
     assert "to within" not in text_of(page)
 
 

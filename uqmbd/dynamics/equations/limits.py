@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from uqmbd.mechanism import Mechanism, flatten, is_tensor_of_body, range_text
 from uqmbd.randomness import RandomVariable
 from uqmbd.typing import Array, Index
+from uqmbd.wording import format_quantity
 
 __all__ = ["Limit", "Tensor", "impossible", "limits_of"]
 
@@ -50,9 +51,8 @@ class Limit:
 
     def message(self, value: float) -> str:
         """Say that a value is outside."""
-        units = f" {self.units}" if self.units not in ("", "1") else ""
         expected = range_text(self.minimum, self.maximum, exclusive=self.exclusive)
-        return f"the {self.name} is {value:.4g}{units}: expected {expected}"
+        return f"the {self.name} is {format_quantity(value, self.units)}: expected {expected}"
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uqmbd.report.drawing.scales import plain_formatter
+from uqmbd.wording import typeset_units
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -311,10 +312,11 @@ def with_units(name: str, units: str) -> str:
 
     Examples
     --------
-    >>> with_units("angle", "rad"), with_units("ratio", "1")
-    ('angle [rad]', 'ratio')
+    >>> with_units("angle", "rad"), with_units("ratio", "1"), with_units("acceleration", "m/s^2")
+    ('angle [rad]', 'ratio', 'acceleration [m/s²]')
     """
-    return f"{name} [{units}]" if units not in ("", "1") else name
+    shown = typeset_units(units)
+    return f"{name} [{shown}]" if shown else name
 
 
 def wrapped(text: str, width: int) -> str:

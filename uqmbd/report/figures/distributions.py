@@ -28,6 +28,7 @@ from uqmbd.report.drawing import (
 from uqmbd.report.figures.selection import Results, Samples, automatic_times, label_of, nodes_of, samples_of, succeeded
 from uqmbd.report.figures.surrogates import surrogate_nodes, surrogate_of
 from uqmbd.status import Status
+from uqmbd.wording import reciprocal_units
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -219,10 +220,7 @@ def of_surrogate(node: xr.DataTree, output: str, times: NDArray[np.float64] | No
 
 
 def _density_label(units: str) -> str:
-    if units in ("", "1"):
-        return "density"
-    inverse = f"1/({units})" if any(c in units for c in " */·") else f"1/{units}"
-    return wrapped(with_units("density", inverse), 24)
+    return wrapped(with_units("density", reciprocal_units(units)), 24)
 
 
 def inputs(node: Samples) -> Figure:

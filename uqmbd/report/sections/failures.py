@@ -7,7 +7,7 @@ import functools
 import numpy as np
 
 from uqmbd.report import figures
-from uqmbd.report.drawing import image
+from uqmbd.report.drawing import image, with_units
 from uqmbd.report.figures import ENOUGH, Reason, failure_reasons, failure_words, runs_of
 from uqmbd.report.sections.section import Content, TemplateSection
 from uqmbd.report.view import Method, StudyResult
@@ -51,7 +51,7 @@ def _of_method(method: Method) -> Content:
     if samples.sizes["sample"] < total:
         found["kept"] = format_integer(samples.sizes["sample"])
     units = samples["input_units"].values if "input_units" in samples.coords else [""] * samples.sizes["input"]
-    found["names"] = [f"{n} [{u}]" if u else str(n) for n, u in zip(samples["input"].values, units, strict=True)]
+    found["names"] = [with_units(str(n), str(u)) for n, u in zip(samples["input"].values, units, strict=True)]
     found["reasons"] = [
         {
             "kind": r.kind,

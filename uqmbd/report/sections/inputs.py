@@ -8,6 +8,7 @@ from uqmbd.report import figures
 from uqmbd.report.drawing import image
 from uqmbd.report.sections.section import Content, TemplateSection
 from uqmbd.report.view import Method, StudyResult, dataset_of
+from uqmbd.wording import typeset_units
 
 __all__ = ["INPUTS", "input_rows"]
 
@@ -32,7 +33,7 @@ def input_rows(result: StudyResult) -> list[dict[str, str]]:
                 blank = [""] * data.sizes["input"]
                 columns.append([str(v) for v in data[name].values] if name in data.coords else blank)
             return [
-                {"name": name, "units": units, "distribution": text or "not stated"}
+                {"name": name, "units": typeset_units(units), "distribution": text or "not stated"}
                 for name, units, text in zip(*columns, strict=True)
             ]
     return []

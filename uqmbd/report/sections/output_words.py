@@ -11,7 +11,7 @@ from uqmbd.report.view import Method
 from uqmbd.results import integration_shares, own_statements
 from uqmbd.results.comparison import own_error
 from uqmbd.results.statistics import rtol_of
-from uqmbd.wording import format_number, format_quantity, minus
+from uqmbd.wording import format_number, format_quantity, minus, typeset_units
 
 __all__ = ["in_words", "integration", "numbers", "output_row", "precision", "stated_errors"]
 
@@ -102,7 +102,7 @@ def numbers(method: Method, name: str) -> list[dict[str, str]]:
     rows = []
     for k in automatic_times(data["time"].values, data["std"].values):
         at = data.isel(time=k)
-        row = {"time": f"{float(at['time']):.4g} s", "units": method.units(name)}
+        row = {"time": f"{float(at['time']):.4g} s", "units": typeset_units(method.units(name))}
         for value in ("mean", "std"):
             row[value] = format_number(float(at[value]))
         for p in (0.025, 0.5, 0.975):

@@ -12,8 +12,7 @@ from uqmbd.report.sections.requirements import requirement_rows
 from uqmbd.report.sections.section import Content, TemplateSection
 from uqmbd.report.view import Method, StudyResult
 from uqmbd.results import answers
-from uqmbd.results.chaos import percent
-from uqmbd.wording import format_count, format_duration, format_integer, format_number
+from uqmbd.wording import format_at_most, format_count, format_duration, format_integer, format_number, format_percent
 
 __all__ = ["SUMMARY"]
 
@@ -120,7 +119,7 @@ def _beyond_the_kept(method: Method, total: int, kept: int) -> str:
     if "quantile_error" in method.statistics:
         error, std = (method.statistics[name] for name in ("quantile_error", "std"))
         worst = float((error.max("probability") / std.where(std > 0)).max())
-        share = f"{percent(worst)} of the standard deviation" if math.isfinite(worst) else "rounding"
+        share = f"{format_percent(worst)} of the standard deviation" if math.isfinite(worst) else "rounding"
         text += f" Quantiles were counted between edges, and are known within {share}."
     return text
 
@@ -136,7 +135,7 @@ def _precision(result: StudyResult) -> list[str]:
         whose = f"The stated error of {label}" if result.several else "The stated error"
         of_which = f"of {worst}, " if len(errors) > 1 else ""
         sentences.append(
-            f"{whose} is at most {percent(share)} of the standard deviation ({of_which}at {at:g} s, with 95 % "
+            f"{whose} is {format_at_most(share)} of the standard deviation ({of_which}at {at:g} s, with 95 % "
             f"confidence). {_advice(method, share)}"
         )
     return sentences

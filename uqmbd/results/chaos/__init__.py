@@ -5,7 +5,7 @@ from __future__ import annotations
 from uqmbd.results.chaos.aligned import AlignedChaos
 from uqmbd.results.chaos.aligned_element import AlignedElement, Landmarks
 from uqmbd.results.chaos.composed import ComposedChaos, chaos_from_dataset, stored_as
-from uqmbd.results.chaos.decay import error_words, percent, stated_words, verdict_of_decay
+from uqmbd.results.chaos.decay import error_words, stated_words, verdict_of_decay
 from uqmbd.results.chaos.discontinuity import Discontinuity
 from uqmbd.results.chaos.fit import LeastSquares, NodeRegression, least_squares, project, regress_on_nodes
 from uqmbd.results.chaos.interface import Surrogate
@@ -42,7 +42,6 @@ __all__ = [
     "chaos_from_dataset",
     "error_words",
     "least_squares",
-    "percent",
     "project",
     "random_germs",
     "reference_spread",

@@ -12,6 +12,7 @@ from uqmbd.results.chaos.terms import constant_columns, standard_deviation
 from uqmbd.results.schema import Labels, fixed_width
 from uqmbd.results.statistics import divisor
 from uqmbd.typing import Array, Index, Mask
+from uqmbd.wording import format_at_most, format_percent
 
 __all__ = [
     "decay_dataset",
@@ -20,7 +21,6 @@ __all__ = [
     "energy_of_orders",
     "error_words",
     "factor_words",
-    "percent",
     "stated_words",
     "top_order",
     "verdict_of_decay",
@@ -151,17 +151,17 @@ def factor_words(factor: float, count: int) -> str:
 def error_words(error: Array, times: Array | None, limit: float) -> str:
     """Say how large an error (T,), or (1,) without times, is, and from when on it is above a limit."""
     if times is None:
-        return f"{percent(float(error[0]))} of the standard deviation"
+        return f"{format_percent(float(error[0]))} of the standard deviation"
     first, worst = first_above(error, limit), int(error.argmax())
     if first is None:
-        return f"at most {percent(float(error[worst]))} of the standard deviation (at {times[worst]:g} s)"
-    since = f"below {percent(limit)} of the standard deviation until {times[first]:g} s"
+        return f"{format_at_most(float(error[worst]))} of the standard deviation (at {times[worst]:g} s)"
+    since = f"below {format_percent(limit)} of the standard deviation until {times[first]:g} s"
     if first == 0:
-        since = f"above {percent(limit)} of the standard deviation from {times[0]:g} s on"
+        since = f"above {format_percent(limit)} of the standard deviation from {times[0]:g} s on"
         if not np.all(error > limit):
-            since = f"above {percent(limit)} of the standard deviation already at {times[0]:g} s"
+            since = f"above {format_percent(limit)} of the standard deviation already at {times[0]:g} s"
     tell = worst if error[-1] <= limit else len(error) - 1
-    return f"{since}, {percent(float(error[tell]))} at {times[tell]:g} s"
+    return f"{since}, {format_percent(float(error[tell]))} at {times[tell]:g} s"
 
 
 def verdict_of_decay(
@@ -182,12 +182,12 @@ def verdict_of_decay(
     spread = reference_spread(std)
     share = np.where(std > 0, np.sqrt(np.sum(columns[edge] ** 2, axis=0)) / divisor(spread), 0.0)
     worst = int(share.argmax())
-    amount = f"{percent(float(share[worst]))} of the standard deviation"
+    amount = f"{format_percent(float(share[worst]))} of the standard deviation"
     at = "" if times is None else f" at {times[worst]:g} s"
     if share[worst] <= tolerance:
         return (
-            f"{name}: order {order} carries at most {amount}{at}: an indication that it is enough, no proof without "
-            "verification realisations"
+            f"{name}: order {order} carries {format_at_most(float(share[worst]))} of the standard deviation{at}: "
+            "an indication that it is enough, no proof without verification realisations"
         )
     blame = [float(np.sum(columns[edge & (degrees > 0), worst] ** 2)) for degrees in multi_index.T]
     where = f"{amount} in the top order{at}, most of it in {germs[int(np.argmax(blame))]}"
@@ -201,13 +201,6 @@ def verdict_of_decay(
     else:
         when = f"after {times[since]:g} s" if since else "at any time"
     return f"order {order} is not enough for {name} {when}: {where}; raise the order"
-
-
-def percent(value: float) -> str:
-    """Write a share in per cent, with two digits; what is smaller counts as a millionth."""
-    if 0 < value < 1e-6:
-        return "0.0001 %"
-    return f"{100.0 * value:.2g} %" if value < 0.995 else f"{100.0 * value:.0f} %"
 
 
 def _sums(coefficients: Array, groups: Index, top: int) -> Array:

@@ -6,10 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from uqmbd.results.chaos.decay import decay_rate, percent
+from uqmbd.results.chaos.decay import decay_rate
 from uqmbd.results.chaos.interface import Surrogate
 from uqmbd.results.chaos.stated_error import reference_spread
 from uqmbd.typing import Array
+from uqmbd.wording import format_percent
 
 __all__ = ["Discontinuity", "find_discontinuities"]
 
@@ -77,8 +78,8 @@ class Discontinuity:
         how = "elements='adaptive', " + ("alignment='events', " if events else "")
         return (
             f"{self.output} looks discontinuous, or has a kink, in {self.germ}{when}: the error is "
-            f"{percent(self.error)} of the standard deviation{at}, and each order divides what is missing only by "
-            f"{10 ** max(self.rate, 0.0):.2g}. Try {how}or a higher order"
+            f"{format_percent(self.error)} of the standard deviation{at}, and each order divides what is missing only "
+            f"by {10 ** max(self.rate, 0.0):.2g}. Try {how}or a higher order"
         )
 
 

@@ -12,7 +12,7 @@ import xarray as xr
 
 from uqmbd.errors import StudyError
 from uqmbd.results.chaos.boxes import check_filled, rows_of_boxes, verification_of_all
-from uqmbd.results.chaos.decay import decay_dataset, energy_of_germs, energy_of_orders, percent
+from uqmbd.results.chaos.decay import decay_dataset, energy_of_germs, energy_of_orders
 from uqmbd.results.chaos.interface import Samples, Surrogate
 from uqmbd.results.chaos.polynomial import PolynomialChaos
 from uqmbd.results.chaos.stated_error import reference_spread
@@ -22,6 +22,7 @@ from uqmbd.results.schema import Labels
 from uqmbd.results.statistics import divisor
 from uqmbd.threads import one_thread
 from uqmbd.typing import Array, Index, Mask
+from uqmbd.wording import format_at_most
 
 if TYPE_CHECKING:
     from uqmbd.randomness import GermBox, GermSpace
@@ -247,8 +248,8 @@ class PiecewiseChaos(Surrogate):
         spread = reference_spread(self.std.reshape(shape))
         share = tops.reshape(shape) / divisor(spread)
         return tuple(
-            f"{output.name}: within the {len(self.elements)} elements the top order carries at most "
-            f"{percent(float(row.max()))} of the standard deviation"
+            f"{output.name}: within the {len(self.elements)} elements the top order carries "
+            f"{format_at_most(float(row.max()))} of the standard deviation"
             + (f"; {self._remedy}" if row.max() > tolerance else ", no proof without verification realisations")
             for output, row in zip(self.labels.outputs, share, strict=True)
         )

@@ -8,9 +8,9 @@ from collections.abc import Mapping
 import numpy as np
 import xarray as xr
 
-from uqmbd.results.chaos import percent
 from uqmbd.results.comparison.integration_share import integration_shares
 from uqmbd.results.comparison.verdicts import AGREES, DIFFERS, FEW, NO_SPREAD, REFERENCE, UNDER_RESOLVED
+from uqmbd.wording import format_at_most, format_percent
 
 __all__ = ["loose", "overall", "recommend"]
 
@@ -81,7 +81,7 @@ def loose(nodes: Mapping[str, xr.DataTree]) -> tuple[str, ...]:
         return ()
     worst, label = max(shares, key=lambda pair: pair[0].share)
     return (
-        f"Lower rtol first: the error of the time integration is up to {percent(worst.share)} of the standard "
+        f"Lower rtol first: the error of the time integration is up to {format_percent(worst.share)} of the standard "
         f"deviation (of {worst.output}, with {label}), which the errors stated below do not hold.",
     )
 
@@ -232,7 +232,7 @@ def _largest(comparison: xr.Dataset, method: str) -> str:
     where = [f"of {names[worst]}"] if len(names) > 1 else []
     where += [f"at {times[worst]:g} s"] if math.isfinite(times[worst]) else []
     whose = f" ({', '.join(where)})" if where else ""
-    return f"stated error at most {percent(float(errors[worst]))} of the standard deviation{whose}"
+    return f"stated error {format_at_most(float(errors[worst]))} of the standard deviation{whose}"
 
 
 def _reasons(equal: list[str], fit: list[str], best: str, comparison: xr.Dataset, costs: dict[str, float]) -> str:

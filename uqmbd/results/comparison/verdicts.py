@@ -14,8 +14,9 @@ from uqmbd.results.comparison.sentences import LIMIT, NO_SPREAD, STILL
 from uqmbd.results.comparison.simultaneous import curve_length, pointwise_level, student
 from uqmbd.results.statistics import divisor
 from uqmbd.typing import Array
+from uqmbd.wording import format_percent, format_quantity
 
-__all__ = ["AGREES", "DIFFERS", "FEW", "NO_SPREAD", "REFERENCE", "UNDER_RESOLVED", "Verdict", "percent", "verdicts"]
+__all__ = ["AGREES", "DIFFERS", "FEW", "NO_SPREAD", "REFERENCE", "UNDER_RESOLVED", "Verdict", "verdicts"]
 
 
 REFERENCE, AGREES, DIFFERS = "reference", "agrees", "differs"
@@ -64,21 +65,6 @@ class _Deviation:
 
     significant: bool
     worst: int
-
-
-def percent(share: float) -> str:
-    """Write a share for reading, with two digits.
-
-    Examples
-    --------
-    >>> percent(0.2345), percent(0.0012), percent(1.234), percent(3e-9)
-    ('23 %', '0.12 %', '123 %', 'less than 0.001 %')
-    """
-    if not np.isfinite(share):
-        return "an unknown part"
-    if abs(share) < 1e-5:
-        return "less than 0.001 %"
-    return f"{100 * share:.0f} %" if share >= 0.0995 else f"{100 * share:.2g} %"
 
 
 def verdicts(
@@ -169,15 +155,17 @@ def _verdict(
     if coarse:
         order = f"order {found.order} is too low" if found.order is not None else "its surrogate is too coarse"
         why = f"its stated error is {_told(found, o, times)}" if np.isfinite(stated) else (
-            f"{percent(float(found.top_order[o]))} of the standard deviation is in the terms of its highest order"
+            f"{format_percent(float(found.top_order[o]))} of the standard deviation is in terms of its highest order"
         )  # fmt: skip
         return Verdict(UNDER_RESOLVED, f"under-resolved: {order}, {why}" + (f"; {what}" if what else ""), within)
     if few:
         return Verdict(FEW, f"too few samples to tell: {few}", within)
     if of_base > COARSE:
-        text = f"the stated error of {names[1]}, the reference, is {percent(of_base)}: too large to tell"
+        text = f"the stated error of {names[1]}, the reference, is {format_percent(of_base)}: too large to tell"
         return Verdict(UNDER_RESOLVED, f"under-resolved: {text}", within)
-    unseen = f" (a difference of the standard deviation below {percent(within)} would not be seen)" if within else ""
+    unseen = (
+        f" (a difference of the standard deviation below {format_percent(within)} would not be seen)" if within else ""
+    )
     large = found.told[o].max(initial=0.0) > (ROUGH if found.samples else LIMIT)
     inside = " within that" if large else ""
     return Verdict(AGREES, f"{own}{'; ' if own else ''}agrees with {names[1]}{inside}{unseen}", within)
@@ -318,7 +306,7 @@ def _few(found: OwnError, base: OwnError, o: int, times: Array, names: tuple[str
         scale = float(root_mean_square(method.std[o : o + 1], times)[0])
         error = _ratio(1.96 * float(root_mean_square(method.noise_std[o : o + 1], times)[0]), scale)
         if error > ROUGH:
-            return f"{name} has {method.samples}, which give the standard deviation to within {percent(error)}"
+            return f"{name} has {method.samples}, which give the standard deviation to within {format_percent(error)}"
     return ""
 
 
@@ -335,8 +323,8 @@ def _differences(
         if name == "mean":
             shift = float(found.mean[o, k] - base.mean[o, k])
             part = _ratio(abs(shift), float(base.std[o].max()) if base.varies[o] else 0.0)
-            of_std = f" ({percent(part)} of the largest standard deviation)" if part else ""
-            said.append(f"mean shifted by {shift:.3g}{' ' + units if units else ''}{of_std}{when}".replace("-", "−"))
+            of_std = f" ({format_percent(part)} of the largest standard deviation)" if part else ""
+            said.append(f"mean shifted by {format_quantity(float(f'{shift:.3g}'), units)}{of_std}{when}")
             continue
         whole = [float(root_mean_square(m.std[o : o + 1], times)[0]) for m in (found, base)]
         spread = bool(base.varies[o])
@@ -351,4 +339,8 @@ def _differences(
 
 def _size(relative: float) -> str:
     word = "small" if relative < 0 else "large"
-    return f"{word} by {percent(abs(relative))}" if np.isfinite(relative) else "large: that of the reference is zero"
+    return (
+        f"{word} by {format_percent(abs(relative))}"
+        if np.isfinite(relative)
+        else "large: that of the reference is zero"
+    )
