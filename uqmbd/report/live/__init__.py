@@ -3,7 +3,18 @@
 from __future__ import annotations
 
 from uqmbd.report.live.packing import json_script, packed, unpacked
+from uqmbd.report.live.poses import packed_poses, pose_surrogate
 from uqmbd.report.live.scripts import joined_modules
 from uqmbd.report.live.surrogates import live_surrogate, packed_surrogate, shipped
 
-__all__ = ["joined_modules", "json_script", "live_surrogate", "packed", "packed_surrogate", "shipped", "unpacked"]
+__all__ = [
+    "joined_modules",
+    "json_script",
+    "live_surrogate",
+    "packed",
+    "packed_poses",
+    "packed_surrogate",
+    "pose_surrogate",
+    "shipped",
+    "unpacked",
+]

@@ -12,7 +12,8 @@ const LITTLE_ENDIAN = new Uint8Array(new Uint16Array([1]).buffer)[0] === 1;
 export function unpackArray(packed) {
   const [Type, read] = KINDS[packed.kind];
   const text = atob(packed.base64);
-  const bytes = Uint8Array.from(text, (c) => c.charCodeAt(0));
+  const bytes = new Uint8Array(text.length);
+  for (let k = 0; k < bytes.length; k++) bytes[k] = text.charCodeAt(k);
   if (LITTLE_ENDIAN) return { shape: packed.shape, values: new Type(bytes.buffer) };
   const view = new DataView(bytes.buffer);
   const values = new Type(bytes.length / Type.BYTES_PER_ELEMENT);

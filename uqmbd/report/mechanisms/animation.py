@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
     from uqmbd.propagation import Study
 
-__all__ = ["animate", "check_target", "gif", "motion", "poses", "with_motion"]
+__all__ = ["animate", "check_target", "gif", "marked_points", "motion", "observed_bodies", "poses", "with_motion"]
 
 
 SECONDS = (3.0, 8.0)
@@ -70,6 +70,20 @@ def motion(study: Study, samples: int = 20, frames: int = 60, seed: int = 1, met
     from uqmbd.report.mechanisms.body_poses import motion as compute
 
     return compute(study, samples, frames, seed, method)
+
+
+def observed_bodies(study: Study, frames: int, method: str) -> tuple[xr.DataTree, list[str]]:
+    """Run a method again, with the bodies' coordinates as outputs at some frames: its node, and their names."""
+    from uqmbd.report.mechanisms.body_poses import observed_bodies as run
+
+    return run(study, np.linspace(study.times[0], study.times[-1], frames), method)
+
+
+def marked_points(study: Study, values: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return what is drawn in the frames of bodies, at inputs (K, d): points (K, N, axes) and radii (K, N), m."""
+    from uqmbd.report.mechanisms.body_poses import marked_points as compute
+
+    return compute(study.mechanism, values, float(study.times[0]))
 
 
 def animate(data: xr.Dataset, path: str | os.PathLike[str], seconds: float | None = None, width: float = 6.4) -> Path:

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from uqmbd.mechanism import Component, Mechanism, Space
     from uqmbd.propagation import Study
 
-__all__ = ["drawn_pose", "motion"]
+__all__ = ["drawn_pose", "marked_points", "motion", "observed_bodies"]
 
 
 def drawn_pose(mechanism: Mechanism, values: Mapping[str, float] | None = None, time: float = 0.0) -> xr.Dataset:
@@ -158,8 +158,35 @@ def _integrated(study: Study, times: Array, values: Array) -> tuple[Array, str]:
 
 def _of_method(study: Study, times: Array, samples: int, seed: int, method: str) -> tuple[Array, Array]:
     """Return inputs (realisation, input) and coordinates (realisation, time, coordinate), as a method has them."""
-    from uqmbd.propagation import Study
     from uqmbd.results import surrogate, surrogate_parts
+
+    node, names = observed_bodies(study, times, method)
+    if "samples" in node.children:
+        data = node["samples"].to_dataset()
+        data = data.isel(sample=np.flatnonzero(data["status"].values == Status.OK)[:samples])
+        drawn = data["inputs"].sel(input=list(study.mechanism.inputs.names)).transpose("sample", "input")
+        return drawn.values, data["response"].sel(output=names).transpose("sample", "time", "output").values
+    if surrogate_parts(node):
+        chaos = surrogate(node)
+        inputs, response = chaos.sample(samples, seed)
+        known = [output.name for output in chaos.labels.outputs]
+        order = [i.name for i in chaos.labels.inputs]
+        columns = [order.index(name) for name in study.mechanism.inputs.names]
+        return inputs[:, columns], response[:, [known.index(name) for name in names], :].transpose(0, 2, 1)
+    raise StudyError(f"study {study.name!r}: {method!r} keeps neither samples nor a chaos; animate without --method.")
+
+
+def observed_bodies(study: Study, times: Array, method: str) -> tuple[xr.DataTree, list[str]]:
+    """Run a method of a study with every coordinate of its bodies as an output, too.
+
+    Returns
+    -------
+    node : xarray.DataTree
+        The method's result.
+    names : list of str
+        Names of the outputs that are coordinates, body by body.
+    """
+    from uqmbd.propagation import Study
 
     propagators = {p.node_name: p for p in study.propagators}
     if method not in propagators:
@@ -177,20 +204,29 @@ def _of_method(study: Study, times: Array, samples: int, seed: int, method: str)
         again = Study(
             study.name, observed, times, [], study.rtol, study.integrator, study.start, (), None, longest, study.breaks
         )
-        node = again.propagate(propagators[method])
-    if "samples" in node.children:
-        data = node["samples"].to_dataset()
-        data = data.isel(sample=np.flatnonzero(data["status"].values == Status.OK)[:samples])
-        drawn = data["inputs"].sel(input=list(observed.inputs.names)).transpose("sample", "input")
-        return drawn.values, data["response"].sel(output=names).transpose("sample", "time", "output").values
-    if surrogate_parts(node):
-        chaos = surrogate(node)
-        inputs, response = chaos.sample(samples, seed)
-        known = [output.name for output in chaos.labels.outputs]
-        order = [i.name for i in chaos.labels.inputs]
-        columns = [order.index(name) for name in observed.inputs.names]
-        return inputs[:, columns], response[:, [known.index(name) for name in names], :].transpose(0, 2, 1)
-    raise StudyError(f"study {study.name!r}: {method!r} keeps neither samples nor a chaos; animate without --method.")
+        return again.propagate(propagators[method]), names
+
+
+def marked_points(mechanism: Mechanism, values: Array, time: float) -> tuple[Array, Array]:
+    """Return what is drawn in the frames of bodies, at inputs (K, d): points (K, N, axes) and radii (K, N), m."""
+    from uqmbd.dynamics import ParameterMap
+    from uqmbd.mechanism import skeleton
+
+    variables = mechanism.inputs.variables
+    marks = skeleton(mechanism, time)
+    local = ParameterMap.of([x for mark in marks for x in mark.local], variables)(values)
+    radii = ParameterMap.of([mark.radius for mark in marks], variables)(values)
+    local = local.reshape(len(values), len(marks), mechanism.space.dimension)
+    return in_the_plane(mechanism, local), radii.reshape(len(values), len(marks))
+
+
+def in_the_plane(mechanism: Mechanism, positions: Array) -> Array:
+    """Return positions (..., axes) of a line as those of a plane: upright where there is gravity, else rightwards."""
+    space = mechanism.space
+    if space.dimension > 1:
+        return positions
+    x = positions[..., :1]
+    return np.concatenate([x, 0 * x] if space.gravity[0].is_zero else [0 * x, x], axis=-1)
 
 
 def _dataset(
@@ -204,7 +240,6 @@ def _dataset(
     """Put poses (realisation, time, coordinate) and what is known of the bodies into one dataset."""
     import xarray as xr
 
-    from uqmbd.dynamics import ParameterMap
     from uqmbd.mechanism import skeleton
     from uqmbd.results.schema import fixed_width
 
@@ -214,12 +249,10 @@ def _dataset(
     if space.turns:
         pose[..., d:] /= np.linalg.norm(pose[..., d:], axis=-1, keepdims=True)
     marks = skeleton(mechanism, float(np.asarray(times)[0]))
-    local = ParameterMap.of([x for mark in marks for x in mark.local], inputs.variables)(values)
+    local, radii = marked_points(mechanism, values, float(np.asarray(times)[0]))
     components = list(mechanism.components.values())
-    local = local.reshape(len(values), len(marks), d)
-    if d == 1:  # drawn in the plane: upright where there is gravity, else from left to right
-        d, coordinates, upright = 2, ["x", "y"], not space.gravity[0].is_zero
-        pose, local = (np.stack([0 * x, x] if upright else [x, 0 * x], axis=-1)[..., 0, :] for x in (pose, local))
+    if d == 1:
+        d, coordinates, pose = 2, ["x", "y"], in_the_plane(mechanism, pose)
     roles = {
         "point_kind": [m.kind for m in marks],
         "point_body": [m.body for m in marks],
@@ -240,7 +273,6 @@ def _dataset(
         "local": (("realisation", "point", "axis"), local, {"units": "m"}),
     }
     if any(mark.radius != 0 for mark in marks):
-        radii = ParameterMap.of([mark.radius for mark in marks], inputs.variables)(values)
         data["point_radius"] = (("realisation", "point"), radii, {"units": "m"})
     data |= {name: ("point", fixed_width(texts)) for name, texts in roles.items()}
     if components:

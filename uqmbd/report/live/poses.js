@@ -1,0 +1,49 @@
+// Poses of a mechanism's bodies from germs, in the data that Python has packed (poses.py).  Nothing here touches the page.
+import { LiveSurrogate } from "./surrogate.js";
+
+/**
+ * Poses of all bodies at all frames.
+ *
+ * bodies: their names; times: of the frames, s; width: numbers of a body's pose, the first `dimension` of which are its
+ * position, the others a unit quaternion, body to world, scalar first (in the plane the cosine and sine of an angle).
+ */
+export class LivePoses {
+  constructor(data) {
+    this.bodies = data.bodies;
+    this.coordinates = new LiveSurrogate(data.coordinates);
+    this.points = data.points && new LiveSurrogate(data.points);
+    this.times = this.coordinates.times;
+    this.size = data.size;
+    // what moves on a line is drawn in the plane
+    this.shift = data.dimension === 1 ? data.upright : 0;
+    this.dimension = Math.max(data.dimension, 2);
+    this.width = Math.max(data.size, 2);
+    this.poses = new Float64Array(this.times.length * this.bodies.length * this.width);
+  }
+
+  /**
+   * Evaluate at germs.
+   *
+   * Returns { poses, points, outside, unverified }: poses (frame, body, width), overwritten by the next call; points
+   * (point, dimension + 1) in the frames of their bodies, with radii, m, or null; the others as LiveSurrogate.evaluate.
+   */
+  evaluate(germs) {
+    const { poses, size, width, dimension } = this;
+    const frames = this.times.length;
+    const count = this.bodies.length;
+    const { values, outside, unverified } = this.coordinates.evaluate(germs);
+    for (let b = 0; b < count; b++)
+      for (let t = 0; t < frames; t++) {
+        const to = (t * count + b) * width;
+        let square = 0;
+        for (let c = 0; c < size; c++) {
+          const value = values[(b * size + c) * frames + t];
+          poses[to + c + this.shift] = value;
+          if (c >= dimension) square += value * value;
+        }
+        for (let c = dimension; c < size; c++) poses[to + c] /= Math.sqrt(square);
+      }
+    const points = this.points && this.points.evaluate(germs).values;
+    return { poses, points, outside, unverified };
+  }
+}
