@@ -220,7 +220,7 @@ class _There(Generic[Piece, Result]):
     def _send(self, index: int, flight: _Flight) -> None:
         """Send a piece, for the first time or once more."""
         function, arguments = self.work(self.pieces[index])
-        future = self.route.send(function, arguments, whole=flight.whole)
+        future = self.route.send(function, arguments, whole=flight.whole, late=flight.futures)
         flight.futures.append(future)
         flight.sent = time.monotonic()
         self.flights.setdefault(index, flight)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import BrokenExecutor, Executor, Future, ThreadPoolExecutor
 from dataclasses import dataclass, field
 from itertools import count
 from typing import Any, Protocol
+from uuid import uuid4
+from weakref import WeakKeyDictionary
 
 from uqmbd.propagation.execution.transport.calls import Answer, answer
 from uqmbd.propagation.execution.transport.identity import Worker, versions
@@ -27,8 +29,14 @@ class Route(Protocol):
     def apart(self) -> bool:
         """Whether one worker may be slow, or stop, while others go on."""
 
-    def send(self, function: Callable[..., Any], arguments: tuple[Any, ...], *, whole: bool) -> Future[Answer]:
-        """Send a call, with packed arguments themselves (`whole`), or with what is usual."""
+    def send(
+        self, function: Callable[..., Any], arguments: tuple[Any, ...], *, whole: bool, late: Sequence[Future[Any]] = ()
+    ) -> Future[Answer]:
+        """Send a call, with packed arguments themselves (`whole`), or with what is usual.
+
+        Where it was sent before, and is `late`, whoever does it may stand still, and so may whoever holds what is
+        packed: it goes to others, and needs nothing of anybody.
+        """
 
     def renew(self) -> None:
         """Forget what workers hold: some may have died with it."""
@@ -45,7 +53,9 @@ class _Direct:
     apart: bool
     names_the_dead: bool = True
 
-    def send(self, function: Callable[..., Any], arguments: tuple[Any, ...], *, whole: bool) -> Future[Answer]:
+    def send(
+        self, function: Callable[..., Any], arguments: tuple[Any, ...], *, whole: bool, late: Sequence[Future[Any]] = ()
+    ) -> Future[Answer]:
         return self.executor.submit(answer, versions(), function, *arguments)
 
     def renew(self) -> None:
@@ -63,7 +73,9 @@ class _Asking:
     names_the_dead: bool = False
     apart: bool = True
 
-    def send(self, function: Callable[..., Any], arguments: tuple[Any, ...], *, whole: bool) -> Future[Answer]:
+    def send(
+        self, function: Callable[..., Any], arguments: tuple[Any, ...], *, whole: bool, late: Sequence[Future[Any]] = ()
+    ) -> Future[Answer]:
         sent = [_shown(x) if isinstance(x, Packed) and not whole else x for x in arguments]
         return self.executor.submit(answer, versions(), function, *sent)
 
@@ -92,16 +104,34 @@ class _Dask:
     held: dict[str, Any] = field(default_factory=dict)
     generation: Any = field(default_factory=count)
     avoided: set[str] = field(default_factory=set)
+    keys: WeakKeyDictionary[Future[Any], str] = field(default_factory=WeakKeyDictionary)
+    """Dask's names of what is under way."""
     names_the_dead: bool = False
     apart: bool = True
 
-    def send(self, function: Callable[..., Any], arguments: tuple[Any, ...], *, whole: bool) -> Future[Answer]:
-        sent = [(self._held(x) if whole else x.ticket) if isinstance(x, Packed) else x for x in arguments]
-        more: Any = {"pure": False}  # the same call once more is another task
-        if self.avoided and (others := sorted(self.client.nthreads().keys() - self.avoided)):
+    def send(
+        self, function: Callable[..., Any], arguments: tuple[Any, ...], *, whole: bool, late: Sequence[Future[Any]] = ()
+    ) -> Future[Answer]:
+        if late:
+            self.renew()
+            sent = list(arguments)
+        else:
+            sent = [(self._held(x) if whole else x.ticket) if isinstance(x, Packed) else x for x in arguments]
+        key = f"uqmbd-{uuid4()}"  # the same call once more is another task
+        more: Any = {"key": key, "pure": False}
+        away = self.avoided | self._doing({self.keys[future] for future in late if future in self.keys})
+        if away and (others := sorted(self.client.nthreads().keys() - away)):
             # should they all leave, it goes to whoever comes
             more |= {"workers": others, "allow_other_workers": True}
-        return self.executor.submit(answer, versions(), function, *sent, **more)
+        future = self.executor.submit(answer, versions(), function, *sent, **more)
+        self.keys[future] = key
+        return future
+
+    def _doing(self, keys: set[str]) -> set[str]:
+        """Return the addresses of the workers that have some tasks."""
+        if not keys:
+            return set()
+        return {where for where, tasks in self.client.processing().items() if not keys.isdisjoint(tasks)}
 
     def renew(self) -> None:
         self.held.clear()
