@@ -89,6 +89,8 @@ from .mechanism import time_of_minimum as time_of_minimum
 from .plugins import Command as Command
 from .plugins import hookimpl as hookimpl
 from .plugins import propagator as propagator
+from .progress import AtMost as AtMost
+from .progress import Progress as Progress
 from .propagation import Bounds as Bounds
 from .propagation import Clock as Clock
 from .propagation import Dense as Dense
@@ -101,7 +103,6 @@ from .propagation import Margins as Margins
 from .propagation import NodeFit as NodeFit
 from .propagation import Phases as Phases
 from .propagation import Problem as Problem
-from .propagation import Progress as Progress
 from .propagation import Propagator as Propagator
 from .propagation import Realisations as Realisations
 from .propagation import Reduced as Reduced

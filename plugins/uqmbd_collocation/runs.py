@@ -186,7 +186,7 @@ class _Once:
         """Begin, the first time only."""
         if not self.begun:
             self.begun = True
-            self.inner.start(label, self.most)
+            self.inner.start(label, uqmbd.AtMost(self.most))
 
     def advance(self, label: str, count: int = 1) -> None:
         """Pass on."""

@@ -160,7 +160,7 @@ def galerkin_elements(
     `how`: basis and quadrature, integrator, linear solver, and number of verification realisations.
     """
     quiet = replace(problem, progress=_Quiet(problem.progress))
-    problem.progress.start(problem.label, limits.computed)
+    problem.progress.start(problem.label, uqmbd.AtMost(limits.computed))
     work = _Elements(quiet, *how)
     refined = uqmbd.refine_elements(space, work.compute, limits, label=problem.label, rtol=problem.rtol)
     problem.progress.finish(problem.label)

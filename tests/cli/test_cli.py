@@ -6,6 +6,7 @@ import dataclasses
 import io
 import json
 import os
+import re
 import subprocess
 import sys
 import textwrap
@@ -209,7 +210,7 @@ def test_mistakes_on_the_command_line(cli, study, words, parts):
 def test_mistakes_in_the_script(cli, study, text, parts):
     status, _, err = cli("run", study(text))
     assert status == 2
-    assert err.startswith("Error: ") and "Traceback" not in err
+    assert "\nError: " in err and "Traceback" not in err
     for part in parts:
         assert part in err
 
@@ -217,7 +218,7 @@ def test_mistakes_in_the_script(cli, study, text, parts):
 def test_missing_script(cli):
     status, _, err = cli("run", "nowhere.py")
     assert status == 2
-    assert err.startswith("Error: There is no file nowhere.py")
+    assert "\nError: There is no file nowhere.py" in err
 
 
 @pytest.mark.parametrize("place", ["before", "after"])
@@ -472,7 +473,41 @@ def test_bar_on_a_terminal():
         shown.start("monte-carlo", 4)
         shown.advance("monte-carlo", 3)
         shown.finish("monte-carlo")
-    assert "monte-carlo" in screen.getvalue() and "4/4" in screen.getvalue()
+    plain = re.sub(r"\x1b\[[0-9;?]*[a-zA-Z]", "", screen.getvalue())
+    assert re.search("monte-carlo +━+ +4 ", plain)
+
+
+def test_without_a_report_none_is_written(cli, study, tmp_path):
+    """The results are there, what would be wrong with a report is not looked at, and it is said how to get one."""
+    status, out, err = cli("run", study(), "--out", "r", "--no-report")
+    assert status == 0 and "writing the report" not in err
+    assert {path.name for path in (tmp_path / "r").iterdir()} == {"results.nc"}
+    assert "for one: uqmbd report r" in out
+
+
+@pytest.mark.parametrize("option", ["--open", "--figures"])
+def test_options_of_the_report_need_it(cli, study, option):
+    status, _, err = cli("run", study(), "--no-report", option)
+    assert status == 2 and option in err and "--no-report" in err
+
+
+@pytest.mark.thorough
+def test_the_report_is_opened_when_it_is_written_and_figures_when_asked_for(cli, study, tmp_path, monkeypatch):
+    opened = []
+
+    def browse(address):
+        opened.append((address, (tmp_path / "r" / "report.html").exists()))
+        return len(opened) < 2
+
+    monkeypatch.setattr("webbrowser.open", browse)
+    status, _, err = cli("run", study(), "--out", "r", "--open")
+    assert status == 0 and opened == [((tmp_path / "r" / "report.html").as_uri(), True)] and "browser" not in err
+    assert not (tmp_path / "r" / "figures").exists()
+    status, _, err = cli("report", "r", "--figures", "--open")
+    assert status == 0 and any((tmp_path / "r" / "figures").glob("*.svg"))
+    assert "no browser could be started" in err and len(opened) == 2
+    status, _, err = cli("report", "r")
+    assert status == 0 and "those of an earlier report; --figures" in err and len(opened) == 2
 
 
 @pytest.mark.parametrize(

@@ -239,7 +239,7 @@ def test_the_terminal_shows_hostile_names(
     """Markup of the terminal's library is text, and an escape sequence of a name does not reach the terminal."""
     tree, path = stored
     show_summary(tree, files={"results": path})
-    monkeypatch.setattr("uqmbd.cli.report.write", lambda tree, path: path)
+    monkeypatch.setattr("uqmbd.cli.report.write", lambda tree, path, **_: path)
     show_comparison([path], out=tmp_path / "both")
     said = capsys.readouterr().out
     assert "\x1b" not in said and "\x07" not in said

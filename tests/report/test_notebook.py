@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 import types
 from html.parser import HTMLParser
@@ -11,7 +12,7 @@ import numpy as np
 import pytest
 
 import uqmbd
-from uqmbd.propagation.execution.progress import Lines, Notebook, Silent, told
+from uqmbd.progress import Lines, Notebook, Silent, told
 from uqmbd.results import PolynomialChaos
 from uqmbd_collocation import Collocation
 from uqmbd_joints import Revolute
@@ -122,10 +123,11 @@ def display(monkeypatch):
 
 def test_a_notebook_shows_progress_by_itself(study, display):
     study.run()
-    assert len(display.shown) >= 2
+    assert len(display.shown) == 1
     first = display.shown[0]
-    assert "monte-carlo" in first[0] and "0 of 20" in first[0]
-    assert "20 of 20" in first[-1] and "value='20' max='20'" in first[-1]
+    assert "monte-carlo" in first[0] and "20" in first[0]
+    last = re.sub("<[^>]*>", "", display.shown[0][-1])
+    assert re.search("monte-carlo +━+ +20 ", last), last
 
 
 def test_a_bar_changes_in_place_and_not_too_often(display):
@@ -138,7 +140,7 @@ def test_a_bar_changes_in_place_and_not_too_often(display):
     bar.finish("a & b")
     bar.advance("stranger")
     (changes,) = display.shown
-    assert 40 <= len(changes) <= 60 and "1000 of 1000, 10" in changes[-1]
+    assert 40 <= len(changes) <= 60 and re.search("━ *1000 +10", re.sub("<[^>]*>", "", changes[-1]))
 
 
 def test_scripts_choose(study, capsys, monkeypatch):

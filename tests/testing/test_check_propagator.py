@@ -11,7 +11,7 @@ import pytest
 import xarray as xr
 
 import uqmbd
-from uqmbd.propagation.execution.progress import Silent as Silently
+from uqmbd.progress import Silent as Silently
 from uqmbd.results import statistics_dataset
 from uqmbd.testing import check_propagator
 from uqmbd_collocation import Collocation

@@ -110,7 +110,7 @@ import uqmbd.cli.run
 import uqmbd.plugins
 
 print(uqmbd.plugins.component("Magnet").__module__, "Revolute" in uqmbd.plugins.components())
-uqmbd.cli.run.write = lambda tree, path: path  # whose figures take their time
+uqmbd.cli.run.write = lambda tree, path, **_: path  # whose figures take their time
 for words in (["check", sys.argv[1]], ["run", sys.argv[1], "--out", sys.argv[2]]):
     try:
         uqmbd.cli.main(words)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import time
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
@@ -12,7 +13,10 @@ import typer
 from uqmbd.cli.commands import Commands
 from uqmbd.cli.failures import explained
 from uqmbd.cli.loading import loading
+from uqmbd.cli.progress import shown_progress
 from uqmbd.clusters import Workers, with_worker_options
+from uqmbd.errors import StudyError
+from uqmbd.version import __version__
 
 __all__ = ["app", "main"]
 
@@ -91,25 +95,40 @@ def run(
             help="Exit with status 3 unless each requirement is violated with probability P at most (95 % confidence).",
         ),
     ] = None,
+    report: Annotated[bool, typer.Option("--report/--no-report", help="Write the report.")] = True,
+    show: Annotated[bool, typer.Option("--open", help="Open the report in the browser.")] = False,
+    figures: Annotated[bool, typer.Option("--figures", help="Write each figure to DIR/figures, too (SVG).")] = False,
     *,
     workers: Workers,
 ) -> None:
     """Run a study; write DIR/results.nc and DIR/report.html."""
-    with loading():
-        from uqmbd.cli.run import run_study
+    begin = time.monotonic()
+    for name, asked in (("--open", show), ("--figures", figures)):
+        if asked and not report:
+            raise StudyError(f"{name} needs the report, which --no-report leaves out; leave one of them out.")
+    # at once: what is imported next takes a while
+    print(f"uqmbd {__version__}: {script}", file=sys.stderr, flush=True)
+    with shown_progress() as progress:
+        progress.stage(f"loading {script.name}")
+        with loading():
+            from uqmbd.cli.run import run_study
 
-    chosen, changed = only or (), set_ or ()
-    run_study(
-        script,
-        only=chosen,
-        settings=changed,
-        out=out,
-        workers=workers,
-        resume=resume,
-        require=require,
-        budget=budget,
-        accuracy=accuracy,
-    )
+        run_study(
+            script,
+            only=only or (),
+            settings=set_ or (),
+            out=out,
+            workers=workers,
+            resume=resume,
+            require=require,
+            budget=budget,
+            accuracy=accuracy,
+            report=report,
+            figures=figures,
+            show=show,
+            begin=begin,
+            progress=progress,
+        )
 
 
 @app.command()
@@ -169,12 +188,14 @@ def plugins(
 @app.command()
 def report(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder that holds a results.nc.")],
+    show: Annotated[bool, typer.Option("--open", help="Open the report in the browser.")] = False,
+    figures: Annotated[bool, typer.Option("--figures", help="Write each figure to DIR/figures, too (SVG).")] = False,
 ) -> None:
     """Write DIR/report.html again from DIR/results.nc."""
     with loading():
         from uqmbd.cli.report import rewrite_report
 
-    rewrite_report(folder)
+    rewrite_report(folder, figures=figures, show=show)
 
 
 @app.command()

@@ -1,73 +1,129 @@
-"""Progress of long work: a bar with the time left on a terminal, a line now and then anywhere else."""
+"""Progress of a command: a table that moves on a terminal, plain lines anywhere else."""
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, TextIO
+from typing import TYPE_CHECKING, Protocol, TextIO
 
-from uqmbd.propagation import Lines, Progress
+from uqmbd.progress import Board, Lines, Progress
 
 if TYPE_CHECKING:
-    from rich.progress import Progress as RichBars
-    from rich.progress import TaskID
+    from rich.console import Console, ConsoleOptions, RenderResult
+    from rich.live import Live
 
-__all__ = ["Bars", "Lines", "Progress", "shown_progress"]
+__all__ = ["Screen", "Staged", "shown_progress"]
+
+PICTURES = 8
+"""Pictures a second."""
+BEAT = 0.2
+"""Seconds between two looks whether a line is due."""
+
+
+class Staged(Progress, Protocol):
+    """Progress of a whole command."""
+
+    def stage(self, text: str) -> None:
+        """Begin work without a number."""
+
+    def close(self) -> None:
+        """Leave the screen to others: all is done."""
 
 
 @contextmanager
-def shown_progress(stream: TextIO | None = None) -> Iterator[Progress]:
+def shown_progress(stream: TextIO | None = None) -> Iterator[Staged]:
     """Show progress on a stream (the standard error stream by default) while the context lasts."""
     target = stream if stream is not None else sys.stderr
     if not target.isatty():
-        yield Lines(target)
+        with _beating(Lines(target)) as lines:
+            yield lines
         return
     from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
-    from rich.progress import Progress as RichBars
+    from rich.live import Live
 
-    columns = (
-        TextColumn("{task.description}", markup=False),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-        TextColumn("left:"),
-        TimeRemainingColumn(),
+    console = Console(file=target)
+    if console.is_dumb_terminal:
+        with _beating(Lines(target)) as lines:
+            yield lines
+        return
+    # what others write appears above the table; a standard output that goes elsewhere stays there
+    live = Live(
+        console=console,
+        refresh_per_second=PICTURES,
+        redirect_stdout=sys.stdout.isatty(),
+        vertical_overflow="crop",
     )
-    with RichBars(*columns, console=Console(file=target)) as bars:
-        yield Bars(bars)
+    screen = Screen(live)
+    live.update(screen)
+    with live:
+        try:
+            yield screen
+        finally:
+            screen.board.stop(screen.clock())
+
+
+@contextmanager
+def _beating(lines: Lines) -> Iterator[Lines]:
+    """Ask every now and then whether there is something to be told of work that tells nothing by itself."""
+    import threading
+
+    over = threading.Event()
+
+    def beat() -> None:
+        while not over.wait(BEAT):
+            lines.beat()
+
+    thread = threading.Thread(target=beat, name="uqmbd-progress", daemon=True)
+    thread.start()
+    try:
+        yield lines
+    finally:
+        over.set()
+        thread.join()
 
 
 @dataclass
-class Bars:
-    """One bar per label, with the time left."""
+class Screen:
+    """The table on a terminal; rich draws it again and again, in a thread of its own."""
 
-    bars: RichBars
-    tasks: dict[str, TaskID] = field(default_factory=dict)
+    live: Live
+    clock: Callable[[], float] = time.monotonic
+    board: Board = field(default_factory=Board)
+
+    def expect(self, totals: Mapping[str, int | None]) -> None:
+        """Show all methods."""
+        self.board.settle(self.clock())
+        self.board.expect(totals)
+
+    def stage(self, text: str) -> None:
+        """Show what begins."""
+        self.board.stage(text, self.clock())
 
     def start(self, label: str, total: int) -> None:
-        """Add a bar; one that has not ended grows."""
-        if label in self.tasks:
-            known = next(task for task in self.bars.tasks if task.id == self.tasks[label])
-            if known.stop_time is None:
-                self.bars.update(known.id, total=(known.total or 0) + total)
-            else:
-                self.bars.reset(known.id, total=total)
-        else:
-            self.tasks[label] = self.bars.add_task(label, total=total)
+        """Show a bar; one that has not ended grows."""
+        self.board.settle(self.clock())
+        self.board.begun(label, total, self.clock())
 
     def advance(self, label: str, count: int = 1) -> None:
-        """Move the bar; one that nobody started does not matter enough to stop the work."""
-        if label in self.tasks:
-            self.bars.advance(self.tasks[label], count)
+        """Move the bar."""
+        self.board.moved(label, count)
 
     def finish(self, label: str) -> None:
         """Fill the bar and stop its clock."""
-        task = self.tasks.get(label)
-        if task is None:
-            return
-        total = next((known.total for known in self.bars.tasks if known.id == task), None)
-        self.bars.update(task, completed=total)
-        self.bars.stop_task(task)
+        self.board.ended(label, "done", self.clock())
+
+    def fail(self, label: str) -> None:
+        """Say that it has failed."""
+        self.board.ended(label, "failed", self.clock())
+
+    def close(self) -> None:
+        """Leave the table as it is."""
+        self.board.settle(self.clock())
+        self.live.stop()
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
+        """Draw it."""
+        yield self.board.table(self.clock(), options.max_width)

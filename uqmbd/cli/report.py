@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -10,7 +11,7 @@ from uqmbd.errors import StudyError
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["FIGURES", "MOTION", "keep_motion", "rewrite_report", "write"]
+__all__ = ["FIGURES", "MOTION", "keep_motion", "open_report", "rewrite_report", "write"]
 
 FIGURES = "figures"
 """Folder of the report's figures as files, beside the report."""
@@ -20,8 +21,18 @@ MOTION = "motion.nc"
 """Poses of the mechanism, from which the report draws its motion."""
 
 
-def rewrite_report(folder: Path) -> None:
-    """Write ``report.html`` into a folder from the ``results.nc`` in it."""
+def rewrite_report(folder: Path, *, figures: bool = False, show: bool = False) -> None:
+    """Write ``report.html`` into a folder from the ``results.nc`` in it.
+
+    Parameters
+    ----------
+    folder : Path
+        That of a run.
+    figures : bool
+        Whether its figures are written as files, too.
+    show : bool
+        Whether it is opened in the browser.
+    """
     from uqmbd.results import load
 
     # Someone who names the file itself means its folder.
@@ -31,7 +42,10 @@ def rewrite_report(folder: Path) -> None:
     tree = load(source)
     if (motion := source.parent / MOTION).exists():
         tree["motion"] = load(motion)
-    print(f"report   {write(tree, source.parent / 'report.html')}")
+    path = write(tree, source.parent / "report.html", figures=figures)
+    print(f"report   {path}")
+    if show:
+        open_report(path)
 
 
 def keep_motion(tree: xr.DataTree, folder: Path) -> None:
@@ -47,8 +61,28 @@ def keep_motion(tree: xr.DataTree, folder: Path) -> None:
         path.unlink(missing_ok=True)
 
 
-def write(tree: xr.DataTree, path: Path) -> Path:
-    """Write a report with the sections that plugins add, its figures as files beside it, and return its path."""
+def write(tree: xr.DataTree, path: Path, *, figures: bool = False) -> Path:
+    """Write a report with the sections that plugins add, and return its path; `figures`: as files beside it, too."""
     from uqmbd.report import installed_sections, write_report
 
-    return write_report(tree, path, sections=installed_sections(), folder=path.parent / FIGURES)
+    folder = path.parent / FIGURES
+    if not figures and folder.exists():
+        print(
+            f"Note: the figures in {folder} are those of an earlier report; --figures writes them again.",
+            file=sys.stderr,
+            flush=True,
+        )
+    return write_report(tree, path, sections=installed_sections(), folder=folder if figures else None)
+
+
+def open_report(path: Path) -> None:
+    """Open a report in the browser; where there is none, say so."""
+    import webbrowser
+
+    address = path.resolve().as_uri()
+    try:
+        opened = webbrowser.open(address)
+    except webbrowser.Error:
+        opened = False
+    if not opened:
+        print(f"Note: no browser could be started; open {address}", file=sys.stderr, flush=True)

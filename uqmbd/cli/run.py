@@ -5,16 +5,17 @@ from __future__ import annotations
 import sys
 import time
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from uqmbd.cli.budget import check_sizes, choices, missed
 from uqmbd.cli.failures import FAILED, UNMET
 from uqmbd.cli.loading import loading
-from uqmbd.cli.progress import shown_progress
-from uqmbd.cli.report import keep_motion, write
+from uqmbd.cli.progress import Staged, shown_progress
+from uqmbd.cli.report import keep_motion, open_report, write
 from uqmbd.cli.settings import apply_settings, check_labels
 from uqmbd.cli.tables import show_summary
 from uqmbd.clusters import Workers
@@ -43,6 +44,11 @@ def run_study(
     require: float | None = None,
     budget: str | None = None,
     accuracy: str | None = None,
+    report: bool = True,
+    figures: bool = False,
+    show: bool = False,
+    begin: float | None = None,
+    progress: Staged | None = None,
 ) -> None:
     """Run a study script and write ``results.nc`` and ``report.html`` into a folder.
 
@@ -66,12 +72,61 @@ def run_study(
     budget, accuracy : str, optional
         As of `Study.run`.  Where all methods succeeded, and one of them does not reach the accuracy, the exit status is
         3.
+    report : bool
+        Whether the report is written.
+    figures : bool
+        Whether its figures are written as files, too.
+    show : bool
+        Whether it is opened in the browser.
+    begin : float, optional
+        When the command began, as of `time.monotonic`.
+    progress : Staged, optional
+        What shows progress already, and the first stage in it.
     """
+    begin = time.monotonic() if begin is None else begin
     chosen = choices(budget, accuracy)
-    begin = time.monotonic()
+    with nullcontext(progress) if progress is not None else shown_progress() as shown:
+        delivered = _run(
+            script, only, settings, out, workers, shown, resume=resume, require=require, report=report,
+            figures=figures, chosen=chosen,
+        )  # fmt: skip
+        shown.close()
+    # when nothing moves any more
+    complete, tree, target = delivered()
+    if show and target is not None:
+        open_report(target)
+    print(f"Done in {format_duration(time.monotonic() - begin, rough=True)}.")
+    if not complete:
+        raise SystemExit(FAILED)
+    from uqmbd.results import propagator_nodes, unmet
+
+    said = [] if require is None else unmet(propagator_nodes(tree), require)
+    said += missed(tree)
+    for sentence in said:
+        print(f"{sentence[:1].upper()}{sentence[1:]}.", file=sys.stderr, flush=True)
+    if said:
+        raise SystemExit(UNMET)
+
+
+def _run(
+    script: Path,
+    only: Sequence[str],
+    settings: Sequence[str],
+    out: Path,
+    workers: Workers | None,
+    progress: Staged,
+    *,
+    resume: bool,
+    require: float | None,
+    report: bool,
+    figures: bool,
+    chosen: dict[str, Any],
+) -> Callable[[], tuple[bool, xr.DataTree, Path | None]]:
+    """Run a study and write what came out; return what says it."""
     with loading():
-        # before the work, not after it: whatever is wrong with the report should cost no hours
-        import uqmbd.report  # noqa: F401 - an import that fails is to fail here
+        if report:
+            # before the work, not after it: whatever is wrong with the report should cost no hours
+            import uqmbd.report  # noqa: F401 - an import that fails is to fail here
 
         study = load_study(script)
     check_labels(only, study.propagators)
@@ -92,71 +147,78 @@ def run_study(
             previous = set_aside(out)
             if previous:
                 print(f"Note: the results that were in {out} are in {previous} now.", file=sys.stderr, flush=True)
-            tree = _computed(study, executor, only, out, script, resume=resume, **chosen)
-        complete = _delivered(tree, study, out, script)
-    print(f"Done in {format_duration(time.monotonic() - begin, rough=True)}.")
-    if not complete:
-        raise SystemExit(FAILED)
-    from uqmbd.results import propagator_nodes, unmet
-
-    said = [] if require is None else unmet(propagator_nodes(tree), require)
-    said += missed(tree)
-    for sentence in said:
-        print(f"{sentence[:1].upper()}{sentence[1:]}.", file=sys.stderr, flush=True)
-    if said:
-        raise SystemExit(UNMET)
+            tree = _computed(study, executor, only, out, script, progress, resume=resume, **chosen)
+        return _delivered(tree, study, out, script, progress, report=report, figures=figures)
 
 
 def _computed(
-    study: Study, executor: int | Executor, only: Sequence[str], out: Path, script: Path, *, resume: bool, **chosen: Any
+    study: Study,
+    executor: int | Executor,
+    only: Sequence[str],
+    out: Path,
+    script: Path,
+    progress: Staged,
+    *,
+    resume: bool,
+    **chosen: Any,
 ) -> xr.DataTree:
     """Run a study; where that ends before its time, say how to go on."""
     from uqmbd.results import save
 
-    with shown_progress() as progress:
-        try:
-            with warnings.catch_warnings():
-                # they are told at the end
-                warnings.simplefilter("ignore", MethodFailedWarning)
-                # curves of error against cost may take long: what is found before them is stored before them
-                grows = getattr(study, "convergence", None) is not None and not only
-                before: dict[str, Any] = {"finished": lambda tree: save(tree, out / "results.nc")} if grows else {}
-                return study.run(
-                    executor, only=list(only) or None, progress=progress, folder=out, resume=resume, **before, **chosen
-                )
-        except KeyboardInterrupt:
+    try:
+        with warnings.catch_warnings():
+            # they are told at the end
+            warnings.simplefilter("ignore", MethodFailedWarning)
+            # curves of error against cost may take long: what is found before them is stored before them
+            grows = getattr(study, "convergence", None) is not None and not only
+            before: dict[str, Any] = {"finished": lambda tree: save(tree, out / "results.nc")} if grows else {}
+            return study.run(
+                executor, only=list(only) or None, progress=progress, folder=out, resume=resume, **before, **chosen
+            )
+    except KeyboardInterrupt:
+        print(_how_to_go_on(script, out), file=sys.stderr, flush=True)
+        raise
+    except UqmbdError:
+        if any((out / FOLDER).glob("*")):
             print(_how_to_go_on(script, out), file=sys.stderr, flush=True)
-            raise
-        except UqmbdError:
-            if any((out / FOLDER).glob("*")):
-                print(_how_to_go_on(script, out), file=sys.stderr, flush=True)
-            raise
+        raise
 
 
-def _delivered(tree: xr.DataTree, study: Study, out: Path, script: Path) -> bool:
-    """Write results and report, and sum them up; return whether nothing is missing."""
+def _delivered(
+    tree: xr.DataTree, study: Study, out: Path, script: Path, progress: Staged, *, report: bool, figures: bool
+) -> Callable[[], tuple[bool, xr.DataTree, Path | None]]:
+    """Write results and report; return what sums them up, and tells whether nothing is missing."""
     from uqmbd.results import failed_methods, save
 
     # before anything else that may go wrong: a result holds its methods and their comparison
+    progress.stage("writing the results")
     files = {"results": save(tree, out / "results.nc")}
-    print("writing the report ...", file=sys.stderr, flush=True)
-    problem = _report(tree, study, out, files)
-    show_summary(tree, files=files, title=f"{study.name}: ")
-    failed = failed_methods(tree)
-    for label, reason in failed.items():
-        print(f"Error: there are no results of {label}: {reason}", file=sys.stderr, flush=True)
-    if failed and any((out / FOLDER).glob("*")):
-        print(_how_to_go_on(script, out), file=sys.stderr, flush=True)
-    if problem:
-        print(
-            f"Error: {problem}\nThe results are there; to write the report of them again: uqmbd report {out}",
-            file=sys.stderr,
-            flush=True,
-        )
-    return not (failed or problem)
+    problem = ""
+    if report:
+        progress.stage("writing the report")
+        problem = _report(tree, study, out, files, figures=figures)
+
+    def summed_up() -> tuple[bool, xr.DataTree, Path | None]:
+        show_summary(tree, files=files, title=f"{study.name}: ")
+        failed = failed_methods(tree)
+        for label, reason in failed.items():
+            print(f"Error: there are no results of {label}: {reason}", file=sys.stderr, flush=True)
+        if failed and any((out / FOLDER).glob("*")):
+            print(_how_to_go_on(script, out), file=sys.stderr, flush=True)
+        if problem:
+            print(
+                f"Error: {problem}\nThe results are there; to write the report of them again: uqmbd report {out}",
+                file=sys.stderr,
+                flush=True,
+            )
+        if not report:
+            print(f"report   not written; for one: uqmbd report {out}")
+        return not (failed or problem), tree, files.get("report")
+
+    return summed_up
 
 
-def _report(tree: xr.DataTree, study: Study, out: Path, files: dict[str, Path]) -> str:
+def _report(tree: xr.DataTree, study: Study, out: Path, files: dict[str, Path], *, figures: bool) -> str:
     """Write poses and report of saved results; return why the report could not be written, or nothing."""
     from uqmbd.report import with_motion
 
@@ -169,7 +231,7 @@ def _report(tree: xr.DataTree, study: Study, out: Path, files: dict[str, Path]) 
     if work.failed:
         print(f"Note: the report shows no animation of the mechanism: {work.reason}", file=sys.stderr, flush=True)
     with Isolated(Exception, SystemExit) as work:
-        files["report"] = write(tree, out / "report.html")
+        files["report"] = write(tree, out / "report.html", figures=figures)
     return f"the report cannot be written: {work.reason}" if work.failed else ""
 
 

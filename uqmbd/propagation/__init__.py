@@ -31,9 +31,7 @@ from uqmbd.propagation.equilibrium import eigenfrequencies, static_equilibrium
 from uqmbd.propagation.estimate import Estimate, Sizing, readable
 from uqmbd.propagation.execution import (
     History,
-    Lines,
     Margins,
-    Progress,
     Realisations,
     claimed,
     pool,
@@ -57,11 +55,9 @@ __all__ = [
     "ElementRefinement",
     "Estimate",
     "History",
-    "Lines",
     "Margins",
     "Phases",
     "Problem",
-    "Progress",
     "Propagator",
     "Realisations",
     "Sizing",

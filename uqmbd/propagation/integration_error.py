@@ -17,7 +17,8 @@ import xarray as xr
 from uqmbd.dynamics import built_in_names
 from uqmbd.errors import RedundantConstraintWarning
 from uqmbd.isolation import reason_of
-from uqmbd.propagation.execution import AGAIN, Observed, Silent, integrated_by
+from uqmbd.progress import Silent
+from uqmbd.propagation.execution import AGAIN, Observed, integrated_by
 from uqmbd.propagation.problem import Problem
 from uqmbd.status import Status
 from uqmbd.typing import Array

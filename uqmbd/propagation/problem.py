@@ -18,6 +18,7 @@ import numpy as np
 from uqmbd.dynamics import Capability, Ensemble, Model, built_in_names, declares, integrator_class, require
 from uqmbd.errors import StudyError
 from uqmbd.mechanism import Requirement
+from uqmbd.progress import Progress, Silent
 from uqmbd.propagation.annotations import Method
 from uqmbd.propagation.execution import (
     Arrays,
@@ -30,9 +31,7 @@ from uqmbd.propagation.execution import (
     Margins,
     Observed,
     Packed,
-    Progress,
     Realisations,
-    Silent,
     chunk_size,
     compute_chunk,
     event_histories,

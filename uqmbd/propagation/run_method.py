@@ -17,7 +17,8 @@ import numpy as np
 import xarray as xr
 
 from uqmbd.errors import IntegrationError, StudyError, StudyWarning, UnusedInputWarning
-from uqmbd.propagation.execution import Kind, Observed, UntilTheEnd, integrated_by, machine_attribute
+from uqmbd.progress import UntilTheEnd
+from uqmbd.propagation.execution import Kind, Observed, integrated_by, machine_attribute
 from uqmbd.propagation.integration_error import with_integration_error
 from uqmbd.propagation.problem import Problem
 from uqmbd.propagation.propagator import Propagator

@@ -11,8 +11,10 @@ from typing import TYPE_CHECKING, Any
 
 from uqmbd.errors import MethodFailedWarning, StudyError, UqmbdError
 from uqmbd.isolation import Isolated, reason_of, release
+from uqmbd.progress import AtMost, Progress, expected, failed, told
 from uqmbd.propagation.budget import Terms, Within
-from uqmbd.propagation.execution import Crew, Progress
+from uqmbd.propagation.estimate import Estimate
+from uqmbd.propagation.execution import Crew
 from uqmbd.propagation.obstacle import obstacle_of
 from uqmbd.propagation.propagator import Propagator
 from uqmbd.propagation.run_method import run_method
@@ -85,21 +87,27 @@ def run_methods(
 
     With `terms` at the sizes that a budget and an accuracy choose: as they are at those sizes they give the same bits.
     """
+    shown = told(progress)
     if terms is not None:
-        return _run_within(study, propagators, Within(study, terms, crew, progress, folder, resume))
+        expected(shown, dict.fromkeys(p.node_name for p in propagators))
+        return _run_within(study, propagators, Within(study, terms, crew, shown, folder, resume))
     errors: dict[str, BaseException] = {}
     for propagator in propagators:
         if (error := _obstacle(propagator, study)) is not None:
             errors[propagator.node_name] = error
+    expected(shown, {p.node_name: None if p.node_name in errors else _count(p, study) for p in propagators})
+    for label in errors:
+        failed(shown, label)
     nodes = []
     for propagator in propagators:
         if propagator.node_name in errors:
             continue
         with Isolated(*METHOD) as work, crew.at_work() as executor:
-            nodes.append(run_method(propagator, study.problem(propagator, executor, progress, folder)))
+            nodes.append(run_method(propagator, study.problem(propagator, executor, shown, folder)))
         if work.error is not None:
             release(work.error)
             errors[propagator.node_name] = work.error
+            failed(shown, propagator.node_name)
     order = [p.node_name for p in propagators if p.node_name in errors]
     return Outcome(tuple(nodes), {label: errors[label] for label in order})
 
@@ -111,10 +119,22 @@ def _run_within(study: Studied, propagators: Sequence[Propagator], within: Withi
             within.errors[propagator.node_name] = error
     within.run([p for p in propagators if p.node_name not in within.errors])
     within.tell_warnings(stacklevel=3)
+    for label in within.errors:
+        failed(told(within.progress), label)
     order = [p.node_name for p in propagators]
     nodes = tuple(within.nodes[label] for label in order if label in within.nodes)
     errors = {label: within.errors[label] for label in order if label in within.errors}
     return Outcome(nodes, errors, within.attribute())
+
+
+def _count(propagator: Propagator, study: Studied) -> int | None:
+    """Return how many realisations a method takes, or at most; None where it does not tell."""
+    found: Any = None
+    with Isolated(*METHOD):
+        found = propagator.estimate(study)
+    if not isinstance(found, Estimate):
+        return None
+    return AtMost(found.realisations) if found.at_most else int(found.realisations)
 
 
 def _obstacle(propagator: Propagator, study: Studied) -> BaseException | None:

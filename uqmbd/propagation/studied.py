@@ -9,7 +9,7 @@ from typing import Any, Protocol, Self
 
 from uqmbd.dynamics import Model
 from uqmbd.mechanism import Mechanism
-from uqmbd.propagation.execution import Progress
+from uqmbd.progress import Progress
 from uqmbd.propagation.problem import Problem
 from uqmbd.propagation.propagator import Propagator
 from uqmbd.typing import Array

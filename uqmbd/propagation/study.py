@@ -17,9 +17,10 @@ from numpy.typing import ArrayLike
 from uqmbd.display import html_of
 from uqmbd.errors import StudyError
 from uqmbd.names import check_name, checked
+from uqmbd.progress import Progress, told
 from uqmbd.propagation.budget import Terms
 from uqmbd.propagation.convergence import check_convergence_of, with_convergence
-from uqmbd.propagation.execution import Crew, Progress, pool, told
+from uqmbd.propagation.execution import Crew, pool
 from uqmbd.propagation.existence import existence_of
 from uqmbd.propagation.observed_model import (
     notices_attribute,
@@ -296,8 +297,7 @@ class Study:
         only : sequence of str, optional
             Labels of the propagators to run; all by default.
         progress : Progress or bool, optional
-            Whom to tell; True: lines on the standard error stream, in a notebook bars; False: nobody.  By default
-            only notebooks show something.
+            Whom to tell; True: lines on standard error, in a notebook bars; False: nobody; None: notebooks only.
         folder : Path, optional
             Where to keep finished chunks: in ``unfinished`` while it runs, then in ``unsaved`` until
             `uqmbd.results.save` has stored the results in this folder.  One run at a time.

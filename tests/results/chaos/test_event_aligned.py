@@ -247,7 +247,7 @@ def test_a_comparison_of_files_keeps_what_the_files_hold(tmp_path, capsys, monke
     for name, (times, order) in runs.items():
         node = ball(times=times).propagate(Collocation(order=order, alignment="events"))
         save(study_tree([node], study="ball", mechanism="ball"), tmp_path / name / "results.nc")
-    monkeypatch.setattr("uqmbd.cli.report.write", lambda tree, path: path)  # whose figures take their time
+    monkeypatch.setattr("uqmbd.cli.report.write", lambda tree, path, **_: path)  # whose figures take their time
     show_comparison([tmp_path / name for name in runs], out=tmp_path / "both")
     assert "second" in capsys.readouterr().out
     both = load(tmp_path / "both" / "comparison.nc")

@@ -273,7 +273,7 @@ def test_files_of_different_runs(
     for name, group, more in (("one", nodes.values(), {"rtol": 1e-6}), ("two", [part], {"rtol": 1e-8})):
         tree = results.study_tree(group, study="s", mechanism="m", attrs=more)
         paths.append(results.save(tree, tmp_path / name / "results.nc").parent)
-    monkeypatch.setattr("uqmbd.cli.report.write", lambda tree, path: path)  # whose figures take their time
+    monkeypatch.setattr("uqmbd.cli.report.write", lambda tree, path, **_: path)  # whose figures take their time
     show_comparison(paths, out=tmp_path / "both")
     said = capsys.readouterr().out
     assert "Only 26 times are common to all: of 101 of A mc, 101 of A surrogate, 26 of B other" in said

@@ -15,10 +15,11 @@ from typing import TYPE_CHECKING, Any
 from uqmbd.errors import StudyError, StudyWarning
 from uqmbd.files import replacing
 from uqmbd.isolation import Isolated, release
+from uqmbd.progress import Progress
 from uqmbd.propagation.budget.amounts import Amount, accuracy_of, budget_of
 from uqmbd.propagation.budget.sized import Left, Sized, Stage
 from uqmbd.propagation.budget.timing import first_problem
-from uqmbd.propagation.execution import FOLDER, LIMIT, BudgetSpent, Crew, Ledger, Progress
+from uqmbd.propagation.execution import FOLDER, LIMIT, BudgetSpent, Crew, Ledger
 from uqmbd.propagation.obstacle import obstacle_of
 from uqmbd.propagation.propagator import Propagator
 from uqmbd.propagation.run_method import run_method

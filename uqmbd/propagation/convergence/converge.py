@@ -14,8 +14,9 @@ import numpy as np
 
 from uqmbd.errors import StudyError
 from uqmbd.isolation import Isolated, release
+from uqmbd.progress import Progress
 from uqmbd.propagation.convergence.reference import reference_node
-from uqmbd.propagation.execution import Crew, Progress
+from uqmbd.propagation.execution import Crew
 from uqmbd.propagation.propagator import Propagator
 from uqmbd.propagation.run_method import run_method
 from uqmbd.propagation.studied import Studied

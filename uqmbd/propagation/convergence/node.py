@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 from uqmbd.errors import StudyError
 from uqmbd.isolation import Isolated
+from uqmbd.progress import Progress
 from uqmbd.propagation.convergence.converge import check_convergence, converge
-from uqmbd.propagation.execution import FOLDER, Crew, Progress
+from uqmbd.propagation.execution import FOLDER, Crew
 from uqmbd.propagation.studied import Studied
 
 if TYPE_CHECKING:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from uqmbd.errors import StudyError
-from uqmbd.propagation.execution import Progress
+from uqmbd.progress import Progress
 from uqmbd.propagation.propagator import Propagator
 from uqmbd.propagation.run_method import run_method
 from uqmbd.propagation.studied import Studied

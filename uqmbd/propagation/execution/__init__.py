@@ -20,7 +20,6 @@ from uqmbd.propagation.execution.in_order import in_order
 from uqmbd.propagation.execution.ledger import LIMIT, BudgetSpent, Ledger
 from uqmbd.propagation.execution.margins import Margins
 from uqmbd.propagation.execution.observed import AGAIN, Observed, evenly, late_outputs
-from uqmbd.propagation.execution.progress import Lines, Progress, Silent, UntilTheEnd, told
 from uqmbd.propagation.execution.realisations import Realisations
 from uqmbd.propagation.execution.run_folder import claimed, set_aside
 from uqmbd.propagation.execution.tasks import Arrays, run_tasks
@@ -40,14 +39,10 @@ __all__ = [
     "Kind",
     "LIMIT",
     "Ledger",
-    "Lines",
     "Margins",
     "Observed",
     "Packed",
-    "Progress",
     "Realisations",
-    "Silent",
-    "UntilTheEnd",
     "Staff",
     "chunk_size",
     "claimed",
@@ -68,5 +63,4 @@ __all__ = [
     "set_aside",
     "solver_counters",
     "threads_of",
-    "told",
 ]

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from uqmbd.dynamics import Model
+from uqmbd.progress import Progress
 from uqmbd.propagation.execution import (
     Checkpoint,
     Chunk,
@@ -21,7 +22,6 @@ from uqmbd.propagation.execution import (
     Ledger,
     Observed,
     Packed,
-    Progress,
     executor_for,
     in_order,
     lost_chunk,

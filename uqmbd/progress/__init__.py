@@ -1,0 +1,24 @@
+"""What long work tells of its progress, and how it is shown: lines, bars on a terminal and in notebooks."""
+
+from __future__ import annotations
+
+from uqmbd.progress.board import Board
+from uqmbd.progress.interface import AtMost, Progress, Silent, UntilTheEnd, expected, failed, staged
+from uqmbd.progress.lines import Lines
+from uqmbd.progress.notebook import Notebook, in_notebook
+from uqmbd.progress.told import told
+
+__all__ = [
+    "AtMost",
+    "Board",
+    "Lines",
+    "Notebook",
+    "Progress",
+    "Silent",
+    "UntilTheEnd",
+    "expected",
+    "failed",
+    "in_notebook",
+    "staged",
+    "told",
+]

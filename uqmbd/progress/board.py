@@ -1,0 +1,227 @@
+"""What is known of all work that has been told of, and the table in which terminals and notebooks show it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Literal
+
+from uqmbd.progress.interface import AtMost
+from uqmbd.wording import format_duration
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+__all__ = ["Board", "State", "Work"]
+
+State = Literal["waiting", "running", "done", "failed", "stopped"]
+
+NARROW = 72
+"""Columns of a terminal below which there is no room for bars."""
+NAME, SHORT = 26, 17
+"""Characters of a label, and of one in few columns; of longer ones the middle goes."""
+_STYLES = {"waiting": "dim", "running": "", "done": "green", "failed": "bold red", "stopped": "yellow"}
+
+
+@dataclass
+class Work:
+    """One piece of work.
+
+    Attributes
+    ----------
+    total : int or None
+        How many steps it has; None: it is not known.
+    at_most : bool
+        Whether it may end before.
+    done : int
+        How many are done.
+    state : str
+    begin, end : float
+        Times, s.
+    """
+
+    total: int | None = None
+    at_most: bool = False
+    done: int = 0
+    state: State = "waiting"
+    begin: float = 0.0
+    end: float = 0.0
+
+    @property
+    def share(self) -> float:
+        """Part that is done, from 0 to 1."""
+        if self.state == "done":
+            return 1.0
+        return min(self.done / self.total, 1.0) if self.total else 0.0
+
+    def count(self, *, realisations: bool = False) -> str:
+        """How many are done of how many; with `realisations`, how many there are."""
+        if self.total is None:
+            return f"{self.done}" if self.done else ""
+        if realisations:
+            return f"{'at most ' if self.at_most else ''}{self.total} realisation{'s' * (self.total != 1)}"
+        if self.state == "done":
+            return f"{self.done if self.at_most else max(self.done, self.total)}"
+        if self.state == "waiting":
+            return f"{'at most ' if self.at_most else ''}{self.total}"
+        return f"{self.done} of {'at most ' if self.at_most else ''}{self.total}"
+
+    def left(self, now: float) -> float | None:
+        """Seconds that are left if it goes on as before; None where that is not known."""
+        if self.state != "running" or self.at_most or not self.total or not self.done:
+            return None
+        return (now - self.begin) / self.done * max(self.total - self.done, 0)
+
+    def clock(self, now: float) -> str:
+        """Say what its time is."""
+        if self.state == "waiting":
+            return "waiting"
+        if self.state == "failed" and self.end == self.begin:
+            return "failed"
+        spent = format_duration((now if self.state == "running" else self.end) - self.begin, rough=True)
+        if self.state != "running":
+            return spent if self.state == "done" else f"{self.state}, {spent}"
+        left = self.left(now)
+        return spent if left is None else f"{spent}, {format_duration(left, rough=True)} left"
+
+
+@dataclass
+class Board:
+    """All work in the order in which it was told of.
+
+    Attributes
+    ----------
+    works : dict of str to Work
+        By label.
+    stages : set of str
+        Labels of work without a number.
+    expected : list of str
+        Labels of the methods that were announced.
+    begin : float
+        When the first of them began.
+
+    Examples
+    --------
+    >>> board = Board()
+    >>> board.expect({"monte-carlo": 500, "adaptive": AtMost(5000)})
+    >>> board.begun("monte-carlo", 500, 0.0).count(), board.whole().count()
+    ('0 of 500', '0 of at most 5500')
+    >>> board.moved("monte-carlo", 500)
+    >>> board.ended("monte-carlo", "done", 4.0)
+    >>> _ = board.begun("adaptive", AtMost(5000), 4.0)
+    >>> board.moved("adaptive", 1531)
+    >>> board.ended("adaptive", "done", 9.0)
+    >>> board.whole().count(), board.whole().share
+    ('2031', 1.0)
+    """
+
+    works: dict[str, Work] = field(default_factory=dict)
+    stages: set[str] = field(default_factory=set)
+    expected: list[str] = field(default_factory=list)
+
+    def expect(self, totals: Mapping[str, int | None]) -> None:
+        """Announce methods."""
+        self.expected = list(totals)
+        for label, total in totals.items():
+            self.works[label] = Work(total, isinstance(total, AtMost))
+
+    def stage(self, label: str, now: float) -> None:
+        """Begin work without a number; what came before it is done."""
+        self.settle(now)
+        self.stages.add(label)
+        self.works[label] = Work(state="running", begin=now)
+
+    def settle(self, now: float) -> None:
+        """End what has no number."""
+        for label in tuple(self.stages):
+            self.ended(label, "done", now)
+
+    def begun(self, label: str, total: int, now: float) -> Work:
+        """Begin work: that which goes on grows, that which has ended starts again."""
+        work = self.works.get(label)
+        if work is not None and work.state == "running":
+            work.total = (work.total or 0) + total
+            work.at_most = work.at_most or isinstance(total, AtMost)
+        else:
+            work = self.works[label] = Work(int(total), isinstance(total, AtMost), state="running", begin=now)
+        return work
+
+    def moved(self, label: str, count: int) -> None:
+        """Count steps; those of nobody do not matter enough to stop the work."""
+        if label in self.works:
+            self.works[label].done += count
+
+    def ended(self, label: str, state: State, now: float) -> None:
+        """End work."""
+        work = self.works.get(label)
+        if work is not None and (work.state == "running" or (work.state == "waiting" and state == "failed")):
+            work.begin = now if work.state == "waiting" else work.begin
+            work.state, work.end = state, now
+
+    def stop(self, now: float) -> None:
+        """End all that runs before its time."""
+        for label in tuple(self.works):
+            self.ended(label, "stopped", now)
+
+    def whole(self) -> Work:
+        """All methods that were announced, as one piece of work."""
+        parts = [self.works[label] for label in self.expected]
+        ended = [part.state in ("done", "failed") for part in parts]
+        begun = [part.begin for part in parts if part.state != "waiting"]
+        if self.counts_methods:
+            found = Work(len(parts), done=sum(ended))
+        else:
+            # of what has ended, what there was
+            early = [part.state == "failed" or (part.state == "done" and part.at_most) for part in parts]
+            totals = [part.done if end else part.total or 0 for part, end in zip(parts, early, strict=True)]
+            steps = [total if end else part.done for total, part, end in zip(totals, parts, ended, strict=True)]
+            at_most = any(part.at_most and not end for part, end in zip(parts, ended, strict=True))
+            found = Work(sum(totals), at_most, done=sum(steps))
+        found.begin, found.end = min(begun, default=0.0), max((p.end for p in parts), default=0.0)
+        over: State = "failed" if any(part.state == "failed" for part in parts) else "done"
+        found.state = over if all(ended) else "running" if begun else "waiting"
+        if any(part.state == "stopped" for part in parts):
+            found.state = "stopped"
+        return found
+
+    @property
+    def counts_methods(self) -> bool:
+        """Whether all of them are counted in methods: how many realisations there will be is not known."""
+        return any(self.works[one].total is None and self.works[one].state != "failed" for one in self.expected)
+
+    def table(self, now: float, width: int) -> Table:
+        """Return a table of rich of all work, for as many columns."""
+        from rich.table import Table
+
+        made = Table.grid(padding=(0, 2, 0, 0))
+        made.add_column(no_wrap=True, overflow="ellipsis")
+        if width >= NARROW:
+            made.add_column(width=min(30, width - NAME - 42))
+        made.add_column(no_wrap=True, justify="right", overflow="ellipsis")
+        made.add_column(no_wrap=True, overflow="ellipsis")
+        last = self.expected[-1] if len(self.expected) > 1 else None
+        # a copy: a thread draws while another adds
+        for label, work in list(self.works.items()):
+            self._add(made, label, work, now, width)
+            if label == last:
+                self._add(made, "methods" if self.counts_methods else "all methods", self.whole(), now, width)
+        return made
+
+    def _add(self, table: Table, label: str, work: Work, now: float, width: int) -> None:
+        from rich.progress_bar import ProgressBar
+        from rich.text import Text
+
+        style = _STYLES[work.state]
+        bar: object = Text("")
+        if label not in self.stages:
+            known = work.total or (1 if work.state == "done" else None)
+            going = work.state == "running" and not known
+            bar = ProgressBar(total=1.0, completed=work.share, pulse=going, animation_time=now)
+        cells = [Text(_cut(label, NAME if width >= NARROW else SHORT), style=style)]
+        cells += [bar] if width >= NARROW else []  # type: ignore[list-item]
+        table.add_row(*cells, Text(work.count()), Text(work.clock(now), style=style))
+
+
+def _cut(label: str, most: int) -> str:
+    half = most // 2
+    return label if len(label) <= most else f"{label[: half - 1]}…{label[-(most - half) :]}"

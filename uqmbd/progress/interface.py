@@ -1,0 +1,126 @@
+"""What a study tells of its progress, and to whom."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+__all__ = ["AtMost", "Progress", "Silent", "UntilTheEnd", "expected", "failed", "staged"]
+
+
+class AtMost(int):
+    """A total that is a maximum: work of which it is told may end before.
+
+    Methods that find out by themselves how many realisations they need begin with it:
+    ``problem.progress.start(problem.label, uqmbd.AtMost(5000))``.  Who knows nothing of it takes it as a number.
+
+    Examples
+    --------
+    >>> import sys
+    >>> from uqmbd.progress import Lines
+    >>> lines = Lines(sys.stdout, clock=lambda: 0.0)
+    >>> lines.start("adaptive", AtMost(5000))
+    adaptive: 0 of at most 5000
+    >>> lines.advance("adaptive", 1531)
+    >>> lines.finish("adaptive")
+    adaptive: done after 0 s (1531)
+    """
+
+    __slots__ = ()
+
+
+class Progress(Protocol):
+    """What a study tells of its progress.
+
+    An object with further methods is told more: ``expect(totals)``, the labels of all methods before the first begins,
+    with their numbers of realisations (`AtMost`, or None: not known); ``fail(label)``, that a method has failed; and
+    ``stage(text)``, that work without a number begins.
+    """
+
+    def start(self, label: str, total: int) -> None:
+        """Begin the work called `label`, of `total` realisations; so many more, if it has begun and not ended."""
+
+    def advance(self, label: str, count: int = 1) -> None:
+        """Report `count` more of them."""
+
+    def finish(self, label: str) -> None:
+        """End it."""
+
+
+class Silent:
+    """Tells nobody."""
+
+    def start(self, label: str, total: int) -> None:
+        """Say nothing."""
+
+    def advance(self, label: str, count: int = 1) -> None:
+        """Say nothing."""
+
+    def finish(self, label: str) -> None:
+        """Say nothing."""
+
+
+@dataclass
+class UntilTheEnd:
+    """Tells of work that is done in parts of one label as of one that ends once.
+
+    Attributes
+    ----------
+    told : Progress
+        Whom to tell.
+    begun : list of str
+        Labels.
+
+    Examples
+    --------
+    >>> import sys
+    >>> from uqmbd.progress import Lines
+    >>> whole = UntilTheEnd(Lines(sys.stdout, clock=lambda: 0.0))
+    >>> for part in (10, 20):
+    ...     whole.start("search", part)
+    ...     whole.finish("search")
+    search: 0 of 10
+    >>> whole.end()
+    search: done after 0 s
+    """
+
+    told: Progress
+    begun: list[str] = field(default_factory=list)
+
+    def start(self, label: str, total: int) -> None:
+        """Say that it begins, or that it goes on."""
+        if label not in self.begun:
+            self.begun.append(label)
+        self.told.start(label, total)
+
+    def advance(self, label: str, count: int = 1) -> None:
+        """Pass it on."""
+        self.told.advance(label, count)
+
+    def finish(self, label: str) -> None:
+        """Wait: another part may follow."""
+
+    def end(self) -> None:
+        """Say that all of it is done."""
+        for label in self.begun:
+            self.told.finish(label)
+        self.begun.clear()
+
+
+def expected(progress: Progress, totals: Mapping[str, int | None]) -> None:
+    """Tell which methods will run, and how many realisations they take, to who wants to know."""
+    if callable(tell := getattr(progress, "expect", None)):
+        tell(totals)
+
+
+def failed(progress: Progress, label: str) -> None:
+    """Tell that a method has failed, to who wants to know."""
+    if callable(tell := getattr(progress, "fail", None)):
+        tell(label)
+
+
+def staged(progress: Any, text: str) -> None:
+    """Tell that work without a number begins, to who wants to know."""
+    if callable(tell := getattr(progress, "stage", None)):
+        tell(text)

@@ -1,0 +1,131 @@
+"""Progress as plain lines: for log files, pipes and terminals that cannot move their cursor."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import TextIO
+
+from uqmbd.progress.board import Board, State, Work
+from uqmbd.wording import format_count, format_duration
+
+__all__ = ["Lines"]
+
+SOON, LATER = 1.8, 0.1
+"""A line comes this many seconds after the last one, or after this part of the work's time: a short run is followed
+closely, and a run of a day has some hundred lines."""
+
+
+@dataclass
+class Lines:
+    """A line when something begins, some while it goes on, and one at its end.
+
+    Attributes
+    ----------
+    stream : text stream
+    clock : callable
+        Time, s.
+
+    Examples
+    --------
+    >>> import sys
+    >>> seconds = iter([0.0, 1.0, 12.0, 20.0])
+    >>> lines = Lines(sys.stdout, clock=lambda: next(seconds))
+    >>> lines.start("monte-carlo", 100)
+    monte-carlo: 0 of 100
+    >>> lines.advance("monte-carlo", 20)
+    >>> lines.advance("monte-carlo", 40)
+    monte-carlo: 60 of 100 (60 %) after 12 s, about 8 s left
+    >>> lines.finish("monte-carlo")
+    monte-carlo: done after 20 s
+    """
+
+    stream: TextIO
+    clock: Callable[[], float] = time.monotonic
+    board: Board = field(default_factory=Board)
+    last: float = 0.0
+
+    def expect(self, totals: Mapping[str, int | None]) -> None:
+        """Write how much all methods take together."""
+        self.board.expect(totals)
+        if len(totals) > 1:
+            counts = "" if None in totals.values() else f", {self.board.whole().count(realisations=True)}"
+            self._write(f"{format_count(len(totals), 'method')}{counts}")
+
+    def stage(self, text: str) -> None:
+        """Write what begins."""
+        self.last = self.clock()
+        self.board.stage(text, self.last)
+        self._write(f"{text} ...")
+
+    def beat(self) -> None:
+        """Write how far it is, if the last line is old enough: for work that tells nothing by itself."""
+        now = self.clock()
+        for label, work in reversed(list(self.board.works.items())):
+            if work.state == "running":
+                if now - self.last >= max(SOON, LATER * (now - work.begin)):
+                    self._tell(label, work, now)
+                return
+
+    def start(self, label: str, total: int) -> None:
+        """Write that it begins; work that goes on grows without a line."""
+        known = self.board.works.get(label)
+        going = known is not None and known.state == "running"
+        now = known.begin if going and known is not None else self.clock()
+        work = self.board.begun(label, total, now)
+        if not going:
+            self.last = now
+            self.board.settle(now)
+            self._write(f"{label}: {work.count()}{self._place(label)}")
+
+    def advance(self, label: str, count: int = 1) -> None:
+        """Write how far it is, if the last line is old enough."""
+        work = self.board.works.get(label)
+        if work is None or work.state != "running":
+            return
+        work.done += count
+        now = self.clock()
+        if now - self.last >= max(SOON, LATER * (now - work.begin)):
+            self._tell(label, work, now)
+
+    def _tell(self, label: str, work: Work, now: float) -> None:
+        self.last = now
+        spent = format_duration(now - work.begin, rough=True)
+        if label in self.board.stages:
+            self._write(f"{label} ... {spent}")
+            return
+        left = work.left(now)
+        percent = f" ({100 * work.share:.0f} %)" if work.total and not work.at_most else ""
+        ending = f", about {format_duration(left, rough=True)} left" if left is not None else ""
+        self._write(f"{label}: {work.count()}{percent} after {spent}{ending}")
+
+    def finish(self, label: str) -> None:
+        """Write that it is done."""
+        self._end(label, "done")
+
+    def fail(self, label: str) -> None:
+        """Write that it has failed."""
+        self._end(label, "failed")
+
+    def close(self) -> None:
+        """Write nothing: each line stands by itself."""
+
+    def _end(self, label: str, state: State) -> None:
+        work: Work | None = self.board.works.get(label)
+        if work is None or work.state not in ("running", "waiting"):
+            return
+        begun = work.state == "running"
+        after = f" after {format_duration(self.clock() - work.begin, rough=True)}" if begun else ""
+        said = f" ({work.done})" if begun and work.at_most else ""
+        self.board.ended(label, state, work.begin)
+        self._write(f"{label}: {state}{after}{said}")
+
+    def _place(self, label: str) -> str:
+        expected = self.board.expected
+        return f", method {expected.index(label) + 1} of {len(expected)}" if label in expected[1:] else ""
+
+    def _write(self, text: str) -> None:
+        # at once: two threads may write
+        self.stream.write(f"{text}\n")
+        self.stream.flush()

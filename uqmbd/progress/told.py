@@ -1,0 +1,31 @@
+"""Whom a study tells of its progress, as an argument says it."""
+
+from __future__ import annotations
+
+import sys
+
+from uqmbd.errors import StudyError
+from uqmbd.progress.interface import Progress, Silent
+from uqmbd.progress.lines import Lines
+from uqmbd.progress.notebook import Notebook, in_notebook
+
+__all__ = ["told"]
+
+
+def told(progress: Progress | bool | None) -> Progress:
+    """Return whom to tell: somebody, everybody (True), nobody (False), or who runs a notebook (None).
+
+    Examples
+    --------
+    >>> type(told(None)).__name__, type(told(True)).__name__, type(told(False)).__name__
+    ('Silent', 'Lines', 'Silent')
+    """
+    if progress is None or isinstance(progress, bool):
+        if progress is not False and in_notebook():
+            return Notebook()
+        return Lines(sys.stderr) if progress else Silent()
+    if not all(callable(getattr(progress, name, None)) for name in ("start", "advance", "finish")):
+        raise StudyError(
+            f"progress is {progress!r}; expected True, False, None, or an object with the methods of uqmbd.Progress."
+        )
+    return progress
