@@ -20,6 +20,7 @@ __all__ = [
     "checked",
     "did_you_mean",
     "lineage",
+    "natural_order",
     "unwritable",
 ]
 
@@ -40,6 +41,20 @@ LONGEST_LABEL = 200
 
 _UNWRITABLE = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\ud800-\udfff\ufffe\uffff]")
 """Control characters, halves of characters, and what is none: files, pages and terminals cannot hold them."""
+
+
+_DIGITS = re.compile(r"([0-9]+)")
+
+
+def natural_order(name: str) -> tuple[list[str | int], str]:
+    """Return by what names are sorted, so that the second of numbered ones comes before the tenth.
+
+    Examples
+    --------
+    >>> sorted(["road_10", "road_2", "road_1", "mass"], key=natural_order)
+    ['mass', 'road_1', 'road_2', 'road_10']
+    """
+    return [int(part) if k % 2 else part for k, part in enumerate(_DIGITS.split(name))], name
 
 
 def unwritable(text: str) -> str:

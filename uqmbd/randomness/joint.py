@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from uqmbd.errors import StudyError
+from uqmbd.names import natural_order
 from uqmbd.randomness.distributions import Law, is_dependent
 from uqmbd.randomness.variable import RandomVariable
 from uqmbd.typing import Array
@@ -38,6 +39,8 @@ class JointInput:
     >>> a = uqmbd.RandomVariable("a", chaospy.Uniform(0, 2)); b = uqmbd.RandomVariable("b", chaospy.Normal(1, 3))
     >>> JointInput.of([b, a]).names
     ('a', 'b')
+    >>> JointInput.of([uqmbd.RandomVariable(f"x_{k}", chaospy.Normal(0, 1)) for k in (10, 9, 1)]).names
+    ('x_1', 'x_9', 'x_10')
     >>> JointInput.of([a, b]).from_uniform(np.array([[0.25, 0.5]]))
     array([[0.5, 1. ]])
     """
@@ -46,7 +49,7 @@ class JointInput:
 
     @classmethod
     def of(cls, variables: Iterable[RandomVariable]) -> JointInput:
-        """Order variables by name and complete groups of dependent ones.
+        """Order variables by name (of numbered ones the second before the tenth) and complete groups of dependent ones.
 
         Raises
         ------
@@ -62,7 +65,7 @@ class JointInput:
                     f"{variable.description}; every random variable needs a name of its own. "
                     "Use one object wherever the same quantity is meant."
                 )
-        return cls(tuple(sorted(seen.values(), key=lambda v: v.name)))
+        return cls(tuple(sorted(seen.values(), key=lambda v: natural_order(v.name))))
 
     def replaced(self, variables: Iterable[RandomVariable]) -> JointInput:
         """Return the inputs with others of the same names and units in the place of some.

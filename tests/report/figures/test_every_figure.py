@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import itertools
 import re
 import xml.etree.ElementTree as ET
 from collections.abc import Callable
@@ -115,6 +116,26 @@ def test_it_draws(name: str, tree: xr.DataTree, study: uqmbd.Study) -> None:
     assert plt.get_fignums() == before
 
 
+@pytest.mark.parametrize("name", sorted(CALLS))
+def test_no_text_runs_into_another(name: str, tree: xr.DataTree, study: uqmbd.Study) -> None:
+    """Labels, ticks and titles of axes keep clear of each other, as they are written to a page."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    from uqmbd.report.drawing.ticks import freeze_ticks
+
+    figure = CALLS[name](tree, study)
+    freeze_ticks(figure)
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()
+    renderer = canvas.get_renderer()
+    texts = [t for a in figure.axes for t in (*a.texts, a.title, a._left_title, a._right_title) if t.get_text().strip()]
+    texts += [t for legend in figure.legends for t in legend.get_texts()]
+    boxes = [(t.get_text(), t.get_window_extent(renderer).padded(-1)) for t in texts]
+    clashing = [(one, other) for (one, a), (other, b) in itertools.combinations(boxes, 2) if a.overlaps(b)]
+    assert not clashing
+    assert all(figure.bbox.padded(1).contains(box.x0, box.y0) for _, box in boxes)
+
+
 def test_event_times_are_those_of_the_closed_form(tree: xr.DataTree) -> None:
     """The first impact of a ball from a uniform height: its mean is known, and so are its ends."""
     from uqmbd.report.figures.event_times import events_of
@@ -128,6 +149,9 @@ def test_event_times_are_those_of_the_closed_form(tree: xr.DataTree) -> None:
     # the second comes after 1 + 2 e times as long: for some realisations after the end of the study
     reached = (1.15 / 2.6) ** 2 * G / 2
     assert [event.number for event in others] == [2]
+    end = float(tree["event-aligned/statistics"]["time"][-1])
+    assert others[0].times.max() <= end
+    assert others[0].times.mean() < end
     assert others[0].share == pytest.approx(float(np.clip((reached - 0.9) / 0.2, 0, 1)), abs=0.03)
 
 

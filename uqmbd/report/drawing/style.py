@@ -174,8 +174,8 @@ def arrange(
     else:
         inner = list(heights)
         heads = [
-            head + (0.06 if any(a.get_title("left") for a in row) else 0.0)
-            for row, head in zip(rows, heads, strict=True)
+            head + (0.06 if any(a.get_title("left") for a in row) else 0.0) + (0.08 if k else 0.0)
+            for k, (row, head) in enumerate(zip(rows, heads, strict=True))
         ]
         feet = [
             foot if any(a.xaxis.get_tick_params().get("labelbottom", True) for a in row) else 0.1
@@ -246,12 +246,12 @@ def line_width(k: int, count: int) -> float:
     return 1.6 if count == 1 else max(2.8 - 0.6 * k, 1.0)
 
 
-def few_ticks(axes: Axes, *, whole: bool = False) -> None:
-    """Let small axes have four intervals at most; ``whole``: only whole numbers upwards."""
+def few_ticks(axes: Axes) -> None:
+    """Let small axes have four intervals at most."""
     from matplotlib.ticker import MaxNLocator
 
     axes.xaxis.set_major_locator(MaxNLocator(nbins=5, steps=[1, 2, 2.5, 5, 10]))
-    axes.yaxis.set_major_locator(MaxNLocator(nbins=4, integer=whole, steps=[1, 2, 5, 10]))
+    axes.yaxis.set_major_locator(MaxNLocator(nbins=4, steps=[1, 2, 5, 10]))
 
 
 def constant(low: float, high: float) -> bool:

@@ -1,12 +1,9 @@
-"""Figures of distributions: the densities of outputs at chosen times, and the inputs that were sampled.
-
-Kernels are summed here in one line: for SciPy's `gaussian_kde`, `uqmbd report` would wait a second for `scipy.stats`.
-"""
+"""Figures of distributions: the densities of outputs at chosen times, and the inputs that were sampled."""
 
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,14 +16,15 @@ from uqmbd.report.drawing import (
     arrange,
     axes_grid,
     constant,
-    draw_histogram,
     few_ticks,
     style,
     with_units,
     wrapped,
 )
+from uqmbd.report.figures.density import PANEL, Curve, draw_densities
 from uqmbd.report.figures.selection import Results, Samples, automatic_times, label_of, nodes_of, samples_of, succeeded
-from uqmbd.report.figures.surrogates import surrogate_nodes, surrogate_of
+from uqmbd.report.figures.surrogates import stated_error_of, surrogate_nodes, surrogate_of
+from uqmbd.results.comparison import COARSE
 from uqmbd.status import Status
 from uqmbd.wording import reciprocal_units
 
@@ -34,62 +32,10 @@ if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.figure import Figure
 
-__all__ = ["density", "histograms", "inputs", "of_surrogate"]
-
-_CELLS = 1000
+__all__ = ["density_label", "histograms", "inputs", "of_surrogate"]
 
 SURROGATE_SAMPLES = 4096
 """Samples of a chaos from which its density is drawn."""
-
-
-def density(values: NDArray[np.float64], points: int = 200) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
-    """Estimate a density with Gaussian kernels.
-
-    The width of the kernels is Silverman's, from the smaller of the standard deviation and the interquartile range (as
-    of a normal distribution), so that far values and several peaks do not blur it.
-
-    Parameters
-    ----------
-    values : array, shape (S,)
-    points : int
-        Where to evaluate: as many points, from three widths below the smallest value to three above the largest.
-
-    Returns
-    -------
-    points, densities : array
-        Or None if the values do not vary.
-
-    References
-    ----------
-    B. W. Silverman, Density Estimation for Statistics and Data Analysis, Chapman and Hall, 1986, section 3.4.2.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> x, f = density(np.random.default_rng(0).normal(size=500))
-    >>> round(float(np.trapezoid(f, x)), 2)
-    1.0
-    >>> density(np.ones(5)) is None
-    True
-    """
-    low, high = float(values.min()), float(values.max())
-    if len(values) < 2 or constant(low, high):
-        return None
-    # Shifted and scaled, so that values of 1e-200 do not vanish in their variance.
-    scaled = (values - low) / (high - low)
-    deviation = float(scaled.std(ddof=1))
-    quartiles = float(np.subtract(*np.percentile(scaled, [75, 25]))) / 1.349
-    factor = 0.9 * (min(deviation, quartiles) if quartiles > 0.1 * deviation else deviation) / deviation
-    factor *= len(values) ** -0.2
-    places, weights = scaled, np.full(len(scaled), 1 / len(scaled))
-    if len(scaled) > 2 * _CELLS:
-        # Many samples are counted in fine cells first: the width of a kernel is many cells.
-        counts, edges = np.histogram(scaled, _CELLS, (0.0, 1.0))
-        places, weights = (edges[:-1] + edges[1:])[counts > 0] / 2, counts[counts > 0] / len(scaled)
-    width = factor * deviation
-    x = np.linspace(-3 * width, 1 + 3 * width, points)
-    kernels = np.exp(-0.5 * (np.subtract.outer(x, places) / width) ** 2) @ weights / (np.sqrt(2 * np.pi) * width)
-    return low + (high - low) * x, kernels / (high - low)
 
 
 def histograms(results: Results | Samples, output: str, times: Sequence[float] | None = None) -> Figure:
@@ -125,7 +71,7 @@ def histograms(results: Results | Samples, output: str, times: Sequence[float] |
     >>> node = propagator_node("mine", statistics_of_samples(samples), samples,
     ...                        propagator="p", realisations=2, wall_time=0.0)
     >>> axes = histograms(node, "x").axes[0]
-    >>> axes.get_title(), axes.get_ylabel()
+    >>> axes.get_title("left"), axes.get_ylabel()
     ('t = 0.5 s', 'density [1/m]')
     """
     import xarray as xr
@@ -136,25 +82,26 @@ def histograms(results: Results | Samples, output: str, times: Sequence[float] |
     grid_of_times = first["time"].values
     units = str(first["output_units"].item())
     bars = isinstance(results, xr.Dataset) or "samples" in nodes_of(results)[next(iter(responses))].children
+    errors = {} if isinstance(results, xr.Dataset) else _errors(nodes_of(results), output)
     figure, grid = axes_grid(len(chosen), 1.75)
     for place, (axes, k) in enumerate(zip(grid, chosen, strict=True)):
         time = float(grid_of_times[k])
-        axes.set_title(f"t = {time:.4g} s", fontsize=9.5, y=1.0)
-        if bars:
-            draw_histogram(axes, first.values[:, k], COLOURS[0], density=True)
-        for method, response in enumerate(responses.values()):
-            values = response.values[:, int(np.abs(response["time"].values - time).argmin())]
-            colour, line = style(method)
-            curve = density(values)
-            if curve is not None:
-                axes.plot(*curve, color=colour, ls=line, lw=1.5)
-                axes.set_ylim(0, max(axes.get_ylim()[1], 1.05 * float(curve[1].max())))
+        axes.set_title(f"t = {time:.4g} s", fontsize=9.5, y=1.0, loc="left")
+        curves = [
+            Curve(
+                response.values[:, int(np.abs(response["time"].values - time).argmin())],
+                method,
+                label not in errors or float(errors[label].sel(time=time, method="nearest")) <= COARSE,
+            )
+            for method, (label, response) in enumerate(responses.items())
+        ]
+        draw_densities(axes, first.values[:, k] if bars else None, curves)
         low, high = float(first.values[:, k].min()), float(first.values[:, k].max())
         if len(responses) > 1 and not constant(low, high):
             # the far tails of a surrogate would squeeze what matters
             axes.set_xlim(low - 0.2 * (high - low), high + 0.2 * (high - low))
         few_ticks(axes)
-        axes.set_ylabel(_density_label(units) if place % 2 == 0 else "")
+        axes.set_ylabel(density_label(units) if place % 2 == 0 else "")
         if place >= len(chosen) - 2:
             axes.set_xlabel(wrapped(with_units(output, units), 20))
     handles: dict[str, Any] = {}
@@ -163,8 +110,14 @@ def histograms(results: Results | Samples, output: str, times: Sequence[float] |
         handles = {
             name: Line2D([], [], color=c, ls=ls, lw=1.5) for name, (c, ls) in zip(responses, styles, strict=True)
         }
-    arrange(figure, grid, min(2, len(chosen)), legend=handles)
+    arrange(figure, grid, min(2, len(chosen)), legend=handles, heights=[PANEL] * -(-len(chosen) // 2))
     return figure
+
+
+def _errors(nodes: Mapping[str, xr.DataTree], output: str) -> dict[str, xr.DataArray]:
+    """Return the stated errors of an output over time, of surrogates that state some."""
+    stated = {label: stated_error_of(node) for label, node in nodes.items()}
+    return {k: one.sel(output=output) for k, one in stated.items() if one is not None and output in one["output"]}
 
 
 def _responses(
@@ -219,7 +172,8 @@ def of_surrogate(node: xr.DataTree, output: str, times: NDArray[np.float64] | No
     )
 
 
-def _density_label(units: str) -> str:
+def density_label(units: str) -> str:
+    """Return the label of an axis of densities."""
     return wrapped(with_units("density", reciprocal_units(units)), 24)
 
 
@@ -254,11 +208,11 @@ def inputs(node: Samples) -> Figure:
     failed = samples["status"].values != Status.OK
     figure, grid = axes_grid(len(names), 1.6)
     handles: dict[str, Any] = {}
-    for place, (axes, name) in enumerate(zip(grid, names, strict=True)):
+    for axes, name in zip(grid, names, strict=True):
         chosen = samples.sel(input=name)
         values = chosen["inputs"].values
-        draw_histogram(axes, values, COLOURS[2])
-        few_ticks(axes, whole=True)
+        draw_densities(axes, values, [Curve(values)], COLOURS[2])
+        few_ticks(axes)
         if failed.any():
             # Ticks at the foot of the axes, whatever the counts are.
             foot = axes.get_xaxis_transform()
@@ -266,6 +220,6 @@ def inputs(node: Samples) -> Figure:
             handles = {"inputs of failed samples": ticks}
         units = str(chosen["input_units"].item()) if "input_units" in chosen.coords else ""
         axes.set_xlabel(wrapped(with_units(name, units), 20))
-        axes.set_ylabel("samples" if place % 2 == 0 else "")
-    arrange(figure, grid, min(2, len(names)), legend=handles)
+        axes.set_ylabel(density_label(units))
+    arrange(figure, grid, min(2, len(names)), legend=handles, heights=[PANEL] * -(-len(names) // 2))
     return figure

@@ -11,11 +11,12 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from uqmbd.errors import StudyError
-from uqmbd.report.drawing import COLOURS, arrange, axes_grid, constant, draw_histogram, few_ticks, wrapped
-from uqmbd.report.figures.distributions import SURROGATE_SAMPLES, density
+from uqmbd.report.drawing import arrange, axes_grid, few_ticks
+from uqmbd.report.figures.density import PANEL, Curve, draw_densities
+from uqmbd.report.figures.distributions import SURROGATE_SAMPLES, density_label
 from uqmbd.report.figures.selection import Results, nodes_of
 from uqmbd.results import AlignedChaos, surrogate_parts
-from uqmbd.wording import format_number
+from uqmbd.wording import format_quantity
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -37,7 +38,7 @@ class EventTime:
     number : int
         1 for the first of this name.
     times : array, shape (K,)
-        Its times in those of the sampled realisations that reach it, s; also after the end of the study.
+        Its times in those of the sampled realisations that reach it until the end of the study, s.
     share : float
         Share of realisations in which it happens until the end of the study.
     """
@@ -80,8 +81,8 @@ def events_of(node: xr.DataTree) -> list[EventTime]:
     events = []
     for (name, number), parts in found.items():
         times = np.concatenate(parts)
-        times = times[np.isfinite(times)]
-        share = float(np.count_nonzero(times <= end)) / len(germs)
+        times = times[times <= end]
+        share = len(times) / len(germs)
         if share > 0:
             events.append(EventTime(name, number, times, share))
     return sorted(events, key=lambda event: float(np.median(event.times)))
@@ -118,25 +119,21 @@ def event_times(results: Results) -> Figure:
         raise StudyError("None of these results follows events; use Collocation(alignment='events').")
     figure, grid = axes_grid(len(events), 1.5)
     for place, (axes, event) in enumerate(zip(grid, events, strict=True)):
-        axes.set_title(_title(event), fontsize=9.5, y=1.0)
-        draw_histogram(axes, event.times, COLOURS[0], density=True)
-        curve = None if constant(float(event.times.min()), float(event.times.max())) else density(event.times)
-        if curve is not None:
-            axes.plot(*curve, color=COLOURS[0], lw=1.5)
-            axes.set_ylim(0, max(axes.get_ylim()[1], 1.05 * float(curve[1].max())))
+        axes.set_title(_title(event), fontsize=9.5, y=1.0, loc="left")
+        draw_densities(axes, event.times, [Curve(event.times)])
         few_ticks(axes)
-        axes.set_ylabel(wrapped("density [1/s]", 24) if place % 2 == 0 else "")
+        axes.set_ylabel(density_label("s") if place % 2 == 0 else "")
         if place >= len(events) - 2:
             axes.set_xlabel("time [s]")
-    arrange(figure, grid, min(2, len(events)))
+    arrange(figure, grid, min(2, len(events)), heights=[PANEL] * -(-len(events) // 2))
     return figure
 
 
 def events_in_words(node: xr.DataTree) -> str:
-    """Say when each event happens: mean and standard deviation of its time, and in how many realisations."""
+    """Say when each event happens until the end: mean and standard deviation of its time, in how many realisations."""
     parts = []
     for event in events_of(node)[:MOST]:
-        parts.append(f"{_title(event)} at {format_number(float(event.times.mean()), float(event.times.std()))} s")
+        parts.append(f"{_title(event)} at {format_quantity(float(event.times.mean()), 's', float(event.times.std()))}")
     return f"{'; '.join(parts)} (mean ± standard deviation)."
 
 

@@ -10,19 +10,19 @@ from numpy.typing import NDArray
 
 from uqmbd.errors import StudyError
 from uqmbd.report.drawing import (
-    COLOURS,
     arrange,
     axes_grid,
-    draw_histogram,
     few_ticks,
     style,
     with_units,
     wrapped,
 )
-from uqmbd.report.figures.distributions import SURROGATE_SAMPLES, density
+from uqmbd.report.figures.density import PANEL, Curve, draw_densities
+from uqmbd.report.figures.distributions import SURROGATE_SAMPLES, density_label
 from uqmbd.report.figures.selection import Results, nodes_of
 from uqmbd.report.view import Method
 from uqmbd.results import scalar_nodes, surrogate
+from uqmbd.results.comparison import COARSE
 from uqmbd.status import Status
 
 if TYPE_CHECKING:
@@ -80,17 +80,16 @@ def scalar_densities(results: Results) -> Figure:
         raise StudyError("There are no samples of outputs without a time, and no chaos of them.")
     barred = next((label for label in responses if inner[label].samples is not None), None)
     figure, grid = axes_grid(len(names), 1.75)
-    for place, (axes, name) in enumerate(zip(grid, names, strict=True)):
-        if barred is not None and name in responses[barred]:
-            draw_histogram(axes, responses[barred][name], COLOURS[0], density=True)
-        for method, values in enumerate(responses.values()):
-            curve = density(values[name]) if name in values else None
-            if curve is not None:
-                colour, line = style(method)
-                axes.plot(*curve, color=colour, ls=line, lw=1.5)
-                axes.set_ylim(0, max(axes.get_ylim()[1], 1.05 * float(curve[1].max())))
+    for axes, name in zip(grid, names, strict=True):
+        bars = None if barred is None else responses[barred].get(name)
+        curves = [
+            Curve(values[name], method, _error(inner[label], name) <= COARSE)
+            for method, (label, values) in enumerate(responses.items())
+            if name in values
+        ]
+        draw_densities(axes, bars, curves)
         few_ticks(axes)
-        axes.set_ylabel("density" if place % 2 == 0 else "")
+        axes.set_ylabel(density_label(units.get(name, "")))
         axes.set_xlabel(wrapped(with_units(name, units.get(name, "")), 24))
     handles: dict[str, Any] = {}
     if len(responses) > 1:
@@ -98,8 +97,14 @@ def scalar_densities(results: Results) -> Figure:
         handles = {
             name: Line2D([], [], color=c, ls=ls, lw=1.5) for name, (c, ls) in zip(responses, styles, strict=True)
         }
-    arrange(figure, grid, min(2, len(names)), legend=handles)
+    arrange(figure, grid, min(2, len(names)), legend=handles, heights=[PANEL] * -(-len(names) // 2))
     return figure
+
+
+def _error(method: Method, name: str) -> float:
+    """Return the stated error of an output, over its standard deviation; 0 where none is stated."""
+    data = method.of(name) if name in method.names else {}
+    return float(data["verification_error"]) if "verification_error" in data else 0.0
 
 
 def _responses(method: Method) -> dict[str, NDArray[np.float64]]:

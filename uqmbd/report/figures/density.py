@@ -1,0 +1,218 @@
+"""Densities of samples: a smooth estimate that knows where values end, drawn over the histogram.
+
+Kernels are summed here in a few lines: for SciPy's `gaussian_kde`, which knows no bounds, `uqmbd report` would wait a
+second for `scipy.stats`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uqmbd.report.drawing import COLOURS, constant, draw_histogram, style
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+__all__ = ["PANEL", "Curve", "density", "draw_densities", "ends_of"]
+
+PANEL = 1.45
+"""Height of the axes of a density, inches."""
+
+_CELLS = 1000
+_ROUGHNESS = 0.5 / math.sqrt(math.pi)
+"""Integral of the squared Gaussian kernel: with it goes the variance of the estimate."""
+_WIDENED = (1.0, 1.25, 1.5, 1.75, 2.0, 2.5, 3.0)
+"""By what a kernel is widened, at most, until no peak is left that chance may have made."""
+_CLEAR, _FAR = 2.5, 0.1
+"""A dip between two peaks is one from so many standard errors on; peaks below this part of the largest are far
+values."""
+_PILED, _ENOUGH = 0.25, 100
+"""Values pile up at their end if the estimate there is this part of its maximum; fewer values do not tell."""
+
+
+class Curve(NamedTuple):
+    """One method in axes of a density.
+
+    Attributes
+    ----------
+    values : array, shape (S,)
+    style : int
+        Which colour and line.
+    trusted : bool
+        Whether it decides how high the axes reach: a curve that is known to be wrong does not.
+    """
+
+    values: NDArray[np.float64]
+    style: int = 0
+    trusted: bool = True
+
+
+def density(
+    values: NDArray[np.float64], points: int = 200, ends: tuple[float, float] = (-math.inf, math.inf)
+) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
+    """Estimate a density with Gaussian kernels.
+
+    The width of the kernels is Silverman's, from the smaller of the standard deviation and the interquartile range (as
+    of a normal distribution), so that far values and several peaks do not blur it. It is widened, up to three times,
+    as long as a dip between two peaks is less than two and a half standard errors of the estimate deep. At ends, what
+    the kernels would put beyond is reflected.
+
+    Parameters
+    ----------
+    values : array, shape (S,)
+    points : int
+        Where to evaluate: as many points, from three widths below the smallest value to three above the largest, and
+        not beyond the ends.
+    ends : tuple of float
+        Bounds of the quantity, where it has some; see :func:`ends_of`.
+
+    Returns
+    -------
+    points, densities : array
+        Or None if the values do not vary.
+
+    References
+    ----------
+    B. W. Silverman, Density Estimation for Statistics and Data Analysis, Chapman and Hall, 1986, sections 2.10, 3.4.2.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> x, f = density(np.random.default_rng(0).normal(size=500))
+    >>> round(float(np.trapezoid(f, x)), 2)
+    1.0
+    >>> density(np.ones(5)) is None
+    True
+    """
+    low, high = float(values.min()), float(values.max())
+    if len(values) < 2 or constant(low, high):
+        return None
+    # Shifted and scaled, so that values of 1e-200 do not vanish in their variance.
+    scaled = (values - low) / (high - low)
+    first, last = ((end - low) / (high - low) for end in ends)
+    places, weights = scaled, np.full(len(scaled), 1 / len(scaled))
+    if len(scaled) > 2 * _CELLS:
+        # Many samples are counted in fine cells first: the width of a kernel is many cells.
+        counts, edges = np.histogram(scaled, _CELLS, (0.0, 1.0))
+        places, weights = (edges[:-1] + edges[1:])[counts > 0] / 2, counts[counts > 0] / len(scaled)
+    width = _silverman(scaled)
+    found: list[tuple[int, NDArray[np.float64], NDArray[np.float64]]] = []
+    for factor in _WIDENED:
+        wide = factor * width
+        x = np.linspace(max(-3 * wide, first), min(1 + 3 * wide, last), points)
+        f = _kernels(x, places, weights, wide)
+        for end in (first, last):
+            if -3 * wide < end < 1 + 3 * wide:
+                f += _kernels(2 * end - x, places, weights, wide)
+        found.append((_doubtful_dips(f, len(values) * wide), x, f))
+        if not found[-1][0]:
+            break
+    _, x, f = min(found, key=lambda one: one[0])
+    return low + (high - low) * x, f / (high - low)
+
+
+def _silverman(values: NDArray[np.float64]) -> float:
+    deviation = float(values.std(ddof=1))
+    quartiles = float(np.subtract(*np.percentile(values, [75, 25]))) / 1.349
+    scale = min(deviation, quartiles) if quartiles > 0.1 * deviation else deviation
+    return 0.9 * scale * float(len(values) ** -0.2)
+
+
+def _kernels(
+    x: NDArray[np.float64], places: NDArray[np.float64], weights: NDArray[np.float64], width: float
+) -> NDArray[np.float64]:
+    summed = np.exp(-0.5 * (np.subtract.outer(x, places) / width) ** 2) @ weights
+    return np.asarray(summed / (math.sqrt(2 * math.pi) * width))
+
+
+def _doubtful_dips(f: NDArray[np.float64], weight: float) -> int:
+    """Count dips between peaks that chance may have made; ``weight``: number of samples times width of a kernel."""
+    rising = np.sign(np.diff(f))
+    turns = np.flatnonzero(rising[:-1] * rising[1:] < 0) + 1
+    peaks = [int(k) for k in turns if f[k] > f[k - 1]]
+    if rising[0] < 0:
+        peaks.insert(0, 0)  # at a bound
+    if rising[-1] > 0:
+        peaks.append(len(f) - 1)
+    count = 0
+    for left, right in zip(peaks[:-1], peaks[1:], strict=True):
+        lower, bottom = min(f[left], f[right]), f[left : right + 1].min()
+        error = math.sqrt((lower + bottom) * _ROUGHNESS / weight)
+        count += lower > _FAR * f.max() and lower - bottom < _CLEAR * error
+    return count
+
+
+def ends_of(values: NDArray[np.float64]) -> tuple[float, float]:
+    """Tell where a quantity ends, as far as samples of it do.
+
+    Zero is a bound of a quantity none of whose samples is beyond it, and some of which are near: what may still be
+    there has a probability of 3 / S at the most (with 95 % confidence), which no density shows. Where many
+    samples pile up at the smallest or largest of them, as those of a uniform distribution do, that is a bound, too.
+
+    Parameters
+    ----------
+    values : array, shape (S,)
+
+    Returns
+    -------
+    tuple of float
+        Lower and upper bound; infinite where there is none.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> rng = np.random.default_rng(0)
+    >>> ends_of(abs(rng.normal(size=100))), ends_of(rng.normal(size=100))
+    ((0.0, inf), (-inf, inf))
+    """
+    low, high = float(values.min()), float(values.max())
+    if len(values) < 2 or constant(low, high):
+        return -math.inf, math.inf
+    scaled = (values - low) / (high - low)
+    width = _silverman(scaled)
+    f = _kernels(np.linspace(0, 1, 101), scaled, np.full(len(scaled), 1 / len(scaled)), width)
+    piled = f[[0, -1]] > _PILED * f.max() if len(values) >= _ENOUGH else (False, False)
+    near = width * (high - low)
+    lower, upper = low if piled[0] else -math.inf, high if piled[1] else math.inf
+    if 0 <= low < (near if piled[0] else 3 * near):
+        lower = 0.0
+    if 0 >= high > -(near if piled[1] else 3 * near):
+        upper = 0.0
+    return lower, upper
+
+
+def draw_densities(axes: Axes, bars: NDArray[np.float64] | None, curves: Sequence[Curve], colour: str = "") -> None:
+    """Draw a histogram as a density, and smooth estimates over it.
+
+    Parameters
+    ----------
+    axes : matplotlib.axes.Axes
+    bars : array, shape (S,), optional
+        Of which the histogram is.
+    curves : sequence of Curve
+    colour : str
+        Of the histogram; default: that of the first of all methods.
+    """
+    tops = {True: 0.0, False: 0.0}
+    if bars is not None:
+        draw_histogram(axes, bars, colour or COLOURS[0], density=True)
+        tops[True] = axes.get_ylim()[1] / 1.05
+    for values, number, trusted in curves:
+        ends = ends_of(values)
+        curve = density(values, ends=ends)
+        if curve is None:
+            continue
+        x, f = curve
+        # at a bound the curve goes down to the axis
+        x, f = np.concatenate([x[:1], x, x[-1:]]), np.concatenate([[0.0], f, [0.0]])
+        shown, line = style(number)
+        axes.plot(x, f, color=colour or shown, ls=line, lw=1.5)
+        tops[trusted] = max(tops[trusted], float(f.max()))
+    top = tops[True] or tops[False]
+    if top:
+        axes.set_ylim(0, 1.05 * top)
