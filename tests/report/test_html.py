@@ -38,7 +38,7 @@ class Page(HTMLParser):
         assert self.open.pop() == tag
 
     def handle_data(self, data: str) -> None:
-        if "style" not in self.open:
+        if "style" not in self.open and "script" not in self.open:
             self.text += data
 
 
@@ -85,10 +85,12 @@ def source(study: xr.DataTree, tmp_path_factory: pytest.TempPathFactory) -> str:
 
 @pytest.mark.thorough
 def test_it_is_self_contained(source: str) -> None:
-    """No scripts, no fonts, no links to anywhere: every address is inside the file."""
+    """No fonts, no links to anywhere: every address is inside the file, and the page forbids itself any other."""
     page = Page(source)
     names = {tag for tag, _ in page.tags}
-    assert not names & {"script", "link", "iframe", "object"}
+    assert not names & {"link", "iframe", "object"}
+    (policy,) = [attrs["content"] for _, attrs in page.tags if attrs.get("http-equiv") == "Content-Security-Policy"]
+    assert "default-src 'none'" in policy and "http" not in policy and "unsafe-eval" not in policy
     for _, attrs in page.tags:
         for key in ("src", "href"):
             value = attrs.get(key) or "#"
@@ -180,8 +182,10 @@ def test_reports_stay_small(tmp_path: Path) -> None:
 
 
 def test_user_text_is_escaped(source: str) -> None:
-    """Names and messages are text, never markup."""
-    assert "<script" not in source and "<img src=x" not in source
+    """Names and messages are text, never markup: scripts are the data of four charts, the library, and our own."""
+    kinds = [attrs.get("type") for tag, attrs in Page(source).tags if tag == "script"]
+    assert kinds == ["application/json"] * 4 + [None, "module"] and len(re.findall("<script", source, re.I)) == 6
+    assert "<img src=x" not in source
     assert "&lt;script&gt;alert(1)" in source
 
 

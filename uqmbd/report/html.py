@@ -6,7 +6,7 @@ import os
 import re
 import tempfile
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +15,7 @@ import xarray as xr
 from uqmbd.errors import PluginWarning, StudyError
 from uqmbd.isolation import Isolated
 from uqmbd.report.drawing import write_images
+from uqmbd.report.live import page_scripts
 from uqmbd.report.sections import ABOUT_METHODS, ABOUT_RESULTS, Content, Section, TemplateSection, environment
 from uqmbd.report.view import StudyResult
 
@@ -88,6 +89,7 @@ def write_report(
             date=created.replace("T", " ").replace("+00:00", " UTC"),
             sections=shown,
             outputs=[output["name"] for output in contents["outputs"]["outputs"]],
+            scripts=page_scripts() if _charted(contents) else None,
         ),
         Path(path),
     )
@@ -99,6 +101,13 @@ def write_report(
                 f"Figures cannot be written to {str(folder)!r}: {error.strerror or error}; the report is {target}."
             ) from error
     return target
+
+
+def _charted(content: object) -> bool:
+    """Tell whether anything in nested lists and dictionaries is the data of a chart."""
+    if isinstance(content, Mapping):
+        return "chart" in content or any(_charted(value) for value in content.values())
+    return isinstance(content, (list, tuple)) and any(_charted(value) for value in content)
 
 
 def _built_in(

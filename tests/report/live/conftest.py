@@ -33,3 +33,18 @@ def node(tmp_path):
         return json.loads(done.stdout)
 
     return run
+
+
+@pytest.fixture(scope="session")
+def browser():
+    """Drive the Chromium of this machine."""
+    command = next(filter(None, map(shutil.which, ("chromium", "google-chrome", "chromium-browser"))), None)
+    if command is None:
+        pytest.skip("no Chromium is on this machine: charts in a browser are not verified")
+    playwright = pytest.importorskip(
+        "playwright.sync_api", reason="playwright is not installed: pip install uqmbd[browser]"
+    )
+    with playwright.sync_playwright() as running:
+        opened = running.chromium.launch(executable_path=command, args=["--no-sandbox"])
+        yield opened
+        opened.close()

@@ -51,7 +51,7 @@ def test_every_tag_is_closed(source: str) -> None:
     """The page is well formed, and names of inputs and outputs are text, never markup."""
     for tag in ("section", "div", "table", "tr", "p", "ul", "li", "figure", "th", "td"):
         assert len(re.findall(rf"<{tag}[ >]", source)) == source.count(f"</{tag}>"), tag
-    assert "<script" not in source and "&lt;script&gt;alert(1)" in _section(source, "influence")
+    assert "<script>alert" not in source and "&lt;script&gt;alert(1)" in _section(source, "influence")
     assert r"$F_{pin} \frac &lt;b&gt;&amp;" in _section(source, "trust")
     images = re.findall(r"<img [^>]*>", source)
     assert all(re.search(r'alt="[^"]{20,}"', image) for image in images)

@@ -23,6 +23,8 @@ _FONTS = "system-ui, -apple-system, 'Segoe UI', Roboto, 'Helvetica Neue', 'Noto 
 
 _PLACES = re.compile(r' (?:d|x|y|points)="[^"]*"')
 _UNWRITABLE = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\ud800-\udfff\ufffe\uffff]")
+_BETWEEN = re.compile(r">\s+<")
+_CURVED = re.compile("[A-KN-Y]")
 _DIGITS = re.compile(r"(?<=\.\d\d)\d+")
 
 
@@ -31,8 +33,12 @@ LONGEST = 100
 
 
 def _rounded(found: re.Match[str]) -> str:
-    """Leave two decimals of places on the page, which are points: the eye sees a tenth, and files shrink by a third."""
-    return _DIGITS.sub("", found.group()).replace("\n", " ")
+    """Leave two decimals of places on the page, which are points: the eye sees a tenth, and files shrink by a third.
+
+    What follows the start of a path is a line to there, unless it says otherwise: lines need no letter.
+    """
+    text = " ".join(_DIGITS.sub("", found.group()).split())
+    return " " + (text if _CURVED.search(text) else text.replace(" L ", " "))
 
 
 def image(draw: Callable[[], Figure], alt: str, caption: str, name: str = "") -> dict[str, str]:
@@ -153,4 +159,5 @@ def svg(figure: Figure) -> str:
     drawn = re.sub(r"'DejaVu Sans'[^;\"]*sans-serif", _FONTS, buffer.getvalue())
     # texts of other packages' results may hold what no XML may
     drawn = _UNWRITABLE.sub("\N{REPLACEMENT CHARACTER}", _PLACES.sub(_rounded, drawn))
+    drawn = _BETWEEN.sub("><", drawn)
     return "data:image/svg+xml;base64," + base64.b64encode(drawn.encode("utf-8", "replace")).decode("ascii")

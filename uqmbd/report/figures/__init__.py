@@ -13,10 +13,10 @@ from uqmbd.report.figures.error_cost import error_cost
 from uqmbd.report.figures.event_times import event_times, events_in_words, has_events
 from uqmbd.report.figures.failures import ENOUGH, Reason, failure_inputs, failure_reasons, failure_words
 from uqmbd.report.figures.over_output import is_function, over_output
-from uqmbd.report.figures.over_time import bands, std_over_time, time_history_histogram
+from uqmbd.report.figures.over_time import band_edges, bands, std_over_time, time_history_histogram
 from uqmbd.report.figures.requirements import changing_with_time, violated_by
 from uqmbd.report.figures.sample_convergence import convergence, design_of
-from uqmbd.report.figures.selection import Results, Samples, automatic_times, label_of, runs_of
+from uqmbd.report.figures.selection import Results, Samples, automatic_times, label_of, of_output, runs_of, thinned
 from uqmbd.report.figures.sobol import OF_GERMS, Indices, has_indices, indices_of, node_with_indices, sobol_indices
 from uqmbd.report.figures.surrogates import (
     chaos_nodes,
@@ -40,6 +40,7 @@ __all__ = [
     "Results",
     "Samples",
     "automatic_times",
+    "band_edges",
     "bands",
     "changing_with_time",
     "chaos_nodes",
@@ -66,6 +67,7 @@ __all__ = [
     "is_function",
     "label_of",
     "node_with_indices",
+    "of_output",
     "order_convergence",
     "order_of",
     "orders_of",
@@ -80,6 +82,7 @@ __all__ = [
     "std_over_time",
     "surrogate_nodes",
     "surrogate_of",
+    "thinned",
     "time_history_histogram",
     "verification",
     "violated_by",

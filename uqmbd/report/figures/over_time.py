@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["bands", "occurrences", "std_over_time", "time_history_histogram"]
+__all__ = ["band_edges", "bands", "occurrences", "std_over_time", "time_history_histogram"]
 
 _MOST_TIMES, _MOST_VALUES = 200, 100
 
@@ -73,11 +73,11 @@ def bands(results: Results, output: str, *, samples: int = 0) -> Figure:
     low, high = np.inf, -np.inf
     for k, (label, node) in enumerate(nodes.items()):
         statistics = of_output(node.children["statistics"], output)
-        edges, _, _ = _band_edges(statistics)
+        edges, _, _ = band_edges(statistics)
         chosen = thinned(edges[0], edges[1])
         statistics = statistics.isel(time=chosen)
         times, mean = statistics["time"].values, statistics["mean"].values
-        wide, narrow, wide_name = _band_edges(statistics)
+        wide, narrow, wide_name = band_edges(statistics)
         (colour, line), width = style(k), line_width(k, len(nodes))
         if k == 0:
             if samples:
@@ -304,9 +304,10 @@ def occurrences(
     return counts, edges, (low, high)
 
 
-def _band_edges(
+def band_edges(
     statistics: xr.Dataset,
 ) -> tuple[list[NDArray[np.float64]], list[NDArray[np.float64]] | None, str]:
+    """Return the ends of the band of 95 % and, where it is known, that of 50 %, and what the first one is."""
     quantile = statistics["quantile"]
     levels = quantile["probability"].values
 

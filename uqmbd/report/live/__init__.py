@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
+from uqmbd.report.live.chart_data import MOST_TIMES, bands_data
 from uqmbd.report.live.packing import json_script, packed, unpacked
+from uqmbd.report.live.page import PageScripts, page_scripts
 from uqmbd.report.live.poses import packed_poses, pose_surrogate
 from uqmbd.report.live.scripts import joined_modules
 from uqmbd.report.live.surrogates import live_surrogate, packed_surrogate, shipped
 
 __all__ = [
+    "MOST_TIMES",
+    "PageScripts",
+    "bands_data",
     "joined_modules",
     "json_script",
     "live_surrogate",
     "packed",
     "packed_poses",
     "packed_surrogate",
+    "page_scripts",
     "pose_surrogate",
     "shipped",
     "unpacked",

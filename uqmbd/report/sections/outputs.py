@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import xarray as xr
 
-from uqmbd.report import figures
+from uqmbd.report import figures, live
 from uqmbd.report.drawing import image
 from uqmbd.report.figures import design_of, shown_methods, surrogate_nodes
 from uqmbd.report.sections.output_words import in_words, integration, numbers, precision
@@ -88,7 +88,7 @@ def _output(result: StudyResult, name: str, whole: bool) -> Content:
     shown = [result.methods[label] for label in holders]
     lower = " Of a surrogate with several orders, only the highest is drawn." if len(holders) < len(every) else ""
     first = shown[0]
-    drawn = [
+    drawn: list[Content] = [
         image(
             lambda: figures.bands(holders, name),
             f"Mean of {name} over time, with the bands that hold 50 % and 95 % of the realisations. "
@@ -96,6 +96,7 @@ def _output(result: StudyResult, name: str, whole: bool) -> Content:
             "How it moves: the mean, and the bands in which 50 % and 95 % of the realisations lie." + lower,
             f"{name}-bands",
         )
+        | _chart(holders, name)
     ]
     over = result.over.get(name, "")
     if over and all(over in method.histories for method in shown):
@@ -169,6 +170,12 @@ def _output(result: StudyResult, name: str, whole: bool) -> Content:
         "words": " ".join(filter(None, words)),
         "numbers": numbers(first, name),
     }
+
+
+def _chart(holders: Mapping[str, xr.DataTree], name: str) -> Content:
+    """Return the data of the chart that stands for the figure where scripts run; nothing if there is none."""
+    data = live.bands_data(holders, name)
+    return {} if data is None else {"chart": live.json_script(data)}
 
 
 def _over(holders: Mapping[str, xr.DataTree], name: str, over: str) -> dict[str, str]:

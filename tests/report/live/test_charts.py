@@ -1,0 +1,101 @@
+"""Data of charts are those of the tree, as many as can be seen; numbers read as elsewhere in the report."""
+
+import hashlib
+import re
+from importlib.resources import files
+
+import numpy as np
+import pytest
+
+from uqmbd import results
+from uqmbd.report.live import MOST_TIMES, bands_data, page_scripts, unpacked
+from uqmbd.wording import format_number
+
+
+def made(label, times, mean, std):
+    """Return the node of a method with one output."""
+    axes = results.labels([("x", "m")], [], times)
+    statistics = results.statistics_dataset(axes, mean=[mean], std=[std])
+    return results.propagator_node(label, statistics, propagator="p", realisations=1, wall_time=0.0)
+
+
+def values(data, method=0, line=0):
+    """Return the values of a line."""
+    return unpacked(data["methods"][method]["lines"][line]["values"])
+
+
+def test_a_peak_among_many_times_is_kept():
+    times = np.linspace(0, 1, 20_000)
+    std = np.full(20_000, 0.01)
+    std[12_345] = 1.0
+    data = bands_data({"a": made("a", times, 0 * times, std)}, "x")
+    chosen = unpacked(data["time"])
+    assert len(chosen) <= MOST_TIMES and data["of"] == 20_000 and chosen[0] == 0 and chosen[-1] == 1
+    assert chosen[data["start"]] == times[12_345]
+
+
+def test_methods_that_end_early_have_no_values_then():
+    times = np.linspace(0, 2, 21)
+    nodes = {
+        "short": made("short", times[:11], times[:11], 0.1 + 0 * times[:11]),
+        "long": made("long", times, 2 * times, 0.1 + 0 * times),
+    }
+    data = bands_data(nodes, "x")
+    np.testing.assert_array_equal(unpacked(data["time"]), times)
+    np.testing.assert_array_equal(values(data, 0), np.where(times <= 1, times, np.nan))
+    np.testing.assert_array_equal(values(data, 1), 2 * times)
+
+
+def test_one_time_makes_no_chart():
+    assert bands_data({"a": made("a", [1.0], [1.0], [0.1])}, "x") is None
+
+
+def test_distances_of_any_size_are_stored():
+    times = np.linspace(0, 1, 3)
+    for scale in (1e-60, 1.0, 1e60):
+        data = bands_data({"a": made("a", times, 0 * times, np.full(3, scale))}, "x")
+        np.testing.assert_allclose(values(data, 0, 2), 1.96 * scale, rtol=1e-6)
+
+
+@pytest.mark.parametrize("exponent", range(-9, 10, 2))
+def test_numbers_read_as_python_writes_them(node, exponent):
+    given = [float(v) for v in np.random.default_rng(exponent + 9).normal(size=20) * 10.0**exponent] + [0.0]
+    assert node(["numbers.js"], "answer = given.map((v) => formatNumber(v));", given) == [
+        format_number(v) for v in given
+    ]
+
+
+def test_a_number_has_the_digits_that_its_spread_needs(node):
+    given = [[100000.00012345, 1e-3], [0.5, 0.1], [1.0, 1e-30], [1.23456e-7, 1e-9], [12.5, 0]]
+    found = node(["numbers.js"], "answer = given.map(([v, s]) => formatNumber(v, s));", given)
+    assert found == ["100000.00012", "0.5", "1", "1.2346 × 10⁻⁷", "12.5"]
+
+
+def test_ticks_that_are_a_step_apart_differ_and_are_exact(node):
+    for step in (1e-6, 0.0025, 0.05, 0.25, 2, 50, 2.5e4):
+        given = [[k * step for k in range(-3, 4)], step]
+        found = node(["numbers.js"], "answer = tickLabels(given[0], given[1]);", given)
+        read = [float(text.replace("−", "-")) for text in found]
+        np.testing.assert_allclose(read, given[0], rtol=1e-12)
+        assert len({len(text.partition(".")[2]) for text in found}) == 1 and found[3].strip("0.") == ""
+
+
+def test_the_vendored_library_is_whole_and_has_its_licence():
+    vendor = files("uqmbd.report.live") / "vendor"
+    stated = dict(re.findall(r"\| `([\w.]+)` \|.*\| `([0-9a-f]{64})` \|", (vendor / "README.md").read_text("utf-8")))
+    assert set(stated) == {"uPlot.iife.min.js", "uPlot.min.css"}
+    for name, digest in stated.items():
+        assert hashlib.sha256((vendor / name).read_bytes()).hexdigest() == digest
+    scripts = page_scripts()
+    assert (
+        "Permission is hereby granted" in scripts.library
+        and (vendor / "uPlot.min.css").read_text("utf-8") == scripts.style
+    )
+
+
+def test_scripts_of_the_page_ask_for_nothing_and_make_no_markup():
+    scripts = page_scripts()
+    for text in (scripts.library, scripts.module):
+        assert "</script" not in text.lower()
+        assert not re.search(r"\beval\(|new Function|\bfetch\(|XMLHttpRequest|WebSocket|import\(|sendBeacon", text)
+    assert not re.search(r"innerHTML|outerHTML|insertAdjacent|document\.write|localStorage|cookie", scripts.module)

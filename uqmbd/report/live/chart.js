@@ -1,0 +1,263 @@
+// A chart in its figure: methods on and off, zoom, the page's time, keys and fingers, files.
+
+import { csvText, nearestIndex, rowsAt, sentenceAt } from "./chart_model.js";
+import { DARK, LIGHT, chartOptions, seriesData } from "./chart_options.js";
+import { fileName, pictureOf, saveAs, saveBlob } from "./exports.js";
+import { formatNumber } from "./numbers.js";
+import { announceTime, onTime, pageTime } from "./time_bus.js";
+
+const NARROW = 480;
+const PAPER = { width: 660, height: 290 };
+const dark = window.matchMedia("(prefers-color-scheme: dark)");
+let printing = false;
+const palette = () => (dark.matches && !printing ? DARK : LIGHT);
+
+function element(kind, attributes = {}, ...children) {
+  const made = document.createElement(kind);
+  for (const [name, value] of Object.entries(attributes)) made.setAttribute(name, value);
+  made.append(...children);
+  return made;
+}
+
+function button(text, title, act) {
+  const made = element("button", { type: "button", title }, text);
+  made.addEventListener("click", act);
+  return made;
+}
+
+/** The line of a method, as a picture beside its name. */
+function lineSample(method) {
+  const space = "http://www.w3.org/2000/svg";
+  const svg = document.createElementNS(space, "svg");
+  const line = document.createElementNS(space, "line");
+  const set = (target, values) => Object.entries(values).forEach(([key, value]) => target.setAttribute(key, value));
+  set(svg, { width: 34, height: 10, "aria-hidden": "true" });
+  const dash = method.dash.map((length) => length * method.width).join(" ");
+  set(line, { x1: 0, x2: 34, y1: 5, y2: 5, "stroke-width": method.width, "stroke-dasharray": dash || "none" });
+  svg.append(line);
+  const paint = () => line.setAttribute("stroke", method.colours[palette().dark ? 1 : 0]);
+  paint();
+  dark.addEventListener("change", paint);
+  return svg;
+}
+
+/** Make the chart of a figure, in place of its picture, which stays for paper. */
+export function makeChart(figure, model) {
+  const picture = figure.querySelector("img");
+  const whole = [model.time[0], model.time[model.time.length - 1]];
+  let index = pageTime() === null ? model.start : nearestIndex(model.time, pageTime());
+
+  // the table of values, which is the legend, too
+  const several = model.methods.length > 1;
+  const at = element("caption");
+  const heads = ["", "mean", "standard deviation", model.methods[0].bands[0].name];
+  const head = element("tr", {}, ...heads.map((text) => element("th", { scope: "col" }, text)));
+  const rows = model.methods.map((method, k) => {
+    const toggle = button("", several ? "Show or hide this method" : "Show or hide", () => {
+      method.shown = !method.shown;
+      toggle.setAttribute("aria-pressed", String(method.shown));
+      plot.batch(() => {
+        let first = 1;
+        for (const other of model.methods.slice(0, k)) first += other.lines.length;
+        method.lines.forEach((_, j) => plot.setSeries(first + j, { show: method.shown }));
+      });
+      plot.redraw(false);
+      refresh();
+    });
+    toggle.setAttribute("aria-pressed", "true");
+    toggle.append(lineSample(method), element("span", {}, method.label));
+    const cells = ["mean", "std", "band"].map(() => element("td", { class: "number" }));
+    return { row: element("tr", {}, element("th", { scope: "row" }, toggle), ...cells), cells };
+  });
+  const table = element("table", {}, at, element("thead", {}, head), element("tbody", {}, ...rows.map(({ row }) => row)));
+
+  const space = element("div", {
+    class: "plot",
+    tabindex: "0",
+    role: "slider",
+    "aria-label": `Time in the chart of ${model.output}`,
+    "aria-valuemin": whole[0],
+    "aria-valuemax": whole[1],
+    title: "Drag to zoom in, double-click for all. Keys: ← → move the time, + − zoom, 0 shows all. Ctrl and the wheel zoom, too.",
+  });
+  const all = button("Show all times", "Undo the zoom (double-click, or key 0)", () => zoom(...whole));
+  all.hidden = true;
+  const tools = element(
+    "div",
+    { class: "tools" },
+    all,
+    button("+", "Zoom in at the time of the cursor", () => zoomBy(0.5)),
+    button("−", "Zoom out", () => zoomBy(2)),
+    button("CSV", `Save the numbers of this chart (${model.time.length} times)`, () =>
+      saveBlob(new Blob([csvText(model)], { type: "text/csv" }), fileName(model.output, "csv"))),
+    button("PNG", "Save what this chart shows as a picture", async () => {
+      const { min, max } = plot.scales.x;
+      (await pictureOf(model, [min, max])).toBlob((blob) => saveBlob(blob, fileName(model.output, "png")));
+    }),
+    button("SVG", "Save the figure of all times and methods as a drawing", () => saveAs(picture.src, fileName(model.output, "svg"))),
+  );
+  const holder = element("div", { class: "chart", role: "group", "aria-label": picture.alt }, space, tools, element("div", { class: "wide readout" }, table));
+  figure.prepend(holder);
+  figure.classList.add("live");
+
+  const size = () => {
+    const width = Math.max(space.clientWidth, 240);
+    return { width, height: width < NARROW ? 250 : 320 };
+  };
+  let told = false;
+  const options = chartOptions(model, size(), palette);
+  options.hooks = {
+    setCursor: [
+      (u) => {
+        if (told || u.cursor.idx == null || u.cursor.left < 0) return;
+        index = u.cursor.idx;
+        refresh();
+        announceTime(model.time[index], holder);
+      },
+    ],
+    setScale: [(u, key) => key === "x" && zoomed(u)],
+    ready: [() => place()],
+  };
+  const plot = new uPlot(options, seriesData(model), space);
+  plot.root.setAttribute("aria-hidden", "true");
+
+  function zoomed(u) {
+    const { min, max } = u.scales.x;
+    all.hidden = min <= whole[0] && max >= whole[1];
+    changed();
+  }
+
+  function changed() {
+    figure.classList.toggle("changed", !all.hidden || model.methods.some((method) => !method.shown));
+  }
+
+  function refresh() {
+    at.textContent = `At ${formatNumber(model.time[index], (whole[1] - whole[0]) / 10)} s${model.units === "" ? "" : `, in ${model.units}`}`;
+    rowsAt(model, index).forEach(({ mean, std, low, high }, k) => {
+      const { row, cells } = rows[k];
+      row.classList.toggle("hidden-method", !model.methods[k].shown);
+      [mean, std, `${low} to ${high}`].forEach((text, j) => (cells[j].textContent = text));
+    });
+    space.setAttribute("aria-valuenow", model.time[index]);
+    space.setAttribute("aria-valuetext", sentenceAt(model, index));
+    changed();
+  }
+
+  /** Put the cursor at the time of the page. */
+  function place() {
+    const { min, max } = plot.scales.x;
+    const time = model.time[index];
+    const inside = time >= min && time <= max;
+    told = true;
+    plot.setCursor(inside ? { left: plot.valToPos(time, "x"), top: 0 } : { left: -10, top: -10 });
+    told = false;
+  }
+
+  function move(to) {
+    index = Math.min(Math.max(to, 0), model.time.length - 1);
+    const { min, max } = plot.scales.x;
+    const time = model.time[index];
+    if (time < min) zoom(time, time + max - min);
+    else if (time > max) zoom(time - max + min, time);
+    place();
+    refresh();
+    announceTime(time, holder);
+  }
+
+  function zoom(low, high) {
+    const smallest = (4 * (whole[1] - whole[0])) / model.time.length;
+    const width = Math.min(Math.max(high - low, smallest), whole[1] - whole[0]);
+    const from = Math.min(Math.max((low + high - width) / 2, whole[0]), whole[1] - width);
+    plot.setScale("x", { min: from, max: from + width });
+  }
+
+  function zoomBy(factor, about = model.time[index]) {
+    const { min, max } = plot.scales.x;
+    const centre = about >= min && about <= max ? about : (min + max) / 2;
+    zoom(centre - (centre - min) * factor, centre + (max - centre) * factor);
+  }
+
+  const step = (event) => (event.shiftKey ? 10 : 1);
+  const keys = {
+    ArrowLeft: (event) => move(index - step(event)),
+    ArrowDown: (event) => move(index - step(event)),
+    ArrowRight: (event) => move(index + step(event)),
+    ArrowUp: (event) => move(index + step(event)),
+    PageDown: () => move(index - 20),
+    PageUp: () => move(index + 20),
+    Home: () => move(0),
+    End: () => move(model.time.length - 1),
+    "+": () => zoomBy(0.5),
+    "=": () => zoomBy(0.5),
+    "-": () => zoomBy(2),
+    0: () => zoom(...whole),
+    Escape: () => zoom(...whole),
+  };
+  space.addEventListener("keydown", (event) => {
+    if (event.ctrlKey || event.metaKey || event.altKey || !Object.hasOwn(keys, event.key)) return;
+    event.preventDefault();
+    keys[event.key](event);
+  });
+
+  const timeAt = (event) => plot.posToVal(event.clientX - plot.over.getBoundingClientRect().left, "x");
+  space.addEventListener(
+    "wheel",
+    (event) => {
+      if (!event.ctrlKey) return;
+      event.preventDefault();
+      zoomBy(2 ** Math.sign(event.deltaY), timeAt(event));
+    },
+    { passive: false },
+  );
+
+  // one finger moves the time, two zoom; up and down scrolls the page (touch-action of the style)
+  const fingers = new Map();
+  const reach = () => {
+    const places = [...fingers.values()].map(timeAt);
+    return [Math.min(...places), Math.max(...places)];
+  };
+  space.addEventListener("pointerdown", (event) => event.pointerType === "touch" && fingers.set(event.pointerId, event));
+  space.addEventListener("pointermove", (event) => {
+    if (!fingers.has(event.pointerId)) return;
+    const before = reach();
+    fingers.set(event.pointerId, event);
+    if (fingers.size === 1) return move(nearestIndex(model.time, timeAt(event)));
+    const after = reach();
+    if (fingers.size > 2 || after[1] - after[0] <= 0) return;
+    const { min, max } = plot.scales.x;
+    const factor = (before[1] - before[0]) / (after[1] - after[0]);
+    const from = before[0] - (after[0] - min) * factor;
+    zoom(from, from + (max - min) * factor);
+  });
+  for (const end of ["pointerup", "pointercancel", "pointerleave"]) {
+    space.addEventListener(end, (event) => fingers.delete(event.pointerId));
+  }
+
+  onTime(holder, (time) => {
+    index = nearestIndex(model.time, time);
+    place();
+    refresh();
+  });
+  dark.addEventListener("change", () => plot.redraw(false));
+  new ResizeObserver(() => {
+    const wanted = size();
+    if (space.clientWidth > 0 && wanted.width !== plot.width) {
+      plot.setSize(wanted);
+      place();
+    }
+  }).observe(space);
+  // paper shows the figure, unless something has been changed
+  const redrawn = (wanted) => {
+    if (!figure.classList.contains("changed")) return;
+    plot.setSize(wanted);
+    plot.redraw(false);
+  };
+  window.addEventListener("beforeprint", () => redrawn(PAPER));
+  window.addEventListener("afterprint", () => redrawn(size()));
+  refresh();
+  return plot;
+}
+
+// before what charts themselves do then
+window.addEventListener("beforeprint", () => (printing = true));
+window.addEventListener("afterprint", () => (printing = false));

@@ -1,0 +1,102 @@
+"""What a chart of the page is drawn from, as data for JSON: `charts.js` reads it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from uqmbd.report.drawing import line_width, style
+from uqmbd.report.figures import band_edges, of_output, thinned
+from uqmbd.report.live.packing import packed
+from uqmbd.wording import typeset_units
+
+__all__ = ["MOST_TIMES", "bands_data"]
+
+MOST_TIMES = 1000
+"""Times of a chart: more than a screen has pixels for lines of two; a peak between them is kept."""
+
+# The colours of `style`, lighter, in the same order: legible on a dark page.
+_ON_DARK = ("#56B4E9", "#FF9955", "#2CCB9C", "#F0A6D0", "#D6B940", "#F2F2F2")
+
+_Array = NDArray[np.float64]
+
+
+def bands_data(nodes: Mapping[str, xr.DataTree], output: str, most: int = MOST_TIMES) -> dict[str, Any] | None:
+    """Return the mean, bands and standard deviation of an output over time, by each method.
+
+    Parameters
+    ----------
+    nodes : mapping of str to xarray.DataTree
+        Results of methods by label; each has the output.
+    output : str
+    most : int
+        How many times at most; of more those are taken that have the peaks, as figures do.
+
+    Returns
+    -------
+    dict or None
+        ``output``, ``units`` (as they are shown), ``time`` (seconds), ``of`` (how many times there are), ``start`` (the
+        index of the largest standard deviation of the first method), and ``methods``: for each its ``label``,
+        ``colours`` (on a light and on a dark page), ``dash`` and ``width``, ``lines`` (the mean first; values of others
+        are stored as the distance from it), ``bands`` (names, and which lines are their edges) and ``columns``, which
+        are told and not drawn. None if there are fewer than two times, which make no line.
+    """
+    statistics = {label: of_output(node.children["statistics"], output) for label, node in nodes.items()}
+    first = next(iter(statistics.values()))
+    edges, _, _ = band_edges(first)
+    times = first["time"].values[thinned(edges[0], edges[1], most)]
+    # a method that ends later than the first one has further times
+    known = np.unique(np.concatenate([data["time"].values for data in statistics.values()]))
+    times = np.union1d(times, known[known > times[-1]][: max(most - len(times), 0)])
+    if len(times) < 2:
+        return None
+    spread = _at(first, times, first["std"].values)
+    return {
+        "output": output,
+        "units": typeset_units(str(first["output_units"].item())),
+        "time": packed(times),
+        "of": len(known),
+        "start": int(np.nan_to_num(spread, nan=-1.0).argmax()),
+        "methods": [_method(k, len(nodes), label, data, times) for k, (label, data) in enumerate(statistics.items())],
+    }
+
+
+def _method(k: int, count: int, label: str, data: xr.Dataset, times: _Array) -> dict[str, Any]:
+    colour, line = style(k)
+    wide, narrow, wide_name = band_edges(data)
+    mean = _at(data, times, data["mean"].values)
+    lines = [{"name": "mean", "values": packed(mean)}]
+    bands = []
+    for name, edges in ((wide_name, wide), ("50 % of realisations", narrow)):
+        if edges is not None:
+            bands.append({"name": name, "low": len(lines), "high": len(lines) + 1})
+            for end, edge in zip(("lower", "upper"), edges, strict=True):
+                lines.append({"name": f"{end} end of {name}", "values": _distance(_at(data, times, edge), mean)})
+    std = _at(data, times, data["std"].values)
+    return {
+        "label": label,
+        "colours": [colour, _ON_DARK[k % len(_ON_DARK)]],
+        "dash": [] if line == "-" else list(line[1]),
+        "width": line_width(k, count),
+        "lines": lines,
+        "bands": bands,
+        "columns": [{"name": "standard deviation", "values": _distance(std, 0.0)}],
+    }
+
+
+def _at(data: xr.Dataset, times: _Array, values: _Array) -> _Array:
+    """Return values at some of their own times; NaN where there are none."""
+    own = data["time"].values
+    place = np.clip(np.searchsorted(own, times), 0, len(own) - 1)
+    return np.where(own[place] == times, np.asarray(values, dtype=float)[place], np.nan)
+
+
+def _distance(values: _Array, origin: _Array | float) -> dict[str, Any]:
+    """Pack what is as small as a spread with seven digits, or, where float32 has no such numbers, with all."""
+    distance = values - origin
+    largest = float(np.nan_to_num(np.abs(distance)).max())
+    return packed(distance, "float32" if largest == 0 or 1e-30 < largest < 1e30 else "float64")

@@ -1,0 +1,130 @@
+// What uPlot draws: series, bands and axes of a chart's model.
+
+import { axisPower, powerLabel, tickLabels, withUnits } from "./numbers.js";
+
+const FONT = "system-ui, -apple-system, 'Segoe UI', Roboto, 'Helvetica Neue', 'Noto Sans', 'DejaVu Sans', sans-serif";
+const OUTER = "2b";
+const INNER = "4d";
+
+export const LIGHT = { dark: false, ink: "#1b1f24", soft: "#57606a", grid: "#e3e7ec", paper: "#ffffff" };
+export const DARK = { dark: true, ink: "#e6e9ed", soft: "#a3adb8", grid: "#333b44", paper: "#14181d" };
+
+const colourOf = (method, palette) => method.colours[palette.dark ? 1 : 0];
+
+/** The data of all series, as uPlot wants them. */
+export const seriesData = (model) => [model.time, ...model.methods.flatMap((m) => m.lines.map((line) => line.values))];
+
+/** Ends of the vertical axis with some room; what does not vary gets an axis about it. */
+export function verticalRange(low, high) {
+  if (low === null || high === null) return [0, 1];
+  const largest = Math.max(Math.abs(low), Math.abs(high));
+  const room = high - low > 1e-9 * largest ? 0.05 * (high - low) : 0.05 * largest || 0.5;
+  return [low - room, high + room];
+}
+
+/**
+ * Return the options of uPlot.
+ *
+ * @param model - of the chart; `methods[k].shown` is read whenever it is drawn
+ * @param size - { width, height, scale }: scale 2 for a picture with lines and letters of twice the size
+ * @param palette - returns LIGHT or DARK, and is asked whenever the chart is drawn
+ */
+export function chartOptions(model, { width, height, scale = 1 }, palette) {
+  const series = [{}];
+  const bands = [];
+  const first = () => model.methods.find((method) => method.shown);
+  for (const method of model.methods) {
+    const start = series.length;
+    method.lines.forEach((_, k) => {
+      const outer = method.bands.length > 0 && [method.bands[0].low, method.bands[0].high].includes(k);
+      const lineWidth = (k === 0 ? method.width : 0.6 * method.width) * scale;
+      series.push({
+        stroke: () => {
+          if (k === 0) return colourOf(method, palette());
+          // the ends of the first method's bands are those of its areas; of the inner bands of others nothing is seen
+          return outer && method !== first() ? colourOf(method, palette()) : "transparent";
+        },
+        width: lineWidth,
+        dash: method.dash.map((length) => length * Math.max(lineWidth, scale)),
+        points: { show: false },
+        show: method.shown,
+      });
+    });
+    method.bands.forEach(({ low, high }, k) => {
+      bands.push({
+        series: [start + high, start + low],
+        fill: () => (method === first() ? colourOf(method, palette()) + (k === 0 ? OUTER : INNER) : "transparent"),
+      });
+    });
+  }
+  const font = `${12 * scale}px ${FONT}`;
+  const axis = {
+    font,
+    labelFont: `${13 * scale}px ${FONT}`,
+    labelSize: 20 * scale,
+    labelGap: 2 * scale,
+    gap: 5 * scale,
+    stroke: () => palette().soft,
+    grid: { stroke: () => palette().grid, width: scale },
+    ticks: { stroke: () => palette().grid, width: scale, size: 5 * scale },
+  };
+  return {
+    width,
+    height,
+    series,
+    bands,
+    padding: [10 * scale, 14 * scale, 0, 0],
+    legend: { show: false },
+    scales: { x: { time: false }, y: { range: (_, low, high) => verticalRange(low, high) } },
+    axes: [
+      {
+        ...axis,
+        label: withUnits("time", "s"),
+        size: 28 * scale,
+        space: 60 * scale,
+        values: (_, ticks, __, ___, step) => tickLabels(ticks, step),
+      },
+      {
+        ...axis,
+        label: (u) => {
+          const { min, max } = u.scales.y;
+          return shortName(withUnits(model.output, model.units), (height - 60) / (7.5 * scale)) + powerLabel(axisPower(min, max));
+        },
+        space: 34 * scale,
+        size: (_, values) => (values ? Math.max(...values.map((v) => v.length)) * 7 + 14 : 30) * scale,
+        values: (u, ticks, _, __, step) => tickLabels(ticks, step, axisPower(u.scales.y.min, u.scales.y.max)),
+      },
+    ],
+    cursor: {
+      y: false,
+      drag: { x: true, y: false },
+      points: { size: 7 * scale, show: meanPoint(model, scale) },
+      // the place stays when the pointer leaves, so that one can read, and other charts stay there, too
+      bind: { mouseleave: () => null },
+    },
+  };
+}
+
+/** Make the mark of the cursor on a mean; other lines have none. */
+function meanPoint(model, scale) {
+  const means = new Set();
+  let next = 1;
+  for (const { lines } of model.methods) {
+    means.add(next);
+    next += lines.length;
+  }
+  return (_, number) => {
+    if (!means.has(number)) return undefined;
+    const mark = document.createElement("div");
+    Object.assign(mark.style, { width: `${7 * scale}px`, height: `${7 * scale}px`, margin: `${-3.5 * scale}px 0 0 ${-3.5 * scale}px` });
+    return mark;
+  };
+}
+
+/** Cut the middle out of a long name: what tells names apart is often their end. */
+export function shortName(name, most) {
+  const letters = Array.from(name);
+  if (letters.length <= most) return name;
+  const half = Math.max(Math.floor(most / 2) - 1, 3);
+  return `${letters.slice(0, half).join("")} … ${letters.slice(-half).join("")}`;
+}

@@ -1,0 +1,20 @@
+// Every figure of the page that has data becomes a chart, as soon as it comes near the window.
+
+import { makeChart } from "./chart.js";
+import { chartModel } from "./chart_model.js";
+
+/** Begin: figures with data are watched, and each becomes a chart once. */
+export function startCharts() {
+  const near = new IntersectionObserver(
+    (entries) => {
+      for (const { target, isIntersecting } of entries) {
+        if (!isIntersecting) continue;
+        near.unobserve(target);
+        const data = target.querySelector('script[type="application/json"]');
+        makeChart(target, chartModel(JSON.parse(data.textContent)));
+      }
+    },
+    { rootMargin: "400px" },
+  );
+  for (const figure of document.querySelectorAll("figure.charted")) near.observe(figure);
+}

@@ -1,0 +1,64 @@
+// A chart as a file: its data as CSV, what it shows as PNG.
+
+import { LIGHT, chartOptions, seriesData, shortName } from "./chart_options.js";
+
+const PICTURE = { width: 1600, height: 760, scale: 2 };
+
+/** A name that every system takes for a file. */
+export function fileName(name, ending) {
+  const plain = name.replace(/[^A-Za-z0-9_.+-]+/g, "-").replace(/^[-.]+|[-.]+$/g, "");
+  return `${plain.slice(0, 80) || "chart"}.${ending}`;
+}
+
+/** Hand a file to the reader; `address` is that of data, or of a blob. */
+export function saveAs(address, name) {
+  const link = document.createElement("a");
+  link.href = address;
+  link.download = name;
+  document.body.append(link);
+  link.click();
+  link.remove();
+}
+
+/** The same, of a blob. */
+export function saveBlob(blob, name) {
+  const address = URL.createObjectURL(blob);
+  saveAs(address, name);
+  setTimeout(() => URL.revokeObjectURL(address), 10_000);
+}
+
+/** Draw what a chart shows, with the names of its methods, on a canvas: always in the colours of paper. */
+export async function pictureOf(model, [low, high]) {
+  const chart = new uPlot(chartOptions(model, PICTURE, () => LIGHT), seriesData(model));
+  chart.setScale("x", { min: low, max: high });
+  await new Promise((done) => setTimeout(done, 0));
+  const drawn = chart.ctx.canvas;
+  const shown = model.methods.filter((method) => method.shown);
+  const ratio = drawn.width / PICTURE.width;
+  const line = 40 * ratio;
+  const canvas = document.createElement("canvas");
+  canvas.width = drawn.width;
+  canvas.height = drawn.height + line * (shown.length + 0.5);
+  const pen = canvas.getContext("2d");
+  pen.fillStyle = LIGHT.paper;
+  pen.fillRect(0, 0, canvas.width, canvas.height);
+  pen.font = `${26 * ratio}px system-ui, sans-serif`;
+  pen.textBaseline = "middle";
+  shown.forEach((method, k) => {
+    const y = line * (k + 0.75);
+    const width = 2 * method.width * ratio;
+    pen.strokeStyle = method.colours[0];
+    pen.lineWidth = width;
+    pen.setLineDash(method.dash.map((length) => length * width));
+    pen.beginPath();
+    pen.moveTo(30 * ratio, y);
+    pen.lineTo(120 * ratio, y);
+    pen.stroke();
+    pen.fillStyle = LIGHT.ink;
+    const bands = k === 0 ? method.bands : method.bands.slice(0, 1);
+    pen.fillText(`${shortName(method.label, 60)}: mean, ${bands.map((band) => band.name).join(", ")}`, 140 * ratio, y);
+  });
+  pen.drawImage(drawn, 0, line * (shown.length + 0.5));
+  chart.destroy();
+  return canvas;
+}

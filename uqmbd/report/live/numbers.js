@@ -1,0 +1,58 @@
+// Numbers as `uqmbd.wording.format_number` writes them, with as many digits as what they are compared with needs.
+
+const SUPERSCRIPTS = { "-": "⁻", 0: "⁰", 1: "¹", 2: "²", 3: "³", 4: "⁴", 5: "⁵", 6: "⁶", 7: "⁷", 8: "⁸", 9: "⁹" };
+
+const superscript = (whole) => String(whole).replace(/./g, (c) => SUPERSCRIPTS[c]);
+const withMinus = (text) => text.replace("-", "−");
+
+/**
+ * Write a number for reading: four digits, or as many as show a hundredth of its spread; at most fourteen.
+ * What is not a number is "–".
+ */
+export function formatNumber(value, spread = 0) {
+  if (value === null || Number.isNaN(value)) return "–";
+  if (!Number.isFinite(value)) return value > 0 ? "∞" : "−∞";
+  if (value === 0) return "0";
+  const exponent = Math.floor(Math.log10(Math.abs(value)));
+  const wanted = spread > 0 ? exponent - Math.floor(Math.log10(spread)) + 3 : 0;
+  const digits = Math.min(Math.max(4, wanted), 14);
+  // where all digits mean something, larger numbers are plain, too
+  if (exponent >= -3 && exponent < (digits > exponent ? 10 : 5)) return withMinus(String(Number(value.toPrecision(Math.max(digits, exponent + 1)))));
+  const [mantissa, power] = value.toExponential(digits - 1).split("e");
+  return `${withMinus(String(Number(mantissa)))} × 10${superscript(Number(power))}`;
+}
+
+/** Write a number with its units, if it has any. */
+export function formatQuantity(value, units, spread = 0) {
+  const text = formatNumber(value, spread);
+  return text === "–" || units === "" ? text : `${text} ${units}`;
+}
+
+/** A name with its units in brackets, if it has any. */
+export const withUnits = (name, units) => (units === "" ? name : `${name} [${units}]`);
+
+/** The power of ten that an axis is divided by: 0 where plain numbers are short. */
+export function axisPower(low, high) {
+  const largest = Math.max(Math.abs(low), Math.abs(high));
+  if (!(largest > 0) || high - low < 1e-4 * largest) return 0;
+  const exponent = Math.floor(Math.log10(largest) + 1e-9);
+  return exponent >= -3 && exponent < 4 ? 0 : exponent;
+}
+
+/** Label ticks that are a step apart, divided by a power of ten: all with the same decimals. */
+export function tickLabels(ticks, step, power = 0) {
+  const scaled = step / 10 ** power;
+  let decimals = 0;
+  const short = (digits) => {
+    const shifted = scaled * 10 ** digits;
+    return shifted > 0.5 && Math.abs(shifted - Math.round(shifted)) < 1e-3;
+  };
+  while (decimals < 15 && !short(decimals)) decimals++;
+  return ticks.map((tick) => {
+    if (tick === null) return "";
+    const text = (tick / 10 ** power).toFixed(decimals);
+    return withMinus(Number(text) === 0 ? text.replace("-", "") : text);
+  });
+}
+
+export const powerLabel = (power) => (power === 0 ? "" : ` × 10${superscript(power)}`);
