@@ -30,7 +30,7 @@ def test_a_surrogate_is_drawn_beside_samples(result):
     """The curve of the chaos is that of the normal distribution; the far tails do not stretch the axis."""
     figure = report.histograms(result, "ratio", [0.4])
     (axes,) = figure.axes
-    assert axes.get_title("left") == "t = 0.4 s"
+    assert axes.get_title("right") == "t = 0.4 s"
     assert axes.get_ylabel() == "density"
     (_, chaos) = axes.get_lines()
     z, density = chaos.get_data()

@@ -70,7 +70,7 @@ def test_bands_are_the_mean_and_the_quantiles(study: xr.DataTree) -> None:
 def test_histograms_are_densities(study: xr.DataTree) -> None:
     """Bars and curves enclose an area of 1, failed samples left out; times are those asked for; units are inverse."""
     figure = report.histograms(study, "slider_x", [0.49, 2.0])
-    assert [a.get_title("left") for a in figure.axes] == ["t = 0.5 s", "t = 2 s"]
+    assert [a.get_title("right") for a in figure.axes] == ["t = 0.5 s", "t = 2 s"]
     assert figure.axes[0].get_ylabel() == "density [1/m]"
     assert [text.get_text() for text in figure.legends[0].get_texts()] == ["monte-carlo", "second"]
     samples = study["monte-carlo/samples"].to_dataset()
@@ -83,7 +83,7 @@ def test_histograms_are_densities(study: xr.DataTree) -> None:
             assert np.trapezoid(line.get_ydata(), line.get_xdata()) == pytest.approx(1.0, abs=0.01)
     assert (edges[0], edges[-1]) == pytest.approx((values.min(), values.max()))
     largest = study["monte-carlo/statistics/std"].sel(output="slider_x").idxmax("time").item()
-    titles = [a.get_title("left") for a in report.histograms(study["monte-carlo"], "slider_x").axes]
+    titles = [a.get_title("right") for a in report.histograms(study["monte-carlo"], "slider_x").axes]
     assert f"t = {largest:.4g} s" in titles and titles[-1] == "t = 2 s" and len(titles) <= 4
 
 

@@ -164,9 +164,7 @@ def arrange(
     rows = [grid[k : k + columns] for k in range(0, len(grid), columns)]
     ticks = [max(_tick_width(row[j].yaxis) for row in rows if j < len(row)) for j in range(len(rows[0]))]
     lefts = [w + max(_lines(row[j].get_ylabel()) for row in rows if j < len(row)) for j, w in enumerate(ticks)]
-    heads = [
-        max(0.2 if a.get_title() or a.get_title("left") or _offset(a.yaxis) else 0.06 for a in row) for row in rows
-    ]
+    heads = [max(0.2 if _title(a) or _offset(a.yaxis) else 0.06 for a in row) for row in rows]
     feet = [0.27 + max(_lines(a.get_xlabel()) or (0.12 if _offset(a.xaxis) else 0.0) for a in row) for row in rows]
     inner_width = (width - sum(lefts) - right * len(lefts)) / len(lefts)
     if heights is None:
@@ -174,7 +172,7 @@ def arrange(
     else:
         inner = list(heights)
         heads = [
-            head + (0.06 if any(a.get_title("left") for a in row) else 0.0) + (0.08 if k else 0.0)
+            head + (0.06 if any(map(_title, row)) else 0.0) + (0.08 if k else 0.0)
             for k, (row, head) in enumerate(zip(rows, heads, strict=True))
         ]
         feet = [
@@ -190,11 +188,32 @@ def arrange(
         for axes, tick, left in zip(row, ticks, lefts, strict=False):
             across += left
             axes.set_position((across / width, down / height, inner_width / width, inner_height / height))
+            _keep_ticks_apart(axes.xaxis, inner_width)
             # Stated positions of labels spare Matplotlib from measuring every tick again.
             axes.yaxis.set_label_coords(-tick / inner_width, 0.5)
             axes.xaxis.set_label_coords(0.5, -0.26 / inner_height)
             across += inner_width + right
         down -= foot
+
+
+def _title(axes: Axes) -> str:
+    return axes.get_title() or axes.get_title("left") or axes.get_title("right")
+
+
+def _keep_ticks_apart(axis: Axis, room: float) -> None:
+    """Take fewer ticks where their texts would run into each other; ``room``: length of the axis, inches."""
+    from matplotlib.ticker import MaxNLocator
+
+    low, high = sorted(axis.get_view_interval())
+    for bins in (4, 3, 2, 1):
+        places = [place for place in axis.get_majorticklocs() if low <= place <= high]
+        texts = axis.get_major_formatter().format_ticks(places)
+        longest = _CHARACTER * (max(map(len, texts), default=0) + 1)
+        if type(axis.get_major_locator()) is not MaxNLocator or len(places) < 2:
+            return
+        if longest < room * (places[1] - places[0]) / (high - low):
+            return
+        axis.set_major_locator(MaxNLocator(nbins=bins, steps=[1, 2, 2.5, 5, 10]))
 
 
 def _tick_width(axis: Axis) -> float:

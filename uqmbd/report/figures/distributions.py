@@ -71,7 +71,7 @@ def histograms(results: Results | Samples, output: str, times: Sequence[float] |
     >>> node = propagator_node("mine", statistics_of_samples(samples), samples,
     ...                        propagator="p", realisations=2, wall_time=0.0)
     >>> axes = histograms(node, "x").axes[0]
-    >>> axes.get_title("left"), axes.get_ylabel()
+    >>> axes.get_title("right"), axes.get_ylabel()
     ('t = 0.5 s', 'density [1/m]')
     """
     import xarray as xr
@@ -86,7 +86,7 @@ def histograms(results: Results | Samples, output: str, times: Sequence[float] |
     figure, grid = axes_grid(len(chosen), 1.75)
     for place, (axes, k) in enumerate(zip(grid, chosen, strict=True)):
         time = float(grid_of_times[k])
-        axes.set_title(f"t = {time:.4g} s", fontsize=9.5, y=1.0, loc="left")
+        axes.set_title(f"t = {time:.4g} s", fontsize=9.5, y=1.0, loc="right")
         curves = [
             Curve(
                 response.values[:, int(np.abs(response["time"].values - time).argmin())],

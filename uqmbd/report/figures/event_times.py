@@ -119,7 +119,7 @@ def event_times(results: Results) -> Figure:
         raise StudyError("None of these results follows events; use Collocation(alignment='events').")
     figure, grid = axes_grid(len(events), 1.5)
     for place, (axes, event) in enumerate(zip(grid, events, strict=True)):
-        axes.set_title(_title(event), fontsize=9.5, y=1.0, loc="left")
+        axes.set_title(_title(event), fontsize=9.5, y=1.0, loc="right")
         draw_densities(axes, event.times, [Curve(event.times)])
         few_ticks(axes)
         axes.set_ylabel(density_label("s") if place % 2 == 0 else "")
