@@ -21,16 +21,18 @@ from uqmbd.results import (
     PolynomialChaos,
     QuasiPeriodicChaos,
     QuasiPeriodicElement,
+    propagator_nodes,
     surrogate,
     surrogate_parts,
 )
 from uqmbd.results.chaos import Surrogate, reference_spread, spread_germs
+from uqmbd.results.comparison import recommended
 from uqmbd.typing import Array, Index
 
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["live_surrogate", "packed_surrogate", "shipped"]
+__all__ = ["NO_SURROGATE", "live_method", "live_surrogate", "packed_surrogate", "shipped"]
 
 
 SHARE = 0.1
@@ -55,6 +57,30 @@ LARGEST = 4_000_000
 """Characters of data beyond which a surrogate is not put into a page."""
 
 
+NO_SURROGATE = "There are samples and no surrogate; collocation and Galerkin make one."
+"""Why nothing can be evaluated in a page."""
+
+
+def live_method(tree: xr.DataTree) -> str:
+    """Return the label of the method whose surrogate a page has; empty: none makes one.
+
+    It is the one that is recommended; else that whose largest stated error is least, the first of those without any.
+    """
+    nodes = {label: node for label, node in propagator_nodes(tree).items() if surrogate_parts(node)}
+    compared = tree.children["comparison"].to_dataset() if "comparison" in tree.children else None
+    advised = recommended(compared) if compared is not None and "method" in compared else ()
+    for label in advised:
+        if label in nodes:
+            return label
+
+    def largest(label: str) -> float:
+        error = nodes[label].children["statistics"].to_dataset().get("verification_error")
+        known = np.zeros(0) if error is None else error.values[np.isfinite(error.values)]
+        return float(known.max()) if known.size else np.inf
+
+    return min(nodes, key=largest, default="")
+
+
 def live_surrogate(node: xr.DataTree, most: int = LARGEST) -> dict[str, Any]:
     """Return the surrogate of a method as data, or ``{"reason": ...}``, which says why there is none.
 
@@ -66,7 +92,7 @@ def live_surrogate(node: xr.DataTree, most: int = LARGEST) -> dict[str, Any]:
         Characters of data that a page has room for.
     """
     if not surrogate_parts(node):
-        return {"reason": "This method keeps samples and no surrogate; collocation and Galerkin make one."}
+        return {"reason": NO_SURROGATE}
     try:
         chaos = surrogate(node)
         data = packed_surrogate(chaos, _stored_error(node, chaos))
