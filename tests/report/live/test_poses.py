@@ -12,7 +12,7 @@ from uqmbd.errors import StudyError
 from uqmbd.randomness import GermSpace
 from uqmbd.report import motion, with_motion
 from uqmbd.report.live import json_script, live_method, live_surrogate, packed_poses, pose_surrogate, with_poses
-from uqmbd.results import load, save, surrogate
+from uqmbd.results import load, propagator_nodes, save, surrogate
 from uqmbd_collocation import Collocation
 from uqmbd_montecarlo import MonteCarlo
 from uqmbd_springs import SpringDamper
@@ -84,10 +84,10 @@ def test_poses_are_kept_with_the_motion(tmp_path):
     tree, problem = with_motion(study.run(), study)
     assert not problem and live_method(tree) == "c"
     made, problem = with_poses(tree, study)
-    assert not problem and "surrogate" not in tree["motion"].children
+    assert not problem and list(propagator_nodes(made)) == ["mc", "c"] and "pose_surrogate" not in tree.children
     again = load(save(made, tmp_path / "results.nc"))
-    data = packed_poses(made["motion/surrogate"])
-    assert json_script(packed_poses(again["motion/surrogate"])) == json_script(data)
+    data = packed_poses(made["pose_surrogate"])
+    assert json_script(packed_poses(again["pose_surrogate"])) == json_script(data)
     assert live_surrogate(made["mc"])["reason"] == with_poses(tree.drop_nodes("c"), study)[1]
     assert "not known" in with_poses(tree.drop_nodes("motion"), study)[1]
     dear = tree.copy()

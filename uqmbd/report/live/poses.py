@@ -103,7 +103,7 @@ def pose_surrogate(study: Study, method: str, frames: int = FRAMES) -> xr.DataTr
 
 
 def with_poses(tree: xr.DataTree, study: Study) -> tuple[xr.DataTree, str]:
-    """Add surrogates of poses to the node ``motion`` of results, as its child ``surrogate``.
+    """Add surrogates of poses to results with a motion, as the node ``pose_surrogate``.
 
     Nothing that goes wrong here ends a run.
 
@@ -117,7 +117,7 @@ def with_poses(tree: xr.DataTree, study: Study) -> tuple[xr.DataTree, str]:
     Returns
     -------
     tree : xarray.DataTree
-        With the child, if it could be made.
+        With the node, if it could be made.
     note : str
         Why it could not, or empty.
     """
@@ -131,7 +131,7 @@ def with_poses(tree: xr.DataTree, study: Study) -> tuple[xr.DataTree, str]:
     try:
         made = pose_surrogate(study, method, tree.children["motion"].sizes["time"])
         extended = tree.copy()
-        extended["motion/surrogate"] = made
+        extended["pose_surrogate"] = made
     except Exception as error:  # noqa: BLE001 - studies and plugins may raise anything; the results must stand
         return tree, f"{type(error).__name__}: {error}"
     return extended, ""
