@@ -140,13 +140,9 @@ def test_check_shows_what_each_method_takes(tmp_path):
     assert "keep=" not in said  # as by default
 
 
-def test_times_are_those_of_the_largest_number_that_was_timed():
-    """With a clock that counts realisations: 1, 8, 64, as far as the limit allows."""
+def counted_study(samples):
+    """Return a study whose problems note how many realisations are asked for at once, and these numbers."""
     study, computed = loads(2), []
-
-    class Clock:
-        def __call__(self):
-            return 0.01 * sum(computed)
 
     class Counted(uqmbd.Study):
         def problem(self, *arguments):
@@ -155,12 +151,33 @@ def test_times_are_those_of_the_largest_number_that_was_timed():
             object.__setattr__(problem, "realise", lambda values: (computed.append(len(values)), realise(values))[1])
             return problem
 
-    counted = Counted("loads", study.mechanism, study.times, [MonteCarlo(samples=5000)])
+    return Counted("loads", study.mechanism, study.times, [MonteCarlo(samples=samples)]), computed
+
+
+def test_times_are_those_of_the_largest_number_that_was_timed():
+    """With a clock that counts realisations: 1, 8, 64, as far as the limit allows."""
+    counted, computed = counted_study(5000)
+
+    def clock():
+        return 0.01 * sum(computed)
+
     for limit, count in ((0.005, 1), (0.1, 8), (1.0, 64)):
-        timing = timing_of(counted, counted.propagators[0], limit, Clock())
+        timing = timing_of(counted, counted.propagators[0], limit, clock)
         assert timing.count == count
         assert timing.each == pytest.approx(0.01)
         assert timing.seconds(counted.propagators[0], counted) == pytest.approx(50.0)
+
+
+def test_what_a_chunk_costs_besides_is_not_taken_for_that_of_a_realisation():
+    """A clock of 50 ms for whatever is computed together and 0.1 ms for each: 500 samples take 0.1 to 0.5 s, not 25 s."""
+    counted, computed = counted_study(500)
+
+    def clock():
+        return 0.05 * len(computed) + 1e-4 * sum(computed)
+
+    timing = timing_of(counted, counted.propagators[0], clock=clock)
+    assert timing.seconds(counted.propagators[0], counted) < 1.0
+    assert clock() < 1.0
 
 
 def test_a_run_refuses_what_it_cannot_hold_and_does_the_rest():

@@ -71,6 +71,25 @@ def test_samples_that_are_elsewhere_are_told(folder: Path) -> None:
         assert opened["monte-carlo/samples"].sizes["sample"] == KEEP
 
 
+def test_samples_of_another_run_are_not_taken_for_those_of_the_result(folder: Path) -> None:
+    """Same name, layout, outputs; other inputs, or other responses of the same inputs."""
+    samples = xr.load_dataset(folder / "monte-carlo-samples.zarr", engine="zarr")
+    for name in ("inputs", "response"):
+        other = samples.assign({name: samples[name] * (1 + 1e-12)})
+        SampleStore.write(folder / "monte-carlo-samples.zarr", other)
+        with pytest.warns(StudyWarning, match="another run"), uqmbd.results.open(folder / "results.nc") as opened:
+            assert opened["monte-carlo/samples"].sizes["sample"] == KEEP
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows has no such permissions")
+def test_who_may_read_the_results_may_read_the_samples(folder: Path) -> None:
+    """A store and its files are as open to others as the result beside it."""
+    open_to = (folder / "results.nc").stat().st_mode & 0o777
+    assert {p.stat().st_mode & 0o777 for p in (folder / "monte-carlo-samples.zarr").rglob("*") if p.is_file()} == {
+        open_to
+    }
+
+
 def test_samples_of_earlier_versions_open(folder: Path) -> None:
     """They are in a netCDF file."""
     tree = load(folder / "results.nc")

@@ -24,6 +24,9 @@ METHOD = (Exception, SystemExit)
 GROWTH, MOST = 8, 512
 """By how much the number of realisations grows that are timed, and the largest."""
 
+FIRST = 4.0
+"""How many times the limit the second number may take: of one realisation most is what a chunk costs besides."""
+
 DEAR = 30.0
 """Realisations that a node of a method may cost that solves all together, at most."""
 
@@ -93,17 +96,21 @@ def timing_of(
         problem = first_problem(study, propagator)
         problem.realise(problem.inputs.means[None, :])
         points = np.random.default_rng(0).random((MOST, len(problem.inputs)))
-        values, count, spent = problem.inputs.from_uniform(points), 1, 0.0
+        values, count, spent, before = problem.inputs.from_uniform(points), 1, 0.0, 0.0
         while count <= MOST:
             begin = clock()
             problem.realise(values[:count])
             took = clock() - begin
             spent += took
             found = Timing(took / count, count)
-            # many together take less than as many times one
-            if spent + GROWTH * took > limit:
+            # many together take less than as many times one: how much less, two numbers tell
+            if count == 1:
+                expected, most = GROWTH * took, FIRST * limit
+            else:
+                expected, most = took + GROWTH * max(took - before, 0.0), limit
+            if spent + expected > most:
                 break
-            count *= GROWTH
+            count, before = count * GROWTH, took
     return found
 
 

@@ -21,6 +21,9 @@ __all__ = ["open"]
 AT_ONCE = 1 << 25
 """Bytes of responses that Dask reads at once, about."""
 
+COMPARED = 64
+"""Samples that are compared with those that were kept."""
+
 
 def open(path: str | os.PathLike[str]) -> xr.DataTree:
     """Open a result without reading its arrays: they are of Dask, and are read where they are computed with.
@@ -46,7 +49,8 @@ def open(path: str | os.PathLike[str]) -> xr.DataTree:
     Warns
     -----
     uqmbd.StudyWarning
-        If the store of a method's samples is not beside the result: its node has those that were kept.
+        If the store of a method's samples is not beside the result, or is that of another run: its node has those that
+        were kept.
 
     Examples
     --------
@@ -114,6 +118,25 @@ def _all_samples(folder: Path, name: str, node: xr.DataTree) -> xr.Dataset | Non
         if data[key].dtype.kind in "OT"
     }
     data = data.assign_coords(texts)
+    if not _begins_with(data, kept):
+        warnings.warn(
+            f"{node.path}: {name} beside the result has samples of another run; those that were kept are shown. Put "
+            "the store of this run there: each run belongs in a folder of its own.",
+            StudyWarning,
+            stacklevel=3,
+        )
+        return None
     for key in set(data.variables) & set(kept.variables):
         data[key].attrs = kept[key].attrs
     return data
+
+
+def _begins_with(data: xr.Dataset, kept: xr.Dataset) -> bool:
+    """Tell whether the first samples are those that were kept, to the bit: a store has the name of its method only."""
+    count = min(kept.sizes.get("sample", 0), COMPARED)
+    for name in ("inputs", "response"):
+        if name in kept:
+            found, expected = (one[name].isel(sample=slice(count)) for one in (data, kept))
+            if found.dims != expected.dims or not np.array_equal(found.values, expected.values, equal_nan=True):
+                return False
+    return True

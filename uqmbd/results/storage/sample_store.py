@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import os
-import tempfile
+import secrets
 import zlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -103,6 +103,7 @@ class SampleStore:
 
     Examples
     --------
+    >>> import tempfile
     >>> from uqmbd.results import labels, sample_dataset
     >>> samples = sample_dataset(np.arange(10.0).reshape(5, 1, 2), np.zeros((5, 1)), labels(["x"], ["k"], [0.0, 1.0]))
     >>> with tempfile.TemporaryDirectory() as folder:
@@ -364,11 +365,12 @@ def _decode(path: Path, content: bytes, kind: str, chunk: tuple[int, ...]) -> ND
 
 def write_file(path: Path, content: bytes) -> None:
     """Write a file as a whole or not at all; others may be writing the same."""
-    handle, name = tempfile.mkstemp(dir=path.parent, prefix=".", suffix=".part")
+    # not by tempfile: what it makes its owner alone can read
+    part = path.with_name(f".{secrets.token_hex(8)}.part")
     try:
-        with os.fdopen(handle, "wb") as file:
+        with part.open("xb") as file:
             file.write(content)
-        os.replace(name, path)
+        os.replace(part, path)
     except BaseException:
-        os.unlink(name)
+        part.unlink(missing_ok=True)
         raise
