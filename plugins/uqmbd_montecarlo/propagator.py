@@ -151,10 +151,9 @@ class MonteCarlo(uqmbd.Propagator):
         disk = 8 * (kept if self.samples <= kept else kept + self.samples) * (values + inputs)
         found = uqmbd.Estimate(total, memory, f"{kept} samples that are kept", disk=disk)
         if isinstance(self.control, LowFidelity):
-            # how many pay is known from the samples
-            total += self.control.samples or self.samples
-            detail = f"{found.detail}; {self.control!r} counts as well, at the samples at least"
-            return replace(found, realisations=total, detail=detail)
+            # its realisations are none of this study, and how many pay is known from the samples
+            most = f"{self.control.samples or self.samples}{'' if self.control.samples else ' or more'}"
+            return replace(found, detail=f"{found.detail}; besides {most} realisations of {self.control!r}")
         control = self.control.estimate(study) if isinstance(self.control, uqmbd.Propagator) else None
         if control is None:
             return found
@@ -163,11 +162,10 @@ class MonteCarlo(uqmbd.Propagator):
 
     def sizing(self, study: uqmbd.Study, accuracy: float | None) -> uqmbd.Sizing:
         """Take as many samples as are needed."""
-        rows = self.keep // (len(study.mechanism.inputs) + 2)
 
         def allowed(samples: int) -> int:
             if self.sobol_indices:
-                return 2 * min(samples // 2, rows)
+                return samples // 2 * 2
             return allowed_samples(self.sampling, samples, self.replicates)
 
         independent = uqmbd.sampling_design(self.sampling, "MonteCarlo: sampling").independent

@@ -267,3 +267,18 @@ def test_workers_find_the_functions_of_a_script_and_what_lies_beside_it(
         assert done.returncode == 0, done.stderr
         found[strength] = load(out / "results.nc")["monte-carlo/samples"]["response"].values[:, 0, -1].mean()
     assert found[-0.1] < found[-5.0] - 0.5
+
+
+def test_a_cluster_that_is_started_here_is_reached_from_here_alone():
+    """Whoever reaches a scheduler may have it run code, and its pages tell of the work."""
+    psutil = pytest.importorskip("psutil")
+    with uqmbd.Workers(count=1, dask="local").at_work() as executor:
+        assert executor.submit(abs, -3).result() == 3
+        own = psutil.Process()
+        listening = [
+            connection.laddr.ip
+            for process in (own, *own.children(recursive=True))
+            for connection in process.net_connections()
+            if connection.status == psutil.CONN_LISTEN
+        ]
+    assert listening and set(listening) == {"127.0.0.1"}

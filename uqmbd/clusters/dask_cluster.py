@@ -91,7 +91,8 @@ def _scheduler(asked: str, count: int | None) -> Iterator[Any]:
         import distributed
 
         # a process has one thread: what is computed in Python holds up the other threads of its process
-        with distributed.LocalCluster(n_workers=count, threads_per_worker=1, dashboard_address=":0") as cluster:
+        alone = {"threads_per_worker": 1, "dashboard_address": "127.0.0.1:0"}
+        with distributed.LocalCluster(n_workers=count, **alone) as cluster:
             yield cluster
     elif asked in QUEUES:
         with _queue(asked) as cluster:

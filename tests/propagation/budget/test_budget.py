@@ -21,7 +21,7 @@ from uqmbd.propagation.run_methods import run_methods
 from uqmbd.results import stated_accuracy
 from uqmbd_collocation import Collocation
 from uqmbd_galerkin import Galerkin
-from uqmbd_montecarlo import MonteCarlo
+from uqmbd_montecarlo import LowFidelity, MonteCarlo
 from uqmbd_reliability import Reliability
 
 MEAN, STD = 3.0, 0.2
@@ -144,6 +144,21 @@ def test_a_budget_of_realisations_is_never_exceeded_and_is_used(budget):
     assert about["met"] is False
     assert "is not reached" in about["summary"]
     assert about["spent"] <= budget
+
+
+@pytest.mark.parametrize("options", ["sobol", "control"])
+def test_a_budget_of_realisations_is_used_beyond_keep_and_beside_a_control(options):
+    """What is kept bounds no size of Sobol' indices, and realisations of a cheaper study are none of this one."""
+    budget = 3000
+    if options == "sobol":
+        method = MonteCarlo(seed=1, keep=100, sobol_indices=True)
+    else:
+        method = MonteCarlo(seed=1, control=LowFidelity(fall(of=lambda x: x + 0.1 * sympy.sin(9 * x)), cost=0.1))
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", ".*plain Monte Carlo would")
+        outcome = within(fall(method), Counting(), budget=Amount(realisations=budget), accuracy=1e-6)
+    (node,) = outcome.nodes
+    assert 0.8 * budget <= node.attrs["realisations"] <= budget
 
 
 def test_methods_share_a_budget_and_one_that_fails_costs_only_itself():
