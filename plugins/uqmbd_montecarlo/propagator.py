@@ -152,8 +152,8 @@ class MonteCarlo(uqmbd.Propagator):
         found = uqmbd.Estimate(total, memory, f"{kept} samples that are kept", disk=disk)
         if isinstance(self.control, LowFidelity):
             # its realisations are none of this study, and how many pay is known from the samples
-            most = f"{self.control.samples or self.samples}{'' if self.control.samples else ' or more'}"
-            return replace(found, detail=f"{found.detail}; besides {most} realisations of {self.control!r}")
+            besides = f"{self.control.samples or self.samples}{'' if self.control.samples else ' or more'}"
+            return replace(found, detail=f"{found.detail}; besides {besides} realisations of {self.control!r}")
         control = self.control.estimate(study) if isinstance(self.control, uqmbd.Propagator) else None
         if control is None:
             return found

@@ -312,6 +312,16 @@ def test_a_run_goes_on_at_the_sizes_that_it_had_chosen(tmp_path):
     same(found, study.run(budget="1h", accuracy=0.05)["monte-carlo"])
 
 
+@pytest.mark.parametrize("sizes", ["[{}]", '[{"size": "a"}]', "[3]", '[{"size": 64, "seconds": "x"}]', "7"])
+def test_a_record_of_sizes_that_is_damaged_is_none(tmp_path, sizes):
+    study = fall(MonteCarlo(seed=4))
+    expected = study.run(budget=200)["monte-carlo"]
+    (tmp_path / "unfinished").mkdir()
+    text = '{"asked": {"realisations": 200}, "methods": {"monte-carlo": SIZES}}'.replace("SIZES", sizes)
+    (tmp_path / "unfinished" / "budget.json").write_text(text)
+    same(study.run(budget=200, folder=tmp_path, resume=True)["monte-carlo"], expected)
+
+
 @pytest.mark.parametrize("budget", ["3parsec", 0, -5, True, 2.5, "0s", ""])
 def test_a_budget_that_is_none_is_refused(budget):
     with pytest.raises(uqmbd.StudyError, match="budget is .*; expected a number of realisations, as 5000, or a time"):

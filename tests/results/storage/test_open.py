@@ -71,6 +71,21 @@ def test_samples_that_are_elsewhere_are_told(folder: Path) -> None:
         assert opened["monte-carlo/samples"].sizes["sample"] == KEEP
 
 
+@pytest.mark.parametrize("variable", ["response", "inputs"])
+def test_a_chunk_that_is_missing_is_told_though_their_number_is_right(folder: Path, variable: str) -> None:
+    """Zarr reads what is missing as NaN, which means leave out."""
+    chunk = sorted((folder / "monte-carlo-samples.zarr" / variable).glob("[0-9]*"))[-1]
+    chunk.rename(chunk.with_name(f"9{chunk.name}"))
+    with pytest.raises(StudyError, match="missing"):
+        uqmbd.results.open(folder / "results.nc")
+
+
+def test_a_first_chunk_that_is_damaged_is_told(folder: Path) -> None:
+    (folder / "monte-carlo-samples.zarr" / "response" / "0.0.0").write_bytes(bytes(1000))
+    with pytest.raises(StudyError, match="damaged"):
+        uqmbd.results.open(folder / "results.nc")
+
+
 def test_samples_of_another_run_are_not_taken_for_those_of_the_result(folder: Path) -> None:
     """Same name, layout, outputs; other inputs, or other responses of the same inputs."""
     samples = xr.load_dataset(folder / "monte-carlo-samples.zarr", engine="zarr")

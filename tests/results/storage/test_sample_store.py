@@ -6,6 +6,7 @@ import json
 import os
 import pickle
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,6 +16,8 @@ from hypothesis import strategies as st
 
 from uqmbd.errors import StudyError
 from uqmbd.results import SampleStore, labels, sample_dataset
+from uqmbd.results.storage import UnfinishedStore
+from uqmbd.results.storage.journal import Journal
 
 
 def samples_of(count: int, outputs: int = 2, times: int | None = 5, inputs: int = 1, seed: int = 0) -> xr.Dataset:
@@ -130,3 +133,14 @@ def test_what_is_no_store_is_refused(tmp_path: Path) -> None:
     (tmp_path / "bad.zarr").mkdir()
     with pytest.raises(StudyError, match="cannot be read as samples"):
         SampleStore.open(tmp_path / "bad.zarr")
+
+
+@pytest.mark.parametrize("about", [[1], {"x": 1}, {"number": "a"}, {"number": 99}])
+def test_a_record_that_says_nothing_is_passed_over(tmp_path: Path, about: Any) -> None:
+    """Whole by its checksum, and none of those that are written."""
+    axes = labels(["x"], ["k"], [0.0])
+    store = UnfinishedStore(tmp_path, tmp_path / "unfinished", None, "name", 10, 5, axes)
+    store.keep(0, None, {"checksum": 1}, {})
+    Journal(tmp_path / "unfinished" / "name.journal").append(about, {})
+    again = UnfinishedStore(tmp_path, tmp_path / "unfinished", None, "name", 10, 5, axes)
+    assert [again.record(number) is not None for number in range(2)] == [True, False]

@@ -371,10 +371,10 @@ class Within:
         """Take the sizes that an interrupted run has chosen for the same budget and accuracy."""
         if self.folder is None or not self.resume:
             return
-        with contextlib.suppress(OSError, ValueError, KeyError, TypeError):
+        with contextlib.suppress(OSError, ValueError, LookupError, TypeError, AttributeError):
             found = json.loads((self.folder / FOLDER / RECORD).read_text())
             if found["asked"] == self.terms.asked:
-                self._record = {str(k): list(v) for k, v in found["methods"].items()}
+                self._record = {str(k): [_size(one) for one in v] for k, v in found["methods"].items()}
 
     def _write(self) -> None:
         if self.folder is None:
@@ -383,6 +383,12 @@ class Within:
         place.mkdir(parents=True, exist_ok=True)
         with replacing(place / RECORD) as part:
             part.write_text(json.dumps({"asked": self.terms.asked, "methods": self._record}))
+
+
+def _size(record: Any) -> dict[str, Any]:
+    """Return a size that was run, or had begun, of a record; what is damaged raises."""
+    found = {name: float(record[name]) for name in ("seconds", "computing") if name in record}
+    return found | {name: int(record[name]) for name in ("size", "fresh") if name == "size" or name in record}
 
 
 def _plain(value: Any) -> Any:

@@ -113,6 +113,7 @@ def _record(payload: bytes) -> Record | None:
     try:
         with np.load(io.BytesIO(payload), allow_pickle=False) as stored:
             arrays = {key: stored[key] for key in stored.files}
-        return json.loads(str(arrays.pop(_ABOUT))), arrays
+        about = json.loads(str(arrays.pop(_ABOUT)))
+        return (about, arrays) if isinstance(about, dict) else None
     except Exception:  # noqa: BLE001 - whatever is wrong with it, the work is done again
         return None

@@ -118,7 +118,11 @@ def _all_samples(folder: Path, name: str, node: xr.DataTree) -> xr.Dataset | Non
         if data[key].dtype.kind in "OT"
     }
     data = data.assign_coords(texts)
-    if not _begins_with(data, kept):
+    try:
+        same = _begins_with(data, kept)
+    except (OSError, ValueError, RuntimeError) as error:
+        raise StudyError(f"{str(place)!r} cannot be read as samples; it is damaged: {error}") from error
+    if not same:
         warnings.warn(
             f"{node.path}: {name} beside the result has samples of another run; those that were kept are shown. Put "
             "the store of this run there: each run belongs in a folder of its own.",

@@ -190,8 +190,15 @@ class SampleStore:
         return found | layout == found and codec == ("blosc" if _small(name, chunk) else None)
 
     def _complete(self) -> bool:
-        with os.scandir(self.folder / "response") as entries:
-            return sum(not entry.name.startswith(".") for entry in entries) == len(self.chunks())
+        # what is missing others read as NaN
+        for name in ("response", "inputs"):
+            shape, chunk = self.shapes(name)
+            number = -(-shape[0] // chunk[0])
+            with os.scandir(self.folder / name) as entries:
+                found = {entry.name for entry in entries if not entry.name.startswith(".")}
+            if len(found) != number or not all(self.place(name, k).name in found for k in range(number)):
+                return False
+        return True
 
     @staticmethod
     def write(path: str | os.PathLike[str], samples: xr.Dataset, size: int = 512) -> SampleStore:

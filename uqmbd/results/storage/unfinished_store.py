@@ -116,8 +116,9 @@ class UnfinishedStore:
             place.mkdir(parents=True, exist_ok=True)
             self._token[0].write_text(self._token[1])
             for at, about in self._journal.places():
-                if 0 <= about["number"] < len(self._records) and not about.get("lost"):
-                    self._records[about["number"]] = at
+                number = about.get("number")
+                if isinstance(number, int) and 0 <= number < len(self._records) and not about.get("lost"):
+                    self._records[number] = at
             own = place / f"{identity}.zarr"
             begun = (self._records >= 0).any()
             there = [p for p in (self._target if begun else None, own) if p is not None and _identity(p) == identity]
