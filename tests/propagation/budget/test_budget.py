@@ -312,7 +312,9 @@ def test_a_run_goes_on_at_the_sizes_that_it_had_chosen(tmp_path):
     same(found, study.run(budget="1h", accuracy=0.05)["monte-carlo"])
 
 
-@pytest.mark.parametrize("sizes", ["[{}]", '[{"size": "a"}]', "[3]", '[{"size": 64, "seconds": "x"}]', "7"])
+@pytest.mark.parametrize(
+    "sizes", ["[{}]", '[{"size": "a"}]', "[3]", '[{"size": 64, "seconds": "x"}]', '[{"size": 64, "seconds": 1}]', "7"]
+)
 def test_a_record_of_sizes_that_is_damaged_is_none(tmp_path, sizes):
     study = fall(MonteCarlo(seed=4))
     expected = study.run(budget=200)["monte-carlo"]

@@ -16,7 +16,7 @@ import xarray as xr
 
 import uqmbd
 from uqmbd.errors import StudyError, StudyWarning
-from uqmbd.results import SampleStore, labels, load, save
+from uqmbd.results import SampleStore, labels, load, sample_dataset, save
 from uqmbd_joints import Distance
 from uqmbd_montecarlo import MonteCarlo
 
@@ -105,6 +105,28 @@ def test_who_may_read_the_results_may_read_the_samples(folder: Path) -> None:
     }
 
 
+@pytest.mark.parametrize(("count", "times"), [(17_000, 400), (9_000, 700)])
+def test_chunks_of_inputs_and_of_responses_need_not_begin_at_the_same_samples(
+    tmp_path: Path, count: int, times: int
+) -> None:
+    """More samples than are read at once; warnings are errors here."""
+    values = np.arange(float(count))
+    axes = labels([("x", "m")], ["length"], np.linspace(0, 1, times))
+    store = SampleStore.create(tmp_path / "all.zarr", count, 512, axes)
+    for k in range(0, count, 512):
+        store.put("response", k, np.broadcast_to(values[k : k + 512, None, None], (len(values[k : k + 512]), 1, times)))
+    store.put("inputs", 0, values[:, None])
+    kept = sample_dataset(np.broadcast_to(values[:9, None, None], (9, 1, times)), values[:9, None], axes)
+    tree = xr.DataTree.from_dict({"one/samples": kept})
+    tree["one"].attrs["all_samples"] = "all.zarr"
+    save(tree, tmp_path / "results.nc")
+    with uqmbd.results.open(tmp_path / "results.nc") as opened:
+        data = opened["one/samples"].to_dataset()
+        assert len(data.chunks["sample"]) > 1
+        difference = data["inputs"].isel(input=0, drop=True) - data["response"].isel(output=0, time=-1, drop=True)
+        assert difference.sizes["sample"] == count and float(abs(difference).max()) == 0.0
+
+
 def test_samples_of_earlier_versions_open(folder: Path) -> None:
     """They are in a netCDF file."""
     tree = load(folder / "results.nc")
@@ -168,6 +190,9 @@ def test_ten_million_realisations_open_in_a_second_and_stream(folder: Path, tmp_
     store = SampleStore.create(many / "monte-carlo-samples.zarr", count, size, axes)
     store.put("response", 0, np.full((size, 1, 20), 0.25))
     store.put("inputs", 0, np.ones((store.block, 1)))
+    tree = load(folder / "results.nc")
+    tree["monte-carlo/samples"] = xr.DataTree(sample_dataset(np.full((KEEP, 1, 20), 0.25), np.ones((KEEP, 1)), axes))
+    save(tree, many / "results.nc")
     for name, step in (("response", size), ("inputs", store.block)):
         for k in range(1, -(-count // step)):
             os.link(store.place(name, 0), store.place(name, k))

@@ -387,8 +387,10 @@ class Within:
 
 def _size(record: Any) -> dict[str, Any]:
     """Return a size that was run, or had begun, of a record; what is damaged raises."""
-    found = {name: float(record[name]) for name in ("seconds", "computing") if name in record}
-    return found | {name: int(record[name]) for name in ("size", "fresh") if name == "size" or name in record}
+    found: dict[str, Any] = {"size": int(record["size"])}
+    if "seconds" in record:
+        found |= {name: float(record[name]) for name in ("seconds", "computing")} | {"fresh": int(record["fresh"])}
+    return found
 
 
 def _plain(value: Any) -> Any:

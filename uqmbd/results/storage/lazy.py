@@ -107,8 +107,12 @@ def _all_samples(folder: Path, name: str, node: xr.DataTree) -> xr.Dataset | Non
         data = xr.open_dataset(place, engine="h5netcdf", chunks={})
     else:
         store = SampleStore.open(place)
-        many = max(1, AT_ONCE // max(1, 8 * store.size * int(np.prod(store.labels.shape)))) * store.size
-        data = xr.open_zarr(place, chunks={"sample": many}, consolidated=True)
+        rows = AT_ONCE // max(1, 8 * int(np.prod(store.labels.shape)))
+        # whole chunks of all variables; of long responses those of the responses alone, for inputs are small
+        whole = store.block if rows >= store.block else store.size
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", "The specified chunks separate the stored chunks")
+            data = xr.open_zarr(place, chunks={"sample": max(1, rows // whole) * whole}, consolidated=True)
     data = _with_coordinates(data).drop_attrs(deep=False)
     if "time" not in kept.dims and data.sizes.get("time") == 1:
         data = data.isel(time=0, drop=True)
