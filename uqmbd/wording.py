@@ -5,10 +5,14 @@ from __future__ import annotations
 import math
 import re
 import traceback
+from collections.abc import Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 __all__ = [
+    "Cell",
     "format_at_most",
+    "format_cells",
     "format_count",
     "format_duration",
     "format_integer",
@@ -30,7 +34,7 @@ SMALLEST_SHARE = 1e-6
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
-def format_number(value: float, error: float | None = None) -> str:
+def format_number(value: float, error: float | None = None, scale: float = 0.0) -> str:
     """Write a number for reading: four digits, or as many as its standard error allows.
 
     Parameters
@@ -38,6 +42,9 @@ def format_number(value: float, error: float | None = None) -> str:
     value : float
     error : float, optional
         Standard error, shown with two digits.
+    scale : float
+        Size of the quantity, as its standard deviation: of a value without a standard error, digits far below it are
+        rounding, and are not shown.
 
     Returns
     -------
@@ -51,10 +58,14 @@ def format_number(value: float, error: float | None = None) -> str:
     ('0.1501 ± 0.0013', '(1.5123 ± 0.0012) × 10⁵')
     >>> format_number(33080.0, 3816.0)
     '(3.31 ± 0.38) × 10⁴'
+    >>> format_number(-1.6e-9, scale=0.2), format_number(0.0123456, scale=2.0)
+    ('0', '0.012')
     """
     if not math.isfinite(value):
         return "unknown" if math.isnan(value) else ("∞" if value > 0 else "−∞")
     if error is None or not math.isfinite(error) or error <= 0.0 or error < 1e-12 * abs(value):
+        if math.isfinite(scale) and scale > abs(value):
+            value = round(value, 3 - math.floor(math.log10(scale)))
         exponent = math.floor(math.log10(abs(value))) if value else 0
         if -3 <= exponent < 5:
             return minus(f"{value:.4g}" if exponent < 4 else f"{value:.0f}")
@@ -68,7 +79,7 @@ def format_number(value: float, error: float | None = None) -> str:
     return f"({text}) × 10{str(scale).translate(_SUPERSCRIPTS)}" if scale else text
 
 
-def format_quantity(value: float, units: str, error: float | None = None) -> str:
+def format_quantity(value: float, units: str, error: float | None = None, scale: float = 0.0) -> str:
     """Write a number as :func:`format_number` does, with its units as :func:`typeset_units` does, if it has any.
 
     Examples
@@ -78,8 +89,72 @@ def format_quantity(value: float, units: str, error: float | None = None) -> str
     >>> format_quantity(9.81, "m/s^2")
     '9.81 m/s²'
     """
-    text, shown = format_number(value, error), typeset_units(units)
+    text, shown = format_number(value, error, scale), typeset_units(units)
     return f"{text} {shown}" if shown and not math.isnan(value) else text
+
+
+class Cell(NamedTuple):
+    """A number in a table, in two parts that are aligned on either side: the number, and its error and units."""
+
+    number: str
+    rest: str
+
+    def __str__(self) -> str:
+        """Return both parts."""
+        return f"{self.number} {self.rest}".strip()
+
+
+def format_cells(
+    values: Sequence[float], units: str = "", errors: Sequence[float] = (), scale: float = 0.0
+) -> list[Cell]:
+    """Write numbers of one quantity that stand below each other: all with the same digits behind the point.
+
+    Parameters
+    ----------
+    values : sequence of float
+    units : str
+    errors : sequence of float, optional
+        Standard errors; NaN where there is none.
+    scale : float
+        Size of the quantity, where that is more than the values.
+
+    Returns
+    -------
+    list of Cell
+        As many digits as the smallest error asks for, or four of the largest number, six at the most.
+
+    Examples
+    --------
+    >>> [str(cell) for cell in format_cells([0.46485, 0.4653], "m", [0.00048, float("nan")])]
+    ['0.46485 ± 0.00048 m', '0.46530 m']
+    >>> [cell.number for cell in format_cells([12.3456, -1.6e-9, float("nan")])]
+    ['12.35', '0.00', 'unknown']
+    >>> [str(cell) for cell in format_cells([1.234e-7, 2e-8], "m")]
+    ['1.234 × 10⁻⁷ m', '0.200 × 10⁻⁷ m']
+    """
+    given = [*errors, *[math.nan] * (len(values) - len(errors))]
+    pairs = [
+        (v, e if e > max(0.0, 1e-12 * abs(v)) and math.isfinite(e) else 0.0) for v, e in zip(values, given, strict=True)
+    ]
+    known = [(v, e) for v, e in pairs if math.isfinite(v)]
+    size = max([max(abs(v), e) for v, e in known] + [scale if math.isfinite(scale) else 0.0], default=0.0)
+    largest = math.floor(math.log10(size)) if size > 0 else 0
+    power = 0 if -3 <= largest < 5 and all(e < 99.5 for _, e in known) else largest
+    places = [1 - math.floor(math.log10(e)) if e else 3 - largest for _, e in known]
+    decimals = min(max([0, *(place + power for place in places)]), max(6 - largest + power, 0))
+    tail = f"× 10{str(power).translate(_SUPERSCRIPTS)}" if power else ""
+    found = []
+    for value, error in pairs:
+        if not math.isfinite(value):
+            found.append(Cell(format_number(value), ""))
+            continue
+        text = f"{value / 10.0**power:.{decimals}f}"
+        text = minus(text) if float(text) else text.lstrip("-")
+        about = f"± {error / 10.0**power:.{decimals}f}" if error else ""
+        if power and error:
+            text, about = f"({text}", f"{about})"
+        found.append(Cell(text, " ".join(filter(None, (about, tail, typeset_units(units))))))
+    return found
 
 
 def typeset_units(units: str) -> str:

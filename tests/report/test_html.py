@@ -125,7 +125,7 @@ def test_it_says_everything(source: str, study: xr.DataTree) -> None:
         "2 of 60 realisations (3.33 %) failed",
         "Integration failed: 2 samples (100 % of the failures)",
         "step too small at 'pin' <img src=x>",
-        "No realisation failed: all 60 entered",
+        "No realisation of second, galerkin $3 failed.",
         "residual evaluations12 345",
         "realisations integrated alone3",
         "time in the integrator, summed over workers1 min 15 s",

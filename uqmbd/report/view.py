@@ -75,6 +75,11 @@ class Method:
         return float(self.node.attrs.get("wall_time", math.nan))
 
     @property
+    def separate(self) -> bool:
+        """Whether it computed realisations one by one, so that each has a cost; others solve all at once."""
+        return self.realisations > 0 and "unknowns" not in self.node.attrs
+
+    @property
     def fit(self) -> str:
         """How its surrogate was found; empty if in the usual way."""
         return str(self.node.attrs.get("fit", ""))

@@ -150,6 +150,8 @@ class Film:
                 outlines, colors=[darker(self.sketch.colour(body))], linewidths=width, alpha=alpha, capstyle="round",
                 joinstyle="round", transform=self.canvas.figure.dpi_scale_trans, zorder=order,
             )  # fmt: skip
+            # both ends of a point's line would be moved onto the same pixel, and nothing drawn
+            lines.set_snap(False)
             made.append(lines)
         return made
 

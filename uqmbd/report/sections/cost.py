@@ -40,7 +40,7 @@ def cost(result: StudyResult) -> Content:
                 "realisations": method.realisations,
                 "failures": method.failures,
                 "budget": str(method.node.attrs.get("budget_summary", "")),
-                "each": format_duration(method.wall_time / method.realisations) if method.realisations else "",
+                "each": format_duration(method.wall_time / method.realisations) if method.separate else "–",
                 "counters": [
                     *(_counter(name, value) for name, value in method.pairs("solver_counters")),
                     *_integration(method),

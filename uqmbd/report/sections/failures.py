@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -22,10 +23,21 @@ _SHOWN_REASONS = 6
 
 def failures(result: StudyResult) -> Content:
     """Return what the section says and shows of each method."""
-    return {"methods": [_of_method(method) for method in result.methods.values()]}
+    fine = [method for method in result.methods.values() if not method.failures]
+    rest = [method for method in result.methods.values() if method.failures or method.lacking]
+    return {"fine": _fine(fine, len(result.methods)), "methods": [_of_method(method) for method in rest]}
 
 
 FAILURES = TemplateSection("Failures", "failures", failures)
+
+
+def _fine(methods: Sequence[Method], count: int) -> str:
+    """Say of which methods nothing failed, in one sentence."""
+    if not methods:
+        return ""
+    if len(methods) == count:
+        return "No realisation failed."
+    return f"No realisation of {', '.join(method.label for method in methods)} failed."
 
 
 def _of_method(method: Method) -> Content:

@@ -3,22 +3,28 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
+from typing import Any
 
 import numpy as np
+import xarray as xr
 
 from uqmbd.report.figures import automatic_times
 from uqmbd.report.view import Method
 from uqmbd.results import integration_shares, own_statements
 from uqmbd.results.comparison import own_error
 from uqmbd.results.statistics import rtol_of
-from uqmbd.wording import format_number, format_quantity, minus, typeset_units
+from uqmbd.wording import Cell, format_cells, format_quantity, minus, typeset_units
 
-__all__ = ["in_words", "integration", "numbers", "output_row", "precision", "stated_errors"]
+__all__ = ["in_words", "integration", "numbers", "output_rows", "precision", "stated_errors"]
+
+
+_UNKNOWN = Cell("unknown", "")
 
 
 def in_words(method: Method, name: str) -> str:
     """Describe an output's end and its largest spread in a sentence or two."""
-    row = output_row(method, name)
+    (row,) = output_rows([method], name)
     return (
         f"At {row['end']} the mean is {row['mean']} and the standard deviation {row['std']}; "
         f"the largest standard deviation, {row['std_max']}, is reached at {row['std_max_time']}."
@@ -71,45 +77,75 @@ def integration(method: Method, name: str) -> str:
     return f"The time integration is wrong by up to {format_quantity(found.error, found.units)}{size}."
 
 
-def output_row(method: Method, name: str) -> dict[str, str]:
-    """Return the row of an output: at the end the mean, deviation and 95 % interval; the largest deviation."""
-    data = method.of(name)
-    units = method.units(name)
-    end = data.isel(time=-1)
-    largest = int(data["std"].values.argmax())
+def output_rows(methods: Iterable[Method], name: str) -> list[dict[str, Any]]:
+    """Return the rows of an output, one a method: its end with the 95 % interval, and its largest deviation.
 
-    def shown(value: str, error: str) -> str:
-        return format_quantity(float(end[value]), units, float(end[error]) if error in end else None)
+    Numbers of all methods have the same digits, and are in two parts, to be aligned at both; ``end`` is a text.
+    """
+    some = list(methods)
+    units = some[0].units(name)
+    histories = [method.of(name) for method in some]
+    ends = [data.isel(time=-1) for data in histories]
+    scale = float(np.nanmax([float(end["std"]) for end in ends], initial=0.0))
 
-    ends = [float(end["quantile"].sel(probability=p, method="nearest")) for p in (0.025, 0.975)]
-    levels = end["probability"].values
-    known = np.isfinite(ends).all() and np.any(np.abs(levels - 0.025) < 1e-6) and np.any(np.abs(levels - 0.975) < 1e-6)
-    return {
-        "output": name,
-        "method": method.label,
-        "end": f"t = {float(end['time']):.4g} s",
-        "mean": shown("mean", "std_error_mean"),
-        "std": shown("std", "std_error_std"),
-        "interval": f"{format_number(ends[0])} to {format_quantity(ends[1], units)}" if known else "unknown",
-        "std_max": format_quantity(float(data["std"][largest]), units),
-        "std_max_time": f"{float(data['time'][largest]):.4g} s" if method.varies(name) else "no spread",
-    }
+    def shown(value: str, error: str) -> list[Cell]:
+        errors = [float(end[error]) if error in end else math.nan for end in ends]
+        return format_cells([float(end[value]) for end in ends], units, errors, scale if value == "mean" else 0.0)
+
+    largest = [int(np.nan_to_num(data["std"].values, nan=-1.0).argmax()) for data in histories]
+    most = [float(data["std"][k]) for data, k in zip(histories, largest, strict=True)]
+    when = [float(data["time"][k]) for data, k in zip(histories, largest, strict=True)]
+    last = float(max(abs(end["time"]) for end in ends))
+    bounds = [_interval(end) for end in ends]
+    flat = format_cells([x for pair in bounds for x in pair], units, scale=scale)
+    columns = zip(
+        some, ends, shown("mean", "std_error_mean"), shown("std", "std_error_std"), flat[::2], flat[1::2], bounds,
+        format_cells(most, units), format_cells(when, "s", scale=last), strict=True,
+    )  # fmt: skip
+    return [
+        {
+            "output": name,
+            "method": method.label,
+            "end": f"t = {float(end['time']):.4g} s",
+            "mean": mean,
+            "std": std,
+            "interval": Cell(f"{low.number} to {high.number}", high.rest) if np.isfinite(pair).all() else _UNKNOWN,
+            "std_max": most_std,
+            "std_max_time": time if method.varies(name) else Cell("no spread", ""),
+        }
+        for method, end, mean, std, low, high, pair, most_std, time in columns
+    ]
+
+
+def _interval(end: xr.Dataset) -> tuple[float, float]:
+    """Return the ends of what holds 95 % of the realisations; NaN where these quantiles are not stored."""
+    found = end["quantile"].sel(probability=[0.025, 0.975], method="nearest")
+    known = np.allclose(found["probability"].values, (0.025, 0.975), rtol=0, atol=1e-6)
+    low, high = found.values.tolist() if known else (math.nan, math.nan)
+    return (low, high) if math.isfinite(low) and math.isfinite(high) else (math.nan, math.nan)
 
 
 def numbers(method: Method, name: str) -> list[dict[str, str]]:
     """Return the numbers of an output at chosen times: mean, deviation, quantiles and shape."""
     data = method.of(name)
-    rows = []
-    for k in automatic_times(data["time"].values, data["std"].values):
-        at = data.isel(time=k)
-        row = {"time": f"{float(at['time']):.4g} s", "units": typeset_units(method.units(name))}
-        for value in ("mean", "std"):
-            row[value] = format_number(float(at[value]))
-        for p in (0.025, 0.5, 0.975):
-            known = abs(float(at["probability"].sel(probability=p, method="nearest")) - p) < 1e-6
-            quantile = float(at["quantile"].sel(probability=p, method="nearest")) if known else math.nan
-            row[f"q{p}"] = format_number(quantile) if math.isfinite(quantile) else "–"
-        skewness = float(at["skewness"])
-        row["skewness"] = minus(f"{skewness:.2f}") if math.isfinite(skewness) else "–"
-        rows.append(row)
-    return rows
+    some = data.isel(time=automatic_times(data["time"].values, data["std"].values))
+    scale = float(np.nanmax(some["std"].values, initial=0.0))
+    times = some["time"].values.tolist()
+    columns = {
+        "time": [str(cell) for cell in format_cells(times, "s", scale=float(abs(data["time"][-1])))],
+        "mean": _column(some["mean"], scale),
+        "std": _column(some["std"]),
+    }
+    for p in (0.025, 0.5, 0.975):
+        at = some["quantile"].sel(probability=p, method="nearest")
+        known = abs(float(at["probability"]) - p) < 1e-6
+        columns[f"q{p}"] = _column(at, scale) if known else ["–"] * len(times)
+    shape = some["skewness"].values.tolist()
+    columns["skewness"] = [minus(f"{round(one, 2) + 0.0:.2f}") if math.isfinite(one) else "–" for one in shape]
+    columns["units"] = [typeset_units(method.units(name))] * len(times)
+    return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
+
+
+def _column(values: xr.DataArray, scale: float = 0.0) -> list[str]:
+    """Write numbers of one column; those that are not known are dashes."""
+    return [str(cell) if cell != _UNKNOWN else "–" for cell in format_cells(values.values.tolist(), scale=scale)]

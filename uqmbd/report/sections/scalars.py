@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Iterable
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -14,7 +16,7 @@ from uqmbd.report.figures import MOST_SCALARS, failure_reasons
 from uqmbd.report.sections.section import Content, TemplateSection
 from uqmbd.report.view import Method, StudyResult
 from uqmbd.results import worst_integration_share
-from uqmbd.wording import format_count, format_percent, format_quantity, format_share
+from uqmbd.wording import format_cells, format_count, format_percent, format_share
 
 __all__ = ["SCALARS"]
 
@@ -24,7 +26,7 @@ def scalars(result: StudyResult) -> Content | None:
     names, inner = result.scalar_names, result.scalars.values()
     if not names:
         return None
-    rows = [_row(method, name) for name in names for method in inner if name in method.names]
+    rows = [row for name in names for row in _rows(inner, name)]
     drawn = (
         [
             image(
@@ -39,7 +41,7 @@ def scalars(result: StudyResult) -> Content | None:
         else []
     )
     return {
-        "words": [sentence for method in inner for sentence in _words(method)],
+        "words": [*_integration(inner), *_bounds(inner), *(said for method in inner for said in _words(method))],
         "rows": rows,
         "influence": any(row["influence"] for row in rows),
         "stated": any(row["error"] for row in rows),
@@ -50,20 +52,25 @@ def scalars(result: StudyResult) -> Content | None:
 SCALARS = TemplateSection("Outputs without a time", "scalars", scalars)
 
 
-def _row(method: Method, name: str) -> dict[str, str]:
-    data, units = method.of(name), method.units(name)
-
-    def shown(value: float, error: str = "") -> str:
-        return format_quantity(value, units, float(data[error]) if error in data else None)
-
-    found = {"output": name, "method": method.label}
+def _rows(methods: Iterable[Method], name: str) -> list[dict[str, Any]]:
+    """Return the rows of an output, one a method, with the same digits in all of them."""
+    some = [method for method in methods if name in method.names]
+    data, units = [method.of(name) for method in some], some[0].units(name)
+    scale = float(np.nanmax([float(one["std"]) for one in data], initial=0.0))
+    columns = {}
     for value in ("mean", "std"):
-        found[value] = shown(float(data[value]), f"std_error_{value}")
+        errors = [float(one.get(f"std_error_{value}", math.nan)) for one in data]
+        at = [float(one[value]) for one in data]
+        columns[value] = format_cells(at, units, errors, scale if value == "mean" else 0.0)
     for level in (0.05, 0.95):
-        at = data["quantile"].sel(probability=level, method="nearest")
-        known = abs(float(at["probability"]) - level) < 1e-6
-        found[f"q{level}"] = shown(float(at)) if known else "unknown"
-    return found | {"influence": _influence(data), "error": _error(data)}
+        found = [one["quantile"].sel(probability=level, method="nearest") for one in data]
+        known = [float(one) if abs(float(one["probability"]) - level) < 1e-6 else math.nan for one in found]
+        columns[f"q{level}"] = format_cells(known, units, scale=scale)
+    return [
+        {"output": name, "method": method.label, "influence": _influence(one), "error": _error(one)}
+        | {key: cells[k] for key, cells in columns.items()}
+        for k, (method, one) in enumerate(zip(some, data, strict=True))
+    ]
 
 
 def _influence(data: xr.Dataset) -> str:
@@ -76,17 +83,33 @@ def _influence(data: xr.Dataset) -> str:
     return ""
 
 
-def _bounds(method: Method) -> list[str]:
-    """Say of outputs that happen in all realisations how often they may not happen elsewhere."""
-    if "censored_bound" not in method.statistics:
+def _bounds(methods: Iterable[Method]) -> list[str]:
+    """Say of outputs that happen in all realisations how often they may not happen elsewhere: each method once."""
+    said = []
+    for method in methods:
+        if "censored_bound" not in method.statistics:
+            continue
+        shares, bounds = (method.statistics[name].values for name in ("censored", "censored_bound"))
+        certain = (shares == 0) & (bounds > 0)
+        if certain.any():
+            names = [name for name, here in zip(method.names, certain, strict=True) if here]
+            happen = ("happens", "it") if len(names) == 1 else ("happen", "they")
+            said.append(
+                f"With {method.label}, {', '.join(names)} {happen[0]} in all realisations; elsewhere {happen[1]} may "
+                f"not, in at most {format_share(float(bounds[certain].max()))} (with 95 % confidence)."
+            )
+    return said
+
+
+def _integration(methods: Iterable[Method]) -> list[str]:
+    """Say how large the error of the time integration is, with the method that has the largest."""
+    found = [(one, m.label) for m in methods if (one := worst_integration_share(m.statistics)) is not None]
+    known = [(one, label) for one, label in found if math.isfinite(one.share)]
+    if not known:
         return []
-    shares, bounds = (method.statistics[name].values for name in ("censored", "censored_bound"))
-    return [
-        f"With {method.label}, {name} happens in all realisations; elsewhere it may not, in at most "
-        f"{format_share(bound)} (with 95 % confidence)."
-        for name, share, bound in zip(method.names, shares.tolist(), bounds.tolist(), strict=True)
-        if share == 0 < bound
-    ]
+    worst, label = max(known, key=lambda pair: pair[0].share)
+    where = f"{worst.output}, with {label}" if len(known) > 1 else worst.output
+    return [f"The error of the time integration is at most {worst.words()} (of {where})."]
 
 
 def _error(data: xr.Dataset) -> str:
@@ -98,12 +121,8 @@ def _error(data: xr.Dataset) -> str:
 def _words(method: Method) -> list[str]:
     label = method.label
     words = []
-    worst = worst_integration_share(method.statistics)
-    if worst is not None and math.isfinite(worst.share):
-        words.append(f"With {label}, the error of the time integration is {worst.words()} ({worst.output}), or less.")
     if method.fit and method.failures:
         words.append(f"With {label}: {method.fit}.")
-    words += _bounds(method)
     late = method.statistics.get("censored")
     for name, share in zip(method.names, [] if late is None else late.values, strict=False):
         if not share == 0:

@@ -7,7 +7,7 @@ import math
 from uqmbd.report.figures import design_of
 from uqmbd.report.sections.agreement import agreement
 from uqmbd.report.sections.inputs import input_rows
-from uqmbd.report.sections.output_words import output_row, stated_errors
+from uqmbd.report.sections.output_words import output_rows, stated_errors
 from uqmbd.report.sections.requirements import requirement_rows
 from uqmbd.report.sections.section import Content, TemplateSection
 from uqmbd.report.view import Method, StudyResult
@@ -166,7 +166,7 @@ def _statistics(result: StudyResult) -> Content:
     dict
         ``rows``, ``of``: the method whose rows these are, or empty; ``all``: every row, where ``rows`` are not all.
     """
-    rows = [output_row(method, name) for name in result.histories for method in result.holders(name).values()]
+    rows = [row for name in result.histories for row in output_rows(result.holders(name).values(), name)]
     if not result.several or len(rows) <= FEW_ROWS:
         return {"rows": rows, "of": "", "all": []}
     data = result.comparison
