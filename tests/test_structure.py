@@ -5,6 +5,8 @@ Every import counts: those for types alone and those inside functions, too.  Wha
 """
 
 import ast
+import re
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -152,6 +154,28 @@ def test_plugins_import_what_is_public_only():
         if other.startswith("uqmbd.") and other not in public
     ]
     assert not wrong, "\n".join(wrong)
+
+
+def _extras():
+    """Find what only extras install, by the names under which it is imported."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    always = {re.split(r"[^\w-]", needed)[0] for needed in project["dependencies"]}
+    extras = {re.split(r"[^\w-]", one)[0] for found in project["optional-dependencies"].values() for one in found}
+    return {name.replace("-", "_") for name in extras - always - {"uqmbd"}}
+
+
+def test_what_an_extra_installs_is_imported_where_it_is_used():
+    """A module that needs it at its top could not even be imported without it."""
+    extras = _extras()
+    assert {"distributed", "mpi4py", "openturns", "emcee"} <= extras
+    found = []
+    for name, tree in TREES.items():
+        for node in tree.body:
+            modules = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
+            modules += [node.module or ""] if isinstance(node, ast.ImportFrom) and not node.level else []
+            found += [f"{name} imports {m}" for m in modules if m.split(".")[0] in extras]
+    # the kit for plugins' tests runs where pytest is
+    assert [one for one in found if not one.startswith("uqmbd.testing")] == []
 
 
 def test_no_folder_is_crowded():

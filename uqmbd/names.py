@@ -28,7 +28,17 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 RESERVED_LABELS = frozenset(
-    {"comparison", "convergence", "motion", "statistics", "samples", "chaos", "scalars", "requirements"}
+    {
+        "comparison",
+        "convergence",
+        "motion",
+        "pose_surrogate",
+        "statistics",
+        "samples",
+        "chaos",
+        "scalars",
+        "requirements",
+    }
 )
 """Names of the parts of results, which no method can have."""
 

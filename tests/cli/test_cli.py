@@ -93,6 +93,9 @@ class FakeStudy:
 
 def fake_report(tree, path, *, sections=(), folder=None):
     path.write_text("<html>" + "".join(section.render(tree) for section in sections))
+    if folder is not None:
+        folder.mkdir(exist_ok=True)
+        (folder / "x-bands.svg").write_text("<svg/>")
     return path
 
 

@@ -259,5 +259,5 @@ def test_check_and_run_say_when_it_does_not_fit(tmp_path, command):
     assert found.returncode == 0 and "no: " in found.stdout and "cannot be assembled" in " ".join(found.stdout.split())
     run = command("run", script, "--out", tmp_path / "out")
     assert run.returncode == 1
-    (line,) = [line for line in run.stderr.splitlines() if line]
+    (line,) = [line for line in run.stderr.splitlines() if line.startswith("Error")]
     assert line.startswith("Error: galerkin: ") and "stiffness = 7" in line and "truncate the distributions" in line

@@ -107,7 +107,7 @@ def test_a_random_number_outside_of_its_range_fails_with_the_reason():
     mechanism.output("height", ball.position[1], units="m")
     fine, low, high = sampled(mechanism, [0.95, -0.01, 1.02])
     assert fine == ""
-    assert low == "the restitution of PlaneImpact 'floor' is -0.01: expected 0 to 1"
+    assert low == "the restitution of PlaneImpact 'floor' is −0.01: expected 0 to 1"
     assert high == "the restitution of PlaneImpact 'floor' is 1.02: expected 0 to 1"
     study = uqmbd.Study("drop", mechanism, [0, 0.1], [MonteCarlo(samples=64, seed=1)])
     with pytest.warns(UserWarning, match="the restitution of PlaneImpact 'floor' is"):
@@ -207,8 +207,8 @@ def test_random_mass_and_inertia_in_the_plane_fail_with_the_reason():
     mechanism = uqmbd.Mechanism("disc", uqmbd.Planar())
     mechanism.body("disc", mass=x + 0.5, inertia=x)
     fine, light, heavy = sampled(mechanism, [1, -0.2, -1])
-    assert fine == "" and "the moment of inertia of body 'disc' is -0.2 kg m^2: expected 0 or more" in light
-    assert "the mass of body 'disc' is -0.5 kg: expected 0 or more" in heavy
+    assert fine == "" and "the moment of inertia of body 'disc' is −0.2 kg m²: expected 0 or more" in light
+    assert "the mass of body 'disc' is −0.5 kg: expected 0 or more" in heavy
 
 
 def test_principal_moments_at_the_edge_are_a_bodys():

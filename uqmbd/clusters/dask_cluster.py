@@ -57,10 +57,10 @@ def dask_executor(asked: str, count: int | None, files: Sequence[Path]) -> Itera
         raise StudyError('--dask needs Dask, which is not installed: pip install "uqmbd[distributed]"') from error
     with _scheduler(asked, count) as scheduler, _client(distributed, asked, scheduler) as client:
         if files:
-            from uqmbd.clusters.study_files import StudyFiles
+            from uqmbd.clusters.study_files import study_files
 
             try:
-                client.register_plugin(StudyFiles.of(files))
+                client.register_plugin(study_files(files))
             except ImportError as error:
                 raise StudyError(
                     f"--dask {asked}: a worker cannot import what it needs ({error}). Workers start in an environment "

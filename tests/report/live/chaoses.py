@@ -96,8 +96,8 @@ def chaos_of(kind, space, boxes, order, seed, outputs=("x", "y"), error=1e-3, ti
     if kind == "events":
         elements = []
         for box in boxes:
-            edges = decaying(draw, terms, 4) * 0.02
-            edges[0] = 0.0, *np.sort(draw.uniform(0.3, 1.7, 2)), 2.5
+            edges = decaying(draw, terms, 4) * draw.choice([0.02, 0.3])
+            edges[0] = 0.0, *np.sort(draw.uniform(0.3, 1.7, 2)), 2.1
             elements.append(AlignedElement(box, ("hit", "", ""), edges, decaying(draw, terms, 3, len(outputs), 7)))
         return verified(lambda more: AlignedChaos(tuple(elements), terms, axes, **more), space, error, seed)
     lattice = np.array([[1, 0], [0, 1], [2, -1], [3, 0]])

@@ -10,9 +10,9 @@ import uqmbd
 from tests.mechanisms import pendulum
 from uqmbd.errors import StudyError
 from uqmbd.randomness import GermSpace
-from uqmbd.report import motion
-from uqmbd.report.live import json_script, packed_poses, pose_surrogate
-from uqmbd.results import surrogate
+from uqmbd.report import motion, with_motion
+from uqmbd.report.live import json_script, live_method, live_surrogate, packed_poses, pose_surrogate, with_poses
+from uqmbd.results import load, propagator_nodes, save, surrogate
 from uqmbd_collocation import Collocation
 from uqmbd_montecarlo import MonteCarlo
 from uqmbd_springs import SpringDamper
@@ -43,8 +43,8 @@ def line():
 
 
 def turning():
-    """A pendulum in the plane, of random length."""
-    return pendulum()
+    """A pendulum in the plane, of random length and mass, with loads."""
+    return pendulum(loaded=True)
 
 
 @pytest.mark.thorough
@@ -74,6 +74,25 @@ def test_poses_are_those_of_the_mechanism(node, make):
     radii = exact["point_radius"].values if "point_radius" in exact else 0.0
     np.testing.assert_allclose(points[..., -1], radii + 0 * points[..., -1], atol=1e-6)
     assert GermSpace.from_dataset(found["coordinates/chaos"].to_dataset()).names == whole.space.names
+
+
+@pytest.mark.thorough
+def test_poses_are_kept_with_the_motion(tmp_path):
+    """Of the recommended method; stored and read again they are the same; where none makes a surrogate, it is told."""
+    methods = [MonteCarlo(samples=30, seed=1, label="mc"), Collocation(order=4, label="c")]
+    study = uqmbd.Study("posed", turning(), np.linspace(0, 0.4, 9), methods)
+    tree, problem = with_motion(study.run(), study)
+    assert not problem and live_method(tree) == "c"
+    made, problem = with_poses(tree, study)
+    assert not problem and list(propagator_nodes(made)) == ["mc", "c"] and "pose_surrogate" not in tree.children
+    again = load(save(made, tmp_path / "results.nc"))
+    data = packed_poses(made["pose_surrogate"])
+    assert json_script(packed_poses(again["pose_surrogate"])) == json_script(data)
+    assert live_surrogate(made["mc"])["reason"] == with_poses(tree.drop_nodes("c"), study)[1]
+    assert "not known" in with_poses(tree.drop_nodes("motion"), study)[1]
+    dear = tree.copy()
+    dear["c"].attrs["wall_time"] = 100.0
+    assert "100 s" in with_poses(dear, study)[1]
 
 
 def test_samples_alone_give_no_poses():

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 import uqmbd
 from tests.report.live.chaoses import DISTRIBUTIONS, KINDS, TIMES, boxes_of, chaos_of, chaoses, space_of
 from uqmbd.randomness import GermSpace, JointInput, cumulated
-from uqmbd.report.live import json_script, live_surrogate, packed_surrogate, shipped
-from uqmbd.results import labels, propagator_node, statistics_dataset
+from uqmbd.report.live import json_script, live_method, live_surrogate, packed_surrogate, shipped
+from uqmbd.results import labels, propagator_node, statistics_dataset, study_tree
 from uqmbd.results.chaos import random_germs, reference_spread, stored_as
 
 EVALUATED = """
@@ -48,9 +48,9 @@ def lost(chaos, data, count=2000):
     germs = random_germs(chaos.space, count, 5)
     whole = chaos.evaluate_germs(germs)
     loss = np.sqrt(np.nanmean((shipped(chaos, data).evaluate_germs(germs) - whole) ** 2, axis=0))
-    least = 1e-6 * reference_spread(np.nanstd(whole, axis=0)) + 1e-14 * np.abs(whole).max()
+    least = 1e-6 * reference_spread(np.nan_to_num(np.nanstd(whole, axis=0))) + 1e-14 * np.nanmax(np.abs(whole))
     stated = chaos.verification_rms() if chaos.verification_germs is not None else 0 * least
-    return np.max(loss / np.maximum(0.1 * np.nan_to_num(stated), least))
+    return np.nanmax(loss / np.maximum(0.1 * np.nan_to_num(stated), least))
 
 
 @pytest.mark.thorough
@@ -210,6 +210,39 @@ def test_a_surrogate_that_is_too_large_for_a_page_is_refused_with_its_size():
     )
     assert "0.0 MB" in live_surrogate(made, most=1000)["reason"]
     assert set(live_surrogate(made)) == set(packed_surrogate(chaos))
+
+
+def test_the_page_has_the_surrogate_that_is_recommended_or_states_the_least_error():
+    """The cheaper of two that agree; where nothing is compared, the better one; none where there is none."""
+
+    def tree_of(*errors, compared):
+        nodes = []
+        for label, error in zip("ab", errors, strict=False):
+            chaos = chaos_of("polynomial", space_of(["normal"]), [], 3, 0, error=error)
+            cost = {"a": 100, "b": 10}[label]
+            children = {"chaos": chaos.to_dataset()}
+            known = {"propagator": "p", "realisations": cost, "wall_time": cost / 100}
+            nodes.append(propagator_node(label, chaos.statistics(), children=children, **known))
+        whole = study_tree(nodes, study="s", mechanism="m")
+        return whole if compared else whole.drop_nodes("comparison")
+
+    cheaper, better = tree_of(1e-4, 2e-4, compared=True), tree_of(1e-3, 2e-3, compared=True)
+    for tree, label in ((cheaper, "b"), (better, "a")):
+        assert live_method(tree) == label
+        assert tree["comparison"].attrs["recommendation"].startswith(f"Use {label}: ")
+    assert live_method(tree_of(1e-3, 2e-3, compared=False)) == "a"
+    assert live_method(tree_of(1e-3, 1e-4, compared=False)) == "b"
+
+
+def test_germs_at_the_ends_of_elements_belong_to_the_lower_one(node):
+    """As in Python: a box holds its upper ends, not its lower ones."""
+    space = space_of(["uniform"])
+    chaos = chaos_of("elements", space, boxes_of(space, [(0, 0), (1, 0)]), 2, 0)
+    germs = np.array([[-1.0], [0.0], [0.5], [1.0]])
+    data = packed_surrogate(chaos)
+    found = values_of(evaluated(node, data, germs), chaos)
+    expected = shipped(chaos, data).evaluate_germs(germs)
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-10 * np.abs(expected).max())
 
 
 def test_hostile_names_stay_names(node):

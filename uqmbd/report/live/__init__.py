@@ -5,9 +5,9 @@ from __future__ import annotations
 from uqmbd.report.live.chart_data import MOST_TIMES, bands_data
 from uqmbd.report.live.packing import json_script, packed, unpacked
 from uqmbd.report.live.page import PageScripts, page_scripts
-from uqmbd.report.live.poses import packed_poses, pose_surrogate
+from uqmbd.report.live.poses import packed_poses, pose_surrogate, with_poses
 from uqmbd.report.live.scripts import joined_modules
-from uqmbd.report.live.surrogates import live_surrogate, packed_surrogate, shipped
+from uqmbd.report.live.surrogates import live_method, live_surrogate, packed_surrogate, shipped
 
 __all__ = [
     "MOST_TIMES",
@@ -15,6 +15,7 @@ __all__ = [
     "bands_data",
     "joined_modules",
     "json_script",
+    "live_method",
     "live_surrogate",
     "packed",
     "packed_poses",
@@ -23,4 +24,5 @@ __all__ = [
     "pose_surrogate",
     "shipped",
     "unpacked",
+    "with_poses",
 ]

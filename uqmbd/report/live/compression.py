@@ -67,9 +67,18 @@ def _output(rest: Array, allowed: Array, size: float) -> dict[str, Any]:
     used = rows.any(axis=1)
     weighted = rows[used] / limit
     u, s, vt = np.linalg.svd(weighted, full_matrices=False)
-    # what is left out beyond each number of components, by columns
-    tails = np.vstack([np.cumsum(((s[:, None] * vt) ** 2)[::-1], axis=0)[::-1], np.zeros(columns)])
-    count = int(np.argmax(tails.max(axis=1, initial=0) <= TRUNCATED**2))
+    owner = np.repeat(np.arange(elements), terms)[used]
+
+    def lasting(count: int) -> bool:
+        """Tell whether what is left out beyond some components is little in every element, at every column."""
+        out = (u[:, count:] * s[count:]) @ vt[count:]
+        starts = np.flatnonzero(np.r_[True, np.diff(owner) > 0])
+        return not len(out) or bool(np.add.reduceat(out**2, starts).max() <= TRUNCATED**2)
+
+    few, count = -1, len(s)
+    while count - few > 1:
+        middle = (few + count) // 2
+        few, count = (few, middle) if lasting(middle) else (middle, count)
     shorter = count * (len(rows) + columns) < rows.size
 
     def fits(kind: Kind) -> dict[str, Any] | None:

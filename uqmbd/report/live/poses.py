@@ -16,7 +16,7 @@ import numpy as np
 import xarray as xr
 
 from uqmbd.errors import StudyError
-from uqmbd.report.live.surrogates import packed_surrogate
+from uqmbd.report.live.surrogates import NO_SURROGATE, live_method, packed_surrogate
 from uqmbd.report.mechanisms import marked_points, observed_bodies
 from uqmbd.results import (
     PolynomialChaos,
@@ -32,8 +32,11 @@ if TYPE_CHECKING:
     from uqmbd.propagation import Study
     from uqmbd.randomness import GermSpace
 
-__all__ = ["packed_poses", "pose_surrogate"]
+__all__ = ["packed_poses", "pose_surrogate", "with_poses"]
 
+
+BUDGET = 4.0
+"""Seconds that a run may spend on realisations that are for poses only."""
 
 FRAMES = 60
 """Times of a motion, unless another number is given."""
@@ -97,6 +100,41 @@ def pose_surrogate(study: Study, method: str, frames: int = FRAMES) -> xr.DataTr
     if marks := _points(study, coordinates):
         found["points/chaos"] = xr.DataTree(marks.to_dataset())
     return found
+
+
+def with_poses(tree: xr.DataTree, study: Study) -> tuple[xr.DataTree, str]:
+    """Add surrogates of poses to results with a motion, as the node ``pose_surrogate``.
+
+    Nothing that goes wrong here ends a run.
+
+    Parameters
+    ----------
+    tree : xarray.DataTree
+        The result of a study.
+    study : Study
+        That study.
+
+    Returns
+    -------
+    tree : xarray.DataTree
+        With the node, if it could be made.
+    note : str
+        Why it could not, or empty.
+    """
+    method = live_method(tree)
+    if "motion" not in tree.children:
+        return tree, "The motion of the mechanism is not known."
+    if not method:
+        return tree, NO_SURROGATE
+    if (cost := float(tree.children[method].attrs.get("wall_time", np.inf))) > BUDGET:
+        return tree, f"The poses take the realisations of {method} again, {cost:.3g} s; up to {BUDGET:g} s are spent."
+    try:
+        made = pose_surrogate(study, method, tree.children["motion"].sizes["time"])
+        extended = tree.copy()
+        extended["pose_surrogate"] = made
+    except Exception as error:  # noqa: BLE001 - studies and plugins may raise anything; the results must stand
+        return tree, f"{type(error).__name__}: {error}"
+    return extended, ""
 
 
 def packed_poses(node: xr.DataTree) -> dict[str, Any]:

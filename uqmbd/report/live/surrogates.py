@@ -21,16 +21,18 @@ from uqmbd.results import (
     PolynomialChaos,
     QuasiPeriodicChaos,
     QuasiPeriodicElement,
+    propagator_nodes,
     surrogate,
     surrogate_parts,
 )
 from uqmbd.results.chaos import Surrogate, reference_spread, spread_germs
+from uqmbd.results.comparison import recommended
 from uqmbd.typing import Array, Index
 
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["live_surrogate", "packed_surrogate", "shipped"]
+__all__ = ["NO_SURROGATE", "live_method", "live_surrogate", "packed_surrogate", "shipped"]
 
 
 SHARE = 0.1
@@ -55,6 +57,30 @@ LARGEST = 4_000_000
 """Characters of data beyond which a surrogate is not put into a page."""
 
 
+NO_SURROGATE = "There are samples and no surrogate; collocation and Galerkin make one."
+"""Why nothing can be evaluated in a page."""
+
+
+def live_method(tree: xr.DataTree) -> str:
+    """Return the label of the method whose surrogate a page has; empty: none makes one.
+
+    It is the one that is recommended; else that whose largest stated error is least, the first of those without any.
+    """
+    nodes = {label: node for label, node in propagator_nodes(tree).items() if surrogate_parts(node)}
+    compared = tree.children["comparison"].to_dataset() if "comparison" in tree.children else None
+    advised = recommended(compared) if compared is not None and "method" in compared else ()
+    for label in advised:
+        if label in nodes:
+            return label
+
+    def largest(label: str) -> float:
+        error = nodes[label].children["statistics"].to_dataset().get("verification_error")
+        known = np.zeros(0) if error is None else error.values[np.isfinite(error.values)]
+        return float(known.max()) if known.size else np.inf
+
+    return min(nodes, key=largest, default="")
+
+
 def live_surrogate(node: xr.DataTree, most: int = LARGEST) -> dict[str, Any]:
     """Return the surrogate of a method as data, or ``{"reason": ...}``, which says why there is none.
 
@@ -66,9 +92,10 @@ def live_surrogate(node: xr.DataTree, most: int = LARGEST) -> dict[str, Any]:
         Characters of data that a page has room for.
     """
     if not surrogate_parts(node):
-        return {"reason": "This method keeps samples and no surrogate; collocation and Galerkin make one."}
+        return {"reason": NO_SURROGATE}
     try:
-        data = packed_surrogate(surrogate(node))
+        chaos = surrogate(node)
+        data = packed_surrogate(chaos, _stored_error(node, chaos))
     except StudyError as error:
         return {"reason": str(error)}
     size = len(json_script(data))
@@ -80,7 +107,7 @@ def live_surrogate(node: xr.DataTree, most: int = LARGEST) -> dict[str, Any]:
     return data
 
 
-def packed_surrogate(chaos: Surrogate) -> dict[str, Any]:
+def packed_surrogate(chaos: Surrogate, stated: Array | None = None) -> dict[str, Any]:
     """Return a surrogate as plain data.
 
     Its coefficients are compressed.  At no output and time the compression changes it, as a root mean square over
@@ -90,6 +117,8 @@ def packed_surrogate(chaos: Surrogate) -> dict[str, Any]:
     Parameters
     ----------
     chaos : PolynomialChaos, PiecewiseChaos, AlignedChaos, QuasiPeriodicChaos or ComposedChaos
+    stated : array, shape (O, T), optional
+        Its stated error, where that is known: of some kinds it takes seconds, for the standard deviation.
 
     Returns
     -------
@@ -124,13 +153,14 @@ def packed_surrogate(chaos: Surrogate) -> dict[str, Any]:
         parts.append(data)
         worst = max(worst, loss)
     times = chaos.labels.times
+    error = chaos.verification_error() if known and stated is None else stated
     return {
         "outputs": [{"name": o.name, "units": o.units, "turn": float(o.turn)} for o in chaos.labels.outputs],
         "times": None if times is None else packed(times),
         "inputs": input_data(chaos.space, chaos.labels),
         "germs": germ_data(chaos.space, chaos.verification_germs),
         "parts": parts,
-        "stated_error": packed(chaos.verification_error().reshape(shape), "float32") if known else None,
+        "stated_error": packed(error.reshape(shape), "float32") if error is not None else None,
         "stated_rms": packed(rms, "float32") if known else None,
         "loss": worst,
     }
@@ -149,6 +179,15 @@ def _parts(chaos: Surrogate) -> list[tuple[Any, list[int]]]:
     parts = list(chaos.parts.values()) if isinstance(chaos, ComposedChaos) else [chaos]
     names = [o.name for o in chaos.labels.outputs]
     return [(part, [names.index(o.name) for o in part.labels.outputs]) for part in parts]
+
+
+def _stored_error(node: xr.DataTree, chaos: Surrogate) -> Array | None:
+    """Return the stated error (O, T) of a surrogate as the statistics of its method have it; None if they do not."""
+    found = node.children["statistics"].to_dataset().get("verification_error")
+    names = [o.name for o in chaos.labels.outputs]
+    if found is None or found.dims != chaos.labels.dims or found["output"].values.tolist() != names:
+        return None
+    return np.asarray(found.values, dtype=float) if found.shape == chaos.labels.shape else None
 
 
 def _allowed(values: Array, rms: Array) -> Array:

@@ -8,7 +8,7 @@ from uqmbd.results.comparison.differences import choose_reference, compare
 from uqmbd.results.comparison.error_norms import relative_errors
 from uqmbd.results.comparison.integration_share import IntegrationShare, integration_shares, worst_integration_share
 from uqmbd.results.comparison.own_errors import own_error
-from uqmbd.results.comparison.recommendation import overall, recommend
+from uqmbd.results.comparison.recommendation import overall, recommend, recommended
 from uqmbd.results.comparison.sentences import NO_SPREAD, STILL, own_statements, statements
 from uqmbd.results.comparison.verdicts import COARSE, DIFFERS, UNDER_RESOLVED
 
@@ -28,6 +28,7 @@ __all__ = [
     "own_error",
     "own_statements",
     "recommend",
+    "recommended",
     "relative_errors",
     "stated_accuracy",
     "statements",

@@ -12,7 +12,7 @@ from uqmbd.results.comparison.integration_share import integration_shares
 from uqmbd.results.comparison.verdicts import AGREES, DIFFERS, FEW, NO_SPREAD, REFERENCE, UNDER_RESOLVED
 from uqmbd.wording import format_at_most, format_percent
 
-__all__ = ["loose", "overall", "recommend"]
+__all__ = ["loose", "overall", "recommend", "recommended"]
 
 GOOD, FAIR = 0.01, 0.05
 """Own errors, relative to the standard deviation: enough for nearly all purposes, and for most."""
@@ -125,32 +125,60 @@ def recommend(comparison: xr.Dataset) -> tuple[str, ...]:
     costs = _costs(comparison)
     if all(found[m][0] == NO_SPREAD for m in methods):
         return ("No output varies beyond the integration error: one realisation tells as much as any method.",)
-    fit = [m for m in methods if found[m][0] in (AGREES, REFERENCE, NO_SPREAD) and not _unknown(comparison, m)]
-    same = _same(comparison, reference)
-    equal: list[str] = []
+    fit, equal, best = _choice(comparison, found, errors, costs)
     if not fit:
         lead = "Use none: there is none that knows all its statistics at all times and agrees with the reference."
-    elif fit == [reference]:
+    elif not equal:
         holed = any(_unknown(comparison, m) for m in methods)
         whole = ", and knows its statistics at all times" if holed else ""
         lead = (
             f"No other method agrees with {reference}, the reference{_known(comparison, reference)}{whole}: rely on "
             "none of them before the reasons below are understood."
         )
-    elif len(same) == len(methods):
-        equal = methods
+    elif not best:
         lead = (
             f"{_listed(methods, 'and')} are the same: equal results from equal numbers of realisations. Nothing speaks "
             f"for one of them{_known(comparison, reference)}."
         )
     else:
-        best = _cheapest(fit, errors, costs)
-        equal = [m for m in fit if m == best or _equal(m, best, same, errors, costs, comparison)]
         lead = f"Use {_listed(equal, 'or')}: {_reasons(equal, fit, best, comparison, costs)}."
     others = [_other(comparison, m, reference, found[m]) for m in methods if m not in (*equal, reference)]
     if unknown := _unknown(comparison, reference):
         others.append(f"{reference}, the reference, {unknown}.")
     return (lead, *others)
+
+
+def recommended(comparison: xr.Dataset) -> tuple[str, ...]:
+    """Return the methods that :func:`recommend` says to use, by their labels.
+
+    Several where nothing speaks for one of them; none where it says to use none, or compares none.
+    """
+    methods = tuple(str(m) for m in comparison["method"].values)
+    if len(methods) < 2 or "verdict" not in comparison or not comparison.sizes["output"]:
+        return ()
+    found = {m: overall(comparison, m) for m in methods}
+    if all(kind == NO_SPREAD for kind, _, _ in found.values()):
+        return methods
+    errors = {m: _error(comparison, m) for m in methods}
+    return tuple(_choice(comparison, found, errors, _costs(comparison))[1])
+
+
+def _choice(
+    comparison: xr.Dataset,
+    found: Mapping[str, tuple[str, str, str]],
+    errors: dict[str, float],
+    costs: dict[str, float],
+) -> tuple[list[str], list[str], str]:
+    """Return which methods can be relied on, which of them to use, and the cheapest; empty: none, or all the same."""
+    reference = str(comparison.attrs["reference"])
+    fit = [m for m in found if found[m][0] in (AGREES, REFERENCE, NO_SPREAD) and not _unknown(comparison, m)]
+    if not fit or fit == [reference]:
+        return fit, [], ""
+    same = _same(comparison, reference)
+    if len(same) == len(found):
+        return fit, list(found), ""
+    best = _cheapest(fit, errors, costs)
+    return fit, [m for m in fit if m == best or _equal(m, best, same, errors, costs, comparison)], best
 
 
 def _unknown(comparison: xr.Dataset, method: str) -> str:

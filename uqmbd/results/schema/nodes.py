@@ -20,7 +20,7 @@ from uqmbd.status import Status
 
 __all__ = ["comparable", "failed_methods", "join_nodes", "node_parts", "propagator_node", "propagator_nodes"]
 
-BESIDE = ("comparison", "convergence", "motion")
+BESIDE = ("comparison", "convergence", "motion", "pose_surrogate")
 """Children of a study's results that belong to no propagator."""
 
 _RECORDED_PACKAGES = ("numpy", "scipy", "xarray", "sympy", "symengine", "llvmlite", "scikit-sundae", "chaospy")
