@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import base64
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -55,7 +57,7 @@ def test_it_is_discovered_by_its_entry_point_alone(site):
     info = listed(site)["example"]
     assert (info["distribution"], info["version"]) == ("uqmbd-example-plugin", "1.2.3")
     assert info["status"] == "loaded", info["errors"]
-    assert info["hooks"] == ["uqmbd_components", "uqmbd_propagators"]
+    assert info["hooks"] == ["uqmbd_components", "uqmbd_propagators", "uqmbd_report_sections"]
     assert info["components"] == ["Magnet"] and info["propagators"] == ["mean-value", "taylor"]
 
 
@@ -184,6 +186,47 @@ def test_its_component_runs_through_galerkin_unchanged(site, tmp_path):
         found = np.array(line.split(), dtype=float)
         assert found[:2] == pytest.approx(mean, rel=1e-4)
         assert found[2:] == pytest.approx(std, rel=1e-3)
+
+
+REPORT = """
+import sys
+
+import numpy as np
+
+from uqmbd.report import installed_sections, write_report
+from uqmbd.results import labels, propagator_node, statistics_dataset, study_tree
+
+times = np.linspace(0, 2, 21)
+axes = labels([("fall", "m"), ("<script>", "")], [], times)
+mean = np.array([times**2, 0 * times])
+nodes = [
+    propagator_node(label, statistics_dataset(axes, mean=k * mean, std=0.1 * mean), propagator="p", realisations=1, wall_time=0.0)
+    for k, label in enumerate(("still", "falling"))
+]
+write_report(study_tree(nodes, study="s", mechanism="m"), sys.argv[1], sections=installed_sections())
+"""
+
+
+@pytest.mark.thorough
+def test_its_section_has_charts_of_its_own_data(site, tmp_path):
+    """The rate of t^2 is 2 t, and that of its standard deviation 0.2 t."""
+    run = python(site, "-W", "error::UserWarning", "-c", REPORT, str(tmp_path / "report.html"))
+    assert run.returncode == 0, run.stdout + run.stderr
+    page = (tmp_path / "report.html").read_text(encoding="utf-8")
+    section = page.partition("<h2>Rates of change</h2>")[2].partition("<h2>")[0]
+    data = [json.loads(text) for text in re.findall(r'<script type="application/json">(.*?)</script>', section)]
+    assert [(one["output"], one["units"]) for one in data] == [("rate of fall", "m/s"), ("rate of <script>", "1/s")]
+    still, falling = data[0]["methods"]
+    assert (still["label"], falling["label"]) == ("still", "falling")
+    values = [
+        np.frombuffer(base64.b64decode(line["values"]["base64"]), line["values"]["kind"]) for line in falling["lines"]
+    ]
+    inner = slice(1, -1)
+    times = np.linspace(0, 2, 21)[inner]
+    assert values[0][inner] == pytest.approx(2 * times, rel=1e-12)
+    assert values[1][inner] == pytest.approx(-0.2 * times, rel=1e-6)
+    assert values[2][inner] == pytest.approx(0.2 * times, rel=1e-6)
+    assert "startCharts()" in page and section.count("data:image/svg+xml") == 2
 
 
 @pytest.mark.thorough

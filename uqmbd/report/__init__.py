@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from uqmbd.report.drawing import arrange, axes_grid, figure_html, style, with_units, wrapped
 from uqmbd.report.figures import (
+    Band,
+    Curve,
     bands,
     coefficient_decay,
     convergence,
@@ -25,15 +27,19 @@ from uqmbd.report.figures import (
 )
 from uqmbd.report.html import write_report
 from uqmbd.report.installed import installed_sections
+from uqmbd.report.live import chart_html
 from uqmbd.report.mechanisms import animate, mechanism, motion, poses, with_motion
 from uqmbd.report.sections import Section
 
 __all__ = [
+    "Band",
+    "Curve",
     "Section",
     "animate",
     "arrange",
     "axes_grid",
     "bands",
+    "chart_html",
     "coefficient_decay",
     "convergence",
     "differences",

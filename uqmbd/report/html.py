@@ -14,7 +14,7 @@ import xarray as xr
 
 from uqmbd.errors import PluginWarning, StudyError
 from uqmbd.isolation import Isolated
-from uqmbd.report.drawing import write_images
+from uqmbd.report.drawing import CHARTED, write_images
 from uqmbd.report.live import page_scripts
 from uqmbd.report.sections import ABOUT_METHODS, ABOUT_RESULTS, Content, Section, TemplateSection, environment
 from uqmbd.report.view import StudyResult
@@ -89,7 +89,7 @@ def write_report(
             date=created.replace("T", " ").replace("+00:00", " UTC"),
             sections=shown,
             outputs=[output["name"] for output in contents["outputs"]["outputs"]],
-            scripts=page_scripts() if _charted(contents) else None,
+            scripts=page_scripts() if _charted(contents) or any(CHARTED in one["html"] for one in of_plugins) else None,
         ),
         Path(path),
     )

@@ -94,7 +94,17 @@ CALLS: dict[str, Callable[[xr.DataTree, uqmbd.Study], Figure]] = {
 
 def test_none_is_forgotten() -> None:
     """All that is public is drawn here, and is public in uqmbd.report, too."""
-    help_to_draw = {"arrange", "axes_grid", "figure_html", "style", "with_units", "wrapped"}
+    help_to_draw = {
+        "Band",
+        "Curve",
+        "arrange",
+        "axes_grid",
+        "chart_html",
+        "figure_html",
+        "style",
+        "with_units",
+        "wrapped",
+    }
     no_figures = {"Section", "animate", "installed_sections", "motion", "with_motion", "write_report"}
     drawn = set(report.__all__) - no_figures - help_to_draw
     assert drawn == set(CALLS)

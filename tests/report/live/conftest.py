@@ -1,5 +1,6 @@
 """Scripts of the page run by Node."""
 
+import contextlib
 import json
 import shutil
 import subprocess
@@ -48,3 +49,26 @@ def browser():
         opened = running.chromium.launch(executable_path=command, args=["--no-sandbox"])
         yield opened
         opened.close()
+
+
+@pytest.fixture
+def opened(browser):
+    """Open pages, and check at the end that none of them had an error or asked for anything."""
+    with contextlib.ExitStack() as closing:
+        wrong = []
+
+        def open_page(path, width=1200, height=900, **context):
+            made = browser.new_context(viewport={"width": width, "height": height}, **context)
+            closing.callback(made.close)
+            page = made.new_page()
+            # reading pixels, as these tests do, is slow, which Chromium remarks
+            page.on("console", lambda said: "willReadFrequently" in said.text or wrong.append(said.text))
+            page.on("pageerror", lambda error: wrong.append(str(error)))
+            page.on(
+                "request", lambda asked: asked.url.startswith(("file:", "data:", "blob:")) or wrong.append(asked.url)
+            )
+            page.goto(path.as_uri())
+            return page
+
+        yield open_page
+        assert not wrong

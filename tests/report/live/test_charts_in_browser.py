@@ -1,6 +1,5 @@
 """Charts of the report, driven in a browser: their numbers are those of the tree, whatever is done to them."""
 
-import contextlib
 import csv
 import io
 import re
@@ -21,29 +20,6 @@ METHODS = ("monte-carlo", "second", "galerkin $3")
 def page_file(study, tmp_path_factory):
     """Return the report of a study of three methods, one of which knows no quantiles."""
     return report.write_report(study, tmp_path_factory.mktemp("charts") / "report.html")
-
-
-@pytest.fixture
-def opened(browser):
-    """Open pages, and check at the end that none of them had an error or asked for anything."""
-    with contextlib.ExitStack() as closing:
-        wrong = []
-
-        def open_page(path, width=1200, height=900, **context):
-            made = browser.new_context(viewport={"width": width, "height": height}, **context)
-            closing.callback(made.close)
-            page = made.new_page()
-            # reading pixels, as these tests do, is slow, which Chromium remarks
-            page.on("console", lambda said: "willReadFrequently" in said.text or wrong.append(said.text))
-            page.on("pageerror", lambda error: wrong.append(str(error)))
-            page.on(
-                "request", lambda asked: asked.url.startswith(("file:", "data:", "blob:")) or wrong.append(asked.url)
-            )
-            page.goto(path.as_uri())
-            return page
-
-        yield open_page
-        assert not wrong
 
 
 def chart(page, number=1):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from uqmbd.report.drawing.images import figure_html, image, svg, write_images
+from uqmbd.report.drawing.images import CHARTED, figure_html, image, image_html, svg, write_images
 from uqmbd.report.drawing.scales import log_axis
 from uqmbd.report.drawing.style import (
     COLOURS,
@@ -25,6 +25,7 @@ from uqmbd.report.drawing.style import (
 )
 
 __all__ = [
+    "CHARTED",
     "COLOURS",
     "FAILED",
     "WIDTH",
@@ -35,6 +36,7 @@ __all__ = [
     "few_ticks",
     "figure_html",
     "image",
+    "image_html",
     "limit_times",
     "line_width",
     "log_axis",

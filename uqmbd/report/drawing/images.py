@@ -17,7 +17,10 @@ from uqmbd.report.drawing.ticks import freeze_ticks
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["figure_html", "image", "svg", "write_images"]
+__all__ = ["CHARTED", "figure_html", "image", "image_html", "svg", "write_images"]
+
+CHARTED = '<figure class="charted">'
+"""How the figure of a chart begins; scripts of the page look for it."""
 
 _FONTS = "system-ui, -apple-system, 'Segoe UI', Roboto, 'Helvetica Neue', 'Noto Sans', 'DejaVu Sans', sans-serif"
 
@@ -92,14 +95,18 @@ def figure_html(draw: Callable[[], Figure], alt: str, caption: str) -> str:
     >>> figure_html(draw, "A line.", "It rises.").endswith('alt="A line."><figcaption>It rises.</figcaption></figure>')
     True
     """
-    found = image(draw, alt, caption)
+    return image_html(image(draw, alt, caption))
+
+
+def image_html(found: Mapping[str, str], chart: str = "") -> str:
+    """Return what `image` made as HTML; ``chart``: JSON, safe in HTML, of the chart that stands for it."""
     text = {key: html.escape(value) for key, value in found.items()}
     if found["problem"]:
         told = f"This figure could not be drawn ({text['caption']}) {text['problem']}"
         return f'<p class="problem">{told}</p>'
-    return (
-        f'<figure><img src="{text["source"]}" alt="{text["alt"]}"><figcaption>{text["caption"]}</figcaption></figure>'
-    )
+    data = f'<script type="application/json">{chart}</script>' if chart else ""
+    picture = f'<img src="{text["source"]}" alt="{text["alt"]}">'
+    return f"{CHARTED if chart else '<figure>'}{picture}<figcaption>{text['caption']}</figcaption>{data}</figure>"
 
 
 def write_images(content: object, folder: Path) -> list[Path]:

@@ -5,6 +5,7 @@ Nothing here touches pyplot or its global state, so figures can be made anywhere
 
 from __future__ import annotations
 
+from uqmbd.report.figures.curves import Band, Curve, checked, curves
 from uqmbd.report.figures.decay import coefficient_decay, horizon, verification
 from uqmbd.report.figures.differences import differences, order_convergence, orders_of
 from uqmbd.report.figures.distributions import histograms, inputs
@@ -32,6 +33,8 @@ from uqmbd.report.figures.surrogates import (
 from uqmbd.report.figures.timeless import MOST_SCALARS, scalar_densities
 
 __all__ = [
+    "Band",
+    "Curve",
     "ENOUGH",
     "Indices",
     "MOST_SCALARS",
@@ -43,11 +46,13 @@ __all__ = [
     "band_edges",
     "bands",
     "changing_with_time",
+    "checked",
     "chaos_nodes",
     "chaos_of",
     "coefficient_decay",
     "convergence",
     "design_of",
+    "curves",
     "differences",
     "elements_in_words",
     "error_cost",

@@ -22,6 +22,7 @@ from uqmbd.report.drawing import (
     with_units,
     wrapped,
 )
+from uqmbd.report.figures.curves import Band, Curve, draw_curve
 from uqmbd.report.figures.selection import Results, Samples, nodes_of, of_output, samples_of, succeeded, thinned
 from uqmbd.status import Status
 
@@ -78,34 +79,27 @@ def bands(results: Results, output: str, *, samples: int = 0) -> Figure:
         statistics = statistics.isel(time=chosen)
         times, mean = statistics["time"].values, statistics["mean"].values
         wide, narrow, wide_name = band_edges(statistics)
-        (colour, line), width = style(k), line_width(k, len(nodes))
+        if k == 0 and samples:
+            single = _curves(node, output, samples)[:, chosen]
+            thin = axes.plot(times, single.T, color="0.45", lw=0.5, alpha=0.45, zorder=1.5)
+            if thin:
+                handles["single realisations"] = thin[0]
+        curve = Curve(
+            label, mean, tuple(Band(name, *edge) for name, edge in ((wide_name, wide), ("50 %", narrow)) if edge)
+        )
+        drawn, areas = draw_curve(axes, times, curve, k, len(nodes))
         if k == 0:
-            if samples:
-                curves = _curves(node, output, samples)[:, chosen]
-                thin = axes.plot(times, curves.T, color="0.45", lw=0.5, alpha=0.45, zorder=1.5)
-                if thin:
-                    handles["single realisations"] = thin[0]
             name = "" if len(nodes) == 1 else f"{label}: "
-            outer = axes.fill_between(times, wide[0], wide[1], color=colour, alpha=0.16, lw=0)
-            inner = (
-                None
-                if narrow is None
-                else axes.fill_between(times, narrow[0], narrow[1], color=colour, alpha=0.30, lw=0)
-            )
-            (drawn,) = axes.plot(times, mean, color=colour, ls=line, lw=width)
             handles[f"{name}mean"] = drawn
-            if inner is not None:
-                handles["50 %" if name else "50 % of realisations"] = inner
-            handles[wide_name.split(" of")[0] if name else wide_name] = outer
+            if len(areas) > 1:
+                handles["50 %" if name else "50 % of realisations"] = areas[1]
+            handles[wide_name.split(" of")[0] if name else wide_name] = areas[0]
         else:
-            for edge in wide:
-                axes.plot(times, edge, color=colour, ls=line, lw=0.6 * width)
-            (drawn,) = axes.plot(times, mean, color=colour, ls=line, lw=width)
             handles[f"{label}: mean, {wide_name.split(' of')[0]}"] = drawn
         low, high = min(low, float(wide[0].min()), mean.min()), max(high, float(wide[1].max()), mean.max())
         axes.set_ylabel(wrapped(with_units(output, str(statistics["output_units"].item())), 34))
         if len(times) == 1:
-            _show_single_time(axes, times[0], mean, wide, colour)
+            _show_single_time(axes, times[0], mean, wide, style(k)[0])
     axes.set_xlabel("time [s]")
     limit_times(axes, times)
     widen_if_constant(axes, "y", low, high)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from uqmbd.report.live.chart_data import MOST_TIMES, bands_data
+from uqmbd.report.live.curve_chart import chart_html
 from uqmbd.report.live.packing import json_script, packed, unpacked
 from uqmbd.report.live.page import PageScripts, page_scripts
 from uqmbd.report.live.poses import packed_poses, pose_surrogate, with_poses
@@ -13,6 +14,7 @@ __all__ = [
     "MOST_TIMES",
     "PageScripts",
     "bands_data",
+    "chart_html",
     "joined_modules",
     "json_script",
     "live_method",

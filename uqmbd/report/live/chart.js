@@ -1,6 +1,6 @@
 // A chart in its figure: methods on and off, zoom, the page's time, keys and fingers, files.
 
-import { csvText, nearestIndex, rowsAt, sentenceAt } from "./chart_model.js";
+import { csvText, headsOf, nearestIndex, rowsAt, sentenceAt } from "./chart_model.js";
 import { DARK, LIGHT, chartOptions, seriesData } from "./chart_options.js";
 import { fileName, pictureOf, saveAs, saveBlob } from "./exports.js";
 import { formatNumber } from "./numbers.js";
@@ -50,8 +50,8 @@ export function makeChart(figure, model) {
   // the table of values, which is the legend, too
   const several = model.methods.length > 1;
   const at = element("caption");
-  const heads = ["", "mean", "standard deviation", model.methods[0].bands[0].name];
-  const head = element("tr", {}, ...heads.map((text) => element("th", { scope: "col" }, text)));
+  const heads = headsOf(model);
+  const head = element("tr", {}, ...["", ...heads].map((text) => element("th", { scope: "col" }, text)));
   const rows = model.methods.map((method, k) => {
     const toggle = button("", several ? "Show or hide this method" : "Show or hide", () => {
       method.shown = !method.shown;
@@ -66,7 +66,7 @@ export function makeChart(figure, model) {
     });
     toggle.setAttribute("aria-pressed", "true");
     toggle.append(lineSample(method), element("span", {}, method.label));
-    const cells = ["mean", "std", "band"].map(() => element("td", { class: "number" }));
+    const cells = heads.map(() => element("td", { class: "number" }));
     return { row: element("tr", {}, element("th", { scope: "row" }, toggle), ...cells), cells };
   });
   const table = element("table", {}, at, element("thead", {}, head), element("tbody", {}, ...rows.map(({ row }) => row)));
@@ -133,10 +133,10 @@ export function makeChart(figure, model) {
 
   function refresh() {
     at.textContent = `At ${formatNumber(model.time[index], (whole[1] - whole[0]) / 10)} s${model.units === "" ? "" : `, in ${model.units}`}`;
-    rowsAt(model, index).forEach(({ mean, std, low, high }, k) => {
+    rowsAt(model, index).forEach((texts, k) => {
       const { row, cells } = rows[k];
       row.classList.toggle("hidden-method", !model.methods[k].shown);
-      [mean, std, `${low} to ${high}`].forEach((text, j) => (cells[j].textContent = text));
+      texts.forEach((text, j) => (cells[j].textContent = text));
     });
     space.setAttribute("aria-valuenow", model.time[index]);
     space.setAttribute("aria-valuetext", sentenceAt(model, index));

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -10,11 +10,11 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from uqmbd.report.drawing import line_width, style
-from uqmbd.report.figures import band_edges, of_output, thinned
+from uqmbd.report.figures import Band, Curve, band_edges, of_output, thinned
 from uqmbd.report.live.packing import packed
 from uqmbd.wording import typeset_units
 
-__all__ = ["MOST_TIMES", "bands_data"]
+__all__ = ["MOST_TIMES", "bands_data", "curves_data"]
 
 MOST_TIMES = 1000
 """Times of a chart: more than a screen has pixels for lines of two; a peak between them is kept."""
@@ -65,26 +65,77 @@ def bands_data(nodes: Mapping[str, xr.DataTree], output: str, most: int = MOST_T
     }
 
 
-def _method(k: int, count: int, label: str, data: xr.Dataset, times: _Array) -> dict[str, Any]:
-    colour, line = style(k)
-    wide, narrow, wide_name = band_edges(data)
-    mean = _at(data, times, data["mean"].values)
-    lines = [{"name": "mean", "values": packed(mean)}]
-    bands = []
-    for name, edges in ((wide_name, wide), ("50 % of realisations", narrow)):
-        if edges is not None:
-            bands.append({"name": name, "low": len(lines), "high": len(lines) + 1})
-            for end, edge in zip(("lower", "upper"), edges, strict=True):
-                lines.append({"name": f"{end} end of {name}", "values": _distance(_at(data, times, edge), mean)})
-    std = _at(data, times, data["std"].values)
+def curves_data(
+    name: str, times: _Array, curves: Sequence[Curve], units: str, most: int = MOST_TIMES
+) -> tuple[dict[str, Any], NDArray[np.intp]]:
+    """Return the data of a chart of curves, in the form of `bands_data`, and which times are in it.
+
+    Parameters
+    ----------
+    name : str
+        What is drawn: that of the vertical axis.
+    times : array, shape (T,)
+        Increasing, s.
+    curves : sequence of Curve
+        As `checked` returns them.
+    units : str
+    most : int
+        About how many times at most; the peaks of each curve are among them.
+    """
+    share = max(most // len(curves), 100)
+    chosen = np.unique(np.concatenate([_with_peaks(curve, share) for curve in curves]))
+    first = curves[0]
+    spread = [np.asarray(band.high, dtype=float) - np.asarray(band.low, dtype=float) for band in first.bands[:1]]
     return {
-        "label": label,
+        "output": name,
+        "units": typeset_units(units),
+        "time": packed(times[chosen]),
+        "of": len(times),
+        "start": int(np.nan_to_num(spread[0][chosen], nan=-1.0).argmax()) if spread else 0,
+        "methods": [_drawn(k, len(curves), curve.at(chosen), {}) for k, curve in enumerate(curves)],
+    }, chosen
+
+
+def _with_peaks(curve: Curve, most: int) -> NDArray[np.intp]:
+    edges = (curve.bands[0].low, curve.bands[0].high) if curve.bands else (curve.values, curve.values)
+    low, high = (
+        np.nan_to_num(np.asarray(edge, dtype=float), nan=fill)
+        for edge, fill in zip(edges, (np.inf, -np.inf), strict=True)
+    )
+    return thinned(low, high, most)
+
+
+def _method(k: int, count: int, label: str, data: xr.Dataset, times: _Array) -> dict[str, Any]:
+    wide, narrow, wide_name = band_edges(data)
+    bands = [
+        Band(name, *(_at(data, times, edge) for edge in edges))
+        for name, edges in ((wide_name, wide), ("50 % of realisations", narrow))
+        if edges is not None
+    ]
+    mean, std = (_at(data, times, data[key].values) for key in ("mean", "std"))
+    return _drawn(k, count, Curve(label, mean, tuple(bands), "mean"), {"standard deviation": std})
+
+
+def _drawn(k: int, count: int, curve: Curve, told: Mapping[str, _Array]) -> dict[str, Any]:
+    """Return the data of the k-th of some curves, with what is told of it and not drawn."""
+    colour, line = style(k)
+    values = np.asarray(curve.values, dtype=float)
+    lines = [{"name": curve.quantity, "values": packed(values)}]
+    bands = []
+    for band in curve.bands:
+        bands.append({"name": band.name, "low": len(lines), "high": len(lines) + 1})
+        for end, edge in (("lower", band.low), ("upper", band.high)):
+            # where only the band is known, its ends stand themselves
+            away = _distance(np.asarray(edge, dtype=float), np.nan_to_num(values))
+            lines.append({"name": f"{end} end of {band.name}", "values": away})
+    return {
+        "label": curve.name,
         "colours": [colour, _ON_DARK[k % len(_ON_DARK)]],
         "dash": [] if line == "-" else list(line[1]),
         "width": line_width(k, count),
         "lines": lines,
         "bands": bands,
-        "columns": [{"name": "standard deviation", "values": _distance(std, 0.0)}],
+        "columns": [{"name": name, "values": _distance(column, 0.0)} for name, column in told.items()],
     }
 
 

@@ -17,7 +17,7 @@ function linesOf(lines) {
   const others = lines.slice(1).map(({ name, values }) => {
     const distance = numbersOf(values);
     const rounded = rounding(distance);
-    const sum = (v, k) => (v === null || origin[k] === null ? null : rounded(v + origin[k]));
+    const sum = (v, k) => (v === null ? null : rounded(v + (origin[k] ?? 0)));
     return { name, values: distance.map(sum) };
   });
   return [{ name: lines[0].name, values: origin }, ...others];
@@ -49,36 +49,56 @@ export function nearestIndex(times, time) {
   return time - times[low] <= times[high] - time ? low : high;
 }
 
-/** What is told of each method at an index: the mean, the standard deviation, and the outer band. */
+const namesOf = (names) => {
+  const different = [...new Set(names)];
+  return different.length < 3 ? different.join(" or ") : null;
+};
+
+/** Heads of the table of values: what the line is, what is told besides, and the outer band, where there is one. */
+export function headsOf({ methods }) {
+  const bands = methods.flatMap((method) => method.bands.slice(0, 1).map((band) => band.name));
+  return [
+    namesOf(methods.map((method) => method.lines[0].name)) ?? "value",
+    ...toldOf(methods),
+    ...(bands.length > 0 ? [namesOf(bands) ?? "band"] : []),
+  ];
+}
+
+const toldOf = (methods) => [...new Set(methods.flatMap((method) => method.columns.map((column) => column.name)))];
+
+/** What stands beneath these heads for each method at an index: the value, what is told besides, and the outer band's ends. */
 export function rowsAt(model, index) {
-  return model.methods.map(({ label, lines, bands, columns }) => {
-    const spread = columns[0].values[index];
-    const end = (line) => formatNumber(lines[line].values[index], spread);
-    return {
-      label,
-      mean: formatNumber(lines[0].values[index], spread),
-      std: formatNumber(spread),
-      low: end(bands[0].low),
-      high: end(bands[0].high),
-    };
+  const names = toldOf(model.methods);
+  const banded = model.methods.some((method) => method.bands.length > 0);
+  return model.methods.map(({ lines, bands, columns }) => {
+    const told = names.map((name) => columns.find((column) => column.name === name)?.values[index] ?? null);
+    const ends = bands.slice(0, 1).flatMap(({ low, high }) => [lines[low].values[index], lines[high].values[index]]);
+    const spread = told[0] ?? (ends.length > 0 && ends[0] !== null && ends[1] !== null ? (ends[1] - ends[0]) / 4 : 0);
+    const written = ends.map((end) => formatNumber(end, spread));
+    const band = ends.length > 0 ? `${written[0]} to ${written[1]}` : "–";
+    return [formatNumber(lines[0].values[index], spread), ...told.map((value) => formatNumber(value)), ...(banded ? [band] : [])];
   });
 }
 
 /** The same as a sentence, of the methods that are shown. */
 export function sentenceAt(model, index) {
-  const told = rowsAt(model, index).filter((_, k) => model.methods[k].shown);
-  const parts = told.map((row, k) => {
-    const { units } = model;
-    const unit = units === "" ? "" : ` ${units}`;
-    const name = model.methods.length > 1 ? `${row.label}: ` : "";
-    return `${name}mean ${row.mean}${unit}, standard deviation ${row.std}${unit}, ${model.methods[k].bands[0].name} from ${row.low} to ${row.high}${unit}`;
+  const names = toldOf(model.methods);
+  const unit = model.units === "" ? "" : ` ${model.units}`;
+  const parts = rowsAt(model, index).flatMap(([value, ...others], k) => {
+    const { label, lines, bands, shown } = model.methods[k];
+    if (!shown) return [];
+    const told = names.map((name, j) => `, ${name} ${others[j]}${unit}`).join("");
+    const band = bands.length > 0 ? `, ${bands[0].name} from ${others[names.length]}${unit}` : "";
+    return [`${model.methods.length > 1 ? `${label}: ` : ""}${lines[0].name} ${value}${unit}${told}${band}`];
   });
   return `${formatQuantity(model.time[index], "s")}. ${parts.join(". ")}`;
 }
 
-const cell = (text) => (/[",\r\n]/.test(text) ? `"${text.replaceAll('"', '""')}"` : text);
+/** A cell of the head; no program takes it for a formula. */
+const cell = (head) => quoted(/^[=+@\t\r-]/.test(head) ? `'${head}` : head);
+const quoted = (text) => (/[",\r\n]/.test(text) ? `"${text.replaceAll('"', '""')}"` : text);
 
-/** All of the data as CSV: a row for each time. No cell of the head begins with a sign that programs take for a formula. */
+/** All of the data as CSV: a row for each time. */
 export function csvText(model) {
   const columns = [[withUnits("time", "s"), model.time]];
   for (const { label, lines, columns: told } of model.methods) {

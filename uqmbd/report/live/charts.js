@@ -10,8 +10,13 @@ export function startCharts() {
       for (const { target, isIntersecting } of entries) {
         if (!isIntersecting) continue;
         near.unobserve(target);
-        const data = target.querySelector('script[type="application/json"]');
-        makeChart(target, chartModel(JSON.parse(data.textContent)));
+        try {
+          const data = target.querySelector('script[type="application/json"]');
+          makeChart(target, chartModel(JSON.parse(data.textContent)));
+        } catch (error) {
+          // its picture stands; others are charts none the less
+          console.error(error);
+        }
       }
     },
     { rootMargin: "400px" },

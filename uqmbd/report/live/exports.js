@@ -56,7 +56,7 @@ export async function pictureOf(model, [low, high]) {
     pen.stroke();
     pen.fillStyle = LIGHT.ink;
     const bands = k === 0 ? method.bands : method.bands.slice(0, 1);
-    pen.fillText(`${shortName(method.label, 60)}: mean, ${bands.map((band) => band.name).join(", ")}`, 140 * ratio, y);
+    pen.fillText(`${shortName(method.label, 60)}: ${[method.lines[0], ...bands].map((one) => one.name).join(", ")}`, 140 * ratio, y);
   });
   pen.drawImage(drawn, 0, line * (shown.length + 0.5));
   chart.destroy();

@@ -1,0 +1,199 @@
+"""Charts of plugins' sections are drawn, told and saved like those of the core, whatever their names are."""
+
+import csv
+import io
+import json
+import re
+
+import numpy as np
+import pytest
+
+from uqmbd import StudyError, report, results
+from uqmbd.report import Band, Curve, chart_html
+from uqmbd.report.live import unpacked
+
+from ..test_hostile_names import HOSTILE
+
+TIMES = np.linspace(0, 2, 41)
+SIN, COS = np.sin(TIMES), np.cos(TIMES)
+
+
+def data_of(html):
+    """Return the data of the only chart of a fragment."""
+    (text,) = re.findall(r'<script type="application/json">(.*?)</script>', html)
+    return json.loads(text)
+
+
+def values(data, curve, line):
+    """Return the values of a line; those of bands are stored as the distance from the curve."""
+    lines = [unpacked(one["values"]) for one in data["methods"][curve]["lines"]]
+    return lines[line] + (np.nan_to_num(lines[0]) if line else 0)
+
+
+def test_the_data_of_the_page_are_those_that_are_given():
+    band = Band("bounds", SIN - 0.1, SIN + 0.3)
+    html = chart_html("x", TIMES, [Curve("a", SIN, (band,)), Curve("b", COS)], "alt", "caption", units="m/s^2")
+    data = data_of(html)
+    assert data["units"] == "m/s²" and [one["label"] for one in data["methods"]] == ["a", "b"]
+    np.testing.assert_array_equal(unpacked(data["time"]), TIMES)
+    np.testing.assert_array_equal(values(data, 0, 0), SIN)
+    np.testing.assert_array_equal(values(data, 1, 0), COS)
+    np.testing.assert_allclose(values(data, 0, 1), SIN - 0.1, atol=1e-7)
+    np.testing.assert_allclose(values(data, 0, 2), SIN + 0.3, atol=1e-7)
+
+
+def test_where_only_the_band_is_known_it_is_kept():
+    known = np.where(TIMES < 1, SIN, np.nan)
+    data = data_of(chart_html("x", TIMES, [Curve("a", known, (Band("b", SIN, COS + 2),))], "", ""))
+    np.testing.assert_array_equal(values(data, 0, 0), known)
+    np.testing.assert_allclose(values(data, 0, 1), SIN, atol=1e-6)
+    np.testing.assert_allclose(values(data, 0, 2), COS + 2, atol=1e-6)
+
+
+def test_peaks_of_each_of_many_times_are_kept():
+    times = np.linspace(0, 1, 30_001)
+    low, high = 0 * times, 0 * times
+    low[777], high[22_222] = -1, 1
+    data = data_of(chart_html("x", times, [Curve("low", low), Curve("high", high)], "", ""))
+    assert len(unpacked(data["time"])) <= 1000 and data["of"] == 30_001
+    assert values(data, 0, 0).min() == -1 and values(data, 1, 0).max() == 1
+
+
+@pytest.mark.parametrize(
+    ("times", "curves", "told"),
+    [
+        ([0.0], [Curve("a", [1.0])], "times of shape (1,); expected two or more"),
+        ([0.0, 0.0], [Curve("a", [1.0, 2.0])], "expected two or more, finite and increasing"),
+        ([0.0, np.nan], [Curve("a", [1.0, 2.0])], "finite and increasing"),
+        ([0.0, 1.0], [], "expected a sequence of one or more uqmbd.report.Curve"),
+        ([0.0, 1.0], Curve("a", [1.0, 2.0]), "expected a sequence"),
+        ([0.0, 1.0], [[1.0, 2.0]], "expected a sequence"),
+        ([0.0, 1.0], [Curve("a", [1.0])], "curve 'a' has (1,); expected numbers of the shape of times, (2,)"),
+        ([0.0, 1.0], [Curve("a", [1.0, np.inf])], "curve 'a' has an infinity; NaN says"),
+        ([0.0, 1.0], [Curve("a", ["x", "y"])], "expected real numbers"),
+        ([0.0, 1.0], [Curve("a", [1.0, 2.0], (Band("b", [0.0], [1.0, 1.0]),))], "the lower end of 'b' of 'a' has (1,)"),
+        ([0.0, 1.0], [Curve("a", [1.0, 2.0])] * 2, "a name of its own"),
+        ([0.0, 1.0], [Curve(3, [1.0, 2.0])], "expected texts"),
+        ([0.0, 1.0], [Curve("a", [1.0, 2.0], (Band("b", [0, 0], [1, 1]),) * 3)], "3 bands; expected two at most"),
+    ],
+)
+def test_what_does_not_fit_together_is_told(times, curves, told):
+    with pytest.raises(StudyError, match=re.escape(told)) as raised:
+        chart_html("forces", times, curves, "", "")
+    assert "chart 'forces'" in str(raised.value)
+
+
+class Own:
+    """A section whose only chart has every hostile name."""
+
+    title = "Own"
+
+    def render(self, tree):
+        """Return a chart."""
+        names = list(HOSTILE.values())
+        curves = [
+            Curve(name, SIN + k, (Band(names[k - 1], SIN + k - 0.1, SIN + k + 0.1),), names[k - 2])
+            for k, name in enumerate(names)
+        ]
+        return chart_html(
+            HOSTILE["script"], TIMES, curves, HOSTILE["attribute"], HOSTILE["close"], units=HOSTILE["quotes"]
+        )
+
+
+def report_of(section, path):
+    """Return the report of a study without histories, so that no other chart is on the page."""
+    axes = results.labels([("x", "m")], [], [1.0])
+    statistics = results.statistics_dataset(axes, mean=[[1.0]], std=[[0.1]])
+    node = results.propagator_node("mine", statistics, propagator="p", realisations=1, wall_time=0.0)
+    return report.write_report(results.study_tree([node], study="s", mechanism="m"), path, sections=[section])
+
+
+def test_a_page_with_a_plugin_s_chart_alone_has_the_scripts(tmp_path):
+    page = report_of(Own(), tmp_path / "report.html").read_text(encoding="utf-8")
+    assert "startCharts();" in page
+
+    class Plain:
+        title = "Plain"
+
+        def render(self, tree):
+            return "<p>no chart</p>"
+
+    assert "startCharts" not in report_of(Plain(), tmp_path / "report.html").read_text(encoding="utf-8")
+
+
+def test_names_are_data_and_end_no_element():
+    html = Own().render(None)
+    data = data_of(html)
+    assert [one["label"] for one in data["methods"]] == list(HOSTILE.values())
+    assert re.findall(r"<(\w+)", html) == ["figure", "img", "figcaption", "script"]
+
+
+def test_heads_of_tables_and_files_are_plain_texts(node):
+    """No head of a column is a formula for programs of tables; heads name what all curves are."""
+    curves = [
+        Curve("b", SIN, (Band("bounds", SIN - 1, SIN + 1),), "=1+1"),
+        Curve("c", COS, (), "=1+1"),
+    ]
+    data = data_of(chart_html("x", TIMES, curves, "", "", units="m"))
+    lines = """
+    const model = chartModel(given);
+    answer = { heads: headsOf(model), rows: rowsAt(model, 0), told: sentenceAt(model, 0), csv: csvText(model) };
+    """
+    found = node(["chart_model.js"], lines, data)
+    assert found["heads"] == ["=1+1", "bounds"]
+    assert found["rows"] == [["0", "−1 to 1"], ["1", "–"]]
+    assert found["told"] == "0 s. b: =1+1 0 m, bounds from −1 to 1 m. c: =1+1 1 m"
+    head, first, *_ = csv.reader(io.StringIO(found["csv"]))
+    assert head[:2] == ["time [s]", "'=1+1 of x by b [m]"]
+    assert [float(text) for text in first] == pytest.approx([0, 0, -1, 1, 1], abs=1e-6)
+
+
+@pytest.mark.slow
+def test_it_is_alive_like_other_charts(opened, tmp_path):
+    class Two:
+        title = "Two"
+
+        def render(self, tree):
+            bounds = Band("bounds", SIN - 0.1, SIN + 0.1)
+            return "".join(
+                chart_html(name, TIMES, [Curve("sine", SIN, (bounds,)), Curve("cosine", COS)], "", "", units="m")
+                for name in ("one", "two")
+            )
+
+    page = opened(report_of(Two(), tmp_path / "report.html"))
+    figures = page.locator("figure.charted")
+    for k in (1, 0):
+        figures.nth(k).scroll_into_view_if_needed()
+        figures.nth(k).locator("canvas").wait_for()
+    box = figures.nth(0).locator(".u-over").bounding_box()
+    page.mouse.move(box["x"] + 0.5 * box["width"], box["y"] + 50, steps=3)
+    for figure in figures.all():
+        assert figure.locator("caption").inner_text() == "At 1 s, in m"
+        cells = [row.locator("td").all_inner_texts() for row in figure.locator("tbody tr").all()]
+        assert cells == [["0.8415", "0.7415 to 0.9415"], ["0.5403", "–"]]
+    with page.expect_download() as download:
+        figures.nth(0).get_by_role("button", name="CSV").click()
+    rows = np.array(list(csv.reader(io.StringIO(download.value.path().read_text("utf-8"))))[1:], dtype=float)
+    np.testing.assert_allclose(rows.T, [TIMES, SIN, SIN - 0.1, SIN + 0.1, COS], atol=1e-7)
+    figures.nth(0).get_by_role("button", name="cosine").click()
+    assert "cosine" not in figures.nth(0).locator(".plot").get_attribute("aria-valuetext")
+    for kind, start in (("PNG", b"\x89PNG"), ("SVG", b"<?xml")):
+        with page.expect_download() as download:
+            figures.nth(0).get_by_role("button", name=kind).click()
+        assert download.value.path().read_bytes().startswith(start)
+    figures.nth(0).locator(".plot").focus()
+    page.keyboard.press("+")
+    assert figures.nth(0).get_by_role("button", name="Show all times").is_visible()
+
+
+@pytest.mark.slow
+def test_hostile_names_are_texts_in_a_browser(opened, tmp_path):
+    path = report_of(Own(), tmp_path / "report.html")
+    page = opened(path, width=390)
+    figure = page.locator("figure.charted")
+    figure.scroll_into_view_if_needed()
+    figure.locator("canvas").wait_for()
+    assert figure.locator("tbody button").all_text_contents() == list(HOSTILE.values())
+    assert page.evaluate("document.documentElement.scrollWidth") <= 390
+    page = opened(path, java_script_enabled=False)
+    assert page.locator("figure.charted img").is_visible() and page.locator("canvas").count() == 0
