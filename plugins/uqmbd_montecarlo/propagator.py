@@ -317,7 +317,7 @@ class MonteCarlo(uqmbd.Propagator):
         if len(found.replicates) < 2 and self.sampling != "random":
             attrs["independent_samples"] = "true"  # readers need not have the plugin of the design
         if found.store is not None:
-            attrs["all_samples"] = found.store.folder.name
+            attrs |= {"all_samples": found.store.folder.name, "all_samples_count": len(found.store)}
         children = {}
         if found.violations:
             times = problem.times if problem.over is None else problem.over

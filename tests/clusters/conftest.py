@@ -9,6 +9,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -76,6 +77,7 @@ def command(tmp_path: Path) -> Callable[..., subprocess.CompletedProcess[str]]:
 
     def run(*words: str) -> subprocess.CompletedProcess[str]:
         whole = [sys.executable, "-c", code, *words]
-        return subprocess.run(whole, cwd=tmp_path, env=ENVIRONMENT, capture_output=True, text=True, check=False)
+        about: dict[str, Any] = {"cwd": tmp_path, "env": ENVIRONMENT, "timeout": 300}
+        return subprocess.run(whole, **about, capture_output=True, text=True, check=False)
 
     return run

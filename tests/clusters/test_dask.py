@@ -269,6 +269,20 @@ def test_workers_find_the_functions_of_a_script_and_what_lies_beside_it(
     assert found[-0.1] < found[-5.0] - 0.5
 
 
+def test_a_worker_without_uqmbd_is_told(cluster: Any, command: Any, tmp_path: Path) -> None:
+    """It would else die of its first piece of work, and the run wait for others without end."""
+    (tmp_path / "none").mkdir()
+    (tmp_path / "none" / "uqmbd.py").write_text("raise ImportError('there is no uqmbd here')\n")
+    cluster.hire(PYTHONPATH=str(tmp_path / "none"))
+    with connected(cluster, 1):
+        pass
+    (tmp_path / "study.py").write_text(SCRIPT.format(module="helper"))
+    (tmp_path / "helper.py").write_text("brake = -0.1\n")
+    done = command("run", "study.py", "--out", "out", "--dask", cluster.address)
+    assert done.returncode == 2
+    assert "a worker cannot import, or write, what it needs" in done.stderr and "no uqmbd here" in done.stderr
+
+
 def test_a_cluster_that_is_started_here_is_reached_from_here_alone():
     """Whoever reaches a scheduler may have it run code, and its pages tell of the work."""
     psutil = pytest.importorskip("psutil")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable
 from concurrent.futures import Executor, ThreadPoolExecutor
+from pathlib import Path
 from typing import Annotated
 
 import pytest
@@ -47,6 +48,11 @@ def test_a_command_of_a_plugin_has_the_options_of_run(capsys: pytest.CaptureFixt
     assert [option for parameter in command_line(Plain).params for option in parameter.opts] == ["word"]
     assert said("hello") == "hello 1"
     assert said("--workers", "3") == "x 3"
+
+
+def test_an_address_that_is_empty_is_no_worker_here():
+    with pytest.raises(uqmbd.StudyError, match="--dask is empty"):
+        command_line(Show).main(["--dask", ""], standalone_mode=False)
 
 
 def test_an_executor_that_is_there_is_used_and_left_open():
@@ -105,6 +111,12 @@ class TestDask:
     def test_a_misspelt_queue_is_answered_at_once(self):
         with pytest.raises(uqmbd.StudyError, match="slrum: expected an address .* scheduler file .* slurm"):
             _at_work(uqmbd.Workers(dask="slrum"))()
+
+    @pytest.mark.parametrize("content", ["", "import numpy", "[1]", "{}", '{"address": 3}'])
+    def test_a_file_without_an_address_is_named(self, content: str, tmp_path: Path):
+        (tmp_path / "study.py").write_text(content)
+        with pytest.raises(uqmbd.StudyError, match=r"study\.py: there is no address of a scheduler in this file"):
+            _at_work(uqmbd.Workers(dask=str(tmp_path / "study.py")))()
 
     def test_a_queue_without_its_commands_is_named(self, monkeypatch: pytest.MonkeyPatch):
         pytest.importorskip("dask_jobqueue")

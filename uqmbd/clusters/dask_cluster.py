@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import logging
 import shutil
 import time
@@ -57,14 +58,14 @@ def dask_executor(asked: str, count: int | None, files: Sequence[Path]) -> Itera
         raise StudyError('--dask needs Dask, which is not installed: pip install "uqmbd[distributed]"') from error
     with _scheduler(asked, count) as scheduler, _client(distributed, asked, scheduler) as client:
         if files:
-            from uqmbd.clusters.study_files import study_files
+            from uqmbd.clusters.study_files import StudyFiles
 
             try:
-                client.register_plugin(study_files(files))
-            except ImportError as error:
+                client.register_plugin(StudyFiles.of(files).plugin())
+            except Exception as error:  # that of a worker, whose type does not always come along
                 raise StudyError(
-                    f"--dask {asked}: a worker cannot import what it needs ({error}). Workers start in an environment "
-                    "where this version of uqmbd, and the plugins of the study, are installed."
+                    f"--dask {asked}: a worker cannot import, or write, what it needs ({error}). Workers start in an "
+                    "environment where this version of uqmbd, and the plugins of the study, are installed."
                 ) from error
         # the same piece again, after its worker was lost, is new work and no result of before
         yield client.get_executor(pure=False)
@@ -105,7 +106,20 @@ def _scheduler(asked: str, count: int | None) -> Iterator[Any]:
                 f"--dask {asked}: expected an address such as tcp://host:8786, a scheduler file (there is none of this "
                 f"name), or one of {', '.join(sorted(STARTED_HERE))}."
             )
-        yield file if file.is_file() else asked
+        yield _scheduler_file(file) if file.is_file() else asked
+
+
+def _scheduler_file(file: Path) -> Path:
+    """Return a scheduler file, in which there is an address."""
+    try:
+        if isinstance(json.loads(file.read_bytes())["address"], str):
+            return file
+    except (OSError, ValueError, LookupError, TypeError):
+        pass
+    raise StudyError(
+        f"--dask {file}: there is no address of a scheduler in this file. Expected the file that "
+        "`dask scheduler --scheduler-file` writes, once it is whole."
+    )
 
 
 def _queue(asked: str) -> Any:

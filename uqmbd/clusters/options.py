@@ -13,6 +13,7 @@ import typer
 
 from uqmbd.clusters.mpi import mpi_executor
 from uqmbd.clusters.workers import Workers
+from uqmbd.errors import StudyError
 
 __all__ = ["with_worker_options"]
 
@@ -56,6 +57,11 @@ def with_worker_options(run: Callable[..., None]) -> Callable[..., None]:
 
     @functools.wraps(run)
     def asked(*, count: int | None, dask: str | None, mpi: bool, **others: Any) -> None:
+        if dask is not None and not dask.strip():
+            # as of a variable of the shell that is not set: one worker here is not what is meant
+            raise StudyError(
+                "--dask is empty; expected an address, a scheduler file, or local, slurm, pbs, sge, lsf ..."
+            )
         workers = Workers(count, dask or "", mpi)
         if not mpi:
             run(**others, **{name: workers})

@@ -5,38 +5,52 @@ from __future__ import annotations
 import importlib
 import os
 import sys
+import types
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-__all__ = ["study_files"]
+__all__ = ["StudyFiles"]
 
 
-def study_files(files: Sequence[Path]) -> Any:
-    """Return a plugin for Dask that gives scripts to all workers, to those that come later too.
+class StudyFiles:
+    """Gives scripts to all workers, to those that come later too.
 
     Dask's own plugin imports a file on each worker, which runs a study where nothing of it is needed, and fails where
     it imports a module beside it.
 
     Parameters
     ----------
-    files : sequence of Path
-        The scripts.  What they import from beside them is found by workers that see these folders.
+    contents : dict
+        Text of the scripts by file name.
+    folders : sequence of str
+        Where they are: what they import from beside them is found by workers that see these folders.
     """
-    from distributed.diagnostics.plugin import WorkerPlugin
 
-    contents = {file.name: file.read_bytes() for file in files}
-    folders = [str(file.parent) for file in files]
+    def __init__(self, contents: dict[str, bytes], folders: Sequence[str]) -> None:
+        self.contents = contents
+        self.folders = tuple(folders)
 
-    class StudyFiles(WorkerPlugin):  # type: ignore[misc]  # Dask has no types
-        """Writes the scripts into a worker's own folder, where imports find them."""
+    @classmethod
+    def of(cls, files: Sequence[Path]) -> StudyFiles:
+        """Read scripts."""
+        return cls({file.name: file.read_bytes() for file in files}, [str(file.parent) for file in files])
 
-        async def setup(self, worker: Any) -> None:
-            for name, content in contents.items():
-                await worker.upload_file(filename=name, data=content, load=False)
-                # one of an earlier run, of this name, is not what is meant
-                sys.modules.pop(Path(name).stem, None)
-            importlib.invalidate_caches()
-            sys.path += [folder for folder in folders if os.path.isdir(folder) and folder not in sys.path]
+    def plugin(self) -> Any:
+        """Return it as a plugin of Dask's workers, whose base is imported where it is used.
 
-    return StudyFiles()
+        What it does is found by its name: a worker without uqmbd says so, and would die of its first piece of work.
+        """
+        from distributed.diagnostics.plugin import WorkerPlugin
+
+        kind = types.new_class("StudyFilesPlugin", (type(self), WorkerPlugin))
+        return kind(self.contents, self.folders)
+
+    async def setup(self, worker: Any) -> None:
+        """Write the scripts into the worker's own folder, where imports find them."""
+        for name, content in self.contents.items():
+            await worker.upload_file(filename=name, data=content, load=False)
+            # one of an earlier run, of this name, is not what is meant
+            sys.modules.pop(Path(name).stem, None)
+        importlib.invalidate_caches()
+        sys.path += [folder for folder in self.folders if os.path.isdir(folder) and folder not in sys.path]

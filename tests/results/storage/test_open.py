@@ -96,6 +96,33 @@ def test_samples_of_another_run_are_not_taken_for_those_of_the_result(folder: Pa
             assert opened["monte-carlo/samples"].sizes["sample"] == KEEP
 
 
+def test_samples_of_a_longer_run_of_the_same_seed_are_not_taken_for_those_of_the_result(folder: Path) -> None:
+    """They begin alike, to the bit."""
+    samples = xr.load_dataset(folder / "monte-carlo-samples.zarr", engine="zarr")
+    SampleStore.write(folder / "monte-carlo-samples.zarr", xr.concat([samples, samples], "sample"))
+    with pytest.warns(StudyWarning, match="another run"), uqmbd.results.open(folder / "results.nc") as opened:
+        assert opened["monte-carlo/samples"].sizes["sample"] == KEEP
+
+
+def test_a_chunk_that_is_cut_off_or_taken_away_is_named_when_it_is_read(folder: Path) -> None:
+    chunk = folder / "monte-carlo-samples.zarr" / "response" / "0.0.0"
+    content = chunk.read_bytes()
+    with uqmbd.results.open(folder / "results.nc") as opened:
+        response = opened["monte-carlo/samples"]["response"]
+        chunk.write_bytes(content[: len(content) // 2])
+        with pytest.raises(StudyError, match=r"response.0\.0\.0 is damaged"):
+            response.mean().compute()
+        chunk.unlink()
+        with pytest.raises(StudyError, match=r"response.0\.0\.0 is missing"):
+            response.mean().compute()
+
+
+def test_samples_alone_are_no_result(folder: Path) -> None:
+    for read in (uqmbd.results.open, load):
+        with pytest.raises(StudyError, match="holds samples of a method"):
+            read(folder / "monte-carlo-samples.zarr")
+
+
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no such permissions")
 def test_who_may_read_the_results_may_read_the_samples(folder: Path) -> None:
     """A store and its files are as open to others as the result beside it."""
@@ -192,6 +219,7 @@ def test_ten_million_realisations_open_in_a_second_and_stream(folder: Path, tmp_
     store.put("inputs", 0, np.ones((store.block, 1)))
     tree = load(folder / "results.nc")
     tree["monte-carlo/samples"] = xr.DataTree(sample_dataset(np.full((KEEP, 1, 20), 0.25), np.ones((KEEP, 1)), axes))
+    tree["monte-carlo"].attrs["all_samples_count"] = count
     save(tree, many / "results.nc")
     for name, step in (("response", size), ("inputs", store.block)):
         for k in range(1, -(-count // step)):

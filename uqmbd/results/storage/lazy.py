@@ -4,22 +4,24 @@ from __future__ import annotations
 
 import os
 import warnings
+from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import xarray as xr
+from numpy.typing import NDArray
 
 from uqmbd.errors import StudyError, StudyWarning
 from uqmbd.results.schema import fixed_width
-from uqmbd.results.storage.sample_store import SampleStore
+from uqmbd.results.storage.sample_store import KINDS, SampleStore
 from uqmbd.results.storage.storage import load_with
 
 __all__ = ["open"]
 
 AT_ONCE = 1 << 25
-"""Bytes of responses that Dask reads at once, about."""
+"""Bytes of a variable that Dask reads at once, about."""
 
 COMPARED = 64
 """Samples that are compared with those that were kept."""
@@ -104,16 +106,10 @@ def _all_samples(folder: Path, name: str, node: xr.DataTree) -> xr.Dataset | Non
         return None
     kept = node.children["samples"].to_dataset(inherit=False) if "samples" in node.children else xr.Dataset()
     if place.suffix == ".nc":  # written by uqmbd 0.1
-        data = xr.open_dataset(place, engine="h5netcdf", chunks={})
+        data = _with_coordinates(xr.open_dataset(place, engine="h5netcdf", chunks={}))
     else:
-        store = SampleStore.open(place)
-        rows = AT_ONCE // max(1, 8 * int(np.prod(store.labels.shape)))
-        # whole chunks of all variables; of long responses those of the responses alone, for inputs are small
-        whole = store.block if rows >= store.block else store.size
-        with warnings.catch_warnings():
-            warnings.filterwarnings("ignore", "The specified chunks separate the stored chunks")
-            data = xr.open_zarr(place, chunks={"sample": max(1, rows // whole) * whole}, consolidated=True)
-    data = _with_coordinates(data).drop_attrs(deep=False)
+        data = _stored(SampleStore.open(place.resolve()))
+    data = data.drop_attrs(deep=False)
     if "time" not in kept.dims and data.sizes.get("time") == 1:
         data = data.isel(time=0, drop=True)
     texts = {
@@ -123,7 +119,8 @@ def _all_samples(folder: Path, name: str, node: xr.DataTree) -> xr.Dataset | Non
     }
     data = data.assign_coords(texts)
     try:
-        same = _begins_with(data, kept)
+        same = node.attrs.get("all_samples_count", data.sizes["sample"]) == data.sizes["sample"]
+        same = same and _begins_with(data, kept)
     except (OSError, ValueError, RuntimeError) as error:
         raise StudyError(f"{str(place)!r} cannot be read as samples; it is damaged: {error}") from error
     if not same:
@@ -137,6 +134,54 @@ def _all_samples(folder: Path, name: str, node: xr.DataTree) -> xr.Dataset | Non
     for key in set(data.variables) & set(kept.variables):
         data[key].attrs = kept[key].attrs
     return data
+
+
+def _stored(store: SampleStore) -> xr.Dataset:
+    """Return a store as arrays of Dask.
+
+    Zarr's own reading of a chunk that is damaged names no file, and takes one that is missing for NaN.
+    """
+    import dask.array as da
+    from dask.base import tokenize
+
+    with xr.open_zarr(store.folder, chunks=None, consolidated=True) as found:
+        data: xr.Dataset = found.coords.to_dataset().load()
+    row = max(np.dtype(kind).itemsize * int(np.prod(store.shapes(name)[0][1:])) for name, kind in KINDS.items())
+    # whole chunks of all variables; of long responses those of the responses alone, for the others are small
+    rows = AT_ONCE // row
+    whole = store.block if rows >= store.block else store.size
+    rows = max(1, rows // whole) * whole
+    samples = tuple(min(rows, store.count - first) for first in range(0, store.count, rows))
+    token = tokenize(str(store.folder), store.folder.stat().st_mtime_ns)
+    for name, kind in KINDS.items():
+        shape, _ = store.shapes(name)
+        array: Any = da.map_blocks(
+            partial(_rows, store, name),
+            name=f"{name}-{token}",
+            chunks=(samples, *((n,) for n in shape[1:])),
+            dtype=kind,
+            meta=np.empty((0,) * len(shape), dtype=kind),
+        )
+        data[name] = store.dims(name), array
+    return data
+
+
+def _rows(store: SampleStore, name: str, block_info: Any = None) -> NDArray[Any]:
+    """Read a variable of the samples of a block."""
+    (first, last), *_ = block_info[None]["array-location"]
+    _, (size, *_) = store.shapes(name)
+    return np.concatenate([store.read(name, k, min(k + size - k % size, last)) for k in _starts(first, last, size)])
+
+
+def _starts(first: int, last: int, size: int) -> list[int]:
+    """Return where the parts of some samples begin, each of one chunk.
+
+    Examples
+    --------
+    >>> _starts(6, 13, 4)
+    [6, 8, 12]
+    """
+    return [first, *range(first - first % size + size, last, size)]
 
 
 def _begins_with(data: xr.Dataset, kept: xr.Dataset) -> bool:

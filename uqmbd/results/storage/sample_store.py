@@ -27,7 +27,16 @@ from uqmbd.results.storage.zarr_check import check_codecs
 from uqmbd.status import Status
 from uqmbd.typing import Array, Mask
 
-__all__ = ["MESSAGE", "SampleChunk", "SampleStore", "SampleStoreChunks", "encoded", "read_checked", "write_file"]
+__all__ = [
+    "KINDS",
+    "MESSAGE",
+    "SampleChunk",
+    "SampleStore",
+    "SampleStoreChunks",
+    "encoded",
+    "read_checked",
+    "write_file",
+]
 
 BLOCK = 8192
 """Samples of a chunk of inputs, status and messages, about: these are small."""
@@ -38,7 +47,8 @@ MESSAGE = 500
 LARGEST = 1 << 30
 """Bytes of a chunk that is compressed at most: Blosc takes no more than twice that."""
 
-_KINDS = {"response": "<f8", "inputs": "<f8", "status": "<i4", "message": f"<U{MESSAGE}"}
+KINDS = {"response": "<f8", "inputs": "<f8", "status": "<i4", "message": f"<U{MESSAGE}"}
+"""Variables, and the types of their values."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,7 +178,9 @@ class SampleStore:
         except StudyError:
             raise
         except (OSError, LookupError, TypeError, ValueError, RuntimeError) as error:
-            raise StudyError(f"{str(folder)!r} cannot be read as samples; it is damaged or none: {error}") from error
+            names_it = isinstance(error, (KeyError, FileNotFoundError)) and len(error.args) == 1
+            reason = f"{error.args[0]} is missing" if names_it else error
+            raise StudyError(f"{str(folder)!r} cannot be read as samples; it is damaged or none: {reason}") from error
         if not complete:
             raise StudyError(
                 f"{str(folder)!r} cannot be read as samples: some of its chunks are missing, or of another layout."
@@ -185,7 +197,7 @@ class SampleStore:
     def _fits(self, name: str, found: dict[str, Any]) -> bool:
         """Tell whether a variable has the layout that is written here."""
         shape, chunk = self.shapes(name)
-        layout = {"shape": list(shape), "chunks": list(chunk), "dtype": _KINDS[name], "order": "C"}
+        layout = {"shape": list(shape), "chunks": list(chunk), "dtype": KINDS[name], "order": "C"}
         codec = (found["compressor"] or {}).get("id")
         return found | layout == found and codec == ("blosc" if _small(name, chunk) else None)
 
@@ -242,7 +254,7 @@ class SampleStore:
         coords.to_zarr(folder, zarr_format=2, consolidated=False)
         group = zarr.open_group(folder, mode="a", zarr_format=2)
         store = SampleStore(folder, count, size, axes)
-        for name, kind in _KINDS.items():
+        for name, kind in KINDS.items():
             shape, chunk = store.shapes(name)
             group.create_array(
                 name,
@@ -294,7 +306,7 @@ class SampleStore:
         for k in range(0, len(values), chunk[0]):
             part = values[k : k + chunk[0]]
             if name in ("response", "inputs") or (part != part.dtype.type()).any():
-                write_file(self.place(name, (first + k) // chunk[0]), encoded(part, _KINDS[name], chunk))
+                write_file(self.place(name, (first + k) // chunk[0]), encoded(part, KINDS[name], chunk))
             else:
                 self.place(name, (first + k) // chunk[0]).unlink(missing_ok=True)  # of an earlier run
 
@@ -308,17 +320,17 @@ class SampleStore:
         """
         _, chunk = self.shapes(name)
         number = first // chunk[0]
-        found = _decoded(self.place(name, number), _KINDS[name], chunk)
+        found = _decoded(self.place(name, number), KINDS[name], chunk)
         begin = number * chunk[0]
         return found[first - begin : last - begin]
 
 
 def _layout(folder: Path) -> dict[str, dict[str, Any]]:
-    return {name: json.loads((folder / name / ".zarray").read_bytes()) for name in _KINDS}
+    return {name: json.loads((folder / name / ".zarray").read_bytes()) for name in KINDS}
 
 
 def _small(name: str, chunk: tuple[int, ...]) -> bool:
-    return int(np.prod(chunk)) * np.dtype(_KINDS[name]).itemsize <= LARGEST
+    return int(np.prod(chunk)) * np.dtype(KINDS[name]).itemsize <= LARGEST
 
 
 def encoded(values: NDArray[Any], kind: str, chunk: tuple[int, ...]) -> bytes:

@@ -120,6 +120,11 @@ def load_with(source: Path, read: Callable[[Path, Any], xr.DataTree]) -> xr.Data
     _writer(source)
     if not source.exists():
         raise StudyError(f"There is no result at {str(source)!r}.")
+    if (source / "response" / ".zarray").is_file():
+        raise StudyError(
+            f"{str(source)!r} holds samples of a method, and is no result: uqmbd.results.open reads the result beside "
+            "it (results.nc), with all samples, and uqmbd.results.SampleStore.open the samples alone."
+        )
     engine = "h5netcdf" if source.suffix == ".nc" else "zarr"
     try:
         if engine == "zarr":
