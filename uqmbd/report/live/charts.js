@@ -3,8 +3,8 @@
 import { makeChart } from "./chart.js";
 import { chartModel } from "./chart_model.js";
 
-/** Begin: figures with data are watched, and each becomes a chart once. */
-export function startCharts() {
+/** Begin: figures of a part of the page that have data are watched, and each becomes a chart once. */
+export function startCharts(part = document) {
   const near = new IntersectionObserver(
     (entries) => {
       for (const { target, isIntersecting } of entries) {
@@ -21,5 +21,5 @@ export function startCharts() {
     },
     { rootMargin: "400px" },
   );
-  for (const figure of document.querySelectorAll("figure.charted")) near.observe(figure);
+  for (const figure of part.querySelectorAll("figure.charted")) near.observe(figure);
 }

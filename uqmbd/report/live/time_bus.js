@@ -3,19 +3,30 @@
 const TIME = "uqmbd-time";
 
 let latest = null;
-document.addEventListener(TIME, ({ detail }) => (latest = Number.isFinite(detail.time) ? detail.time : latest));
+const remember = ({ detail }) => (latest = Number.isFinite(detail.time) ? detail.time : latest);
+
+// where times are told: the document, so that other scripts of a page hear them, too
+let told = document;
+told.addEventListener(TIME, remember);
+
+/** Let what these scripts draw have a time of its own, which others do not hear: an output among those of a notebook. */
+export function ownTime() {
+  told.removeEventListener(TIME, remember);
+  told = new EventTarget();
+  told.addEventListener(TIME, remember);
+}
 
 /** The time of the page, in seconds; null before anyone has announced one. */
 export const pageTime = () => latest;
 
 /** Tell all others that the page is at a time, in seconds; `source` is who says so. */
 export function announceTime(time, source) {
-  document.dispatchEvent(new CustomEvent(TIME, { detail: { time, source } }));
+  told.dispatchEvent(new CustomEvent(TIME, { detail: { time, source } }));
 }
 
 /** Call `listener(time)` when someone other than `self` announces a time. */
 export function onTime(self, listener) {
-  document.addEventListener(TIME, (event) => {
+  told.addEventListener(TIME, (event) => {
     const { time, source } = event.detail;
     if (source !== self && Number.isFinite(time)) listener(time);
   });
