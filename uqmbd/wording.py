@@ -312,13 +312,26 @@ def format_interval(value: float, lower: float, upper: float) -> str:
     >>> format_interval(0.02, 0.012, 0.031), format_interval(0.0, 0.0, 0.00597), format_interval(0.1, 0.0, 1.0)
     ('2 % (1.2 % to 3.1 %)', '0 (at most 0.6 %)', '10 % (may be anything)')
     """
+    if lower <= 0 and upper >= 1 and not math.isfinite(value):
+        return "not known"
+    return f"{format_probability(value)} ({format_interval_ends(lower, upper)})"
+
+
+def format_interval_ends(lower: float, upper: float) -> str:
+    """Write the interval that a probability lies in.
+
+    Examples
+    --------
+    >>> format_interval_ends(0.012, 0.031), format_interval_ends(0.0, 0.00597), format_interval_ends(0.0, 1.0)
+    ('1.2 % to 3.1 %', 'at most 0.6 %', 'may be anything')
+    """
     if lower <= 0 and upper >= 1:
-        return f"{format_probability(value)} (may be anything)" if math.isfinite(value) else "not known"
+        return "may be anything"
     if lower <= 0:
-        return f"{format_probability(value)} (at most {format_probability(upper)})"
+        return f"at most {format_probability(upper)}"
     if upper >= 1:
-        return f"{format_probability(value)} (at least {format_probability(lower)})"
-    return f"{format_probability(value)} ({format_probability(lower)} to {format_probability(upper)})"
+        return f"at least {format_probability(lower)}"
+    return f"{format_probability(lower)} to {format_probability(upper)}"
 
 
 def minus(text: str) -> str:

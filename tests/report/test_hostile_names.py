@@ -68,7 +68,7 @@ REFUSED = {
 
 TAGS = set(
     "html head meta title style body header h1 h2 h3 h4 p nav ul li a main section div table thead tbody tr th td figure "
-    "img figcaption details summary dl dt dd pre time code br span caption script".split()
+    "img figcaption details summary dl dt dd pre time code br span strong caption script".split()
 )
 VOID = {"meta", "img", "br"}
 

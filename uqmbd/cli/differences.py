@@ -13,7 +13,9 @@ __all__ = ["what_differs"]
 INPUT = "input "
 """Begin of the facts about inputs."""
 
-_PASSED_OVER = frozenset({"created", "command", "parts", "failed"})
+_PASSED_OVER = frozenset(
+    {"created", "command", "parts", "model", "limits", "failed", "script", "script_sha256", "allowed_probability"}
+)
 
 
 def what_differs(trees: Mapping[str, xr.DataTree]) -> list[tuple[str, dict[str, str]]]:

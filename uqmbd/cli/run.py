@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import hashlib
+import shlex
 import sys
 import time
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import nullcontext
 from pathlib import Path
@@ -148,7 +150,8 @@ def _run(
             if previous:
                 print(f"Note: the results that were in {out} are in {previous} now.", file=sys.stderr, flush=True)
             tree = _computed(study, executor, only, out, script, progress, resume=resume, **chosen)
-        return _delivered(tree, study, out, script, progress, report=report, figures=figures)
+        about = _origin(script, require)
+        return _delivered(tree, study, out, script, progress, about=about, report=report, figures=figures)
 
 
 def _computed(
@@ -185,11 +188,20 @@ def _computed(
 
 
 def _delivered(
-    tree: xr.DataTree, study: Study, out: Path, script: Path, progress: Staged, *, report: bool, figures: bool
+    tree: xr.DataTree,
+    study: Study,
+    out: Path,
+    script: Path,
+    progress: Staged,
+    *,
+    about: Mapping[str, Any],
+    report: bool,
+    figures: bool,
 ) -> Callable[[], tuple[bool, xr.DataTree, Path | None]]:
     """Write results and report; return what sums them up, and tells whether nothing is missing."""
     from uqmbd.results import failed_methods, save
 
+    tree.attrs.update(about)
     # before anything else that may go wrong: a result holds its methods and their comparison
     progress.stage("writing the results")
     files = {"results": save(tree, out / "results.nc")}
@@ -233,6 +245,17 @@ def _report(tree: xr.DataTree, study: Study, out: Path, files: dict[str, Path], 
     with Isolated(Exception, SystemExit) as work:
         files["report"] = write(tree, out / "report.html", figures=figures)
     return f"the report cannot be written: {work.reason}" if work.failed else ""
+
+
+def _origin(script: Path, require: float | None) -> dict[str, Any]:
+    """Return attributes of results: the script and its digest, the command, and the probability that is allowed."""
+    try:
+        digest = {"script_sha256": hashlib.sha256(script.read_bytes()).hexdigest()}
+    except OSError:  # a script that is no file any more
+        digest = {}
+    command = {"command": shlex.join(["uqmbd", *sys.argv[1:]])} if "run" in sys.argv[1:2] else {}
+    allowed = {} if require is None else {"allowed_probability": require}
+    return {"script": script.name, **digest, **command, **allowed}
 
 
 def _how_to_go_on(script: Path, out: Path) -> str:

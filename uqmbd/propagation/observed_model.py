@@ -7,18 +7,23 @@ import warnings
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
+import sympy
+
 from uqmbd.errors import StudyError, StudyWarning
 from uqmbd.typing import Array
+from uqmbd.wording import typeset_units
 
 if TYPE_CHECKING:
+    from collections.abc import Collection
+
     from uqmbd.dynamics import Ensemble, Model
-    from uqmbd.mechanism import Mechanism
+    from uqmbd.mechanism import Component, Mechanism
 
 __all__ = [
+    "mechanism_attributes",
     "not_unique_attribute",
     "notices_attribute",
     "observed_model",
-    "parts_attribute",
     "refuse_jumps",
     "step_attributes",
     "stepped",
@@ -85,8 +90,74 @@ def notices_attribute(model: Model) -> dict[str, str]:
     return {"warnings": json.dumps(model.notices)} if model.notices else {}
 
 
-def parts_attribute(mechanism: Mechanism) -> dict[str, str]:
-    """Bodies, and components with their types, as JSON: `uqmbd compare` tells which only one of two mechanisms has."""
+LONGEST = 60
+"""Characters of an expression that is shown."""
+
+
+def mechanism_attributes(mechanism: Mechanism) -> dict[str, str]:
+    """Return what results say of their mechanism, each as JSON.
+
+    Returns
+    -------
+    dict of str to str
+        ``parts``: bodies, and components with their types, from which `uqmbd compare` tells which only one of two
+        mechanisms has.  ``model``: parameters of both, in words.  ``over``: outputs that are drawn over other ones.
+        ``limits``: requirements that say of an output over time that it stays below or above a number.
+    """
     components = {c.name: type(c).__name__ for c in mechanism.components.values()}
     components |= {c.name: type(c).__name__ for c in mechanism.controllers.values()}
-    return {"parts": json.dumps({"bodies": list(mechanism.bodies), "components": components})}
+    found: dict[str, object] = {
+        "parts": {"bodies": list(mechanism.bodies), "components": components},
+        "model": _model(mechanism),
+        "over": {output.name: output.over for output in mechanism.outputs.values() if output.over},
+        "limits": _limits(mechanism),
+    }
+    return {name: json.dumps(value, ensure_ascii=False) for name, value in found.items() if value}
+
+
+def _model(mechanism: Mechanism) -> dict[str, object]:
+    bodies = {name: _shown(body.terms, {"gravity"}) for name, body in mechanism.bodies.items()}
+    components = {
+        c.name: {"bodies": [body.name for body in c.attached.values()], "parameters": _shown(c)}
+        for c in mechanism.components.values()
+    }
+    return {"bodies": bodies, "components": components}
+
+
+def _shown(component: Component, left_out: Collection[str] = ()) -> dict[str, str]:
+    declared = type(component).parameters()
+    return {
+        name: f"{_written(value)} {typeset_units(declared[name].units)}".strip()
+        for name, value in component.values.items()
+        if name in declared and declared[name].kind != "option" and name not in left_out and _stated(value)
+    }
+
+
+def _stated(value: Any) -> bool:
+    return value is not None and not (isinstance(value, (tuple, list)) and not value)
+
+
+def _written(value: Any) -> str:
+    """Write a number, a row of them, or an expression; of a long expression what it holds."""
+    if isinstance(value, (tuple, list, sympy.MatrixBase)):
+        return f"({', '.join(_written(one) for one in value)})"
+    try:
+        value = sympy.sympify(value)
+    except (sympy.SympifyError, TypeError):
+        return type(value).__name__
+    if not isinstance(value, sympy.Expr):
+        return type(value).__name__
+    if value.is_real and value.is_number:
+        return f"{float(value):.6g}"
+    text = str(value)
+    return text if len(text) <= LONGEST else f"depends on {', '.join(sorted(map(str, value.free_symbols)))}"
+
+
+def _limits(mechanism: Mechanism) -> list[dict[str, object]]:
+    found: list[dict[str, object]] = []
+    for name, margin in mechanism.margins.items():
+        for output in mechanism.outputs.values():
+            for limit in (margin.expression + output.expression, output.expression - margin.expression):
+                if limit.is_number and limit.is_real:
+                    found.append({"requirement": name, "output": output.name, "limit": float(limit)})
+    return found

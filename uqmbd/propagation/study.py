@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-import json
 import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Executor
@@ -23,9 +22,9 @@ from uqmbd.propagation.convergence import check_convergence_of, with_convergence
 from uqmbd.propagation.execution import Crew, pool
 from uqmbd.propagation.existence import existence_of
 from uqmbd.propagation.observed_model import (
+    mechanism_attributes,
     notices_attribute,
     observed_model,
-    parts_attribute,
     refuse_jumps,
     step_attributes,
     stepped,
@@ -361,11 +360,9 @@ class Study:
     def _attributes(self) -> dict[str, Any]:
         """Return what the root of the results says of the study."""
         shown: dict[str, Any] = {"report_times": list(self.report_times)} if self.report_times else {}
-        if over := {output.name: output.over for output in self.mechanism.outputs.values() if output.over}:
-            shown["over"] = json.dumps(over, ensure_ascii=False)
         about = {"rtol": self.rtol, "integrator": self.integrator, "start": self.start}
         steps = step_attributes(self.max_step, self.breaks)
-        return {**about, **steps, **shown, **parts_attribute(self.mechanism), **notices_attribute(self.model)}
+        return {**about, **steps, **shown, **mechanism_attributes(self.mechanism), **notices_attribute(self.model)}
 
     @checked
     def converge(

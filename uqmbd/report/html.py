@@ -16,6 +16,7 @@ from uqmbd.errors import PluginWarning, StudyError
 from uqmbd.isolation import Isolated
 from uqmbd.report.drawing import CHARTED, write_images
 from uqmbd.report.live import page_scripts
+from uqmbd.report.overview import ANSWERS
 from uqmbd.report.sections import ABOUT_METHODS, ABOUT_RESULTS, Content, Section, TemplateSection, environment
 from uqmbd.report.view import StudyResult
 
@@ -79,6 +80,7 @@ def write_report(
         *(one for one in of_plugins if one["html"] or one["problem"]),
         *_built_in(ABOUT_METHODS, result, contents),
     ]
+    (first,) = _built_in((ANSWERS,), result, contents)
     created = str(tree.attrs.get("created", ""))
     page = environment().get_template("report.html.j2")
     target = _write(
@@ -87,6 +89,7 @@ def write_report(
             mechanism=result.mechanism,
             created=created,
             date=created.replace("T", " ").replace("+00:00", " UTC"),
+            first=first,
             sections=shown,
             outputs=[output["name"] for output in contents["outputs"]["outputs"]],
             scripts=page_scripts() if _charted(contents) or any(CHARTED in one["html"] for one in of_plugins) else None,

@@ -201,6 +201,19 @@ class StudyResult:
         return dict(pairs_of(self.tree.attrs.get("over")))
 
     @cached_property
+    def limits(self) -> list[dict[str, object]]:
+        """Requirements that are limits of outputs: ``requirement``, ``output`` and ``limit``."""
+        try:
+            found = json.loads(self.tree.attrs.get("limits", "[]"))
+            return [{k: one[k] for k in ("requirement", "output")} | {"limit": float(one["limit"])} for one in found]
+        except (ValueError, TypeError, KeyError):
+            return []
+
+    def limits_of(self, name: str) -> dict[str, float]:
+        """Return the limits of an output, by requirement."""
+        return {str(one["requirement"]): float(str(one["limit"])) for one in self.limits if one["output"] == name}
+
+    @cached_property
     def comparison(self) -> xr.Dataset | None:
         """Differences and verdicts of two methods or more."""
         found = dataset_of(self.tree, "comparison")

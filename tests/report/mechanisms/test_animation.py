@@ -208,13 +208,13 @@ def test_report_moves_from_the_stored_file_alone(study, tmp_path):
     assert film.n_frames == 60 and len(source) < 1_500_000
     assert still.startswith("data:image/svg+xml")
     assert "wheel &lt;b&gt;" in text and "20 realisations" in text and "farthest apart" in other
-    assert "prefers-reduced-motion" in page and 'href="#motion"' in page
+    assert "prefers-reduced-motion" in page and '<figure id="mechanism">' in page
 
 
 @pytest.mark.thorough
-def test_report_without_motion_has_no_such_section(study, tmp_path):
+def test_report_without_motion_has_no_such_picture(study, tmp_path):
     page = write_report(study.run(only=["monte-carlo"]), tmp_path / "report.html").read_text(encoding="utf-8")
-    assert 'id="motion"' not in page
+    assert 'id="mechanism"' not in page
 
 
 @pytest.mark.thorough
@@ -222,6 +222,6 @@ def test_what_cannot_be_drawn_is_a_note(study, tmp_path):
     tree = study.run(only=["monte-carlo"])
     tree["motion"] = xr.DataTree(xr.Dataset({"nothing": 1}))
     page = write_report(tree, tmp_path / "report.html").read_text(encoding="utf-8")
-    assert "The animation could not be made: KeyError" in page and 'id="outputs"' in page
+    assert "The mechanism could not be drawn: KeyError" in page and 'id="outputs"' in page
     same, note = with_motion(tree, None)
     assert same is tree and "AttributeError" in note

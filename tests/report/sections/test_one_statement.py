@@ -148,17 +148,31 @@ def test_no_page_contradicts_itself(tree: xr.DataTree, without_figures: None, tm
             assert "agrees" not in text
     if len(data["method"]) < 2:
         return
-    box = re.search(r'<p class="(good|problem)">(.*?)</p>', page, flags=re.S)
-    assert box is not None
-    lead = text_of(box.group(2)).strip()
+    first = page.split('<section id="summary"')[1].split("<nav")[0]
+    lead = text_of(re.findall(r"<p>(.*?)</p>", first.split('id="next-head"')[1], flags=re.S)[0]).strip()
     assert lead == " ".join(data.attrs["recommendation"].split("\n")[0].split())
     recommended = re.match(r"Use (.*?):", lead)
-    assert (box.group(1) == "good") == (recommended is not None) or lead.startswith(("No output varies", "chaos"))
+    assert recommended or lead.startswith(("Use none", "No other", "No output varies", "Lower rtol", "chaos"))
     for method in re.split(", | or ", recommended.group(1)) if recommended else ():
         assert not any(kind in WORST for (m, _), (kind, _) in verdict.items() if m == method)
         errors = data["stated_error_max"].sel({"method": method}).values
         assert f"{format_at_most(float(errors.max()))} of the standard deviation" in lead
     assert "to within" not in text_of(page)
+    # what is to be believed follows from the verdict and the largest stated error of the most trusted method
+    trusted = (results.comparison.recommended(data) or (data.attrs["reference"],))[0]
+    levels = []
+    for level, line in re.findall(r'<li><span class="sign level-(\d)">(.*?)</li>', first, flags=re.S):
+        output = re.search("<strong>(.*?)</strong>", line).group(1)
+        kind, _ = verdict[trusted, output]
+        error = float(data["stated_error_max"].sel({"method": trusted, "output": output}))
+        if kind == "no spread":
+            assert level == "3" and "does not vary" in line
+            continue
+        levels.append(level)
+        assert f"{format_at_most(error)} of the standard deviation" in text_of(line)
+        assert (level == "2") <= (kind not in WORST and error <= 0.05) and (level == "0") >= (error > 0.1)
+        assert ("agrees with" in line) <= (kind in ("agrees", "reference"))
+    assert levels == sorted(levels)
 
 
 @pytest.mark.thorough

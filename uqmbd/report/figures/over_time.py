@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -9,6 +10,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from uqmbd.report.drawing import (
+    FAILED,
     WIDTH,
     arrange,
     axes_grid,
@@ -35,7 +37,7 @@ __all__ = ["band_edges", "bands", "occurrences", "std_over_time", "time_history_
 _MOST_TIMES, _MOST_VALUES = 200, 100
 
 
-def bands(results: Results, output: str, *, samples: int = 0) -> Figure:
+def bands(results: Results, output: str, *, samples: int = 0, limits: Mapping[str, float] | None = None) -> Figure:
     """Draw the mean over time with the bands that hold 50 % and 95 % of the realisations.
 
     With several methods the first has filled bands; of the others the mean and the edges of the 95 % band are drawn.
@@ -49,6 +51,8 @@ def bands(results: Results, output: str, *, samples: int = 0) -> Figure:
         Name of the output.
     samples : int
         How many single realisations of the first method to draw as thin lines, if it has any.
+    limits : mapping of str to float, optional
+        Values that the output has to stay within, in its units, by what they are called: drawn as dotted lines.
 
     Returns
     -------
@@ -100,6 +104,9 @@ def bands(results: Results, output: str, *, samples: int = 0) -> Figure:
         axes.set_ylabel(wrapped(with_units(output, str(statistics["output_units"].item())), 34))
         if len(times) == 1:
             _show_single_time(axes, times[0], mean, wide, style(k)[0])
+    for name, value in (limits or {}).items():
+        handles[f"limit: {name}"] = axes.axhline(value, color=FAILED, ls=":", lw=1.6)
+        low, high = min(low, value), max(high, value)
     axes.set_xlabel("time [s]")
     limit_times(axes, times)
     widen_if_constant(axes, "y", low, high)

@@ -44,6 +44,7 @@ function lineSample(method) {
 /** Make the chart of a figure, in place of its picture, which stays for paper. */
 export function makeChart(figure, model) {
   const picture = figure.querySelector("img");
+  const small = figure.classList.contains("small");
   const whole = [model.time[0], model.time[model.time.length - 1]];
   let index = pageTime() === null ? model.start : nearestIndex(model.time, pageTime());
 
@@ -96,13 +97,15 @@ export function makeChart(figure, model) {
     }),
     button("SVG", "Save the figure of all times and methods as a drawing", () => saveAs(picture.src, fileName(model.output, "svg"))),
   );
-  const holder = element("div", { class: "chart", role: "group", "aria-label": picture.alt }, space, tools, element("div", { class: "wide readout" }, table));
+  const reading = small ? element("p", { class: "now" }) : element("div", { class: "wide readout" }, table);
+  const holder = element("div", { class: "chart", role: "group", "aria-label": picture.alt }, ...(small ? [reading, space, all] : [space, tools, reading]));
   figure.prepend(holder);
   figure.classList.add("live");
 
   const size = () => {
     const width = Math.max(space.clientWidth, 240);
-    return { width, height: width < NARROW ? 250 : 320 };
+    // on the first screen as high as the style says
+    return { width, height: small ? Math.max(space.clientHeight, 160) : width < NARROW ? 250 : 320 };
   };
   let told = false;
   const options = chartOptions(model, size(), palette);
@@ -140,6 +143,7 @@ export function makeChart(figure, model) {
     });
     space.setAttribute("aria-valuenow", model.time[index]);
     space.setAttribute("aria-valuetext", sentenceAt(model, index));
+    if (small) reading.textContent = sentenceAt({ ...model, methods: model.methods.slice(0, 1) }, index);
     changed();
   }
 

@@ -25,7 +25,9 @@ _ON_DARK = ("#56B4E9", "#FF9955", "#2CCB9C", "#F0A6D0", "#D6B940", "#F2F2F2")
 _Array = NDArray[np.float64]
 
 
-def bands_data(nodes: Mapping[str, xr.DataTree], output: str, most: int = MOST_TIMES) -> dict[str, Any] | None:
+def bands_data(
+    nodes: Mapping[str, xr.DataTree], output: str, most: int = MOST_TIMES, *, limits: Mapping[str, float] | None = None
+) -> dict[str, Any] | None:
     """Return the mean, bands and standard deviation of an output over time, by each method.
 
     Parameters
@@ -35,6 +37,8 @@ def bands_data(nodes: Mapping[str, xr.DataTree], output: str, most: int = MOST_T
     output : str
     most : int
         How many times at most; of more those are taken that have the peaks, as figures do.
+    limits : mapping of str to float, optional
+        Values that the output has to stay within, by what they are called.
 
     Returns
     -------
@@ -43,7 +47,7 @@ def bands_data(nodes: Mapping[str, xr.DataTree], output: str, most: int = MOST_T
         index of the largest standard deviation of the first method), and ``methods``: for each its ``label``,
         ``colours`` (on a light and on a dark page), ``dash`` and ``width``, ``lines`` (the mean first; values of others
         are stored as the distance from it), ``bands`` (names, and which lines are their edges) and ``columns``, which
-        are told and not drawn. None if there are fewer than two times, which make no line.
+        are told and not drawn; ``limits``: name and value of each. None if there are fewer than two times.
     """
     statistics = {label: of_output(node.children["statistics"], output) for label, node in nodes.items()}
     first = next(iter(statistics.values()))
@@ -61,6 +65,7 @@ def bands_data(nodes: Mapping[str, xr.DataTree], output: str, most: int = MOST_T
         "time": packed(times),
         "of": len(known),
         "start": int(np.nan_to_num(spread, nan=-1.0).argmax()),
+        "limits": [{"name": name, "value": float(value)} for name, value in (limits or {}).items()],
         "methods": [_method(k, len(nodes), label, data, times) for k, (label, data) in enumerate(statistics.items())],
     }
 

@@ -6,13 +6,17 @@ const FONT = "system-ui, -apple-system, 'Segoe UI', Roboto, 'Helvetica Neue', 'N
 const OUTER = "2b";
 const INNER = "4d";
 
-export const LIGHT = { dark: false, ink: "#1b1f24", soft: "#57606a", grid: "#e3e7ec", paper: "#ffffff" };
-export const DARK = { dark: true, ink: "#e6e9ed", soft: "#a3adb8", grid: "#333b44", paper: "#14181d" };
+export const LIGHT = { dark: false, ink: "#1b1f24", soft: "#57606a", grid: "#e3e7ec", paper: "#ffffff", limit: "#b00020" };
+export const DARK = { dark: true, ink: "#e6e9ed", soft: "#a3adb8", grid: "#333b44", paper: "#14181d", limit: "#ff6b81" };
 
 const colourOf = (method, palette) => method.colours[palette.dark ? 1 : 0];
 
 /** The data of all series, as uPlot wants them. */
-export const seriesData = (model) => [model.time, ...model.methods.flatMap((m) => m.lines.map((line) => line.values))];
+export const seriesData = (model) => [
+  model.time,
+  ...model.methods.flatMap((m) => m.lines.map((line) => line.values)),
+  ...(model.limits ?? []).map(({ value }) => model.time.map(() => value)),
+];
 
 /** Ends of the vertical axis with some room; what does not vary gets an axis about it. */
 export function verticalRange(low, high) {
@@ -56,6 +60,9 @@ export function chartOptions(model, { width, height, scale = 1 }, palette) {
         fill: () => (method === first() ? colourOf(method, palette()) + (k === 0 ? OUTER : INNER) : "transparent"),
       });
     });
+  }
+  for (let k = 0; k < (model.limits ?? []).length; k++) {
+    series.push({ stroke: () => palette().limit, width: 1.6 * scale, dash: [2 * scale, 3 * scale], points: { show: false } });
   }
   const font = `${12 * scale}px ${FONT}`;
   const axis = {

@@ -9,19 +9,30 @@ from uqmbd.report.sections.failures import FAILURES
 from uqmbd.report.sections.growth import GROWTH
 from uqmbd.report.sections.influence import INFLUENCE
 from uqmbd.report.sections.inputs import INPUTS
-from uqmbd.report.sections.motion import MOTION
-from uqmbd.report.sections.outputs import OUTPUTS
+from uqmbd.report.sections.methods import METHODS, precision_sentences
+from uqmbd.report.sections.motion import mechanism_picture
+from uqmbd.report.sections.outputs import OUTPUTS, chart_content, ranked
 from uqmbd.report.sections.provenance import PROVENANCE
 from uqmbd.report.sections.requirements import REQUIREMENTS
 from uqmbd.report.sections.scalars import SCALARS
 from uqmbd.report.sections.section import Content, Section, TemplateSection, environment
-from uqmbd.report.sections.summary import SUMMARY
 from uqmbd.report.sections.trust import TRUST
 
-__all__ = ["ABOUT_METHODS", "ABOUT_RESULTS", "Content", "Section", "TemplateSection", "environment"]
+__all__ = [
+    "ABOUT_METHODS",
+    "ABOUT_RESULTS",
+    "Content",
+    "Section",
+    "TemplateSection",
+    "chart_content",
+    "environment",
+    "mechanism_picture",
+    "precision_sentences",
+    "ranked",
+]
 
-ABOUT_RESULTS = (SUMMARY, MOTION, INPUTS, REQUIREMENTS, OUTPUTS, SCALARS, EVENTS, INFLUENCE, TRUST)
-"""Sections before those of plugins, in the order of the page."""
+ABOUT_RESULTS = (REQUIREMENTS, OUTPUTS, SCALARS, EVENTS, INFLUENCE, INPUTS)
+"""Sections after the first screen and before those of plugins, in the order of the page."""
 
-ABOUT_METHODS = (COMPARISON, GROWTH, FAILURES, COST, PROVENANCE)
+ABOUT_METHODS = (METHODS, COMPARISON, TRUST, GROWTH, COST, FAILURES, PROVENANCE)
 """Sections after those of plugins."""

@@ -6,17 +6,17 @@ import base64
 
 from uqmbd.report.drawing import svg
 from uqmbd.report.mechanisms import gif, poses
-from uqmbd.report.sections.section import Content, TemplateSection
+from uqmbd.report.sections.section import Content
 from uqmbd.report.view import StudyResult
 from uqmbd.wording import format_count, format_number
 
-__all__ = ["MOTION"]
+__all__ = ["mechanism_picture"]
 
 LARGEST = 1_100_000
 """Bytes of an animation in the report: its text form is a third larger.  One that is larger is drawn smaller."""
 
 
-def motion(result: StudyResult) -> Content | None:
+def mechanism_picture(result: StudyResult) -> Content | None:
     """Return the animation as data URIs, a still picture for print, and texts for both; None if none is stored.
 
     Returns
@@ -50,11 +50,9 @@ def motion(result: StudyResult) -> Content | None:
             + ("; pale, some realisations." if count else ".")
             + (left_out if failed else "")
             + " Bodies are drawn from what is known of them: their joint points, centres of mass and observed points.",
+            "short": "At the means of the inputs" + ("; pale, some realisations." if count else "."),
             "problem": "",
             "name": "motion",
         }
     except Exception as error:  # noqa: BLE001 - the node may come from anywhere; the rest of the report must stand
         return {"problem": f"{type(error).__name__}: {error}"}
-
-
-MOTION = TemplateSection("The mechanism in motion", "motion", motion)

@@ -50,7 +50,7 @@ def stated_errors(method: Method) -> dict[str, tuple[float, float]]:
 def precision(method: Method, name: str) -> str:
     """Say in words how well the standard deviation of an output is known; empty if the method cannot tell.
 
-    What is to be done about it is in the summary.
+    What is to be done about it is in the section on methods.
     """
     if name not in stated_errors(method):
         return ""

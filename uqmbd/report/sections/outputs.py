@@ -10,17 +10,20 @@ import xarray as xr
 from uqmbd.report import figures, live
 from uqmbd.report.drawing import image
 from uqmbd.report.figures import design_of, shown_methods, surrogate_nodes
-from uqmbd.report.sections.output_words import in_words, integration, numbers, precision
+from uqmbd.report.sections.output_words import in_words, integration, numbers, output_rows, precision
 from uqmbd.report.sections.section import Content, TemplateSection
 from uqmbd.report.view import Method, StudyResult
 from uqmbd.results import choose_reference
 from uqmbd.results.comparison import STILL
 from uqmbd.wording import format_count
 
-__all__ = ["FULL", "OUTPUTS", "most_uncertain"]
+__all__ = ["FULL", "OUTPUTS", "chart_content", "most_uncertain", "ranked"]
 
 DENSITIES = 6
 """Most methods whose densities are drawn in one figure."""
+
+FEW_ROWS = 18
+"""Rows of a table that an eye takes in; of longer ones, those of one method are shown, and all of them folded."""
 
 FULL = 6
 """Outputs of which all figures are drawn; of those beyond, the bands, folded.  A browser takes some 15 ms an image."""
@@ -33,16 +36,17 @@ def outputs(result: StudyResult) -> Content:
     -------
     dict
         ``outputs``, in the order of the study or, of more than :data:`FULL`, the most uncertain first; ``note``: what
-        is not drawn, or empty.
+        is not drawn, or empty; ``statistics``: a table of all.
     """
     names = result.histories
     full = most_uncertain(result)
     found = [_output(result, name, name in full) for name in sorted(names, key=lambda n: n not in full)]
     if len(full) == len(names):
-        return {"outputs": found, "note": ""}
+        return {"outputs": found, "note": "", "statistics": statistics(result)}
     found.sort(key=lambda one: full.index(one["name"]) if one["name"] in full else len(full))
     return {
         "outputs": found,
+        "statistics": statistics(result),
         "note": f"Of {format_count(len(names), 'output')}, the {len(full)} most uncertain ones (largest standard "
         f"deviation as a share of the largest mean) come first and have all figures, here and in the sections below. "
         f"The other {len(names) - len(full)} are folded, with their bands and numbers; the functions of "
@@ -67,9 +71,12 @@ def most_uncertain(result: StudyResult, names: Sequence[str] | None = None, most
         over time, over the largest mean.
     """
     known = list(result.histories if names is None else names)
-    if len(known) <= most:
-        return known
-    return sorted(known, key=lambda name: -_uncertainty(result, name))[:most]
+    return known if len(known) <= most else ranked(result, known)[:most]
+
+
+def ranked(result: StudyResult, names: Sequence[str]) -> list[str]:
+    """Return the names of outputs over time, the most uncertain first."""
+    return sorted(names, key=lambda name: -_uncertainty(result, name))
 
 
 def _uncertainty(result: StudyResult, name: str) -> float:
@@ -96,7 +103,7 @@ def _output(result: StudyResult, name: str, whole: bool) -> Content:
             "How it moves: the mean, and the bands in which 50 % and 95 % of the realisations lie." + lower,
             f"{name}-bands",
         )
-        | _chart(holders, name)
+        | chart_content(holders, name, result.limits_of(name))
     ]
     over = result.over.get(name, "")
     if over and all(over in method.histories for method in shown):
@@ -172,9 +179,9 @@ def _output(result: StudyResult, name: str, whole: bool) -> Content:
     }
 
 
-def _chart(holders: Mapping[str, xr.DataTree], name: str) -> Content:
+def chart_content(holders: Mapping[str, xr.DataTree], name: str, limits: Mapping[str, float]) -> Content:
     """Return the data of the chart that stands for the figure where scripts run; nothing if there is none."""
-    data = live.bands_data(holders, name)
+    data = live.bands_data(holders, name, limits=limits)
     return {} if data is None else {"chart": live.json_script(data)}
 
 
@@ -215,6 +222,23 @@ def _convergence_caption(method: Method) -> str:
         "estimates are shown against the number of its independent replicates, with the band that holds the true value "
         "with 95 % confidence, at the time of the largest standard deviation"
     )
+
+
+def statistics(result: StudyResult) -> Content:
+    """Return the table of outputs: of few rows all, of many those of one method, and all of them apart.
+
+    Returns
+    -------
+    dict
+        ``rows``, ``of``: the method whose rows these are, or empty; ``all``: every row, where ``rows`` are not all.
+    """
+    rows = [row for name in result.histories for row in output_rows(result.holders(name).values(), name)]
+    if not result.several or len(rows) <= FEW_ROWS:
+        return {"rows": rows, "of": "", "all": []}
+    data = result.comparison
+    label = str(next(iter(result.methods)) if data is None else data.attrs.get("reference", ""))
+    chosen = [row for row in rows if row["method"] == label]
+    return {"rows": chosen, "of": label, "all": rows} if chosen else {"rows": rows, "of": "", "all": []}
 
 
 OUTPUTS = TemplateSection("Outputs", "outputs", outputs)

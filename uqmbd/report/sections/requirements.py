@@ -1,4 +1,4 @@
-"""What the report says of requirements: how probably each is violated, on the first screen, and over time."""
+"""What the report says of requirements: how probably each is violated, by each method, and over time."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from uqmbd.report.view import StudyResult
 from uqmbd.results import answers, differing
 from uqmbd.wording import format_integer, format_percent
 
-__all__ = ["REQUIREMENTS", "requirement_rows"]
+__all__ = ["REQUIREMENTS"]
 
 
-def requirement_rows(result: StudyResult) -> Content:
-    """Return the table of the first screen: a row for each requirement and method, and who contradicts whom."""
+def _rows(result: StudyResult) -> Content:
+    """Return the table: a row for each requirement and method, and who contradicts whom."""
     found = answers(result.nodes)
     rows = [
         {
@@ -46,7 +46,7 @@ def content(result: StudyResult) -> Content | None:
                 "requirements",
             )
         ]
-    return {"words": _words(result), "figures": drawn}
+    return {"words": _words(result), "figures": drawn, "table": _rows(result)}
 
 
 REQUIREMENTS = TemplateSection("Requirements", "requirements", content)

@@ -8,13 +8,16 @@ from uqmbd.results.comparison.differences import choose_reference, compare
 from uqmbd.results.comparison.error_norms import relative_errors
 from uqmbd.results.comparison.integration_share import IntegrationShare, integration_shares, worst_integration_share
 from uqmbd.results.comparison.own_errors import own_error
-from uqmbd.results.comparison.recommendation import overall, recommend, recommended
+from uqmbd.results.comparison.recommendation import largest_error_words, overall, recommend, recommended
 from uqmbd.results.comparison.sentences import NO_SPREAD, STILL, own_statements, statements
-from uqmbd.results.comparison.verdicts import COARSE, DIFFERS, UNDER_RESOLVED
+from uqmbd.results.comparison.verdicts import AGREES, COARSE, DIFFERS, FEW, REFERENCE, UNDER_RESOLVED
 
 __all__ = [
+    "AGREES",
+    "REFERENCE",
     "COARSE",
     "DIFFERS",
+    "FEW",
     "IntegrationShare",
     "NO_SPREAD",
     "STILL",
@@ -24,6 +27,7 @@ __all__ = [
     "choose_reference",
     "compare",
     "integration_shares",
+    "largest_error_words",
     "overall",
     "own_error",
     "own_statements",

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from uqmbd.errors import StudyError
 from uqmbd.results.comparison.distances import distributions, quantile_differences
 from uqmbd.results.comparison.own_errors import own_error, root_mean_square
-from uqmbd.results.comparison.recommendation import loose, recommend
+from uqmbd.results.comparison.recommendation import loose, recommend, recommended
 from uqmbd.results.comparison.sentences import own_statements
 from uqmbd.results.comparison.verdicts import COARSE, NO_SPREAD, REFERENCE, ROUGH, Verdict, verdicts
 from uqmbd.results.statistics import over_time, relative, rtol_of
@@ -238,7 +238,8 @@ def compare(
     if len(nodes) < 2:
         return found
     found = found.assign(_counters(attributes)).assign(distributions(nodes, chosen, times, errors[chosen], level))
-    return found.assign_attrs(recommendation="\n".join((*loose(nodes), *recommend(found))))
+    advice = "\n".join((*loose(nodes), *recommend(found)))
+    return found.assign_attrs(recommendation=advice, recommended=json.dumps(recommended(found), ensure_ascii=False))
 
 
 _COMMENTS = {

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Mapping
 
@@ -12,7 +13,7 @@ from uqmbd.results.comparison.integration_share import integration_shares
 from uqmbd.results.comparison.verdicts import AGREES, DIFFERS, FEW, NO_SPREAD, REFERENCE, UNDER_RESOLVED
 from uqmbd.wording import format_at_most, format_percent
 
-__all__ = ["loose", "overall", "recommend", "recommended"]
+__all__ = ["largest_error_words", "loose", "overall", "recommend", "recommended"]
 
 GOOD, FAIR = 0.01, 0.05
 """Own errors, relative to the standard deviation: enough for nearly all purposes, and for most."""
@@ -154,6 +155,8 @@ def recommended(comparison: xr.Dataset) -> tuple[str, ...]:
     Several where nothing speaks for one of them; none where it says to use none, or compares none.
     """
     methods = tuple(str(m) for m in comparison["method"].values)
+    if "recommended" in comparison.attrs:  # also where outputs without a time have been compared
+        return tuple(str(label) for label in json.loads(comparison.attrs["recommended"]))
     if len(methods) < 2 or "verdict" not in comparison or not comparison.sizes["output"]:
         return ()
     found = {m: overall(comparison, m) for m in methods}
@@ -257,10 +260,30 @@ def _largest(comparison: xr.Dataset, method: str) -> str:
         return ""
     worst = int(errors.argmax())
     names = row["output"].values
-    where = [f"of {names[worst]}"] if len(names) > 1 else []
-    where += [f"at {times[worst]:g} s"] if math.isfinite(times[worst]) else []
+    return largest_error_words(float(errors[worst]), float(times[worst]), str(names[worst]) if len(names) > 1 else "")
+
+
+def largest_error_words(share: float, time: float, output: str = "") -> str:
+    """Say the largest error that a method states, as a share of the standard deviation.
+
+    Parameters
+    ----------
+    share : float
+    time : float
+        When, s; NaN of an output without a time.
+    output : str
+        Of which output, where it is one of several.
+
+    Examples
+    --------
+    >>> largest_error_words(0.02, 0.5), largest_error_words(0.02, math.nan, "x")
+    ('stated error at most 2 % of the standard deviation (at 0.5 s)',
+     'stated error at most 2 % of the standard deviation (of x)')
+    """
+    where = [f"of {output}"] if output else []
+    where += [f"at {time:g} s"] if math.isfinite(time) else []
     whose = f" ({', '.join(where)})" if where else ""
-    return f"stated error {format_at_most(float(errors[worst]))} of the standard deviation{whose}"
+    return f"stated error {format_at_most(share)} of the standard deviation{whose}"
 
 
 def _reasons(equal: list[str], fit: list[str], best: str, comparison: xr.Dataset, costs: dict[str, float]) -> str:

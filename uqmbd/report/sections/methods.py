@@ -1,4 +1,4 @@
-"""The report's summary: which method to use, what was done in a few sentences, and a table of all outputs."""
+"""The report's section on methods: which one to use, and what was done, in a few sentences."""
 
 from __future__ import annotations
 
@@ -7,34 +7,27 @@ import math
 from uqmbd.report.figures import design_of
 from uqmbd.report.sections.agreement import agreement
 from uqmbd.report.sections.inputs import input_rows
-from uqmbd.report.sections.output_words import output_rows, stated_errors
-from uqmbd.report.sections.requirements import requirement_rows
+from uqmbd.report.sections.output_words import stated_errors
 from uqmbd.report.sections.section import Content, TemplateSection
 from uqmbd.report.view import Method, StudyResult
 from uqmbd.results import answers
 from uqmbd.wording import format_at_most, format_count, format_duration, format_integer, format_number, format_percent
 
-__all__ = ["SUMMARY"]
-
-FEW_ROWS = 18
-"""Rows of a table that an eye takes in; of longer ones, those of one method are shown, and all of them folded."""
+__all__ = ["METHODS", "precision_sentences"]
 
 # How well a standard deviation should be known: above the first it is a rough figure, above the second hardly one.
 _WELL_KNOWN, _ROUGHLY_KNOWN = 0.05, 0.15
 
 
 def content(result: StudyResult) -> Content:
-    """Return what the summary says."""
+    """Return what the section says."""
     return {
-        "problems": result.problems,
         "agreement": agreement(result),
-        "requirements": requirement_rows(result),
         "sentences": _sentences(result),
-        "statistics": _statistics(result),
     }
 
 
-SUMMARY = TemplateSection("Summary", "summary", content)
+METHODS = TemplateSection("Methods", "methods", content)
 
 
 def _sentences(result: StudyResult) -> list[str]:
@@ -61,7 +54,7 @@ def _sentences(result: StudyResult) -> list[str]:
     for method in methods.values():
         text += _outcome(method, compared)
     text += _populations(result)
-    text += _precision(result)
+    text += precision_sentences(result)
     last = list(methods.values())[-1]
     constant = [name for name in result.histories if name in last.histories and not last.varies(name)]
     if constant:
@@ -124,7 +117,8 @@ def _beyond_the_kept(method: Method, total: int, kept: int) -> str:
     return text
 
 
-def _precision(result: StudyResult) -> list[str]:
+def precision_sentences(result: StudyResult) -> list[str]:
+    """Say how well each method with samples knows its standard deviations, and how many samples would do better."""
     sentences = []
     for label, method in result.methods.items():
         errors = stated_errors(method)
@@ -156,20 +150,3 @@ def _advice(method: Method, share: float) -> str:
     if not design_of(method.node.attrs).independent:
         halving += " at the latest, since this sampling design often converges faster"
     return f"{verdict}; {halving}."
-
-
-def _statistics(result: StudyResult) -> Content:
-    """Return the table of outputs: of few rows all, of many those of one method, and all of them apart.
-
-    Returns
-    -------
-    dict
-        ``rows``, ``of``: the method whose rows these are, or empty; ``all``: every row, where ``rows`` are not all.
-    """
-    rows = [row for name in result.histories for row in output_rows(result.holders(name).values(), name)]
-    if not result.several or len(rows) <= FEW_ROWS:
-        return {"rows": rows, "of": "", "all": []}
-    data = result.comparison
-    label = str(next(iter(result.methods)) if data is None else data.attrs.get("reference", ""))
-    chosen = [row for row in rows if row["method"] == label]
-    return {"rows": chosen, "of": label, "all": rows} if chosen else {"rows": rows, "of": "", "all": []}

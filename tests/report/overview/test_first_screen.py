@@ -1,0 +1,108 @@
+"""The first screen says what was asked, why, and whether to believe it, by numbers that can be computed otherwise."""
+
+import json
+import re
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import uqmbd
+from tests.mechanisms import pendulum
+from uqmbd import report, results
+from uqmbd.report.overview.asked import asked, in_view
+from uqmbd.report.overview.belief import belief
+from uqmbd.report.overview.influences import of_history
+from uqmbd.report.view import StudyResult
+from uqmbd_montecarlo import MonteCarlo
+
+TIMES = np.linspace(0.0, 1.0, 11)
+
+
+def sampled(label="mc", count=400, seed=0):
+    """Samples of two outputs: y = t (2 a - b) is uncertain, x = 10 + t a / 100 hardly."""
+    a, b = np.random.default_rng(seed).normal(size=(2, count))
+    y = TIMES * (2 * a - b)[:, None]
+    axes = results.labels([("x", "m"), ("y", "N")], [("a", "m"), ("b", "m")], TIMES)
+    data = results.sample_dataset(np.stack([10 + 0.01 * TIMES * a[:, None], y], axis=1), np.stack([a, b], axis=1), axes)
+    return results.propagator_node(
+        label, results.statistics_of_samples(data), data, propagator="monte-carlo", realisations=count, wall_time=1.0,
+        options={"samples": count, "sampling": "random"},
+    )  # fmt: skip
+
+
+def required(node, probability, lower, upper):
+    """Give a method probabilities of two requirements and of any."""
+    data = results.requirements_dataset(["one", "two"], violation_probability=probability, lower=lower, upper=upper)
+    node["requirements"] = xr.DataTree(data)
+    return node
+
+
+def test_numbers_that_tell_most_are_those_of_the_statistics():
+    result = StudyResult.of(results.study_tree([sampled()], study="s", mechanism="m"))
+    y, x = asked(result)["rows"]
+    data = result.methods["mc"].of("y")
+    assert (y["name"], x["name"]) == ("y", "x") and in_view(result) == "y"
+    assert y["when"] == "1 s" and y["spread"] == f"{float(data['std'].max()):.4g} N"
+    ends = data["quantile"].sel(probability=[0.025, 0.975]).isel(time=-1).values
+    assert y["extremes"]["low"] == f"−{-ends[0]:.4g}" and y["extremes"]["high"] == f"{ends[1]:.4g} N"
+    assert y["extremes"]["low_at"] == y["extremes"]["high_at"] == "1 s"
+
+
+def test_effects_are_those_of_the_model():
+    """Of 2 a - b with independent normal inputs the standardised coefficients are 2 and -1 over the root of 5."""
+    result = StudyResult.of(results.study_tree([sampled(count=20_000)], study="s", mechanism="m"))
+    found = of_history(result, "y")
+    assert found.names == ("a", "b") and found.signed
+    np.testing.assert_allclose(found.shares, np.array([2, -1]) / 5**0.5, atol=0.02)
+    assert found.words == "a (+89 %)" and "100 % of the variance" in found.kind
+
+
+def test_a_requirement_is_met_where_all_methods_say_so():
+    first = required(sampled("first"), [0.02, 0.001, 0.021], [0.01, 0.0, 0.011], [0.03, 0.002, 0.031])
+    second = required(sampled("second", seed=1), [0.06, 0.001, 0.061], [0.04, 0.0, 0.041], [0.08, 0.002, 0.081])
+    for allowed, verdicts in (
+        (0.09, ["met"] * 3),
+        (0.005, ["not met", "met", "not met"]),
+        (0.035, ["not certain", "met"]),
+    ):
+        tree = results.study_tree([first, second], study="s", mechanism="m", attrs={"allowed_probability": allowed})
+        rows = asked(StudyResult.of(tree))["rows"]
+        assert [row["name"] for row in rows] == ["one", "two", "any"]
+        assert [row["verdict"] for row in rows][: len(verdicts)] == verdicts
+    # their intervals have nothing in common: that is worst, and said first
+    lines = belief(StudyResult.of(tree))
+    assert lines[0].level == 0 and "contradict each other" in lines[0].text
+    assert [line.level for line in lines] == sorted(line.level for line in lines)
+
+
+def test_a_limit_is_drawn_where_a_requirement_compares_an_output_with_a_number(tmp_path):
+    mechanism = pendulum()
+    x, y = (mechanism.outputs[name].expression for name in "xy")
+    mechanism.require("right", x <= 0.9)
+    mechanism.require("high", y >= -0.6)
+    mechanism.require("other", 2 * x + y <= 3)
+    study = uqmbd.Study("s", mechanism, np.linspace(0, 0.2, 3), [MonteCarlo(samples=40, seed=1, label="mc")])
+    tree = study.run()
+    assert json.loads(tree.attrs["limits"]) == [
+        {"requirement": "right", "output": "x", "limit": 0.9},
+        {"requirement": "high", "output": "y", "limit": -0.6},
+    ]
+    page = report.write_report(tree, tmp_path / "report.html").read_text(encoding="utf-8")
+    limits = [
+        json.loads(text)["limits"] for text in re.findall(r'<script type="application/json">(.*?)</script>', page)
+    ]
+    assert limits[1:] == [[{"name": "right", "value": 0.9}], [{"name": "high", "value": -0.6}]]
+    assert limits[0] in limits[1:]
+    model = json.loads(tree.attrs["model"])
+    assert model["components"]["pin"]["parameters"]["point_i"] == "(0, 0) m"
+    assert model["bodies"]["rod"]["mass"].endswith(" kg")
+    provenance = page.split('<section id="provenance">')[1].split("</section>")[0]
+    assert "null" not in provenance and "(0, 0) m" in provenance
+
+
+@pytest.mark.parametrize("count", [20, 400])
+def test_what_a_method_with_few_samples_says_is_not_believed(count):
+    lines = belief(StudyResult.of(results.study_tree([sampled(count=count)], study="s", mechanism="m")))
+    # 1.96 standard errors of a standard deviation of normal samples are 1.39 of it over the root of their number
+    assert {line.level for line in lines} == ({0} if count == 20 else {1})

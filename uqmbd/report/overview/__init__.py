@@ -1,0 +1,7 @@
+"""The first screen of the report: what was asked, what matters, whether to believe it, and what to do next time."""
+
+from __future__ import annotations
+
+from uqmbd.report.overview.answers import ANSWERS
+
+__all__ = ["ANSWERS"]

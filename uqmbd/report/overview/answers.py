@@ -1,0 +1,121 @@
+"""The first screen as a section of the report: answers first, beside a picture of the mechanism and of an output."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from uqmbd.report import figures
+from uqmbd.report.drawing import image
+from uqmbd.report.overview.advice import advice
+from uqmbd.report.overview.asked import asked, in_view
+from uqmbd.report.overview.belief import belief
+from uqmbd.report.overview.influences import Influences, of_history, of_requirement, of_scalar
+from uqmbd.report.overview.trusted import holder_of
+from uqmbd.report.sections import Content, TemplateSection, chart_content, mechanism_picture
+from uqmbd.report.view import StudyResult
+from uqmbd.results import answers, differing
+from uqmbd.wording import format_count
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = ["ANSWERS"]
+
+LINES = 5
+"""Lines of what to believe, and bars of what matters, on the first screen."""
+
+
+def content(result: StudyResult) -> Content:
+    """Return what the first screen says and shows."""
+    shown = asked(result)
+    name = in_view(result)
+    found, of_what = _influences(result, shown, name)
+    lines = belief(result)
+    return {
+        "problems": [*result.problems, *(f"{sentence}." for sentence in differing(result.nodes))],
+        "failures": _failures(result),
+        "asked": shown,
+        "mechanism": mechanism_picture(result),
+        "picture": _picture(result, name),
+        "in_view": name,
+        "matters": None if found is None else _bars(found, of_what),
+        "belief": [{"name": one.name, "level": one.level, "sign": one.sign, "word": one.word, "text": one.text}
+                   for one in lines[:LINES]],
+        "more_lines": max(len(lines) - LINES, 0),
+        "next": advice(result),
+    }  # fmt: skip
+
+
+ANSWERS = TemplateSection("Answers", "answers", content)
+
+
+def _influences(result: StudyResult, shown: Content, name: str) -> tuple[Influences | None, str]:
+    """Return what matters for the most probable violation; without requirements, for the output in view."""
+    for row in shown["rows"]:
+        if shown["kind"] == "requirements" and (found := of_requirement(result, str(row["name"]))):
+            return found, str(row["name"])
+    if name and (found := of_history(result, name)):
+        return found, name
+    for row in shown["rows"]:
+        one = str(row["name"])
+        if shown["kind"] == "scalars" and (found := of_scalar(result, one)):
+            return found, one
+    for one in result.scalar_names:
+        if found := of_scalar(result, one):
+            return found, one
+    return None, name
+
+
+def _bars(found: Influences, of_what: str) -> Content:
+    """Return the bars of a tornado: the largest first, the rest as one line."""
+    largest = max((abs(share) for share in found.shares), default=0.0)
+    scale = max(largest, 1.0) if not found.signed else max(largest, 1e-12)
+    count = LINES + 1 if len(found.names) == LINES + 1 else LINES
+    bars = [
+        {
+            "name": one,
+            "text": found.written(k),
+            "width": f"{100 * min(abs(found.shares[k]) / scale, 1.0):.1f}",
+            "lowers": found.shares[k] < 0 and found.signed,
+        }
+        for k, one in enumerate(found.names[:count])
+    ]
+    rest = found.names[count:]
+    others = f"{format_count(len(rest), 'other')}, each at most {found.written(count).lstrip('+−')}" if rest else ""
+    return {"of": of_what, "bars": bars, "others": others, "kind": found.kind, "signed": found.signed}
+
+
+def _failures(result: StudyResult) -> list[str]:
+    """Say which methods had failures."""
+    return [
+        f"{method.failures} of {format_count(method.realisations, 'realisation')} of {label} failed"
+        for label, method in result.methods.items()
+        if method.failures
+    ]
+
+
+def _picture(result: StudyResult, name: str) -> Content | None:
+    """Return the drawing of the output in view, with its limit; without one, of what is asked."""
+    if name:
+        method = holder_of(result, name)
+        holders = {} if method is None else {method.label: method.node}
+        limits = result.limits_of(name)
+        said = f"; dotted, the limit of {', '.join(limits)}" if limits else ""
+
+        def draw() -> Figure:
+            return figures.bands(holders, name, limits=limits)
+
+        words = f"{name} by {', '.join(holders)}: the mean, and the bands of 50 % and 95 % of the realisations{said}."
+        return image(draw, words, words, "first-screen") | chart_content(holders, name, limits)
+    if answers(result.nodes) and any(
+        figures.changing_with_time(method.node.children["requirements"].to_dataset())
+        for method in result.methods.values()
+        if "requirements" in method.node.children
+    ):
+        words = "How probably each requirement has been violated by a time."
+        return image(lambda: figures.violated_by(result.nodes), words, words, "first-screen")
+    drawable = any({"samples", "chaos"} & set(m.node.children) for m in result.scalars.values())
+    if result.scalar_names and drawable:
+        words = "How the outputs without a time are distributed: the area under each density is 1."
+        return image(lambda: figures.scalar_densities(result.nodes), words, words, "first-screen")
+    return None

@@ -1,0 +1,163 @@
+"""What was asked: requirements with their probabilities; of other outputs the numbers that tell most."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import xarray as xr
+
+from uqmbd.names import ANY
+from uqmbd.report.figures import band_edges
+from uqmbd.report.overview.influences import Influences, of_history, of_requirement, of_scalar
+from uqmbd.report.overview.trusted import answer_of, holder_of
+from uqmbd.report.sections import Content, ranked
+from uqmbd.report.view import Method, StudyResult
+from uqmbd.results import answers
+from uqmbd.results.comparison import STILL
+from uqmbd.typing import Array
+from uqmbd.wording import format_interval_ends, format_number, format_probability, format_quantity
+
+__all__ = ["asked", "in_view"]
+
+ROWS = 5
+"""Rows of the first screen."""
+
+MET, UNMET, UNSURE = ("✓", "met", 2), ("✗", "not met", 0), ("!", "not certain", 1)
+
+
+def asked(result: StudyResult) -> Content:
+    """Return the table of what was asked.
+
+    Returns
+    -------
+    dict
+        ``kind``: ``requirements``, ``outputs`` or ``scalars``; ``rows``; ``more``: how many rows are elsewhere; and
+        ``allowed``: with which probability a requirement may be violated, or empty.
+    """
+    allowed = _allowed(result)
+    if found := answers(result.nodes):
+        rows = [_requirement(result, name, allowed) for name in found]
+        # that any is violated is said last; most probable ones first
+        rows.sort(key=lambda row: (row["name"] == ANY, -row["probability"]))
+        more = len(rows) - ROWS
+        shown = [*rows[: ROWS - 1], rows[-1]] if more > 0 else rows
+        words = "" if allowed is None else format_probability(allowed)
+        return {"kind": "requirements", "rows": shown, "more": max(more, 0), "allowed": words}
+    if names := result.histories:
+        shown_names = ranked(result, names)[:ROWS]
+        rows = [_history(result, name) for name in shown_names]
+        return {"kind": "outputs", "rows": rows, "more": len(names) - len(rows), "allowed": ""}
+    rows = [_scalar(result, name) for name in result.scalar_names[:ROWS]]
+    return {"kind": "scalars", "rows": rows, "more": len(result.scalar_names) - len(rows), "allowed": ""}
+
+
+def in_view(result: StudyResult) -> str:
+    """Return the output that the first screen draws: that of the most probable violation, else the most uncertain."""
+    names, found = result.histories, answers(result.nodes)
+    limited = [one for one in result.limits if one["output"] in names and one["requirement"] in found]
+    if limited:
+        worst = max(limited, key=lambda one: _probability(result, str(one["requirement"])))
+        return str(worst["output"])
+    return ranked(result, names)[0] if names else ""
+
+
+def _allowed(result: StudyResult) -> float | None:
+    value = result.tree.attrs.get("allowed_probability")
+    return None if value is None else float(value)
+
+
+def _probability(result: StudyResult, name: str) -> float:
+    return answer_of(result, name).probability
+
+
+def _requirement(result: StudyResult, name: str, allowed: float | None) -> Content:
+    found, one = answers(result.nodes)[name], answer_of(result, name)
+    sign, verdict, level = "", "", 3
+    if allowed is not None:
+        ends = [(o.lower, o.upper) for o in found.values()]
+        met, unmet = all(upper <= allowed for _, upper in ends), all(lower > allowed for lower, _ in ends)
+        sign, verdict, level = MET if met else UNMET if unmet else UNSURE
+    return {
+        "name": name,
+        "meaning": one.meaning,
+        "probability": one.probability if math.isfinite(one.probability) else 1.0,
+        "value": format_probability(one.probability),
+        "interval": format_interval_ends(one.lower, one.upper),
+        "sign": sign,
+        "verdict": verdict,
+        "sign_level": level,
+        "because": _because(of_requirement(result, name)) if name != ANY else "",
+        "method": one.method,
+    }
+
+
+def _because(found: Influences | None) -> str:
+    return "" if found is None else found.words
+
+
+def _history(result: StudyResult, name: str) -> Content:
+    method = holder_of(result, name)
+    if method is None:  # names are those of the methods
+        raise ValueError(f"no method has {name!r}")
+    data, units = method.of(name), method.units(name)
+    row = {"name": name, "meaning": "", "method": method.label, "extremes": _extremes(data, units)}
+    if not method.varies(name):
+        return {**row, "spread": "none", "when": "", "note": STILL, "because": ""}
+    std = np.nan_to_num(data["std"].values, nan=-1.0)
+    at = int(std.argmax())
+    return {
+        **row,
+        "spread": format_quantity(float(std[at]), units),
+        "when": f"{float(data['time'][at]):.4g} s",
+        "note": "",
+        "because": _because(of_history(result, name)),
+    }
+
+
+def _extremes(data: xr.Dataset, units: str) -> Content:
+    """Return the lowest and the highest end of the band of 95 % over time, and when."""
+    (low, high), _, what = band_edges(data)
+    times = np.asarray(data["time"].values, dtype=float)
+    ends = [_at(low, times, np.nanargmin), _at(high, times, np.nanargmax)]
+    scale = max(abs(value) for value, _ in ends)
+    # what is rounding beside the other end is zero
+    shown = [0.0 if abs(value) < 1e-9 * scale else value for value, _ in ends]
+    return {
+        "low": format_number(shown[0]),
+        "high": format_quantity(shown[1], units),
+        "low_at": f"{ends[0][1]:.4g} s",
+        "high_at": f"{ends[1][1]:.4g} s",
+        "what": what,
+    }
+
+
+def _at(values: Array, times: Array, which: object) -> tuple[float, float]:
+    if not np.isfinite(values).any():
+        return math.nan, math.nan
+    k = int(which(values))  # type: ignore[operator]
+    return float(values[k]), float(times[k])
+
+
+def _scalar(result: StudyResult, name: str) -> Content:
+    method = holder_of(result, name, scalar=True)
+    if method is None:
+        raise ValueError(f"no method has {name!r}")
+    return {"name": name, "meaning": "", "method": method.label, **_of_scalar(method, name),
+            "because": _because(of_scalar(result, name))}  # fmt: skip
+
+
+def _of_scalar(method: Method, name: str) -> Content:
+    data, units = method.of(name), method.units(name)
+    levels = data["probability"].values
+    ends = []
+    for p in (0.025, 0.975):
+        k = int(np.abs(levels - p).argmin()) if levels.size else -1
+        known = k >= 0 and abs(levels[k] - p) < 1e-6
+        ends.append(float(data["quantile"].values[k]) if known else math.nan)
+    known = bool(np.isfinite(ends).all())
+    return {
+        "mean": format_quantity(float(data["mean"]), units),
+        "spread": format_quantity(float(data["std"]), units),
+        "interval": f"{format_number(ends[0])} to {format_quantity(ends[1], units)}" if known else "unknown",
+    }

@@ -1,0 +1,168 @@
+"""What matters: the share of each input in an output, or in a requirement, by what the results hold of it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+
+from uqmbd.report.figures import has_indices, indices_of, label_of, node_with_indices
+from uqmbd.report.overview.trusted import trusted_labels
+from uqmbd.report.view import Method, StudyResult
+from uqmbd.status import Status
+from uqmbd.typing import Array
+from uqmbd.wording import format_share
+
+__all__ = ["Influences", "of_history", "of_requirement", "of_scalar"]
+
+LEAST = 0.005
+"""Shares below this are nothing to be shown first."""
+
+SAMPLES = 4
+"""Samples for each input that effects of a regression need."""
+
+
+@dataclass(frozen=True)
+class Influences:
+    """How much each input has to do with a quantity.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Of inputs, or of germs where inputs depend on one another; the largest share first.
+    shares : tuple of float
+        Shares of the variance, or of the square of a safety index; or effects with their signs.
+    kind : str
+        What the numbers are, in words.
+    signed : bool
+        Whether they are effects, of which a negative one lowers the quantity.
+    """
+
+    names: tuple[str, ...]
+    shares: tuple[float, ...]
+    kind: str
+    signed: bool = False
+
+    @property
+    def words(self) -> str:
+        """The largest, for a table."""
+        if not self.names or not math.isfinite(self.shares[0]):
+            return ""
+        return f"{self.names[0]} ({self.written(0)})"
+
+    def written(self, k: int) -> str:
+        """Write a number: an effect with its sign in shares of the standard deviation."""
+        share = self.shares[k]
+        text = format_share(abs(share))
+        return f"{'−' if share < 0 else '+'}{text}" if self.signed and text != "0 %" else text
+
+
+def of_history(result: StudyResult, name: str) -> Influences | None:
+    """Return what matters for an output over time; None if the results do not tell."""
+    nodes = {label: node for label, node in result.nodes.items() if has_indices(node) and _has(node, name)}
+    if nodes:
+        node = node_with_indices(nodes)
+        found = indices_of(node, name)
+        if found.meaningful.any():
+            kind = "Total Sobol’ indices: the share of the variance, over all times, in which each takes part"
+            return _sorted(found.names, found.weighted[1], f"{kind} ({label_of(node)}).")
+    return _of_samples(result, name, scalar=False)
+
+
+def of_scalar(result: StudyResult, name: str) -> Influences | None:
+    """Return what matters for an output without a time; None if the results do not tell."""
+    for label in trusted_labels(result):
+        inner = result.methods[label].scalars
+        if inner is not None and name in inner.names and (found := _total(inner.of(name), label)):
+            return found
+    return _of_samples(result, name, scalar=True)
+
+
+def of_requirement(result: StudyResult, name: str) -> Influences | None:
+    """Return what matters for whether a requirement is violated; None if the results do not tell."""
+    for label in trusted_labels(result):
+        data = _requirements(result.methods[label])
+        if data is None or name not in data["requirement"].values:
+            continue
+        row = data.sel(requirement=name)
+        if "importance" in row and np.isfinite(row["importance"].values).all():
+            kind = "Importance for the limit: the share of each in how far the nearest violation is"
+            return _sorted(row["input"].values, row["importance"].values, f"{kind} ({label}).")
+        node = result.methods[label].node.children["requirements"]
+        inner = node.children["statistics"].to_dataset() if "statistics" in node.children else None
+        if inner is not None and name in inner["output"].values:
+            margin = inner.sel(output=name)
+            if found := _total(margin, label, "of its margin "):
+                return found
+    return None
+
+
+def _requirements(method: Method) -> xr.Dataset | None:
+    node = method.node.children.get("requirements")
+    return None if node is None else node.to_dataset()
+
+
+def _has(node: xr.DataTree, name: str) -> bool:
+    return name in node.children["statistics"].to_dataset()["output"].values
+
+
+def _total(data: xr.Dataset, label: str, of_what: str = "") -> Influences | None:
+    """Return total indices of one output without a time, or with one that has the weight of its variance."""
+    for variable, dim in (("sobol_total", "input"), ("sobol_total_germ", "germ")):
+        if variable not in data:
+            continue
+        values, std = data[variable].values, np.asarray(data["std"].values, dtype=float)
+        if values.ndim > 1:
+            weight = np.nan_to_num(std) ** 2
+            values = values @ weight / weight.sum() if weight.sum() > 0 else values[:, 0] * np.nan
+        if not np.isfinite(values).all() or not np.nanmax(std) > 0:
+            continue
+        kind = f"Total Sobol’ indices: the share of the variance {of_what}in which each takes part ({label})."
+        return _sorted(data[dim].values, values, kind)
+    return None
+
+
+def _of_samples(result: StudyResult, name: str, *, scalar: bool) -> Influences | None:
+    """Return the effects of a linear regression at the time of the largest standard deviation."""
+    for label in trusted_labels(result):
+        method = result.methods[label]
+        inner = method.scalars if scalar else method
+        if inner is None or inner.samples is None or name not in inner.names or "input" not in inner.samples.sizes:
+            continue
+        samples = inner.samples.isel(output=inner.names.index(name))
+        samples = samples.isel(sample=np.flatnonzero(samples["status"].values == Status.OK))
+        count, inputs = samples["inputs"].shape
+        if not inputs or count < max(30, SAMPLES * inputs):
+            return None
+        response, when = np.asarray(samples["response"].values, dtype=float), ""
+        if response.ndim > 1:
+            at = int(np.nan_to_num(inner.of(name)["std"].values, nan=-1.0).argmax())
+            response, when = response[:, at], f" at {float(samples['time'][at]):.4g} s"
+        effects, explained = _regression(np.asarray(samples["inputs"].values, dtype=float), response)
+        if not np.isfinite(effects).all() or not np.ptp(response) > 0:
+            return None
+        kind = (
+            f"Effects{when}, in shares of the standard deviation, by a linear regression of {label} that explains "
+            f"{format_share(explained)} of the variance: + raises, − lowers."
+        )
+        return _sorted(samples["input"].values, effects, kind, signed=True)
+    return None
+
+
+def _regression(inputs: Array, response: Array) -> tuple[Array, float]:
+    """Return standardised coefficients, and the share of the variance that they explain."""
+    scale = inputs.std(axis=0)
+    x = (inputs - inputs.mean(axis=0)) / np.where(scale > 0, scale, 1.0)
+    spread = float(response.std())
+    y = (response - response.mean()) / (spread or 1.0)
+    effects = np.linalg.lstsq(x, y, rcond=None)[0]
+    return effects, float(np.clip(1 - np.mean((y - x @ effects) ** 2), 0.0, 1.0))
+
+
+def _sorted(names: Iterable[object], shares: Array, kind: str, *, signed: bool = False) -> Influences:
+    known = [str(name) for name in names]
+    order = sorted(range(len(shares)), key=lambda k: (-abs(shares[k]), k))
+    return Influences(tuple(known[k] for k in order), tuple(float(shares[k]) for k in order), kind, signed)
