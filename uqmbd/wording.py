@@ -15,12 +15,15 @@ __all__ = [
     "format_cells",
     "format_count",
     "format_duration",
+    "format_factor",
     "format_integer",
     "format_number",
     "format_percent",
+    "format_power",
     "format_quantity",
     "format_share",
     "minus",
+    "power_of_ten",
     "place_of",
     "reciprocal_units",
     "typeset_units",
@@ -34,7 +37,7 @@ SMALLEST_SHARE = 1e-6
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
-def format_number(value: float, error: float | None = None, scale: float = 0.0) -> str:
+def format_number(value: float, error: float | None = None) -> str:
     """Write a number for reading: four digits, or as many as its standard error allows.
 
     Parameters
@@ -42,9 +45,6 @@ def format_number(value: float, error: float | None = None, scale: float = 0.0) 
     value : float
     error : float, optional
         Standard error, shown with two digits.
-    scale : float
-        Size of the quantity, as its standard deviation: of a value without a standard error, digits far below it are
-        rounding, and are not shown.
 
     Returns
     -------
@@ -58,28 +58,47 @@ def format_number(value: float, error: float | None = None, scale: float = 0.0) 
     ('0.1501 ± 0.0013', '(1.5123 ± 0.0012) × 10⁵')
     >>> format_number(33080.0, 3816.0)
     '(3.31 ± 0.38) × 10⁴'
-    >>> format_number(-1.6e-9, scale=0.2), format_number(0.0123456, scale=2.0)
-    ('0', '0.012')
     """
     if not math.isfinite(value):
         return "unknown" if math.isnan(value) else ("∞" if value > 0 else "−∞")
     if error is None or not math.isfinite(error) or error <= 0.0 or error < 1e-12 * abs(value):
-        if math.isfinite(scale) and scale > abs(value):
-            value = round(value, 3 - math.floor(math.log10(scale)))
         exponent = math.floor(math.log10(abs(value))) if value else 0
         if -3 <= exponent < 5:
             return minus(f"{value:.4g}" if exponent < 4 else f"{value:.0f}")
         mantissa = f"{value / 10.0**exponent:.4g}" if exponent > -300 else f"{value:.3e}".split("e")[0]
-        return f"{minus(mantissa)} × 10{str(exponent).translate(_SUPERSCRIPTS)}"
+        return f"{minus(mantissa)} × {format_power(exponent)}"
     exponent = math.floor(math.log10(max(abs(value), error)))
     # Plain digits only where all of them mean something: 33080 ± 3816 claims too much.
     scale = 0 if -3 <= exponent < 5 and error < 99.5 else exponent
     decimals = max(0, scale - math.floor(math.log10(error)) + 1)
     text = f"{minus(f'{value / 10.0**scale:.{decimals}f}')} ± {error / 10.0**scale:.{decimals}f}"
-    return f"({text}) × 10{str(scale).translate(_SUPERSCRIPTS)}" if scale else text
+    return f"({text}) × {format_power(scale)}" if scale else text
 
 
-def format_quantity(value: float, units: str, error: float | None = None, scale: float = 0.0) -> str:
+def power_of_ten(size: float) -> int:
+    """Tell by which power of ten numbers of a size are divided, for reading: 0 where they are short without.
+
+    Examples
+    --------
+    >>> [power_of_ten(size) for size in (0.0, 0.0012, 0.00098, 99999.0, 123456.0)]
+    [0, 0, -4, 0, 5]
+    """
+    exponent = math.floor(math.log10(size)) if size > 0 and math.isfinite(size) else 0
+    return 0 if -3 <= exponent < 5 else exponent
+
+
+def format_power(power: int) -> str:
+    """Write a power of ten; nothing for one.
+
+    Examples
+    --------
+    >>> format_power(-4), format_power(12), format_power(0)
+    ('10⁻⁴', '10¹²', '')
+    """
+    return f"10{str(power).translate(_SUPERSCRIPTS)}" if power else ""
+
+
+def format_quantity(value: float, units: str, error: float | None = None) -> str:
     """Write a number as :func:`format_number` does, with its units as :func:`typeset_units` does, if it has any.
 
     Examples
@@ -89,7 +108,7 @@ def format_quantity(value: float, units: str, error: float | None = None, scale:
     >>> format_quantity(9.81, "m/s^2")
     '9.81 m/s²'
     """
-    text, shown = format_number(value, error, scale), typeset_units(units)
+    text, shown = format_number(value, error), typeset_units(units)
     return f"{text} {shown}" if shown and not math.isnan(value) else text
 
 
@@ -139,10 +158,10 @@ def format_cells(
     known = [(v, e) for v, e in pairs if math.isfinite(v)]
     size = max([max(abs(v), e) for v, e in known] + [scale if math.isfinite(scale) else 0.0], default=0.0)
     largest = math.floor(math.log10(size)) if size > 0 else 0
-    power = 0 if -3 <= largest < 5 and all(e < 99.5 for _, e in known) else largest
+    power = power_of_ten(size) if all(e < 99.5 for _, e in known) else largest
     places = [1 - math.floor(math.log10(e)) if e else 3 - largest for _, e in known]
     decimals = min(max([0, *(place + power for place in places)]), max(6 - largest + power, 0))
-    tail = f"× 10{str(power).translate(_SUPERSCRIPTS)}" if power else ""
+    tail = f"× {format_power(power)}" if power else ""
     found = []
     for value, error in pairs:
         if not math.isfinite(value):
@@ -208,11 +227,15 @@ def format_duration(seconds: float, rough: bool = False) -> str:
     --------
     >>> [format_duration(s) for s in (0.0123, 4.56, 75.0, 7300.0, float("nan"))]
     ['12 ms', '4.6 s', '1 min 15 s', '2 h 1 min', 'unknown']
+    >>> [format_duration(s) for s in (0.00041, 4e-6, 0.0)]
+    ['0.41 ms', 'below 0.01 ms', '0 ms']
     >>> [format_duration(s, rough=True) for s in (0.0123, 4.0, 12.3)]
     ['0.0 s', '4 s', '12 s']
     """
     if not math.isfinite(seconds):
         return "unknown"
+    if 0 < seconds < 0.00095 and not rough:
+        return f"{1000 * seconds:.2f} ms" if seconds >= 1e-5 else "below 0.01 ms"
     if seconds < 1 and not rough:
         return f"{1000 * seconds:.0f} ms"
     if seconds < 60:
@@ -242,6 +265,17 @@ def format_count(number: int, one: str, many: str | None = None) -> str:
     ('1 sample', '3 bodies')
     """
     return f"{format_integer(number)} {one if number == 1 else many or one + 's'}"
+
+
+def format_factor(factor: float) -> str:
+    """Write by how much something is multiplied or divided, with two digits, or all of a whole number.
+
+    Examples
+    --------
+    >>> [format_factor(x) for x in (1.0, 6.63, 9.97, 118.6)]
+    ['1', '6.6', '10', '119']
+    """
+    return f"{factor:.0f}" if factor >= 9.95 else f"{factor:.2g}"
 
 
 def format_percent(share: float, unknown: str = "–") -> str:

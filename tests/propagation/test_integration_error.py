@@ -12,6 +12,7 @@ import xarray as xr
 import uqmbd
 from uqmbd.results import propagator_node, statistics_dataset, validate
 from uqmbd.testing.propagators.executors import Recorder
+from uqmbd.wording import format_percent
 from uqmbd_collocation import Collocation
 from uqmbd_contact import PlaneImpact
 from uqmbd_drivers import RotationDriver
@@ -246,8 +247,7 @@ def test_the_console_and_the_report_say_it(springs, tmp_path, capsys):
     tree = uqmbd.Study("s", springs, TIMES, [Collocation(order=2)], rtol=1e-4).run()
     statistics = tree["collocation/statistics"]
     share = (statistics["integration_error"].max("time") / statistics["std"].max("time")).max()
-    digits, power = f"{float(share):.0e}".split("e")
-    expected = f"{digits}e{int(power)} of the spread"
+    expected = f"{format_percent(float(share))} of the spread"
     show_summary(tree, files={})
     line = next(line for line in capsys.readouterr().out.splitlines() if line.startswith("integration error"))
     assert line.split(maxsplit=2)[2] == expected

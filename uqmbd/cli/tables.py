@@ -42,16 +42,19 @@ def with_spread(mean: float, std: float) -> str:
     ('0.3496 ± 0.0031', '-12346 ± 250', '1.5 ± 0')
     >>> with_spread(2.5e-7, 1.1e-9), with_spread(float("nan"), 1.0)
     ('2.500e-07 ± 1.1e-09', 'not known')
+    >>> with_spread(-1.6e-9, 0.55), with_spread(-1.6e-12, 2.3e-5)
+    ('0.00 ± 0.55', '0 ± 2.3e-05')
     """
     if not (math.isfinite(mean) and math.isfinite(std)):
         return "not known"
     if std == 0.0:
         return f"{mean:.6g} ± 0"
     place = 1 - math.floor(math.log10(abs(std)))
+    mean = round(mean, max(place, 0)) + 0.0  # rounding has no sign
     largest = max(abs(mean), abs(std))
     if largest >= 1e6 or place > 8 or largest < 1e-4:
-        digits = max(place + math.floor(math.log10(abs(mean))) if mean else 2, 1)
-        return f"{mean:.{min(digits, 12)}e} ± {std:.1e}"
+        digits = max(place + math.floor(math.log10(abs(mean))), 1) if mean else 0
+        return f"{f'{mean:.{min(digits, 12)}e}' if mean else 0} ± {std:.1e}"
     decimals = max(place, 0)
     return f"{mean:.{decimals}f} ± {std:.{decimals}f}"
 

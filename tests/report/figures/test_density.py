@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import math
 
+import chaospy
 import numpy as np
 import pytest
 import scipy.stats
 import xarray as xr
 
+import uqmbd
 from uqmbd import report, results
-from uqmbd.report.figures.density import Curve, density, draw_densities, ends_of
+from uqmbd.randomness import GermSpace, JointInput
+from uqmbd.report.figures.density import Curve, density, draw_densities, ends_of, known_densities
 
 
 def peaks(f: np.ndarray) -> int:
@@ -116,3 +119,47 @@ def test_inputs_have_their_density(study: xr.DataTree) -> None:
     curve = axes.lines[0]
     assert np.trapezoid(curve.get_ydata(), curve.get_xdata()) == pytest.approx(1, abs=0.01)
     assert axes.get_ylabel().startswith("density [")
+
+
+KNOWN = {
+    "uniform": (chaospy.Uniform(0.9, 1.1), scipy.stats.uniform(0.9, 0.2)),
+    "normal": (chaospy.Normal(58570, 1952), scipy.stats.norm(58570, 1952)),
+    "lognormal": (chaospy.LogNormal(0.1, 0.5), scipy.stats.lognorm(0.5, scale=math.exp(0.1))),
+    "beta": (chaospy.Beta(2, 3, -1, 4), scipy.stats.beta(2, 3, -1, 5)),
+    "exponential": (chaospy.Exponential(2.0), scipy.stats.expon(0, 2)),
+    "truncated": (chaospy.Trunc(chaospy.Normal(0, 1), -1, 2), scipy.stats.truncnorm(-1, 2)),
+    "weibull": (chaospy.Weibull(1.8, 2.0), scipy.stats.weibull_min(1.8, 0, 2)),
+}
+
+
+@pytest.mark.parametrize("name", KNOWN)
+def test_inputs_of_a_surrogate_have_the_density_of_their_distribution(name: str) -> None:
+    """That of SciPy, to half a per cent of its maximum; it ends where the distribution does."""
+    given, law = KNOWN[name]
+    space = GermSpace.of(JointInput.of([uqmbd.RandomVariable("k", given)]))
+    x, f = known_densities(GermSpace.from_dataset(space.to_dataset()))["k"]
+    inside = x[1:-1]  # the ends of the support are jumps
+    np.testing.assert_allclose(f[1:-1], law.pdf(inside), atol=0.005 * law.pdf(inside).max())
+    for end, bound in zip((x[0], x[-1]), law.support(), strict=True):
+        if math.isfinite(bound):
+            assert end == pytest.approx(bound, abs=1e-3 * law.std()) or law.cdf(end) * law.sf(end) < 2e-4
+    assert np.trapezoid(f, x) == pytest.approx(1, abs=1e-3)
+
+
+def test_inputs_that_depend_on_each_other_have_the_densities_of_each() -> None:
+    covariance = [[4.0, 1.5], [1.5, 1.0]]
+    both = uqmbd.random_vector(["a", "b"], chaospy.MvNormal([1.0, -2.0], covariance), ["m", "m"])
+    found = known_densities(GermSpace.of(JointInput.of(list(both)), "nataf"))
+    for name, mean, variance in (("a", 1.0, 4.0), ("b", -2.0, 1.0)):
+        x, f = found[name]
+        law = scipy.stats.norm(mean, math.sqrt(variance))
+        np.testing.assert_allclose(f, law.pdf(x), atol=0.005 * law.pdf(mean))
+
+
+def test_known_densities_are_drawn(study: xr.DataTree) -> None:
+    """Over the histogram, the line of a distribution that is known, and not an estimate, which has wiggles."""
+    names = [str(name) for name in study["monte-carlo/samples"]["input"].values]
+    given = JointInput.of([uqmbd.RandomVariable(name, chaospy.Uniform(-1, 1)) for name in names])
+    figure = report.inputs(study["monte-carlo"], GermSpace.of(given))
+    for axes in figure.axes[: len(names)]:
+        assert set(np.round(axes.lines[0].get_ydata(), 9)) == {0.0, 0.5}

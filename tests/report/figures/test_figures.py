@@ -187,6 +187,18 @@ def test_convergence_of_samples_not_all_kept(make_node: Callable[..., xr.DataTre
     assert line.get_ydata()[-1] == float(node["statistics/mean"].sel(output="slider_x", time=2.0))
 
 
+def test_shares_of_hardly_any_spread_do_not_decide_on_the_axes() -> None:
+    """Where nothing spreads, indices are any number: they are covered, and shares fill the axes to 1 elsewhere."""
+    axes = results.labels([("x", "m")], ["k", "c"], np.linspace(0, 1, 5))
+    alone = [[[9.0, 0.7, 0.7, 0.6, 0.6]], [[8.0, 0.2, 0.2, 0.3, 0.3]]]
+    std = [[1e-9, 1.0, 1.0, 2.0, 2.0]]
+    about = results.statistics_dataset(axes, mean=np.ones((1, 5)), std=std, sobol_first=alone, sobol_total=alone)
+    figure = report.sobol_indices(
+        results.propagator_node("a", about, propagator="p", realisations=9, wall_time=0.0), "x"
+    )
+    assert [axes.get_ylim() for axes in figure.axes[:2]] == [(0.0, 1.0)] * 2
+
+
 def test_long_lines_are_thinned_but_keep_their_peaks() -> None:
     """Ten thousand times are drawn with at most 600 points, and a peak of a single step is among them."""
     times = np.linspace(0, 1, 10_001)

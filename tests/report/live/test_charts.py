@@ -11,6 +11,8 @@ from uqmbd import results
 from uqmbd.report.live import MOST_TIMES, bands_data, page_scripts, unpacked
 from uqmbd.wording import format_number
 
+DIGITS = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹", "0123456789")
+
 
 def made(label, times, mean, std):
     """Return the node of a method with one output."""
@@ -69,6 +71,18 @@ def test_a_number_has_the_digits_that_its_spread_needs(node):
     given = [[100000.00012345, 1e-3], [0.5, 0.1], [1.0, 1e-30], [1.23456e-7, 1e-9], [12.5, 0]]
     found = node(["numbers.js"], "answer = given.map(([v, s]) => formatNumber(v, s));", given)
     assert found == ["100000.00012", "0.5", "1", "1.2346 × 10⁻⁷", "12.5"]
+
+
+@pytest.mark.parametrize("scale", [1e-12, 1e-5, 0.02, 1.0, 400.0, 3e6])
+def test_values_of_one_time_have_the_same_digits_and_zero_is_zero(node, scale):
+    """Two more than the first of their spread, all of them; what is rounding has neither sign nor exponent."""
+    given = [[scale * v for v in (-1.6e-9, 0.5, 12.25, -3.0)], scale * 0.66]
+    found = node(["numbers.js"], "answer = alike(given[0], given[1]);", given)
+    assert not found[0].strip("0.")
+    read = [float(text.replace("−", "-").replace(" × 10⁻", "e-").translate(DIGITS)) for text in found]
+    np.testing.assert_allclose(read, given[0], atol=0.5e-2 * scale)
+    if scale > 1e-4:
+        assert len({len(text.partition(".")[2]) for text in found}) == 1
 
 
 def test_ticks_that_are_a_step_apart_differ_and_are_exact(node):

@@ -114,6 +114,23 @@ def test_realisations_make_a_cloud(data):
     assert sum(len(lines.get_segments()) for lines in Film(data.isel(realisation=[0]), 4, 50).cloud(3)) == 0
 
 
+def test_realisations_of_a_point_are_seen():
+    """A ball without a size that is thrown at random: each realisation is a dot of its own, not only the mean one."""
+    speed = uqmbd.RandomVariable("speed", chaospy.Uniform(1, 9), units="m/s")
+    mechanism = uqmbd.Mechanism("ball", uqmbd.Translational())
+    ball = mechanism.body("ball", mass=1, position=(0, 0), velocity=(speed, 0))
+    mechanism.output("x", ball.position[0], units="m")
+    thrown = motion(uqmbd.Study("ball", mechanism, [0, 1], [MonteCarlo(samples=5, seed=1)]), samples=5, frames=3)
+    film = Film(thrown, 6, 60)
+    pictures = [np.asarray(frame, dtype=int) for frame in film.frames()]
+    (axes,) = film.canvas.figure.axes
+    places = axes.transData.transform(world(thrown)[1:, -1, 0, :2])
+    changed = abs(pictures[-1] - pictures[0]).max(axis=-1) > 40
+    for x, y in places:
+        row, column = changed.shape[0] - round(y), round(x)
+        assert changed[row - 3 : row + 4, column - 3 : column + 4].any()
+
+
 def test_realisations_lie_above_the_bodies_and_beneath_the_joints(data):
     """Thin lines that are seen: above all that is filled with a body's colour, and no wider than its outline."""
     film = Film(data, 4, 50)

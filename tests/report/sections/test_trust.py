@@ -155,10 +155,11 @@ def test_nodes_that_failed_have_their_reasons(make_chaos: Maker, tmp_path: Path)
 
 @pytest.mark.thorough
 def test_leave_one_out_is_shown_where_it_is_known(make_chaos: Maker, tmp_path: Path) -> None:
-    """The stored error is over the variance; the table gives its root, over the standard deviation."""
+    """The stored error is over the variance; the table gives its root, over the standard deviation, where there is one."""
     node = make_chaos("collocation", 2)
     statistics = node["statistics"].to_dataset()
     statistics["leave_one_out"] = (("output", "time"), np.full((4, 41), 4e-4))
+    statistics["std"].values[:, 0], statistics["leave_one_out"].values[:, 0] = 1e-12, 10.0
     node["statistics"] = xr.DataTree(statistics)
     part = _section(_write(results.study_tree([node], study="s", mechanism="m"), tmp_path), "trust")
     assert "Leave-one-out error, largest" in part and '<td class="number">2\N{NO-BREAK SPACE}%</td>' in part

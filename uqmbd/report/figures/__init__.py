@@ -29,6 +29,7 @@ from uqmbd.report.figures.surrogates import (
     stated_error_of,
     surrogate_nodes,
     surrogate_of,
+    varies_over_time,
 )
 from uqmbd.report.figures.timeless import MOST_SCALARS, scalar_densities
 
@@ -89,6 +90,7 @@ __all__ = [
     "surrogate_of",
     "thinned",
     "time_history_histogram",
+    "varies_over_time",
     "verification",
     "violated_by",
 ]

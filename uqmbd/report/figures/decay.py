@@ -227,7 +227,7 @@ def verification(results: Results, *, limit: float = LIMIT) -> Figure:
     # What is far below the limit needs no room.
     log_axis(axes, "y", max(low, min(1e-4 * limit, high)), max(high, 2 * limit), percent=True)
     axes.set_xlabel("time [s]")
-    axes.set_ylabel("stated error / standard deviation")
+    axes.set_ylabel("stated error /\nstandard deviation")
     limit_times(axes, times)
     axes.grid(color="0.9", lw=0.7)
     arrange(figure, grid, legend=handles | rest | {f"limit {level}": line}, heights=(2.1,))

@@ -18,12 +18,16 @@ from uqmbd.report.drawing import COLOURS, constant, draw_histogram, style
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["PANEL", "Curve", "density", "draw_densities", "ends_of"]
+    from uqmbd.randomness import GermSpace
+
+__all__ = ["PANEL", "Curve", "density", "draw_densities", "ends_of", "known_densities"]
 
 PANEL = 1.45
 """Height of the axes of a density, inches."""
 
 _CELLS = 1000
+_TAIL = 1e-4
+"""Probability of what lies beyond each end of a curve of a known distribution, where that has no end."""
 _ROUGHNESS = 0.5 / math.sqrt(math.pi)
 """Integral of the squared Gaussian kernel: with it goes the variance of the estimate."""
 _WIDENED = (1.0, 1.25, 1.5, 1.75, 2.0, 2.5, 3.0)
@@ -45,11 +49,14 @@ class Curve(NamedTuple):
         Which colour and line.
     trusted : bool
         Whether it decides how high the axes reach: a curve that is known to be wrong does not.
+    known : tuple of array, optional
+        Points and density, where this need not be estimated.
     """
 
     values: NDArray[np.float64]
     style: int = 0
     trusted: bool = True
+    known: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
 
 
 def density(
@@ -114,6 +121,60 @@ def density(
             break
     _, x, f = min(found, key=lambda one: one[0])
     return low + (high - low) * x, f / (high - low)
+
+
+def known_densities(space: GermSpace) -> dict[str, tuple[NDArray[np.float64], NDArray[np.float64]]]:
+    """Return the densities of inputs, from the map that a surrogate stores of them.
+
+    Parameters
+    ----------
+    space : GermSpace
+
+    Returns
+    -------
+    dict of str to tuple of array
+        Points and densities of each input; inputs that take single values, and those of a general joint distribution,
+        have none.
+
+    Examples
+    --------
+    >>> import chaospy, uqmbd
+    >>> from uqmbd.randomness import GermSpace, JointInput
+    >>> given = JointInput.of([uqmbd.RandomVariable("a", chaospy.Uniform(0, 4))])
+    >>> x, f = known_densities(GermSpace.of(given))["a"]
+    >>> round(float(x[0]), 2), round(float(x[-1]), 2), float(f.min().round(9)), float(f.max().round(9))
+    (0.0, 4.0, 0.25, 0.25)
+    """
+    from scipy.special import ndtr, ndtri
+
+    from uqmbd.randomness import cumulated
+
+    found = {}
+    for group in space.groups:
+        marginals = getattr(group, "marginals", None)
+        if marginals is None:
+            continue
+        for column, marginal in zip(group.columns, marginals, strict=True):
+            germ = space.germs[column]
+            if germ.values is not None:
+                continue
+            # a germ of several inputs is one of a Gaussian copula, whose standard variables are normal
+            alone = len(group.columns) == 1
+            tails = [_TAIL, 1 - _TAIL]
+            low, high = (germ.from_uniform(tails) if alone else ndtri(tails)).tolist()
+            if alone:
+                reach = 0.05 * (high - low)
+                low, high = max(germ.bounds[0], low - reach), min(germ.bounds[1], high + reach)
+            z = np.linspace(low, high, 401)
+            x, below = marginal.to_input(z), cumulated(germ, z) if alone else ndtr(z)
+            steps = np.diff(x)
+            if not np.all(steps) or len(np.unique(np.sign(steps))) > 1:
+                continue
+            f = np.diff(below) / np.abs(steps)
+            # between points, and at the ends as beside them
+            points = np.concatenate([x[:1], (x[1:] + x[:-1]) / 2, x[-1:]])
+            found[space.inputs[column]] = points, np.concatenate([f[:1], f, f[-1:]])
+    return found
 
 
 def _silverman(values: NDArray[np.float64]) -> float:
@@ -202,9 +263,8 @@ def draw_densities(axes: Axes, bars: NDArray[np.float64] | None, curves: Sequenc
     if bars is not None:
         draw_histogram(axes, bars, colour or COLOURS[0], density=True)
         tops[True] = axes.get_ylim()[1] / 1.05
-    for values, number, trusted in curves:
-        ends = ends_of(values)
-        curve = density(values, ends=ends)
+    for values, number, trusted, known in curves:
+        curve = known or density(values, ends=ends_of(values))
         if curve is None:
             continue
         x, f = curve

@@ -21,7 +21,7 @@ from uqmbd.report.drawing import (
     with_units,
     wrapped,
 )
-from uqmbd.report.figures.density import PANEL, Curve, draw_densities
+from uqmbd.report.figures.density import PANEL, Curve, draw_densities, known_densities
 from uqmbd.report.figures.selection import Results, Samples, automatic_times, label_of, nodes_of, samples_of, succeeded
 from uqmbd.report.figures.surrogates import stated_error_of, surrogate_nodes, surrogate_of
 from uqmbd.results.comparison import COARSE
@@ -31,6 +31,8 @@ from uqmbd.wording import reciprocal_units
 if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.figure import Figure
+
+    from uqmbd.randomness import GermSpace
 
 __all__ = ["density_label", "histograms", "inputs", "of_surrogate"]
 
@@ -177,13 +179,16 @@ def density_label(units: str) -> str:
     return wrapped(with_units("density", reciprocal_units(units)), 24)
 
 
-def inputs(node: Samples) -> Figure:
+def inputs(node: Samples, space: GermSpace | None = None) -> Figure:
     """Draw histograms of the sampled inputs: what was uncertain, and (red ticks) where samples failed.
 
     Parameters
     ----------
     node : xarray.DataTree or xarray.Dataset
         The node of a propagator that has ``samples``, or its samples.
+    space : GermSpace, optional
+        Of these inputs, as a surrogate of the same study stores it: with it, curves are the distributions that were
+        sampled, where it knows them; else they are smooth estimates.
 
     Returns
     -------
@@ -208,10 +213,11 @@ def inputs(node: Samples) -> Figure:
     failed = samples["status"].values != Status.OK
     figure, grid = axes_grid(len(names), 1.6)
     handles: dict[str, Any] = {}
+    known = {} if space is None else known_densities(space)
     for axes, name in zip(grid, names, strict=True):
         chosen = samples.sel(input=name)
         values = chosen["inputs"].values
-        draw_densities(axes, values, [Curve(values)], COLOURS[2])
+        draw_densities(axes, values, [Curve(values, known=known.get(name))], COLOURS[2])
         few_ticks(axes)
         if failed.any():
             # Ticks at the foot of the axes, whatever the counts are.

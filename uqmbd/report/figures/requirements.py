@@ -53,7 +53,7 @@ def violated_by(results: Results) -> Figure:
     >>> data = requirements_dataset(["overload"], violation_probability=[0.02], lower=[0.01], upper=[0.04],
     ...                             times=[0, 1], violated_by=[[0, 0.02]])
     >>> node = xr.DataTree.from_dict({"requirements": data}, name="mine")
-    >>> violated_by({"mine": node}).axes[0].get_title()
+    >>> violated_by({"mine": node}).axes[0].get_title("left")
     'overload'
     """
     from matplotlib.lines import Line2D
@@ -78,7 +78,7 @@ def violated_by(results: Results) -> Figure:
             # an interval that says nothing leaves the curve readable
             highest = max(highest, float(np.nanmax(share, initial=0.0)), high if high < 100 else 0.0)
         axes.set_ylim(0, 1.08 * highest or 1)
-        axes.set_title(wrapped(name, 32), fontsize="medium")
+        axes.set_title(wrapped(name, 32), fontsize="medium", fontweight="bold", loc="left")
         axes.set_ylabel("violated [%]")
         axes.set_xlabel("time [s]")
         few_ticks(axes)

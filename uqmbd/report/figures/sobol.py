@@ -175,11 +175,11 @@ def sobol_indices(results: Results, output: str, *, most: int = 5) -> Figure:
     if rest:
         name = f"{len(rest)} others" if len(rest) > 1 else found.names[rest[0]]
         layers.append((name, first[rest].sum(axis=0), total[rest].sum(axis=0), _OTHERS, (0, (1, 1))))
-    for name, alone, together, colour, line in layers:
+    for name, alone, shared, colour, line in layers:
         top = base + np.maximum(alone, 0.0)
         handles[name] = shares.fill_between(times, base, top, color=colour, alpha=0.75, lw=0)
         shares.plot(times, top, color="white", lw=0.6)
-        totals.plot(times, together, color=colour, ls=line, lw=1.6)
+        totals.plot(times, shared, color=colour, ls=line, lw=1.6)
         base = top
     left = np.where(meaningful, 1.0 - base, 0.0)
     if np.any(left > 0.002):
@@ -193,9 +193,12 @@ def sobol_indices(results: Results, output: str, *, most: int = 5) -> Figure:
         quiet = _grey_out(axes, times, meaningful)
         if quiet is not None:
             handles["hardly any spread"] = quiet
-    shares.set_ylim(0, max(1.0, 1.02 * float(base.max())))
+    # shares of next to nothing are any number, and do not decide how high the axes reach
+    shares.set_ylim(0, max(1.0, 1.02 * float(base.max(where=meaningful, initial=0.0))))
+    together = np.array([t for _, _, t, _, _ in layers])
     totals.set_ylim(
-        min(0.0, 1.02 * float(total.min())), max(1.0, 1.02 * max(float(t.max()) for _, _, t, _, _ in layers))
+        min(0.0, 1.02 * float(together.min(where=meaningful, initial=0.0))),
+        max(1.0, 1.02 * float(together.max(where=meaningful, initial=0.0))),
     )
     _label(found, grid)
     arrange(figure, grid, legend=handles, heights=(1.35, 1.1, 0.65))

@@ -1,7 +1,7 @@
 // The data of a chart, unpacked: what is drawn, told and exported. It knows no page.
 
 import { unpackArray } from "./arrays.js";
-import { formatNumber, formatQuantity, withUnits } from "./numbers.js";
+import { alike, formatQuantity, withUnits } from "./numbers.js";
 
 const numbersOf = (packed) => Array.from(unpackArray(packed).values, (v) => (Number.isNaN(v) ? null : v));
 
@@ -66,17 +66,29 @@ export function headsOf({ methods }) {
 
 const toldOf = (methods) => [...new Set(methods.flatMap((method) => method.columns.map((column) => column.name)))];
 
+/** The smallest of sizes, without those that are next to nothing beside the largest: it decides on the digits of all. */
+const smallest = (sizes) => {
+  const most = Math.max(0, ...sizes);
+  return most > 0 ? Math.min(...sizes.filter((size) => size > 1e-6 * most)) : 0;
+};
+
 /** What stands beneath these heads for each method at an index: the value, what is told besides, and the outer band's ends. */
 export function rowsAt(model, index) {
   const names = toldOf(model.methods);
-  const banded = model.methods.some((method) => method.bands.length > 0);
-  return model.methods.map(({ lines, bands, columns }) => {
-    const told = names.map((name) => columns.find((column) => column.name === name)?.values[index] ?? null);
-    const ends = bands.slice(0, 1).flatMap(({ low, high }) => [lines[low].values[index], lines[high].values[index]]);
-    const spread = told[0] ?? (ends.length > 0 && ends[0] !== null && ends[1] !== null ? (ends[1] - ends[0]) / 4 : 0);
-    const written = ends.map((end) => formatNumber(end, spread));
-    const band = ends.length > 0 ? `${written[0]} to ${written[1]}` : "–";
-    return [formatNumber(lines[0].values[index], spread), ...told.map((value) => formatNumber(value)), ...(banded ? [band] : [])];
+  const told = names.map((name) =>
+    model.methods.map(({ columns }) => columns.find((column) => column.name === name)?.values[index] ?? null),
+  );
+  const ends = model.methods.map(({ lines, bands }) =>
+    bands.slice(0, 1).flatMap(({ low, high }) => [lines[low].values[index], lines[high].values[index]]),
+  );
+  const spreads = ends.map(([low = null, high = null], k) => told[0]?.[k] ?? (low === null || high === null ? 0 : (high - low) / 4));
+  const banded = ends.some((pair) => pair.length > 0);
+  const written = alike(model.methods.flatMap(({ lines }, k) => [lines[0].values[index], ...ends[k]]), smallest(spreads));
+  const columns = told.map((values) => alike(values, smallest(values.map(Math.abs)) / 10));
+  return model.methods.map((_, k) => {
+    const [value, ...pair] = written.splice(0, 1 + ends[k].length);
+    const band = pair.length > 0 ? pair.join(" to ") : "–";
+    return [value, ...columns.map((texts) => texts[k]), ...(banded ? [band] : [])];
   });
 }
 

@@ -22,6 +22,25 @@ export function formatNumber(value, spread = 0) {
   return `${withMinus(String(Number(mantissa)))} × 10${superscript(Number(power))}`;
 }
 
+/**
+ * Write numbers of one quantity with the same digits behind the point, so many as show a hundredth of its spread;
+ * what is far below that is zero. Very small and very large ones have a power of ten each, as `formatNumber` writes it.
+ */
+export function alike(values, spread) {
+  const known = values.filter((v) => Number.isFinite(v) && v !== null);
+  const largest = Math.max(...known.map(Math.abs), spread || 0);
+  if (!(spread > 0) || !(largest >= 1e-3 && largest < 1e10)) {
+    const floor = 1e-4 * (spread || 0);
+    return values.map((v) => formatNumber(v !== null && Math.abs(v) < floor ? 0 : v, spread || 0));
+  }
+  const places = Math.min(Math.max(2 - Math.floor(Math.log10(spread)), 0), 13 - Math.floor(Math.log10(largest)), 100);
+  return values.map((v) => {
+    if (v === null || !Number.isFinite(v)) return formatNumber(v);
+    const text = v.toFixed(Math.max(places, 0));
+    return withMinus(Number(text) === 0 ? text.replace("-", "") : text);
+  });
+}
+
 /** Write a number with its units, if it has any. */
 export function formatQuantity(value, units, spread = 0) {
   const text = formatNumber(value, spread);

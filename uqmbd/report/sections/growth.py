@@ -13,7 +13,7 @@ from uqmbd.report.drawing import image
 from uqmbd.report.sections.outputs import most_uncertain
 from uqmbd.report.sections.section import Content, TemplateSection
 from uqmbd.report.view import StudyResult
-from uqmbd.wording import format_duration, format_integer, format_percent
+from uqmbd.wording import format_duration, format_factor, format_integer, format_percent
 
 __all__ = ["GROWTH"]
 
@@ -102,7 +102,7 @@ def _in_words(data: xr.Dataset, m: int, o: int) -> str:
     )
     rate = float(data["std_rate"].values[m, o])
     if math.isfinite(rate) and rate > 0.05 and str(data["option"].values[m]) == "order":
-        text += f", divided by {10**rate:.2g} with each order"
+        text += f", divided by {format_factor(10**rate)} with each order"
     if error[last] < own:
         text += "; that is less than the error of the reference itself, so it may be smaller still"
     return f"{text}."

@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import contextlib
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
+from uqmbd.errors import StudyError
 from uqmbd.report import figures
 from uqmbd.report.drawing import image
 from uqmbd.report.sections.section import Content, TemplateSection
 from uqmbd.report.view import Method, StudyResult, dataset_of
 from uqmbd.wording import typeset_units
+
+if TYPE_CHECKING:
+    from uqmbd.randomness import GermSpace
 
 __all__ = ["INPUTS", "input_rows"]
 
@@ -44,5 +50,22 @@ def _figure(methods: Mapping[str, Method]) -> dict[str, str] | None:
     first = next(sampled, None)
     if first is None:
         return None
-    caption = f"The inputs as {first.node.attrs['label']} sampled them."
-    return image(lambda: figures.inputs(first.node), "Histograms of the sampled inputs.", caption, "inputs")
+    space = _space(first, [*methods.values()])
+    lines = "smooth estimates of the density" if space is None else "the densities of their distributions"
+    caption = f"The inputs as {first.label} sampled them: bars are histograms, lines {lines}."
+    return image(lambda: figures.inputs(first.node, space), "Histograms of the sampled inputs.", caption, "inputs")
+
+
+def _space(sampled: Method, methods: Sequence[Method]) -> GermSpace | None:
+    """Return the germs and distributions of the inputs, from a surrogate of the same population that stores them."""
+    from uqmbd.randomness import GermSpace
+
+    population = sampled.node.attrs.get("population")
+    for method in methods:
+        if method.node.attrs.get("population") != population:
+            continue
+        for child in method.node.children.values():
+            with contextlib.suppress(StudyError):
+                if "germ_family" in child.data_vars:
+                    return GermSpace.from_dataset(child.to_dataset())
+    return None

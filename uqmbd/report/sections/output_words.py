@@ -14,7 +14,15 @@ from uqmbd.report.view import Method
 from uqmbd.results import integration_shares, own_statements
 from uqmbd.results.comparison import own_error
 from uqmbd.results.statistics import rtol_of
-from uqmbd.wording import Cell, format_cells, format_quantity, minus, typeset_units
+from uqmbd.wording import (
+    Cell,
+    format_cells,
+    format_power,
+    format_quantity,
+    minus,
+    power_of_ten,
+    typeset_units,
+)
 
 __all__ = ["in_words", "integration", "numbers", "output_rows", "precision", "stated_errors"]
 
@@ -126,9 +134,15 @@ def _interval(end: xr.Dataset) -> tuple[float, float]:
 
 
 def numbers(method: Method, name: str) -> list[dict[str, str]]:
-    """Return the numbers of an output at chosen times: mean, deviation, quantiles and shape."""
+    """Return the numbers of an output at chosen times: mean, deviation, quantiles and shape.
+
+    Very large and very small ones are in units of a power of ten, so that columns are narrow.
+    """
     data = method.of(name)
     some = data.isel(time=automatic_times(data["time"].values, data["std"].values))
+    sizes = [np.nanmax(np.abs(some[key].values), initial=0.0) for key in ("mean", "std", "quantile")]
+    power = power_of_ten(float(max(sizes)))
+    some = some.assign({key: some[key] / 10.0**power for key in ("mean", "std", "quantile")})
     scale = float(np.nanmax(some["std"].values, initial=0.0))
     times = some["time"].values.tolist()
     columns = {
@@ -142,7 +156,8 @@ def numbers(method: Method, name: str) -> list[dict[str, str]]:
         columns[f"q{p}"] = _column(at, scale) if known else ["–"] * len(times)
     shape = some["skewness"].values.tolist()
     columns["skewness"] = [minus(f"{round(one, 2) + 0.0:.2f}") if math.isfinite(one) else "–" for one in shape]
-    columns["units"] = [typeset_units(method.units(name))] * len(times)
+    units = " ".join(filter(None, (format_power(power), typeset_units(method.units(name)))))
+    columns["units"] = [units] * len(times)
     return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
 
 

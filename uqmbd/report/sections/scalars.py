@@ -16,7 +16,7 @@ from uqmbd.report.figures import MOST_SCALARS, failure_reasons
 from uqmbd.report.sections.section import Content, TemplateSection
 from uqmbd.report.view import Method, StudyResult
 from uqmbd.results import worst_integration_share
-from uqmbd.wording import format_cells, format_count, format_percent, format_share
+from uqmbd.wording import format_at_most, format_cells, format_count, format_percent, format_share
 
 __all__ = ["SCALARS"]
 
@@ -109,7 +109,7 @@ def _integration(methods: Iterable[Method]) -> list[str]:
         return []
     worst, label = max(known, key=lambda pair: pair[0].share)
     where = f"{worst.output}, with {label}" if len(known) > 1 else worst.output
-    return [f"The error of the time integration is at most {worst.words()} (of {where})."]
+    return [f"The error of the time integration is {format_at_most(worst.share)} {worst.of_what} (of {where})."]
 
 
 def _error(data: xr.Dataset) -> str:

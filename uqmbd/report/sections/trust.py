@@ -24,13 +24,14 @@ from uqmbd.report.figures import (
     stated_error_of,
     surrogate_nodes,
     surrogate_of,
+    varies_over_time,
 )
 from uqmbd.report.sections.outputs import most_uncertain
 from uqmbd.report.sections.section import Content, TemplateSection
 from uqmbd.report.view import Method, StudyResult
 from uqmbd.results import statements
 from uqmbd.results.chaos import Discontinuity
-from uqmbd.wording import format_count, format_integer, format_percent
+from uqmbd.wording import format_count, format_factor, format_integer, format_percent
 
 __all__ = ["TRUST"]
 
@@ -116,7 +117,10 @@ def _rows(method: Method) -> list[dict[str, str]]:
             row["error"] = format_percent(float(np.nanmax(error)), _UNKNOWN)
             row["horizon"] = "never" if first is None else f"{first:.4g} s"
         if left_out is not None and method.varies(name):
-            row["left_out"] = format_percent(math.sqrt(max(float(np.max(left_out.values[k])), 0.0)), _UNKNOWN)
+            # where hardly anything spreads, a share of the spread is any number
+            spreads = varies_over_time(method.statistics["std"].values[k], method.statistics["mean"].values[k])
+            square = float(np.max(left_out.values[k], where=spreads, initial=0.0))
+            row["left_out"] = format_percent(math.sqrt(square), _UNKNOWN)
         rows.append(row)
     return rows
 
@@ -129,11 +133,7 @@ def _gains(method: Method) -> list[str]:
         return ["–"] * len(method.names)
     places = np.nan_to_num(method.statistics["std"].values, nan=-1.0).argmax(axis=-1)
     decades = [float(rate[k, place]) for k, place in enumerate(places)]
-    return [f"÷ {_short(10**d)}" if math.isfinite(d) and -1 < d < 4 else "–" for d in decades]
-
-
-def _short(value: float) -> str:
-    return f"{value:.0f}" if value >= 9.95 else f"{value:.2g}"
+    return [f"÷ {format_factor(10**d)}" if math.isfinite(d) and -1 < d < 4 else "–" for d in decades]
 
 
 def _verification(method: Method, said: Mapping[tuple[str, str], str]) -> dict[str, str]:

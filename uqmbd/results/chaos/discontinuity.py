@@ -10,7 +10,7 @@ from uqmbd.results.chaos.decay import decay_rate
 from uqmbd.results.chaos.interface import Surrogate
 from uqmbd.results.chaos.stated_error import reference_spread
 from uqmbd.typing import Array
-from uqmbd.wording import format_percent
+from uqmbd.wording import format_factor, format_percent
 
 __all__ = ["Discontinuity", "find_discontinuities"]
 
@@ -79,7 +79,7 @@ class Discontinuity:
         return (
             f"{self.output} looks discontinuous, or has a kink, in {self.germ}{when}: the error is "
             f"{format_percent(self.error)} of the standard deviation{at}, and each order divides what is missing only "
-            f"by {10 ** max(self.rate, 0.0):.2g}. Try {how}or a higher order"
+            f"by {format_factor(10 ** max(self.rate, 0.0))}. Try {how}or a higher order"
         )
 
 

@@ -8,6 +8,7 @@ import numpy as np
 import xarray as xr
 
 from uqmbd.results.statistics import varying
+from uqmbd.wording import format_percent
 
 __all__ = ["IntegrationShare", "integration_shares", "worst_integration_share"]
 
@@ -49,14 +50,13 @@ class IntegrationShare:
         Examples
         --------
         >>> IntegrationShare("x", "m", 2e-8, True, 2.1e-6).words()
-        '2e-6 of the spread'
+        '0.00021 % of the spread'
         >>> IntegrationShare("x", "m", float("nan"), True, float("nan")).words()
         'not known'
         """
         if not np.isfinite(self.share):
             return "not known"
-        digits, _, power = f"{self.share:.0e}".partition("e")
-        return f"{digits}e{int(power)} {self.of_what}" if self.share else "none"
+        return f"{format_percent(self.share)} {self.of_what}" if self.share else "none"
 
 
 def integration_shares(statistics: xr.Dataset) -> list[IntegrationShare]:
@@ -72,7 +72,7 @@ def integration_shares(statistics: xr.Dataset) -> list[IntegrationShare]:
     >>> from uqmbd.results import labels, statistics_dataset
     >>> found = statistics_dataset(labels(["x"], [], [0.0, 1.0]), mean=[[3.0, 3.0]], std=[[0.0, 0.5]])
     >>> [one.words() for one in integration_shares(found.assign(integration_error=0.001 * found["std"]))]
-    ['1e-3 of the spread']
+    ['0.1 % of the spread']
     """
     if "integration_error" not in statistics:
         return []

@@ -1,0 +1,83 @@
+"""Numbers of tables and sentences: the same digits below each other, zero as zero, no number for what has none."""
+
+from __future__ import annotations
+
+import math
+import re
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from uqmbd import report, results
+from uqmbd.wording import format_cells
+
+
+def text_of(page: str) -> str:
+    """Return what a page says."""
+    return re.sub(r"<(style|script).*?</\1>|<[^>]+>|\N{NO-BREAK SPACE}", " ", page, flags=re.DOTALL)
+
+
+@pytest.mark.parametrize("exponent", range(-12, 13, 3))
+def test_numbers_below_each_other_have_the_same_digits(exponent: int) -> None:
+    """And say what they are: to half a unit of the last digit, with the power of ten that all of them share."""
+    rng = np.random.default_rng(exponent + 20)
+    values = (rng.normal(size=8) * 10.0 ** (exponent + rng.integers(-3, 1, 8))).tolist()
+    errors = np.where(rng.uniform(size=8) < 0.5, np.abs(values) * 0.01, math.nan).tolist()
+    cells = format_cells(values, "m", errors)
+    decimals = {len(cell.number.lstrip("(").partition(".")[2]) for cell in cells}
+    assert len(decimals) == 1
+    powers = {found[1] for cell in cells if (found := re.search(r"10([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)", cell.rest))}
+    assert len(powers) <= 1
+    power = int("".join("-0123456789"["⁻⁰¹²³⁴⁵⁶⁷⁸⁹".index(c)] for c in powers.pop())) if powers else 0
+    unit = 10.0 ** (power - decimals.pop())
+    for value, error, cell in zip(values, errors, cells, strict=True):
+        read = float(cell.number.lstrip("(").replace("−", "-"))
+        assert read * 10.0**power == pytest.approx(value, abs=0.51 * unit)
+        assert ("±" in cell.rest) == math.isfinite(error) and cell.rest.endswith("m")
+
+
+def test_rounding_is_zero_without_a_sign() -> None:
+    for noise in (-1.6e-9, 1.6e-9, -0.0):
+        assert {cell.number for cell in format_cells([noise, 0.0], scale=0.55)} == {"0.0000"}
+
+
+@pytest.fixture(scope="module")
+def tree() -> xr.DataTree:
+    """A method by samples and one that solves for all realisations at once, with a mean that is zero but for rounding."""
+    times = np.linspace(0, 2, 5)
+    axes = results.labels([("a", "m/s^2")], [("k", "N/m")], times)
+    inputs = np.random.default_rng(2).normal(size=(60, 1))
+    response = (inputs - inputs.mean()) * np.ones(5) - 1.6e-9
+    samples = results.sample_dataset(response[:, None], inputs, axes)
+    first = results.statistics_of_samples(samples)
+    held = {"samples": samples}
+    about = results.statistics_dataset(axes, mean=np.full((1, 5), -1.6e-9), std=np.ones((1, 5)))
+    first, about = (one.assign(integration_error=1e-9 * one["std"]) for one in (first, about))
+    nodes = [
+        results.propagator_node("counted", first, propagator="p", realisations=60, wall_time=0.3, children=held),
+        results.propagator_node("solved", about, propagator="q", realisations=32, wall_time=0.48),
+    ]
+    nodes[-1].attrs["unknowns"] = 350
+    return results.study_tree(nodes, study="s", mechanism="m")
+
+
+def test_a_page_shows_zero_as_zero(tree: xr.DataTree, tmp_path) -> None:
+    text = text_of(report.write_report(tree, tmp_path / "report.html").read_text(encoding="utf-8"))
+    assert not re.search(r"1\.6\d* × 10⁻⁹|−0\.0+\b(?!\d)", text)
+    assert "below 0.0001 % of the spread" in text and not re.search(r"at most below|or less", text)
+
+
+def test_nothing_failed_is_one_sentence(tree: xr.DataTree, tmp_path) -> None:
+    page = report.write_report(tree, tmp_path / "report.html").read_text(encoding="utf-8")
+    section = page.partition('<section id="failures">')[2].partition("</section>")[0]
+    assert text_of(section).split() == "Failures No realisation failed.".split()
+    assert 'class="good"' not in section
+
+
+def test_what_solves_for_all_at_once_has_no_cost_of_one(tree: xr.DataTree, tmp_path) -> None:
+    """Of 60 realisations in 0.3 s each takes 5 ms; a projected system has no such number."""
+    page = report.write_report(tree, tmp_path / "report.html").read_text(encoding="utf-8")
+    rows = re.findall(r"<tr>.*?</tr>", page.partition('<section id="cost">')[2].partition("</table>")[0], re.DOTALL)
+    counted, solved = (" ".join(text_of(row).split()) for row in rows[1:])
+    assert counted.endswith(" 5 ms") and solved.endswith(" –")
