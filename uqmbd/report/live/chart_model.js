@@ -66,11 +66,11 @@ export function headsOf({ methods }) {
 
 const toldOf = (methods) => [...new Set(methods.flatMap((method) => method.columns.map((column) => column.name)))];
 
-/** The smallest of sizes, without those that are next to nothing beside the largest: it decides on the digits of all. */
-const smallest = (sizes) => {
-  const most = Math.max(0, ...sizes);
-  return most > 0 ? Math.min(...sizes.filter((size) => size > 1e-6 * most)) : 0;
-};
+/** For each of some sizes the smallest of those within three decades of it: they are told with the same digits. */
+const alikeSizes = (sizes) =>
+  sizes.map((own) => Math.min(own, ...sizes.filter((size) => size > 1e-3 * own && size < 1e3 * own)));
+
+const sizeOf = (values) => Math.max(0, ...values.map((v) => Math.abs(v ?? 0)).filter(Number.isFinite));
 
 /** What stands beneath these heads for each method at an index: the value, what is told besides, and the outer band's ends. */
 export function rowsAt(model, index) {
@@ -83,10 +83,14 @@ export function rowsAt(model, index) {
   );
   const spreads = ends.map(([low = null, high = null], k) => told[0]?.[k] ?? (low === null || high === null ? 0 : (high - low) / 4));
   const banded = ends.some((pair) => pair.length > 0);
-  const written = alike(model.methods.flatMap(({ lines }, k) => [lines[0].values[index], ...ends[k]]), smallest(spreads));
-  const columns = told.map((values) => alike(values, smallest(values.map(Math.abs)) / 10));
+  const values = model.methods.map(({ lines }, k) => [lines[0].values[index], ...ends[k]]);
+  const sizes = alikeSizes(spreads.map((spread) => spread ?? 0));
+  const columns = told.map((column) => {
+    const own = alikeSizes(column.map((v) => Math.abs(v ?? 0)));
+    return column.map((v, k) => alike([v], own[k] / 10, sizeOf(column))[0]);
+  });
   return model.methods.map((_, k) => {
-    const [value, ...pair] = written.splice(0, 1 + ends[k].length);
+    const [value, ...pair] = alike(values[k], sizes[k], sizeOf(values.flat()));
     const band = pair.length > 0 ? pair.join(" to ") : "–";
     return [value, ...columns.map((texts) => texts[k]), ...(banded ? [band] : [])];
   });

@@ -24,11 +24,12 @@ export function formatNumber(value, spread = 0) {
 
 /**
  * Write numbers of one quantity with the same digits behind the point, so many as show a hundredth of its spread;
- * what is far below that is zero. Very small and very large ones have a power of ten each, as `formatNumber` writes it.
+ * what is far below that is zero. Very small and very large ones have a power of ten each, as `formatNumber` writes it;
+ * whether they are is decided by the largest of them, or that of others (`most`).
  */
-export function alike(values, spread) {
+export function alike(values, spread, most = 0) {
   const known = values.filter((v) => Number.isFinite(v) && v !== null);
-  const largest = Math.max(...known.map(Math.abs), spread || 0);
+  const largest = Math.max(...known.map(Math.abs), spread || 0, most);
   if (!(spread > 0) || !(largest >= 1e-3 && largest < 1e10)) {
     const floor = 1e-4 * (spread || 0);
     return values.map((v) => formatNumber(v !== null && Math.abs(v) < floor ? 0 : v, spread || 0));
