@@ -86,7 +86,10 @@ class Notebook:
 
         from rich.console import Console
 
-        console = Console(file=io.StringIO(), record=True, width=WIDTH, force_terminal=True, legacy_windows=False)
+        # rich shows what it prints in a notebook by itself, besides
+        console = Console(
+            file=io.StringIO(), record=True, width=WIDTH, force_terminal=True, force_jupyter=False, legacy_windows=False
+        )
         console.print(self.board.table(self.last, WIDTH))
         # the colours of the text and of its ground are the notebook's
         table = console.export_html(inline_styles=True, code_format="<code>{code}</code>")

@@ -29,12 +29,14 @@ from uqmbd.report.html import write_report
 from uqmbd.report.installed import installed_sections
 from uqmbd.report.live import chart_html
 from uqmbd.report.mechanisms import animate, mechanism, motion, poses, with_motion
+from uqmbd.report.notebook import Shown, load_ipython_extension, show, unload_ipython_extension
 from uqmbd.report.sections import Section
 
 __all__ = [
     "Band",
     "Curve",
     "Section",
+    "Shown",
     "animate",
     "arrange",
     "axes_grid",
@@ -50,17 +52,20 @@ __all__ = [
     "histograms",
     "inputs",
     "installed_sections",
+    "load_ipython_extension",
     "mechanism",
     "motion",
     "order_convergence",
     "over_output",
     "poses",
     "scalar_densities",
+    "show",
     "sobol_indices",
     "split_pattern",
     "std_over_time",
     "style",
     "time_history_histogram",
+    "unload_ipython_extension",
     "verification",
     "violated_by",
     "with_motion",

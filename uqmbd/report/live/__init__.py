@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from uqmbd.report.live.cell import cell_html
 from uqmbd.report.live.chart_data import MOST_TIMES, bands_data
 from uqmbd.report.live.curve_chart import chart_html
 from uqmbd.report.live.packing import json_script, packed, unpacked
@@ -14,6 +15,7 @@ __all__ = [
     "MOST_TIMES",
     "PageScripts",
     "bands_data",
+    "cell_html",
     "chart_html",
     "joined_modules",
     "json_script",

@@ -17,7 +17,7 @@ from uqmbd.results import choose_reference
 from uqmbd.results.comparison import STILL
 from uqmbd.wording import format_count
 
-__all__ = ["FULL", "OUTPUTS", "chart_content", "most_uncertain", "ranked"]
+__all__ = ["FULL", "OUTPUTS", "bands_chart", "chart_content", "most_uncertain", "ranked"]
 
 DENSITIES = 6
 """Most methods whose densities are drawn in one figure."""
@@ -93,18 +93,8 @@ def _output(result: StudyResult, name: str, whole: bool) -> Content:
     every = {label: method.node for label, method in result.holders(name).items()}
     holders = shown_methods(every)
     shown = [result.methods[label] for label in holders]
-    lower = " Of a surrogate with several orders, only the highest is drawn." if len(holders) < len(every) else ""
     first = shown[0]
-    drawn: list[Content] = [
-        image(
-            lambda: figures.bands(holders, name),
-            f"Mean of {name} over time, with the bands that hold 50 % and 95 % of the realisations. "
-            + in_words(first, name),
-            "How it moves: the mean, and the bands in which 50 % and 95 % of the realisations lie." + lower,
-            f"{name}-bands",
-        )
-        | chart_content(holders, name, result.limits_of(name))
-    ]
+    drawn: list[Content] = [bands_chart(result, name)]
     over = result.over.get(name, "")
     if over and all(over in method.histories for method in shown):
         drawn.append(_over(holders, name, over))
@@ -177,6 +167,20 @@ def _output(result: StudyResult, name: str, whole: bool) -> Content:
         "words": " ".join(filter(None, words)),
         "numbers": numbers(first, name),
     }
+
+
+def bands_chart(result: StudyResult, name: str) -> Content:
+    """Return the figure of an output's mean and bands over time, and the data of the chart that stands for it."""
+    every = {label: method.node for label, method in result.holders(name).items()}
+    holders = shown_methods(every)
+    lower = " Of a surrogate with several orders, only the highest is drawn." if len(holders) < len(every) else ""
+    return image(
+        lambda: figures.bands(holders, name),
+        f"Mean of {name} over time, with the bands that hold 50 % and 95 % of the realisations. "
+        + in_words(result.methods[next(iter(holders))], name),
+        "How it moves: the mean, and the bands in which 50 % and 95 % of the realisations lie." + lower,
+        f"{name}-bands",
+    ) | chart_content(holders, name, result.limits_of(name))
 
 
 def chart_content(holders: Mapping[str, xr.DataTree], name: str, limits: Mapping[str, float]) -> Content:

@@ -1,0 +1,19 @@
+// An output of a notebook: its charts, with a style and a time of their own, beside other outputs on the same page.
+
+import { startCharts } from "./charts.js";
+import { ownTime } from "./time_bus.js";
+
+/** Make the output with this mark alive; one that is shown twice is told apart by what has begun already. */
+export function startCell(mark, style) {
+  const places = document.querySelectorAll(`.uqmbd-cell[data-mark="${mark}"]`);
+  const place = Array.from(places).find((one) => one.shadowRoot === null);
+  if (place === undefined) return;
+  ownTime();
+  const content = document.createElement("div");
+  content.className = "cell";
+  content.append(...place.childNodes);
+  const sheet = document.createElement("style");
+  sheet.textContent = style;
+  place.attachShadow({ mode: "open" }).append(sheet, content);
+  startCharts(content);
+}

@@ -1,0 +1,118 @@
+"""Charts of notebooks: those of the report, in outputs that bring their scripts."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from html import escape
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from uqmbd.wording import format_integer
+
+if TYPE_CHECKING:
+    from uqmbd.propagation import Study
+    from uqmbd.report.view import StudyResult
+    from uqmbd.results import PolynomialChaos
+
+__all__ = ["alive", "motion_charts", "output_charts", "surrogate_charts"]
+
+
+OPEN = 3
+"""Charts that are seen at once; others are folded."""
+
+MOST = 6
+"""Charts of the motion of a study; there may be many outputs."""
+
+SAMPLES = 2048
+"""Samples of a surrogate for the bands of its charts: enough for what an eye can tell."""
+
+LARGE = 50_000
+"""Bodies times output times of a study from which on it does not compute its motion merely to be shown."""
+
+
+def alive(fragment: str) -> str:
+    """Add the scripts, where there is a chart."""
+    from uqmbd.report.drawing import CHARTED
+    from uqmbd.report.live import cell_html
+    from uqmbd.report.sections import environment
+
+    if CHARTED not in fragment:
+        return fragment
+    return cell_html(fragment, environment().get_template("cell.css.j2").render())
+
+
+def output_charts(result: StudyResult, names: Sequence[str]) -> str:
+    """Draw means and bands of some outputs over time, by all methods."""
+    from uqmbd.report.drawing import image_html
+    from uqmbd.report.sections import bands_chart
+
+    found = [(name, bands_chart(result, name)) for name in names]
+    return _folded([(name, image_html(one, one.pop("chart", ""))) for name, one in found])
+
+
+def _folded(charts: Sequence[tuple[str, str]]) -> str:
+    return "".join(
+        f"<details{' open' * (k < OPEN)}><summary>{escape(name)}</summary>{html}</details>"
+        for k, (name, html) in enumerate(charts)
+    )
+
+
+def surrogate_charts(chaos: PolynomialChaos) -> str:
+    """Draw means and bands of a surrogate's outputs over time."""
+    return "" if chaos.labels.times is None else _noted("Its outputs over time", lambda: _of_surrogate(chaos))
+
+
+def _of_surrogate(chaos: PolynomialChaos) -> str:
+    from uqmbd.report.sections import most_uncertain
+    from uqmbd.report.view import StudyResult
+    from uqmbd.results import propagator_node, study_tree
+
+    statistics = chaos.statistics(samples=SAMPLES)
+    node = propagator_node("surrogate", statistics, propagator="surrogate", realisations=SAMPLES, wall_time=0.0)
+    result = StudyResult.of(study_tree([node], study="", mechanism=""))
+    count = int(statistics["quantile"].attrs.get("samples", SAMPLES))
+    said = f"<p>Bands are those of {format_integer(count)} samples of the surrogate.</p>"
+    return output_charts(result, most_uncertain(result)) + said
+
+
+def motion_charts(study: Study) -> str:
+    """Draw the outputs of a study over time, at the means of its inputs."""
+    if len(study.times) < 2 or not study.mechanism.outputs:
+        return ""
+    if len(study.times) * len(study.mechanism.bodies) > LARGE:
+        return (
+            "<p>It is large: its motion at the means of the inputs is not computed for this. uqmbd.simulate does.</p>"
+        )
+    return _noted("The motion at the means of the inputs", lambda: _nominal(study))
+
+
+def _nominal(study: Study) -> str:
+    import warnings
+
+    from uqmbd.propagation import simulate
+    from uqmbd.report.figures import Curve
+    from uqmbd.report.live import chart_html
+
+    with warnings.catch_warnings():
+        # a run tells them
+        warnings.simplefilter("ignore")
+        motion = simulate(
+            study.mechanism, study.times, rtol=study.rtol, integrator=study.integrator, start=study.start, check=False,
+            max_step=study.max_step if np.isfinite(study.max_step) else None, breaks=study.breaks,
+        )  # fmt: skip
+    charts = []
+    for name in [x for x in study.mechanism.outputs if x in motion and motion[x].dims == ("time",)][:MOST]:
+        curve = Curve("at the means of the inputs", motion[name].values)
+        alt = f"{name} over time, at the means of the inputs."
+        units = str(motion[name].attrs.get("units", ""))
+        charts.append((name, chart_html(name, study.times, [curve], alt, "At the means of the inputs.", units=units)))
+    return _folded(charts)
+
+
+def _noted(what: str, make: Callable[[], str]) -> str:
+    """Return what can be made, or a note in its place: tables stand without it."""
+    try:
+        return make()
+    except Exception as error:  # noqa: BLE001 - to show an object must not fail
+        return f"<p>{escape(what)} cannot be drawn: {escape(f'{type(error).__name__}: {error}')}</p>"
