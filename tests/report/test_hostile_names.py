@@ -22,7 +22,7 @@ from uqmbd import report, results
 from uqmbd.cli.compare import show_comparison
 from uqmbd.cli.tables import show_summary
 from uqmbd.report import figures
-from uqmbd.report.notebook import chaos_html, mechanism_html, study_html
+from uqmbd.report.notebook import chaos_html, mechanism_html, result_html, study_html
 from uqmbd_collocation import Collocation
 from uqmbd_joints import Revolute
 from uqmbd_montecarlo import MonteCarlo
@@ -223,6 +223,8 @@ def test_notebooks_show_hostile_names(stored: tuple[xr.DataTree, Path], study: u
         mechanism_html(study.mechanism): [HOSTILE["rich"], HOSTILE["emoji"], HOSTILE["mathematics"]],
         study_html(study): [HOSTILE["attribute"], HOSTILE["underscore"]],
         chaos_html(chaos): [HOSTILE["script"], HOSTILE["template"]],
+        result_html(tree): [HOSTILE["attribute"]],
+        result_html(tree, [HOSTILE["script"], HOSTILE["json"]]): [HOSTILE["script"], HOSTILE["json"]],
     }
     for page, names in pages.items():
         assert "cannot be drawn" not in page

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import builtins
 import re
 import sys
 import types
@@ -10,8 +11,10 @@ from html.parser import HTMLParser
 import chaospy
 import numpy as np
 import pytest
+import xarray as xr
 
 import uqmbd
+from uqmbd import report
 from uqmbd.progress import Lines, Notebook, Silent, told
 from uqmbd.results import PolynomialChaos
 from uqmbd_collocation import Collocation
@@ -94,6 +97,70 @@ def test_chaos(study):
     assert set(chaos.verdicts()) <= set(page.texts)
 
 
+STATIC = re.compile(r"<script.*?</script>", re.DOTALL)
+
+
+def charts(html):
+    """Count the charts of an output, and check that each has a picture that stands without scripts."""
+    still = STATIC.sub("", html)
+    assert html.count('<figure class="charted"><img src="data:image/svg+xml') == still.count("<figure")
+    assert all(image["src"].startswith("data:image/") for image in Page(still).images)
+    return still.count('<figure class="charted">')
+
+
+def test_studies_and_chaoses_have_charts(study):
+    assert charts(study._repr_html_()) == 1
+    tree = study.propagate(study.propagators[1])
+    assert charts(PolynomialChaos.from_dataset(tree["chaos"])._repr_html_()) == 1
+    assert charts(report.show(study).html) == 1 and charts(report.show(study.mechanism).html) == 0
+
+
+def test_a_study_that_cannot_move_says_so(study):
+    mechanism = uqmbd.Mechanism("m", uqmbd.Translational())
+    stone = mechanism.body("stone", mass=1)
+    mechanism.output("x", uqmbd.t / (uqmbd.t - 0.5) + stone.position[0])
+    page = Page(uqmbd.Study("s", mechanism, [0.0, 0.5, 1.0], [])._repr_html_())
+    assert "The motion at the means of the inputs cannot be drawn" in "".join(page.texts)
+    large = study.with_times(np.linspace(0, 1, 60_000))
+    assert "It is large" in large._repr_html_() and charts(large._repr_html_()) == 0
+
+
+def test_results_are_shown(study):
+    tree = study.run()
+    shown = report.show(tree)
+    assert charts(shown.html) == 1 and shown._repr_html_() == shown.html
+    for text in ("swing – results", "monte-carlo", "collocation", "20"):
+        assert text in Page(shown.html).texts, text
+    assert charts(report.show(tree["collocation"], ["tip"]).html) == 1
+    assert charts(report.show(tree, []).html) == 0
+    for given, said in (([tree, ["tap"]], "'tap'"), ([tree, "tip"], "'tip'"), ([study, ["tip"]], "only results have")):
+        with pytest.raises(uqmbd.StudyError, match=said):
+            report.show(*given)
+    with pytest.raises(uqmbd.StudyError, match="a float; expected the result"):
+        report.show(1.0)
+    with pytest.raises(uqmbd.StudyError, match="no method"):
+        report.show(xr.DataTree())
+
+
+def test_what_went_wrong_is_shown(study):
+    tree = study.run()
+    tree.attrs["failed"] = '{"galerkin": "no <memory>"}'
+    assert "There are no results of galerkin: no <memory>" in Page(report.show(tree).html).texts
+
+
+def test_a_session_that_asks_for_it_shows_results_by_themselves(study):
+    known = {}
+    formatter = types.SimpleNamespace(for_type=known.__setitem__, pop=known.pop)
+    session = types.SimpleNamespace(display_formatter=types.SimpleNamespace(formatters={"text/html": formatter}))
+    report.load_ipython_extension(session)
+    tree = study.run()
+    assert known[xr.DataTree](tree) == report.show(tree).html
+    other = xr.DataTree(xr.Dataset({"a": 1}))
+    assert "uqmbd-cell" not in known[xr.DataTree](other) and "xarray" in known[xr.DataTree](other)
+    report.unload_ipython_extension(session)
+    assert not known
+
+
 class Display:
     """Stands for IPython.display: remembers what each cell output showed."""
 
@@ -128,6 +195,16 @@ def test_a_notebook_shows_progress_by_itself(study, display):
     assert "monte-carlo" in first[0] and "20" in first[0]
     last = re.sub("<[^>]*>", "", display.shown[0][-1])
     assert re.search("monte-carlo +━+ +20 ", last), last
+
+
+def test_rich_itself_shows_nothing(study, display, monkeypatch):
+    """In a notebook rich shows by itself what it prints: the table would stand there once for each of its changes."""
+    shell = type("ZMQInteractiveShell", (), {"kernel": object()})()
+    monkeypatch.setattr(builtins, "get_ipython", lambda: shell, raising=False)
+    shown = []
+    monkeypatch.setattr("rich.jupyter.display", lambda *given: shown.append(given))
+    Notebook().start("a", 10)
+    assert len(display.shown) == 1 and not shown
 
 
 def test_a_bar_changes_in_place_and_not_too_often(display):
