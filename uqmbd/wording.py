@@ -326,7 +326,7 @@ def format_probability(value: float) -> str:
     Examples
     --------
     >>> [format_probability(p) for p in (0.0, 2.834e-2, 5.97e-3, 3.2e-7, 0.9912, 1.0, float("nan"))]
-    ['0', '2.8 %', '0.6 %', '3.2 × 10⁻⁷', '99.1 %', '100 %', 'not known']
+    ['0', '2.8 %', '0.60 %', '3.2 × 10⁻⁷', '99.1 %', '100 %', 'not known']
     """
     if not math.isfinite(value):
         return "not known"
@@ -335,7 +335,7 @@ def format_probability(value: float) -> str:
     if value < 1e-4:
         return format_number(float(f"{value:.1e}"))
     digits = 2 if value < 0.9 else 3 if value < 0.999 else 4
-    return f"{100 * value:.{digits}g} %"
+    return f"{100 * value:.{max(digits - 1 - math.floor(math.log10(100 * value)), 0)}f} %"
 
 
 def format_interval(value: float, lower: float, upper: float) -> str:
@@ -344,7 +344,7 @@ def format_interval(value: float, lower: float, upper: float) -> str:
     Examples
     --------
     >>> format_interval(0.02, 0.012, 0.031), format_interval(0.0, 0.0, 0.00597), format_interval(0.1, 0.0, 1.0)
-    ('2 % (1.2 % to 3.1 %)', '0 (at most 0.6 %)', '10 % (may be anything)')
+    ('2.0 % (1.2 % to 3.1 %)', '0 (at most 0.60 %)', '10 % (may be anything)')
     """
     if lower <= 0 and upper >= 1 and not math.isfinite(value):
         return "not known"
@@ -357,7 +357,7 @@ def format_interval_ends(lower: float, upper: float) -> str:
     Examples
     --------
     >>> format_interval_ends(0.012, 0.031), format_interval_ends(0.0, 0.00597), format_interval_ends(0.0, 1.0)
-    ('1.2 % to 3.1 %', 'at most 0.6 %', 'may be anything')
+    ('1.2 % to 3.1 %', 'at most 0.60 %', 'may be anything')
     """
     if lower <= 0 and upper >= 1:
         return "may be anything"

@@ -67,7 +67,7 @@ def node(probability, lower, upper):
 def test_methods_that_contradict_each_other_are_named():
     nodes = {"one": node(0.02, 0.01, 0.03), "other": node(0.05, 0.04, 0.06), "third": node(0.03, 0.0, 0.2)}
     assert differing(nodes) == [
-        "one and other contradict each other on 'overload': 2 % (1 % to 3 %) and 5 % (4 % to 6 %)"
+        "one and other contradict each other on 'overload': 2.0 % (1.0 % to 3.0 %) and 5.0 % (4.0 % to 6.0 %)"
     ]
     assert len(unmet(nodes, 0.1)) == 1 and "third" in unmet(nodes, 0.1)[0] and not unmet(nodes, 0.2)
 

@@ -16,7 +16,7 @@ from uqmbd.report.view import Method, StudyResult
 from uqmbd.results import answers
 from uqmbd.results.comparison import STILL
 from uqmbd.typing import Array
-from uqmbd.wording import format_interval_ends, format_number, format_probability, format_quantity
+from uqmbd.wording import format_cells, format_interval_ends, format_probability, format_quantity
 
 __all__ = ["asked", "in_view"]
 
@@ -120,12 +120,10 @@ def _extremes(data: xr.Dataset, units: str) -> Content:
     (low, high), _, what = band_edges(data)
     times = np.asarray(data["time"].values, dtype=float)
     ends = [_at(low, times, np.nanargmin), _at(high, times, np.nanargmax)]
-    scale = max(abs(value) for value, _ in ends)
-    # what is rounding beside the other end is zero
-    shown = [0.0 if abs(value) < 1e-9 * scale else value for value, _ in ends]
+    shown = [value for value, _ in ends]
     return {
-        "low": format_number(shown[0]),
-        "high": format_quantity(shown[1], units),
+        "low": str(format_cells(shown)[0]),
+        "high": str(format_cells(shown, units)[1]),
         "low_at": f"{ends[0][1]:.4g} s",
         "high_at": f"{ends[1][1]:.4g} s",
         "what": what,
@@ -159,5 +157,5 @@ def _of_scalar(method: Method, name: str) -> Content:
     return {
         "mean": format_quantity(float(data["mean"]), units),
         "spread": format_quantity(float(data["std"]), units),
-        "interval": f"{format_number(ends[0])} to {format_quantity(ends[1], units)}" if known else "unknown",
+        "interval": f"{format_cells(ends)[0]} to {format_cells(ends, units)[1]}" if known else "unknown",
     }

@@ -69,7 +69,7 @@ def answers(nodes: Mapping[str, xr.DataTree]) -> dict[str, dict[str, Answer]]:
     >>> data = requirements_dataset(["overload"], violation_probability=[0.02], lower=[0.01], upper=[0.04])
     >>> found = answers({"mine": xr.DataTree.from_dict({"requirements": data})})
     >>> found["overload"]["mine"].words
-    '2 % (1 % to 4 %)'
+    '2.0 % (1.0 % to 4.0 %)'
     """
     found: dict[str, dict[str, Answer]] = {}
     for label, data in _data(nodes).items():
