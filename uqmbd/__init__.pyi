@@ -42,6 +42,7 @@ from .mechanism import Line as Line
 from .mechanism import Local as Local
 from .mechanism import MassProperties as MassProperties
 from .mechanism import Mechanism as Mechanism
+from .mechanism import NamedFrame as NamedFrame
 from .mechanism import Omission as Omission
 from .mechanism import Omissions as Omissions
 from .mechanism import Parameter as Parameter
@@ -51,6 +52,7 @@ from .mechanism import Requirement as Requirement
 from .mechanism import Separation as Separation
 from .mechanism import Spatial as Spatial
 from .mechanism import Translational as Translational
+from .mechanism import TypedComponent as TypedComponent
 from .mechanism import Upright as Upright
 from .mechanism import VelocityConstraint as VelocityConstraint
 from .mechanism import VirtualWork as VirtualWork

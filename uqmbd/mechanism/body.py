@@ -20,12 +20,12 @@ from uqmbd.mechanism.components import (
     Term,
 )
 from uqmbd.mechanism.geometry import Frame, NamedFrame, Space
-from uqmbd.randomness import Symbolic
+from uqmbd.randomness import Symbol, Symbolic
 
 __all__ = ["Body", "Ground", "StateSymbol"]
 
 
-class StateSymbol(Symbolic, sympy.Symbol):
+class StateSymbol(Symbolic, Symbol):
     """A coordinate, rate or acceleration of a body in output expressions."""
 
     owner: Any

@@ -12,7 +12,7 @@ from uqmbd.errors import StudyError
 from uqmbd.mechanism.components import Auxiliary, Component, Local
 from uqmbd.mechanism.expressions import flatten, numbers, shown
 from uqmbd.names import check_name, check_units, checked, did_you_mean
-from uqmbd.randomness import RandomVariable, Symbolic
+from uqmbd.randomness import RandomVariable, Symbol, Symbolic
 
 __all__ = ["Controller", "HeldStates", "HeldSymbol"]
 
@@ -20,7 +20,7 @@ Number = Any
 """A number, or an expression in random variables."""
 
 
-class HeldSymbol(Symbolic, sympy.Symbol):
+class HeldSymbol(Symbolic, Symbol):
     """A command, or a state, of a controller: constant from one sample to the next.
 
     Attributes

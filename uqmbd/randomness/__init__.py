@@ -24,7 +24,7 @@ from uqmbd.randomness.quadrature import (
 )
 from uqmbd.randomness.random_matrix import random_factor, random_root
 from uqmbd.randomness.space import GermBox, GermSpace, located
-from uqmbd.randomness.symbolic import Symbolic
+from uqmbd.randomness.symbolic import Symbol, Symbolic
 from uqmbd.randomness.tolerances import Toleranced, iso286, stated_tolerance, tolerance
 from uqmbd.randomness.variable import RandomVariable, random_vector, uniform_variable
 
@@ -36,6 +36,7 @@ __all__ = [
     "JointInput",
     "Quadrature",
     "RandomVariable",
+    "Symbol",
     "Symbolic",
     "TailMixture",
     "Toleranced",

@@ -13,7 +13,7 @@ import sympy
 
 from uqmbd.errors import StudyError
 from uqmbd.names import check_name, check_units, checked
-from uqmbd.randomness.symbolic import Symbolic
+from uqmbd.randomness.symbolic import Symbol, Symbolic
 from uqmbd.randomness.tolerances import stated_tolerance
 
 if TYPE_CHECKING:
@@ -40,7 +40,7 @@ class Joint:
         return tuple(RandomVariable._member(self, i) for i in range(len(self.names)))
 
 
-class RandomVariable(Symbolic, sympy.Symbol):
+class RandomVariable(Symbolic, Symbol):
     """A scalar that is not known exactly, usable in any SymPy expression.
 
     Parameters

@@ -190,12 +190,6 @@ def test_choice_may_be_anything_that_compares_oddly(plane):
     refused(lambda: plane.add(Torque("T", plane.bodies["rod"], 1, frame=np.zeros(3))), "expected one of")
 
 
-def test_signature_is_what_help_shows():
-    import inspect
-
-    assert list(inspect.signature(Fixed).parameters) == ["name", "body_i", "body_j", "point_i", "point_j", "rotation"]
-
-
 def test_parameter_reads_as_its_declaration_on_the_class():
     assert Revolute.point_i.units == "m" and Revolute.parameters()["point_i"] is Revolute.point_i
 

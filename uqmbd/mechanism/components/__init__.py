@@ -26,6 +26,7 @@ from uqmbd.mechanism.components.parameter import range_text
 from uqmbd.mechanism.components.parameter_values import settle, stated_in_bodies
 from uqmbd.mechanism.components.reaction import Loaded
 from uqmbd.mechanism.components.turn_counting import counted_angle, half_angle
+from uqmbd.mechanism.components.typed import TypedComponent
 from uqmbd.mechanism.components.user_law import law_at, law_values
 
 __all__ = [
@@ -46,6 +47,7 @@ __all__ = [
     "ReactionSymbol",
     "Separation",
     "Term",
+    "TypedComponent",
     "Upright",
     "VelocityConstraint",
     "VirtualWork",

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Iterable, Mapping
 from typing import Any, ClassVar
 
 import sympy
 
 from uqmbd.errors import StudyError
-from uqmbd.mechanism.components.declaration import python_signature, require_declared
+from uqmbd.mechanism.components.declaration import declare
 from uqmbd.mechanism.components.joint_motion import (
     JointAngle,
     JointDisplacement,
@@ -36,6 +37,7 @@ from uqmbd.mechanism.components.world_pose import KEYWORDS, replaced
 from uqmbd.mechanism.expressions import EventTime, flatten
 from uqmbd.mechanism.geometry import (
     Frame,
+    Matrix,
     NamedFrame,
     Planar,
     Space,
@@ -66,12 +68,6 @@ __all__ = [
     "flatten",
 ]
 
-
-SYMBOLS = (
-    "ball", "coil", "contact", "cylinder", "damper", "driver", "force", "hinge", "line", "plane", "rod", "skate",
-    "slide", "spring", "torque", "universal", "weld", "wheel",
-)  # fmt: skip
-"""How figures can draw a component."""
 
 APART = 1e-12
 """Distance of two points on a line, relative to their places (m), up to which they are at one place."""
@@ -120,9 +116,11 @@ class Component:
     drawn_by: ClassVar[tuple[str, ...]] = ("at", "axis")
     spaces: ClassVar[tuple[type[Space], ...]] = (Spatial, Planar, Translational)
     symbol: ClassVar[str] = ""
-    """How figures draw it, one of `SYMBOLS`; empty: by the kinds of its parameters, and where it attaches."""
+    """How figures draw it, as the error on an unknown one lists; empty: by its parameters, and where it attaches."""
     prescribed_angle: ClassVar[str] = ""
     """Parameter that is the angle of `body_j` relative to `body_i`, of a driver that counts turns."""
+    __signature__: ClassVar[inspect.Signature]
+    """The arguments, annotated with types, units and descriptions, as `help` tells them."""
     settled = 0
     """How often its parameters got values; 0: it is no part of a mechanism yet."""
     stating = False
@@ -201,12 +199,7 @@ class Component:
 
     def __init_subclass__(cls, **keywords: Any) -> None:
         super().__init_subclass__(**keywords)
-        if cls.symbol and cls.symbol not in SYMBOLS:
-            known = ", ".join(map(repr, SYMBOLS))
-            raise StudyError(f"{cls.__name__}: symbol is {cls.symbol!r}; expected one of {known}.")
-        require_declared(cls.__name__, cls.bodies, cls.parameters())
-        # what help() shows
-        cls.__signature__ = python_signature(cls.bodies, cls.grounded, cls.parameters())  # type: ignore[attr-defined]  # for help()
+        declare(cls)
 
     def prepare(self) -> Mapping[str, Any]:
         """Return further parameters, computed from the given ones (`self.point_i` and so on).
@@ -263,7 +256,7 @@ class Component:
 
     # -- outputs -----------------------------------------------------------------------------------------------------
     @property
-    def reaction_force(self) -> sympy.Matrix:
+    def reaction_force(self) -> Matrix:
         """Force exerted on body j by body i, world axes, N: a column of symbols for outputs."""
         return sympy.Matrix([ReactionSymbol(self, "reaction_force", k) for k in range(self._space().dimension)])
 
@@ -308,7 +301,9 @@ class Component:
         return EventTime(self, label, number)
 
     def __getattr__(self, name: str) -> Any:
-        """Motion that the component tells: expressions for outputs, parameters and laws."""
+        """Motion that the component tells, expressions for outputs, parameters and laws; or one of its bodies."""
+        if name in type(self).bodies and "attached" in self.__dict__:
+            return self.attached[name]
         if hasattr(type(self), name):  # a property that is not there in this space
             return object.__getattribute__(self, name)
         if name.startswith("_") or "values" not in self.__dict__:

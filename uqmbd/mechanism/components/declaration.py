@@ -1,23 +1,57 @@
-"""What a class of components declares: checked when the class is made, and told to `help`."""
+"""What a class of components declares: checked when the class is made, and told to `help` and to editors."""
 
 from __future__ import annotations
 
 import inspect
+import re
+import sys
+import textwrap
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
+from typing import Any
 
 from uqmbd.errors import StudyError
 from uqmbd.mechanism.components.local import RESERVED
 from uqmbd.mechanism.components.parameter import Parameter
+from uqmbd.mechanism.components.world_pose import KEYWORDS, Declared, replaced
+from uqmbd.mechanism.geometry import NamedFrame
 
-__all__ = ["BEGUN", "python_signature", "require_declared"]
+__all__ = ["BEGUN", "declare", "require_annotated"]
 
 BEGUN = time.time()
 """When a component could be written first, s: code that is edited later may not be what runs."""
 
+SYMBOLS = (
+    "ball", "coil", "contact", "cylinder", "damper", "driver", "force", "hinge", "line", "plane", "rod", "skate",
+    "slide", "spring", "torque", "universal", "weld", "wheel",
+)  # fmt: skip
+"""How figures can draw a component."""
 
-def require_declared(name: str, bodies: Sequence[str], parameters: Mapping[str, Parameter]) -> None:
-    """Raise where parameters of the class of a name hide what `Local` offers, or speak of what there is not."""
+KINDS = {
+    "scalar": "number or expression",
+    "turning_axis": "axis",
+    "rotation": "quaternion or matrix; in the plane an angle",
+    "numbers": "numbers or expressions",
+    "option": "expression",
+}
+"""Kind of a parameter, in words where it is not one."""
+
+SECTION = re.compile(r"^[A-Z][A-Za-z ]+\n-{3,}$", re.MULTILINE)
+"""Heading of a section of a docstring."""
+
+
+def declare(component: type[Declared]) -> None:
+    """Check what a class declares, and write it into its signature and its docstring.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If its symbol is unknown, or parameters hide what `Local` offers, or speak of what there is not.
+    """
+    name, bodies, parameters = component.__name__, component.bodies, component.parameters()
+    if component.symbol and component.symbol not in SYMBOLS:
+        known = ", ".join(map(repr, SYMBOLS))
+        raise StudyError(f"{name}: symbol is {component.symbol!r}; expected one of {known}.")
     if hidden := sorted(RESERVED & parameters.keys()):
         raise StudyError(
             f"{name}: a parameter cannot be called {hidden[0]!r}: p.{hidden[0]} of terms() "
@@ -29,15 +63,117 @@ def require_declared(name: str, bodies: Sequence[str], parameters: Mapping[str, 
             if stated and stated not in there:
                 expected = ", ".join(map(repr, there)) or "nothing: there is none"
                 raise StudyError(f"{name}: parameter {key!r}: {word} is {stated!r}; expected {expected}.")
+    component.__signature__ = _signature(component)
+    if "__doc__" in vars(component) and component.__doc__:
+        component.__doc__ = _described(component, inspect.cleandoc(component.__doc__))
 
 
-def python_signature(
-    bodies: Sequence[str], grounded: Sequence[str], parameters: Mapping[str, Parameter]
-) -> inspect.Signature:
-    """Return the arguments of a class of components."""
-    kind = inspect.Parameter.POSITIONAL_OR_KEYWORD
-    parts = [inspect.Parameter(n, kind) for n in ("name", *bodies) if n not in grounded]
-    rest = sorted(parameters.items(), key=lambda item: not item[1].required)
-    parts += [inspect.Parameter(n, kind, default=inspect.Parameter.empty if p.required else p.default) for n, p in rest]
-    parts += [inspect.Parameter(n, inspect.Parameter.KEYWORD_ONLY, default=None) for n in grounded]
+def require_annotated(component: type[Declared]) -> None:
+    """Raise unless checkers of types see the arguments of a class as they are.
+
+    Raises
+    ------
+    uqmbd.StudyError
+        If a body or parameter has no annotation, something else has one, or the order is another one.
+    """
+    name, parameters = component.__name__, component.parameters()
+    seen: dict[str, Any] = {}
+    for base in reversed(component.__mro__):
+        seen.update({key: found for key, found in _annotations(base).items() if "ClassVar" not in str(found)})
+    expected = ["name", *component.bodies, *parameters]
+    for key in expected[1:]:
+        kind = f"uqmbd.Parameter[...] = {parameters[key]!r}" if key in parameters else "uqmbd.NamedFrame"
+        if key not in seen:
+            raise StudyError(f"{name}: {key!r} has no annotation, so that checkers of types pass it by: {key}: {kind}")
+    if component.grounded:
+        raise StudyError(
+            f"{name}: a body that may be left out is no field of a uqmbd.TypedComponent; derive from uqmbd.Component, "
+            "and state __init__ for checkers of types."
+        )
+    if list(seen) != expected:
+        raise StudyError(
+            f"{name}: checkers of types see the arguments ({', '.join(seen)}); expected ({', '.join(expected)}): "
+            "name, bodies, parameters. Give them in this order; annotate what is none of them by ClassVar."
+        )
+    late = ""
+    for key, parameter in parameters.items():
+        if late and parameter.required and not parameter.left_out:
+            raise StudyError(
+                f"{name}: {key!r} has no default and follows {late!r}, which has one; "
+                "put it first, or give it a default (of a turning_axis: default=())."
+            )
+        late = late if parameter.required and not parameter.left_out else key
+
+
+def _annotations(kind: type) -> Mapping[str, Any]:
+    if sys.version_info >= (3, 14):
+        import annotationlib
+
+        return annotationlib.get_annotations(kind, format=annotationlib.Format.STRING)
+    found: Mapping[str, Any] = vars(kind).get("__annotations__", {})
+    return found
+
+
+def _signature(component: type[Declared]) -> inspect.Signature:
+    """Return the arguments of a class of components; the annotation of a parameter is its declaration."""
+    grounded, empty = component.grounded, inspect.Parameter.empty
+    anywhere, by_name = inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.KEYWORD_ONLY
+    parts = [inspect.Parameter("name", anywhere, annotation=str)]
+    parts += [inspect.Parameter(x, anywhere, annotation=NamedFrame) for x in component.bodies if x not in grounded]
+    defaulted = False
+    for key, parameter in component.parameters().items():
+        default = () if parameter.kind == "turning_axis" else empty if parameter.required else parameter.default
+        defaulted = defaulted or default is not empty
+        # a signature has no argument by position that is required behind one that is not: by name it can be given
+        kind = by_name if (defaulted and default is empty) or parts[-1].kind is by_name else anywhere
+        parts.append(inspect.Parameter(key, kind, default=default, annotation=parameter))
+    optional = dict.fromkeys(grounded, NamedFrame) | _in_world(component)
+    parts += [inspect.Parameter(x, by_name, default=None, annotation=kind) for x, kind in optional.items()]
     return inspect.Signature(parts)
+
+
+def _in_world(component: type[Declared]) -> dict[str, Any]:
+    """Return what may be given in the world, as it would be declared."""
+    return {
+        word: Parameter(
+            "m" if word == "at" else "1",
+            f"in world axes, as drawn, instead of {' and '.join(names)}",
+            kind=component.parameters()[names[0]].kind,
+            default=None,
+        )
+        for word in KEYWORDS
+        if (names := replaced(component, word))
+    }
+
+
+def _described(component: type[Declared], text: str) -> str:
+    """Return a docstring with a section on the parameters, if it has none."""
+    if re.search(r"^Parameters\n-{3,}$", text, re.MULTILINE):
+        return text
+    lines = ["Parameters", "----------", "name : str", "    Unique in its mechanism."]
+    for body in component.bodies:
+        ground = "; left out: the ground" if body in component.grounded else ""
+        lines += [f"{body} : body of the mechanism, or its ground{ground}"]
+    for key, parameter in {**component.parameters(), **_in_world(component)}.items():
+        lines += [f"{key} : {_in_words(parameter)}", *_indented(_sentence(parameter))]
+    section = SECTION.search(text)
+    place = len(text) if section is None else section.start()
+    return "\n".join([text[:place].rstrip(), "", *lines, *(["", text[place:]] if section else [])])
+
+
+def _in_words(parameter: Parameter) -> str:
+    """Return type, units and default."""
+    words = ", ".join(x.__name__ if isinstance(x, type) else repr(x) for x in parameter.choices)
+    kind = f"{{{words}}}" if words else KINDS.get(parameter.kind, parameter.kind)
+    units = f" [{parameter.units}]" if parameter.units else ""
+    return f"{kind}{units}" + ("" if parameter.required else f", default {parameter.default!r}")
+
+
+def _sentence(parameter: Parameter) -> str:
+    """Return description and range."""
+    words = parameter.description[:1].upper() + parameter.description[1:]
+    return words + (f"; {parameter.range_text}." if parameter.ranged else "." * bool(words))
+
+
+def _indented(text: str) -> list[str]:
+    return textwrap.wrap(text, 110, initial_indent="    ", subsequent_indent="    ")

@@ -22,7 +22,7 @@ from uqmbd.mechanism.geometry import (
     relative_quaternion,
 )
 from uqmbd.names import did_you_mean
-from uqmbd.randomness import RandomVariable, Symbolic
+from uqmbd.randomness import RandomVariable, Symbol, Symbolic
 from uqmbd.wording import place_of
 
 __all__ = [
@@ -198,7 +198,7 @@ def _spin(frame: Frame) -> sympy.Matrix:
     return frame.space.angular_velocity(frame.quaternion, frame.quaternion_rate)
 
 
-class AngleSymbol(Symbolic, sympy.Symbol):
+class AngleSymbol(Symbolic, Symbol):
     """An angle that is counted over any number of turns, in outputs, parameters and laws.
 
     `owner` is the body or the component that it is of, `angle` what it is.

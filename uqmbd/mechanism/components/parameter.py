@@ -3,13 +3,20 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
-from typing import Any, Literal, Protocol
+from dataclasses import dataclass, field, fields
+from typing import TYPE_CHECKING, Any, Generic, Literal, NoReturn, Protocol, TypeVar, overload
 
 from uqmbd.errors import StudyError
 from uqmbd.mechanism.geometry import Space
 
 __all__ = ["Parameter", "range_text"]
+
+if TYPE_CHECKING:
+    from typing_extensions import TypeVar as _TypeVar
+
+    Given = _TypeVar("Given", default=Any)
+else:
+    Given = TypeVar("Given")
 
 _REQUIRED: Any = type("Required", (), {"__repr__": lambda self: "required"})()
 
@@ -19,14 +26,18 @@ Kind = Literal["scalar", "point", "axis", "turning_axis", "vector", "moment", "r
 class _Owner(Protocol):
     """What has values for its parameters: a component."""
 
+    name: str
     stating: bool
     values: dict[str, Any]
     read: set[str]
 
 
-@dataclass(frozen=True)
-class Parameter:
+@dataclass(frozen=True, repr=False)
+class Parameter(Generic[Given]):
     """A declared number, vector or option of a component.
+
+    ``x: uqmbd.Parameter[Quantity] = uqmbd.Parameter(...)`` in a `uqmbd.TypedComponent` tells editors and checkers of
+    types what is given for it; to a program it is the same without an annotation.
 
     Parameters
     ----------
@@ -40,7 +51,8 @@ class Parameter:
         plane); ``rotation`` (quaternion or matrix); ``numbers`` (a row of as many as are given); ``option`` (anything
         that is no number, handed through as it is).
     default : object
-        Value when left out; required without it.
+        Value when left out; required without it.  Of a ``turning_axis`` ``default=()`` says to checkers of types that
+        it may be left out, which is so in the plane; in space it is required all the same.
     choices : tuple
         Allowed values of an option; a type stands for all its objects.
     example : object
@@ -66,8 +78,8 @@ class Parameter:
 
     Examples
     --------
-    >>> Parameter("N/m", "spring rate").units
-    'N/m'
+    >>> Parameter("N/m", "spring rate", default=0)
+    Parameter('N/m', 'spring rate', default=0)
     >>> Parameter("m", "length", minimum=0, exclusive=True).range_text
     'more than 0'
     """
@@ -113,7 +125,17 @@ class Parameter:
     def __set_name__(self, owner: type, name: str) -> None:
         object.__setattr__(self, "name", name)
 
-    def __get__(self, instance: _Owner | None, owner: type) -> Any:  # noqa: ANN401 - the value as it was given
+    def __repr__(self) -> str:
+        stated = {x.name: getattr(self, x.name) for x in fields(self) if x.name not in ("units", "description", "name")}
+        usual = {x.name: x.default for x in fields(self)}
+        words = [f"{key}={value!r}" for key, value in stated.items() if value is not usual[key]]
+        return f"Parameter({', '.join([repr(self.units), repr(self.description), *words])})"
+
+    @overload
+    def __get__(self, instance: None, owner: type) -> Parameter[Given]: ...
+    @overload
+    def __get__(self, instance: _Owner, owner: type) -> Any: ...
+    def __get__(self, instance: _Owner | None, owner: type) -> Any:
         if instance is None:
             return self
         if instance.stating and self.kind != "option":
@@ -124,10 +146,28 @@ class Parameter:
         instance.read.add(self.name)
         return instance.values[self.name]
 
+    def __set__(self, instance: _Owner, value: Given) -> NoReturn:
+        """Refuse: a value that is given later would not reach the equations.
+
+        Raises
+        ------
+        uqmbd.StudyError
+            Always.
+        """
+        raise StudyError(
+            f"{type(instance).__name__} {instance.name!r}: {self.name} is given when the component is made and stays; "
+            "make another component, or give an expression in random variables or in uqmbd.t."
+        )
+
     @property
     def required(self) -> bool:
-        """Whether there is no default."""
-        return self.default is _REQUIRED
+        """Whether there is no default where it makes sense."""
+        return self.default is _REQUIRED or self.left_out
+
+    @property
+    def left_out(self) -> bool:
+        """Whether checkers of types let it be left out, which is an error in space: a turning axis with ``()``."""
+        return self.kind == "turning_axis" and isinstance(self.default, tuple) and not self.default
 
     @property
     def ranged(self) -> bool:

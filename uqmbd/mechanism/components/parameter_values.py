@@ -98,7 +98,7 @@ def _value(where: str, key: str, parameter: Parameter, value: Any, space: Space,
         _require_usable(where, key, value)
         return value
     if parameter.kind == "turning_axis" and size == 0:
-        if stated and value is not None:
+        if stated and value is not None and flatten(value):
             raise StudyError(
                 f"{where}: {key} is given; in the plane everything turns about the same axis, so leave it out."
             )

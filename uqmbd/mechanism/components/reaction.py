@@ -6,7 +6,7 @@ from typing import Any, Protocol
 
 import sympy
 
-from uqmbd.randomness import Symbolic
+from uqmbd.randomness import Symbol, Symbolic
 
 __all__ = ["Loaded", "PlaneReaction", "ReactionSymbol"]
 
@@ -17,7 +17,7 @@ class Loaded(Protocol):
     name: str
 
 
-class ReactionSymbol(Symbolic, sympy.Symbol):
+class ReactionSymbol(Symbolic, Symbol):
     """One number of a component's reaction, a placeholder in output expressions."""
 
     component: Loaded

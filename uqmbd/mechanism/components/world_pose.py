@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Mapping
 from typing import Any, ClassVar, Protocol
 
@@ -12,7 +13,7 @@ from uqmbd.mechanism.components.parameter import Parameter
 from uqmbd.mechanism.expressions import numbers, shown
 from uqmbd.mechanism.geometry import Frame, Space
 
-__all__ = ["KEYWORDS", "localised", "replaced"]
+__all__ = ["KEYWORDS", "Declared", "localised", "replaced"]
 
 KEYWORDS = {"at": "point", "axis": "axis"}
 """Argument that a component accepts -> beginning of the names of the parameters that it stands for."""
@@ -23,11 +24,23 @@ ROUNDING = 1e-15
 """Size, relative to the largest entry, below which an entry of a turned vector is rounding."""
 
 
-class _Drawn(Protocol):
-    """What may be given in the world: a component."""
+class Declared(Protocol):
+    """What a class of components declares."""
 
     bodies: ClassVar[tuple[str, ...]]
+    grounded: ClassVar[tuple[str, ...]]
     drawn_by: ClassVar[tuple[str, ...]]
+    symbol: ClassVar[str]
+    __signature__: ClassVar[inspect.Signature]
+
+    @classmethod
+    def parameters(cls) -> dict[str, Parameter]:
+        """Return the declared parameters by name."""
+
+
+class _Drawn(Declared, Protocol):
+    """What may be given in the world: a component."""
+
     given: dict[str, Any]
     world_pose: dict[str, Any]
 
@@ -35,15 +48,12 @@ class _Drawn(Protocol):
     def attached(self) -> Mapping[str, Any]: ...
 
     @classmethod
-    def parameters(cls) -> dict[str, Parameter]: ...
-
-    @classmethod
     def body_of(cls, parameter: str) -> str: ...
 
     def drawn_frame(self, role: str) -> Frame: ...
 
 
-def replaced(component: type[_Drawn], keyword: str) -> list[str]:
+def replaced(component: type[Declared], keyword: str) -> list[str]:
     """Return the parameters that a pose in the world stands for: none where a component does not take it.
 
     Examples

@@ -9,12 +9,12 @@ import sympy
 from uqmbd.errors import StudyError
 from uqmbd.mechanism.expressions.computable import OwnFunction
 from uqmbd.mechanism.expressions.user_values import numbers
-from uqmbd.randomness import Symbolic
+from uqmbd.randomness import Symbol, Symbolic
 
 __all__ = ["step", "t"]
 
 
-class _Time(Symbolic, sympy.Symbol):
+class _Time(Symbolic, Symbol):
     """The time symbol; a class of its own, so that a user's symbol named ``t`` is never taken for it."""
 
     def __new__(cls) -> _Time:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import operator
-from typing import Any, Literal, get_args
+from typing import Any, Literal, Self, get_args
 
 import sympy
 
@@ -12,7 +12,7 @@ from uqmbd.mechanism.expressions.computable import Placeholder
 from uqmbd.mechanism.expressions.time import t
 from uqmbd.mechanism.expressions.user_values import flatten, shown
 from uqmbd.names import checked
-from uqmbd.randomness import RandomVariable, Symbolic
+from uqmbd.randomness import RandomVariable, Symbol, Symbolic
 
 __all__ = [
     "AtEquilibrium",
@@ -37,7 +37,7 @@ Part = Literal["real", "imaginary"]
 PARTS: tuple[Part, ...] = get_args(Part)
 
 
-class ScalarSymbol(Symbolic, sympy.Symbol):
+class ScalarSymbol(Symbolic, Symbol):
     """A number that a realisation has once, whatever the output times; the same for the same name.
 
     `quantity` says what it is (``frequency`` or ``damping_ratio`` of a mode), `number` of which mode, `at` about which
@@ -48,9 +48,9 @@ class ScalarSymbol(Symbolic, sympy.Symbol):
     number: int
     at: str
 
-    def __new__(cls, name: str, quantity: str, number: int = 0, at: str = "") -> ScalarSymbol:
+    def __new__(cls, name: str, quantity: str, number: int = 0, at: str = "") -> Self:
         """Name it, and remember what it stands for."""
-        self: ScalarSymbol = sympy.Symbol.__xnew__(cls, name, real=True)
+        self: Self = sympy.Symbol.__xnew__(cls, name, real=True)
         self.quantity, self.number, self.at = quantity, number, at
         return self
 
@@ -67,10 +67,9 @@ class MotionSymbol(ScalarSymbol):
     Integrators give it in ``Trajectories.scalars`` under its name.
     """
 
-    def __new__(cls, name: str) -> MotionSymbol:
+    def __new__(cls, name: str) -> Self:
         """Name it."""
-        self: MotionSymbol = super().__new__(cls, name, "motion")
-        return self
+        return super().__new__(cls, name, "motion")
 
 
 def event_name(component: str, label: str, number: int) -> str:
@@ -84,7 +83,7 @@ class EventTime(MotionSymbol):
     component: Any
     label: str
 
-    def __new__(cls, component: Any, label: str, number: int) -> EventTime:
+    def __new__(cls, component: Any, label: str, number: int) -> Self:
         """Name it, and remember what it is of."""
         self = super().__new__(cls, event_name(component.name, label, number))
         self.component, self.label = component, label

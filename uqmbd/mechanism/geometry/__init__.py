@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from uqmbd.mechanism.geometry.angles import angle_at_start, continued
 from uqmbd.mechanism.geometry.frame import Frame, NamedFrame
+from uqmbd.mechanism.geometry.matrix import Matrix
 from uqmbd.mechanism.geometry.quaternions import (
     aligned,
     joint_frames,
@@ -20,6 +21,7 @@ from uqmbd.mechanism.geometry.space import Line, Planar, Space, Spatial, Transla
 __all__ = [
     "Frame",
     "Line",
+    "Matrix",
     "NamedFrame",
     "Planar",
     "Space",

@@ -9,6 +9,7 @@ import sympy
 
 from uqmbd.errors import StudyError
 from uqmbd.mechanism.expressions import flatten, numbers, shown, unknown_symbol
+from uqmbd.mechanism.geometry.matrix import Matrix
 from uqmbd.mechanism.geometry.quaternions import quaternion_product
 from uqmbd.mechanism.geometry.space import Space
 from uqmbd.names import checked
@@ -55,52 +56,52 @@ class Frame:
         self._a = tuple(map(sympy.sympify, (0,) * space.size if a is None else a))
 
     @property
-    def position(self) -> sympy.Matrix:
+    def position(self) -> Matrix:
         """Position of the frame's origin."""
         return sympy.Matrix(self.q[: self.space.dimension])
 
     @property
-    def velocity(self) -> sympy.Matrix:
+    def velocity(self) -> Matrix:
         """Velocity of the frame's origin."""
         return sympy.Matrix(self.v[: self.space.dimension])
 
     @property
-    def acceleration(self) -> sympy.Matrix:
+    def acceleration(self) -> Matrix:
         """Acceleration of the frame's origin (outputs only)."""
         return sympy.Matrix(self._a[: self.space.dimension])
 
     @property
-    def quaternion(self) -> sympy.Matrix:
+    def quaternion(self) -> Matrix:
         """The unit quaternion, body to world, scalar first, a column; in the plane the half-angle pair."""
         return sympy.Matrix(self.q[self.space.dimension :])
 
     @property
-    def quaternion_rate(self) -> sympy.Matrix:
+    def quaternion_rate(self) -> Matrix:
         """Time derivative of the quaternion, a column."""
         return sympy.Matrix(self.v[self.space.dimension :])
 
     @property
-    def quaternion_acceleration(self) -> sympy.Matrix:
+    def quaternion_acceleration(self) -> Matrix:
         """Second time derivative of the quaternion, a column (outputs only)."""
         return sympy.Matrix(self._a[self.space.dimension :])
 
     @property
-    def rotation(self) -> sympy.Matrix:
+    def rotation(self) -> Matrix:
         """Rotation matrix, body to world."""
         return self.space.rotation(self.quaternion)
 
     @property
-    def angular_velocity(self) -> sympy.Matrix:
+    def angular_velocity(self) -> Matrix:
         """Angular velocity, world axes; in the plane a column of one number."""
         return self.space.angular_velocity(self.quaternion, self.quaternion_rate)
 
     @property
-    def body_angular_velocity(self) -> sympy.Matrix:
+    def body_angular_velocity(self) -> Matrix:
         """Angular velocity, body axes; in the plane a column of one number."""
         return self.space.body_angular_velocity(self.quaternion, self.quaternion_rate)
 
     @property
-    def angular_acceleration(self) -> sympy.Matrix:
+    def angular_acceleration(self) -> Matrix:
         """Angular acceleration, world axes (outputs only)."""
         return self._rate(self.angular_velocity)
 
@@ -110,26 +111,26 @@ class Frame:
         return quaternion_product(self.quaternion, local)
 
     @checked
-    def direction(self, local: Sequence[Any]) -> sympy.Matrix:
+    def direction(self, local: Sequence[Any]) -> Matrix:
         """Turn a vector from body axes to world axes."""
         return self.rotation * self._column(local, "direction", "vector")
 
     @checked
-    def point(self, local: Sequence[Any]) -> sympy.Matrix:
+    def point(self, local: Sequence[Any]) -> Matrix:
         """World position of a point given in the body frame."""
         return self.position + self.rotation * self._column(local, "point", "point")
 
     @checked
-    def point_velocity(self, local: Sequence[Any]) -> sympy.Matrix:
+    def point_velocity(self, local: Sequence[Any]) -> Matrix:
         """World velocity of a point fixed in the body, ``r' + d/dt(A c)``: quadratic in the quaternion."""
         return self._rate(self.point(local))
 
     @checked
-    def point_acceleration(self, local: Sequence[Any]) -> sympy.Matrix:
+    def point_acceleration(self, local: Sequence[Any]) -> Matrix:
         """World acceleration of a point fixed in the body (outputs only)."""
         return self._rate(self.point_velocity(local))
 
-    def _column(self, local: Any, method: str, kind: str) -> sympy.Matrix:
+    def _column(self, local: Any, method: str, kind: str) -> Matrix:
         """Return components as a column, or say that there are not as many as there are dimensions."""
         given = flatten(local)
         if len(given) != self.space.dimension or any(isinstance(x, (str, bytes)) for x in given):
@@ -140,7 +141,7 @@ class Frame:
             )
         return sympy.Matrix(numbers(f"{method}()", "its argument local", given, self.space.dimension))
 
-    def _rate(self, vector: sympy.Matrix) -> sympy.Matrix:
+    def _rate(self, vector: sympy.Matrix) -> Matrix:
         if self.is_ground:
             return vector * 0
         result = sympy.zeros(*vector.shape)
@@ -154,7 +155,7 @@ class NamedFrame(Frame):
 
     name: str
 
-    def _column(self, local: Any, method: str, kind: str) -> sympy.Matrix:
+    def _column(self, local: Any, method: str, kind: str) -> Matrix:
         column = super()._column(local, method, kind)
         for symbol in sorted(column.free_symbols, key=str):
             if not isinstance(symbol, Symbolic):

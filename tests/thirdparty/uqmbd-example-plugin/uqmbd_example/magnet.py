@@ -7,19 +7,23 @@ from collections.abc import Iterator
 import sympy
 
 import uqmbd
+from uqmbd.typing import Quantity, Vector
 
 __all__ = ["Magnet"]
 
 
-class Magnet(uqmbd.Component):
+class Magnet(uqmbd.TypedComponent):
     """Two points attract each other with a force that falls with the square of their distance.
 
     The potential is ``-strength / distance``; the equations of motion are derived from it.
     """
 
-    point_i = uqmbd.Parameter("m", "pole, frame of body i", kind="point")
-    point_j = uqmbd.Parameter("m", "pole, frame of body j", kind="point")
-    strength = uqmbd.Parameter("N m^2", "force times the square of the distance")
+    drawn_by = ()
+    body_i: uqmbd.NamedFrame
+    body_j: uqmbd.NamedFrame
+    point_i: uqmbd.Parameter[Vector] = uqmbd.Parameter("m", "pole, frame of body i", kind="point")
+    point_j: uqmbd.Parameter[Vector] = uqmbd.Parameter("m", "pole, frame of body j", kind="point")
+    strength: uqmbd.Parameter[Quantity] = uqmbd.Parameter("N m^2", "force times the square of the distance")
 
     def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.Potential]:
         """Yield the energy."""
