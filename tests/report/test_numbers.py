@@ -5,12 +5,15 @@ from __future__ import annotations
 import math
 import re
 
+import chaospy
 import numpy as np
 import pytest
 import xarray as xr
 
+import uqmbd
 from uqmbd import report, results
 from uqmbd.wording import format_cells
+from uqmbd_montecarlo import MonteCarlo
 
 
 def text_of(page: str) -> str:
@@ -81,3 +84,25 @@ def test_what_solves_for_all_at_once_has_no_cost_of_one(tree: xr.DataTree, tmp_p
     rows = re.findall(r"<tr>.*?</tr>", page.partition('<section id="cost">')[2].partition("</table>")[0], re.DOTALL)
     counted, solved = (" ".join(text_of(row).split()) for row in rows[1:])
     assert counted.endswith(" 5 ms") and solved.endswith(" –")
+
+
+def test_numbered_inputs_stand_in_the_order_of_their_numbers(tmp_path) -> None:
+    """From the study to the page: the tenth comes after the ninth, in tables and figures."""
+    roads = [uqmbd.RandomVariable(f"road_{k}", chaospy.Normal(0, 1)) for k in range(1, 13)]
+    mechanism = uqmbd.Mechanism("car", uqmbd.Line())
+    body = mechanism.body("body", mass=1, position=sum(roads[1:], roads[0]))
+    mechanism.output("x", body.position, units="m")
+    tree = uqmbd.Study("car", mechanism, [0, 1], [MonteCarlo(samples=20, seed=1)]).run()
+    page = report.write_report(tree, tmp_path / "report.html").read_text(encoding="utf-8")
+    rows = re.findall(r">(road_[0-9]+)<", page.partition('<section id="inputs">')[2].partition("</table>")[0])
+    assert rows == [f"road_{k}" for k in range(1, 13)]
+    drawn = [axes.get_xlabel() for axes in report.inputs(tree["monte-carlo"]).axes]
+    assert drawn == rows
+
+
+def test_counters_that_counted_nothing_have_no_line(tree: xr.DataTree, tmp_path) -> None:
+    counted = tree.copy(deep=True)
+    counted["counted"].attrs["solver_counters"] = '{"steps": 12, "events": 0, "mine": "none"}'
+    page = report.write_report(counted, tmp_path / "report.html").read_text(encoding="utf-8")
+    text = text_of(page.partition('<section id="cost">')[2].partition("</section>")[0])
+    assert "steps of the integrator" in text and "mine" in text and "events" not in text

@@ -42,7 +42,7 @@ def cost(result: StudyResult) -> Content:
                 "budget": str(method.node.attrs.get("budget_summary", "")),
                 "each": format_duration(method.wall_time / method.realisations) if method.separate else "–",
                 "counters": [
-                    *(_counter(name, value) for name, value in method.pairs("solver_counters")),
+                    *(_counter(name, value) for name, value in method.pairs("solver_counters") if not _nothing(value)),
                     *_integration(method),
                 ],
             }
@@ -63,6 +63,14 @@ def _integration(method: Method) -> list[tuple[str, str]]:
     how = str(about.get("reason") or about.get("comment", ""))
     which = f", of {worst.output}" if len(method.names) > 1 and math.isfinite(worst.share) else ""
     return [("error of the time integration", f"{worst.words()}{which}" + (f" ({how})" if how else ""))]
+
+
+def _nothing(value: str) -> bool:
+    """Tell whether a counter has counted nothing: what did not happen needs no line."""
+    try:
+        return float(value) == 0.0
+    except ValueError:
+        return False
 
 
 def _counter(name: str, value: str) -> tuple[str, str]:
