@@ -16,7 +16,7 @@ from uqmbd.report.view import Method, StudyResult
 from uqmbd.results import answers
 from uqmbd.results.comparison import STILL
 from uqmbd.typing import Array
-from uqmbd.wording import format_cells, format_interval_ends, format_probability, format_quantity
+from uqmbd.wording import format_cells, format_interval_ends, format_probability
 
 __all__ = ["asked", "in_view"]
 
@@ -108,7 +108,7 @@ def _history(result: StudyResult, name: str) -> Content:
     at = int(std.argmax())
     return {
         **row,
-        "spread": format_quantity(float(std[at]), units),
+        "spread": str(format_cells([float(std[at])], units)[0]),
         "when": f"{float(data['time'][at]):.4g} s",
         "note": "",
         "because": _because(of_history(result, name)),
@@ -154,8 +154,10 @@ def _of_scalar(method: Method, name: str) -> Content:
         known = k >= 0 and abs(levels[k] - p) < 1e-6
         ends.append(float(data["quantile"].values[k]) if known else math.nan)
     known = bool(np.isfinite(ends).all())
+    std = float(data["std"])
+    (mean,), (spread,) = format_cells([float(data["mean"])], units, scale=std), format_cells([std], units)
     return {
-        "mean": format_quantity(float(data["mean"]), units),
-        "spread": format_quantity(float(data["std"]), units),
+        "mean": str(mean),
+        "spread": str(spread),
         "interval": f"{format_cells(ends)[0]} to {format_cells(ends, units)[1]}" if known else "unknown",
     }
