@@ -6,13 +6,14 @@ import json
 import logging
 import shutil
 import time
+import warnings
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from uqmbd.errors import StudyError
+from uqmbd.errors import StudyError, StudyWarning
 
 __all__ = ["STARTED_HERE", "dask_executor"]
 
@@ -51,12 +52,23 @@ def dask_executor(asked: str, count: int | None, files: Sequence[Path]) -> Itera
     ------
     uqmbd.StudyError
         If Dask is missing, nobody answers, or a cluster cannot be started.
+
+    Warns
+    -----
+    uqmbd.StudyWarning
+        If a cluster that runs has no workers yet.
     """
     try:
         import distributed
     except ImportError as error:
         raise StudyError('--dask needs Dask, which is not installed: pip install "uqmbd[distributed]"') from error
     with _scheduler(asked, count) as scheduler, _client(distributed, asked, scheduler) as client:
+        if asked not in STARTED_HERE and not client.nthreads():
+            warnings.warn(
+                f"--dask {asked}: the cluster has no workers; the work begins when the first of them has come.",
+                StudyWarning,
+                stacklevel=2,
+            )
         if files:
             from uqmbd.clusters.study_files import StudyFiles
 

@@ -144,3 +144,25 @@ def test_a_record_that_says_nothing_is_passed_over(tmp_path: Path, about: Any) -
     Journal(tmp_path / "unfinished" / "name.journal").append(about, {})
     again = UnfinishedStore(tmp_path, tmp_path / "unfinished", None, "name", 10, 5, axes)
     assert [again.record(number) is not None for number in range(2)] == [True, False]
+
+
+@pytest.mark.parametrize("place", [".zmetadata", "response/.zarray", "output/0"])
+def test_metadata_that_is_damaged_is_written_again_and_costs_no_chunk(tmp_path: Path, place: str) -> None:
+    """As after a power failure: a store that goes on with it would be complete, and could not be opened."""
+
+    def begun() -> UnfinishedStore:
+        return UnfinishedStore(tmp_path, tmp_path / "unfinished", "all.zarr", "name", 4, 4, labels(["x"], ["k"], [0.0]))
+
+    response = np.arange(4.0).reshape(4, 1, 1)
+    store = begun()
+    checksum, content = store.shelf(0).put(response)
+    store.keep(0, content, {"checksum": checksum}, {})
+    (tmp_path / "unfinished" / "name.zarr" / place).write_bytes(b"{")
+    store = begun()
+    found = store.shelf(0, checksum).load(4)
+    assert found is not None and np.array_equal(found, response)
+    store.fill(np.zeros((4, 1)), np.zeros(4, dtype=int), [""] * 4)
+    store.finish()
+    again = SampleStore.open(tmp_path / "all.zarr")
+    assert [o.name for o in again.labels.outputs] == ["x"]
+    assert np.array_equal(np.concatenate([part.response for part in again.chunks()]), response)

@@ -50,6 +50,9 @@ LARGEST = 1 << 30
 KINDS = {"response": "<f8", "inputs": "<f8", "status": "<i4", "message": f"<U{MESSAGE}"}
 """Variables, and the types of their values."""
 
+_DAMAGED = (OSError, LookupError, TypeError, ValueError, RuntimeError)
+"""What reading a damaged store raises."""
+
 
 @dataclass(frozen=True, eq=False)
 class SampleChunk:
@@ -165,11 +168,7 @@ class SampleStore:
                 f"There are no samples at {str(folder)!r}; expected a folder, LABEL-samples.zarr of a run."
             )
         try:
-            check_codecs(folder)
-            about = _layout(folder)
-            with xr.open_zarr(folder, chunks=None, consolidated=True) as data:
-                check_version(data.attrs, str(folder))
-                coords = data.coords.to_dataset().load()
+            about, coords = _opened(folder)
             infos = [str(name) for name in coords["input"].values]
             times = coords["time"].values if "time" in coords.coords else None
             axes = labels(output_infos(coords), infos, times)
@@ -177,7 +176,7 @@ class SampleStore:
             complete = all(store._fits(name, found) for name, found in about.items()) and store._complete()
         except StudyError:
             raise
-        except (OSError, LookupError, TypeError, ValueError, RuntimeError) as error:
+        except _DAMAGED as error:
             names_it = isinstance(error, (KeyError, FileNotFoundError)) and len(error.args) == 1
             reason = f"{error.args[0]} is missing" if names_it else error
             raise StudyError(f"{str(folder)!r} cannot be read as samples; it is damaged or none: {reason}") from error
@@ -188,10 +187,11 @@ class SampleStore:
         return store
 
     def fits(self) -> bool:
-        """Tell whether what is in the folder has this layout."""
+        """Tell whether what is in the folder has this layout and these axes, and can be opened."""
         try:
-            return all(self._fits(name, found) for name, found in _layout(self.folder).items())
-        except (OSError, LookupError, TypeError, ValueError):
+            about, coords = _opened(self.folder)
+            return coords.equals(_coordinates(self.labels)) and all(self._fits(*found) for found in about.items())
+        except (StudyError, *_DAMAGED):
             return False
 
     def _fits(self, name: str, found: dict[str, Any]) -> bool:
@@ -249,7 +249,7 @@ class SampleStore:
         import zarr
         from numcodecs import Blosc
 
-        coords = xr.Dataset(coords={**axes.output_coords(), **axes.input_coords()})
+        coords = _coordinates(axes)
         coords.attrs = {"schema_version": SCHEMA_VERSION, **(attrs or {})}
         coords.to_zarr(folder, zarr_format=2, consolidated=False)
         group = zarr.open_group(folder, mode="a", zarr_format=2)
@@ -323,6 +323,18 @@ class SampleStore:
         found = _decoded(self.place(name, number), KINDS[name], chunk)
         begin = number * chunk[0]
         return found[first - begin : last - begin]
+
+
+def _coordinates(axes: Labels) -> xr.Dataset:
+    return xr.Dataset(coords={**axes.output_coords(), **axes.input_coords()})
+
+
+def _opened(folder: Path) -> tuple[dict[str, dict[str, Any]], xr.Dataset]:
+    """Return the layout of a store's variables, and its coordinates; nothing in it is executed."""
+    check_codecs(folder)
+    with xr.open_zarr(folder, chunks=None, consolidated=True) as data:
+        check_version(data.attrs, str(folder))
+        return _layout(folder), data.coords.to_dataset().load()
 
 
 def _layout(folder: Path) -> dict[str, dict[str, Any]]:
