@@ -239,7 +239,8 @@ class Sized:
         """Return the size whose realisations are all there when another one ends early, having finished so many."""
         if not self.sizing.extends or done <= self.sizing.least:
             return None
-        found = self.sizing.largest(done)
+        # the last chunk is smaller, and may be finished before others: of these, whole ones count
+        found = self.sizing.largest(done if done == size else done // self.chunk(size) * self.chunk(size))
         larger = found > (self.stages[-1].size if self.stages else 0)
         return found if larger and self.chunk(found) == self.chunk(size) and self.cost(found) <= done else None
 

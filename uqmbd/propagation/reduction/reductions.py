@@ -256,7 +256,7 @@ class Reductions:
             return reduce_chunk(work.packed, piece.values, chunk, self._order(piece, None, None))
         if work.ledger is None:
             return None
-        if self._stored(piece) is not None:
+        if self._stored(piece) is not None and self._stores[work.kind].shelf(piece.number).path.exists():
             work.ledger.reuse(len(piece.values))
         elif (found := work.ledger.find(piece.values, work.key, join=work.joins)) is not None:
             work.ledger.reuse(len(piece.values))

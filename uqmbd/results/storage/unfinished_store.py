@@ -131,12 +131,20 @@ class UnfinishedStore:
     def _made(self, there: Sequence[Path], own: Path) -> SampleStore:
         """Make the store anew, with the responses that are there, of the last that has them."""
         store = SampleStore(own, self._store.count, self._store.size, self._store.labels)
+        # those of more samples, which may be asked for again, as after the pilot of a budget
+        rest = self._place / f"{self._identity}.rest"
+        folders = [rest, *(old / "response" for old in there)]
         with replacing(own, lasting=False) as part:
             made = SampleStore.create(part, store.count, store.size, store.labels, {_IDENTITY: self._identity})
-            for old in there:
+            for old in folders:
                 for number in np.flatnonzero(self._records >= 0).tolist():
+                    place = made.place("response", number)
                     with contextlib.suppress(FileNotFoundError):
-                        os.replace(store.place_in(old, "response", number), made.place("response", number))
+                        os.replace(old / place.name, place)
+            for old in folders[1:]:
+                for file in old.glob("[0-9]*"):
+                    rest.mkdir(exist_ok=True)
+                    os.replace(file, rest / file.name)
         for old in there:
             if old != own:
                 shutil.rmtree(old)
