@@ -3,32 +3,47 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, overload
 
 import sympy
 
 import uqmbd
+from uqmbd import NamedFrame
 from uqmbd.laws import law_at, law_values
+from uqmbd.typing import Quantity, Vector
 from uqmbd_contact.geometry import InBearing, Meeting, OnPlane, OnRoad, OnSphere
-from uqmbd_contact.laws import LAWS, NUMBERS, SYMBOLS, ContactLaw, depth, depth_rate, law_named, speed
+from uqmbd_contact.laws import LAWS, NUMBERS, SYMBOLS, ContactLaw, LawName, depth, depth_rate, law_named, speed
 
 __all__ = ["ClearanceJoint", "PlaneContact", "RoadContact", "SphereContact"]
 
 
-class _Contact(uqmbd.Component):
+class _Contact(uqmbd.TypedComponent):
     """What all contacts share: law, friction, and the virtual work of both."""
 
-    law = uqmbd.Parameter(
-        "N", "law of the normal force", "option", "hertz", choices=(*LAWS, ContactLaw), example="hunt-crossley"
+    body_i: uqmbd.NamedFrame
+    body_j: uqmbd.NamedFrame
+    law: uqmbd.Parameter[LawName | ContactLaw] = uqmbd.Parameter(
+        "N",
+        "law of the normal force",
+        kind="option",
+        default="hertz",
+        choices=(*LAWS, ContactLaw),
+        example="hunt-crossley",
     )
     # bodies that are tried in random poses may overlap deeply: softly
-    stiffness = uqmbd.Parameter("N/m^n", "stiffness of the law", default=1e6, example=20.0, minimum=0)
-    exponent = uqmbd.Parameter(
+    stiffness: uqmbd.Parameter[Quantity] = uqmbd.Parameter(
+        "N/m^n", "stiffness of the law", default=1e6, example=20.0, minimum=0
+    )
+    exponent: uqmbd.Parameter[Quantity] = uqmbd.Parameter(
         "1", "exponent of hunt-crossley", default=sympy.Rational(3, 2), minimum=0, exclusive=True
     )
-    damping = uqmbd.Parameter("s/m, N s/m", "D of hunt-crossley, c of kelvin-voigt", default=0, minimum=0)
-    friction = uqmbd.Parameter("1", "coefficient of friction", default=0, minimum=0, dimensions=2)
-    slow = uqmbd.Parameter(
+    damping: uqmbd.Parameter[Quantity] = uqmbd.Parameter(
+        "s/m, N s/m", "D of hunt-crossley, c of kelvin-voigt", default=0, minimum=0
+    )
+    friction: uqmbd.Parameter[Quantity] = uqmbd.Parameter(
+        "1", "coefficient of friction", default=0, minimum=0, dimensions=2
+    )
+    slow: uqmbd.Parameter[Quantity] = uqmbd.Parameter(
         "m/s", "speed below which friction is viscous", default=1e-3, minimum=0, exclusive=True, dimensions=2
     )
 
@@ -108,3 +123,20 @@ class ClearanceJoint(_Contact, InBearing):
     >>> ClearanceJoint.signature()[:64]
     '(name, body_i, body_j, point_i, point_j, radius, clearance, law='
     """
+
+    if TYPE_CHECKING:
+
+        @overload
+        def __init__(
+            self, name: str, body_i: NamedFrame, body_j: NamedFrame, point_i: Vector, point_j: Vector,
+            radius: Quantity, clearance: Quantity, law: LawName | ContactLaw = "hertz",
+            stiffness: Quantity = 1e6, exponent: Quantity = 1.5, damping: Quantity = 0, friction: Quantity = 0,
+            slow: Quantity = 1e-3,
+        ) -> None: ...  # fmt: skip
+        @overload
+        def __init__(
+            self, name: str, body_i: NamedFrame, body_j: NamedFrame, *, at: Vector, radius: Quantity,
+            clearance: Quantity, law: LawName | ContactLaw = "hertz", stiffness: Quantity = 1e6,
+            exponent: Quantity = 1.5, damping: Quantity = 0, friction: Quantity = 0, slow: Quantity = 1e-3,
+        ) -> None: ...  # fmt: skip
+        def __init__(self, *arguments: Any, **keywords: Any) -> None: ...

@@ -9,6 +9,7 @@ import sympy
 
 import uqmbd
 from uqmbd.laws import distance, law_at, law_values
+from uqmbd.typing import Quantity, Vector
 
 __all__ = ["InBearing", "Meeting", "OnPlane", "OnRoad", "OnSphere", "distance", "tangents"]
 
@@ -40,16 +41,26 @@ class Meeting:
     reach: Any = 0
 
 
-class OnPlane(uqmbd.Component):
+class OnPlane(uqmbd.TypedComponent):
     """Geometry of a sphere of body j on a plane of body i."""
 
     symbol = "contact"
     spaces = (*uqmbd.Component.spaces, uqmbd.Line)
     drawn_by = ()
-    point_i = uqmbd.Parameter("m", "a point of the plane, frame of body i", kind="point", body="body_i")
-    point_j = uqmbd.Parameter("m", "centre of the sphere, frame of body j", kind="point", body="body_j")
-    normal_i = uqmbd.Parameter("1", "normal of the plane towards body j, frame of body i", kind="axis", body="body_i")
-    radius = uqmbd.Parameter("m", "radius of the sphere; 0: a point", default=0, minimum=0, about="point_j")
+    body_i: uqmbd.NamedFrame
+    body_j: uqmbd.NamedFrame
+    point_i: uqmbd.Parameter[Vector] = uqmbd.Parameter(
+        "m", "a point of the plane, frame of body i", kind="point", body="body_i"
+    )
+    point_j: uqmbd.Parameter[Vector] = uqmbd.Parameter(
+        "m", "centre of the sphere, frame of body j", kind="point", body="body_j"
+    )
+    normal_i: uqmbd.Parameter[Vector] = uqmbd.Parameter(
+        "1", "normal of the plane towards body j, frame of body i", kind="axis", body="body_i"
+    )
+    radius: uqmbd.Parameter[Quantity] = uqmbd.Parameter(
+        "m", "radius of the sphere; 0: a point", default=0, minimum=0, about="point_j"
+    )
 
     def meeting(self, p: uqmbd.Local) -> Meeting:
         """Return where they meet: the point of the plane below the centre."""
@@ -59,16 +70,26 @@ class OnPlane(uqmbd.Component):
         return Meeting(gap, normal, _relative(p, centre - p.radius * normal), sympy.Matrix(p.normal_i), p.radius)
 
 
-class OnSphere(uqmbd.Component):
+class OnSphere(uqmbd.TypedComponent):
     """Geometry of two spheres; on a line, of two segments, which stay on the side on which they are drawn."""
 
     symbol = "contact"
     spaces = (*uqmbd.Component.spaces, uqmbd.Line)
     drawn_by = ()
-    point_i = uqmbd.Parameter("m", "centre of the sphere, frame of body i", kind="point", body="body_i")
-    point_j = uqmbd.Parameter("m", "centre of the sphere, frame of body j", kind="point", body="body_j")
-    radius_i = uqmbd.Parameter("m", "radius of the sphere of body i", minimum=0, about="point_i")
-    radius_j = uqmbd.Parameter("m", "radius of the sphere of body j", minimum=0, about="point_j")
+    body_i: uqmbd.NamedFrame
+    body_j: uqmbd.NamedFrame
+    point_i: uqmbd.Parameter[Vector] = uqmbd.Parameter(
+        "m", "centre of the sphere, frame of body i", kind="point", body="body_i"
+    )
+    point_j: uqmbd.Parameter[Vector] = uqmbd.Parameter(
+        "m", "centre of the sphere, frame of body j", kind="point", body="body_j"
+    )
+    radius_i: uqmbd.Parameter[Quantity] = uqmbd.Parameter(
+        "m", "radius of the sphere of body i", minimum=0, about="point_i"
+    )
+    radius_j: uqmbd.Parameter[Quantity] = uqmbd.Parameter(
+        "m", "radius of the sphere of body j", minimum=0, about="point_j"
+    )
 
     def prepare(self) -> dict[str, Any]:
         """Take from the drawing on which side they are on a line."""
@@ -88,12 +109,16 @@ class OnSphere(uqmbd.Component):
         return Meeting(gap, normal, _relative(p, first + p.radius_i * normal), reach=smaller)
 
 
-class OnRoad(uqmbd.Component):
+class OnRoad(uqmbd.TypedComponent):
     """Geometry of a point of body j on a road in body i: a curve in the plane, its cylinder in space."""
 
     drawn_by = ()
-    point_j = uqmbd.Parameter("m", "the point, frame of body j", kind="point", body="body_j")
-    road = uqmbd.Parameter("m", "height of the road over uqmbd_contact.distance", kind="option", example=BUMP)
+    body_i: uqmbd.NamedFrame
+    body_j: uqmbd.NamedFrame
+    point_j: uqmbd.Parameter[Vector] = uqmbd.Parameter("m", "the point, frame of body j", kind="point", body="body_j")
+    road: uqmbd.Parameter[Quantity] = uqmbd.Parameter(
+        "m", "height of the road over uqmbd_contact.distance", kind="option", example=BUMP
+    )
 
     def prepare(self) -> dict[str, Any]:
         """Give what the profile contains to each realisation."""
@@ -116,15 +141,23 @@ class OnRoad(uqmbd.Component):
         return p.body_j.point(p.point_j)
 
 
-class InBearing(uqmbd.Component):
+class InBearing(uqmbd.TypedComponent):
     """Geometry of a circle of body j inside a slightly larger one of body i; in space, of a ball in a socket."""
 
     symbol = "contact"
     spaces = (*uqmbd.Component.spaces, uqmbd.Line)
-    point_i = uqmbd.Parameter("m", "centre of the bearing, frame of body i", kind="point", body="body_i")
-    point_j = uqmbd.Parameter("m", "centre of the journal, frame of body j", kind="point", body="body_j")
-    radius = uqmbd.Parameter("m", "radius of the journal", minimum=0, about="point_j")
-    clearance = uqmbd.Parameter("m", "radius of the bearing without that of the journal", minimum=0)
+    body_i: uqmbd.NamedFrame
+    body_j: uqmbd.NamedFrame
+    point_i: uqmbd.Parameter[Vector] = uqmbd.Parameter(
+        "m", "centre of the bearing, frame of body i", kind="point", body="body_i"
+    )
+    point_j: uqmbd.Parameter[Vector] = uqmbd.Parameter(
+        "m", "centre of the journal, frame of body j", kind="point", body="body_j"
+    )
+    radius: uqmbd.Parameter[Quantity] = uqmbd.Parameter("m", "radius of the journal", minimum=0, about="point_j")
+    clearance: uqmbd.Parameter[Quantity] = uqmbd.Parameter(
+        "m", "radius of the bearing without that of the journal", minimum=0
+    )
 
     def meeting(self, p: uqmbd.Local) -> Meeting:
         """Return where they meet: the point of the bearing that is nearest to the journal."""

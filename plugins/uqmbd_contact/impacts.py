@@ -6,16 +6,23 @@ from collections.abc import Callable, Iterator
 from typing import ClassVar
 
 import uqmbd
+from uqmbd.typing import Quantity
 from uqmbd_contact.geometry import Meeting, OnPlane, OnRoad, OnSphere, tangents
 
 __all__ = ["PlaneImpact", "RoadImpact", "SphereImpact"]
 
 
-class _Impact(uqmbd.Component):
+class _Impact(uqmbd.TypedComponent):
     """What all impacts share."""
 
-    restitution = uqmbd.Parameter("1", "coefficient of restitution, 0 to 1", default=1, minimum=0, maximum=1)
-    friction = uqmbd.Parameter("1", "coefficient of friction", default=0, minimum=0, dimensions=2)
+    body_i: uqmbd.NamedFrame
+    body_j: uqmbd.NamedFrame
+    restitution: uqmbd.Parameter[Quantity] = uqmbd.Parameter(
+        "1", "coefficient of restitution, 0 to 1", default=1, minimum=0, maximum=1
+    )
+    friction: uqmbd.Parameter[Quantity] = uqmbd.Parameter(
+        "1", "coefficient of friction", default=0, minimum=0, dimensions=2
+    )
 
     meeting: ClassVar[Callable[..., Meeting]]
 

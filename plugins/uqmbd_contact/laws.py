@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import sympy
 from sympy.logic.boolalg import Boolean
@@ -16,6 +16,7 @@ __all__ = [
     "NUMBERS",
     "SYMBOLS",
     "ContactLaw",
+    "LawName",
     "damping",
     "depth",
     "depth_rate",
@@ -25,6 +26,9 @@ __all__ = [
     "speed",
     "stiffness",
 ]
+
+LawName = Literal["linear", "hertz", "hunt-crossley", "kelvin-voigt"]
+"""Laws with a name."""
 
 NUMBERS = stiffness, exponent, damping, friction = sympy.symbols("stiffness exponent damping friction", real=True)
 SYMBOLS = (depth, depth_rate, speed, *NUMBERS)
@@ -85,7 +89,7 @@ class ContactLaw:
         return sympy.Piecewise((force, sympy.And(depth > 0, self.acts)), (0, True))
 
 
-LAWS = {
+LAWS: dict[LawName, ContactLaw] = {
     "linear": ContactLaw(stiffness * depth, acts=True),
     # a root is quicker than a power
     "hertz": ContactLaw(sympy.Mul(stiffness, depth, sympy.sqrt(depth), evaluate=False), acts=True),
@@ -105,6 +109,6 @@ zero depth, pulls at last; for a damping ratio of 0.1 its restitution is 0.729, 
 """
 
 
-def law_named(law: str | ContactLaw) -> ContactLaw:
+def law_named(law: LawName | ContactLaw) -> ContactLaw:
     """Return the law of a name; a law as it is."""
     return LAWS[law] if isinstance(law, str) else law

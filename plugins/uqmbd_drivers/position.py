@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
+from typing import TYPE_CHECKING, Any, overload
 
 import uqmbd
+from uqmbd import NamedFrame
+from uqmbd.typing import Quantity, Vector
 
 __all__ = ["DistanceDriver", "PositionDriver"]
 
@@ -26,13 +28,37 @@ class PositionDriver(uqmbd.Component):
     axis_i = uqmbd.Parameter("1", "direction, frame of body i", kind="axis", body="body_i")
     displacement = uqmbd.Parameter("m", "displacement, an expression in uqmbd.t")
 
+    if TYPE_CHECKING:
+
+        @overload
+        def __init__(
+            self, name: str, body_i: NamedFrame, body_j: NamedFrame, point_i: Vector, point_j: Vector, axis_i: Vector,
+            displacement: Quantity,
+        ) -> None: ...  # fmt: skip
+        @overload
+        def __init__(
+            self, name: str, body_i: NamedFrame, body_j: NamedFrame, point_i: Vector, point_j: Vector, *,
+            axis: Vector, displacement: Quantity,
+        ) -> None: ...  # fmt: skip
+        @overload
+        def __init__(
+            self, name: str, body_i: NamedFrame, body_j: NamedFrame, *, at: Vector, axis_i: Vector,
+            displacement: Quantity,
+        ) -> None: ...  # fmt: skip
+        @overload
+        def __init__(
+            self, name: str, body_i: NamedFrame, body_j: NamedFrame, *, at: Vector, axis: Vector,
+            displacement: Quantity,
+        ) -> None: ...  # fmt: skip
+        def __init__(self, *arguments: Any, **keywords: Any) -> None: ...
+
     def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.Constraint]:
         """Yield the geometry."""
         offset = p.body_j.point(p.point_j) - p.body_i.point(p.point_i)
         yield uqmbd.Constraint(p.body_i.direction(p.axis_i).dot(offset) - p.displacement, "displacement")
 
 
-class DistanceDriver(uqmbd.Component):
+class DistanceDriver(uqmbd.TypedComponent):
     """The distance of two points follows a function of time that never vanishes.
 
     On a line point j stays on the side of point i on which it is drawn.
@@ -46,9 +72,13 @@ class DistanceDriver(uqmbd.Component):
     symbol = "driver"
     spaces = (*uqmbd.Component.spaces, uqmbd.Line)
     drawn_by = ()
-    point_i = uqmbd.Parameter("m", "one end, frame of body i", kind="point", body="body_i")
-    point_j = uqmbd.Parameter("m", "other end, frame of body j", kind="point", body="body_j")
-    length = uqmbd.Parameter("m", "distance, an expression in uqmbd.t", minimum=0, exclusive=True)
+    body_i: uqmbd.NamedFrame
+    body_j: uqmbd.NamedFrame
+    point_i: uqmbd.Parameter[Vector] = uqmbd.Parameter("m", "one end, frame of body i", kind="point", body="body_i")
+    point_j: uqmbd.Parameter[Vector] = uqmbd.Parameter("m", "other end, frame of body j", kind="point", body="body_j")
+    length: uqmbd.Parameter[Quantity] = uqmbd.Parameter(
+        "m", "distance, an expression in uqmbd.t", minimum=0, exclusive=True
+    )
 
     def prepare(self) -> dict[str, Any]:
         """Take from the drawing on which side the points are on a line."""

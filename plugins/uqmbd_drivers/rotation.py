@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import sympy
 
 import uqmbd
+from uqmbd import NamedFrame
+from uqmbd.typing import Quantity, Vector
 
 __all__ = ["RotationDriver"]
 
@@ -34,6 +36,13 @@ class RotationDriver(uqmbd.Component):
     angle = uqmbd.Parameter("rad", "angle, an expression in uqmbd.t; zero where the two frames coincide")
     axis_i = uqmbd.Parameter("1", "axis, frame of body i (left out in the plane)", kind="turning_axis", body="body_i")
     axis_j = uqmbd.Parameter("1", "axis, frame of body j (left out in the plane)", kind="turning_axis", body="body_j")
+
+    if TYPE_CHECKING:
+
+        def __init__(
+            self, name: str, body_i: NamedFrame, body_j: NamedFrame, angle: Quantity, axis_i: Vector = (),
+            axis_j: Vector = (), *, axis: Vector = (),
+        ) -> None: ...  # fmt: skip
 
     def prepare(self) -> dict[str, Any]:
         """Lay a frame on each axis."""

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
+from typing import TYPE_CHECKING, Any, overload
 
 import sympy
 
 import uqmbd
+from uqmbd import NamedFrame
+from uqmbd.typing import Quantity, Vector
 
 __all__ = ["LinearSpeedDriver", "SpeedDriver"]
 
@@ -25,6 +27,13 @@ class SpeedDriver(uqmbd.Component):
     spaces = (uqmbd.Spatial, uqmbd.Planar)
     speed = uqmbd.Parameter("rad/s", "angular speed, an expression in uqmbd.t")
     axis_j = uqmbd.Parameter("1", "axis, frame of body j (left out in the plane)", kind="turning_axis", body="body_j")
+
+    if TYPE_CHECKING:
+
+        def __init__(
+            self, name: str, body_i: NamedFrame, body_j: NamedFrame, speed: Quantity, axis_j: Vector = (), *,
+            axis: Vector = (),
+        ) -> None: ...  # fmt: skip
 
     def prepare(self) -> dict[str, Any]:
         """Take the attitude to start from out of the drawing."""
@@ -53,6 +62,28 @@ class LinearSpeedDriver(uqmbd.Component):
     point_j = uqmbd.Parameter("m", "the driven point, frame of body j", kind="point", body="body_j")
     axis_i = uqmbd.Parameter("1", "direction, frame of body i", kind="axis", body="body_i")
     speed = uqmbd.Parameter("m/s", "speed, an expression in uqmbd.t")
+
+    if TYPE_CHECKING:
+
+        @overload
+        def __init__(
+            self, name: str, body_i: NamedFrame, body_j: NamedFrame, point_i: Vector, point_j: Vector, axis_i: Vector,
+            speed: Quantity,
+        ) -> None: ...  # fmt: skip
+        @overload
+        def __init__(
+            self, name: str, body_i: NamedFrame, body_j: NamedFrame, point_i: Vector, point_j: Vector, *,
+            axis: Vector, speed: Quantity,
+        ) -> None: ...  # fmt: skip
+        @overload
+        def __init__(
+            self, name: str, body_i: NamedFrame, body_j: NamedFrame, *, at: Vector, axis_i: Vector, speed: Quantity
+        ) -> None: ...
+        @overload
+        def __init__(
+            self, name: str, body_i: NamedFrame, body_j: NamedFrame, *, at: Vector, axis: Vector, speed: Quantity
+        ) -> None: ...
+        def __init__(self, *arguments: Any, **keywords: Any) -> None: ...
 
     def prepare(self) -> dict[str, Any]:
         """Take the displacement to start from out of the drawing."""

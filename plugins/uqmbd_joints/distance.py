@@ -6,11 +6,12 @@ from collections.abc import Iterator
 from typing import Any
 
 import uqmbd
+from uqmbd.typing import Quantity, Vector
 
 __all__ = ["Distance"]
 
 
-class Distance(uqmbd.Component):
+class Distance(uqmbd.TypedComponent):
     """A massless rod: two points keep their distance.  Spherical at both ends; in the plane revolute at both.
 
     On a line point j stays on the side of point i on which it is drawn.
@@ -24,9 +25,15 @@ class Distance(uqmbd.Component):
     symbol = "rod"
     spaces = (*uqmbd.Component.spaces, uqmbd.Line)
     drawn_by = ()
-    point_i = uqmbd.Parameter("m", "end of the rod, frame of body i", kind="point", body="body_i")
-    point_j = uqmbd.Parameter("m", "end of the rod, frame of body j", kind="point", body="body_j")
-    length = uqmbd.Parameter("m", "length of the rod", minimum=0, exclusive=True)
+    body_i: uqmbd.NamedFrame
+    body_j: uqmbd.NamedFrame
+    point_i: uqmbd.Parameter[Vector] = uqmbd.Parameter(
+        "m", "end of the rod, frame of body i", kind="point", body="body_i"
+    )
+    point_j: uqmbd.Parameter[Vector] = uqmbd.Parameter(
+        "m", "end of the rod, frame of body j", kind="point", body="body_j"
+    )
+    length: uqmbd.Parameter[Quantity] = uqmbd.Parameter("m", "length of the rod", minimum=0, exclusive=True)
 
     def prepare(self) -> dict[str, Any]:
         """Take from the drawing on which side the points are on a line."""

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import Any
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING, Any, overload
 
 import uqmbd
+from uqmbd import NamedFrame
+from uqmbd.typing import Vector
 
 __all__ = ["Fixed"]
 
@@ -28,6 +30,20 @@ class Fixed(uqmbd.Component):
     rotation = uqmbd.Parameter(
         "1", "rotation of body j relative to body i; None: as drawn", kind="rotation", default=None
     )
+
+    if TYPE_CHECKING:
+
+        @overload
+        def __init__(
+            self, name: str, body_i: NamedFrame, body_j: NamedFrame, point_i: Vector, point_j: Vector,
+            rotation: Vector | Sequence[Vector] | None = None,
+        ) -> None: ...  # fmt: skip
+        @overload
+        def __init__(
+            self, name: str, body_i: NamedFrame, body_j: NamedFrame, *, at: Vector,
+            rotation: Vector | Sequence[Vector] | None = None,
+        ) -> None: ...  # fmt: skip
+        def __init__(self, *arguments: Any, **keywords: Any) -> None: ...
 
     def prepare(self) -> dict[str, Any]:
         """Take the relative rotation from the drawing unless it is given."""

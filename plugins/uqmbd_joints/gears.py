@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
+from typing import TYPE_CHECKING, Any, Literal, overload
 
 import uqmbd
+from uqmbd import NamedFrame
+from uqmbd.typing import Quantity, Vector
 
 __all__ = ["Gear", "RackAndPinion"]
 
@@ -36,6 +38,14 @@ class Gear(uqmbd.Component):
         "", "external: opposite turns; internal: alike", kind="option", default="external",
         choices=("external", "internal"),
     )  # fmt: skip
+
+    if TYPE_CHECKING:
+
+        def __init__(
+            self, name: str, body_i: NamedFrame, body_j: NamedFrame, ratio: Quantity, axis_i: Vector = (),
+            axis_j: Vector = (), mesh: Literal["external", "internal"] = "external", *, axis: Vector = (),
+            carrier: NamedFrame | None = None,
+        ) -> None: ...  # fmt: skip
 
     def prepare(self) -> dict[str, Any]:
         """Take the attitudes to start from out of the drawing."""
@@ -82,6 +92,25 @@ class RackAndPinion(uqmbd.Component):
     radius = uqmbd.Parameter(
         "m", "advance per radian; negative where a positive turn moves the pinion backwards", about="point_j"
     )
+
+    if TYPE_CHECKING:
+
+        @overload
+        def __init__(
+            self, name: str, body_i: NamedFrame, body_j: NamedFrame, point_i: Vector, point_j: Vector, axis_i: Vector,
+            axis_j: Vector, radius: Quantity,
+        ) -> None: ...  # fmt: skip
+        @overload
+        def __init__(
+            self, name: str, body_i: NamedFrame, body_j: NamedFrame, point_i: Vector, point_j: Vector, axis_i: Vector,
+            *, radius: Quantity,
+        ) -> None: ...  # fmt: skip
+        @overload
+        def __init__(
+            self, name: str, body_i: NamedFrame, body_j: NamedFrame, *, at: Vector, axis_i: Vector,
+            axis_j: Vector = (), radius: Quantity,
+        ) -> None: ...  # fmt: skip
+        def __init__(self, *arguments: Any, **keywords: Any) -> None: ...
 
     def prepare(self) -> dict[str, Any]:
         """Take turn and place to start from out of the drawing."""

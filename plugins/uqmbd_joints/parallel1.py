@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
+from typing import TYPE_CHECKING, Any, overload
 
 import uqmbd
+from uqmbd import NamedFrame
+from uqmbd.typing import Vector
 
 __all__ = ["Parallel1"]
 
@@ -24,6 +26,16 @@ class Parallel1(uqmbd.Component):
     spaces = (uqmbd.Spatial,)
     axis_i = uqmbd.Parameter("1", "axis, frame of body i", kind="axis", body="body_i")
     axis_j = uqmbd.Parameter("1", "axis, frame of body j", kind="axis", body="body_j")
+
+    if TYPE_CHECKING:
+
+        @overload
+        def __init__(
+            self, name: str, body_i: NamedFrame, body_j: NamedFrame, axis_i: Vector, axis_j: Vector
+        ) -> None: ...
+        @overload
+        def __init__(self, name: str, body_i: NamedFrame, body_j: NamedFrame, *, axis: Vector) -> None: ...
+        def __init__(self, *arguments: Any, **keywords: Any) -> None: ...
 
     def prepare(self) -> dict[str, Any]:
         """Lay a frame on each axis."""

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
+from typing import TYPE_CHECKING, Any, overload
 
 import sympy
 
 import uqmbd
+from uqmbd import NamedFrame
+from uqmbd.typing import Vector
 
 __all__ = ["Dot1", "Dot2", "Parallel2"]
 
 
-class Dot1(uqmbd.Component):
+class Dot1(uqmbd.TypedComponent):
     """Two axes stay perpendicular: one equation.
 
     Examples
@@ -23,8 +25,10 @@ class Dot1(uqmbd.Component):
 
     spaces = (uqmbd.Spatial, uqmbd.Planar)
     drawn_by = ()
-    axis_i = uqmbd.Parameter("1", "axis, frame of body i", kind="axis", body="body_i")
-    axis_j = uqmbd.Parameter("1", "axis, frame of body j", kind="axis", body="body_j")
+    body_i: uqmbd.NamedFrame
+    body_j: uqmbd.NamedFrame
+    axis_i: uqmbd.Parameter[Vector] = uqmbd.Parameter("1", "axis, frame of body i", kind="axis", body="body_i")
+    axis_j: uqmbd.Parameter[Vector] = uqmbd.Parameter("1", "axis, frame of body j", kind="axis", body="body_j")
 
     def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.Constraint]:
         """Yield the geometry."""
@@ -44,6 +48,25 @@ class Dot2(uqmbd.Component):
     point_i = uqmbd.Parameter("m", "a point of the plane, frame of body i", kind="point", body="body_i")
     point_j = uqmbd.Parameter("m", "the point on the plane, frame of body j", kind="point", body="body_j")
     axis_i = uqmbd.Parameter("1", "normal of the plane, frame of body i", kind="axis", body="body_i")
+
+    if TYPE_CHECKING:
+
+        @overload
+        def __init__(
+            self, name: str, body_i: NamedFrame, body_j: NamedFrame, point_i: Vector, point_j: Vector, axis_i: Vector
+        ) -> None: ...
+        @overload
+        def __init__(
+            self, name: str, body_i: NamedFrame, body_j: NamedFrame, point_i: Vector, point_j: Vector, *,
+            axis: Vector,
+        ) -> None: ...  # fmt: skip
+        @overload
+        def __init__(
+            self, name: str, body_i: NamedFrame, body_j: NamedFrame, *, at: Vector, axis_i: Vector
+        ) -> None: ...
+        @overload
+        def __init__(self, name: str, body_i: NamedFrame, body_j: NamedFrame, *, at: Vector, axis: Vector) -> None: ...
+        def __init__(self, *arguments: Any, **keywords: Any) -> None: ...
 
     def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.Constraint]:
         """Yield the geometry."""
@@ -66,6 +89,25 @@ class Parallel2(uqmbd.Component):
     point_i = uqmbd.Parameter("m", "a point of the line, frame of body i", kind="point", body="body_i")
     point_j = uqmbd.Parameter("m", "the point on the line, frame of body j", kind="point", body="body_j")
     axis_i = uqmbd.Parameter("1", "direction of the line, frame of body i", kind="axis", body="body_i")
+
+    if TYPE_CHECKING:
+
+        @overload
+        def __init__(
+            self, name: str, body_i: NamedFrame, body_j: NamedFrame, point_i: Vector, point_j: Vector, axis_i: Vector
+        ) -> None: ...
+        @overload
+        def __init__(
+            self, name: str, body_i: NamedFrame, body_j: NamedFrame, point_i: Vector, point_j: Vector, *,
+            axis: Vector,
+        ) -> None: ...  # fmt: skip
+        @overload
+        def __init__(
+            self, name: str, body_i: NamedFrame, body_j: NamedFrame, *, at: Vector, axis_i: Vector
+        ) -> None: ...
+        @overload
+        def __init__(self, name: str, body_i: NamedFrame, body_j: NamedFrame, *, at: Vector, axis: Vector) -> None: ...
+        def __init__(self, *arguments: Any, **keywords: Any) -> None: ...
 
     def prepare(self) -> dict[str, Any]:
         """Find the normals of the line."""

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
+from typing import TYPE_CHECKING, Any, overload
 
 import sympy
 
 import uqmbd
+from uqmbd import NamedFrame
+from uqmbd.typing import Vector
 
 __all__ = ["Prismatic"]
 
@@ -28,6 +30,26 @@ class Prismatic(uqmbd.Component):
     point_j = uqmbd.Parameter("m", "the point on the line, frame of body j", kind="point", body="body_j")
     axis_i = uqmbd.Parameter("1", "direction of the line, frame of body i", kind="axis", body="body_i")
     axis_j = uqmbd.Parameter("1", "direction of the line, frame of body j", kind="axis", body="body_j")
+
+    if TYPE_CHECKING:
+
+        @overload
+        def __init__(
+            self, name: str, body_i: NamedFrame, body_j: NamedFrame, point_i: Vector, point_j: Vector, axis_i: Vector,
+            axis_j: Vector,
+        ) -> None: ...  # fmt: skip
+        @overload
+        def __init__(
+            self, name: str, body_i: NamedFrame, body_j: NamedFrame, point_i: Vector, point_j: Vector, *,
+            axis: Vector,
+        ) -> None: ...  # fmt: skip
+        @overload
+        def __init__(
+            self, name: str, body_i: NamedFrame, body_j: NamedFrame, *, at: Vector, axis_i: Vector, axis_j: Vector
+        ) -> None: ...
+        @overload
+        def __init__(self, name: str, body_i: NamedFrame, body_j: NamedFrame, *, at: Vector, axis: Vector) -> None: ...
+        def __init__(self, *arguments: Any, **keywords: Any) -> None: ...
 
     def prepare(self) -> dict[str, Any]:
         """Find the normals of the line and the rotation to keep."""

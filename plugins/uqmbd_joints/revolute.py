@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
+from typing import TYPE_CHECKING, Any, overload
 
 import uqmbd
+from uqmbd import NamedFrame
+from uqmbd.typing import Vector
 
 __all__ = ["Revolute"]
 
@@ -34,6 +36,20 @@ class Revolute(uqmbd.Component):
     axis_j = uqmbd.Parameter(
         "1", "joint axis, frame of body j (left out in the plane)", kind="turning_axis", body="body_j"
     )
+
+    if TYPE_CHECKING:
+
+        @overload
+        def __init__(
+            self, name: str, body_i: NamedFrame, body_j: NamedFrame, point_i: Vector, point_j: Vector,
+            axis_i: Vector = (), axis_j: Vector = (), *, axis: Vector = (),
+        ) -> None: ...  # fmt: skip
+        @overload
+        def __init__(
+            self, name: str, body_i: NamedFrame, body_j: NamedFrame, *, at: Vector, axis_i: Vector = (),
+            axis_j: Vector = (), axis: Vector = (),
+        ) -> None: ...  # fmt: skip
+        def __init__(self, *arguments: Any, **keywords: Any) -> None: ...
 
     def prepare(self) -> dict[str, Any]:
         """Lay a frame on each axis."""

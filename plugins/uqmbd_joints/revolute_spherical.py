@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
+from typing import TYPE_CHECKING, Any, overload
 
 import sympy
 
 import uqmbd
+from uqmbd import NamedFrame
+from uqmbd.typing import Quantity, Vector
 
 __all__ = ["RevoluteSpherical"]
 
@@ -30,6 +32,20 @@ class RevoluteSpherical(uqmbd.Component):
     point_j = uqmbd.Parameter("m", "ball, frame of body j", kind="point", body="body_j")
     axis_i = uqmbd.Parameter("1", "axis of the hinge, frame of body i", kind="axis", body="body_i")
     length = uqmbd.Parameter("m", "length of the link", minimum=0, exclusive=True)
+
+    if TYPE_CHECKING:
+
+        @overload
+        def __init__(
+            self, name: str, body_i: NamedFrame, body_j: NamedFrame, point_i: Vector, point_j: Vector, axis_i: Vector,
+            length: Quantity,
+        ) -> None: ...  # fmt: skip
+        @overload
+        def __init__(
+            self, name: str, body_i: NamedFrame, body_j: NamedFrame, point_i: Vector, point_j: Vector, *,
+            axis: Vector, length: Quantity,
+        ) -> None: ...  # fmt: skip
+        def __init__(self, *arguments: Any, **keywords: Any) -> None: ...
 
     def motion(self) -> dict[str, Any]:
         """Tell the angle of the link about the hinge on body i, zero as drawn."""

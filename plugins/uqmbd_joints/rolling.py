@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
+from typing import TYPE_CHECKING, Any, overload
 
 import sympy
 
 import uqmbd
+from uqmbd import NamedFrame
+from uqmbd.typing import Quantity, Vector
 
 __all__ = ["RollingSphere", "RollingWheel", "Skate"]
 
@@ -42,9 +44,27 @@ class RollingWheel(uqmbd.Component):
         "1", "normal of the plane towards the wheel, frame of body i", kind="axis", body="body_i"
     )
     axis_j = uqmbd.Parameter(
-        "1", "axis of the wheel, frame of body j (left out in the plane)", kind="turning_axis", body="body_j"
+        "1",
+        "axis of the wheel, frame of body j (left out in the plane)",
+        kind="turning_axis",
+        default=(),
+        body="body_j",
     )
     radius = uqmbd.Parameter("m", "radius of the wheel", minimum=0, exclusive=True, about="point_j")
+
+    if TYPE_CHECKING:
+
+        @overload
+        def __init__(
+            self, name: str, body_i: NamedFrame, body_j: NamedFrame, point_i: Vector, point_j: Vector, normal_i: Vector,
+            axis_j: Vector, radius: Quantity,
+        ) -> None: ...  # fmt: skip
+        @overload
+        def __init__(
+            self, name: str, body_i: NamedFrame, body_j: NamedFrame, point_i: Vector, point_j: Vector, normal_i: Vector,
+            *, radius: Quantity,
+        ) -> None: ...  # fmt: skip
+        def __init__(self, *arguments: Any, **keywords: Any) -> None: ...
 
     def prepare(self) -> dict[str, Any]:
         """Find the directions of the plane."""
@@ -80,7 +100,7 @@ class RollingWheel(uqmbd.Component):
         return centre - p.radius / sympy.sqrt(crossed.dot(crossed)) * (normal - normal.dot(axis) * axis)
 
 
-class RollingSphere(uqmbd.Component):
+class RollingSphere(uqmbd.TypedComponent):
     """A sphere of body j rolls without slipping on a plane fixed in body i; it may spin about the normal.
 
     It neither lifts off nor slips: `reaction_force`, which acts on the sphere where it touches the plane, tells whether
@@ -95,12 +115,20 @@ class RollingSphere(uqmbd.Component):
     symbol = "contact"
     spaces = (uqmbd.Spatial,)
     drawn_by = ()
-    point_i = uqmbd.Parameter("m", "a point of the plane, frame of body i", kind="point", body="body_i")
-    point_j = uqmbd.Parameter("m", "centre of the sphere, frame of body j", kind="point", body="body_j")
-    normal_i = uqmbd.Parameter(
+    body_i: uqmbd.NamedFrame
+    body_j: uqmbd.NamedFrame
+    point_i: uqmbd.Parameter[Vector] = uqmbd.Parameter(
+        "m", "a point of the plane, frame of body i", kind="point", body="body_i"
+    )
+    point_j: uqmbd.Parameter[Vector] = uqmbd.Parameter(
+        "m", "centre of the sphere, frame of body j", kind="point", body="body_j"
+    )
+    normal_i: uqmbd.Parameter[Vector] = uqmbd.Parameter(
         "1", "normal of the plane towards the sphere, frame of body i", kind="axis", body="body_i"
     )
-    radius = uqmbd.Parameter("m", "radius of the sphere", minimum=0, exclusive=True, about="point_j")
+    radius: uqmbd.Parameter[Quantity] = uqmbd.Parameter(
+        "m", "radius of the sphere", minimum=0, exclusive=True, about="point_j"
+    )
 
     def prepare(self) -> dict[str, Any]:
         """Find the directions of the plane."""
@@ -120,7 +148,7 @@ class RollingSphere(uqmbd.Component):
         return p.body_j.point(p.point_j) - p.radius * p.body_i.direction(p.normal_i)
 
 
-class Skate(uqmbd.Component):
+class Skate(uqmbd.TypedComponent):
     """A blade at a point of body j glides along its own axis over a plane of body i, and not across: a knife edge.
 
     Across is perpendicular to the axis and to the normal of the plane.  One equation between velocities; what keeps the
@@ -136,10 +164,20 @@ class Skate(uqmbd.Component):
     symbol = "skate"
     spaces = (uqmbd.Spatial, uqmbd.Planar)
     drawn_by = ()
-    point_j = uqmbd.Parameter("m", "place of the blade, frame of body j", kind="point", body="body_j")
-    axis_j = uqmbd.Parameter("1", "direction of the blade, frame of body j", kind="axis", body="body_j")
-    normal_i = uqmbd.Parameter(
-        "1", "normal of the plane, frame of body i (left out in the plane)", kind="turning_axis", body="body_i"
+    body_i: uqmbd.NamedFrame
+    body_j: uqmbd.NamedFrame
+    point_j: uqmbd.Parameter[Vector] = uqmbd.Parameter(
+        "m", "place of the blade, frame of body j", kind="point", body="body_j"
+    )
+    axis_j: uqmbd.Parameter[Vector] = uqmbd.Parameter(
+        "1", "direction of the blade, frame of body j", kind="axis", body="body_j"
+    )
+    normal_i: uqmbd.Parameter[Vector] = uqmbd.Parameter(
+        "1",
+        "normal of the plane, frame of body i (left out in the plane)",
+        kind="turning_axis",
+        default=(),
+        body="body_i",
     )
 
     def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.VelocityConstraint]:

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any, overload
 
 import uqmbd
+from uqmbd import NamedFrame
+from uqmbd.typing import Vector
 
 __all__ = ["Spherical"]
 
@@ -21,6 +24,16 @@ class Spherical(uqmbd.Component):
     symbol = "ball"
     point_i = uqmbd.Parameter("m", "joint point, frame of body i", kind="point", body="body_i")
     point_j = uqmbd.Parameter("m", "joint point, frame of body j", kind="point", body="body_j")
+
+    if TYPE_CHECKING:
+
+        @overload
+        def __init__(
+            self, name: str, body_i: NamedFrame, body_j: NamedFrame, point_i: Vector, point_j: Vector
+        ) -> None: ...
+        @overload
+        def __init__(self, name: str, body_i: NamedFrame, body_j: NamedFrame, *, at: Vector) -> None: ...
+        def __init__(self, *arguments: Any, **keywords: Any) -> None: ...
 
     def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.Constraint]:
         """Yield the geometry."""

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
+from typing import TYPE_CHECKING, Any, overload
 
 import sympy
 
 import uqmbd
+from uqmbd import NamedFrame
+from uqmbd.typing import Vector
 
 __all__ = ["Universal"]
 
@@ -28,6 +30,19 @@ class Universal(uqmbd.Component):
     point_j = uqmbd.Parameter("m", "centre of the cross, frame of body j", kind="point", body="body_j")
     axis_i = uqmbd.Parameter("1", "axis of the cross in body i, its frame", kind="axis", body="body_i")
     axis_j = uqmbd.Parameter("1", "axis of the cross in body j, its frame", kind="axis", body="body_j")
+
+    if TYPE_CHECKING:
+
+        @overload
+        def __init__(
+            self, name: str, body_i: NamedFrame, body_j: NamedFrame, point_i: Vector, point_j: Vector, axis_i: Vector,
+            axis_j: Vector,
+        ) -> None: ...  # fmt: skip
+        @overload
+        def __init__(
+            self, name: str, body_i: NamedFrame, body_j: NamedFrame, *, at: Vector, axis_i: Vector, axis_j: Vector
+        ) -> None: ...
+        def __init__(self, *arguments: Any, **keywords: Any) -> None: ...
 
     def motion(self) -> dict[str, Any]:
         """Tell the angles of the cross in body i about `axis_i`, and of body j on the cross about `axis_j`.

@@ -39,10 +39,10 @@ def add_forces(mechanism: Any, names: Names, placed: PlacedJoint, parent: Any, b
         _turning(mechanism, names, placed, parent, body, "", placed.axis_i)
         if joint.stiffness:
             free = float(joint.rest[0] - (zero or 0.0))
-            axes = {"axis_i": placed.axis_i, "axis_j": placed.axis_j}
             spring = TorsionSpringDamper(
-                names.take(f"{placed.name}_spring"), parent, body, stiffness=joint.stiffness, free_angle=free, **axes
-            )
+                names.take(f"{placed.name}_spring"), parent, body, stiffness=joint.stiffness, free_angle=free,
+                axis_i=placed.axis_i, axis_j=placed.axis_j,
+            )  # fmt: skip
             mechanism.add(spring)
     elif joint.kind == "slide":
         points = {"point_i": placed.point_i, "point_j": placed.point_j}
@@ -50,8 +50,8 @@ def add_forces(mechanism: Any, names: Names, placed: PlacedJoint, parent: Any, b
         if joint.stiffness:
             free = float(joint.rest[0] - (zero or 0.0))
             spring_at = SlidingSpringDamper(
-                names.take(f"{placed.name}_spring"), parent, body, **points, axis_i=placed.axis_i,
-                stiffness=joint.stiffness, free_displacement=free,
+                names.take(f"{placed.name}_spring"), parent, body, placed.point_i, placed.point_j,
+                axis_i=placed.axis_i, stiffness=joint.stiffness, free_displacement=free,
             )  # fmt: skip
             mechanism.add(spring_at)
     else:

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import Any
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 import sympy
 
 import uqmbd
+from uqmbd import NamedFrame
+from uqmbd.typing import Vector
 
 __all__ = ["Bushing"]
 
@@ -37,6 +39,20 @@ class Bushing(uqmbd.Component):
         example=2.0,
     )
     damping = uqmbd.Parameter("N s/m, N m s/rad", "alike; 0: none", kind="option", default=0)
+
+    if TYPE_CHECKING:
+
+        @overload
+        def __init__(
+            self, name: str, body_i: NamedFrame, body_j: NamedFrame, point_i: Vector, point_j: Vector,
+            stiffness: Vector | Sequence[Vector], damping: Vector | Sequence[Vector] = 0,
+        ) -> None: ...  # fmt: skip
+        @overload
+        def __init__(
+            self, name: str, body_i: NamedFrame, body_j: NamedFrame, *, at: Vector,
+            stiffness: Vector | Sequence[Vector], damping: Vector | Sequence[Vector] = 0,
+        ) -> None: ...  # fmt: skip
+        def __init__(self, *arguments: Any, **keywords: Any) -> None: ...
 
     def prepare(self) -> dict[str, Any]:
         """Turn both into matrices; take the attitude without moment from the drawing."""

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
+from typing import TYPE_CHECKING, Any, overload
 
 import sympy
 
 import uqmbd
+from uqmbd import NamedFrame
+from uqmbd.typing import Quantity, Vector
 
 __all__ = ["RotationalFriction", "SlidingFriction"]
 
@@ -40,6 +42,13 @@ class RotationalFriction(uqmbd.Component):
     )
     axis_i = uqmbd.Parameter("1", "axis, frame of body i (left out in the plane)", kind="turning_axis", body="body_i")
 
+    if TYPE_CHECKING:
+
+        def __init__(
+            self, name: str, body_i: NamedFrame, body_j: NamedFrame, friction: Quantity, damping: Quantity = 0,
+            transition: Quantity = 0.01, axis_i: Vector = (), *, axis: Vector = (),
+        ) -> None: ...  # fmt: skip
+
     def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.VirtualWork]:
         """Yield the dissipation."""
         spin = p.body_j.angular_velocity - p.body_i.angular_velocity
@@ -68,6 +77,30 @@ class SlidingFriction(uqmbd.Component):
     transition = uqmbd.Parameter(
         "m/s", "speed at which 71 % of Coulomb's force act", default=0.01, minimum=0, exclusive=True
     )
+
+    if TYPE_CHECKING:
+
+        @overload
+        def __init__(
+            self, name: str, body_i: NamedFrame, body_j: NamedFrame, point_i: Vector, point_j: Vector, axis_i: Vector,
+            friction: Quantity, damping: Quantity = 0, transition: Quantity = 0.01,
+        ) -> None: ...  # fmt: skip
+        @overload
+        def __init__(
+            self, name: str, body_i: NamedFrame, body_j: NamedFrame, point_i: Vector, point_j: Vector, *,
+            axis: Vector, friction: Quantity, damping: Quantity = 0, transition: Quantity = 0.01,
+        ) -> None: ...  # fmt: skip
+        @overload
+        def __init__(
+            self, name: str, body_i: NamedFrame, body_j: NamedFrame, *, at: Vector, axis_i: Vector,
+            friction: Quantity, damping: Quantity = 0, transition: Quantity = 0.01,
+        ) -> None: ...  # fmt: skip
+        @overload
+        def __init__(
+            self, name: str, body_i: NamedFrame, body_j: NamedFrame, *, at: Vector, axis: Vector, friction: Quantity,
+            damping: Quantity = 0, transition: Quantity = 0.01,
+        ) -> None: ...  # fmt: skip
+        def __init__(self, *arguments: Any, **keywords: Any) -> None: ...
 
     def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.VirtualWork]:
         """Yield the dissipation."""

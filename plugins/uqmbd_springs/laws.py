@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import sympy
 
 import uqmbd
+from uqmbd import NamedFrame
 from uqmbd.laws import law_at, law_values, length, rate
+from uqmbd.typing import Quantity, Vector
 from uqmbd_springs.turning import turning
 
 __all__ = ["NonlinearSpringDamper", "NonlinearTorsionSpringDamper", "length", "rate"]
 
 
-class NonlinearSpringDamper(uqmbd.Component):
+class NonlinearSpringDamper(uqmbd.TypedComponent):
     """A force along the line between two points, by any law of length and rate; positive pulls the points together.
 
     The law is an expression in ``uqmbd_springs.length`` and ``uqmbd_springs.rate``; random variables and `uqmbd.t` may
@@ -33,9 +35,13 @@ class NonlinearSpringDamper(uqmbd.Component):
     symbol = "spring"
     spaces = (*uqmbd.Component.spaces, uqmbd.Line)
     drawn_by = ()
-    point_i = uqmbd.Parameter("m", "end, frame of body i", kind="point", body="body_i")
-    point_j = uqmbd.Parameter("m", "end, frame of body j", kind="point", body="body_j")
-    law = uqmbd.Parameter("N", "tension", kind="option", example=3 * (length - 0.4) ** 3 + rate * sympy.Abs(rate) / 5)
+    body_i: uqmbd.NamedFrame
+    body_j: uqmbd.NamedFrame
+    point_i: uqmbd.Parameter[Vector] = uqmbd.Parameter("m", "end, frame of body i", kind="point", body="body_i")
+    point_j: uqmbd.Parameter[Vector] = uqmbd.Parameter("m", "end, frame of body j", kind="point", body="body_j")
+    law: uqmbd.Parameter[Quantity] = uqmbd.Parameter(
+        "N", "tension", kind="option", example=3 * (length - 0.4) ** 3 + rate * sympy.Abs(rate) / 5
+    )
 
     def prepare(self) -> dict[str, Any]:
         """Give the coefficients of the law to each realisation; on a line, take the side from the drawing."""
@@ -70,6 +76,13 @@ class NonlinearTorsionSpringDamper(uqmbd.Component):
     law = uqmbd.Parameter("N m", "moment", kind="option", example=2 * length**3 + rate / 5)
     axis_i = uqmbd.Parameter("1", "axis, frame of body i (left out in the plane)", kind="turning_axis", body="body_i")
     axis_j = uqmbd.Parameter("1", "axis, frame of body j (left out in the plane)", kind="turning_axis", body="body_j")
+
+    if TYPE_CHECKING:
+
+        def __init__(
+            self, name: str, body_i: NamedFrame, body_j: NamedFrame, law: Quantity, axis_i: Vector = (),
+            axis_j: Vector = (), *, axis: Vector = (),
+        ) -> None: ...  # fmt: skip
 
     def prepare(self) -> dict[str, Any]:
         """Give the coefficients of the law to each realisation; lay a frame on each axis."""

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, Literal
 
 import sympy
 
 import uqmbd
+from uqmbd.typing import Vector
 
 __all__ = ["FollowerForce", "Gravity", "PointForce", "Torque"]
 
 
-class PointForce(uqmbd.Component):
+class PointForce(uqmbd.TypedComponent):
     """A force on a point of a body, in world axes.
 
     It may depend on `uqmbd.t`, random variables, and quantities of bodies such as ``body.velocity[0]``.
@@ -26,15 +27,16 @@ class PointForce(uqmbd.Component):
     symbol = "force"
     spaces = (*uqmbd.Component.spaces, uqmbd.Line)
     bodies = ("body",)
-    point = uqmbd.Parameter("m", "where it acts, body frame", kind="point")
-    force = uqmbd.Parameter("N", "the force, world axes", kind="vector")
+    body: uqmbd.NamedFrame
+    point: uqmbd.Parameter[Vector] = uqmbd.Parameter("m", "where it acts, body frame", kind="point")
+    force: uqmbd.Parameter[Vector] = uqmbd.Parameter("N", "the force, world axes", kind="vector")
 
     def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.VirtualWork]:
         """Yield its virtual work."""
         yield uqmbd.VirtualWork(p.force, p.body.point_velocity(p.point))
 
 
-class FollowerForce(uqmbd.Component):
+class FollowerForce(uqmbd.TypedComponent):
     """A force on a point of a body, in the axes of the body, with which it turns: a thrust.
 
     Examples
@@ -45,15 +47,16 @@ class FollowerForce(uqmbd.Component):
 
     symbol = "force"
     bodies = ("body",)
-    point = uqmbd.Parameter("m", "where it acts, body frame", kind="point")
-    force = uqmbd.Parameter("N", "the force, body axes", kind="vector", axes="body")
+    body: uqmbd.NamedFrame
+    point: uqmbd.Parameter[Vector] = uqmbd.Parameter("m", "where it acts, body frame", kind="point")
+    force: uqmbd.Parameter[Vector] = uqmbd.Parameter("N", "the force, body axes", kind="vector", axes="body")
 
     def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.VirtualWork]:
         """Yield its virtual work."""
         yield uqmbd.VirtualWork(p.body.direction(p.force), p.body.point_velocity(p.point))
 
 
-class Gravity(uqmbd.Component):
+class Gravity(uqmbd.TypedComponent):
     """Gravity of one body's own, added to that of the space: its negative switches that off, a difference tilts it.
 
     Examples
@@ -65,7 +68,10 @@ class Gravity(uqmbd.Component):
     symbol = "force"
     spaces = (*uqmbd.Component.spaces, uqmbd.Line)
     bodies = ("body",)
-    acceleration = uqmbd.Parameter("m/s^2", "acceleration of free fall to be added, world axes", kind="vector")
+    body: uqmbd.NamedFrame
+    acceleration: uqmbd.Parameter[Vector] = uqmbd.Parameter(
+        "m/s^2", "acceleration of free fall to be added, world axes", kind="vector"
+    )
 
     def prepare(self) -> dict[str, Any]:
         """Take mass and centre of mass from the body."""
@@ -77,7 +83,7 @@ class Gravity(uqmbd.Component):
         yield uqmbd.Potential(-p.mass * sympy.Matrix(p.acceleration).dot(p.body.point(p.com)))
 
 
-class Torque(uqmbd.Component):
+class Torque(uqmbd.TypedComponent):
     """A torque on a body, in world or body axes; in the plane one number.
 
     Examples
@@ -89,8 +95,11 @@ class Torque(uqmbd.Component):
     symbol = "torque"
     bodies = ("body",)
     spaces = (uqmbd.Spatial, uqmbd.Planar)
-    torque = uqmbd.Parameter("N m", "the torque", kind="moment")
-    frame = uqmbd.Parameter("", "axes it is given in", kind="option", default="world", choices=("world", "body"))
+    body: uqmbd.NamedFrame
+    torque: uqmbd.Parameter[Vector] = uqmbd.Parameter("N m", "the torque", kind="moment")
+    frame: uqmbd.Parameter[Literal["world", "body"]] = uqmbd.Parameter(
+        "", "axes it is given in", kind="option", default="world", choices=("world", "body")
+    )
 
     def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.VirtualWork]:
         """Yield its virtual work."""

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any, overload
 
 import uqmbd
+from uqmbd import NamedFrame
+from uqmbd.typing import Quantity, Vector
 
 __all__ = ["RotorInertia", "SlidingInertia"]
 
@@ -25,6 +28,13 @@ class RotorInertia(uqmbd.Component):
     spaces = (uqmbd.Spatial, uqmbd.Planar)
     inertia = uqmbd.Parameter("kg m^2", "inertia at the joint: of the rotor, times the gear ratio squared", minimum=0)
     axis_i = uqmbd.Parameter("1", "axis, frame of body i (left out in the plane)", kind="turning_axis", body="body_i")
+
+    if TYPE_CHECKING:
+
+        def __init__(
+            self, name: str, body_i: NamedFrame, body_j: NamedFrame, inertia: Quantity, axis_i: Vector = (), *,
+            axis: Vector = (),
+        ) -> None: ...  # fmt: skip
 
     def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.Kinetic]:
         """Yield its energy."""
@@ -50,6 +60,28 @@ class SlidingInertia(uqmbd.Component):
     point_j = uqmbd.Parameter("m", "the point that slides, frame of body j", kind="point", body="body_j")
     axis_i = uqmbd.Parameter("1", "direction, frame of body i", kind="axis", body="body_i")
     mass = uqmbd.Parameter("kg", "mass at the joint", minimum=0)
+
+    if TYPE_CHECKING:
+
+        @overload
+        def __init__(
+            self, name: str, body_i: NamedFrame, body_j: NamedFrame, point_i: Vector, point_j: Vector, axis_i: Vector,
+            mass: Quantity,
+        ) -> None: ...  # fmt: skip
+        @overload
+        def __init__(
+            self, name: str, body_i: NamedFrame, body_j: NamedFrame, point_i: Vector, point_j: Vector, *,
+            axis: Vector, mass: Quantity,
+        ) -> None: ...  # fmt: skip
+        @overload
+        def __init__(
+            self, name: str, body_i: NamedFrame, body_j: NamedFrame, *, at: Vector, axis_i: Vector, mass: Quantity
+        ) -> None: ...
+        @overload
+        def __init__(
+            self, name: str, body_i: NamedFrame, body_j: NamedFrame, *, at: Vector, axis: Vector, mass: Quantity
+        ) -> None: ...
+        def __init__(self, *arguments: Any, **keywords: Any) -> None: ...
 
     def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.Kinetic]:
         """Yield its energy."""

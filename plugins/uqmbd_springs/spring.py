@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
+from typing import TYPE_CHECKING, Any, overload
 
 import sympy
 
 import uqmbd
+from uqmbd import NamedFrame
+from uqmbd.typing import Quantity, Vector
 
 __all__ = ["SlidingSpringDamper", "SpringDamper"]
 
 
-class SpringDamper(uqmbd.Component):
+class SpringDamper(uqmbd.TypedComponent):
     """A linear spring and damper along the line between two points.
 
     The length is ``sqrt(d . d + (1e-9 m)^2)``, so that a start at zero length is defined.  On a line it is counted
@@ -28,11 +30,15 @@ class SpringDamper(uqmbd.Component):
     symbol = "spring"
     spaces = (*uqmbd.Component.spaces, uqmbd.Line)
     drawn_by = ()
-    point_i = uqmbd.Parameter("m", "end, frame of body i", kind="point", body="body_i")
-    point_j = uqmbd.Parameter("m", "end, frame of body j", kind="point", body="body_j")
-    stiffness = uqmbd.Parameter("N/m", "spring rate")
-    damping = uqmbd.Parameter("N s/m", "damper rate", default=0)
-    free_length = uqmbd.Parameter("m", "length without force; negative: wound with initial tension", default=0)
+    body_i: uqmbd.NamedFrame
+    body_j: uqmbd.NamedFrame
+    point_i: uqmbd.Parameter[Vector] = uqmbd.Parameter("m", "end, frame of body i", kind="point", body="body_i")
+    point_j: uqmbd.Parameter[Vector] = uqmbd.Parameter("m", "end, frame of body j", kind="point", body="body_j")
+    stiffness: uqmbd.Parameter[Quantity] = uqmbd.Parameter("N/m", "spring rate")
+    damping: uqmbd.Parameter[Quantity] = uqmbd.Parameter("N s/m", "damper rate", default=0)
+    free_length: uqmbd.Parameter[Quantity] = uqmbd.Parameter(
+        "m", "length without force; negative: wound with initial tension", default=0
+    )
 
     def prepare(self) -> dict[str, Any]:
         """Take from the drawing on which side the ends are on a line."""
@@ -72,6 +78,20 @@ class SlidingSpringDamper(uqmbd.Component):
     stiffness = uqmbd.Parameter("N/m", "spring rate")
     damping = uqmbd.Parameter("N s/m", "damper rate", default=0)
     free_displacement = uqmbd.Parameter("m", "displacement without force", default=0)
+
+    if TYPE_CHECKING:
+
+        @overload
+        def __init__(
+            self, name: str, body_i: NamedFrame, body_j: NamedFrame, point_i: Vector, point_j: Vector, axis_i: Vector,
+            stiffness: Quantity, damping: Quantity = 0, free_displacement: Quantity = 0,
+        ) -> None: ...  # fmt: skip
+        @overload
+        def __init__(
+            self, name: str, body_i: NamedFrame, body_j: NamedFrame, point_i: Vector, point_j: Vector, *,
+            axis: Vector, stiffness: Quantity, damping: Quantity = 0, free_displacement: Quantity = 0,
+        ) -> None: ...  # fmt: skip
+        def __init__(self, *arguments: Any, **keywords: Any) -> None: ...
 
     def terms(self, p: uqmbd.Local) -> Iterator[uqmbd.Potential | uqmbd.VirtualWork]:
         """Yield energy and dissipation."""

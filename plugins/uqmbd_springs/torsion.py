@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import uqmbd
+from uqmbd import NamedFrame
+from uqmbd.typing import Quantity, Vector
 from uqmbd_springs.turning import turning
 
 __all__ = ["TorsionSpringDamper"]
@@ -30,6 +32,13 @@ class TorsionSpringDamper(uqmbd.Component):
     free_angle = uqmbd.Parameter("rad", "angle without moment", default=0)
     axis_i = uqmbd.Parameter("1", "axis, frame of body i (left out in the plane)", kind="turning_axis", body="body_i")
     axis_j = uqmbd.Parameter("1", "axis, frame of body j (left out in the plane)", kind="turning_axis", body="body_j")
+
+    if TYPE_CHECKING:
+
+        def __init__(
+            self, name: str, body_i: NamedFrame, body_j: NamedFrame, stiffness: Quantity, damping: Quantity = 0,
+            free_angle: Quantity = 0, axis_i: Vector = (), axis_j: Vector = (), *, axis: Vector = (),
+        ) -> None: ...  # fmt: skip
 
     def prepare(self) -> dict[str, Any]:
         """Lay a frame on each axis; in the plane take the angle from the drawing."""

@@ -9,6 +9,7 @@ import sympy
 
 import uqmbd
 from uqmbd.laws import law_at, law_values
+from uqmbd.typing import Quantity, Vector
 from uqmbd_springs.roads import distance, haversine_bump
 
 __all__ = ["RadialTyre", "RoadFollower"]
@@ -16,7 +17,7 @@ __all__ = ["RadialTyre", "RoadFollower"]
 ROAD = haversine_bump(sympy.Rational(1, 5), 1, start=-sympy.Rational(1, 2))
 
 
-class RoadFollower(uqmbd.Component):
+class RoadFollower(uqmbd.TypedComponent):
     """A point of body j, the centre of a wheel, follows a road: its height is that of the road below it, plus `height`.
 
     The road lies in body i: forward is its first axis, up its last one.  Its profile is an expression in
@@ -30,9 +31,13 @@ class RoadFollower(uqmbd.Component):
     """
 
     spaces = (*uqmbd.Component.spaces, uqmbd.Line)
-    point = uqmbd.Parameter("m", "the point, frame of body j", kind="point", body="body_j")
-    road = uqmbd.Parameter("m", "height of the road", kind="option", example=ROAD)
-    height = uqmbd.Parameter("m", "height of the point above the road: the radius of a wheel", default=0)
+    body_i: uqmbd.NamedFrame
+    body_j: uqmbd.NamedFrame
+    point: uqmbd.Parameter[Vector] = uqmbd.Parameter("m", "the point, frame of body j", kind="point", body="body_j")
+    road: uqmbd.Parameter[Quantity] = uqmbd.Parameter("m", "height of the road", kind="option", example=ROAD)
+    height: uqmbd.Parameter[Quantity] = uqmbd.Parameter(
+        "m", "height of the point above the road: the radius of a wheel", default=0
+    )
 
     def prepare(self) -> dict[str, Any]:
         """Give what the profile contains to each realisation."""
@@ -49,7 +54,7 @@ class RoadFollower(uqmbd.Component):
         return p.body_j.point(p.point)
 
 
-class RadialTyre(uqmbd.Component):
+class RadialTyre(uqmbd.TypedComponent):
     """A vertical spring and damper between the centre of a wheel, a point of body j, and the road below it.
 
     The road is that of `RoadFollower`.  With the compression ``c = road + radius - height`` the load is
@@ -65,12 +70,18 @@ class RadialTyre(uqmbd.Component):
 
     symbol = "contact"
     spaces = (*uqmbd.Component.spaces, uqmbd.Line)
-    point = uqmbd.Parameter("m", "centre of the wheel, frame of body j", kind="point", body="body_j")
-    road = uqmbd.Parameter("m", "height of the road", kind="option", example=ROAD)
-    radius = uqmbd.Parameter("m", "radius of the wheel without load", minimum=0, about="point")
-    stiffness = uqmbd.Parameter("N/m", "spring rate", minimum=0)
-    damping = uqmbd.Parameter("N s/m", "damper rate", default=0, minimum=0)
-    transition = uqmbd.Parameter(
+    body_i: uqmbd.NamedFrame
+    body_j: uqmbd.NamedFrame
+    point: uqmbd.Parameter[Vector] = uqmbd.Parameter(
+        "m", "centre of the wheel, frame of body j", kind="point", body="body_j"
+    )
+    road: uqmbd.Parameter[Quantity] = uqmbd.Parameter("m", "height of the road", kind="option", example=ROAD)
+    radius: uqmbd.Parameter[Quantity] = uqmbd.Parameter(
+        "m", "radius of the wheel without load", minimum=0, about="point"
+    )
+    stiffness: uqmbd.Parameter[Quantity] = uqmbd.Parameter("N/m", "spring rate", minimum=0)
+    damping: uqmbd.Parameter[Quantity] = uqmbd.Parameter("N s/m", "damper rate", default=0, minimum=0)
+    transition: uqmbd.Parameter[Quantity] = uqmbd.Parameter(
         "m", "compression e within which contact begins", default=1e-4, minimum=0, exclusive=True
     )
 
