@@ -107,7 +107,8 @@ def test_it_is_accessible(source: str) -> None:
     assert ("html", {"lang": "en"}) in page.tags
     assert any(attrs.get("name") == "viewport" for _, attrs in page.tags)
     images = [attrs for tag, attrs in page.tags if tag == "img"]
-    assert len(images) == 14 and all(attrs["alt"] for attrs in images)
+    assert len(images) == 8 and all(attrs["alt"] for attrs in images)
+    assert all(attrs.get("data-alt", "of the first screen") for attrs in (a for tag, a in page.tags if tag == "figure"))
     assert all(attrs.get("scope") in ("col", "row") for tag, attrs in page.tags if tag == "th")
 
 
@@ -159,7 +160,8 @@ def test_the_contents_lead_to_every_output(source: str) -> None:
 
 def test_figures_come_in_order_with_their_words(source: str) -> None:
     """Bands, time-history histogram, densities, convergence, standard deviation: each with an alternative text."""
-    alts = [attrs["alt"] for tag, attrs in Page(source).tags if tag == "img"]
+    every = [attrs.get("alt") or attrs.get("data-alt") for tag, attrs in Page(source).tags if tag in ("img", "figure")]
+    alts = [alt for alt in every if alt]
     starts = ["Mean of", "Time-history histogram of", "Probability densities of", "Mean and standard", "Standard dev"]
     of_first = alts[1:6]
     assert all(alt.startswith(start) and "slider_x" in alt for alt, start in zip(of_first, starts, strict=True))
@@ -182,9 +184,9 @@ def test_reports_stay_small(tmp_path: Path) -> None:
 
 
 def test_user_text_is_escaped(source: str) -> None:
-    """Names and messages are text, never markup: scripts are the data of five charts, the library, and our own."""
+    """Names and messages are text, never markup: scripts are the data of charts, the library, and our own."""
     kinds = [attrs.get("type") for tag, attrs in Page(source).tags if tag == "script"]
-    assert kinds == ["application/json"] * 5 + [None, "module"] and len(re.findall("<script", source, re.I)) == 7
+    assert kinds == ["application/json"] * 7 + [None, "module"] and len(re.findall("<script", source, re.I)) == 9
     assert "<img src=x" not in source
     assert "&lt;script&gt;alert(1)" in source
 

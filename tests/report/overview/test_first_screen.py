@@ -43,9 +43,12 @@ def test_numbers_that_tell_most_are_those_of_the_statistics():
     y, x = asked(result)["rows"]
     data = result.methods["mc"].of("y")
     assert (y["name"], x["name"]) == ("y", "x") and in_view(result) == "y"
-    assert y["when"] == "1 s" and y["spread"] == f"{float(data['std'].max()):.4g} N"
+    assert y["when"] == "1 s" and float(y["spread"].removesuffix(" N")) == pytest.approx(
+        float(data["std"].max()), rel=2e-4
+    )
     ends = data["quantile"].sel(probability=[0.025, 0.975]).isel(time=-1).values
-    assert y["extremes"]["low"] == f"−{-ends[0]:.4g}" and y["extremes"]["high"] == f"{ends[1]:.4g} N"
+    low, high = y["extremes"]["low"], y["extremes"]["high"]
+    assert [float(low.replace("−", "-")), float(high.removesuffix(" N"))] == pytest.approx(ends, rel=2e-4)
     assert y["extremes"]["low_at"] == y["extremes"]["high_at"] == "1 s"
 
 
@@ -90,8 +93,10 @@ def test_a_limit_is_drawn_where_a_requirement_compares_an_output_with_a_number(t
     ]
     page = report.write_report(tree, tmp_path / "report.html").read_text(encoding="utf-8")
     limits = [
-        json.loads(text)["limits"] for text in re.findall(r'<script type="application/json">(.*?)</script>', page)
+        json.loads(text).get("limits", [])
+        for text in re.findall(r'<script type="application/json">(.*?)</script>', page)
     ]
+    limits = [limit for limit in limits if limit]
     assert limits[1:] == [[{"name": "right", "value": 0.9}], [{"name": "high", "value": -0.6}]]
     assert limits[0] in limits[1:]
     model = json.loads(tree.attrs["model"])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from uqmbd.report.drawing.images import CHARTED, figure_html, image, image_html, svg, write_images
+from uqmbd.report.drawing.images import CHARTED, charted, figure_html, image, image_html, svg, write_images
 from uqmbd.report.drawing.scales import log_axis
 from uqmbd.report.drawing.style import (
     COLOURS,
@@ -31,6 +31,7 @@ __all__ = [
     "WIDTH",
     "arrange",
     "axes_grid",
+    "charted",
     "constant",
     "draw_histogram",
     "few_ticks",

@@ -10,14 +10,14 @@ import re
 import warnings
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from uqmbd.report.drawing.ticks import freeze_ticks
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["CHARTED", "figure_html", "image", "image_html", "svg", "write_images"]
+__all__ = ["CHARTED", "charted", "figure_html", "image", "image_html", "svg", "write_images"]
 
 CHARTED = '<figure class="charted">'
 """How the figure of a chart begins; scripts of the page look for it."""
@@ -67,6 +67,21 @@ def image(draw: Callable[[], Figure], alt: str, caption: str, name: str = "") ->
     finally:
         if collecting:
             gc.enable()
+
+
+def charted(draw: Callable[[], Figure], alt: str, caption: str, name: str, chart: str | None) -> dict[str, Any]:
+    """Return a figure that the page draws as a chart: it is drawn here only if it is written to a file.
+
+    Parameters
+    ----------
+    draw, alt, caption, name
+        As of `image`.
+    chart : str or None
+        JSON, safe in HTML; None: there is no chart, and the figure is drawn.
+    """
+    if chart is None:
+        return image(draw, alt, caption, name)
+    return {"source": "", "alt": alt, "caption": caption, "problem": "", "name": name, "chart": chart, "draw": draw}
 
 
 def figure_html(draw: Callable[[], Figure], alt: str, caption: str) -> str:
@@ -142,9 +157,12 @@ def write_images(content: object, folder: Path) -> list[Path]:
 
 def _named(content: object) -> Iterator[tuple[str, str]]:
     if isinstance(content, Mapping):
-        for key in ("source", "moving", "still"):
-            if content.get("name") and content.get(key):
-                yield str(content["name"]), str(content[key])
+        sources = {key: content.get(key) for key in ("source", "moving", "still")}
+        if content.get("draw") and not sources["source"]:
+            sources["source"] = image(content["draw"], "", "")["source"]
+        for source in sources.values():
+            if content.get("name") and source:
+                yield str(content["name"]), str(source)
         for value in content.values():
             yield from _named(value)
     elif isinstance(content, (list, tuple)):

@@ -18,7 +18,15 @@ from uqmbd.report.figures.over_time import band_edges, bands, std_over_time, tim
 from uqmbd.report.figures.requirements import changing_with_time, violated_by
 from uqmbd.report.figures.sample_convergence import convergence, design_of
 from uqmbd.report.figures.selection import Results, Samples, automatic_times, label_of, of_output, runs_of, thinned
-from uqmbd.report.figures.sobol import OF_GERMS, Indices, has_indices, indices_of, node_with_indices, sobol_indices
+from uqmbd.report.figures.sobol import (
+    OF_GERMS,
+    Indices,
+    has_indices,
+    indices_of,
+    node_with_indices,
+    shown_inputs,
+    sobol_indices,
+)
 from uqmbd.report.figures.surrogates import (
     chaos_nodes,
     chaos_of,
@@ -81,6 +89,7 @@ __all__ = [
     "runs_of",
     "scalar_densities",
     "series",
+    "shown_inputs",
     "shown_methods",
     "sobol_indices",
     "split_pattern",

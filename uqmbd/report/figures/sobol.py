@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["Indices", "has_indices", "indices_of", "node_with_indices", "sobol_indices"]
+__all__ = ["Indices", "has_indices", "indices_of", "node_with_indices", "shown_inputs", "sobol_indices"]
 
 
 NEGLIGIBLE = 0.02

@@ -9,6 +9,7 @@ from uqmbd.report.live.packing import json_script, packed, unpacked
 from uqmbd.report.live.page import PageScripts, page_scripts
 from uqmbd.report.live.poses import packed_poses, pose_surrogate, with_poses
 from uqmbd.report.live.scripts import joined_modules
+from uqmbd.report.live.statistics_charts import difference_data, indices_data, std_data
 from uqmbd.report.live.surrogates import live_method, live_surrogate, packed_surrogate, shipped
 
 __all__ = [
@@ -17,6 +18,8 @@ __all__ = [
     "bands_data",
     "cell_html",
     "chart_html",
+    "difference_data",
+    "indices_data",
     "joined_modules",
     "json_script",
     "live_method",
@@ -27,6 +30,7 @@ __all__ = [
     "page_scripts",
     "pose_surrogate",
     "shipped",
+    "std_data",
     "unpacked",
     "with_poses",
 ]

@@ -1,16 +1,19 @@
 // A chart in its figure: methods on and off, zoom, the page's time, keys and fingers, files.
 
 import { csvText, headsOf, nearestIndex, rowsAt, sentenceAt } from "./chart_model.js";
+import { drawChart, svgText } from "./chart_paper.js";
 import { DARK, LIGHT, chartOptions, seriesData } from "./chart_options.js";
-import { fileName, pictureOf, saveAs, saveBlob } from "./exports.js";
+import { fileName, pictureOf, saveBlob } from "./exports.js";
 import { formatNumber } from "./numbers.js";
 import { announceTime, onTime, pageTime } from "./time_bus.js";
 
 const NARROW = 480;
-const PAPER = { width: 660, height: 290 };
 const dark = window.matchMedia("(prefers-color-scheme: dark)");
-let printing = false;
-const palette = () => (dark.matches && !printing ? DARK : LIGHT);
+const palette = () => (dark.matches ? DARK : LIGHT);
+const papers = [];
+
+/** Draw all charts for paper; in microtasks, which are done before a page is printed. */
+export const drawForPaper = () => papers.forEach((draw) => draw());
 
 function element(kind, attributes = {}, ...children) {
   const made = document.createElement(kind);
@@ -43,7 +46,7 @@ function lineSample(method) {
 
 /** Make the chart of a figure, in place of its picture, which stays for paper. */
 export function makeChart(figure, model) {
-  const picture = figure.querySelector("img");
+  const described = figure.dataset.alt ?? figure.querySelector("img")?.alt ?? "";
   const small = figure.classList.contains("small");
   const whole = [model.time[0], model.time[model.time.length - 1]];
   let index = pageTime() === null ? model.start : nearestIndex(model.time, pageTime());
@@ -95,10 +98,14 @@ export function makeChart(figure, model) {
       const { min, max } = plot.scales.x;
       (await pictureOf(model, [min, max])).toBlob((blob) => saveBlob(blob, fileName(model.output, "png")));
     }),
-    button("SVG", "Save the figure of all times and methods as a drawing", () => saveAs(picture.src, fileName(model.output, "svg"))),
+    button("SVG", "Save what this chart shows as a drawing", () => {
+      const { min, max } = plot.scales.x;
+      drawChart(model, [min, max], (drawing) =>
+        saveBlob(new Blob([svgText(drawing)], { type: "image/svg+xml" }), fileName(model.output, "svg")));
+    }),
   );
   const reading = small ? element("p", { class: "now" }) : element("div", { class: "wide readout" }, table);
-  const holder = element("div", { class: "chart", role: "group", "aria-label": picture.alt }, ...(small ? [reading, space, all] : [space, tools, reading]));
+  const holder = element("div", { class: "chart", role: "group", "aria-label": described }, ...(small ? [reading, space, all] : [space, tools, reading]));
   figure.prepend(holder);
   figure.classList.add("live");
 
@@ -250,18 +257,12 @@ export function makeChart(figure, model) {
       place();
     }
   }).observe(space);
-  // paper shows the figure, unless something has been changed
-  const redrawn = (wanted) => {
-    if (!figure.classList.contains("changed")) return;
-    plot.setSize(wanted);
-    plot.redraw(false);
-  };
-  window.addEventListener("beforeprint", () => redrawn(PAPER));
-  window.addEventListener("afterprint", () => redrawn(size()));
+  const paper = element("div", { class: "paper", role: "img", "aria-label": described });
+  holder.after(paper);
+  papers.push(() => {
+    const { min, max } = plot.scales.x;
+    drawChart(model, [min ?? whole[0], max ?? whole[1]], (drawing) => paper.replaceChildren(drawing));
+  });
   refresh();
   return plot;
 }
-
-// before what charts themselves do then
-window.addEventListener("beforeprint", () => (printing = true));
-window.addEventListener("afterprint", () => (printing = false));

@@ -71,7 +71,13 @@ def bands_data(
 
 
 def curves_data(
-    name: str, times: _Array, curves: Sequence[Curve], units: str, most: int = MOST_TIMES
+    name: str,
+    times: _Array,
+    curves: Sequence[Curve],
+    units: str,
+    most: int = MOST_TIMES,
+    *,
+    told: Sequence[Mapping[str, _Array]] | None = None,
 ) -> tuple[dict[str, Any], NDArray[np.intp]]:
     """Return the data of a chart of curves, in the form of `bands_data`, and which times are in it.
 
@@ -86,7 +92,10 @@ def curves_data(
     units : str
     most : int
         About how many times at most; the peaks of each curve are among them.
+    told : sequence of mapping of str to array, shape (T,), optional
+        What is told of each curve besides, and not drawn.
     """
+    besides = [{}] * len(curves) if told is None else told
     share = max(most // len(curves), 100)
     chosen = np.unique(np.concatenate([_with_peaks(curve, share) for curve in curves]))
     first = curves[0]
@@ -97,7 +106,10 @@ def curves_data(
         "time": packed(times[chosen]),
         "of": len(times),
         "start": int(np.nan_to_num(spread[0][chosen], nan=-1.0).argmax()) if spread else 0,
-        "methods": [_drawn(k, len(curves), curve.at(chosen), {}) for k, curve in enumerate(curves)],
+        "methods": [
+            _drawn(k, len(curves), curve.at(chosen), {what: values[chosen] for what, values in besides[k].items()})
+            for k, curve in enumerate(curves)
+        ],
     }, chosen
 
 

@@ -80,7 +80,7 @@ export function chartOptions(model, { width, height, scale = 1 }, palette) {
     height,
     series,
     bands,
-    padding: [10 * scale, 14 * scale, 0, 0],
+    padding: [10 * scale, 20 * scale, 0, 0],
     legend: { show: false },
     scales: { x: { time: false }, y: { range: (_, low, high) => verticalRange(low, high) } },
     axes: [

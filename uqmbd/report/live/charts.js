@@ -1,25 +1,30 @@
 // Every figure of the page that has data becomes a chart, as soon as it comes near the window.
 
-import { makeChart } from "./chart.js";
+import { drawForPaper, makeChart } from "./chart.js";
 import { chartModel } from "./chart_model.js";
 
 /** Begin: figures of a part of the page that have data are watched, and each becomes a chart once. */
 export function startCharts(part = document) {
+  const waiting = new Set(part.querySelectorAll("figure.charted"));
+  const make = (figure) => {
+    near.unobserve(figure);
+    if (!waiting.delete(figure)) return;
+    try {
+      const data = figure.querySelector('script[type="application/json"]');
+      makeChart(figure, chartModel(JSON.parse(data.textContent)));
+    } catch (error) {
+      // its picture stands; others are charts none the less
+      console.error(error);
+    }
+  };
   const near = new IntersectionObserver(
-    (entries) => {
-      for (const { target, isIntersecting } of entries) {
-        if (!isIntersecting) continue;
-        near.unobserve(target);
-        try {
-          const data = target.querySelector('script[type="application/json"]');
-          makeChart(target, chartModel(JSON.parse(data.textContent)));
-        } catch (error) {
-          // its picture stands; others are charts none the less
-          console.error(error);
-        }
-      }
-    },
+    (entries) => entries.filter((entry) => entry.isIntersecting).forEach(({ target }) => make(target)),
     { rootMargin: "400px" },
   );
-  for (const figure of part.querySelectorAll("figure.charted")) near.observe(figure);
+  waiting.forEach((figure) => near.observe(figure));
+  // paper has what the browser draws, what was far from the window, too
+  window.addEventListener("beforeprint", () => {
+    [...waiting].forEach(make);
+    drawForPaper();
+  });
 }

@@ -47,7 +47,7 @@ def output_charts(result: StudyResult, names: Sequence[str]) -> str:
     from uqmbd.report.drawing import image_html
     from uqmbd.report.sections import bands_chart
 
-    found = [(name, bands_chart(result, name)) for name in names]
+    found = [(name, bands_chart(result, name, drawn=True)) for name in names]
     return _folded([(name, image_html(one, one.pop("chart", ""))) for name, one in found])
 
 

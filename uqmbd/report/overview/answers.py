@@ -106,7 +106,8 @@ def _picture(result: StudyResult, name: str) -> Content | None:
             return figures.bands(holders, name, limits=limits)
 
         words = f"{name} by {', '.join(holders)}: the mean, and the bands of 50 % and 95 % of the realisations{said}."
-        return image(draw, words, words, "first-screen") | chart_content(holders, name, limits)
+        chart = chart_content(holders, name, limits)
+        return image(draw, words, words, "first-screen") | ({} if chart is None else {"chart": chart})
     if answers(result.nodes) and any(
         figures.changing_with_time(method.node.children["requirements"].to_dataset())
         for method in result.methods.values()

@@ -119,7 +119,8 @@ def _line(result: StudyResult, label: str, name: str, known: _Known) -> Line:
     elif kind == FEW:
         level = min(level, 1)
     words = {DIFFERS: f"differs from {other}", AGREES: f"agrees with {other}"}
-    text = f"{said}; {words.get(kind, kind) or 'compared with nothing'}"
+    alone = "no other method is resolved well enough to compare" if row is not None else "compared with nothing"
+    text = f"{said}; {words.get(kind, kind) or alone}"
     return Line(name, level, text, error if math.isfinite(error) else ROUGHLY)
 
 

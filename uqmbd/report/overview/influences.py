@@ -11,7 +11,7 @@ import xarray as xr
 
 from uqmbd.report.figures import has_indices, indices_of, label_of, node_with_indices
 from uqmbd.report.overview.trusted import trusted_labels
-from uqmbd.report.view import Method, StudyResult
+from uqmbd.report.view import StudyResult
 from uqmbd.status import Status
 from uqmbd.typing import Array
 from uqmbd.wording import format_share
@@ -83,26 +83,21 @@ def of_scalar(result: StudyResult, name: str) -> Influences | None:
 
 def of_requirement(result: StudyResult, name: str) -> Influences | None:
     """Return what matters for whether a requirement is violated; None if the results do not tell."""
-    for label in trusted_labels(result):
-        data = _requirements(result.methods[label])
-        if data is None or name not in data["requirement"].values:
-            continue
-        row = data.sel(requirement=name)
-        if "importance" in row and np.isfinite(row["importance"].values).all():
-            kind = "Importance for the limit: the share of each in how far the nearest violation is"
-            return _sorted(row["input"].values, row["importance"].values, f"{kind} ({label}).")
-        node = result.methods[label].node.children["requirements"]
+    held = {label: result.methods[label].node.children.get("requirements") for label in trusted_labels(result)}
+    nodes = {label: node for label, node in held.items() if node is not None}
+    for label, node in nodes.items():
+        data = node.to_dataset()
+        if "importance" in data and name in data["requirement"].values:
+            row = data.sel(requirement=name)
+            if np.isfinite(row["importance"].values).all():
+                kind = "Importance for the limit: the share of each in how far the nearest violation is"
+                return _sorted(row["input"].values, row["importance"].values, f"{kind} ({label}).")
+    for label, node in nodes.items():
         inner = node.children["statistics"].to_dataset() if "statistics" in node.children else None
         if inner is not None and name in inner["output"].values:
-            margin = inner.sel(output=name)
-            if found := _total(margin, label, "of its margin "):
+            if found := _total(inner.sel(output=name), label, "of its margin "):
                 return found
     return None
-
-
-def _requirements(method: Method) -> xr.Dataset | None:
-    node = method.node.children.get("requirements")
-    return None if node is None else node.to_dataset()
 
 
 def _has(node: xr.DataTree, name: str) -> bool:

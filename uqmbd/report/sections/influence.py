@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import functools
 
-from uqmbd.report import figures
-from uqmbd.report.drawing import image
+from uqmbd.report import figures, live
+from uqmbd.report.drawing import charted
 from uqmbd.report.figures import OF_GERMS, Indices, has_indices, indices_of, label_of, node_with_indices
 from uqmbd.report.sections.outputs import most_uncertain
 from uqmbd.report.sections.section import Content, TemplateSection
@@ -55,11 +55,12 @@ def influence(result: StudyResult) -> Content | None:
     ]
     shown = most_uncertain(result, list(varying))
     drawn = [
-        image(
+        charted(
             functools.partial(figures.sobol_indices, node, name),
-            f"Sobol' indices of {name} over time, and its standard deviation. {_in_words(name, one)}",
+            f"Sobol' indices of {name} over time. {_in_words(name, one)}",
             _in_words(name, one),
             f"{name}-sobol-indices",
+            None if (data := live.indices_data(one, name)) is None else live.json_script(data),
         )
         for name, one in varying.items()
         if name in shown

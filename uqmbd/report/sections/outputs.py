@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 
 from uqmbd.report import figures, live
-from uqmbd.report.drawing import image
+from uqmbd.report.drawing import charted, image
 from uqmbd.report.figures import design_of, shown_methods, surrogate_nodes
 from uqmbd.report.sections.output_words import in_words, integration, numbers, output_rows, precision
 from uqmbd.report.sections.section import Content, TemplateSection
@@ -112,12 +112,13 @@ def _output(result: StudyResult, name: str, whole: bool) -> Content:
         []
         if not whole
         else [
-            image(
+            charted(
                 lambda: figures.std_over_time(holders, name),
                 f"Standard deviation of {name} over time. " + in_words(first, name),
                 "When it is uncertain: the standard deviation over time; the shaded band is plus and minus two "
                 "standard errors, where they are known.",
                 f"{name}-standard-deviation",
+                _json(live.std_data(holders, name)),
             )
         ]
     )
@@ -142,18 +143,9 @@ def _output(result: StudyResult, name: str, whole: bool) -> Content:
         ]
     elif surrogate_nodes(every) and whole:
         drawn.append(_densities(result, list(surrogate_nodes(every)), name))
-    compared = []
+    compared: list[Content] = []
     if whole and len(holders) > 1 and surrogate_nodes(holders):
-        reference = choose_reference(holders)
-        compared.append(
-            image(
-                lambda: figures.differences(holders, name, reference=reference),
-                f"Difference of the mean and the standard deviation of {name} between methods, over time.",
-                f"How far the methods agree: the mean and the standard deviation of each, less those of {reference}. "
-                "A shaded band is plus and minus two standard errors of these, where they are known.",
-                f"{name}-differences",
-            )
-        )
+        compared += _differences(holders, name)
     words = [
         in_words(first, name),
         *(precision(method, name) for method in list(sampled.values())[:1]),
@@ -169,24 +161,55 @@ def _output(result: StudyResult, name: str, whole: bool) -> Content:
     }
 
 
-def bands_chart(result: StudyResult, name: str) -> Content:
-    """Return the figure of an output's mean and bands over time, and the data of the chart that stands for it."""
+def bands_chart(result: StudyResult, name: str, *, drawn: bool = False) -> Content:
+    """Return the chart of an output over time; ``drawn``: with its drawing, for where no script runs."""
     every = {label: method.node for label, method in result.holders(name).items()}
     holders = shown_methods(every)
     lower = " Of a surrogate with several orders, only the highest is drawn." if len(holders) < len(every) else ""
-    return image(
-        lambda: figures.bands(holders, name),
+    limits = result.limits_of(name)
+    chart = chart_content(holders, name, limits)
+    made = charted(
+        lambda: figures.bands(holders, name, limits=limits),
         f"Mean of {name} over time, with the bands that hold 50 % and 95 % of the realisations. "
         + in_words(result.methods[next(iter(holders))], name),
         "How it moves: the mean, and the bands in which 50 % and 95 % of the realisations lie." + lower,
         f"{name}-bands",
-    ) | chart_content(holders, name, result.limits_of(name))
+        None if drawn else chart,
+    )
+    return made | ({"chart": chart} if drawn and chart is not None else {})
 
 
-def chart_content(holders: Mapping[str, xr.DataTree], name: str, limits: Mapping[str, float]) -> Content:
-    """Return the data of the chart that stands for the figure where scripts run; nothing if there is none."""
-    data = live.bands_data(holders, name, limits=limits)
-    return {} if data is None else {"chart": live.json_script(data)}
+def chart_content(holders: Mapping[str, xr.DataTree], name: str, limits: Mapping[str, float]) -> str | None:
+    """Return the data of the chart of an output; None if there is none."""
+    return _json(live.bands_data(holders, name, limits=limits))
+
+
+def _json(data: Mapping[str, object] | None) -> str | None:
+    return None if data is None else live.json_script(data)
+
+
+def _differences(holders: Mapping[str, xr.DataTree], name: str) -> list[Content]:
+    """Return how far methods agree: charts of means and of standard deviations, or where there are none a figure."""
+    reference = choose_reference(holders)
+    made = []
+    for statistic, words in (("mean", "mean"), ("std", "standard deviation")):
+        data = live.difference_data(holders, name, reference, statistic)
+        if data is None:
+            break
+        made.append(
+            charted(
+                lambda: figures.differences(holders, name, reference=reference),
+                f"Difference of the {words} of {name} between methods, over time.",
+                f"How far the methods agree: the {words} of each, less that of {reference}. A shaded band is plus and "
+                "minus two standard errors of this, where they are known.",
+                f"{name}-differences" if statistic == "mean" else "",
+                _json(data),
+            )
+        )
+    words = f"Difference of the mean and the standard deviation of {name} between methods, over time."
+    return made or [
+        image(lambda: figures.differences(holders, name, reference=reference), words, words, f"{name}-differences")
+    ]
 
 
 def _over(holders: Mapping[str, xr.DataTree], name: str, over: str) -> dict[str, str]:

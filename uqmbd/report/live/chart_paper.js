@@ -1,0 +1,117 @@
+// A chart as a drawing (SVG), for paper and as a file. Own code: uPlot draws on a canvas, whose pixels blur on paper.
+
+import { LIGHT, chartOptions, seriesData, shortName } from "./chart_options.js";
+
+const PAPER = { width: 660, height: 290 };
+const SPACE = "http://www.w3.org/2000/svg";
+const FAMILY = "system-ui, -apple-system, 'Segoe UI', Roboto, 'Helvetica Neue', 'Noto Sans', 'DejaVu Sans', sans-serif";
+const ROW = 18;
+
+function shape(kind, attributes, text) {
+  const made = document.createElementNS(SPACE, kind);
+  for (const [name, value] of Object.entries(attributes)) made.setAttribute(name, value);
+  if (text !== undefined) made.textContent = text;
+  return made;
+}
+
+/** Call `done(svg)` with what a chart shows between two times; in a microtask, when uPlot has chosen the axes. */
+export function drawChart(model, [low, high], done) {
+  const plot = new uPlot(chartOptions(model, PAPER, () => LIGHT), seriesData(model));
+  plot.setScale("x", { min: low, max: high });
+  queueMicrotask(() => {
+    done(drawingOf(model, plot));
+    plot.destroy();
+  });
+}
+
+/** The text of a file. */
+export const svgText = (drawing) => `<?xml version="1.0" encoding="UTF-8"?>\n${new XMLSerializer().serializeToString(drawing)}`;
+
+function drawingOf(model, plot) {
+  const shown = model.methods.filter((method) => method.shown);
+  const legend = ROW * shown.length + 6;
+  const ratio = plot.ctx.canvas.width / PAPER.width;
+  const box = Object.fromEntries(Object.entries(plot.bbox).map(([side, value]) => [side, value / ratio]));
+  const top = legend + box.top;
+  const x = (value) => box.left + plot.valToPos(value, "x");
+  const y = (value) => top + plot.valToPos(value, "y");
+  const height = PAPER.height + legend;
+  const svg = shape("svg", { xmlns: SPACE, viewBox: `0 0 ${PAPER.width} ${height}`, width: PAPER.width, height, "font-family": FAMILY, "font-size": 12 });
+  svg.append(shape("rect", { width: "100%", height: "100%", fill: LIGHT.paper }));
+  const [across, up] = plot.axes;
+  across._splits.forEach((value, k) => {
+    svg.append(shape("path", { d: `M${x(value)} ${top}v${box.height + 4}`, stroke: LIGHT.grid, fill: "none" }));
+    svg.append(shape("text", { x: x(value), y: top + box.height + 18, "text-anchor": "middle", fill: LIGHT.soft }, across._values[k]));
+  });
+  up._splits.forEach((value, k) => {
+    svg.append(shape("path", { d: `M${box.left - 4} ${y(value)}h${box.width + 4}`, stroke: LIGHT.grid, fill: "none" }));
+    svg.append(shape("text", { x: box.left - 8, y: y(value) + 4, "text-anchor": "end", fill: LIGHT.soft }, up._values[k]));
+  });
+  const label = (axis) => (typeof axis.label === "function" ? axis.label(plot) : axis.label);
+  svg.append(shape("text", { x: box.left + box.width / 2, y: height - 5, "text-anchor": "middle", fill: LIGHT.ink, "font-size": 13 }, label(across)));
+  const middle = top + box.height / 2;
+  svg.append(shape("text", { x: 14, y: middle, transform: `rotate(-90 14 ${middle})`, "text-anchor": "middle", fill: LIGHT.ink, "font-size": 13 }, label(up)));
+
+  // an inner drawing, which ends at its edges
+  const inner = { x: box.left, y: top, width: box.width, height: box.height };
+  const lines = shape("svg", { ...inner, viewBox: Object.values(inner).join(" "), fill: "none", "stroke-linejoin": "round" });
+  const path = (values) => {
+    let text = "";
+    let pen = "M";
+    values.forEach((value, k) => {
+      if (value === null) pen = "M";
+      else {
+        text += `${pen}${x(model.time[k]).toFixed(2)} ${y(value).toFixed(2)}`;
+        pen = "L";
+      }
+    });
+    return text;
+  };
+  shown.forEach((method, k) => {
+    const [colour] = method.colours;
+    method.bands.forEach(({ low, high }, depth) => {
+      const ends = [method.lines[low].values, method.lines[high].values];
+      if (k > 0) {
+        const thin = { stroke: colour, "stroke-width": 0.6 * method.width, "stroke-dasharray": dashOf(method) };
+        if (depth === 0) ends.forEach((values) => lines.append(shape("path", { d: path(values), ...thin })));
+        return;
+      }
+      for (const [from, to] of runsOf(ends)) {
+        const edge = (values) => values.slice(from, to).map((value, n) => `${x(model.time[from + n]).toFixed(2)} ${y(value).toFixed(2)}`);
+        const d = `M${[...edge(ends[0]), ...edge(ends[1]).reverse()].join("L")}Z`;
+        lines.append(shape("path", { d, fill: colour, "fill-opacity": depth === 0 ? 0.16 : 0.3 }));
+      }
+    });
+    lines.append(shape("path", { d: path(method.lines[0].values), stroke: colour, "stroke-width": method.width, "stroke-dasharray": dashOf(method) }));
+  });
+  for (const { value } of model.limits ?? []) {
+    lines.append(shape("path", { d: `M${box.left} ${y(value)}h${box.width}`, stroke: LIGHT.limit, "stroke-width": 1.6, "stroke-dasharray": "2 3" }));
+  }
+  svg.append(lines);
+
+  shown.forEach((method, k) => {
+    const row = ROW * (k + 0.6);
+    const look = { stroke: method.colours[0], "stroke-width": method.width, "stroke-dasharray": dashOf(method) };
+    svg.append(shape("path", { d: `M12 ${row}h36`, ...look }));
+    const bands = (k === 0 ? method.bands : method.bands.slice(0, 1)).map((band) => band.name);
+    svg.append(shape("text", { x: 56, y: row + 4, fill: LIGHT.ink }, [`${shortName(method.label, 50)}: ${method.lines[0].name}`, ...bands].join(", ")));
+  });
+  return svg;
+}
+
+const dashOf = (method) => method.dash.map((length) => length * method.width).join(" ") || "none";
+
+/** Ranges of indices at which both ends of a band are known. */
+function runsOf([low, high]) {
+  const runs = [];
+  let start = null;
+  for (let k = 0; k <= low.length; k++) {
+    const known = k < low.length && low[k] !== null && high[k] !== null;
+    if (known && start === null) start = k;
+    if (!known && start !== null) {
+      if (k - start > 1) runs.push([start, k]);
+      start = null;
+    }
+  }
+  return runs;
+}
