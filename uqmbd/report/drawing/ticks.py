@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from uqmbd.report.drawing.layout import is_arranged
+from uqmbd.report.drawing.style import tick_width
+
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
@@ -12,7 +15,7 @@ __all__ = ["freeze_ticks"]
 
 
 def freeze_ticks(figure: Figure) -> None:
-    """Replace the ticks, grids and labels of all axes by plain texts and lines that look the same.
+    """Replace the ticks, grids and labels of all axes by plain texts and lines that look the same, where axes are now.
 
     Matplotlib makes and measures five objects for every tick, which takes most of the time of a small figure. The
     limits of the axes must not change afterwards. Major ticks only, at the bottom or the top, left or right.
@@ -31,12 +34,30 @@ def freeze_ticks(figure: Figure) -> None:
     >>> [text.get_text() for text in axes.texts][-1]
     'x [m]'
     """
+    if is_arranged(figure):
+        figure.set_layout_engine("none")
+        _label_at_rest(figure)
     for axes in figure.axes:
         if hasattr(axes, "get_zlim"):
             continue  # axes in space draw their own ticks
         axes.axis(axes.axis())  # the limits as they are, from now on
         _freeze(axes, "x")
         _freeze(axes, "y")
+
+
+def _label_at_rest(figure: Figure) -> None:
+    """Give the labels of axes in a grid their places, beside the longest number of their column."""
+    width, height = figure.get_size_inches()
+    columns: dict[int, list[Axes]] = {}
+    for axes in figure.axes:
+        if (cell := axes.get_subplotspec()) is not None:
+            columns.setdefault(cell.colspan.start, []).append(axes)
+    for column in columns.values():
+        room = max(tick_width(axes.yaxis) for axes in column)
+        for axes in column:
+            place = axes.get_position()
+            axes.yaxis.set_label_coords(-room / (place.width * width), 0.5)
+            axes.xaxis.set_label_coords(0.5, -0.26 / (place.height * height))
 
 
 def _freeze(axes: Axes, direction: str) -> None:

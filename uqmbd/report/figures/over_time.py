@@ -229,10 +229,21 @@ def time_history_histogram(node: Samples, output: str, *, mean: bool = False) ->
     margin = 0.03 * (span[1] - span[0])
     axes.set_ylim(span[0] - margin, span[1] + margin)
     arrange(figure, [axes], right=0.95, legend={"mean": line} if mean else None)
-    place = axes.get_position()
-    bar.set_position((place.x1 + 0.02, place.y0, 0.025, place.height))
+    _stand_beside(bar, axes)
     _colour_bar(bar, image, most)
     return figure
+
+
+def _stand_beside(bar: Axes, axes: Axes) -> None:
+    """Let a bar stand at the right of axes, wherever these are put."""
+    from matplotlib.transforms import Bbox
+
+    def place(*_: Any) -> Bbox:
+        beside = axes.get_position()
+        return Bbox.from_bounds(beside.x1 + 0.02, beside.y0, 0.025, beside.height)
+
+    bar.set_position(place())
+    bar.set_axes_locator(place)
 
 
 def _colour_bar(bar: Axes, image: Any, most: int) -> None:
