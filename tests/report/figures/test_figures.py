@@ -297,3 +297,57 @@ def test_no_global_state() -> None:
         "sys.exit('matplotlib.pyplot' in sys.modules)"
     )
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+@pytest.mark.thorough
+def test_a_figure_makes_room_for_what_is_changed_in_it(study: xr.DataTree) -> None:
+    """Texts of twice the size run over no edge, neither in one pair of axes nor in a grid of them."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    for figure in (report.bands(study, "slider_x"), report.histograms(study, "slider_x")):
+        for axes in figure.axes:
+            axes.tick_params(labelsize=16)
+            for label in (axes.xaxis.label, axes.yaxis.label):
+                label.set_fontsize(18)
+        canvas = FigureCanvasAgg(figure)
+        canvas.draw()
+        for axes in figure.axes:
+            box = axes.get_tightbbox(canvas.get_renderer())
+            assert figure.bbox.padded(1).contains(box.x0, box.y0) and figure.bbox.padded(1).contains(box.x1, box.y1)
+            assert box.y1 <= figure.legends[0].get_window_extent().y0 + 1
+
+
+def test_pictures_of_the_page_are_where_characters_put_them(study: xr.DataTree) -> None:
+    """No layout is computed for them, which would take as long as they themselves."""
+    from unittest.mock import patch
+
+    from matplotlib.layout_engine import ConstrainedLayoutEngine
+
+    from uqmbd.report.drawing import svg
+
+    with patch.object(ConstrainedLayoutEngine, "execute") as execute:
+        svg(report.bands(study, "slider_x"))
+        assert not execute.called
+        report.bands(study, "slider_x").draw_without_rendering()
+        assert execute.called
+
+
+def test_single_figures_are_drawn_on_given_axes(study: xr.DataTree) -> None:
+    """Side by side in a figure of one's own, which keeps its layout; each is as it is alone."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(8, 3), layout="constrained")
+    left, middle, right = figure.subplots(1, 3)
+    engine = figure.get_layout_engine()
+    draws = {
+        left: lambda ax: report.bands(study, "slider_x", ax=ax),
+        middle: lambda ax: report.std_over_time(study, "slider_x", ax=ax),
+        right: lambda ax: report.failure_inputs(study["monte-carlo"], ax=ax),
+    }
+    for ax, draw in draws.items():
+        assert draw(ax) is figure
+        (alone,) = draw(None).axes
+        assert ax.get_ylabel() == alone.get_ylabel() and ax.get_xlim() == alone.get_xlim()
+        assert [line.get_ydata().tolist() for line in ax.lines] == [line.get_ydata().tolist() for line in alone.lines]
+        assert ax.get_legend() is not None
+    assert figure.get_layout_engine() is engine and len(figure.axes) == 3 and not figure.legends

@@ -27,6 +27,7 @@ __all__ = [
     "draw_histogram",
     "histogram_edges",
     "few_ticks",
+    "finish_single",
     "limit_times",
     "line_width",
     "shortened",
@@ -70,11 +71,22 @@ def style(k: int) -> tuple[str, Any]:
     return COLOURS[k % len(COLOURS)], LINES[k % len(LINES)]
 
 
-def single_axes(height: float) -> tuple[Figure, Axes]:
-    """Return a figure of some height (inches) with one pair of axes."""
+def single_axes(height: float, given: Axes | None = None) -> tuple[Figure, Axes]:
+    """Return a figure of some height (inches) with one pair of axes, or given axes and their figure."""
+    if given is not None:
+        return given.get_figure(root=True), given  # type: ignore[return-value]
     figure, (axes,) = axes_grid(1, height, 1)
     axes.grid(color="0.9", lw=0.7)
     return figure, axes
+
+
+def finish_single(figure: Figure, axes: Axes, given: Axes | None, legend: Mapping[str, Any]) -> None:
+    """Arrange a figure of one pair of axes; given axes, whose figure is somebody else's, only get the legend."""
+    if given is None:
+        arrange(figure, [axes], legend=legend)
+        return
+    for text in axes.legend(list(legend.values()), [shortened(name) for name in legend], fontsize=8).get_texts():
+        text.set_parse_math(False)
 
 
 def axes_grid(count: int, height: float, columns: int = 2) -> tuple[Figure, list[Axes]]:

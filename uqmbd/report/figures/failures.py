@@ -11,13 +11,14 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from uqmbd.errors import StudyError
-from uqmbd.report.drawing import FAILED, arrange, few_ticks, single_axes, widen_if_constant, with_units, wrapped
+from uqmbd.report.drawing import FAILED, few_ticks, finish_single, single_axes, widen_if_constant, with_units, wrapped
 from uqmbd.report.figures.selection import Samples, label_of, runs_of, samples_of
 from uqmbd.results import STATUS_MEANINGS
 from uqmbd.status import Status
 from uqmbd.wording import format_count, format_number
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 __all__ = ["Reason", "Separation", "failure_inputs", "failure_reasons", "separating_inputs"]
@@ -219,7 +220,7 @@ def _input_labels(samples: xr.Dataset) -> tuple[list[str], list[str]]:
     return names, units
 
 
-def failure_inputs(node: Samples, reason: int | Reason = 0) -> Figure:
+def failure_inputs(node: Samples, reason: int | Reason = 0, *, ax: Axes | None = None) -> Figure:
     """Draw the inputs of samples that failed for one reason among those of samples that succeeded.
 
     Of several inputs the two that tell them apart best are drawn; a single input is a strip.
@@ -230,6 +231,8 @@ def failure_inputs(node: Samples, reason: int | Reason = 0) -> Figure:
         The node of a propagator that has ``samples``, or its samples.
     reason : int or Reason
         One of :func:`failure_reasons`, or its place there: 0 is the most frequent.
+    ax : matplotlib.axes.Axes, optional
+        Axes of a figure of one's own, to draw on; they get the legend. Default: a new figure.
 
     Returns
     -------
@@ -263,7 +266,7 @@ def failure_inputs(node: Samples, reason: int | Reason = 0) -> Figure:
     fine = np.flatnonzero(samples["status"].values == Status.OK)
     drawn = samples["inputs"].values
     best = [s.index for s in separating_inputs(node, reason)[:2]]
-    figure, axes = single_axes(2.6 if len(best) > 1 else 2.2)
+    figure, axes = single_axes(2.6 if len(best) > 1 else 2.2, ax)
     axes.grid(visible=False)
     few_ticks(axes)
     handles: dict[str, Any] = {}
@@ -286,5 +289,5 @@ def failure_inputs(node: Samples, reason: int | Reason = 0) -> Figure:
         axes.spines["left"].set_visible(False)
     for k, direction in zip(best, "xy", strict=False):
         widen_if_constant(axes, direction, float(drawn[:, k].min()), float(drawn[:, k].max()))
-    arrange(figure, [axes], legend=handles)
+    finish_single(figure, axes, ax, handles)
     return figure

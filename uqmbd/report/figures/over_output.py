@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from uqmbd.errors import StudyError
 from uqmbd.report.drawing import (
-    arrange,
     constant,
+    finish_single,
     line_width,
     single_axes,
     style,
@@ -55,7 +55,7 @@ class Paths(NamedTuple):
     sampled: bool
 
 
-def over_output(results: Results, output: str, over: str) -> Figure:
+def over_output(results: Results, output: str, over: str, *, ax: Axes | None = None) -> Figure:
     """Draw an output over another one: each realisation is a curve in the plane of both, run through in time.
 
     Where the other output only grows, or only falls, in every realisation, the curves are functions of it: their mean
@@ -72,6 +72,8 @@ def over_output(results: Results, output: str, over: str) -> Figure:
         Name of the output that is drawn upwards.
     over : str
         Name of the output that is drawn to the right.
+    ax : matplotlib.axes.Axes, optional
+        Axes of a figure of one's own, to draw on; they get the legend. Default: a new figure.
 
     Returns
     -------
@@ -96,7 +98,7 @@ def over_output(results: Results, output: str, over: str) -> Figure:
     nodes = nodes_of(results)
     if output == over:
         raise StudyError(f"Output {output!r} is to be drawn over itself; give another output as over=.")
-    figure, axes = single_axes(3.6)
+    figure, axes = single_axes(3.6, ax)
     handles: dict[str, Any] = {}
     paths = {label: _paths(node, output, over) for label, node in nodes.items()}
     banded = all(_is_function(path) for path in paths.values())
@@ -118,7 +120,7 @@ def over_output(results: Results, output: str, over: str) -> Figure:
     margin = 0.0 if banded else 0.03 * (high - low)
     axes.set_xlim(low - margin, high + margin)
     widen_if_constant(axes, "y", *y_ends)
-    arrange(figure, [axes], legend=handles)
+    finish_single(figure, axes, ax, handles)
     return figure
 
 

@@ -15,6 +15,7 @@ from uqmbd.report.drawing import (
     arrange,
     axes_grid,
     constant,
+    finish_single,
     limit_times,
     line_width,
     single_axes,
@@ -37,7 +38,14 @@ __all__ = ["band_edges", "bands", "occurrences", "std_over_time", "time_history_
 _MOST_TIMES, _MOST_VALUES = 200, 100
 
 
-def bands(results: Results, output: str, *, samples: int = 0, limits: Mapping[str, float] | None = None) -> Figure:
+def bands(
+    results: Results,
+    output: str,
+    *,
+    samples: int = 0,
+    limits: Mapping[str, float] | None = None,
+    ax: Axes | None = None,
+) -> Figure:
     """Draw the mean over time with the bands that hold 50 % and 95 % of the realisations.
 
     With several methods the first has filled bands; of the others the mean and the edges of the 95 % band are drawn.
@@ -53,6 +61,8 @@ def bands(results: Results, output: str, *, samples: int = 0, limits: Mapping[st
         How many single realisations of the first method to draw as thin lines, if it has any.
     limits : mapping of str to float, optional
         Values that the output has to stay within, in its units, by what they are called: drawn as dotted lines.
+    ax : matplotlib.axes.Axes, optional
+        Axes of a figure of one's own, to draw on; they get the legend. Default: a new figure.
 
     Returns
     -------
@@ -73,7 +83,7 @@ def bands(results: Results, output: str, *, samples: int = 0, limits: Mapping[st
     'x [m]'
     """
     nodes = nodes_of(results)
-    figure, axes = single_axes(3.3)
+    figure, axes = single_axes(3.3, ax)
     handles: dict[str, Any] = {}
     low, high = np.inf, -np.inf
     for k, (label, node) in enumerate(nodes.items()):
@@ -110,11 +120,11 @@ def bands(results: Results, output: str, *, samples: int = 0, limits: Mapping[st
     axes.set_xlabel("time [s]")
     limit_times(axes, times)
     widen_if_constant(axes, "y", low, high)
-    arrange(figure, [axes], legend=handles)
+    finish_single(figure, axes, ax, handles)
     return figure
 
 
-def std_over_time(results: Results, output: str) -> Figure:
+def std_over_time(results: Results, output: str, *, ax: Axes | None = None) -> Figure:
     """Draw the standard deviation over time, with a band of two standard errors where a method states them.
 
     Parameters
@@ -123,6 +133,8 @@ def std_over_time(results: Results, output: str) -> Figure:
         A study's result, the node of one propagator, or several such nodes.
     output : str
         Name of the output.
+    ax : matplotlib.axes.Axes, optional
+        Axes of a figure of one's own, to draw on; they get the legend. Default: a new figure.
 
     Returns
     -------
@@ -143,7 +155,7 @@ def std_over_time(results: Results, output: str) -> Figure:
     1
     """
     nodes = nodes_of(results)
-    figure, axes = single_axes(2.8)
+    figure, axes = single_axes(2.8, ax)
     handles: dict[str, Any] = {}
     uncertain: dict[str, Any] = {}
     high = 0.0
@@ -166,7 +178,7 @@ def std_over_time(results: Results, output: str) -> Figure:
     axes.set_ylim(*((0, high * 1.06) if high > 0 else (-0.5, 0.5)))
     axes.set_xlabel("time [s]")
     limit_times(axes, times)
-    arrange(figure, [axes], legend=handles | uncertain)
+    finish_single(figure, axes, ax, handles | uncertain)
     return figure
 
 
