@@ -104,7 +104,7 @@ def test_run_stores_poses_and_shows_them(cli, tmp_path):
         assert poses["pose"].dims == ("realisation", "time", "body", "coordinate")
     (tmp_path / "results" / "report.html").unlink()
     assert cli("report", "results")[0] == 0
-    assert "image/gif" in (tmp_path / "results" / "report.html").read_text()
+    assert 'class="player small"' in (tmp_path / "results" / "report.html").read_text()
 
 
 @pytest.mark.thorough

@@ -21,6 +21,10 @@ MOTION = "motion.nc"
 """Poses of the mechanism, from which the report draws its motion."""
 
 
+POSES = "pose_surrogate"
+"""Surrogates of these poses, in the same file, with which the mechanism follows chosen inputs."""
+
+
 def rewrite_report(folder: Path, *, figures: bool = False, show: bool = False) -> None:
     """Write ``report.html`` into a folder from the ``results.nc`` in it.
 
@@ -33,6 +37,8 @@ def rewrite_report(folder: Path, *, figures: bool = False, show: bool = False) -
     show : bool
         Whether it is opened in the browser.
     """
+    import xarray as xr
+
     from uqmbd.results import load
 
     # Someone who names the file itself means its folder.
@@ -41,7 +47,10 @@ def rewrite_report(folder: Path, *, figures: bool = False, show: bool = False) -
         raise StudyError(f"There is no {source}; give the folder that `uqmbd run STUDY.py --out DIR` wrote.")
     tree = load(source)
     if (motion := source.parent / MOTION).exists():
-        tree["motion"] = load(motion)
+        kept = load(motion)
+        tree["motion"] = xr.DataTree(kept.to_dataset())
+        if POSES in kept.children:
+            tree[POSES] = kept.children[POSES]
     path = write(tree, source.parent / "report.html", figures=figures)
     print(f"report   {path}")
     if show:
@@ -49,14 +58,15 @@ def rewrite_report(folder: Path, *, figures: bool = False, show: bool = False) -
 
 
 def keep_motion(tree: xr.DataTree, folder: Path) -> None:
-    """Write the poses from which the report draws the motion, if there are any, beside ``results.nc``."""
+    """Write the poses from which the report draws the motion, and their surrogates, beside ``results.nc``."""
     from uqmbd.results import save
 
     path = folder / MOTION
     if "motion" in tree.children:
         import xarray as xr
 
-        save(xr.DataTree(tree["motion"].to_dataset()), path)
+        surrogate = {name: node for name, node in tree.children.items() if name == POSES}
+        save(xr.DataTree(tree["motion"].to_dataset(), children=surrogate), path)
     else:
         path.unlink(missing_ok=True)
 

@@ -232,12 +232,14 @@ def _delivered(
 
 def _report(tree: xr.DataTree, study: Study, out: Path, files: dict[str, Path], *, figures: bool) -> str:
     """Write poses and report of saved results; return why the report could not be written, or nothing."""
-    from uqmbd.report import with_motion
+    from uqmbd.report import with_motion, with_poses
 
     with Isolated(Exception, SystemExit) as work:
         tree, missing = with_motion(tree, study)
         if missing:
             print(f"Note: the report shows no animation of the mechanism: {missing}", file=sys.stderr, flush=True)
+        else:
+            tree, _ = with_poses(tree, study)
         # poses have a file of their own
         keep_motion(tree, out)
     if work.failed:

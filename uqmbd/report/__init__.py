@@ -27,7 +27,7 @@ from uqmbd.report.figures import (
 )
 from uqmbd.report.html import write_report
 from uqmbd.report.installed import installed_sections
-from uqmbd.report.live import chart_html
+from uqmbd.report.live import chart_html, with_poses
 from uqmbd.report.mechanisms import animate, mechanism, motion, poses, with_motion
 from uqmbd.report.notebook import Shown, load_ipython_extension, show, unload_ipython_extension
 from uqmbd.report.sections import Section
@@ -69,6 +69,7 @@ __all__ = [
     "verification",
     "violated_by",
     "with_motion",
+    "with_poses",
     "with_units",
     "wrapped",
     "write_report",

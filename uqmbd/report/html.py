@@ -107,9 +107,9 @@ def write_report(
 
 
 def _charted(content: object) -> bool:
-    """Tell whether anything in nested lists and dictionaries is the data of a chart."""
+    """Tell whether anything in nested lists and dictionaries is the data of a chart, a player or sliders."""
     if isinstance(content, Mapping):
-        return "chart" in content or any(_charted(value) for value in content.values())
+        return not {"chart", "player", "explorer"}.isdisjoint(content) or any(map(_charted, content.values()))
     return isinstance(content, (list, tuple)) and any(_charted(value) for value in content)
 
 

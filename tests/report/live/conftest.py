@@ -1,4 +1,4 @@
-"""Scripts of the page run by Node."""
+"""Scripts of the page run by Node, and pages driven in a browser."""
 
 import contextlib
 import json

@@ -91,8 +91,9 @@ def test_poses_are_kept_with_the_motion(tmp_path):
     assert live_surrogate(made["mc"])["reason"] == with_poses(tree.drop_nodes("c"), study)[1]
     assert "not known" in with_poses(tree.drop_nodes("motion"), study)[1]
     dear = tree.copy()
-    dear["c"].attrs["wall_time"] = 100.0
-    assert "100 s" in with_poses(dear, study)[1]
+    dear["c"].attrs |= {"wall_time": 100.0, "realisations": made["pose_surrogate"].attrs["realisations"]}
+    without, reason = with_poses(dear, study)
+    assert "would take 100 s" in reason and without["motion"].attrs["no_surrogate"] == reason
 
 
 def test_samples_alone_give_no_poses():

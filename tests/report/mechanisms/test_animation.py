@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import base64
-import io
+import json
 import re
 
 import chaospy
@@ -212,20 +211,24 @@ def test_a_film_is_handed_to_ffmpeg(data, tmp_path, monkeypatch):
 
 @pytest.mark.thorough
 def test_report_moves_from_the_stored_file_alone(study, tmp_path):
-    """Stored, read again, drawn: the moving picture, its still, and their texts, without the mechanism."""
+    """Stored, read again, drawn: the player's data, its still, the film as a file, and texts, without the mechanism."""
     tree, note = with_motion(study.run(only=["monte-carlo"]), study)
     assert note == ""
     results.validate(tree)
     assert list(results.propagator_nodes(tree)) == ["monte-carlo"]
     stored = results.load(results.save(tree, tmp_path / "results.nc"))
     xr.testing.assert_identical(stored["motion"].to_dataset(), tree["motion"].to_dataset())
-    page = write_report(stored, tmp_path / "report.html").read_text(encoding="utf-8")
-    (source, text), (still, other) = re.findall(r'<img class="(?:moving|still)" src="([^"]+)" alt="([^"]+)"', page)
-    film = Image.open(io.BytesIO(base64.b64decode(source.partition(",")[2])))
-    assert film.n_frames == 60 and len(source) < 1_500_000
-    assert still.startswith("data:image/svg+xml")
-    assert "wheel &lt;b&gt;" in text and "20 realisations" in text and "farthest apart" in other
-    assert "prefers-reduced-motion" in page and '<figure id="mechanism">' in page
+    page = write_report(stored, tmp_path / "report.html", folder=tmp_path / "figures").read_text(encoding="utf-8")
+    ((still, text, data),) = re.findall(
+        r'<figure id="mechanism" class="player small"><img src="([^"]+)" alt="([^"]+)".*?<script type="application/json">(.*?)</script>',
+        page, flags=re.DOTALL,
+    )  # fmt: skip
+    assert still.startswith("data:image/svg+xml") and "image/gif" not in page
+    assert "wheel &lt;b&gt;" in text and "20 realisations" in text and "farthest apart" in text
+    assert json.loads(data)["realisations"] == 21 and json.loads(data)["mechanism"] == "wheel <b>"
+    assert 'id="explore"' not in page  # samples alone have no surrogate
+    with Image.open(tmp_path / "figures" / "motion.gif") as film:
+        assert film.n_frames == 60
 
 
 @pytest.mark.thorough

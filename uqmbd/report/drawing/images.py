@@ -162,7 +162,8 @@ def _named(content: object) -> Iterator[tuple[str, str]]:
             sources["source"] = image(content["draw"], "", "")["source"]
         for source in sources.values():
             if content.get("name") and source:
-                yield str(content["name"]), str(source)
+                # what only files show is made when they are asked for
+                yield str(content["name"]), str(source() if callable(source) else source)
         for value in content.values():
             yield from _named(value)
     elif isinstance(content, (list, tuple)):

@@ -5,9 +5,11 @@ from __future__ import annotations
 from uqmbd.report.live.cell import cell_html
 from uqmbd.report.live.chart_data import MOST_TIMES, bands_data
 from uqmbd.report.live.curve_chart import chart_html
+from uqmbd.report.live.explorer_data import explorer_data
 from uqmbd.report.live.packing import json_script, packed, unpacked
 from uqmbd.report.live.page import PageScripts, page_scripts
-from uqmbd.report.live.poses import packed_poses, pose_surrogate, with_poses
+from uqmbd.report.live.player_data import player_data
+from uqmbd.report.live.poses import live_poses, packed_poses, pose_surrogate, with_poses
 from uqmbd.report.live.scripts import joined_modules
 from uqmbd.report.live.statistics_charts import difference_data, indices_data, std_data
 from uqmbd.report.live.surrogates import live_method, live_surrogate, packed_surrogate, shipped
@@ -20,14 +22,17 @@ __all__ = [
     "chart_html",
     "difference_data",
     "indices_data",
+    "explorer_data",
     "joined_modules",
     "json_script",
     "live_method",
+    "live_poses",
     "live_surrogate",
     "packed",
     "packed_poses",
     "packed_surrogate",
     "page_scripts",
+    "player_data",
     "pose_surrogate",
     "shipped",
     "std_data",

@@ -1,32 +1,21 @@
 // A chart in its figure: methods on and off, zoom, the page's time, keys and fingers, files.
 
-import { csvText, headsOf, nearestIndex, rowsAt, sentenceAt } from "./chart_model.js";
+import { takeChosen } from "./chart_chosen.js";
+import { csvText, headsOf, rowsAt, sentenceAt } from "./chart_model.js";
 import { drawChart, svgText } from "./chart_paper.js";
-import { DARK, LIGHT, chartOptions, seriesData } from "./chart_options.js";
+import { chartOptions, seriesData } from "./chart_options.js";
+import { button, element } from "./dom.js";
 import { fileName, pictureOf, saveBlob } from "./exports.js";
-import { formatNumber } from "./numbers.js";
+import { onInputs, pageInputs } from "./inputs_bus.js";
+import { formatError, formatNumber, nearestIndex } from "./numbers.js";
+import { onTheme, palette } from "./theme.js";
 import { announceTime, onTime, pageTime } from "./time_bus.js";
 
 const NARROW = 480;
-const dark = window.matchMedia("(prefers-color-scheme: dark)");
-const palette = () => (dark.matches ? DARK : LIGHT);
 const papers = [];
 
 /** Draw all charts for paper; in microtasks, which are done before a page is printed. */
 export const drawForPaper = () => papers.forEach((draw) => draw());
-
-function element(kind, attributes = {}, ...children) {
-  const made = document.createElement(kind);
-  for (const [name, value] of Object.entries(attributes)) made.setAttribute(name, value);
-  made.append(...children);
-  return made;
-}
-
-function button(text, title, act) {
-  const made = element("button", { type: "button", title }, text);
-  made.addEventListener("click", act);
-  return made;
-}
 
 /** The line of a method, as a picture beside its name. */
 function lineSample(method) {
@@ -40,7 +29,7 @@ function lineSample(method) {
   svg.append(line);
   const paint = () => line.setAttribute("stroke", method.colours[palette().dark ? 1 : 0]);
   paint();
-  dark.addEventListener("change", paint);
+  onTheme(paint);
   return svg;
 }
 
@@ -73,7 +62,21 @@ export function makeChart(figure, model) {
     const cells = heads.map(() => element("td", { class: "number" }));
     return { row: element("tr", {}, element("th", { scope: "row" }, toggle), ...cells), cells };
   });
-  const table = element("table", {}, at, element("thead", {}, head), element("tbody", {}, ...rows.map(({ row }) => row)));
+  // of the chosen inputs, as soon as any are chosen
+  const { chosen } = model;
+  const seen = button("", "Show or hide the line at the chosen inputs", () => {
+    chosen.shown = !chosen.shown;
+    seen.setAttribute("aria-pressed", String(chosen.shown));
+    plot.setSeries(plot.series.length - 1, { show: chosen.shown });
+    refresh();
+  });
+  seen.setAttribute("aria-pressed", "true");
+  seen.append(lineSample(chosen), element("span", {}, chosen.label));
+  const chosenValue = element("td", { class: "number" });
+  const chosenError = element("td", { class: "number", colspan: heads.length - 1 || 1 });
+  const chosenRow = element("tr", {}, element("th", { scope: "row" }, seen), chosenValue, chosenError);
+  const body = element("tbody", {}, ...rows.map(({ row }) => row));
+  const table = element("table", {}, at, element("thead", {}, head), body);
 
   const space = element("div", {
     class: "plot",
@@ -138,7 +141,7 @@ export function makeChart(figure, model) {
   }
 
   function changed() {
-    figure.classList.toggle("changed", !all.hidden || model.methods.some((method) => !method.shown));
+    figure.classList.toggle("changed", !all.hidden || chosen.values !== null || model.methods.some((method) => !method.shown));
   }
 
   function refresh() {
@@ -148,6 +151,12 @@ export function makeChart(figure, model) {
       row.classList.toggle("hidden-method", !model.methods[k].shown);
       texts.forEach((text, j) => (cells[j].textContent = text));
     });
+    if (chosen.values) {
+      const spread = model.methods[0].columns[0].values[index];
+      chosenRow.classList.toggle("hidden-method", !chosen.shown);
+      chosenValue.textContent = formatNumber(chosen.values[index], spread);
+      chosenError.textContent = chosen.rms ? `stated error ${formatError(chosen.rms[index], model.units)}` : "its error is not known";
+    }
     space.setAttribute("aria-valuenow", model.time[index]);
     space.setAttribute("aria-valuetext", sentenceAt(model, index));
     if (small) reading.textContent = sentenceAt({ ...model, methods: model.methods.slice(0, 1) }, index);
@@ -249,7 +258,23 @@ export function makeChart(figure, model) {
     place();
     refresh();
   });
-  dark.addEventListener("change", () => plot.redraw(false));
+  function follow(inputs) {
+    takeChosen(chosen, model.time, inputs && inputs.outputs.get(model.output));
+    if (chosen.values === null) chosenRow.remove();
+    else body.append(chosenRow);
+    // before it is drawn for the first time it has no scale
+    const min = plot.scales.x.min ?? whole[0];
+    const max = plot.scales.x.max ?? whole[1];
+    plot.batch(() => {
+      plot.setData(seriesData(model), false);
+      // the same times again: the vertical axis finds its ends
+      plot.setScale("x", { min, max });
+    });
+    refresh();
+  }
+  // a chart of other data does not follow, whatever its name
+  if (model.follows) onInputs(follow);
+  onTheme(() => plot.redraw(false));
   new ResizeObserver(() => {
     const wanted = size();
     if (space.clientWidth > 0 && wanted.width !== plot.width) {
@@ -263,6 +288,7 @@ export function makeChart(figure, model) {
     const { min, max } = plot.scales.x;
     drawChart(model, [min ?? whole[0], max ?? whole[1]], (drawing) => paper.replaceChildren(drawing));
   });
-  refresh();
+  if (model.follows && pageInputs()) follow(pageInputs());
+  else refresh();
   return plot;
 }

@@ -14,13 +14,13 @@ from uqmbd.report.figures import Band, Curve, band_edges, of_output, thinned
 from uqmbd.report.live.packing import packed
 from uqmbd.wording import typeset_units
 
-__all__ = ["MOST_TIMES", "bands_data", "curves_data"]
+__all__ = ["MOST_TIMES", "ON_DARK", "bands_data", "curves_data"]
 
 MOST_TIMES = 1000
 """Times of a chart: more than a screen has pixels for lines of two; a peak between them is kept."""
 
 # The colours of `style`, lighter, in the same order: legible on a dark page.
-_ON_DARK = ("#56B4E9", "#FF9955", "#2CCB9C", "#F0A6D0", "#D6B940", "#F2F2F2")
+ON_DARK = ("#56B4E9", "#FF9955", "#2CCB9C", "#F0A6D0", "#D6B940", "#F2F2F2")
 
 _Array = NDArray[np.float64]
 
@@ -43,7 +43,8 @@ def bands_data(
     Returns
     -------
     dict or None
-        ``output``, ``units`` (as they are shown), ``time`` (seconds), ``of`` (how many times there are), ``start`` (the
+        ``output``, ``units`` (as they are shown), ``time`` (seconds), ``of`` (how many times there are), ``follows``
+        (that the page's surrogate may be of this output), ``start`` (the
         index of the largest standard deviation of the first method), and ``methods``: for each its ``label``,
         ``colours`` (on a light and on a dark page), ``dash`` and ``width``, ``lines`` (the mean first; values of others
         are stored as the distance from it), ``bands`` (names, and which lines are their edges) and ``columns``, which
@@ -64,6 +65,7 @@ def bands_data(
         "units": typeset_units(str(first["output_units"].item())),
         "time": packed(times),
         "of": len(known),
+        "follows": True,
         "start": int(np.nan_to_num(spread, nan=-1.0).argmax()),
         "limits": [{"name": name, "value": float(value)} for name, value in (limits or {}).items()],
         "methods": [_method(k, len(nodes), label, data, times) for k, (label, data) in enumerate(statistics.items())],
@@ -147,7 +149,7 @@ def _drawn(k: int, count: int, curve: Curve, told: Mapping[str, _Array]) -> dict
             lines.append({"name": f"{end} end of {band.name}", "values": away})
     return {
         "label": curve.name,
-        "colours": [colour, _ON_DARK[k % len(_ON_DARK)]],
+        "colours": [colour, ON_DARK[k % len(ON_DARK)]],
         "dash": [] if line == "-" else list(line[1]),
         "width": line_width(k, count),
         "lines": lines,

@@ -1,6 +1,7 @@
 // The data of a chart, unpacked: what is drawn, told and exported. It knows no page.
 
 import { unpackArray } from "./arrays.js";
+import { chosenLine } from "./chart_chosen.js";
 import { alike, formatQuantity, withUnits } from "./numbers.js";
 
 const numbersOf = (packed) => Array.from(unpackArray(packed).values, (v) => (Number.isNaN(v) ? null : v));
@@ -34,19 +35,13 @@ export function chartModel(data) {
     })),
     shown: true,
   }));
-  return { ...data, time: numbersOf(data.time), methods };
+  return { ...data, time: numbersOf(data.time), methods, chosen: chosenLine() };
 }
 
-/** The index of the time that is nearest to one. */
-export function nearestIndex(times, time) {
-  let low = 0;
-  let high = times.length - 1;
-  while (high - low > 1) {
-    const middle = (low + high) >> 1;
-    if (times[middle] <= time) low = middle;
-    else high = middle;
-  }
-  return time - times[low] <= times[high] - time ? low : high;
+/** What a chart shows: its methods, and the line of the chosen inputs as one that has no bands. */
+export function shownOf({ methods, chosen }) {
+  const line = chosen.values && chosen.shown ? [{ ...chosen, lines: [{ name: "value", values: chosen.values }], bands: [] }] : [];
+  return [...methods.filter((method) => method.shown), ...line];
 }
 
 const namesOf = (names) => {
@@ -107,6 +102,8 @@ export function sentenceAt(model, index) {
     const band = bands.length > 0 ? `, ${bands[0].name} from ${others[names.length]}${unit}` : "";
     return [`${model.methods.length > 1 ? `${label}: ` : ""}${lines[0].name} ${value}${unit}${told}${band}`];
   });
+  const { values, shown, label } = model.chosen;
+  if (values && shown) parts.push(`${label[0].toUpperCase()}${label.slice(1)}: ${formatQuantity(values[index], model.units, model.methods[0].columns[0].values[index])}`);
   return `${formatQuantity(model.time[index], "s")}. ${parts.join(". ")}`;
 }
 
@@ -122,6 +119,8 @@ export function csvText(model) {
       columns.push([withUnits(`${name} of ${model.output} by ${label}`, model.units), values]);
     }
   }
+  const { values, label } = model.chosen;
+  if (values) columns.push([withUnits(`${model.output} ${label}`, model.units), values]);
   const rows = model.time.map((_, k) => columns.map(([, values]) => (values[k] === null ? "" : String(values[k]))).join(","));
   return [columns.map(([name]) => cell(name)).join(","), ...rows, ""].join("\r\n");
 }

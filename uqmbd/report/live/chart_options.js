@@ -6,9 +6,6 @@ const FONT = "system-ui, -apple-system, 'Segoe UI', Roboto, 'Helvetica Neue', 'N
 const OUTER = "2b";
 const INNER = "4d";
 
-export const LIGHT = { dark: false, ink: "#1b1f24", soft: "#57606a", grid: "#e3e7ec", paper: "#ffffff", limit: "#b00020" };
-export const DARK = { dark: true, ink: "#e6e9ed", soft: "#a3adb8", grid: "#333b44", paper: "#14181d", limit: "#ff6b81" };
-
 const colourOf = (method, palette) => method.colours[palette.dark ? 1 : 0];
 
 /** The data of all series, as uPlot wants them. */
@@ -16,6 +13,7 @@ export const seriesData = (model) => [
   model.time,
   ...model.methods.flatMap((m) => m.lines.map((line) => line.values)),
   ...(model.limits ?? []).map(({ value }) => model.time.map(() => value)),
+  model.chosen.values ?? model.time.map(() => null),
 ];
 
 /** Ends of the vertical axis with some room; what does not vary gets an axis about it. */
@@ -64,6 +62,13 @@ export function chartOptions(model, { width, height, scale = 1 }, palette) {
   for (let k = 0; k < (model.limits ?? []).length; k++) {
     series.push({ stroke: () => palette().limit, width: 1.6 * scale, dash: [2 * scale, 3 * scale], points: { show: false } });
   }
+  // the last one: what the surrogate says at the chosen inputs
+  series.push({
+    stroke: () => colourOf(model.chosen, palette()),
+    width: model.chosen.width * scale,
+    points: { show: false },
+    show: model.chosen.shown,
+  });
   const font = `${12 * scale}px ${FONT}`;
   const axis = {
     font,
@@ -120,6 +125,7 @@ function meanPoint(model, scale) {
     means.add(next);
     next += lines.length;
   }
+  means.add(next + (model.limits ?? []).length);
   return (_, number) => {
     if (!means.has(number)) return undefined;
     const mark = document.createElement("div");

@@ -1,6 +1,8 @@
 // A chart as a drawing (SVG), for paper and as a file. Own code: uPlot draws on a canvas, whose pixels blur on paper.
 
-import { LIGHT, chartOptions, seriesData, shortName } from "./chart_options.js";
+import { shownOf } from "./chart_model.js";
+import { chartOptions, seriesData, shortName } from "./chart_options.js";
+import { LIGHT } from "./colours.js";
 
 const PAPER = { width: 660, height: 290 };
 const SPACE = "http://www.w3.org/2000/svg";
@@ -28,7 +30,7 @@ export function drawChart(model, [low, high], done) {
 export const svgText = (drawing) => `<?xml version="1.0" encoding="UTF-8"?>\n${new XMLSerializer().serializeToString(drawing)}`;
 
 function drawingOf(model, plot) {
-  const shown = model.methods.filter((method) => method.shown);
+  const shown = shownOf(model);
   const legend = ROW * shown.length + 6;
   const ratio = plot.ctx.canvas.width / PAPER.width;
   const box = Object.fromEntries(Object.entries(plot.bbox).map(([side, value]) => [side, value / ratio]));

@@ -1,6 +1,8 @@
 // A chart as a file: its data as CSV, what it shows as PNG.
 
-import { LIGHT, chartOptions, seriesData, shortName } from "./chart_options.js";
+import { shownOf } from "./chart_model.js";
+import { chartOptions, seriesData, shortName } from "./chart_options.js";
+import { LIGHT } from "./colours.js";
 
 const PICTURE = { width: 1600, height: 760, scale: 2 };
 
@@ -33,7 +35,7 @@ export async function pictureOf(model, [low, high]) {
   chart.setScale("x", { min: low, max: high });
   await new Promise((done) => setTimeout(done, 0));
   const drawn = chart.ctx.canvas;
-  const shown = model.methods.filter((method) => method.shown);
+  const shown = shownOf(model);
   const ratio = drawn.width / PICTURE.width;
   const line = 40 * ratio;
   const canvas = document.createElement("canvas");

@@ -76,3 +76,25 @@ export function tickLabels(ticks, step, power = 0) {
 }
 
 export const powerLabel = (power) => (power === 0 ? "" : ` × 10${superscript(power)}`);
+
+/** The index of the time that is nearest to one. */
+export function nearestIndex(times, time) {
+  let low = 0;
+  let high = times.length - 1;
+  while (high - low > 1) {
+    const middle = (low + high) >> 1;
+    if (times[middle] <= time) low = middle;
+    else high = middle;
+  }
+  return time - times[low] <= times[high] - time ? low : high;
+}
+
+/** Write an error: two digits are enough. */
+export const formatError = (value, units) => formatQuantity(value === null ? NaN : Number(value.toPrecision(2)), units);
+
+/** A number as people and programs write it into a field, with the digits that mean something beside a spread. */
+export function plainNumber(value, spread = 0) {
+  if (!Number.isFinite(value)) return "";
+  const digits = spread > 0 && value !== 0 ? Math.ceil(Math.log10(Math.abs(value) / spread)) + 3 : 0;
+  return String(Number(value.toPrecision(Math.min(Math.max(digits, 4), 14))));
+}

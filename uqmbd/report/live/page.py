@@ -10,6 +10,9 @@ from uqmbd.report.live.scripts import joined_modules
 
 __all__ = ["PageScripts", "page_scripts"]
 
+START = "\nstartPlayers();\nstartExplorers();\nstartCharts();\n"
+"""What the scripts do when the page is there."""
+
 
 @dataclass(frozen=True)
 class PageScripts:
@@ -22,7 +25,7 @@ class PageScripts:
     library : str
         For ``<script>``: uPlot, with its licence as a comment.
     module : str
-        For ``<script type="module">``: makes a chart of every figure that has data.
+        For ``<script type="module">``: makes charts, players and sliders of what has data.
     """
 
     style: str
@@ -39,5 +42,5 @@ def page_scripts() -> PageScripts:
         for name in ("uPlot.iife.min.js", "uPlot.min.css", "LICENSE-uPlot.txt")
     )
     return PageScripts(
-        style, f"/*\nuPlot\n{licence}\n*/\n{library}", joined_modules("charts.js") + "\nstartCharts();\n"
+        style, f"/*\nuPlot\n{licence}\n*/\n{library}", joined_modules("charts.js", "player.js", "explorer.js") + START
     )

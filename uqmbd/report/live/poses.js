@@ -46,4 +46,28 @@ export class LivePoses {
     const points = this.points && this.points.evaluate(germs).values;
     return { poses, points, outside, unverified };
   }
+
+  /**
+   * The largest stated error of a point, in m, as a root mean square; null where none is known.
+   *
+   * @param reaches - how far points of each body are from its origin, m: errors of turns move them by as much
+   */
+  largestError(reaches) {
+    const { statedRms, count } = this.coordinates;
+    if (statedRms === null) return null;
+    let largest = 0;
+    for (let b = 0; b < this.bodies.length; b++)
+      for (let t = 0; t < count; t++) {
+        let moved = 0;
+        let turned = 0;
+        for (let c = 0; c < this.size; c++) {
+          const rms = statedRms[(b * this.size + c) * count + t];
+          if (c < this.dimension) moved += rms * rms;
+          else turned += rms * rms;
+        }
+        // a unit quaternion, or half-angle pair, that is off by e turns by 2 e
+        largest = Math.max(largest, Math.sqrt(moved) + 2 * Math.sqrt(turned) * reaches[b] || 0);
+      }
+    return largest;
+  }
 }

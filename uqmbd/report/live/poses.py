@@ -1,9 +1,12 @@
 """Poses of a mechanism's bodies as functions of the germs, for its player: `pose_surrogate`, `packed_poses`.
 
-The method whose surrogate is in the page runs once more, at the frames of the motion, with every coordinate of the
-bodies as an output: poses have the same germs and the same kind of surrogate, follow the same events and phases, and
-state their error.  It costs the realisations of that method again.  A regression on the stored realisations of the
-motion would cost none, and is no alternative: some twenty do not determine the 28 terms of order 2 of six inputs.
+Poses have the germs of the method whose surrogate is in the page.  Where that is one polynomial for all germs, so are
+they: its terms are fitted by least squares to the coordinates of the bodies, at the frames of the motion, of twice as
+many further realisations as it has terms, and their error is that at another 16.  It costs these realisations, and no
+statistics.  Elsewhere the method runs once more, with every coordinate of the bodies as an output, so that poses follow
+the same elements, events and phases; it costs that method again, and is left out where that is much of the whole run.
+The realisations of the motion alone would cost nothing, and do not do: twenty do not determine the 28 terms of order 2
+of six inputs.
 
 Points in the frames of bodies are functions of the inputs, too.  Polynomials are fitted to them, without realisations.
 """
@@ -16,12 +19,14 @@ import numpy as np
 import xarray as xr
 
 from uqmbd.errors import StudyError
-from uqmbd.report.live.surrogates import NO_SURROGATE, live_method, packed_surrogate
-from uqmbd.report.mechanisms import marked_points, observed_bodies
+from uqmbd.report.live.packing import json_script
+from uqmbd.report.live.surrogates import LARGEST, NO_SURROGATE, live_method, packed_surrogate
+from uqmbd.report.mechanisms import coordinate_names, integrated_bodies, marked_points, observed_bodies
 from uqmbd.results import (
     PolynomialChaos,
     labels,
     least_squares,
+    propagator_nodes,
     surrogate,
     surrogate_parts,
 )
@@ -32,11 +37,14 @@ if TYPE_CHECKING:
     from uqmbd.propagation import Study
     from uqmbd.randomness import GermSpace
 
-__all__ = ["packed_poses", "pose_surrogate", "with_poses"]
+__all__ = ["live_poses", "packed_poses", "pose_surrogate", "with_poses"]
 
 
-BUDGET = 4.0
-"""Seconds that a run may spend on realisations that are for poses only."""
+BUDGET = 1.0
+"""Seconds that a run may always spend on realisations that are for poses only."""
+
+SHARE = 0.5
+"""Part of the time of all methods that it may spend on them where that is more."""
 
 FRAMES = 60
 """Times of a motion, unless another number is given."""
@@ -47,11 +55,14 @@ ORDER = 6
 TERMS = 500
 """Most terms of them."""
 
+CHECKED = 16
+"""Realisations of poses by which their error is stated."""
+
 CHECKS = 32
 """Realisations of points by which their error is stated."""
 
 
-def pose_surrogate(study: Study, method: str, frames: int = FRAMES) -> xr.DataTree:
+def pose_surrogate(study: Study, method: str, frames: int = FRAMES, known: Surrogate | None = None) -> xr.DataTree:
     """Make surrogates of the poses of a study's bodies.
 
     Parameters
@@ -61,6 +72,8 @@ def pose_surrogate(study: Study, method: str, frames: int = FRAMES) -> xr.DataTr
         Label of one of its methods, which makes a surrogate.
     frames : int
         Times, evenly over those of the study.
+    known : surrogate, optional
+        That of its outputs.  Where it is a `PolynomialChaos`, poses have its terms, and the method does not run again.
 
     Returns
     -------
@@ -71,11 +84,13 @@ def pose_surrogate(study: Study, method: str, frames: int = FRAMES) -> xr.DataTr
     Raises
     ------
     StudyError
-        If the method makes no surrogate, or not of all coordinates at all frames.
+        If the method makes no surrogate, or not of all coordinates at all frames, or realisations fail.
     """
-    node, names = observed_bodies(study, frames, method)
-    if not surrogate_parts(node):
-        raise StudyError(f"The method {method!r} makes no surrogate, hence none of poses; collocation and Galerkin do.")
+    if isinstance(known, PolynomialChaos):
+        chaos = _fitted(study, known, frames)
+        parts, realisations = {"chaos": chaos.to_dataset()}, len(known.multi_index) * 2 + CHECKED
+    else:
+        parts, realisations = _run_again(study, method, frames)
     found = xr.DataTree(name="pose_surrogate")
     found.attrs |= {
         "method": method,
@@ -83,23 +98,63 @@ def pose_surrogate(study: Study, method: str, frames: int = FRAMES) -> xr.DataTr
         "dimension": study.mechanism.space.dimension,
         "size": study.mechanism.space.size,
         "upright": int(study.mechanism.space.dimension == 1 and not study.mechanism.space.gravity[0].is_zero),
-        "realisations": int(node.attrs["realisations"]),
+        "realisations": realisations,
     }
-    for part, (kind, data) in surrogate_parts(node).items():
-        own = data.to_dataset()
-        rows = [k for k, name in enumerate(own["output"].values) if name in names]
-        if rows:
-            found[f"coordinates/composed/{part}/{kind}" if part else f"coordinates/{kind}"] = xr.DataTree(
-                own.isel(output=rows)
-            )
+    for path, data in parts.items():
+        found[f"coordinates/{path}"] = xr.DataTree(data)
     coordinates = surrogate(found.children["coordinates"])
-    if [o.name for o in coordinates.labels.outputs] != names:
+    if [o.name for o in coordinates.labels.outputs] != _names(study):
         raise StudyError(f"The method {method!r} has no surrogate of all coordinates.")
     if len(np.asarray(coordinates.labels.times)) < frames:
         raise StudyError(f"The surrogates of {method!r} end before the last frame.")
     if marks := _points(study, coordinates):
         found["points/chaos"] = xr.DataTree(marks.to_dataset())
     return found
+
+
+def _names(study: Study) -> list[str]:
+    """Return names of the coordinates of all bodies, body by body."""
+    return [name for body in study.mechanism.bodies for name in coordinate_names(study, body)]
+
+
+def _fitted(study: Study, known: PolynomialChaos, frames: int) -> PolynomialChaos:
+    """Fit the terms of a polynomial to the coordinates of the bodies, at realisations of their own."""
+    space, terms = known.space, known.multi_index
+    germs = [spread_germs(space, _wanted(terms), 2)[: _wanted(terms)], random_germs(space, CHECKED, 3)]
+    values = space.to_inputs(np.concatenate(germs))[:, _columns(study, space)]
+    found, message = integrated_bodies(study, frames, values)
+    if not np.isfinite(found).all():
+        failed = int((~np.isfinite(found).all(axis=(1, 2))).sum())
+        raise StudyError(f"{failed} of {len(found)} realisations for poses failed: {message}")
+    response = found.transpose(0, 2, 1)
+    split = len(germs[0])
+    coefficients = least_squares(response[:split], space.evaluate(germs[0], terms)).coefficients
+    times = np.linspace(study.times[0], study.times[-1], frames)
+    axes = labels(_names(study), list(known.labels.inputs), times)
+    return PolynomialChaos(coefficients, terms, space, axes, germs[1], response[split:])
+
+
+def _wanted(terms: Index) -> int:
+    return max(2 * len(terms), 4)
+
+
+def _columns(study: Study, space: GermSpace) -> list[int]:
+    """Return where the inputs of a mechanism stand among those of germs."""
+    return [list(space.inputs).index(name) for name in study.mechanism.inputs.names]
+
+
+def _run_again(study: Study, method: str, frames: int) -> tuple[dict[str, xr.Dataset], int]:
+    """Return surrogates of the coordinates by the method itself, by their paths, and how many realisations it took."""
+    node, names = observed_bodies(study, frames, method)
+    if not surrogate_parts(node):
+        raise StudyError(f"The method {method!r} makes no surrogate, hence none of poses; collocation and Galerkin do.")
+    found = {}
+    for part, (kind, data) in surrogate_parts(node).items():
+        own = data.to_dataset()
+        rows = [k for k, name in enumerate(own["output"].values) if name in names]
+        if rows:
+            found[f"composed/{part}/{kind}" if part else kind] = own.isel(output=rows)
+    return found, int(node.attrs["realisations"])
 
 
 def with_poses(tree: xr.DataTree, study: Study) -> tuple[xr.DataTree, str]:
@@ -120,21 +175,76 @@ def with_poses(tree: xr.DataTree, study: Study) -> tuple[xr.DataTree, str]:
         With the node, if it could be made.
     note : str
         Why it could not, or empty.
+
+    Examples
+    --------
+    >>> import chaospy, uqmbd
+    >>> from uqmbd.report import with_motion
+    >>> from uqmbd_collocation import Collocation
+    >>> mechanism = uqmbd.Mechanism("stone", uqmbd.Line(gravity=uqmbd.RandomVariable("g", chaospy.Uniform(-10, -9))))
+    >>> stone = mechanism.body("stone", mass=1)
+    >>> mechanism.output("height", stone.position[0], units="m")
+    >>> study = uqmbd.Study("falling", mechanism, [0, 1], [Collocation(order=1)])
+    >>> tree, note = with_poses(with_motion(study.run(), study)[0], study)
+    >>> note, tree["pose_surrogate"].attrs["bodies"]
+    ('', ['stone'])
     """
-    method = live_method(tree)
     if "motion" not in tree.children:
         return tree, "The motion of the mechanism is not known."
-    if not method:
-        return tree, NO_SURROGATE
-    if (cost := float(tree.children[method].attrs.get("wall_time", np.inf))) > BUDGET:
-        return tree, f"The poses take the realisations of {method} again, {cost:.3g} s; up to {BUDGET:g} s are spent."
+    extended = tree.copy()
     try:
-        made = pose_surrogate(study, method, tree.children["motion"].sizes["time"])
-        extended = tree.copy()
-        extended["pose_surrogate"] = made
+        extended["pose_surrogate"] = _affordable(tree, study)
     except Exception as error:  # noqa: BLE001 - studies and plugins may raise anything; the results must stand
-        return tree, f"{type(error).__name__}: {error}"
+        note = str(error) if isinstance(error, StudyError) else f"{type(error).__name__}: {error}"
+        extended["motion"].attrs["no_surrogate"] = note
+        return extended, note
     return extended, ""
+
+
+def _affordable(tree: xr.DataTree, study: Study) -> xr.DataTree:
+    """Make the surrogates, or raise a StudyError where there can be none, or they would take long."""
+    method = live_method(tree)
+    if not method:
+        raise StudyError(NO_SURROGATE)
+    known = surrogate(tree.children[method])
+    spent = {label: float(node.attrs.get("wall_time", np.inf)) for label, node in propagator_nodes(tree).items()}
+    cost, allowed = spent[method], max(BUDGET, SHARE * sum(spent.values()))
+    if isinstance(known, PolynomialChaos):
+        cost *= (_wanted(known.multi_index) + CHECKED) / max(float(tree.children[method].attrs["realisations"]), 1.0)
+    if not cost <= allowed:
+        raise StudyError(f"Realisations for poses would take {cost:.3g} s; {allowed:.3g} s are allowed.")
+    return pose_surrogate(study, method, tree.children["motion"].sizes["time"], known)
+
+
+def live_poses(node: xr.DataTree, method: str, most: int = LARGEST) -> tuple[dict[str, Any] | None, str]:
+    """Return surrogates of poses as data for the player of a page whose sliders are those of a method.
+
+    Parameters
+    ----------
+    node : xarray.DataTree
+        Of `pose_surrogate`.
+    method : str
+        Label.
+    most : int
+        Characters of data that the page has room for.
+
+    Returns
+    -------
+    data : dict or None
+        As of `packed_poses`.
+    reason : str
+        Why there is none, or empty.
+    """
+    if node.attrs.get("method") != method:
+        return None, f"The poses have surrogates of {node.attrs.get('method')}, the page that of {method}."
+    try:
+        data = packed_poses(node)
+    except StudyError as error:
+        return None, str(error)
+    size = len(json_script(data))
+    if size > most:
+        return None, f"The surrogates of the poses take {size / 1e6:.1f} MB; there is room for {most / 1e6:.1f} MB."
+    return data, ""
 
 
 def packed_poses(node: xr.DataTree) -> dict[str, Any]:
@@ -177,8 +287,7 @@ def _points(study: Study, coordinates: Surrogate) -> PolynomialChaos | None:
 def _numbers(study: Study, space: GermSpace, germs: Array) -> Array:
     """Return coordinates and radii (K, N (axes + 1)) of the points, in m."""
     inputs = space.to_inputs(germs)
-    order = [list(space.inputs).index(name) for name in study.mechanism.inputs.names]
-    points, radii = marked_points(study, inputs[:, order])
+    points, radii = marked_points(study, inputs[:, _columns(study, space)])
     return np.concatenate([points, radii[..., None]], axis=-1).reshape(len(germs), -1)
 
 

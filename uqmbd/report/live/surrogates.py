@@ -28,11 +28,12 @@ from uqmbd.results import (
 from uqmbd.results.chaos import Surrogate, reference_spread, spread_germs
 from uqmbd.results.comparison import recommended
 from uqmbd.typing import Array, Index
+from uqmbd.wording import typeset_units
 
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["NO_SURROGATE", "live_method", "live_surrogate", "packed_surrogate", "shipped"]
+__all__ = ["LARGEST", "NO_SURROGATE", "live_method", "live_surrogate", "packed_surrogate", "shipped"]
 
 
 SHARE = 0.1
@@ -155,7 +156,9 @@ def packed_surrogate(chaos: Surrogate, stated: Array | None = None) -> dict[str,
     times = chaos.labels.times
     error = chaos.verification_error() if known and stated is None else stated
     return {
-        "outputs": [{"name": o.name, "units": o.units, "turn": float(o.turn)} for o in chaos.labels.outputs],
+        "outputs": [
+            {"name": o.name, "units": typeset_units(o.units), "turn": float(o.turn)} for o in chaos.labels.outputs
+        ],
         "times": None if times is None else packed(times),
         "inputs": input_data(chaos.space, chaos.labels),
         "germs": germ_data(chaos.space, chaos.verification_germs),

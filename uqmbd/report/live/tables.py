@@ -18,6 +18,7 @@ from uqmbd.randomness.space import Coupled, Marginal
 from uqmbd.report.live.packing import packed
 from uqmbd.results import Labels
 from uqmbd.typing import Array
+from uqmbd.wording import typeset_units
 
 __all__ = ["germ_data", "input_data"]
 
@@ -36,6 +37,12 @@ TAIL = 1e-3
 
 NEAR = 0.05
 """Part of a slider's length by which it is extended to the end of a distribution."""
+
+NODES = 40
+"""Of the Gauss rule for means: exact for inputs that are linear or polynomial in their germs."""
+
+GRID = 8.0
+"""Standard normal up to which means of tables are summed."""
 
 UNKNOWN = (
     "It depends on other inputs by a joint distribution that is not stored with the results: its slider shows how "
@@ -73,10 +80,18 @@ def input_data(space: GermSpace, labels: Labels) -> list[dict[str, Any]]:
     -------
     list of dict
         For each input ``name``, ``units``, ``description``; ``sum``, the germs and weights of its standard variable;
-        ``map`` of that to its value; or ``reason``, why there is no map.
+        ``map`` of that to its value, and its ``mean``; or ``reason``, why there is no map.
     """
     found: list[dict[str, Any]] = [
-        {"name": i.name, "units": i.units, "description": i.description, "sum": [], "map": None, "reason": ""}
+        {
+            "name": i.name,
+            "units": typeset_units(i.units),
+            "description": i.description,
+            "sum": [],
+            "map": None,
+            "mean": None,
+            "reason": "",
+        }
         for i in labels.inputs
     ]
     for group in space.groups:
@@ -85,7 +100,9 @@ def input_data(space: GermSpace, labels: Labels) -> list[dict[str, Any]]:
                 found[column]["reason"] = UNKNOWN
                 continue
             weights = [(group.columns[k], float(group.factor[row, k])) for k in group.order if group.factor[row, k]]
-            found[column] |= {"sum": [list(pair) for pair in weights], "map": _map(group.marginals[row])}
+            marginal = group.marginals[row]
+            mean = _mean(marginal, space.germs[column])
+            found[column] |= {"sum": [list(pair) for pair in weights], "map": _map(marginal), "mean": mean}
     return found
 
 
@@ -108,6 +125,17 @@ def _germ(germ: Germ, verified: Array | None) -> dict[str, Any]:
         found |= {"range": list(germ.bounds), "levels": packed(germ.table[0]), "values": packed(germ.table[1])}
         return found
     return found | {"table": _table(lambda x: cumulated(germ, x), begin, end)}
+
+
+def _mean(marginal: Marginal, germ: Germ) -> float | None:
+    """Return the mean of an input: its standard variable is distributed as its germ, whatever it depends on."""
+    if marginal.kind == "quantile":
+        # its standard variable is normal; the map may have kinks, for which Gauss rules are no good
+        nodes = np.linspace(-GRID, GRID, 4001)
+        weights = np.exp(-(nodes**2) / 2)
+        return _finite(float(weights @ marginal.to_input(nodes) / weights.sum()))
+    nodes, weights = germ.gauss(NODES if germ.values is None else min(germ.values, NODES))
+    return _finite(float(weights @ marginal.to_input(nodes)))
 
 
 def _map(marginal: Marginal) -> dict[str, Any]:

@@ -19,6 +19,9 @@ export function ownTime() {
 /** The time of the page, in seconds; null before anyone has announced one. */
 export const pageTime = () => latest;
 
+/** The time of the page; where nobody has announced one, it begins at this one. */
+export const beginAt = (time) => (latest ??= time);
+
 /** Tell all others that the page is at a time, in seconds; `source` is who says so. */
 export function announceTime(time, source) {
   told.dispatchEvent(new CustomEvent(TIME, { detail: { time, source } }));

@@ -6,20 +6,28 @@ from uqmbd.report.mechanisms.animation import (
     SECONDS,
     animate,
     check_target,
+    coordinate_names,
     gif,
+    integrated_bodies,
     marked_points,
     motion,
     observed_bodies,
     poses,
     with_motion,
 )
+from uqmbd.report.mechanisms.film import Film
 from uqmbd.report.mechanisms.picture import mechanism
+from uqmbd.report.mechanisms.sketch import Part
 
 __all__ = [
     "SECONDS",
+    "Film",
+    "Part",
     "animate",
     "check_target",
+    "coordinate_names",
     "gif",
+    "integrated_bodies",
     "marked_points",
     "mechanism",
     "motion",

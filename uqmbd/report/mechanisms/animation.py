@@ -25,7 +25,18 @@ if TYPE_CHECKING:
 
     from uqmbd.propagation import Study
 
-__all__ = ["animate", "check_target", "gif", "marked_points", "motion", "observed_bodies", "poses", "with_motion"]
+__all__ = [
+    "animate",
+    "check_target",
+    "coordinate_names",
+    "gif",
+    "integrated_bodies",
+    "marked_points",
+    "motion",
+    "observed_bodies",
+    "poses",
+    "with_motion",
+]
 
 
 SECONDS = (3.0, 8.0)
@@ -77,6 +88,20 @@ def observed_bodies(study: Study, frames: int, method: str) -> tuple[xr.DataTree
     from uqmbd.report.mechanisms.body_poses import observed_bodies as run
 
     return run(study, np.linspace(study.times[0], study.times[-1], frames), method)
+
+
+def coordinate_names(study: Study, body: str) -> list[str]:
+    """Return names for the coordinates of a body as outputs."""
+    from uqmbd.report.mechanisms.body_poses import coordinate_names as names
+
+    return names(study.mechanism, body)
+
+
+def integrated_bodies(study: Study, frames: int, values: NDArray[np.float64]) -> tuple[NDArray[np.float64], str]:
+    """Return the bodies' coordinates (K, T, coordinate) at inputs (K, d), NaN where that fails, and why."""
+    from uqmbd.report.mechanisms.body_poses import integrated
+
+    return integrated(study, np.linspace(study.times[0], study.times[-1], frames), values)
 
 
 def marked_points(study: Study, values: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from uqmbd.mechanism import Component, Mechanism, Space
     from uqmbd.propagation import Study
 
-__all__ = ["drawn_pose", "marked_points", "motion", "observed_bodies"]
+__all__ = ["coordinate_names", "drawn_pose", "integrated", "marked_points", "motion", "observed_bodies"]
 
 
 def drawn_pose(mechanism: Mechanism, values: Mapping[str, float] | None = None, time: float = 0.0) -> xr.Dataset:
@@ -129,9 +129,9 @@ def motion(study: Study, samples: int = 20, frames: int = 60, seed: int = 1, met
         if method is None or not len(study.mechanism.inputs):
             uniform = np.random.default_rng(seed).random((samples if means.size else 0, means.shape[1]))
             values = np.concatenate([means, study.mechanism.inputs.from_uniform(uniform)])
-            q, message = _integrated(study, times, values)
+            q, message = integrated(study, times, values)
         else:
-            at_means, message = _integrated(study, times, means)
+            at_means, message = integrated(study, times, means)
             values, q = _of_method(study, times, samples, seed, method)
             values, q = np.concatenate([means, values]), np.concatenate([at_means, q])
     good: NDArray[np.bool_] = np.asarray(np.isfinite(q).all(axis=(1, 2)))
@@ -146,7 +146,7 @@ def motion(study: Study, samples: int = 20, frames: int = 60, seed: int = 1, met
     return _dataset(mechanism, q[good], values[good], times, model.owners, {**known, "failures": failures})
 
 
-def _integrated(study: Study, times: Array, values: Array) -> tuple[Array, str]:
+def integrated(study: Study, times: Array, values: Array) -> tuple[Array, str]:
     """Coordinates (realisation, time, coordinate) by integration, NaN where it failed, and why."""
     from uqmbd.dynamics import Ensemble, integrate
 
@@ -195,9 +195,9 @@ def observed_bodies(study: Study, times: Array, method: str) -> tuple[xr.DataTre
     observed = copy.copy(study.mechanism)
     names = []
     for body in study.mechanism.bodies.values():
-        for name, symbol in zip(study.mechanism.space.coordinates, body.q, strict=True):
-            names.append(f"{name} of {body.name}, for pictures")
-            observed.output(names[-1], symbol)
+        for name, symbol in zip(coordinate_names(study.mechanism, body.name), body.q, strict=True):
+            names.append(name)
+            observed.output(name, symbol)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # they are those of the run
         longest = study.max_step if np.isfinite(study.max_step) else None
@@ -205,6 +205,11 @@ def observed_bodies(study: Study, times: Array, method: str) -> tuple[xr.DataTre
             study.name, observed, times, [], study.rtol, study.integrator, study.start, (), None, longest, study.breaks
         )
         return again.propagate(propagators[method]), names
+
+
+def coordinate_names(mechanism: Mechanism, body: str) -> list[str]:
+    """Return names for the coordinates of a body as outputs."""
+    return [f"{name} of {body}, for pictures" for name in mechanism.space.coordinates]
 
 
 def marked_points(mechanism: Mechanism, values: Array, time: float) -> tuple[Array, Array]:

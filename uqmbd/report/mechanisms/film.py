@@ -50,7 +50,7 @@ class Film:
     @cached_property
     def followed(self) -> bool:
         """Whether the view moves with the mechanism: it goes farther than four times its size."""
-        points = world(self.data)[0][:, self._moving]
+        points = world(self.data)[0][:, self.moving]
         if not points.size:
             return False
         size = np.nanmax(np.ptp(points, axis=1), initial=0.0)
@@ -58,7 +58,8 @@ class Film:
         return bool(way > 4 * size > 0)
 
     @cached_property
-    def _moving(self) -> list[int]:
+    def moving(self) -> list[int]:
+        """Points that are not of the ground."""
         owners = self.sketch.owners
         return [k for k, kind in enumerate(self.sketch.kinds) if kind != "direction" and owners[k] != "ground"]
 
@@ -69,20 +70,26 @@ class Film:
         outlines = len(self.sketch.bodies) * points.shape[1]
         points = points[: 1 + max(1, OUTLINES // outlines)]
         if self.followed:
-            middle = np.nanmean(points[0][:, self._moving], axis=1)
+            middle = np.nanmean(points[0][:, self.moving], axis=1)
             points[..., self.sketch.placed, :] -= (middle - middle[0])[None, :, None, :]
         return points
+
+    @property
+    def bounds(self) -> Array:
+        """Points that the view holds, shape (N, axis), m."""
+        if not self.followed:
+            points = self.sketch.extent(self.points)
+        else:
+            points = self.points[..., self.moving, :]
+        known = points.reshape(-1, points.shape[-1])
+        known = known[np.isfinite(known).all(axis=-1)]
+        return known if len(known) else np.zeros((1, points.shape[-1]))
 
     @cached_property
     def canvas(self) -> Canvas:
         """Axes that hold the whole motion."""
-        points = self.points if self.followed else self.sketch.extent(self.points)
-        if self.followed:
-            points = points[..., self.sketch.placed, :][
-                ..., [k for k, m in enumerate(np.flatnonzero(self.sketch.placed)) if m in self._moving], :
-            ]
         made = canvas_for(
-            points.reshape(-1, points.shape[-1]),
+            self.bounds,
             width=self.width,
             labels=" beside the mechanism's path" if self.followed else "",
         )
@@ -108,8 +115,8 @@ class Film:
         return self.canvas.project(self.points)
 
     @cached_property
-    def _corners(self) -> list[tuple[str, list[int]]]:
-        """Points that span each body."""
+    def corners(self) -> list[tuple[str, list[int]]]:
+        """Each body, and the points that span it."""
         local = self.data["local"].values[0]
         found = []
         for body in self.sketch.bodies:
@@ -127,7 +134,7 @@ class Film:
         """The time at which the realisations are farthest apart."""
         kinds = self.sketch.kinds
         # where a random centre of mass is, says nothing of how far a body has moved
-        seen = [k for k in self._moving if kinds[k] != "com"] or self._moving
+        seen = [k for k in self.moving if kinds[k] != "com"] or self.moving
         apart = np.nan_to_num(abs(self.points[:, :, seen] - self.points[:1, :, seen]))
         spread = apart.max(axis=(0, 2, 3), initial=0.0)
         return int(np.argmax(spread))
@@ -143,7 +150,7 @@ class Film:
         made = []
         count = len(self.points) - 1
         alpha = float(np.clip(7.0 / max(count, 1), 0.2, 0.7))
-        for (body, corners), outlines in zip(self._corners, self._outlines(frame), strict=True):
+        for (body, corners), outlines in zip(self.corners, self._outlines(frame), strict=True):
             # bodies of one point lie beneath their joint: their cloud is drawn above it
             width, order = (5.0, 8.0) if len(corners) == 1 else (0.7, 5.45)
             lines = LineCollection(
@@ -157,7 +164,7 @@ class Film:
 
     def _outlines(self, frame: int) -> Iterator[list[Array]]:
         """Yield the lines of the cloud, body by body."""
-        for _, corners in self._corners:
+        for _, corners in self.corners:
             outlines = []
             for page in self._page[1:, frame][:, corners]:
                 if not np.isfinite(page).all():

@@ -5,6 +5,7 @@ from __future__ import annotations
 from uqmbd.report.sections.comparison import COMPARISON
 from uqmbd.report.sections.cost import COST
 from uqmbd.report.sections.events import EVENTS
+from uqmbd.report.sections.explore import EXPLORE
 from uqmbd.report.sections.failures import FAILURES
 from uqmbd.report.sections.growth import GROWTH
 from uqmbd.report.sections.influence import INFLUENCE
@@ -33,7 +34,7 @@ __all__ = [
     "ranked",
 ]
 
-ABOUT_RESULTS = (REQUIREMENTS, OUTPUTS, SCALARS, EVENTS, INFLUENCE, INPUTS)
+ABOUT_RESULTS = (EXPLORE, REQUIREMENTS, OUTPUTS, SCALARS, EVENTS, INFLUENCE, INPUTS)
 """Sections after the first screen and before those of plugins, in the order of the page."""
 
 ABOUT_METHODS = (METHODS, COMPARISON, TRUST, GROWTH, COST, FAILURES, PROVENANCE)

@@ -1,9 +1,10 @@
-"""The report's animation of the mechanism, from what is stored with the results."""
+"""The report's player of the mechanism, from what is stored with the results, and the picture that stands for it."""
 
 from __future__ import annotations
 
 import base64
 
+from uqmbd.report import live
 from uqmbd.report.drawing import svg
 from uqmbd.report.mechanisms import gif, poses
 from uqmbd.report.sections.section import Content
@@ -12,47 +13,52 @@ from uqmbd.wording import format_count, format_number
 
 __all__ = ["mechanism_picture"]
 
-LARGEST = 1_100_000
-"""Bytes of an animation in the report: its text form is a third larger.  One that is larger is drawn smaller."""
-
 
 def mechanism_picture(result: StudyResult) -> Content | None:
-    """Return the animation as data URIs, a still picture for print, and texts for both; None if none is stored.
+    """Return the data of the player, and a still picture for pages without scripts and print; None if none is stored.
 
     Returns
     -------
     dict of str, or None
-        ``moving``, ``still``, ``alt``, ``still_alt``, ``caption`` and ``problem``: why it could not be drawn.
+        ``player``, JSON; ``still``, ``alt``, ``caption`` and ``short``, a shorter one; ``moving``, which makes the film
+        as a file; ``problem``: why it could not be drawn.
     """
     data = result.motion
     if data is None:
         return None
     try:
-        content = gif(data)
-        for width, resolution in ((5.6, 64), (4.6, 52)):
-            if len(content) > LARGEST:
-                content = gif(data, width, resolution)
-        if len(content) > LARGEST:
-            content = gif(data.isel(time=slice(None, None, 3), realisation=slice(0, 6)), 4.6, 52)
-        still = svg(poses(data))
         times, bodies = data["time"].values, ", ".join(map(str, data["body"].values))
         count = data.sizes["realisation"] - 1
         others = f", and {format_count(count, 'realisation')} around it" if count else ""
-        what = f"the mechanism {data.attrs.get('mechanism', '')} ({bodies}) at the means of its inputs{others}"
         failed = int(data.attrs.get("failures", 0))
         left_out = f" {format_count(failed, 'realisation')} failed and {'is' if failed == 1 else 'are'} left out."
-        return {
-            "moving": "data:image/gif;base64," + base64.b64encode(content).decode("ascii"),
-            "still": still,
-            "alt": f"Animation from {format_number(times[0])} s to {format_number(times[-1])} s: {what}.",
-            "still_alt": f"Picture of {what}, at the time at which these are farthest apart.",
-            "caption": "How the mechanism moves: drawn at the means of the inputs"
-            + ("; pale, some realisations." if count else ".")
+        caption = (
+            f"The mechanism from {format_number(times[0])} s to {format_number(times[-1])} s, at "
+            f"{format_count(len(times), 'time')}: at the means of the inputs"
+            + ("; thin, other realisations." if count else ".")
             + (left_out if failed else "")
-            + " Bodies are drawn from what is known of them: their joint points, centres of mass and observed points.",
-            "short": "At the means of the inputs" + ("; pale, some realisations." if count else "."),
+            + " Bodies are drawn from what is known of them: their joint points, centres of mass and observed points."
+        )
+        return {
+            "player": live.json_script({**live.player_data(data), **_live(result), "caption": caption}),
+            "still": svg(poses(data)),
+            "moving": lambda: "data:image/gif;base64," + base64.b64encode(gif(data)).decode("ascii"),
+            "alt": f"Picture of the mechanism {data.attrs.get('mechanism', '')} ({bodies}) at the means of its inputs"
+            f"{others}, at the time at which these are farthest apart.",
+            "caption": caption,
+            "short": "At the means of the inputs" + ("; thin, other realisations." if count else "."),
             "problem": "",
             "name": "motion",
         }
     except Exception as error:  # noqa: BLE001 - the node may come from anywhere; the rest of the report must stand
         return {"problem": f"{type(error).__name__}: {error}"}
+
+
+def _live(result: StudyResult) -> Content:
+    """Return the surrogates of the poses for the player, or why there are none."""
+    tree = result.tree
+    if "pose_surrogate" not in tree.children:
+        said = tree["motion"].attrs.get("no_surrogate")
+        return {"live": None, "reason": str(said or "The poses of the bodies have no surrogate in these results.")}
+    data, reason = live.live_poses(tree.children["pose_surrogate"], live.live_method(tree))
+    return {"live": data, "reason": reason}

@@ -1,0 +1,152 @@
+"""The player draws what is stored: points, views and signs, held against Python and geometry."""
+
+import json
+
+import numpy as np
+import pytest
+import xarray as xr
+from scipy.spatial.transform import Rotation
+
+import uqmbd
+from tests.mechanisms import pendulum
+from uqmbd.report import motion
+from uqmbd.report.live import json_script, player_data
+from uqmbd.report.mechanisms import Film
+from uqmbd.report.mechanisms.sketch import world
+from uqmbd_joints import Revolute
+
+SHAPES = """
+const mechanism = new Mechanism(given.data);
+const view = new View(given.data.bounds);
+const high = view.fit(900);
+const palette = { ink: "#000000", paper: "#ffffff", soft: "#777777", dark: false };
+const where = [], shapes = [];
+for (let r = 0; r < given.data.realisations; r++)
+  for (let t = 0; t < mechanism.times.length; t++) where.push(mechanism.storedAt(r, t));
+for (let t = 0; t < mechanism.times.length; t++) shapes.push(...mechanism.draw(view, mechanism.storedAt(0, t), palette));
+const ghosts = mechanism.ghosts(view, mechanism.storedAt(given.data.realisations - 1, 0), palette, 0.5);
+const flat = (points) => points.filter((p) => p !== null);
+answer = {
+  where, size: [view.wide, view.high], unit: view.unit, high: high / view.inch, ghosts: ghosts.length,
+  signs: shapes.map(({ edge, face, width, closed, dash, points }) => [edge, face, width, closed, dash, flat(points).map((p) => p.map((x) => Number(x.toFixed(3))))]),
+  inside: shapes.flatMap(({ points }) => flat(points)).every(([x, y]) => x > -0.4 && x < view.wide + 0.4 && y > -0.4 && y < view.high + 0.4),
+};
+"""
+
+
+def drawn(node, data):
+    """What the page makes of poses."""
+    return node(["mechanism.js", "view.js"], SHAPES, {"data": json.loads(json_script(player_data(data)))})
+
+
+def signed(symbol, space="planar"):
+    """A body whose component has a symbol, with two points, a radius and two directions, as poses are stored."""
+    d = 3 if space == "spatial" else 2
+    points = [("point", "ground", "c"), ("point", "body", "c"), ("direction", "ground", "c"), ("direction", "ground", "c"), ("com", "body", "")]  # fmt: skip
+    local = np.zeros((1, 5, d))
+    local[0, 0, :2] = 0.1, 0.2
+    local[0, 1, 0] = 0.4
+    local[0, 2, 1] = local[0, 3, 0] = 1.0
+    pose = np.zeros((1, 2, 1, 7 if d == 3 else 4))
+    pose[..., d] = 1.0
+    pose[0, 1, 0, 0] = 0.3
+    return xr.Dataset(
+        {
+            "pose": (("realisation", "time", "body", "coordinate"), pose.astype(np.float32)),
+            "local": (("realisation", "point", "axis"), local),
+            "point_radius": (("realisation", "point"), [[0.0, 0.15, 0.0, 0.0, 0.0]]),
+            **{f"point_{k}": ("point", [p[n] for p in points]) for n, k in enumerate(("kind", "body", "component"))},
+            "component_symbol": ("component", [symbol]),
+            "component_bodies": ("component", ["ground/body"]),
+        },
+        {"time": [0.0, 1.0], "body": ["body"], "component": ["c"], "axis": list("xyz"[:d])},
+        {"space": space},
+    )
+
+
+@pytest.mark.thorough
+def test_points_are_where_python_has_them(node):
+    """All points of all realisations and times, in the plane; all that is drawn fits into the view."""
+    study = uqmbd.Study("p", pendulum(loaded=True), np.linspace(0, 1, 11), [])
+    data = motion(study, samples=3, frames=7)
+    found = drawn(node, data)
+    np.testing.assert_allclose(np.array(found["where"]).reshape(world(data).shape), world(data), atol=1e-6)
+    assert found["inside"] and found["high"] == pytest.approx(found["size"][1])
+    assert found["ghosts"] == data.sizes["body"]
+    made = player_data(data)
+    assert made["start"] == Film(data, 6.4, 100).widest and made["realisations"] == 4
+    assert player_data(data, most=data["pose"][0].size * 2)["realisations"] == 2
+
+
+@pytest.mark.thorough
+def test_points_in_space_turn_with_their_bodies(node):
+    """Against rotation matrices of SciPy."""
+    turned = Rotation.from_rotvec([0.3, -0.5, 0.9])
+    mechanism = uqmbd.Mechanism("thrown", uqmbd.Spatial())
+    stone = mechanism.body("stone", mass=1, inertia=(1, 1, 1), com=(0.3, 0.2, 0.1), rotation=turned.as_matrix(), velocity=(1, 2, 3), angular_velocity=(0, 0, 0))  # fmt: skip
+    mechanism.output("x", stone.position[0])
+    found = drawn(node, motion(uqmbd.Study("thrown", mechanism, [0, 2]), frames=3))
+    line = np.outer([0, 1, 2], (1, 2, 3)) + turned.apply((0.3, 0.2, 0.1))
+    np.testing.assert_allclose(np.array(found["where"])[:, 0], line, atol=1e-5)
+
+
+SYMBOLS = ("contact", "wheel", "hinge", "ball", "universal", "weld", "slide", "cylinder", "line", "skate", "plane", "rod",
+           "spring", "damper", "coil", "driver", "torque", "force", "", "of a plugin <b>", "constructor")  # fmt: skip
+
+
+@pytest.mark.parametrize("space", ["planar", "spatial"])
+def test_every_symbol_has_a_sign_of_its_own(node, space):
+    """No two look alike, but what has no sign, and in the plane what differs in space only."""
+    looks = {symbol: json.dumps(drawn(node, signed(symbol, space))["signs"]) for symbol in SYMBOLS}
+    alike = {"constructor": "of a plugin <b>"}
+    if space == "planar":
+        alike |= {"wheel": "contact", "cylinder": "slide"}
+    assert len({looks[s] for s in SYMBOLS if s not in alike}) == len(SYMBOLS) - len(alike)
+    assert all(looks[a] == looks[b] for a, b in alike.items())
+    for symbol in SYMBOLS:
+        assert len(json.loads(looks[symbol])) >= 4, symbol
+
+
+LOOKED = """
+const view = new View([[-1, -1, -1], [1, 1, 1]]);
+view.fit(800);
+answer = given.map(([azimuth, elevation]) => {
+  view.look(azimuth, elevation);
+  const origin = view.project([0, 0, 0]);
+  return [[1, 0, 0], [0, 1, 0], [0, 0, 1]].map((axis) => {
+    const [x, y] = view.project(axis);
+    return [(x - origin[0]) * view.unit, (y - origin[1]) * view.unit, view.depth(axis)];
+  });
+});
+"""
+
+
+def test_views_in_space_are_rotations(node):
+    """Whatever the angles: orthonormal, right-handed, z upwards; from the front x comes nearer, from above z does."""
+    angles = [(0, 0), (-58, 24), (30, 90), (200, -45), (720, 10)]
+    for (azimuth, elevation), axes in zip(angles, node(["view.js"], LOOKED, angles), strict=True):
+        matrix = np.array(axes).T * [[1], [1], [-1]]
+        np.testing.assert_allclose(matrix @ matrix.T, np.eye(3), atol=1e-12)
+        assert np.linalg.det(matrix) == pytest.approx(1)
+        a, e = np.deg2rad([azimuth, elevation])
+        towards = [np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)]
+        np.testing.assert_allclose(matrix[2], towards, atol=1e-12)
+        assert matrix[1, 2] >= -1e-12 and abs(matrix[0, 2]) < 1e-12
+
+
+def test_speeds_let_a_motion_last_some_seconds(node):
+    spans = [2e-6, 0.3, 2.0, 4.0, 1e5]
+    for span, found in zip(spans, node(["speeds.js"], "answer = given.map(speedsOf);", spans), strict=True):
+        assert 4 <= span / found["natural"] < 11 and found["natural"] in found["speeds"]
+        assert sorted(found["speeds"]) == found["speeds"] and 5 <= len(found["speeds"]) <= 8
+
+
+@pytest.mark.thorough
+def test_hostile_names_stay_in_their_texts():
+    name = "<!--<script><img src=x>\u2028"
+    mechanism = uqmbd.Mechanism(name, uqmbd.Planar())
+    body = mechanism.body("b<i>", mass=1, inertia=1)
+    mechanism.add(Revolute("r&", mechanism.ground, body, (0, 0), (0, 0)))
+    mechanism.output("x", body.position[0])
+    text = json_script(player_data(motion(uqmbd.Study("s", mechanism, [0, 1]), samples=0, frames=3)))
+    assert "<" not in text and json.loads(text)["mechanism"] == name

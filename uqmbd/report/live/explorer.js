@@ -1,0 +1,126 @@
+// Other inputs: a slider for each, and what the stored surrogate says at them, for tables, charts and the player.
+
+import { unpackArray } from "./arrays.js";
+import { button, element, oncePerPicture } from "./dom.js";
+import { meanGerms, randomGerms } from "./germs.js";
+import { announceInputs } from "./inputs_bus.js";
+import { inputRow } from "./input_row.js";
+import { formatError, formatNumber, formatQuantity, nearestIndex } from "./numbers.js";
+import { LiveSurrogate } from "./surrogate.js";
+import { onTime, pageTime } from "./time_bus.js";
+
+/** Statistics of outputs beside a surrogate, unpacked. */
+const known = (data) => data && { mean: unpackArray(data.mean).values, std: unpackArray(data.std).values };
+
+/** Make sliders and table of a panel. */
+export function makeExplorer(panel, data) {
+  const kinds = [data.histories, data.scalars].filter((one) => one !== null);
+  const parts = kinds.map((one) => ({ surrogate: new LiveSurrogate(one.surrogate), about: known(one) }));
+  const { surrogate } = parts[0];
+  const means = meanGerms(surrogate);
+  const germs = Float64Array.from(means);
+  let time = pageTime();
+
+  // the sliders
+  const rows = surrogate.inputs.map((_, k) =>
+    inputRow(surrogate, k, means[k], (germ) => {
+      germs[k] = germ;
+      moved();
+    }),
+  );
+  const set = (to) => {
+    germs.set(to);
+    moved();
+  };
+  const docked = button("Keep in view", "Keep the sliders in view while the page is scrolled", () => {
+    const on = panel.classList.toggle("docked");
+    docked.textContent = on ? "Put back" : "Keep in view";
+    docked.setAttribute("aria-pressed", String(on));
+  });
+  docked.setAttribute("aria-pressed", "false");
+  const tools = element(
+    "div",
+    { class: "tools" },
+    button("All at their means", "Reset all inputs to their means", () => set(means)),
+    button("Another realisation", "Draw all inputs from their distributions", () => set(randomGerms(surrogate))),
+    docked,
+  );
+  const status = element("p", { class: "state", role: "status" });
+  const list = element("div", { class: "inputs-list" }, ...rows.map(({ row }) => row));
+  const box = element("div", { class: "chart inputs-box", role: "group", "aria-label": "Inputs" }, tools, list, status);
+
+  // the outputs
+  const caption = element("caption");
+  const heads = ["Output", "At these inputs", "Mean ± standard deviation", "Stated error"];
+  const cells = [];
+  const body = element("tbody");
+  parts.forEach(({ surrogate: own }, p) =>
+    own.outputs.forEach(({ name }, o) => {
+      const row = [0, 1, 2].map(() => element("td", { class: "number" }));
+      cells.push({ p, o, row });
+      body.append(element("tr", {}, element("th", { scope: "row" }, name), ...row));
+    }),
+  );
+  const head = element("thead", {}, element("tr", {}, ...heads.map((text) => element("th", { scope: "col" }, text))));
+  const table = element("div", { class: "wide readout", tabindex: 0, role: "region", "aria-label": "Outputs at these inputs" }, element("table", {}, caption, head, body));
+  panel.append(box, table);
+
+  function read() {
+    const { times } = parts.find(({ surrogate: own }) => own.times)?.surrogate ?? {};
+    const index = times ? nearestIndex(times, time ?? times[times.length - 1]) : 0;
+    caption.textContent = times ? `At ${formatNumber(times[index], (times[times.length - 1] - times[0]) / 10)} s, by the surrogate of ${data.method}` : `By the surrogate of ${data.method}`;
+    for (const { p, o, row } of cells) {
+      const { surrogate: own, about } = parts[p];
+      const at = o * own.count + (own.times ? index : 0);
+      const { units } = own.outputs[o];
+      const spread = about.std[at];
+      row[0].textContent = formatQuantity(own.values[at], units, spread);
+      row[1].textContent = `${formatNumber(about.mean[at], spread)} ± ${formatQuantity(spread, units)}`;
+      row[2].textContent = own.statedRms ? formatError(own.statedRms[at], units) : "not known";
+    }
+  }
+
+  const evaluate = oncePerPicture(() => {
+    const outputs = new Map();
+    const beyond = { outside: new Set(), unverified: new Set() };
+    for (const { surrogate: own } of parts) {
+      const { values, outside, unverified } = own.evaluate(germs);
+      outside.forEach((k) => beyond.outside.add(k));
+      unverified.forEach((k) => beyond.unverified.add(k));
+      own.outputs.forEach(({ name }, o) => {
+        const part = (all) => all && all.subarray(o * own.count, (o + 1) * own.count);
+        outputs.set(name, { times: own.times, values: part(values), rms: part(own.statedRms) });
+      });
+    }
+    const inputs = surrogate.inputsAt(germs);
+    rows.forEach((row, k) => row.show(germs, inputs[k]));
+    const names = (numbers) => [...numbers].map((k) => surrogate.germs[k].name).join(", ");
+    const said = [];
+    if (beyond.outside.size) said.push(`Impossible: ${names(beyond.outside)}.`);
+    if (beyond.unverified.size) said.push(`Beyond the realisations by which errors are known: ${names(beyond.unverified)}.`);
+    status.textContent = said.join(" ");
+    read();
+    announceInputs({ germs, outputs });
+  });
+  function moved() {
+    evaluate();
+  }
+  onTime(panel, (to) => {
+    time = to;
+    read();
+  });
+
+  // at first it only says where it is: nothing else changes before a slider does
+  parts.forEach(({ surrogate: own }) => own.evaluate(germs));
+  const inputs = surrogate.inputsAt(germs);
+  rows.forEach((row, k) => row.show(germs, inputs[k]));
+  read();
+}
+
+/** Begin: every panel with a surrogate gets its sliders. */
+export function startExplorers() {
+  for (const panel of document.querySelectorAll(".explorer")) {
+    const data = panel.querySelector('script[type="application/json"]');
+    if (data) makeExplorer(panel, JSON.parse(data.textContent));
+  }
+}

@@ -1,0 +1,60 @@
+"""Surrogates of outputs behind the sliders of a page, as data for JSON: `explorer.js` reads it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from uqmbd.report.live.packing import packed
+from uqmbd.report.live.surrogates import NO_SURROGATE, live_method, live_surrogate
+from uqmbd.results import surrogate_parts
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+__all__ = ["explorer_data"]
+
+
+def explorer_data(tree: xr.DataTree) -> dict[str, Any]:
+    """Return the surrogate of a page's method, or ``{"reason": ...}``, which says why there is none.
+
+    Parameters
+    ----------
+    tree : xarray.DataTree
+        The result of a study.
+
+    Returns
+    -------
+    dict
+        ``method``, its label; ``histories`` and ``scalars``, outputs with and without a time: None where there are
+        none, else ``surrogate`` as of `live_surrogate`, and ``mean`` and ``std`` (O, T); ``missing``, why one of them
+        is not there.
+    """
+    label = live_method(tree)
+    if not label:
+        return {"reason": NO_SURROGATE}
+    node = tree.children[label]
+    found: dict[str, Any] = {"histories": None, "scalars": None}
+    missing = []
+    for kind, part in (("histories", node), ("scalars", node.children.get("scalars"))):
+        if part is None or not surrogate_parts(part):
+            continue
+        data = live_surrogate(part)
+        if "reason" in data:
+            missing.append(data["reason"])
+        elif not data["inputs"]:
+            missing.append("There are no random inputs.")
+        else:
+            found[kind] = {"surrogate": data, **_statistics(part, [o["name"] for o in data["outputs"]])}
+    if not any(found.values()):
+        return {"reason": " ".join(missing)}
+    return {"method": label, **found, "missing": missing}
+
+
+def _statistics(node: xr.DataTree, outputs: list[str]) -> dict[str, Any]:
+    data = node.children["statistics"].to_dataset().sel(output=outputs)
+    dims = [dim for dim in ("output", "time") if dim in data["mean"].dims]
+    return {
+        name: packed(np.asarray(data[name].transpose(*dims).values, dtype=float), "float64") for name in ("mean", "std")
+    }

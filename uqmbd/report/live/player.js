@@ -1,0 +1,252 @@
+// The player of a mechanism: its motion at the means of the inputs, or at those that are chosen, before other realisations.
+
+import { LIGHT } from "./colours.js";
+import { button, element, oncePerPicture } from "./dom.js";
+import { fileName, saveBlob } from "./exports.js";
+import { onInputs, pageInputs } from "./inputs_bus.js";
+import { Mechanism } from "./mechanism.js";
+import { formatError, formatNumber, nearestIndex } from "./numbers.js";
+import { LivePoses } from "./poses.js";
+import { speedsOf } from "./speeds.js";
+import { paintShapes } from "./symbols.js";
+import { onTheme, palette } from "./theme.js";
+import { announceTime, beginAt, onTime } from "./time_bus.js";
+import { View } from "./view.js";
+
+const REST = 0.7;
+const TURN = 10;
+
+/**
+ * Make a player.
+ *
+ * @param figure - where; its picture stays for paper. One that is small, as on the first screen, has few controls.
+ */
+export function makePlayer(figure, data) {
+  const small = figure.classList.contains("small");
+  const mechanism = new Mechanism(data);
+  const live = data.live && new LivePoses(data.live);
+  const view = new View(data.bounds);
+  const { times } = mechanism;
+  const [begin, end] = [times[0], times[times.length - 1]];
+  const digits = Math.min(Math.max(Math.ceil(1 - Math.log10((end - begin) / 400)), 0), 12);
+  const clock = (time) => `${time.toFixed(digits)} s`.replace("-", "−");
+  let time = beginAt(times[data.start]);
+  let playing = false;
+  let found = null;
+  let cloud = data.realisations > 1;
+  let earlier = null;
+
+  const canvas = element("canvas", { role: "img" });
+  const stage = element("div", { class: "stage", role: "group", "aria-label": `The mechanism ${data.mechanism}` }, canvas);
+  const play = button("", "Play or pause (space)", () => (playing ? pause() : start()));
+  const scrub = element("input", { type: "range", min: 0, max: times.length - 1, step: 1, "aria-label": "Time of the mechanism" });
+  const told = element("output", { class: "clock" });
+  const { natural, speeds } = speedsOf(end - begin);
+  const speed = element("select", { title: "Seconds of the motion in a second" });
+  for (const x of speeds) speed.append(element("option", { value: x }, x === 1 ? "real time" : `${formatNumber(x)} ×`));
+  speed.value = String(natural);
+  const controls = element("div", { class: "controls" }, play, scrub, told);
+  if (!small) controls.append(element("label", {}, "Speed ", speed));
+  if (data.realisations > 1 && !small) {
+    const others = element("input", { type: "checkbox" });
+    others.checked = true;
+    others.addEventListener("change", () => {
+      cloud = others.checked;
+      repaint();
+    });
+    controls.append(element("label", {}, others, ` ${data.realisations - 1} realisations`));
+  }
+  if (view.spatial) {
+    stage.tabIndex = 0;
+    stage.classList.add("turns");
+    stage.title = "Drag to turn; keys ← → ↑ ↓ turn, 0 looks from the first side, space plays.";
+    if (!small) controls.append(button("Reset view", "Look from the first side (key 0)", () => turn(null)));
+  }
+  if (!small) controls.append(button("PNG", "Save what is shown as a picture", save));
+  const status = small ? figure.querySelector("figcaption") : element("p", { class: "state", role: "status" });
+  const atMeans = small ? status.textContent : "At the means of the inputs.";
+  const holder = element("div", { class: "chart stage-holder" }, stage, controls);
+  if (!small) holder.append(status, element("p", { class: "state" }, data.caption));
+  figure.prepend(holder);
+  figure.classList.add("live");
+
+  const frame = () => nearestIndex(times, time);
+  let seen = false;
+  let stale = false;
+  const repaint = oncePerPicture(() => {
+    if (!seen) return;
+    if (stale) evaluate();
+    paint(canvas, palette());
+  });
+
+  function shapesOf(colours) {
+    const k = frame();
+    const shapes = [];
+    const chosen = found && mechanism.foundAt(found, k);
+    const way = data.followed ? minusWay(mechanism.storedAt(0, k)) : null;
+    const moved = (points) => (way ? mechanism.shifted(points, way) : points);
+    if (cloud || chosen) {
+      const alpha = Math.min(Math.max(5 / Math.max(data.realisations - 1, 1), 0.15), 0.6);
+      const from = chosen ? 0 : 1;
+      const to = cloud ? data.realisations : 1;
+      for (let r = from; r < to; r++) shapes.push(...mechanism.ghosts(view, moved(mechanism.storedAt(r, k)), colours, r ? alpha : 0.9));
+    }
+    const radii = found?.points ? mechanism.owners.map((_, n) => Math.abs(found.points[(n + 1) * (data.dimension + 1) - 1])) : mechanism.radii;
+    shapes.push(...mechanism.draw(view, moved(chosen ?? mechanism.storedAt(0, k)), colours, radii));
+    return shapes;
+  }
+
+  function minusWay(points) {
+    const first = mechanism.wayOf(mechanism.storedAt(0, 0));
+    return mechanism.wayOf(points).map((x, k) => first[k] - x);
+  }
+
+  function paint(target, colours, ratio = window.devicePixelRatio || 1) {
+    const width = Math.max(stage.clientWidth, 200);
+    const height = Math.round(view.fit(width, small ? Math.max(stage.clientHeight, 120) : null));
+    target.width = Math.round(width * ratio);
+    target.height = Math.round(height * ratio);
+    target.style.height = `${height}px`;
+    const context = target.getContext("2d");
+    context.scale(ratio, ratio);
+    context.lineCap = context.lineJoin = "round";
+    if (target !== canvas) {
+      context.fillStyle = colours.paper;
+      context.fillRect(0, 0, width, height);
+    }
+    view.paintScale(context, colours);
+    paintShapes(context, shapesOf(colours), view.inch, height);
+    tell();
+  }
+
+  function tell() {
+    const k = frame();
+    told.textContent = clock(time);
+    if (Number(scrub.value) !== k) scrub.value = k;
+    scrub.setAttribute("aria-valuetext", clock(times[k]));
+    canvas.setAttribute("aria-label", `The mechanism ${data.mechanism} at ${clock(times[k])}, ${words()}.`);
+  }
+
+  const words = () => (found ? "at the chosen inputs" : "at the means of the inputs");
+
+  function say() {
+    if (!pageInputs()) status.textContent = atMeans;
+    else if (!found) status.textContent = `At the means of the inputs, not at the chosen ones: ${data.reason}`;
+    else {
+      const rms = live.largestError(mechanism.reaches);
+      const error = rms === null ? "its error is not known" : `stated error of what is drawn at most ${formatError(rms, "m")}`;
+      const beyond = found.unverified.length || found.outside.length ? " These inputs lie beyond the realisations by which it is known." : "";
+      status.textContent = `At the chosen inputs, by the surrogate: ${error}.${beyond}`;
+    }
+  }
+
+  function go(to, announced = true) {
+    time = Math.min(Math.max(to, begin), end);
+    repaint();
+    if (announced) announceTime(time, holder);
+  }
+
+  function start() {
+    playing = true;
+    earlier = null;
+    if (time >= end) time = begin;
+    mark();
+    requestAnimationFrame(tick);
+  }
+
+  function pause() {
+    playing = false;
+    mark();
+  }
+
+  function mark() {
+    play.textContent = playing ? "❚❚ Pause" : "▶ Play";
+    play.setAttribute("aria-pressed", String(playing));
+  }
+
+  let rested = 0;
+  function tick(now) {
+    if (!playing) return;
+    const passed = earlier === null ? 0 : Math.min((now - earlier) / 1000, 0.25);
+    earlier = now;
+    if (time >= end) {
+      rested += passed;
+      if (rested > REST) go(begin);
+    } else {
+      rested = 0;
+      go(time + passed * Number(speed.value));
+    }
+    requestAnimationFrame(tick);
+  }
+
+  function turn(by) {
+    if (by === null) view.reset();
+    else view.look(view.azimuth + by[0], view.elevation + by[1]);
+    repaint();
+  }
+
+  async function save() {
+    const made = document.createElement("canvas");
+    paint(made, LIGHT, 2);
+    made.toBlob((blob) => saveBlob(blob, fileName(`${data.mechanism}-${clock(time)}`, "png")));
+  }
+
+  scrub.addEventListener("input", () => {
+    pause();
+    go(times[Number(scrub.value)]);
+  });
+  const turns = { ArrowLeft: [TURN, 0], ArrowRight: [-TURN, 0], ArrowUp: [0, TURN], ArrowDown: [0, -TURN], 0: null };
+  holder.addEventListener("keydown", (event) => {
+    if (event.ctrlKey || event.metaKey || event.altKey) return;
+    if (event.key === " " && (event.target === stage || event.target === scrub)) playing ? pause() : start();
+    else if (event.target === stage && Object.hasOwn(turns, event.key)) turn(turns[event.key]);
+    else return;
+    event.preventDefault();
+  });
+  let grip = null;
+  if (view.spatial) {
+    stage.addEventListener("pointerdown", (event) => {
+      grip = [event.clientX, event.clientY];
+      stage.setPointerCapture(event.pointerId);
+    });
+    stage.addEventListener("pointermove", (event) => {
+      if (grip === null) return;
+      turn([-(event.clientX - grip[0]) * 0.5, (event.clientY - grip[1]) * 0.5]);
+      grip = [event.clientX, event.clientY];
+    });
+    for (const over of ["pointerup", "pointercancel"]) stage.addEventListener(over, () => (grip = null));
+  }
+  onTime(holder, (to) => {
+    if (playing) pause();
+    go(to, false);
+  });
+  function evaluate() {
+    stale = false;
+    found = live && pageInputs() ? live.evaluate(pageInputs().germs) : null;
+    say();
+  }
+  function follow() {
+    stale = true;
+    repaint();
+  }
+  onInputs(follow);
+  onTheme(repaint);
+  new ResizeObserver(repaint).observe(stage);
+  // what is not in the window is not drawn
+  const near = new IntersectionObserver((entries) => {
+    seen = entries[entries.length - 1].isIntersecting;
+    repaint();
+  });
+  near.observe(stage);
+  mark();
+  evaluate();
+}
+
+/** Begin: what has the data of a mechanism, or names where they are, becomes a player. */
+export function startPlayers() {
+  for (const place of document.querySelectorAll(".player")) {
+    const source = place.dataset.of ? document.getElementById(place.dataset.of) : place;
+    const data = source && source.querySelector('script[type="application/json"]');
+    if (data) makePlayer(place, JSON.parse(data.textContent));
+  }
+}

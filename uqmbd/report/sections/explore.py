@@ -1,0 +1,35 @@
+"""The report's section of other inputs: sliders, behind which the stored surrogate is evaluated in the page."""
+
+from __future__ import annotations
+
+from uqmbd.report import live
+from uqmbd.report.sections.section import Content, TemplateSection
+from uqmbd.report.view import StudyResult
+
+__all__ = ["EXPLORE"]
+
+
+def explore(result: StudyResult) -> Content | None:
+    """Return the data of the sliders; None if no method makes a surrogate.
+
+    Returns
+    -------
+    dict, or None
+        ``explorer``, JSON, or None; ``moving``, whether there is a mechanism to draw; ``notes``, what does not follow
+        the inputs, and why.
+    """
+    if not live.live_method(result.tree):
+        return None
+    moving = result.motion is not None
+    try:
+        found = live.explorer_data(result.tree)
+    except Exception as error:  # noqa: BLE001 - results of other packages may hold surprises; the report must stand
+        found = {"reason": f"{type(error).__name__}: {error}"}
+    if "reason" in found:
+        notes = [f"Inputs cannot be chosen in this page: {found['reason']}"]
+        return {"explorer": None, "moving": moving, "notes": notes}
+    notes = [f"Some outputs do not follow the inputs: {reason}" for reason in found["missing"]]
+    return {"explorer": live.json_script(found), "moving": moving, "notes": notes}
+
+
+EXPLORE = TemplateSection("Other inputs", "explore", explore)
