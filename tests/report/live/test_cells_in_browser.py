@@ -95,3 +95,24 @@ def test_without_scripts_the_figures_stand(opened, html, tmp_path):
     page = opened(path, java_script_enabled=False)
     assert page.locator("figure img").count() == 2 and page.locator("figure img").first.is_visible()
     assert page.locator("canvas").count() == 0
+
+
+@pytest.mark.parametrize(("scheme", "ground"), [("light", "rgb(255, 255, 255)"), ("dark", "rgb(20, 24, 29)")])
+def test_charts_and_their_ground_go_together(opened, html, tmp_path, scheme, ground):
+    """On any page: a notebook has a theme of its own, which may be another one than the system's."""
+    path = tmp_path / "page.html"
+    path.write_text("<!doctype html><meta charset='utf-8'><body style='background:#888'>" + html, encoding="utf-8")
+    page = opened(path, color_scheme=scheme)
+    alive(page, page.locator(".uqmbd-cell"))
+    cell = page.locator(".cell")
+    assert cell.evaluate("(one) => getComputedStyle(one).backgroundColor") == ground
+    # the grid is seen on the ground, and is fainter than the letters
+    grid = "e3e7ec" if scheme == "light" else "333b44"
+    wanted = [int(grid[k : k + 2], 16) for k in (0, 2, 4)]
+    count = """(canvas, [r, g, b]) => {
+        const { data } = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
+        let found = 0;
+        for (let k = 0; k < data.length; k += 4) found += data[k] === r && data[k + 1] === g && data[k + 2] === b;
+        return found;
+    }"""
+    assert cell.locator("canvas").first.evaluate(count, wanted) > 500

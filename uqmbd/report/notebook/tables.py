@@ -23,7 +23,7 @@ def page(heading: str, tables: str, picture: str) -> str:
     return (
         f'<div><p style="font-weight:bold">{escape(heading)}</p>'
         '<div style="display:flex;flex-wrap:wrap;gap:1.5em;align-items:flex-start">'
-        f"<div>{picture}</div><div>{tables}</div></div></div>"
+        f"{f'<div>{picture}</div>' if picture else ''}<div>{tables}</div></div></div>"
     )
 
 
