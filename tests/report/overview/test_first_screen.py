@@ -111,3 +111,24 @@ def test_what_a_method_with_few_samples_says_is_not_believed(count):
     lines = belief(StudyResult.of(results.study_tree([sampled(count=count)], study="s", mechanism="m")))
     # 1.96 standard errors of a standard deviation of normal samples are 1.39 of it over the root of their number
     assert {line.level for line in lines} == ({0} if count == 20 else {1})
+
+
+def test_outputs_before_and_after_a_calibration_stand_side_by_side():
+    before, after = sampled("before"), sampled("after", seed=1)
+    after.attrs["population"] = "what a record told"
+    result = StudyResult.of(results.study_tree([before, after], study="s", mechanism="m"))
+    assert [row["name"] for row in asked(result)["rows"]] == ["y (before)", "y (after)", "x (before)", "x (after)"]
+    lines = belief(result)
+    assert len(lines) == 4 and all("compared with nothing" in line.text for line in lines)
+
+
+def test_a_reference_that_is_blind_to_a_spread_is_not_trusted():
+    axes = results.labels([("x", "m")], [], TIMES)
+    still = results.statistics_dataset(axes, mean=[np.ones(11)], std=[np.zeros(11)])
+    blind = results.propagator_node("blind", still, propagator="p", realisations=1, wall_time=0.1)
+    moving = results.statistics_dataset(axes, mean=[np.ones(11)], std=[np.full(11, 0.2)])
+    other = results.propagator_node("other", moving, propagator="p", realisations=9, wall_time=0.1)
+    tree = results.study_tree([blind, other], study="s", mechanism="m")
+    tree["comparison"].attrs |= {"reference": "blind", "recommended": "[]"}
+    (row,) = asked(StudyResult.of(tree))["rows"]
+    assert row["method"] == "other" and float(row["spread"].removesuffix(" m")) == pytest.approx(0.2)

@@ -10,7 +10,7 @@ from uqmbd.report.overview.advice import advice
 from uqmbd.report.overview.asked import asked, in_view
 from uqmbd.report.overview.belief import belief
 from uqmbd.report.overview.influences import Influences, of_history, of_requirement, of_scalar
-from uqmbd.report.overview.trusted import holder_of
+from uqmbd.report.overview.trusted import holder_of, populations
 from uqmbd.report.sections import Content, TemplateSection, chart_content, mechanism_picture
 from uqmbd.report.view import StudyResult
 from uqmbd.results import answers, differing
@@ -97,8 +97,8 @@ def _failures(result: StudyResult) -> list[str]:
 def _picture(result: StudyResult, name: str) -> Content | None:
     """Return the drawing of the output in view, with its limit; without one, of what is asked."""
     if name:
-        method = holder_of(result, name)
-        holders = {} if method is None else {method.label: method.node}
+        found = [holder_of(part, name) for part in populations(result)]
+        holders = {method.label: method.node for method in found if method is not None}
         limits = result.limits_of(name)
         said = f"; dotted, the limit of {', '.join(limits)}" if limits else ""
 

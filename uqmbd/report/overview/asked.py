@@ -10,7 +10,7 @@ import xarray as xr
 from uqmbd.names import ANY
 from uqmbd.report.figures import band_edges
 from uqmbd.report.overview.influences import Influences, of_history, of_requirement, of_scalar
-from uqmbd.report.overview.trusted import answer_of, holder_of
+from uqmbd.report.overview.trusted import answer_of, holder_of, populations
 from uqmbd.report.sections import Content, ranked
 from uqmbd.report.view import Method, StudyResult
 from uqmbd.results import answers
@@ -45,9 +45,10 @@ def asked(result: StudyResult) -> Content:
         words = "" if allowed is None else format_probability(allowed)
         return {"kind": "requirements", "rows": shown, "more": max(more, 0), "allowed": words}
     if names := result.histories:
-        shown_names = ranked(result, names)[:ROWS]
-        rows = [_history(result, name) for name in shown_names]
-        return {"kind": "outputs", "rows": rows, "more": len(names) - len(rows), "allowed": ""}
+        parts = populations(result)
+        pairs = [(part, name) for name in ranked(result, names) for part in parts if name in part.histories]
+        rows = [_history(part, name, several=len(parts) > 1) for part, name in pairs[:ROWS]]
+        return {"kind": "outputs", "rows": rows, "more": len(pairs) - len(rows), "allowed": ""}
     rows = [_scalar(result, name) for name in result.scalar_names[:ROWS]]
     return {"kind": "scalars", "rows": rows, "more": len(result.scalar_names) - len(rows), "allowed": ""}
 
@@ -96,12 +97,13 @@ def _because(found: Influences | None) -> str:
     return "" if found is None else found.words
 
 
-def _history(result: StudyResult, name: str) -> Content:
+def _history(result: StudyResult, name: str, *, several: bool) -> Content:
     method = holder_of(result, name)
     if method is None:  # names are those of the methods
         raise ValueError(f"no method has {name!r}")
     data, units = method.of(name), method.units(name)
-    row = {"name": name, "meaning": "", "method": method.label, "extremes": _extremes(data, units)}
+    shown = f"{name} ({method.label})" if several else name
+    row = {"name": shown, "meaning": "", "method": method.label, "extremes": _extremes(data, units)}
     if not method.varies(name):
         return {**row, "spread": "none", "when": "", "note": STILL, "because": ""}
     std = np.nan_to_num(data["std"].values, nan=-1.0)

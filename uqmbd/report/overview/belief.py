@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import itertools
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
-from uqmbd.report.overview.trusted import answer_of, comparison_of, holder_of
+from uqmbd.report.overview.trusted import answer_of, comparison_of, holder_of, populations
 from uqmbd.report.view import Method, StudyResult
 from uqmbd.results import answers, differing
 from uqmbd.results.comparison import (
@@ -71,15 +72,17 @@ class Line:
 def belief(result: StudyResult) -> list[Line]:
     """Return a line for each requirement, output over time and output without a time, what is worst first."""
     found = [_of_requirement(result, name) for name in answers(result.nodes)]
-    for names, scalar in ((result.histories, False), (result.scalar_names, True)):
-        known: dict[str, tuple[Method, list[Line]]] = {}
-        for name in names:
-            method = holder_of(result, name, scalar=scalar)
+    parts = populations(result)
+    for part, scalar in itertools.product(parts, (False, True)):
+        known: dict[str, list[Line]] = {}
+        for name in part.scalar_names if scalar else part.histories:
+            method = holder_of(part, name, scalar=scalar)
             if method is None:
                 continue
             if method.label not in known:
-                known[method.label] = (method, _of_method(result, method, scalar=scalar))
-            found.append(known[method.label][1][method.names.index(name)])
+                known[method.label] = _of_method(part, method, scalar=scalar)
+            line = known[method.label][method.names.index(name)]
+            found.append(line if len(parts) == 1 else replace(line, name=f"{name} ({method.label})"))
     order = {line.name: k for k, line in enumerate(found)}
     return sorted(found, key=lambda line: (line.level, -line.error, order[line.name]))
 
@@ -119,7 +122,11 @@ def _line(result: StudyResult, label: str, name: str, known: _Known) -> Line:
     elif kind == FEW:
         level = min(level, 1)
     words = {DIFFERS: f"differs from {other}", AGREES: f"agrees with {other}"}
-    alone = "no other method is resolved well enough to compare" if row is not None else "compared with nothing"
+    alone = (
+        "no other method is resolved well enough to compare"
+        if row is not None and len(row.kinds) > 1
+        else "compared with nothing"
+    )
     text = f"{said}; {words.get(kind, kind) or alone}"
     return Line(name, level, text, error if math.isfinite(error) else ROUGHLY)
 

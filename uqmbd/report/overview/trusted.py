@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import xarray as xr
 
+from uqmbd.report.figures import finest, surrogate_nodes
 from uqmbd.report.view import Method, StudyResult, dataset_of
 from uqmbd.results import Answer, answers
 from uqmbd.results.comparison import recommended
 
-__all__ = ["answer_of", "comparison_of", "holder_of", "trusted_labels"]
+__all__ = ["answer_of", "comparison_of", "holder_of", "populations", "trusted_labels"]
 
 
 def comparison_of(result: StudyResult) -> xr.Dataset | None:
@@ -18,12 +19,35 @@ def comparison_of(result: StudyResult) -> xr.Dataset | None:
 
 
 def trusted_labels(result: StudyResult) -> list[str]:
-    """Return all methods, those that are recommended first, then the reference."""
+    """Return all methods, those that are recommended first, then the reference.
+
+    A reference in which an output has no spread that others give one (a surrogate of order 0) comes last.
+    """
     compared = comparison_of(result)
     first: list[str] = []
     if compared is not None:
-        first = [*recommended(compared), str(compared.attrs.get("reference", ""))]
+        first = list(recommended(compared))
+        reference = str(compared.attrs.get("reference", ""))
+        if reference in result.methods and (first or not _blind(result, result.methods[reference])):
+            first.append(reference)
+        elif not first:
+            holders = surrogate_nodes(result.nodes)
+            rest = [label for label, method in result.methods.items() if not _blind(result, method)]
+            first += [finest(holders)] if holders else rest
     return [label for label in dict.fromkeys([*first, *result.methods]) if label in result.methods]
+
+
+def _blind(result: StudyResult, method: Method) -> bool:
+    still = [name for name in method.histories if not method.varies(name)]
+    return any(other.varies(name) for name in still for other in result.holders(name).values())
+
+
+def populations(result: StudyResult) -> list[StudyResult]:
+    """Return a result for each distribution of the inputs, of the methods that have it: several after a calibration."""
+    found: dict[str, dict[str, Method]] = {}
+    for label, method in result.methods.items():
+        found.setdefault(str(method.node.attrs.get("population", "")), {})[label] = method
+    return [result] if len(found) == 1 else [StudyResult(result.tree, methods) for methods in found.values()]
 
 
 def holder_of(result: StudyResult, name: str, *, scalar: bool = False) -> Method | None:
