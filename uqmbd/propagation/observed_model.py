@@ -157,7 +157,8 @@ def _limits(mechanism: Mechanism) -> list[dict[str, object]]:
     found: list[dict[str, object]] = []
     for name, margin in mechanism.margins.items():
         for output in mechanism.outputs.values():
-            for limit in (margin.expression + output.expression, output.expression - margin.expression):
+            ends = {"highest": margin.expression + output.expression, "lowest": output.expression - margin.expression}
+            for end, limit in ends.items():
                 if limit.is_number and limit.is_real:
-                    found.append({"requirement": name, "output": output.name, "limit": float(limit)})
+                    found.append({"requirement": name, "output": output.name, "limit": float(limit), "end": end})
     return found

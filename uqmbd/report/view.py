@@ -202,10 +202,17 @@ class StudyResult:
 
     @cached_property
     def limits(self) -> list[dict[str, object]]:
-        """Requirements that are limits of outputs: ``requirement``, ``output`` and ``limit``."""
+        """Requirements that are limits of outputs: ``requirement``, ``output``, ``limit``, and which ``end`` it is.
+
+        It is the ``highest`` or ``lowest`` value that is allowed; empty, where results do not tell.
+        """
         try:
             found = json.loads(self.tree.attrs.get("limits", "[]"))
-            return [{k: one[k] for k in ("requirement", "output")} | {"limit": float(one["limit"])} for one in found]
+            return [
+                {k: one[k] for k in ("requirement", "output")}
+                | {"limit": float(one["limit"]), "end": str(one.get("end", ""))}
+                for one in found
+            ]
         except (ValueError, TypeError, KeyError):
             return []
 

@@ -104,3 +104,21 @@ def test_the_data_hold_the_surrogate_and_its_statistics():
 
 def test_without_a_surrogate_there_is_a_reason(study):
     assert "samples and no surrogate" in explorer_data(study)["reason"]
+
+
+@pytest.mark.parametrize(
+    ("limit", "end", "error", "kind", "words"),
+    [
+        (3.5, "highest", None, "met", "met by 0.5 m: 3 m at 2 s"),
+        (2.5, "highest", None, "violated", "violated by 0.5 m: 3 m at 2 s"),
+        (-1.2, "lowest", None, "met", "met by 0.2 m: −1 m at 1 s"),
+        (-0.9, "lowest", 0.2, "near", "too near to tell: −1 m at 1 s"),
+    ],
+)
+def test_limits_are_held_against_the_nearest_value(node, limit, end, error, kind, words):
+    given = {
+        "limit": {"limit": limit, "end": end},
+        "found": {"values": [0, -1, 3], "times": [0, 1, 2], "rms": [error] * 3 if error else None},
+    }
+    found = node(["limits.js"], 'answer = limitAt(given.limit, given.found, "m");', given)
+    assert (found["kind"], found["words"]) == (kind, words)

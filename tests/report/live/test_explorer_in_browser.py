@@ -154,7 +154,7 @@ def test_a_slider_tells_value_place_and_units(opened, flat):
 def test_charts_draw_the_chosen_inputs(opened, flat):
     """A line in the chart, a row in its table, a column in its file; the same value as in the table of outputs."""
     page = opened(flat[1])
-    figure = page.locator("#output-1 figure.charted")
+    figure = page.locator("#output-1 figure.charted").first
     figure.scroll_into_view_if_needed()
     row = figure.locator("tbody tr").last
     figure.locator(".plot canvas").wait_for()
@@ -292,8 +292,8 @@ def test_without_scripts_and_on_paper_the_picture_stands(opened, flat):
 def test_a_slider_moves_at_thirty_frames_a_second(opened, flat):
     """With a chart in the window: the quickest of many steps, since other programs may keep the machine busy."""
     page = opened(flat[1])
-    page.locator("#output-1 figure.charted").scroll_into_view_if_needed()
-    page.locator("#output-1 .plot canvas").wait_for()
+    page.locator("#output-1 figure.charted").first.scroll_into_view_if_needed()
+    page.locator("#output-1 .plot canvas").first.wait_for()
     took = page.evaluate(
         """async () => {
             const slider = document.getElementById("input-0");

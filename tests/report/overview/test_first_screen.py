@@ -88,8 +88,8 @@ def test_a_limit_is_drawn_where_a_requirement_compares_an_output_with_a_number(t
     study = uqmbd.Study("s", mechanism, np.linspace(0, 0.2, 3), [MonteCarlo(samples=40, seed=1, label="mc")])
     tree = study.run()
     assert json.loads(tree.attrs["limits"]) == [
-        {"requirement": "right", "output": "x", "limit": 0.9},
-        {"requirement": "high", "output": "y", "limit": -0.6},
+        {"requirement": "right", "output": "x", "limit": 0.9, "end": "highest"},
+        {"requirement": "high", "output": "y", "limit": -0.6, "end": "lowest"},
     ]
     page = report.write_report(tree, tmp_path / "report.html").read_text(encoding="utf-8")
     limits = [

@@ -5,6 +5,7 @@ import { button, element, oncePerPicture } from "./dom.js";
 import { meanGerms, randomGerms } from "./germs.js";
 import { announceInputs } from "./inputs_bus.js";
 import { inputRow } from "./input_row.js";
+import { limitAt } from "./limits.js";
 import { formatError, formatNumber, formatQuantity, nearestIndex } from "./numbers.js";
 import { LiveSurrogate } from "./surrogate.js";
 import { onTime, pageTime } from "./time_bus.js";
@@ -65,6 +66,21 @@ export function makeExplorer(panel, data) {
   const table = element("div", { class: "wide readout", tabindex: 0, role: "region", "aria-label": "Outputs at these inputs" }, element("table", {}, caption, head, body));
   panel.append(box, table);
 
+  // the requirements
+  const verdicts = data.limits.map((limit) => {
+    const units = parts.flatMap(({ surrogate: own }) => own.outputs).find(({ name }) => name === limit.output).units;
+    const sign = limit.end === "highest" ? "≤" : "≥";
+    const cell = element("td", { class: "text" });
+    const name = element("th", { scope: "row" }, limit.requirement);
+    const relation = element("td", { class: "text" }, `${limit.output} ${sign} ${formatQuantity(limit.limit, units)}`);
+    return { limit, units, cell, row: element("tr", {}, name, relation, cell) };
+  });
+  if (verdicts.length) {
+    const titles = ["Requirement", "Limit", "At these inputs, at the times of the outputs"].map((text) => element("th", { scope: "col" }, text));
+    const all = element("table", {}, element("thead", {}, element("tr", {}, ...titles)), element("tbody", {}, ...verdicts.map(({ row }) => row)));
+    panel.append(element("div", { class: "wide readout limits", tabindex: 0, role: "region", "aria-label": "Requirements at these inputs" }, all));
+  }
+
   function read() {
     const { times } = parts.find(({ surrogate: own }) => own.times)?.surrogate ?? {};
     const index = times ? nearestIndex(times, time ?? times[times.length - 1]) : 0;
@@ -80,18 +96,34 @@ export function makeExplorer(panel, data) {
     }
   }
 
-  const evaluate = oncePerPicture(() => {
+  /** Values of all outputs by their names, after an evaluation. */
+  function valuesNow() {
     const outputs = new Map();
-    const beyond = { outside: new Set(), unverified: new Set() };
     for (const { surrogate: own } of parts) {
-      const { values, outside, unverified } = own.evaluate(germs);
-      outside.forEach((k) => beyond.outside.add(k));
-      unverified.forEach((k) => beyond.unverified.add(k));
       own.outputs.forEach(({ name }, o) => {
         const part = (all) => all && all.subarray(o * own.count, (o + 1) * own.count);
-        outputs.set(name, { times: own.times, values: part(values), rms: part(own.statedRms) });
+        outputs.set(name, { times: own.times, values: part(own.values), rms: part(own.statedRms) });
       });
     }
+    return outputs;
+  }
+
+  function judge(outputs) {
+    for (const { limit, units, cell } of verdicts) {
+      const { kind, words } = limitAt(limit, outputs.get(limit.output), units);
+      cell.textContent = `${{ met: "✓", violated: "✗", near: "?", unknown: "–" }[kind]} ${words}`;
+      cell.className = `text verdict-${kind}`;
+    }
+  }
+
+  const evaluate = oncePerPicture(() => {
+    const beyond = { outside: new Set(), unverified: new Set() };
+    for (const { surrogate: own } of parts) {
+      const { outside, unverified } = own.evaluate(germs);
+      outside.forEach((k) => beyond.outside.add(k));
+      unverified.forEach((k) => beyond.unverified.add(k));
+    }
+    const outputs = valuesNow();
     const inputs = surrogate.inputsAt(germs);
     rows.forEach((row, k) => row.show(germs, inputs[k]));
     const names = (numbers) => [...numbers].map((k) => surrogate.germs[k].name).join(", ");
@@ -100,6 +132,7 @@ export function makeExplorer(panel, data) {
     if (beyond.unverified.size) said.push(`Beyond the realisations by which errors are known: ${names(beyond.unverified)}.`);
     status.textContent = said.join(" ");
     read();
+    judge(outputs);
     announceInputs({ germs, outputs });
   });
   function moved() {
@@ -115,6 +148,7 @@ export function makeExplorer(panel, data) {
   const inputs = surrogate.inputsAt(germs);
   rows.forEach((row, k) => row.show(germs, inputs[k]));
   read();
+  judge(valuesNow());
 }
 
 /** Begin: every panel with a surrogate gets its sliders. */

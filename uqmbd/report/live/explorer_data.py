@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,20 +17,23 @@ if TYPE_CHECKING:
 __all__ = ["explorer_data"]
 
 
-def explorer_data(tree: xr.DataTree) -> dict[str, Any]:
+def explorer_data(tree: xr.DataTree, limits: Sequence[Mapping[str, object]] = ()) -> dict[str, Any]:
     """Return the surrogate of a page's method, or ``{"reason": ...}``, which says why there is none.
 
     Parameters
     ----------
     tree : xarray.DataTree
         The result of a study.
+    limits : sequence of mapping
+        Requirements that are limits of outputs: ``requirement``, ``output``, ``limit`` and ``end``, "highest" or
+        "lowest"; others are left out.
 
     Returns
     -------
     dict
         ``method``, its label; ``histories`` and ``scalars``, outputs with and without a time: None where there are
-        none, else ``surrogate`` as of `live_surrogate`, and ``mean`` and ``std`` (O, T); ``missing``, why one of them
-        is not there.
+        none, else ``surrogate`` as of `live_surrogate`, and ``mean`` and ``std`` (O, T); ``limits``, those of
+        these outputs; ``missing``, why one of them is not there.
     """
     label = live_method(tree)
     if not label:
@@ -49,7 +53,9 @@ def explorer_data(tree: xr.DataTree) -> dict[str, Any]:
             found[kind] = {"surrogate": data, **_statistics(part, [o["name"] for o in data["outputs"]])}
     if not any(found.values()):
         return {"reason": " ".join(missing)}
-    return {"method": label, **found, "missing": missing}
+    names = {o["name"] for one in found.values() if one for o in one["surrogate"]["outputs"]}
+    known = [dict(one) for one in limits if one["output"] in names and one.get("end") in ("highest", "lowest")]
+    return {"method": label, **found, "limits": known, "missing": missing}
 
 
 def _statistics(node: xr.DataTree, outputs: list[str]) -> dict[str, Any]:

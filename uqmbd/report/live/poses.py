@@ -20,7 +20,7 @@ import xarray as xr
 
 from uqmbd.errors import StudyError
 from uqmbd.report.live.packing import json_script
-from uqmbd.report.live.surrogates import LARGEST, NO_SURROGATE, live_method, packed_surrogate
+from uqmbd.report.live.surrogates import LARGEST, NO_SURROGATE, live_method, packed_surrogate, with_surrogate
 from uqmbd.report.mechanisms import coordinate_names, integrated_bodies, marked_points, observed_bodies
 from uqmbd.results import (
     PolynomialChaos,
@@ -206,7 +206,7 @@ def _affordable(tree: xr.DataTree, study: Study) -> xr.DataTree:
     method = live_method(tree)
     if not method:
         raise StudyError(NO_SURROGATE)
-    known = surrogate(tree.children[method])
+    known = surrogate(with_surrogate(tree.children[method]))
     spent = {label: float(node.attrs.get("wall_time", np.inf)) for label, node in propagator_nodes(tree).items()}
     cost, allowed = spent[method], max(BUDGET, SHARE * sum(spent.values()))
     if isinstance(known, PolynomialChaos):

@@ -33,7 +33,7 @@ from uqmbd.wording import typeset_units
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["LARGEST", "NO_SURROGATE", "live_method", "live_surrogate", "packed_surrogate", "shipped"]
+__all__ = ["LARGEST", "NO_SURROGATE", "live_method", "live_surrogate", "packed_surrogate", "shipped", "with_surrogate"]
 
 
 SHARE = 0.1
@@ -67,7 +67,8 @@ def live_method(tree: xr.DataTree) -> str:
 
     It is the one that is recommended; else that whose largest stated error is least, the first of those without any.
     """
-    nodes = {label: node for label, node in propagator_nodes(tree).items() if surrogate_parts(node)}
+    nodes = {label: with_surrogate(node) for label, node in propagator_nodes(tree).items()}
+    nodes = {label: node for label, node in nodes.items() if surrogate_parts(node)}
     compared = tree.children["comparison"].to_dataset() if "comparison" in tree.children else None
     advised = recommended(compared) if compared is not None and "method" in compared else ()
     for label in advised:
@@ -80,6 +81,11 @@ def live_method(tree: xr.DataTree) -> str:
         return float(known.max()) if known.size else np.inf
 
     return min(nodes, key=largest, default="")
+
+
+def with_surrogate(node: xr.DataTree) -> xr.DataTree:
+    """Return the node of a method, or that of its outputs without a time where these alone have a surrogate."""
+    return node.children["scalars"] if not surrogate_parts(node) and "scalars" in node.children else node
 
 
 def live_surrogate(node: xr.DataTree, most: int = LARGEST) -> dict[str, Any]:

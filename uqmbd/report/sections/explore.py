@@ -22,7 +22,7 @@ def explore(result: StudyResult) -> Content | None:
         return None
     moving = result.motion is not None
     try:
-        found = live.explorer_data(result.tree)
+        found = live.explorer_data(result.tree, result.limits)
     except Exception as error:  # noqa: BLE001 - results of other packages may hold surprises; the report must stand
         found = {"reason": f"{type(error).__name__}: {error}"}
     if "reason" in found:
