@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import pickle
+import zlib
 from pathlib import Path
 from typing import Any
 
@@ -86,10 +87,46 @@ def test_damaged_chunk_is_named(store: SampleStore, damage: bytes | None) -> Non
         list(store.chunks())
 
 
+def flip(path: Path, bit: int) -> None:
+    content = bytearray(path.read_bytes())
+    content[bit // 8] ^= 1 << bit % 8
+    path.write_bytes(content)
+
+
+@pytest.mark.parametrize("name", ["response/1.0.0", "inputs/0.0", "status/0", "message/0"])
+def test_every_flipped_bit_is_noticed_by_every_reader(store: SampleStore, name: str) -> None:
+    """Blosc takes many of them for other numbers; those of a checksum are found by its own definition."""
+    path = store.folder / name
+    variable = name.partition("/")[0]
+    size = 8 * path.stat().st_size
+    for bit in [0, 31, 32, *range(8 * 24, size, size // 20), size - 1]:
+        flip(path, bit)
+        with pytest.raises(StudyError, match=rf"{path.name} is damaged: .*run the study again"):
+            store.read(variable, 16, 32)
+        if bit % 5 == 0:
+            with (
+                xr.open_zarr(store.folder, chunks=None, consolidated=True) as found,
+                pytest.raises(RuntimeError, match="checksum"),
+            ):
+                found[variable].load()
+        flip(path, bit)
+    assert len(store.read(variable, 16, 32)) == 16
+
+
+def test_a_flipped_bit_of_the_axes_is_noticed(store: SampleStore) -> None:
+    for name in ("time/0", "output/0", "input_units/0"):
+        flip(store.folder / name, 200)
+        with pytest.raises(StudyError, match=rf"{name} is damaged"):
+            SampleStore.open(store.folder)
+        flip(store.folder / name, 200)
+    SampleStore.open(store.folder)
+
+
 def test_length_that_a_chunk_states_is_not_believed(store: SampleStore) -> None:
     path = store.folder / "response" / "1.0.0"
     content = bytearray(path.read_bytes())
-    content[4:8] = (2**31 - 1).to_bytes(4, "little")
+    content[8:12] = (2**31 - 1).to_bytes(4, "little")
+    content[:4] = zlib.crc32(content[4:]).to_bytes(4, "little")
     path.write_bytes(bytes(content))
     with pytest.raises(StudyError, match=r"1\.0\.0 is damaged: its length"):
         list(store.chunks())
@@ -119,7 +156,9 @@ def test_foreign_codecs_and_links_are_refused_before_anything_runs(store: Sample
     assert not (tmp_path / "ran").exists()
 
 
-@pytest.mark.parametrize("wrong", [{"chunks": [8, 2, 5]}, {"dtype": "<f4"}, {"order": "F"}, {"compressor": None}])
+@pytest.mark.parametrize(
+    "wrong", [{"chunks": [8, 2, 5]}, {"dtype": "<f4"}, {"order": "F"}, {"compressor": None}, {"filters": None}]
+)
 def test_other_layouts_are_refused(store: SampleStore, wrong: dict[str, object]) -> None:
     about = store.folder / "response" / ".zarray"
     about.write_text(json.dumps(json.loads(about.read_text()) | wrong))

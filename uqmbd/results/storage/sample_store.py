@@ -1,15 +1,13 @@
 """Samples in a Zarr folder of their own, which is read and written a chunk at a time.
 
-The layout is that of Zarr's format 2, which `xarray.open_zarr` reads.  A chunk is encoded by Zarr's own codecs, but its
-file is read and written here: through Zarr's event loop and threads a chunk of 0.8 MB takes three times as long.
+The layout is that of Zarr's format 2, which `xarray.open_zarr` reads.  The files of chunks are read and written by
+`chunk_file`, with checksums.
 """
 
 from __future__ import annotations
 
 import json
 import os
-import secrets
-import zlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -23,6 +21,7 @@ from numpy.typing import NDArray
 from uqmbd.errors import StudyError
 from uqmbd.files import replacing
 from uqmbd.results.schema import SCHEMA_VERSION, Labels, check_version, labels, output_infos
+from uqmbd.results.storage.chunk_file import check_file, codecs, decoded, encoded, same_codecs, write_file
 from uqmbd.results.storage.zarr_check import check_codecs
 from uqmbd.status import Status
 from uqmbd.typing import Array, Mask
@@ -33,9 +32,6 @@ __all__ = [
     "SampleChunk",
     "SampleStore",
     "SampleStoreChunks",
-    "encoded",
-    "read_checked",
-    "write_file",
 ]
 
 BLOCK = 8192
@@ -43,9 +39,6 @@ BLOCK = 8192
 
 MESSAGE = 500
 """Letters of a message at most."""
-
-LARGEST = 1 << 30
-"""Bytes of a chunk that is compressed at most: Blosc takes no more than twice that."""
 
 KINDS = {"response": "<f8", "inputs": "<f8", "status": "<i4", "message": f"<U{MESSAGE}"}
 """Variables, and the types of their values."""
@@ -198,8 +191,7 @@ class SampleStore:
         """Tell whether a variable has the layout that is written here."""
         shape, chunk = self.shapes(name)
         layout = {"shape": list(shape), "chunks": list(chunk), "dtype": KINDS[name], "order": "C"}
-        codec = (found["compressor"] or {}).get("id")
-        return found | layout == found and codec == ("blosc" if _small(name, chunk) else None)
+        return found | layout == found and same_codecs(found, KINDS[name], chunk)
 
     def _complete(self) -> bool:
         # what is missing others read as NaN
@@ -247,11 +239,11 @@ class SampleStore:
     ) -> SampleStore:
         """Make a store without chunks, in a folder that does not exist, with attributes."""
         import zarr
-        from numcodecs import Blosc
 
         coords = _coordinates(axes)
         coords.attrs = {"schema_version": SCHEMA_VERSION, **(attrs or {})}
-        coords.to_zarr(folder, zarr_format=2, consolidated=False)
+        checked = {str(key): codecs(str(one.dtype.str), one.shape) for key, one in coords.coords.items()}
+        coords.to_zarr(folder, zarr_format=2, consolidated=False, encoding=checked)
         group = zarr.open_group(folder, mode="a", zarr_format=2)
         store = SampleStore(folder, count, size, axes)
         for name, kind in KINDS.items():
@@ -262,8 +254,8 @@ class SampleStore:
                 chunks=chunk,
                 dtype=kind,
                 fill_value=np.nan if kind == "<f8" else None,  # xarray masks what equals it
-                compressors=Blosc("lz4", clevel=5, shuffle=Blosc.SHUFFLE) if _small(name, chunk) else None,
                 attributes={"_ARRAY_DIMENSIONS": store.dims(name)},
+                **codecs(kind, chunk),
             )
         zarr.consolidate_metadata(folder, zarr_format=2)
         return store
@@ -320,7 +312,7 @@ class SampleStore:
         """
         _, chunk = self.shapes(name)
         number = first // chunk[0]
-        found = _decoded(self.place(name, number), KINDS[name], chunk)
+        found = decoded(self.place(name, number), KINDS[name], chunk)
         begin = number * chunk[0]
         return found[first - begin : last - begin]
 
@@ -332,76 +324,20 @@ def _coordinates(axes: Labels) -> xr.Dataset:
 def _opened(folder: Path) -> tuple[dict[str, dict[str, Any]], xr.Dataset]:
     """Return the layout of a store's variables, and its coordinates; nothing in it is executed."""
     check_codecs(folder)
+    _check_coordinates(folder)
     with xr.open_zarr(folder, chunks=None, consolidated=True) as data:
         check_version(data.attrs, str(folder))
         return _layout(folder), data.coords.to_dataset().load()
 
 
+def _check_coordinates(folder: Path) -> None:
+    """Raise an error that names a file of a coordinate, which Zarr's own does not."""
+    with os.scandir(folder) as entries:
+        names = [entry.name for entry in entries if entry.is_dir() and entry.name not in KINDS]
+    for name in names:
+        for file in (folder / name).glob("[0-9]*"):
+            check_file(file)
+
+
 def _layout(folder: Path) -> dict[str, dict[str, Any]]:
     return {name: json.loads((folder / name / ".zarray").read_bytes()) for name in KINDS}
-
-
-def _small(name: str, chunk: tuple[int, ...]) -> bool:
-    return int(np.prod(chunk)) * np.dtype(KINDS[name]).itemsize <= LARGEST
-
-
-def encoded(values: NDArray[Any], kind: str, chunk: tuple[int, ...]) -> bytes:
-    """Return the bytes of the file of a chunk, of which some last samples may be missing."""
-    from numcodecs import Blosc
-
-    full = np.ascontiguousarray(values, dtype=kind)
-    if len(full) < chunk[0]:
-        full = np.concatenate([full, np.zeros((chunk[0] - len(full), *full.shape[1:]), dtype=kind)])
-    if full.nbytes > LARGEST:
-        return full.tobytes()
-    if kind[1] == "U":  # a codec knows numbers
-        full = full.view("<u4")
-    found: bytes = Blosc("lz4", clevel=5, shuffle=Blosc.SHUFFLE).encode(full)
-    return found
-
-
-def read_checked(path: Path, chunk: tuple[int, ...], checksum: int, count: int) -> Array | None:
-    """Return the first responses of a chunk whose file has a checksum; nothing where it is not so."""
-    try:
-        content = path.read_bytes()
-        return _decode(path, content, "<f8", chunk)[:count] if zlib.crc32(content) == checksum else None
-    except (OSError, StudyError):
-        return None
-
-
-def _decoded(path: Path, kind: str, chunk: tuple[int, ...]) -> NDArray[Any]:
-    try:
-        content = path.read_bytes()
-    except FileNotFoundError:
-        if kind == "<f8":
-            raise StudyError(f"{path} is missing: the samples are incomplete.") from None
-        return np.zeros(chunk, dtype=kind)
-    return _decode(path, content, kind, chunk)
-
-
-def _decode(path: Path, content: bytes, kind: str, chunk: tuple[int, ...]) -> NDArray[Any]:
-    from numcodecs import blosc
-
-    size = int(np.prod(chunk)) * np.dtype(kind).itemsize
-    try:
-        if size > LARGEST:
-            return np.frombuffer(content, dtype=kind).reshape(chunk)
-        # what a file says of its length is looked at before that much memory is taken
-        if len(content) < 16 or int.from_bytes(content[4:8], "little") != size:
-            raise ValueError("its length is another one")
-        return np.frombuffer(blosc.decompress(content), dtype=kind).reshape(chunk)
-    except (ValueError, RuntimeError) as error:
-        raise StudyError(f"{path} is damaged: {error}.") from error
-
-
-def write_file(path: Path, content: bytes) -> None:
-    """Write a file as a whole or not at all; others may be writing the same."""
-    # not by tempfile: what it makes its owner alone can read
-    part = path.with_name(f".{secrets.token_hex(8)}.part")
-    try:
-        with part.open("xb") as file:
-            file.write(content)
-        os.replace(part, path)
-    except BaseException:
-        part.unlink(missing_ok=True)
-        raise

@@ -11,7 +11,6 @@ import contextlib
 import os
 import secrets
 import shutil
-import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,8 +22,9 @@ from numpy.typing import NDArray
 from uqmbd.errors import StudyError
 from uqmbd.files import flush, replacing
 from uqmbd.results.schema import Labels
+from uqmbd.results.storage.chunk_file import checksum_of, encoded, read_checked, write_file
 from uqmbd.results.storage.journal import Journal, Record
-from uqmbd.results.storage.sample_store import MESSAGE, SampleStore, encoded, read_checked, write_file
+from uqmbd.results.storage.sample_store import MESSAGE, SampleStore
 from uqmbd.results.storage.unfinished import how_to_go_on
 from uqmbd.typing import Array, Index
 
@@ -46,7 +46,7 @@ class Shelf:
     chunk : tuple of int
         Shape of a chunk, of which the last may be filled in part.
     checksum : int, optional
-        Of the file, where it has been written.
+        That the file states, where it has been written.
     """
 
     path: Path
@@ -69,7 +69,7 @@ class Shelf:
     def put(self, response: Array) -> tuple[int, bytes | None]:
         """Write responses where the folder is shared; return their checksum, and else the content of the file."""
         content = encoded(response, "<f8", self.chunk)
-        checksum = zlib.crc32(content)
+        checksum = checksum_of(content)
         if self.shared:
             # where that fails, whoever asked for it tries, and says what is wrong
             with contextlib.suppress(OSError):

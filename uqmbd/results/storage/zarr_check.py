@@ -16,8 +16,11 @@ from uqmbd.errors import StudyError
 
 __all__ = ["check_codecs"]
 
-_COMPRESSORS = frozenset({"blosc", "zstd"})
-"""What Zarr compresses with by default, hence what `save` writes: it depends on the version of Zarr."""
+_COMPRESSORS = frozenset({"blosc", "zstd", "crc32"})
+"""What Zarr compresses with by default, hence what `save` writes: it depends on the version of Zarr; and checksums."""
+
+_FILTERS = frozenset({"blosc"})
+"""What the chunks of samples are compressed with before their checksum is taken."""
 
 _METADATA = ("zarr.json", ".zarray", ".zmetadata")
 
@@ -64,8 +67,9 @@ def _check_array(folder: Path, array: str, about: Any) -> None:
     compressor, filters, kind = about["compressor"], about["filters"], about["dtype"]
     if compressor is not None and compressor["id"] not in _COMPRESSORS:
         raise _refused(folder, f"{array!r} uses the codec {compressor['id']!r}")
-    if filters:
-        raise _refused(folder, f"{array!r} uses the codec {filters[0]['id']!r}")
+    for one in filters or []:
+        if one["id"] not in _FILTERS:
+            raise _refused(folder, f"{array!r} uses the codec {one['id']!r}")
     if not isinstance(kind, str) or not _TYPE.fullmatch(kind):
         raise _refused(folder, f"{array!r} has the type {kind!r}")
 
