@@ -24,6 +24,7 @@ import numpy as np
 import pendulum
 import slider_crank_rotating
 import sympy
+import xarray as xr
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from rich.console import Console
@@ -123,7 +124,7 @@ class Comparison:
     """
 
     study: uqmbd.Study
-    nodes: Mapping[str, object]
+    nodes: Mapping[str, xr.DataTree]
     errors: Mapping[str, Array]
 
     def horizons(self, name: str) -> Array:
@@ -145,7 +146,7 @@ def realisations(of: uqmbd.Study, count: int = REALISATIONS, seed: int = 9) -> t
     return inputs, problem.realise(inputs).response
 
 
-def errors(node: object, inputs: Array, responses: Array) -> Array:
+def errors(node: xr.DataTree, inputs: Array, responses: Array) -> Array:
     """Return the error (O, T) of a chaos at realisations, over the largest standard deviation of these."""
     wrong = surrogate(node).evaluate(inputs) - responses
     return np.sqrt((wrong**2).mean(axis=0)) / responses.std(axis=0).max(axis=-1, keepdims=True)

@@ -8,6 +8,8 @@ The tyre lifts off where it would pull.
 Sprung mass 300 kg, unsprung 40 kg, suspension 20 kN/m and 1.2 kN s/m, tyre 180 kN/m and 100 N s/m.
 """
 
+from typing import Any
+
 import chaospy
 import numpy as np
 import scipy.optimize
@@ -39,7 +41,7 @@ def karhunen_loeve(terms):
     found = []
     for k in range(terms):
         low, high = k * np.pi / (2 * HALF) + 1e-12, (k + 1) * np.pi / (2 * HALF) - 1e-12
-        frequency = scipy.optimize.brentq(even if k % 2 == 0 else odd, low, high)
+        frequency: Any = scipy.optimize.brentq(even if k % 2 == 0 else odd, low, high)
         found.append((frequency, DEVIATION**2 * 2 * c / (frequency**2 + c**2)))
     return found
 

@@ -115,8 +115,8 @@ mechanism.add(controller)
 mechanism.add(Torque("shoulder_motor", upper, controller.command("shoulder") - controller.command("elbow")))
 mechanism.add(Torque("elbow_motor", fore, controller.command("elbow")))
 
-outwards = sympy.Matrix([sympy.cos(phase(uqmbd.t)), sympy.sin(phase(uqmbd.t))])
-forwards = sympy.Matrix([-outwards[1], outwards[0]])
+cosine, sine = sympy.cos(phase(uqmbd.t)), sympy.sin(phase(uqmbd.t))
+outwards, forwards = sympy.Matrix([cosine, sine]), sympy.Matrix([-sine, cosine])
 miss = payload.position - sympy.Matrix(CENTRE) - RADIUS * outwards
 mechanism.output("path_error", 1000 * miss.dot(outwards), units="mm")  # across the path, outwards
 mechanism.output("lead", 1000 * miss.dot(forwards), units="mm")  # along the path, ahead of where it should be

@@ -86,7 +86,7 @@ def tangent(projected: uqmbd.ProjectedEnsemble, state: Array, time: float) -> tu
     _, values, right = np.linalg.svd(constraints)
     rank = int(np.sum(values > 1e-10 * values[0]))
     null = right[rank:].T
-    return null, -np.linalg.lstsq(constraints, block("m", "q") @ null, rcond=None)[0]
+    return null, -np.asarray(np.linalg.lstsq(constraints, block("m", "q") @ null, rcond=None)[0], dtype=np.float64)
 
 
 def spectrum(projected: uqmbd.ProjectedEnsemble, state: Array, time: float) -> NDArray[np.complex128]:
@@ -121,7 +121,7 @@ def spectra(parts: list[uqmbd.ProjectedEnsemble], times: Array) -> Spectra:
     found: list[Array] = []
     for part in parts:
         path = part.integrate(times).coefficients
-        found += [np.abs(spectrum(part, path[:, k], times[k])) for k in probes if np.isfinite(path[:, k]).all()]
+        found += [np.abs(spectrum(part, path[:, k], float(times[k]))) for k in probes if np.isfinite(path[:, k]).all()]
     every = np.concatenate(found)
     return Spectra(float(every.min()), float(every.max()))
 
@@ -141,7 +141,7 @@ def row(of: uqmbd.Study, order: int) -> tuple[str, ...]:
     implicit = of.propagate(Galerkin(order=order, integrator="ida", verify=0))
     whole, alone = projection(of, order)
     by, ida = (json.loads(node.attrs["solver_counters"]) for node in (explicit, implicit))
-    known = explicit["diagnostics"]
+    known = explicit.children["diagnostics"].to_dataset()
     return (
         str(order),
         str(explicit.attrs["nodes"]),

@@ -15,6 +15,7 @@ and after.
 """
 
 import chaospy
+import numpy as np
 import sympy
 
 import uqmbd
@@ -42,7 +43,10 @@ def frame() -> uqmbd.Mechanism:
 
 record = Record(
     "vibration test",
-    [Series("eigenvalue", [], EIGENVALUES, "1/s^2", 0.0191), Series("ratio", [], RATIOS, "1", 0.0809)],
+    (
+        Series("eigenvalue", np.array([]), np.array(EIGENVALUES), "1/s^2", 0.0191),
+        Series("ratio", np.array([]), np.array(RATIOS), "1", 0.0809),
+    ),
 )
 study = uqmbd.Study("two-storey oscillator", frame())
 found = calibrate(study, record, draws=20000, seed=4)

@@ -116,8 +116,9 @@ def compared(mean_force, deviation, seeds, mechanism_seeds):
     real = uqmbd.Study("undamped oscillator", oscillator(mean_force, deviation), TIMES)
     for seed in range(1, mechanism_seeds + 1):
         node = real.propagate(Reliability(seed=seed))
-        low, high = node["requirements"]["interval"].values[0]
-        value = node["requirements"]["violation_probability"].item()
+        requirements = node.children["requirements"].to_dataset()
+        low, high = requirements["interval"].values[0]
+        value = requirements["violation_probability"].item()
         inside = "" if low <= truth <= high else " (not held)"
         cells.append(f"{value:.3e} {value / truth - 1:+.0%}, {node.attrs['realisations']}{inside}")
     return "| " + " | ".join(cells) + " |"

@@ -22,6 +22,7 @@ from uqmbd.mechanism.scope import require_bodies, require_component, require_fre
 from uqmbd.mechanism.start import StartCondition, start_condition
 from uqmbd.names import check_name, checked
 from uqmbd.randomness import JointInput, RandomVariable
+from uqmbd.typing import Quantity, Vector
 
 __all__ = ["Mechanism"]
 
@@ -77,15 +78,15 @@ class Mechanism:
     def body(
         self,
         name: str,
-        mass: Any = None,
-        inertia: Any = None,
-        com: Sequence[Any] | None = None,
-        position: Sequence[Any] | None = None,
-        angle: Any = None,
-        quaternion: Sequence[Any] | None = None,
-        rotation: Any = None,
-        velocity: Sequence[Any] | None = None,
-        angular_velocity: Any = None,
+        mass: Quantity | None = None,
+        inertia: Vector | Sequence[Vector] | None = None,
+        com: Vector | None = None,
+        position: Vector | None = None,
+        angle: Quantity | None = None,
+        quaternion: Vector | None = None,
+        rotation: Vector | Sequence[Vector] | None = None,
+        velocity: Vector | None = None,
+        angular_velocity: Vector | None = None,
         hold: bool = False,
     ) -> Body:
         """Add a rigid body, as drawn.
@@ -360,8 +361,7 @@ class Mechanism:
         revision = self.revision()
         known = self._memory.get(key)
         if known is None or known[0] != revision:
-            known = (revision, make())
-            self._memory[key] = known
+            known = self._memory[key] = (revision, make())
         value: T = known[1]
         return value
 

@@ -87,8 +87,10 @@ class RandomVariable(Symbolic, Symbol):
             )
         return cls._member(Joint(distribution, (name,), (units or (stated.units if stated else ""),)), 0)
 
-    def __init__(self, *args: Any, **kwargs: Any) -> None:
-        """Accept the arguments of ``__new__``; a symbol is made there."""
+    if not TYPE_CHECKING:  # the arguments are those of ``__new__``
+
+        def __init__(self, *args: Any, **kwargs: Any) -> None:
+            """Accept the arguments of ``__new__``; a symbol is made there."""
 
     @classmethod
     def _member(cls, joint: Joint, component: int) -> RandomVariable:

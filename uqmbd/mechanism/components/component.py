@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Iterable, Mapping
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import sympy
 
@@ -121,6 +121,9 @@ class Component:
     """Parameter that is the angle of `body_j` relative to `body_i`, of a driver that counts turns."""
     __signature__: ClassVar[inspect.Signature]
     """The arguments, annotated with types, units and descriptions, as `help` tells them."""
+    if TYPE_CHECKING:  # to mypy what has __getattr__ would be a number and a vector
+        __float__: ClassVar[None]
+        __len__: ClassVar[None]
     settled = 0
     """How often its parameters got values; 0: it is no part of a mechanism yet."""
     stating = False

@@ -14,6 +14,7 @@ from uqmbd.mechanism.geometry.quaternions import quaternion_product
 from uqmbd.mechanism.geometry.space import Space
 from uqmbd.names import checked
 from uqmbd.randomness import Symbolic
+from uqmbd.typing import Vector
 
 __all__ = ["Frame", "NamedFrame"]
 
@@ -111,22 +112,22 @@ class Frame:
         return quaternion_product(self.quaternion, local)
 
     @checked
-    def direction(self, local: Sequence[Any]) -> Matrix:
+    def direction(self, local: Vector) -> Matrix:
         """Turn a vector from body axes to world axes."""
         return self.rotation * self._column(local, "direction", "vector")
 
     @checked
-    def point(self, local: Sequence[Any]) -> Matrix:
+    def point(self, local: Vector) -> Matrix:
         """World position of a point given in the body frame."""
         return self.position + self.rotation * self._column(local, "point", "point")
 
     @checked
-    def point_velocity(self, local: Sequence[Any]) -> Matrix:
+    def point_velocity(self, local: Vector) -> Matrix:
         """World velocity of a point fixed in the body, ``r' + d/dt(A c)``: quadratic in the quaternion."""
         return self._rate(self.point(local))
 
     @checked
-    def point_acceleration(self, local: Sequence[Any]) -> Matrix:
+    def point_acceleration(self, local: Vector) -> Matrix:
         """World acceleration of a point fixed in the body (outputs only)."""
         return self._rate(self.point_velocity(local))
 

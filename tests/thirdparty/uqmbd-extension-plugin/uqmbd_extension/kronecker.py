@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -16,7 +18,7 @@ class Kronecker:
     H. Niederreiter, Random Number Generation and Quasi-Monte Carlo Methods, SIAM, 1992, section 3.1.
     """
 
-    name = "kronecker"
+    name: ClassVar[str] = "kronecker"
     extendable = True
 
     def points(self, dimension: int, numbers: range, seed: int | np.random.SeedSequence) -> NDArray[np.float64]:

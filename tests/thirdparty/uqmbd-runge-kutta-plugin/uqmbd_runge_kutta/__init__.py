@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +26,7 @@ DEEP = 1e-9
 class RungeKutta:
     """Order 4; it follows impacts, as long as the bodies leave each other again."""
 
-    name = "runge-kutta"
+    name: ClassVar[str] = "runge-kutta"
     events = True
     paced = True
 
@@ -135,7 +136,8 @@ class Motion:
             there = self.step(time, before, length) if length > 0 else before
             return float(self.one.guards(time + length, there[None])[0, event])
 
-        return float(brentq(guard, 0.0, size, xtol=1e-14))
+        length: Any = brentq(guard, 0.0, size, xtol=1e-14)
+        return float(length)
 
 
 @uqmbd.hookimpl
