@@ -104,7 +104,8 @@ def test_run_stores_poses_and_shows_them(cli, tmp_path):
         assert poses["pose"].dims == ("realisation", "time", "body", "coordinate")
     (tmp_path / "results" / "report.html").unlink()
     assert cli("report", "results")[0] == 0
-    assert 'class="player small"' in (tmp_path / "results" / "report.html").read_text()
+    page = (tmp_path / "results" / "report.html").read_text()
+    assert 'class="player small"' in page and "could not be drawn" not in page
 
 
 @pytest.mark.thorough
@@ -113,3 +114,16 @@ def test_a_run_outlives_a_picture_that_fails(cli, tmp_path, monkeypatch):
     status, _, err = cli("run", "falling_stone.py")
     assert status == 0 and "no animation of the mechanism: ZeroDivisionError" in err
     assert (tmp_path / "results" / "report.html").exists()
+
+
+@pytest.mark.thorough
+def test_poses_that_follow_inputs_are_kept_for_the_report(cli, tmp_path):
+    """A report that is written again draws the mechanism at chosen inputs, too."""
+    script = (tmp_path / "falling_stone.py").read_text().replace("MonteCarlo(", "Collocation(order=2), MonteCarlo(")
+    (tmp_path / "second.py").write_text("from uqmbd_collocation import Collocation\n" + script)
+    assert cli("run", "second.py")[0] == 0
+    first = (tmp_path / "results" / "report.html").read_text()
+    assert cli("report", "results")[0] == 0
+    again = (tmp_path / "results" / "report.html").read_text()
+    for page in (first, again):
+        assert '"live":{"bodies"' in page and "could not be drawn" not in page

@@ -21,8 +21,11 @@ MOTION = "motion.nc"
 """Poses of the mechanism, from which the report draws its motion."""
 
 
-POSES = "pose_surrogate"
-"""Surrogates of these poses, in the same file, with which the mechanism follows chosen inputs."""
+POSES = "pose_surrogate.nc"
+"""Surrogates of these poses, with which the mechanism follows chosen inputs.
+
+They have a file of their own, since parts of one tree lose the coordinates that they share with what is above them.
+"""
 
 
 def rewrite_report(folder: Path, *, figures: bool = False, show: bool = False) -> None:
@@ -37,8 +40,6 @@ def rewrite_report(folder: Path, *, figures: bool = False, show: bool = False) -
     show : bool
         Whether it is opened in the browser.
     """
-    import xarray as xr
-
     from uqmbd.results import load
 
     # Someone who names the file itself means its folder.
@@ -47,10 +48,9 @@ def rewrite_report(folder: Path, *, figures: bool = False, show: bool = False) -
         raise StudyError(f"There is no {source}; give the folder that `uqmbd run STUDY.py --out DIR` wrote.")
     tree = load(source)
     if (motion := source.parent / MOTION).exists():
-        kept = load(motion)
-        tree["motion"] = xr.DataTree(kept.to_dataset())
-        if POSES in kept.children:
-            tree[POSES] = kept.children[POSES]
+        tree["motion"] = load(motion)
+    if (poses := source.parent / POSES).exists():
+        tree["pose_surrogate"] = load(poses)
     path = write(tree, source.parent / "report.html", figures=figures)
     print(f"report   {path}")
     if show:
@@ -58,17 +58,15 @@ def rewrite_report(folder: Path, *, figures: bool = False, show: bool = False) -
 
 
 def keep_motion(tree: xr.DataTree, folder: Path) -> None:
-    """Write the poses from which the report draws the motion, and their surrogates, beside ``results.nc``."""
+    """Write the poses from which the report draws the motion, and their surrogates, if there are any."""
     from uqmbd.results import save
 
-    path = folder / MOTION
-    if "motion" in tree.children:
-        import xarray as xr
-
-        surrogate = {name: node for name, node in tree.children.items() if name == POSES}
-        save(xr.DataTree(tree["motion"].to_dataset(), children=surrogate), path)
-    else:
-        path.unlink(missing_ok=True)
+    for name, file in (("motion", MOTION), ("pose_surrogate", POSES)):
+        path = folder / file
+        if name in tree.children:
+            save(tree.children[name].copy(), path)
+        else:
+            path.unlink(missing_ok=True)
 
 
 def write(tree: xr.DataTree, path: Path, *, figures: bool = False) -> Path:

@@ -25,7 +25,7 @@ _LOCK = ".uqmbd-lock"
 _BYTE = 1 << 20
 """Where a lock of Windows lies: beyond the text, which others then can read."""
 
-_RESULTS = ("results.nc", "report.html", "motion.nc", "figures", "*-samples.zarr", "*-samples.nc")
+_RESULTS = ("results.nc", "report.html", "motion.nc", "pose_surrogate.nc", "figures", "*-samples.zarr", "*-samples.nc")
 
 _held: set[tuple[Path, int]] = set()
 """Folders that threads of this process have claimed."""

@@ -239,8 +239,8 @@ def live_poses(node: xr.DataTree, method: str, most: int = LARGEST) -> tuple[dic
         return None, f"The poses have surrogates of {node.attrs.get('method')}, the page that of {method}."
     try:
         data = packed_poses(node)
-    except StudyError as error:
-        return None, str(error)
+    except Exception as error:  # noqa: BLE001 - the node may come from anywhere; the mechanism is drawn without it
+        return None, f"{type(error).__name__}: {error}"
     size = len(json_script(data))
     if size > most:
         return None, f"The surrogates of the poses take {size / 1e6:.1f} MB; there is room for {most / 1e6:.1f} MB."
