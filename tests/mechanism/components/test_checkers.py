@@ -110,7 +110,7 @@ def mistakes(parameter):
     """What may not."""
     if parameter.kind == "option" and parameter.choices:
         return ["'no such word'", "3", "body"]
-    return ["'text'", "body", "part"]
+    return ["'text'", "body", "part", *(["(1, 0, 0)"] if parameter.kind == "scalar" else [])]
 
 
 def needed(component, words):
