@@ -174,6 +174,7 @@ def _named(content: object) -> Iterator[tuple[str, str]]:
 def svg(figure: Figure) -> str:
     """Return a figure as the data URI of an SVG; its ticks can no longer change."""
     import matplotlib
+    from matplotlib.backends.backend_svg import FigureCanvasSVG
 
     buffer = io.StringIO()
     # An image of its own (not inline markup), so that identifiers of many figures never clash, with text as text, which
@@ -181,7 +182,9 @@ def svg(figure: Figure) -> str:
     with warnings.catch_warnings(), matplotlib.rc_context({"svg.fonttype": "none", "svg.hashsalt": "uqmbd"}):
         warnings.filterwarnings("ignore", message="Glyph .* missing from font")
         freeze_ticks(figure)
-        figure.savefig(buffer, format="svg", metadata=dict.fromkeys(("Date", "Creator", "Format", "Type")))
+        # `savefig` would draw twice: once more for a layout, which is at rest
+        canvas: Any = FigureCanvasSVG(figure)
+        canvas.print_svg(buffer, metadata=dict.fromkeys(("Date", "Creator", "Format", "Type")))
     drawn = re.sub(r"'DejaVu Sans'[^;\"]*sans-serif", _FONTS, buffer.getvalue())
     # texts of other packages' results may hold what no XML may
     drawn = _UNWRITABLE.sub("\N{REPLACEMENT CHARACTER}", _PLACES.sub(_rounded, drawn))
