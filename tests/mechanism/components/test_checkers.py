@@ -244,3 +244,9 @@ def test_there_are_mistakes_of_every_kind():
     calls = list(wrong(revolute))
     assert "Revolute('name', body_i=body, body_j=other)" in calls
     assert any("no_such_argument" in text for text in calls) and any("body_i='body'" in text for text in calls)
+
+
+def test_every_package_says_that_it_has_types():
+    folders = [ROOT / "uqmbd", *(ROOT / "plugins").glob("uqmbd_*"), *(ROOT / "tests" / "thirdparty").glob("*/uqmbd_*")]
+    assert len(folders) > 10
+    assert [str(x) for x in folders if (x / "__init__.py").exists() and not (x / "py.typed").exists()] == []
