@@ -63,13 +63,31 @@ def test_an_accuracy_that_is_not_reached_is_the_exit_status(command_line, script
         (["--budget", "1min", "--set", "collocation.order=2"], "contradicts --budget, by which order of collocation"),
         (["--budget", "fast"], "--budget is 'fast'; expected a number of realisations, as 5000, or a time"),
         (["--accuracy", "150%"], "--accuracy is '150%'; expected a share of the standard deviation"),
-        (["--budget", "30"], "the budget is too small for its smallest size"),
+        (
+            ["--budget", "20", "--only", "monte-carlo"],
+            "budget of 20 realisations is too small: its smallest size, samples=64, takes 64. Give 64 realisations or "
+            "more, or a time, as 30s.",
+        ),
+        (["--budget", "2"], "There are no results of 'collocation' either: the budget of 2 realisations is too small"),
     ],
 )
-def test_what_cannot_be_is_refused(command_line, script, words, part):
+def test_what_cannot_be_is_refused(command_line, script, tmp_path, words, part):
+    """Nothing is computed, and nothing is there to go on with."""
     status, _, said = command_line("run", script, *words)
-    assert status in (1, 2)
+    assert status == 2
     assert part in said
+    assert "--resume" not in said and not list(tmp_path.glob("results/unfinished/*/*"))
+
+
+@pytest.mark.thorough
+def test_a_method_that_a_budget_does_not_hold_costs_no_other(command_line, script):
+    status, _, said = command_line("run", script, "--budget", "30", "--no-report")
+    assert status == 1
+    found = re.search(r"takes 64, and the methods that take less (\d+). Give (\d+) realisations or more", said)
+    assert found is not None and int(found[2]) == 64 + int(found[1])
+    assert "collocation: order=1 states" in said and "--resume" not in said
+    status, _, said = command_line("run", script, "--budget", found[2], "--no-report")
+    assert status == 0, said
 
 
 @pytest.mark.thorough

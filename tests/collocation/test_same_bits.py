@@ -10,6 +10,7 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 
+from uqmbd.errors import StudyWarning
 from uqmbd.propagation.script import load_study
 from uqmbd_collocation import Collocation
 
@@ -126,5 +127,6 @@ def test_another_option_computes_nothing_again_that_is_the_same(script, tmp_path
     with pytest.raises(RuntimeError, match="no more than"):
         first.with_propagators([coarse]).run(inline(interrupted.chunks - 1), folder=tmp_path / "both")
     rest = inline()
-    first.with_propagators([fine]).run(rest, folder=tmp_path / "both", resume=True)
+    with pytest.warns(StudyWarning, match="has tolerance=1e-05, not 0.01"):
+        first.with_propagators([fine]).run(rest, folder=tmp_path / "both", resume=True)
     assert rest.chunks == needed.chunks - (interrupted.chunks - 1)

@@ -284,7 +284,8 @@ def test_memory_of_a_failed_method_is_free_for_the_next(swing, monkeypatch):
 def test_chunks_of_a_run_in_which_a_method_failed_are_kept_for_resume(swing, tmp_path, monkeypatch):
     tree, _ = run_with(swing, GOOD, Own(how="raises"), folder=tmp_path)
     assert list(tmp_path.rglob("*.npz"))
-    tree = swing.with_propagators([GOOD, Own()]).run(folder=tmp_path, resume=True)
+    with pytest.warns(uqmbd.StudyWarning, match="begins anew where"):
+        tree = swing.with_propagators([GOOD, Own()]).run(folder=tmp_path, resume=True)
     assert not (tmp_path / "unfinished").exists()
     save(tree, tmp_path / "results.nc")
     assert not list(tmp_path.rglob("*.npz")), "they are kept until the results are saved"

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     from uqmbd.propagation import Study
 
-__all__ = ["check_sizes", "choices", "missed"]
+__all__ = ["check_sizes", "choices", "missed", "too_small_for"]
 
 
 def choices(budget: str | None, accuracy: str | None) -> dict[str, Any]:
@@ -52,6 +52,11 @@ def missed(tree: xr.DataTree) -> list[str]:
     """Return sentences on the methods that do not reach the accuracy that was asked for."""
     methods = json.loads(tree.attrs.get("budget", "{}")).get("methods", {})
     return [f"accuracy of {label}: {about['summary']}" for label, about in methods.items() if about.get("met") is False]
+
+
+def too_small_for(tree: xr.DataTree) -> list[str]:
+    """Return the labels of methods whose smallest size the budget does not hold."""
+    return list(json.loads(tree.attrs.get("budget", "{}")).get("too_small_for", []))
 
 
 def _say(sentence: str) -> None:

@@ -13,7 +13,7 @@ from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from uqmbd.cli.budget import check_sizes, choices, missed
+from uqmbd.cli.budget import check_sizes, choices, missed, too_small_for
 from uqmbd.cli.failures import FAILED, UNMET
 from uqmbd.cli.loading import loading
 from uqmbd.cli.progress import Staged, shown_progress
@@ -24,7 +24,7 @@ from uqmbd.clusters import Workers
 from uqmbd.errors import MethodFailedWarning, StudyError, UqmbdError
 from uqmbd.isolation import Isolated
 from uqmbd.propagation import claimed, load_study, set_aside
-from uqmbd.results.storage import FOLDER
+from uqmbd.results.storage import is_kept
 from uqmbd.wording import format_duration
 
 if TYPE_CHECKING:
@@ -145,7 +145,13 @@ def _run(
     # Before the work, not after it: a folder that cannot be written should cost no hours.
     _make_folder(out)
     with claimed(out):
+        if workers is not None and (awaited := workers.awaited):
+            progress.stage(awaited)
         with (workers or Workers()).at_work(script) as executor:
+            if resume and not is_kept(out):
+                print(
+                    f"Note: --resume: nothing unfinished is in {out}; the run begins anew.", file=sys.stderr, flush=True
+                )
             previous = set_aside(out)
             if previous:
                 print(f"Note: the results that were in {out} are in {previous} now.", file=sys.stderr, flush=True)
@@ -181,8 +187,9 @@ def _computed(
     except KeyboardInterrupt:
         print(_how_to_go_on(script, out), file=sys.stderr, flush=True)
         raise
-    except UqmbdError:
-        if any((out / FOLDER).glob("*")):
+    except UqmbdError as error:
+        # what cannot be used is to be changed, and nothing goes on with it
+        if (error.failed or not isinstance(error, StudyError)) and is_kept(out):
             print(_how_to_go_on(script, out), file=sys.stderr, flush=True)
         raise
 
@@ -215,7 +222,7 @@ def _delivered(
         failed = failed_methods(tree)
         for label, reason in failed.items():
             print(f"Error: there are no results of {label}: {reason}", file=sys.stderr, flush=True)
-        if failed and any((out / FOLDER).glob("*")):
+        if failed.keys() - too_small_for(tree) and is_kept(out):
             print(_how_to_go_on(script, out), file=sys.stderr, flush=True)
         if problem:
             print(

@@ -72,6 +72,15 @@ class Workers:
                 f"is asked for where uqmbd starts them: --dask {', '.join(sorted(STARTED_HERE))}."
             )
 
+    @property
+    def awaited(self) -> str:
+        """Who is waited for before the work begins, as a stage of it; empty: nobody."""
+        if self.mpi:
+            return "waiting for the processes of MPI"
+        if self.dask in STARTED_HERE:
+            return f"starting the Dask cluster {self.dask}"
+        return f"connecting with the Dask scheduler {self.dask}" if self.dask else ""
+
     @contextmanager
     def at_work(self, *files: str | Path) -> Iterator[int | Executor]:
         """Yield what `Study.run`, `uqmbd.pool` and others take as workers; what is started for it ends with it.

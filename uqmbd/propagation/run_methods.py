@@ -5,16 +5,16 @@ from __future__ import annotations
 import json
 import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from uqmbd.errors import MethodFailedWarning, StudyError, UqmbdError
 from uqmbd.isolation import Isolated, reason_of, release
 from uqmbd.progress import AtMost, Progress, expected, failed, told
-from uqmbd.propagation.budget import Terms, Within
+from uqmbd.propagation.budget import BudgetTooSmallError, Terms, Within
 from uqmbd.propagation.estimate import Estimate
-from uqmbd.propagation.execution import Crew
+from uqmbd.propagation.execution import Crew, study_digest, tell_resumed
 from uqmbd.propagation.obstacle import obstacle_of
 from uqmbd.propagation.propagator import Propagator
 from uqmbd.propagation.run_method import run_method
@@ -66,7 +66,9 @@ class Outcome:
             return
         first, *others = self.errors
         error = self.errors[first]
-        if isinstance(error, UqmbdError):
+        # a budget that holds no method is an input that cannot be used
+        refused = all(isinstance(one, BudgetTooSmallError) for one in self.errors.values())
+        if isinstance(error, UqmbdError) and not refused:
             error.failed = self.reasons
         for label in others:
             error.add_note(f"There are no results of {label!r} either: {self.reasons[label]}")
@@ -88,6 +90,8 @@ def run_methods(
     With `terms` at the sizes that a budget and an accuracy choose: as they are at those sizes they give the same bits.
     """
     shown = told(progress)
+    if folder is not None:
+        _tell_resumed(study, propagators, folder, resume=resume)
     if terms is not None:
         expected(shown, dict.fromkeys(p.node_name for p in propagators))
         return _run_within(study, propagators, Within(study, terms, crew, shown, folder, resume))
@@ -110,6 +114,19 @@ def run_methods(
             failed(shown, propagator.node_name)
     order = [p.node_name for p in propagators if p.node_name in errors]
     return Outcome(tuple(nodes), {label: errors[label] for label in order})
+
+
+def _tell_resumed(study: Studied, propagators: Sequence[Propagator], folder: Path, *, resume: bool) -> None:
+    """Note options, and warn of those that are others than those of what the folder keeps."""
+    options, extended = {}, {}
+    for propagator in propagators:
+        label, sizing = propagator.node_name, None
+        options[label] = {f.name: getattr(propagator, f.name) for f in fields(propagator) if f.name != "label"}
+        with Isolated(*METHOD):  # what is wrong with it is told where it is run
+            sizing = propagator.sizing(study, None)
+        extended[label] = (sizing.option,) if sizing is not None and sizing.extends else ()
+    digest = study_digest(study.model, study.mechanism.inputs, study.times, study.rtol, study.integrator)
+    tell_resumed(folder, digest, options, extended, resume=resume, stacklevel=4)
 
 
 def _run_within(study: Studied, propagators: Sequence[Propagator], within: Within) -> Outcome:

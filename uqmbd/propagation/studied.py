@@ -23,6 +23,8 @@ class Studied(Protocol):
     name: str
     mechanism: Mechanism
     times: Array
+    rtol: float
+    integrator: str
     propagators: tuple[Propagator, ...]
     convergence: Mapping[str, Any] | None
 

@@ -301,7 +301,8 @@ class Study:
             Where to keep finished chunks: in ``unfinished`` while it runs, then in ``unsaved`` until
             `uqmbd.results.save` has stored the results in this folder.  One run at a time.
         resume : bool
-            Go on with the chunks that a run left in `folder` which was interrupted, or was not saved.
+            Go on with the chunks that a run left in `folder` which was interrupted, or was not saved; those of other
+            options, or of another study, are of no use, which a `uqmbd.StudyWarning` says.
         finished : callable, optional
             Given the results of the methods and their comparison before curves of error against cost are computed, as
             `uqmbd run` does to store them.

@@ -206,7 +206,8 @@ def test_another_study_is_not_gone_on_with(tmp_path: Path) -> None:
     with pytest.raises(KeyboardInterrupt):
         swing(sampling="latin-hypercube").run(Here(gives_up_after=4), folder=tmp_path)
     executor = Here()
-    swing().run(executor, folder=tmp_path, resume=True)
+    with pytest.warns(uqmbd.StudyWarning, match='has sampling="random", not "latin-hypercube" as what is kept'):
+        swing().run(executor, folder=tmp_path, resume=True)
     assert executor.computed == 10
 
 
@@ -227,7 +228,8 @@ def test_more_that_are_kept_do_not_change_what_is_computed(tmp_path: Path) -> No
     with pytest.raises(KeyboardInterrupt):
         swing(more=True).run(Here(gives_up_after=4), folder=tmp_path)
     executor = Here()
-    tree = swing(more=True, keep=KEEP + 50).run(executor, folder=tmp_path, resume=True)
+    with pytest.warns(uqmbd.StudyWarning, match="begins anew where realisations are not the same"):
+        tree = swing(more=True, keep=KEEP + 50).run(executor, folder=tmp_path, resume=True)
     assert executor.computed == 6
     assert tree["monte-carlo/samples"].sizes["sample"] == KEEP + 50
 

@@ -17,6 +17,7 @@ from uqmbd.files import replacing
 from uqmbd.isolation import Isolated, release
 from uqmbd.progress import Progress
 from uqmbd.propagation.budget.amounts import Amount, accuracy_of, budget_of
+from uqmbd.propagation.budget.reach import BudgetTooSmallError, out_of_reach
 from uqmbd.propagation.budget.sized import Left, Sized, Stage
 from uqmbd.propagation.budget.timing import first_problem
 from uqmbd.propagation.execution import FOLDER, LIMIT, BudgetSpent, Crew, Ledger
@@ -128,10 +129,14 @@ class Within:
             found = self._asked(propagator)
             if isinstance(found, Sized):
                 sized.append(found)
+        # what a run that goes on finds may be no part of the budget
+        if not self.resume:
+            self.errors |= out_of_reach(sized, self._left(1).realisations)
+            sized = [one for one in sized if one.label not in self.errors]
         for one in sized:
             # what is left of its part is shared again
             if one.needs_pilot(timed=math.isfinite((self.terms.budget or Amount()).seconds)):
-                self._turn(one, self._left(len(sized)), pilot=True)
+                self._turn(one, self._left_for_pilot(one, len(sized)), pilot=True)
         waiting = [one for one in sized if one.label not in self.errors]
         waiting.sort(key=lambda one: one.dear())
         for number, one in enumerate(waiting):
@@ -153,6 +158,13 @@ class Within:
         seconds = budget.seconds - self._elapsed()
         most = max(budget.realisations - spent, 0) / shared_by
         return Left(math.floor(most) if math.isfinite(most) else most, max(seconds, 0.0) / shared_by)
+
+    def _left_for_pilot(self, one: Sized, shared_by: int) -> Left:
+        """Return its part, or what its smallest size takes, which there is."""
+        left, least = self._left(shared_by), 0
+        with Isolated(*METHOD):  # it is told where the size is run
+            least = one.cost(one.sizing.least)
+        return replace(left, realisations=max(left.realisations, min(least, self._left(1).realisations)))
 
     def _elapsed(self) -> float:
         return self.terms.clock() - self._begin + self._earlier
@@ -189,15 +201,18 @@ class Within:
         with Isolated(*METHOD) as work:
             estimate = propagator.estimate(self.study)
             if estimate is not None and not estimate.at_most and estimate.realisations > left.realisations:
-                raise StudyError(
+                raise BudgetTooSmallError(
                     f"{label}: its size cannot be chosen, and it takes {estimate.realisations} realisations, more than "
-                    f"the budget leaves ({left.realisations:.0f})."
+                    f"the budget leaves ({left.realisations:.0f}). Give a larger budget, or leave the method out "
+                    "(--only LABEL of others; in Python only=)."
                 )
             begin = self.terms.clock()
             try:
                 node = self._computed(propagator, ledger)
             except BudgetSpent as spent:
-                raise StudyError(f"{label}: its size cannot be chosen, and the budget is too small: {spent}.") from None
+                raise BudgetTooSmallError(
+                    f"{label}: its size cannot be chosen, and the budget is too small: {spent}. Give a larger one."
+                ) from None
             found = self._stated(node, "moments")
             words = f"its size cannot be chosen; as it is it states {found.words}"
             self.about[label] = {"sized": False, "stated": found.value, "summary": words}
@@ -234,9 +249,9 @@ class Within:
                     one.problem = f"the budget ended {one.sizing.option}={size}"
                     self._salvage(one, size, ledger.done - done, ledger)
                     if one.node is None:
-                        raise StudyError(
+                        raise BudgetTooSmallError(
                             f"{one.label}: the budget is too small for its smallest size, {one.sizing.option}={size}: "
-                            f"{spent}."
+                            f"{spent}. Give a larger one."
                         ) from None
                     return
             if work.error is not None:
@@ -363,8 +378,10 @@ class Within:
                 warnings.warn(one.message, one.category, stacklevel=stacklevel + 1)
 
     def attribute(self) -> dict[str, str]:
-        """Return the root attribute ``budget``: what was asked for, and what became of it by method, in JSON."""
-        about = {"asked": self.terms.asked, "methods": self.about}
+        """Return the root attribute ``budget``, in JSON: what was asked for, and what became of it by method."""
+        about: dict[str, Any] = {"asked": self.terms.asked, "methods": self.about}
+        if small := [label for label, error in self.errors.items() if isinstance(error, BudgetTooSmallError)]:
+            about["too_small_for"] = small
         return {"budget": json.dumps(_plain(about), ensure_ascii=False)}
 
     def _read(self) -> None:

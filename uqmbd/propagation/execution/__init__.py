@@ -21,6 +21,7 @@ from uqmbd.propagation.execution.ledger import LIMIT, BudgetSpent, Ledger
 from uqmbd.propagation.execution.margins import Margins
 from uqmbd.propagation.execution.observed import AGAIN, Observed, evenly, late_outputs
 from uqmbd.propagation.execution.realisations import Realisations
+from uqmbd.propagation.execution.resumed import study_digest, tell_resumed
 from uqmbd.propagation.execution.run_folder import claimed, set_aside
 from uqmbd.propagation.execution.tasks import Arrays, run_tasks
 from uqmbd.propagation.execution.transport import Packed, machine_attribute, solver_counters
@@ -63,4 +64,6 @@ __all__ = [
     "set_aside",
     "solver_counters",
     "threads_of",
+    "study_digest",
+    "tell_resumed",
 ]

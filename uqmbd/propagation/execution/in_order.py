@@ -10,7 +10,7 @@ import contextlib
 import queue
 import time
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from concurrent.futures import CancelledError, Executor, Future
 from dataclasses import dataclass, field, fields, is_dataclass
 from functools import partial
@@ -55,7 +55,7 @@ def in_order(
     keep: Callable[[Piece, Result, float], Result],
     lost: Callable[[Piece, str], Result] | None = None,
     patience: float = 1.0,
-) -> Iterator[Result]:
+) -> Generator[Result, None, None]:
     """Yield the results of pieces of work, in their order.
 
     A piece whose worker dies is tried once elsewhere.  One that takes much longer than others is given to a second
@@ -94,7 +94,7 @@ def _here(
     known: Callable[[Piece], Result | None],
     work: Callable[[Piece], tuple[Callable[..., Result], tuple[Any, ...]]],
     keep: Callable[[Piece, Result, float], Result],
-) -> Iterator[Result]:
+) -> Generator[Result, None, None]:
     laps = Laps()
     for piece in pieces:
         found = known(piece)
@@ -164,7 +164,7 @@ class _There(Generic[Piece, Result]):
         """Results, and their bytes, by the index of the piece."""
         self.arrived: queue.SimpleQueue[tuple[int, Future[Answer]]] = queue.SimpleQueue()
 
-    def results(self) -> Iterator[Result]:
+    def results(self) -> Generator[Result, None, None]:
         """Yield the results in order."""
         try:
             for wanted in range(len(self.pieces)):

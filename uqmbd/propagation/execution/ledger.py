@@ -54,7 +54,7 @@ class Ledger:
     >>> ledger.begin(64)
     Traceback (most recent call last):
         ...
-    uqmbd.propagation.execution.ledger.BudgetSpent: 64 realisations more than 100
+    uqmbd.propagation.execution.ledger.BudgetSpent: 64 realisations are needed, and 36 are left
     """
 
     most: float = float("inf")
@@ -78,7 +78,7 @@ class Ledger:
             If they may not be.
         """
         if self.spent + count > self.most:
-            raise BudgetSpent(f"{count} realisations more than {self.most:g}")
+            raise BudgetSpent(f"{count} realisations are needed, and {self.most - self.spent:g} are left")
         if self.clock() >= self.until:
             raise BudgetSpent("the time is over")
         self.spent += count

@@ -7,6 +7,7 @@ import pickle
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
+from contextlib import closing
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -168,32 +169,33 @@ class Reductions:
         begin, recovered = work.clock(), 0.0
         pieces = Pieces(values, size)
         workers = executor_for(work.executor, unlocked=work.unlocked)
-        for piece, answer in zip(
-            pieces, in_order(pieces, workers, self._known, self._task, self._finished, self._lost), strict=True
-        ):
-            now = work.clock()
-            spent = 0.0 if answer.computed or again else answer.chunk.seconds
-            recovered += spent
-            found = Reduced(
-                piece.first,
-                piece.values,
-                answer.result or {},
-                answer.status,
-                answer.messages,
-                answer.good,
-                answer.response,
-                dict(answer.chunk.counters),
-                now - begin + spent,
-            )
-            work.observed.count(found.realisations, answer.missing)
-            work.observed.take(piece.values[answer.seen], answer.responses)
-            if own is not None:
-                own.fill(piece.values, answer.chunk.status, answer.chunk.messages)
-            yield found
-            begin = now
-            work.progress.advance(work.label, len(found.status))
-            if work.ledger is not None and piece.number + 1 < len(pieces):
-                work.ledger.begin()
+        answers = in_order(pieces, workers, self._known, self._task, self._finished, self._lost)
+        # where a budget ends it, what workers have finished is kept at once
+        with closing(answers):
+            for piece, answer in zip(pieces, answers, strict=True):
+                now = work.clock()
+                spent = 0.0 if answer.computed or again else answer.chunk.seconds
+                recovered += spent
+                found = Reduced(
+                    piece.first,
+                    piece.values,
+                    answer.result or {},
+                    answer.status,
+                    answer.messages,
+                    answer.good,
+                    answer.response,
+                    dict(answer.chunk.counters),
+                    now - begin + spent,
+                )
+                work.observed.count(found.realisations, answer.missing)
+                work.observed.take(piece.values[answer.seen], answer.responses)
+                if own is not None:
+                    own.fill(piece.values, answer.chunk.status, answer.chunk.messages)
+                yield found
+                begin = now
+                work.progress.advance(work.label, len(found.status))
+                if work.ledger is not None and piece.number + 1 < len(pieces):
+                    work.ledger.begin()
         if own is not None:
             self.store = own.finish()
         work.clock.recover(identity, recovered)

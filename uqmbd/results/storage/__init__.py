@@ -6,7 +6,7 @@ from uqmbd.results.storage.journal import Record
 from uqmbd.results.storage.lazy import open
 from uqmbd.results.storage.sample_store import SampleChunk, SampleStore, SampleStoreChunks
 from uqmbd.results.storage.storage import load, save
-from uqmbd.results.storage.unfinished import FOLDER, clear, computed, how_to_go_on, reopen
+from uqmbd.results.storage.unfinished import FOLDER, clear, computed, how_to_go_on, is_kept, reopen
 from uqmbd.results.storage.unfinished_store import Shelf, UnfinishedStore
 
 __all__ = [
@@ -20,6 +20,7 @@ __all__ = [
     "clear",
     "computed",
     "how_to_go_on",
+    "is_kept",
     "load",
     "open",
     "reopen",

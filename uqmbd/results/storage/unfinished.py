@@ -13,7 +13,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-__all__ = ["FOLDER", "clear", "computed", "how_to_go_on", "reopen", "saved", "unsaved"]
+__all__ = ["FOLDER", "clear", "computed", "how_to_go_on", "is_kept", "reopen", "saved", "unsaved"]
 
 FOLDER = "unfinished"
 
@@ -60,6 +60,11 @@ def reopen(folder: Path) -> None:
     if (folder / _ENDED).is_dir() and not (folder / FOLDER).exists():
         (folder / _ENDED).rename(folder / FOLDER)
         (folder / FOLDER / _MARK).unlink(missing_ok=True)
+
+
+def is_kept(folder: Path) -> bool:
+    """Tell whether an earlier run has left something to go on with."""
+    return any(any((folder / name).glob("*/*")) for name in (FOLDER, _ENDED))
 
 
 def how_to_go_on(folder: Path) -> str:

@@ -1,0 +1,52 @@
+"""Methods whose smallest size a number of realisations does not hold, told before anything is computed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from uqmbd.errors import StudyError
+from uqmbd.isolation import Isolated
+from uqmbd.propagation.budget.sized import Sized
+
+__all__ = ["BudgetTooSmallError", "out_of_reach"]
+
+METHOD = (Exception, SystemExit)
+
+
+class BudgetTooSmallError(StudyError):
+    """A method has no size that the budget holds: the input is to be changed, and going on does not help."""
+
+
+def out_of_reach(methods: Sequence[Sized], left: float) -> dict[str, BudgetTooSmallError]:
+    """Return an error for each method whose smallest size is too large, beside those that take less.
+
+    Parameters
+    ----------
+    methods : sequence of Sized
+    left : float
+        Realisations that they share.
+
+    Returns
+    -------
+    dict of str to BudgetTooSmallError
+        By label.
+    """
+    if math.isinf(left):
+        return {}
+    least: dict[str, int] = {}
+    for one in methods:
+        with Isolated(*METHOD):  # what is wrong with a size is told where it is run
+            least[one.label] = one.cost(one.sizing.least)
+    named = {one.label: f"{one.sizing.option}={one.sizing.least}" for one in methods}
+    held, found = 0, {}
+    for label, cost in sorted(least.items(), key=lambda item: item[1]):
+        if held + cost <= left:
+            held += cost
+            continue
+        text = f"{label}: the budget of {left:.0f} realisations is too small: its smallest size, {named[label]}, takes "
+        text += f"{cost}" + (f", and the methods that take less {held}" if held else "")
+        text += f". Give {sum(least.values())} realisations or more"
+        text += " (for all methods), or leave methods out (--only LABEL; in Python only=)" if len(least) > 1 else ""
+        found[label] = BudgetTooSmallError(f"{text}, or a time, as 30s.")
+    return found

@@ -1,0 +1,130 @@
+"""What a run that goes on finds of other options, or of another study: that is told, and not used in silence."""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import json
+import re
+import warnings
+from collections.abc import Collection, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from uqmbd.dynamics import Model
+from uqmbd.errors import StudyWarning
+from uqmbd.files import replacing
+from uqmbd.propagation.execution.checkpoint import FOLDER
+from uqmbd.propagation.execution.fingerprint import fingerprint
+from uqmbd.randomness import JointInput
+from uqmbd.typing import Array
+
+__all__ = ["study_digest", "tell_resumed"]
+
+Options = dict[str, dict[str, str]]
+"""Values of options, as text, by method."""
+
+RECORD = "asked.json"
+"""File of what was asked for, beside the finished chunks."""
+
+WIDTH = 40
+"""Letters of the value of an option in a message."""
+
+
+def study_digest(model: Model, inputs: JointInput, times: Array, rtol: float, integrator: str) -> str:
+    """Return what the numbers of all methods of a study depend on, with the distributions, as a hash."""
+    text = hashlib.sha256(fingerprint(model, inputs, (rtol, integrator), (times.tobytes(),)))
+    if len(inputs):
+        text.update(inputs.from_uniform(np.full((1, len(inputs)), 0.3)).tobytes())
+    return text.hexdigest()[:32]
+
+
+def tell_resumed(
+    folder: Path,
+    study: str,
+    methods: Mapping[str, Mapping[str, Any]],
+    extended: Mapping[str, Collection[str]],
+    *,
+    resume: bool,
+    stacklevel: int,
+) -> None:
+    """Note what is asked for, and warn where what is kept in the folder is that of something else.
+
+    Parameters
+    ----------
+    folder : Path
+        Of the run.
+    study : str
+        Its digest.
+    methods : mapping
+        Options of each method, by label.
+    extended : mapping
+        Names of options, by label, whose other values go on with what is there.
+    resume : bool
+        Whether something is to be gone on with.
+    stacklevel : int
+        As of `warnings.warn`.
+    """
+    asked = {label: {name: _text(value) for name, value in options.items()} for label, options in methods.items()}
+    place = folder / FOLDER / RECORD
+    before = _read(place) if resume else None
+    for sentence in [] if before is None else _differences(before, study, asked, extended, place.parent):
+        warnings.warn(sentence, StudyWarning, stacklevel=stacklevel + 1)
+    known = before[1] if before is not None and before[0] == study else {}
+    # a disk that is full is told by what has to be written
+    with contextlib.suppress(OSError):
+        place.parent.mkdir(parents=True, exist_ok=True)
+        with replacing(place) as part:
+            part.write_text(json.dumps({"study": study, "methods": known | asked}))
+
+
+def _read(place: Path) -> tuple[str, Options] | None:
+    """Return the digest of the study, and options by method; nothing where they are not known."""
+    with contextlib.suppress(OSError, ValueError, LookupError, TypeError, AttributeError):
+        found = json.loads(place.read_bytes())
+        return str(found["study"]), {str(label): dict(options) for label, options in found["methods"].items()}
+    return None
+
+
+def _differences(
+    before: tuple[str, Options],
+    study: str,
+    asked: Options,
+    extended: Mapping[str, Collection[str]],
+    place: Path,
+) -> list[str]:
+    """Return a sentence for each method that begins anew."""
+    if before[0] != study:
+        return [
+            f"resume: what is kept in {place} is that of another study (mechanism, inputs, times, tolerance, "
+            "integrator or version of uqmbd): it is not used, and all begins anew."
+        ]
+    sentences = []
+    for label, options in asked.items():
+        if (earlier := before[1].get(label)) is None:
+            sentences.append(f"resume: nothing of {label} is kept in {place}; it begins anew.")
+            continue
+        fixed = (options.keys() | earlier.keys()) - set(extended.get(label, ()))
+        if changed := sorted(name for name in fixed if options.get(name) != earlier.get(name)):
+            values = " and ".join(f"{name}={_short(options, name)}, not {_short(earlier, name)}" for name in changed)
+            sentences.append(
+                f"resume: {label} has {values} as what is kept in {place}: it begins anew where realisations are not "
+                "the same."
+            )
+    return sentences
+
+
+def _short(options: Mapping[str, str], name: str) -> str:
+    text = options.get(name, "nothing")
+    return text if len(text) <= WIDTH else text[: WIDTH - 4] + " ..."
+
+
+def _text(value: Any) -> str:
+    """Return the value of an option as text, which is the same in another process."""
+    return re.sub(r" at 0x[0-9a-fA-F]+", "", json.dumps(value, default=_plain, sort_keys=True, ensure_ascii=False))
+
+
+def _plain(value: Any) -> Any:
+    return sorted(map(str, value)) if isinstance(value, (set, frozenset)) else str(value)
