@@ -20,8 +20,8 @@ from uqmbd.typing import Array, Index
 __all__ = ["CoupledSystems", "NodalSystems"]
 
 
-DIRECT = 400
-"""Unknowns up to which the assembled system may be factorised."""
+DIRECT = 1000
+"""Unknowns up to which the assembled system may be factorised, where iterations do not converge: 8 MB, some 0.1 s."""
 
 SYSTEMS, ITERATIONS, DIRECTS, KRYLOVS, _, COUNTS = range(6)
 """What is counted, as in coupled.h."""
