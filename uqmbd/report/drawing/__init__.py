@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from uqmbd.report.drawing.images import CHARTED, charted, figure_html, image, image_html, svg, write_images
-from uqmbd.report.drawing.scales import log_axis
+from uqmbd.report.drawing.scales import decades, log_axis
 from uqmbd.report.drawing.style import (
     COLOURS,
     FAILED,
@@ -34,6 +34,7 @@ __all__ = [
     "axes_grid",
     "charted",
     "constant",
+    "decades",
     "draw_histogram",
     "few_ticks",
     "finish_single",

@@ -69,16 +69,28 @@ def image(draw: Callable[[], Figure], alt: str, caption: str, name: str = "") ->
             gc.enable()
 
 
-def charted(draw: Callable[[], Figure], alt: str, caption: str, name: str, chart: str | None) -> dict[str, Any]:
+def charted(
+    draw: Callable[[], Figure],
+    alt: str,
+    caption: str,
+    name: str,
+    chart: str | Callable[[], str | None] | None,
+) -> dict[str, Any]:
     """Return a figure that the page draws as a chart: it is drawn here only if it is written to a file.
 
     Parameters
     ----------
     draw, alt, caption, name
         As of `image`.
-    chart : str or None
-        JSON, safe in HTML; None: there is no chart, and the figure is drawn.
+    chart : str, callable or None
+        JSON, safe in HTML, or what makes it; None: there is no chart, and the figure is drawn. Where it cannot be made
+        the figure is drawn.
     """
+    if callable(chart):
+        try:
+            chart = chart()
+        except Exception:  # noqa: BLE001 - results of other packages may hold surprises; the tables must stand
+            chart = None
     if chart is None:
         return image(draw, alt, caption, name)
     return {"source": "", "alt": alt, "caption": caption, "problem": "", "name": name, "chart": chart, "draw": draw}

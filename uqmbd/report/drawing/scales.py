@@ -11,7 +11,7 @@ import numpy as np
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["log_axis", "plain_formatter", "with_powers"]
+__all__ = ["decades", "log_axis", "plain_formatter", "with_powers"]
 
 _SUPERSCRIPTS = str.maketrans("-−0123456789", "⁻⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
@@ -57,6 +57,18 @@ def with_powers(offset: str) -> str:
     return re.sub(r"([+\-−]?)(\d[\d.]*)e([+\-−]?\d+)", power, offset).strip()
 
 
+def decades(low: float, high: float) -> tuple[int, int]:
+    """Return between which powers of ten, one apart or more, a logarithmic axis lies that shows two values.
+
+    Examples
+    --------
+    >>> decades(3e-4, 0.2), decades(1.0, 1.0)
+    ((-4, 0), (0, 1))
+    """
+    first, last = int(np.floor(np.log10(low) + 1e-9)), int(np.ceil(np.log10(high) - 1e-9))
+    return first, max(last, first + 1)
+
+
 def log_axis(axes: Axes, direction: str, low: float, high: float, *, percent: bool = False) -> None:
     """Let an axis be logarithmic, with its ends at full decades and a tick at every, every second, ... decade.
 
@@ -79,8 +91,7 @@ def log_axis(axes: Axes, direction: str, low: float, high: float, *, percent: bo
     """
     from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
-    first, last = int(np.floor(np.log10(low) + 1e-9)), int(np.ceil(np.log10(high) - 1e-9))
-    last = max(last, first + 1)
+    first, last = decades(low, high)
     axis: Any = axes.xaxis if direction == "x" else axes.yaxis
     (axes.set_xscale if direction == "x" else axes.set_yscale)("log")
     (axes.set_xlim if direction == "x" else axes.set_ylim)(10.0**first, 10.0**last)

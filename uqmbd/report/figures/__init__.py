@@ -6,7 +6,7 @@ Nothing here touches pyplot or its global state, so figures can be made anywhere
 from __future__ import annotations
 
 from uqmbd.report.figures.curves import Band, Curve, checked, curves
-from uqmbd.report.figures.decay import coefficient_decay, horizon, verification
+from uqmbd.report.figures.decay import LIMIT, StatedErrors, coefficient_decay, horizon, stated_errors, verification
 from uqmbd.report.figures.differences import differences, order_convergence, orders_of
 from uqmbd.report.figures.distributions import histograms, inputs
 from uqmbd.report.figures.elements import elements_in_words, has_elements, split_pattern
@@ -46,11 +46,13 @@ __all__ = [
     "Curve",
     "ENOUGH",
     "Indices",
+    "LIMIT",
     "MOST_SCALARS",
     "OF_GERMS",
     "Reason",
     "Results",
     "Samples",
+    "StatedErrors",
     "automatic_times",
     "band_edges",
     "bands",
@@ -94,6 +96,7 @@ __all__ = [
     "sobol_indices",
     "split_pattern",
     "stated_error_of",
+    "stated_errors",
     "std_over_time",
     "surrogate_nodes",
     "surrogate_of",

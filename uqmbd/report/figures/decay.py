@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["coefficient_decay", "horizon", "verification"]
+__all__ = ["LIMIT", "StatedErrors", "coefficient_decay", "horizon", "stated_errors", "verification"]
 
 
 LIMIT = 0.01
@@ -158,6 +158,67 @@ def horizon(times: Array, error: Array, limit: float = LIMIT) -> float | None:
     return float(times[above[0]]) if len(above) else None
 
 
+class StatedErrors(NamedTuple):
+    """What a surrogate states of its own error, as it is drawn.
+
+    Attributes
+    ----------
+    times : array, shape (T,)
+    names : list of str
+        Of the outputs.
+    errors : array, shape (N, T)
+        Relative to the standard deviation; NaN where they are zero but for rounding.
+    horizons : list of float or None
+        When each exceeds the limit for the first time.
+    named, others : list of int
+        Outputs with a line of their own, in their order, and those that share one look, the worst first.
+    ends : tuple of float
+        Between which values an axis shows them and the limit.
+    """
+
+    times: Array
+    names: list[str]
+    errors: Array
+    horizons: list[float | None]
+    named: list[int]
+    others: list[int]
+    ends: tuple[float, float]
+
+
+def stated_errors(results: Results, limit: float = LIMIT) -> StatedErrors:
+    """Return what `verification` draws.
+
+    Raises
+    ------
+    StudyError
+        If the propagator states no error.
+    """
+    node = one_node(results)
+    stated = stated_error_of(node)
+    if stated is None:
+        raise StudyError(
+            f"The propagator {label_of(node)!r} states no error of its surrogate; give it verification realisations, "
+            "verify=16."
+        )
+    times = np.asarray(stated["time"].values, dtype=float)
+    errors = np.asarray(stated.values, dtype=float)
+    names = [str(name) for name in stated["output"].values]
+    worst = sorted(range(len(names)), key=lambda k: -float(errors[k].max()))
+    named = sorted(worst if len(names) <= _MOST_LINES else worst[: _MOST_LINES - 1])
+    seen = errors[errors > _ROUNDING]
+    low, high = float(seen.min(initial=limit)), float(seen.max(initial=limit))
+    return StatedErrors(
+        times=times,
+        names=names,
+        errors=np.where(errors > _ROUNDING, errors, np.nan),
+        horizons=[horizon(times, error, limit) for error in errors],
+        named=named,
+        others=[k for k in worst if k not in named],
+        # What is far below the limit needs no room.
+        ends=(max(low, min(1e-4 * limit, high)), max(high, 2 * limit)),
+    )
+
+
 def verification(results: Results, *, limit: float = LIMIT) -> Figure:
     """Draw the error that a surrogate states of itself over time, and when it is no longer to be trusted.
 
@@ -190,42 +251,27 @@ def verification(results: Results, *, limit: float = LIMIT) -> Figure:
     >>> [text.get_text() for text in verification(node).legends[0].get_texts()]
     ['x: above 1 % at 2 s', 'limit 1 %']
     """
-    node = one_node(results)
-    stated = stated_error_of(node)
-    if stated is None:
-        raise StudyError(
-            f"The propagator {label_of(node)!r} states no error of its surrogate; give it verification realisations, "
-            "verify=16."
-        )
-    times = np.asarray(stated["time"].values, dtype=float)
-    errors = np.asarray(stated.values, dtype=float)
-    names = [str(name) for name in stated["output"].values]
-    worst = sorted(range(len(names)), key=lambda k: -float(errors[k].max()))
-    named = sorted(worst if len(names) <= _MOST_LINES else worst[: _MOST_LINES - 1])
+    found = stated_errors(results, limit)
+    times, names = found.times, found.names
     figure, grid = axes_grid(1, 2.8, 1)
     axes = grid[0]
+    rest: dict[str, Any] = {}
+    for k in found.others:
+        (rest[f"{len(found.others)} others"],) = axes.plot(times, found.errors[k], color=_PALE, lw=0.8)
     handles: dict[str, Any] = {}
-    for k in worst:
-        if k not in named:
-            shown = np.where(errors[k] > _ROUNDING, errors[k], np.nan)
-            (handles[f"{len(names) - len(named)} others"],) = axes.plot(times, shown, color=_PALE, lw=0.8)
-    rest, handles = handles, {}
     level = f"{100 * limit:g} %"
-    for n, k in enumerate(named):
+    for n, k in enumerate(found.named):
         colour, line = style(n)
-        chosen = thinned(errors[k], errors[k], 400)
-        shown = np.where(errors[k][chosen] > _ROUNDING, errors[k][chosen], np.nan)
+        filled = np.nan_to_num(found.errors[k])
+        chosen = thinned(filled, filled, 400)
         marker = "o" if len(times) == 1 else ""
-        (drawn,) = axes.plot(times[chosen], shown, color=colour, ls=line, lw=1.4, marker=marker)
-        first = horizon(times, errors[k], limit)
+        (drawn,) = axes.plot(times[chosen], found.errors[k][chosen], color=colour, ls=line, lw=1.4, marker=marker)
+        first = found.horizons[k]
         if first is not None:
             axes.plot([first], [limit], "o", color=colour, ms=7, mec="white", mew=1.0, zorder=4, clip_on=False)
         handles[f"{names[k]}: {f'above {level} at {first:.4g} s' if first is not None else f'below {level}'}"] = drawn
     line = axes.axhline(limit, color="black", lw=1.0, ls=(0, (2, 2)), zorder=1)
-    seen = errors[errors > _ROUNDING]
-    low, high = float(seen.min(initial=limit)), float(seen.max(initial=limit))
-    # What is far below the limit needs no room.
-    log_axis(axes, "y", max(low, min(1e-4 * limit, high)), max(high, 2 * limit), percent=True)
+    log_axis(axes, "y", *found.ends, percent=True)
     axes.set_xlabel("time [s]")
     axes.set_ylabel("stated error /\nstandard deviation")
     limit_times(axes, times)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from uqmbd.report.live.cell import cell_html
 from uqmbd.report.live.chart_data import MOST_TIMES, bands_data
+from uqmbd.report.live.convergence_charts import errors_data
 from uqmbd.report.live.curve_chart import chart_html
 from uqmbd.report.live.explorer_data import explorer_data
 from uqmbd.report.live.packing import json_script, packed, unpacked
@@ -21,6 +22,7 @@ __all__ = [
     "cell_html",
     "chart_html",
     "difference_data",
+    "errors_data",
     "indices_data",
     "explorer_data",
     "joined_modules",

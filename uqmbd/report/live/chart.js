@@ -1,7 +1,7 @@
 // A chart in its figure: methods on and off, zoom, the page's time, keys and fingers, files.
 
 import { takeChosen } from "./chart_chosen.js";
-import { csvText, headsOf, rowsAt, sentenceAt } from "./chart_model.js";
+import { csvText, headsOf, placeAt, rowsAt, sentenceAt } from "./chart_model.js";
 import { drawChart, svgText } from "./chart_paper.js";
 import { chartOptions, seriesData } from "./chart_options.js";
 import { button, element } from "./dom.js";
@@ -33,12 +33,18 @@ function lineSample(method) {
   return svg;
 }
 
-/** Make the chart of a figure, in place of its picture, which stays for paper. */
+/**
+ * Make the chart of a figure, in place of its picture, or of a part of a figure. Over time it has the time of the page;
+ * along any other axis a cursor of its own.
+ */
 export function makeChart(figure, model) {
+  const { linked } = model.across;
+  const announce = (time) => linked && announceTime(time, holder);
+  const files = [model.output, model.title].filter(Boolean).join(" ");
   const described = figure.dataset.alt ?? figure.querySelector("img")?.alt ?? "";
   const small = figure.classList.contains("small");
   const whole = [model.time[0], model.time[model.time.length - 1]];
-  let index = pageTime() === null ? model.start : nearestIndex(model.time, pageTime());
+  let index = !linked || pageTime() === null ? model.start : nearestIndex(model.time, pageTime());
 
   // the table of values, which is the legend, too
   const several = model.methods.length > 1;
@@ -82,29 +88,29 @@ export function makeChart(figure, model) {
     class: "plot",
     tabindex: "0",
     role: "slider",
-    "aria-label": `Time in the chart of ${model.output}`,
-    "aria-valuemin": whole[0],
-    "aria-valuemax": whole[1],
-    title: "Drag to zoom in, double-click for all. Keys: ← → move the time, + − zoom, 0 shows all. Ctrl and the wheel zoom, too.",
+    "aria-label": `${model.across.name[0].toUpperCase()}${model.across.name.slice(1)} in the chart of ${files}`,
+    "aria-valuemin": model.at[0],
+    "aria-valuemax": model.at[model.at.length - 1],
+    title: `Drag to zoom in, double-click for all. Keys: ← → move the ${linked ? "time" : "cursor"}, + − zoom, 0 shows all. Ctrl and the wheel zoom, too.`,
   });
-  const all = button("Show all times", "Undo the zoom (double-click, or key 0)", () => zoom(...whole));
+  const all = button(linked ? "Show all times" : "Show all", "Undo the zoom (double-click, or key 0)", () => zoom(...whole));
   all.hidden = true;
   const tools = element(
     "div",
     { class: "tools" },
     all,
-    button("+", "Zoom in at the time of the cursor", () => zoomBy(0.5)),
+    button("+", linked ? "Zoom in at the time of the cursor" : "Zoom in at the cursor", () => zoomBy(0.5)),
     button("−", "Zoom out", () => zoomBy(2)),
-    button("CSV", `Save the numbers of this chart (${model.time.length} times)`, () =>
-      saveBlob(new Blob([csvText(model)], { type: "text/csv" }), fileName(model.output, "csv"))),
+    button("CSV", `Save the numbers of this chart (${model.time.length} ${linked ? "times" : "places"})`, () =>
+      saveBlob(new Blob([csvText(model)], { type: "text/csv" }), fileName(files, "csv"))),
     button("PNG", "Save what this chart shows as a picture", async () => {
       const { min, max } = plot.scales.x;
-      (await pictureOf(model, [min, max])).toBlob((blob) => saveBlob(blob, fileName(model.output, "png")));
+      (await pictureOf(model, [min, max])).toBlob((blob) => saveBlob(blob, fileName(files, "png")));
     }),
     button("SVG", "Save what this chart shows as a drawing", () => {
       const { min, max } = plot.scales.x;
       drawChart(model, [min, max], (drawing) =>
-        saveBlob(new Blob([svgText(drawing)], { type: "image/svg+xml" }), fileName(model.output, "svg")));
+        saveBlob(new Blob([svgText(drawing)], { type: "image/svg+xml" }), fileName(files, "svg")));
     }),
   );
   const reading = small ? element("p", { class: "now" }) : element("div", { class: "wide readout" }, table);
@@ -120,12 +126,13 @@ export function makeChart(figure, model) {
   let told = false;
   const options = chartOptions(model, size(), palette);
   options.hooks = {
+    ...options.hooks,
     setCursor: [
       (u) => {
         if (told || u.cursor.idx == null || u.cursor.left < 0) return;
         index = u.cursor.idx;
         refresh();
-        announceTime(model.time[index], holder);
+        announce(model.time[index]);
       },
     ],
     setScale: [(u, key) => key === "x" && zoomed(u)],
@@ -145,7 +152,7 @@ export function makeChart(figure, model) {
   }
 
   function refresh() {
-    at.textContent = `At ${formatNumber(model.time[index], (whole[1] - whole[0]) / 10)} s${model.units === "" ? "" : `, in ${model.units}`}`;
+    at.textContent = `At ${placeAt(model, index)}${model.units === "" ? "" : `, in ${model.units}`}`;
     rowsAt(model, index).forEach((texts, k) => {
       const { row, cells } = rows[k];
       row.classList.toggle("hidden-method", !model.methods[k].shown);
@@ -157,7 +164,7 @@ export function makeChart(figure, model) {
       chosenValue.textContent = formatNumber(chosen.values[index], spread);
       chosenError.textContent = chosen.rms ? `stated error ${formatError(chosen.rms[index], model.units)}` : "its error is not known";
     }
-    space.setAttribute("aria-valuenow", model.time[index]);
+    space.setAttribute("aria-valuenow", model.at[index]);
     space.setAttribute("aria-valuetext", sentenceAt(model, index));
     if (small) reading.textContent = sentenceAt({ ...model, methods: model.methods.slice(0, 1) }, index);
     changed();
@@ -181,7 +188,7 @@ export function makeChart(figure, model) {
     else if (time > max) zoom(time - max + min, time);
     place();
     refresh();
-    announceTime(time, holder);
+    announce(time);
   }
 
   function zoom(low, high) {
@@ -253,11 +260,13 @@ export function makeChart(figure, model) {
     space.addEventListener(end, (event) => fingers.delete(event.pointerId));
   }
 
-  onTime(holder, (time) => {
-    index = nearestIndex(model.time, time);
-    place();
-    refresh();
-  });
+  if (linked) {
+    onTime(holder, (time) => {
+      index = nearestIndex(model.time, time);
+      place();
+      refresh();
+    });
+  }
   function follow(inputs) {
     takeChosen(chosen, model.time, inputs && inputs.outputs.get(model.output));
     if (chosen.values === null) chosenRow.remove();

@@ -24,7 +24,12 @@ function linesOf(lines) {
   return [{ name: lines[0].name, values: origin }, ...others];
 }
 
-/** Unpack the data of a chart. */
+const OVER_TIME = { name: "time", units: "s", told: "s", linked: true };
+
+/**
+ * Unpack the data of a chart. `time` are the places along its horizontal axis, which is the time of the page unless the
+ * data say what it is (`across`); `at` is what is told of them: on a logarithmic axis places are logarithms.
+ */
 export function chartModel(data) {
   const methods = data.methods.map((method) => ({
     ...method,
@@ -35,7 +40,15 @@ export function chartModel(data) {
     })),
     shown: true,
   }));
-  return { ...data, time: numbersOf(data.time), methods, chosen: chosenLine() };
+  const across = data.across ?? OVER_TIME;
+  const at = numbersOf(data.time);
+  return { ...data, across, at, time: across.log ? at.map(Math.log10) : at, methods, chosen: chosenLine() };
+}
+
+/** Where an index is, in words, with as many digits as the axis needs. */
+export function placeAt({ at, across }, index) {
+  const spread = across.whole ? 1 : Math.abs(at[at.length - 1] - at[0]) / 10;
+  return formatQuantity(at[index], across.told, spread);
 }
 
 /** What a chart shows: its methods, and the line of the chosen inputs as one that has no bands. */
@@ -104,19 +117,20 @@ export function sentenceAt(model, index) {
   });
   const { values, shown, label } = model.chosen;
   if (values && shown) parts.push(`${label[0].toUpperCase()}${label.slice(1)}: ${formatQuantity(values[index], model.units, model.methods[0].columns[0].values[index])}`);
-  return `${formatQuantity(model.time[index], "s")}. ${parts.join(". ")}`;
+  return `${model.across.linked ? formatQuantity(model.at[index], "s") : placeAt(model, index)}. ${parts.join(". ")}`;
 }
 
 /** A cell of the head; no program takes it for a formula. */
 const cell = (head) => quoted(/^[=+@\t\r-]/.test(head) ? `'${head}` : head);
 const quoted = (text) => (/[",\r\n]/.test(text) ? `"${text.replaceAll('"', '""')}"` : text);
 
-/** All of the data as CSV: a row for each time. */
+/** All of the data as CSV: a row for each place along the axis. */
 export function csvText(model) {
-  const columns = [[withUnits("time", "s"), model.time]];
+  const columns = [[withUnits(model.across.name, model.across.units), model.at]];
   for (const { label, lines, columns: told } of model.methods) {
     for (const { name, values } of [lines[0], ...told, ...lines.slice(1)]) {
-      columns.push([withUnits(`${name} of ${model.output} by ${label}`, model.units), values]);
+      const what = model.output.startsWith(name) ? model.output : `${name} of ${model.output}`;
+      columns.push([withUnits(`${what} by ${label}`, model.units), values]);
     }
   }
   const { values, label } = model.chosen;

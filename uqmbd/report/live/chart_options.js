@@ -1,6 +1,6 @@
 // What uPlot draws: series, bands and axes of a chart's model.
 
-import { axisPower, powerLabel, tickLabels, withUnits } from "./numbers.js";
+import { axisPower, decadeTicks, powerLabel, powerText, tickLabels, withUnits } from "./numbers.js";
 
 const FONT = "system-ui, -apple-system, 'Segoe UI', Roboto, 'Helvetica Neue', 'Noto Sans', 'DejaVu Sans', sans-serif";
 const OUTER = "2b";
@@ -22,6 +22,46 @@ export function verticalRange(low, high) {
   const largest = Math.max(Math.abs(low), Math.abs(high));
   const room = high - low > 1e-9 * largest ? 0.05 * (high - low) : 0.05 * largest || 0.5;
   return [low - room, high + room];
+}
+
+/** Ends of a chart's vertical axis: its own, or those of what is drawn, and not beyond where the data end the axis. */
+function upRange(up, low, high) {
+  if (up?.log) return [up.low, up.high];
+  const [from, to] = verticalRange(low, high);
+  const ends = [Math.max(from, up?.low ?? -Infinity), Math.min(to, up?.high ?? Infinity)];
+  return ends[0] < ends[1] ? ends : [from, to];
+}
+
+/** What is only told of the horizontal axis, and how it is divided. */
+function acrossAxis({ across }, width, scale) {
+  const power = (u) => (across.linked || across.log || across.whole ? 0 : axisPower(u.scales.x.min, u.scales.x.max));
+  const axis = {
+    label: (u) => shortName(withUnits(across.name, across.units), (width - 90) / (7.5 * scale)) + powerLabel(power(u)),
+    values: (u, ticks, _, __, step) => tickLabels(ticks, step, power(u)),
+  };
+  if (across.whole) axis.incrs = [1, 2, 5, 10, 20, 50, 100, 200, 500, 1000];
+  if (across.log) {
+    axis.splits = (_, __, low, high) => decadeTicks(10 ** low, 10 ** high, width / (60 * scale)).map(Math.log10);
+    axis.values = (_, ticks) => ticks.map((tick) => powerText(10 ** tick));
+  }
+  return axis;
+}
+
+/** Draw what marks places of methods, such as where a limit is passed. */
+function drawMarks(u, model, palette, scale) {
+  const { ctx } = u;
+  for (const method of model.methods.filter((one) => one.shown && one.marks)) {
+    for (const [place, value] of method.marks) {
+      if (place < u.scales.x.min || place > u.scales.x.max) continue;
+      ctx.beginPath();
+      ctx.arc(u.valToPos(place, "x", true), u.valToPos(value, "y", true), 4.5 * scale * uPlot.pxRatio, 0, 2 * Math.PI);
+      ctx.fillStyle = colourOf(method, palette());
+      ctx.strokeStyle = palette().paper;
+      ctx.lineWidth = 1.2 * scale * uPlot.pxRatio;
+      ctx.fill();
+      ctx.stroke();
+    }
+  }
 }
 
 /**
@@ -48,7 +88,10 @@ export function chartOptions(model, { width, height, scale = 1 }, palette) {
         },
         width: lineWidth,
         dash: method.dash.map((length) => length * Math.max(lineWidth, scale)),
-        points: { show: false },
+        // few values are points, and the line goes on where one between them is not known
+        points: { show: Boolean(method.points) && k === 0, size: 6.5 * scale, fill: () => colourOf(method, palette()) },
+        spanGaps: Boolean(method.points),
+        fill: method.filled ? () => colourOf(method, palette()) + OUTER : undefined,
         show: method.shown,
       });
     });
@@ -59,8 +102,10 @@ export function chartOptions(model, { width, height, scale = 1 }, palette) {
       });
     });
   }
-  for (let k = 0; k < (model.limits ?? []).length; k++) {
-    series.push({ stroke: () => palette().limit, width: 1.6 * scale, dash: [2 * scale, 3 * scale], points: { show: false } });
+  for (const { reference } of model.limits ?? []) {
+    const dash = (reference ? [5, 3] : [2, 3]).map((length) => length * scale);
+    const look = { width: (reference ? 1 : 1.6) * scale, dash, points: { show: false } };
+    series.push({ stroke: () => (reference ? palette().soft : palette().limit), ...look });
   }
   // the last one: what the surrogate says at the chosen inputs
   series.push({
@@ -87,24 +132,32 @@ export function chartOptions(model, { width, height, scale = 1 }, palette) {
     bands,
     padding: [10 * scale, 20 * scale, 0, 0],
     legend: { show: false },
-    scales: { x: { time: false }, y: { range: (_, low, high) => verticalRange(low, high) } },
+    scales: { x: { time: false }, y: { distr: model.up?.log ? 3 : 1, range: (_, low, high) => upRange(model.up, low, high) } },
+    hooks: { draw: [(u) => drawMarks(u, model, palette, scale)] },
     axes: [
       {
         ...axis,
-        label: withUnits("time", "s"),
         size: 28 * scale,
         space: 60 * scale,
-        values: (_, ticks, __, ___, step) => tickLabels(ticks, step),
+        ...acrossAxis(model, width, scale),
       },
       {
         ...axis,
         label: (u) => {
           const { min, max } = u.scales.y;
-          return shortName(withUnits(model.output, model.units), (height - 60) / (7.5 * scale)) + powerLabel(axisPower(min, max));
+          const power = model.up?.log ? 0 : axisPower(min, max);
+          return shortName(withUnits(model.output, model.units), (height - 60) / (7.5 * scale)) + powerLabel(power);
         },
         space: 34 * scale,
         size: (_, values) => (values ? Math.max(...values.map((v) => v.length)) * 7 + 14 : 30) * scale,
         values: (u, ticks, _, __, step) => tickLabels(ticks, step, axisPower(u.scales.y.min, u.scales.y.max)),
+        ...(model.up?.log
+          ? {
+              splits: (_, __, low, high) => decadeTicks(low, high, Math.min(height / (34 * scale), 6), false),
+              filter: (_, ticks) => ticks,
+              values: (_, ticks) => ticks.map(powerText),
+            }
+          : {}),
       },
     ],
     cursor: {

@@ -5,6 +5,8 @@ import { chartOptions, seriesData, shortName } from "./chart_options.js";
 import { LIGHT } from "./colours.js";
 
 const PAPER = { width: 660, height: 290 };
+// half as wide as the page, beside another one
+const PART = { width: 400, height: 240 };
 const SPACE = "http://www.w3.org/2000/svg";
 const FAMILY = "system-ui, -apple-system, 'Segoe UI', Roboto, 'Helvetica Neue', 'Noto Sans', 'DejaVu Sans', sans-serif";
 const ROW = 18;
@@ -18,10 +20,11 @@ function shape(kind, attributes, text) {
 
 /** Call `done(svg)` with what a chart shows between two times; in a microtask, when uPlot has chosen the axes. */
 export function drawChart(model, [low, high], done) {
-  const plot = new uPlot(chartOptions(model, PAPER, () => LIGHT), seriesData(model));
+  const size = model.title ? PART : PAPER;
+  const plot = new uPlot(chartOptions(model, size, () => LIGHT), seriesData(model));
   plot.setScale("x", { min: low, max: high });
   queueMicrotask(() => {
-    done(drawingOf(model, plot));
+    done(drawingOf(model, plot, size));
     plot.destroy();
   });
 }
@@ -29,17 +32,19 @@ export function drawChart(model, [low, high], done) {
 /** The text of a file. */
 export const svgText = (drawing) => `<?xml version="1.0" encoding="UTF-8"?>\n${new XMLSerializer().serializeToString(drawing)}`;
 
-function drawingOf(model, plot) {
+function drawingOf(model, plot, size) {
   const shown = shownOf(model);
-  const legend = ROW * shown.length + 6;
-  const ratio = plot.ctx.canvas.width / PAPER.width;
+  const titled = model.title ? 1 : 0;
+  const legend = ROW * (shown.length + titled) + 6;
+  const ratio = plot.ctx.canvas.width / size.width;
   const box = Object.fromEntries(Object.entries(plot.bbox).map(([side, value]) => [side, value / ratio]));
   const top = legend + box.top;
   const x = (value) => box.left + plot.valToPos(value, "x");
   const y = (value) => top + plot.valToPos(value, "y");
-  const height = PAPER.height + legend;
-  const svg = shape("svg", { xmlns: SPACE, viewBox: `0 0 ${PAPER.width} ${height}`, width: PAPER.width, height, "font-family": FAMILY, "font-size": 12 });
+  const height = size.height + legend;
+  const svg = shape("svg", { xmlns: SPACE, viewBox: `0 0 ${size.width} ${height}`, width: size.width, height, "font-family": FAMILY, "font-size": 12 });
   svg.append(shape("rect", { width: "100%", height: "100%", fill: LIGHT.paper }));
+  if (titled) svg.append(shape("text", { x: 12, y: 0.6 * ROW + 4, fill: LIGHT.ink, "font-weight": 600 }, shortName(model.title, 50)));
   const [across, up] = plot.axes;
   across._splits.forEach((value, k) => {
     svg.append(shape("path", { d: `M${x(value)} ${top}v${box.height + 4}`, stroke: LIGHT.grid, fill: "none" }));
@@ -57,11 +62,11 @@ function drawingOf(model, plot) {
   // an inner drawing, which ends at its edges
   const inner = { x: box.left, y: top, width: box.width, height: box.height };
   const lines = shape("svg", { ...inner, viewBox: Object.values(inner).join(" "), fill: "none", "stroke-linejoin": "round" });
-  const path = (values) => {
+  const path = (values, spanned = false) => {
     let text = "";
     let pen = "M";
     values.forEach((value, k) => {
-      if (value === null) pen = "M";
+      if (value === null) pen = spanned ? pen : "M";
       else {
         text += `${pen}${x(model.time[k]).toFixed(2)} ${y(value).toFixed(2)}`;
         pen = "L";
@@ -84,19 +89,34 @@ function drawingOf(model, plot) {
         lines.append(shape("path", { d, fill: colour, "fill-opacity": depth === 0 ? 0.16 : 0.3 }));
       }
     });
-    lines.append(shape("path", { d: path(method.lines[0].values), stroke: colour, "stroke-width": method.width, "stroke-dasharray": dashOf(method) }));
+    const [{ values }] = method.lines;
+    if (method.filled) {
+      for (const [from, to] of runsOf([values, values])) {
+        const edge = values.slice(from, to).map((value, n) => `${x(model.time[from + n]).toFixed(2)} ${y(value).toFixed(2)}`);
+        const d = `M${x(model.time[from])} ${y(0)}L${edge.join("L")}L${x(model.time[to - 1])} ${y(0)}Z`;
+        lines.append(shape("path", { d, fill: colour, "fill-opacity": 0.16 }));
+      }
+    }
+    const dotted = method.points ? values.flatMap((value, n) => (value === null ? [] : [[model.time[n], value]])) : [];
+    lines.append(shape("path", { d: path(values, method.points), stroke: colour, "stroke-width": method.width, "stroke-dasharray": dashOf(method) }));
+    for (const [place, value] of [...dotted, ...(method.marks ?? [])]) {
+      lines.append(shape("circle", { cx: x(place), cy: y(value), r: method.points ? 2.8 : 4, fill: colour, stroke: LIGHT.paper, "stroke-width": 0.8 }));
+    }
   });
-  for (const { value } of model.limits ?? []) {
-    lines.append(shape("path", { d: `M${box.left} ${y(value)}h${box.width}`, stroke: LIGHT.limit, "stroke-width": 1.6, "stroke-dasharray": "2 3" }));
+  for (const { value, reference } of model.limits ?? []) {
+    const look = reference
+      ? { stroke: LIGHT.soft, "stroke-width": 1, "stroke-dasharray": "5 3" }
+      : { stroke: LIGHT.limit, "stroke-width": 1.6, "stroke-dasharray": "2 3" };
+    lines.append(shape("path", { d: `M${box.left} ${y(value)}h${box.width}`, ...look }));
   }
   svg.append(lines);
 
   shown.forEach((method, k) => {
-    const row = ROW * (k + 0.6);
+    const row = ROW * (k + titled + 0.6);
     const look = { stroke: method.colours[0], "stroke-width": method.width, "stroke-dasharray": dashOf(method) };
     svg.append(shape("path", { d: `M12 ${row}h36`, ...look }));
     const bands = (k === 0 ? method.bands : method.bands.slice(0, 1)).map((band) => band.name);
-    svg.append(shape("text", { x: 56, y: row + 4, fill: LIGHT.ink }, [`${shortName(method.label, 50)}: ${method.lines[0].name}`, ...bands].join(", ")));
+    svg.append(shape("text", { x: 56, y: row + 4, fill: LIGHT.ink }, [`${shortName(method.label, titled ? 34 : 50)}: ${method.lines[0].name}`, ...bands].join(", ")));
   });
   return svg;
 }

@@ -2,6 +2,7 @@
 
 import { drawForPaper, makeChart } from "./chart.js";
 import { chartModel } from "./chart_model.js";
+import { completeViews, makeViews } from "./chart_views.js";
 
 /** Begin: figures of a part of the page that have data are watched, and each becomes a chart once. */
 export function startCharts(part = document) {
@@ -10,8 +11,9 @@ export function startCharts(part = document) {
     near.unobserve(figure);
     if (!waiting.delete(figure)) return;
     try {
-      const data = figure.querySelector('script[type="application/json"]');
-      makeChart(figure, chartModel(JSON.parse(data.textContent)));
+      const data = JSON.parse(figure.querySelector('script[type="application/json"]').textContent);
+      if (data.views) makeViews(figure, data);
+      else makeChart(figure, chartModel(data));
     } catch (error) {
       // its picture stands; others are charts none the less
       console.error(error);
@@ -25,6 +27,7 @@ export function startCharts(part = document) {
   // paper has what the browser draws, what was far from the window, too
   window.addEventListener("beforeprint", () => {
     [...waiting].forEach(make);
+    completeViews();
     drawForPaper();
   });
 }

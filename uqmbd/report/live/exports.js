@@ -37,17 +37,20 @@ export async function pictureOf(model, [low, high]) {
   const drawn = chart.ctx.canvas;
   const shown = shownOf(model);
   const ratio = drawn.width / PICTURE.width;
+  const titled = model.title ? 1 : 0;
   const line = 40 * ratio;
   const canvas = document.createElement("canvas");
   canvas.width = drawn.width;
-  canvas.height = drawn.height + line * (shown.length + 0.5);
+  canvas.height = drawn.height + line * (shown.length + titled + 0.5);
   const pen = canvas.getContext("2d");
   pen.fillStyle = LIGHT.paper;
   pen.fillRect(0, 0, canvas.width, canvas.height);
   pen.font = `${26 * ratio}px system-ui, sans-serif`;
   pen.textBaseline = "middle";
+  pen.fillStyle = LIGHT.ink;
+  if (titled) pen.fillText(shortName(model.title, 60), 30 * ratio, 0.75 * line);
   shown.forEach((method, k) => {
-    const y = line * (k + 0.75);
+    const y = line * (k + titled + 0.75);
     const width = 2 * method.width * ratio;
     pen.strokeStyle = method.colours[0];
     pen.lineWidth = width;
@@ -60,7 +63,7 @@ export async function pictureOf(model, [low, high]) {
     const bands = k === 0 ? method.bands : method.bands.slice(0, 1);
     pen.fillText(`${shortName(method.label, 60)}: ${[method.lines[0], ...bands].map((one) => one.name).join(", ")}`, 140 * ratio, y);
   });
-  pen.drawImage(drawn, 0, line * (shown.length + 0.5));
+  pen.drawImage(drawn, 0, line * (shown.length + titled + 0.5));
   chart.destroy();
   return canvas;
 }

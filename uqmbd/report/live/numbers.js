@@ -75,6 +75,29 @@ export function tickLabels(ticks, step, power = 0) {
   });
 }
 
+/** A number on a logarithmic axis: a power of ten alone where it is one that is written with it. */
+export const powerText = (value) => formatNumber(value, value >= 1 ? 1 : 0).replace(/^1 × /, "");
+
+/** Where a logarithmic axis has ticks, not more than some: at 1, 2 and 5 of decades or at decades; equal steps between. */
+export function decadeTicks(low, high, most, fine = true) {
+  const first = Math.floor(Math.log10(low) - 1e-9);
+  const last = Math.ceil(Math.log10(high) + 1e-9);
+  const within = (values) => values.filter((v) => v >= low * (1 - 1e-9) && v <= high * (1 + 1e-9));
+  const decades = Array.from({ length: last - first + 1 }, (_, k) => Number(`1e${first + k}`));
+  const parts = within(decades.flatMap((ten) => [ten, 2 * ten, 5 * ten]));
+  const full = within(decades);
+  if (fine && parts.length <= most && parts.length > 2) return parts;
+  if (full.length > 1) {
+    const every = Math.ceil(full.length / most);
+    return full.filter((_, k) => (full.length - 1 - k) % every === 0);
+  }
+  const rough = (high - low) / Math.max(Math.min(most, 5), 1);
+  const ten = 10 ** Math.floor(Math.log10(rough));
+  const step = [1, 2, 5, 10].map((m) => m * ten).find((size) => size >= rough);
+  const start = Math.ceil(low / step);
+  return Array.from({ length: Math.floor(high / step) - start + 1 }, (_, k) => Number(((start + k) * step).toPrecision(12)));
+}
+
 export const powerLabel = (power) => (power === 0 ? "" : ` × 10${superscript(power)}`);
 
 /** The index of the time that is nearest to one. */

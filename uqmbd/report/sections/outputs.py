@@ -17,7 +17,7 @@ from uqmbd.results import choose_reference
 from uqmbd.results.comparison import STILL
 from uqmbd.wording import format_count
 
-__all__ = ["FULL", "OUTPUTS", "bands_chart", "chart_content", "most_uncertain", "ranked"]
+__all__ = ["FULL", "OUTPUTS", "bands_chart", "chart_content", "json_chart", "most_uncertain", "ranked"]
 
 DENSITIES = 6
 """Most methods whose densities are drawn in one figure."""
@@ -118,7 +118,7 @@ def _output(result: StudyResult, name: str, whole: bool) -> Content:
                 "When it is uncertain: the standard deviation over time; the shaded band is plus and minus two "
                 "standard errors, where they are known.",
                 f"{name}-standard-deviation",
-                _json(live.std_data(holders, name)),
+                json_chart(live.std_data(holders, name)),
             )
         ]
     )
@@ -181,10 +181,11 @@ def bands_chart(result: StudyResult, name: str, *, drawn: bool = False) -> Conte
 
 def chart_content(holders: Mapping[str, xr.DataTree], name: str, limits: Mapping[str, float]) -> str | None:
     """Return the data of the chart of an output; None if there is none."""
-    return _json(live.bands_data(holders, name, limits=limits))
+    return json_chart(live.bands_data(holders, name, limits=limits))
 
 
-def _json(data: Mapping[str, object] | None) -> str | None:
+def json_chart(data: Mapping[str, object] | None) -> str | None:
+    """Return the data of a chart as JSON for the page; None if there is none."""
     return None if data is None else live.json_script(data)
 
 
@@ -203,7 +204,7 @@ def _differences(holders: Mapping[str, xr.DataTree], name: str) -> list[Content]
                 f"How far the methods agree: the {words} of each, less that of {reference}. A shaded band is plus and "
                 "minus two standard errors of this, where they are known.",
                 f"{name}-differences" if statistic == "mean" else "",
-                _json(data),
+                json_chart(data),
             )
         )
     words = f"Difference of the mean and the standard deviation of {name} between methods, over time."

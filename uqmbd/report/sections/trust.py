@@ -9,8 +9,8 @@ from collections.abc import Mapping
 import numpy as np
 import xarray as xr
 
-from uqmbd.report import figures
-from uqmbd.report.drawing import image
+from uqmbd.report import figures, live
+from uqmbd.report.drawing import charted, image
 from uqmbd.report.figures import (
     chaos_nodes,
     chaos_of,
@@ -26,7 +26,7 @@ from uqmbd.report.figures import (
     surrogate_of,
     varies_over_time,
 )
-from uqmbd.report.sections.outputs import most_uncertain
+from uqmbd.report.sections.outputs import json_chart, most_uncertain
 from uqmbd.report.sections.section import Content, TemplateSection
 from uqmbd.report.view import Method, StudyResult
 from uqmbd.results import statements
@@ -136,16 +136,17 @@ def _gains(method: Method) -> list[str]:
     return [f"÷ {format_factor(10**d)}" if math.isfinite(d) and -1 < d < 4 else "–" for d in decades]
 
 
-def _verification(method: Method, said: Mapping[tuple[str, str], str]) -> dict[str, str]:
+def _verification(method: Method, said: Mapping[tuple[str, str], str]) -> Content:
     label, count = method.label, method.surrogate_data.sizes.get("verification", 0)
     where = format_count(count, "realisation") if count else "realisations"
-    return image(
+    return charted(
         functools.partial(figures.verification, method.node),
         f"Stated error of the surrogate of {label} over time, for each output. "
         + "; ".join(_verdicts(method, said)["verdicts"]),
         f"What {label} states of its own error: at {where} that did not enter the surrogate, relative to the standard "
         "deviation. A dot marks where the limit of 1 % is passed for the first time.",
         f"{label}-stated-error",
+        lambda: json_chart(live.errors_data(method.node)),
     )
 
 
