@@ -91,7 +91,7 @@ def write_report(
             date=created.replace("T", " ").replace("+00:00", " UTC"),
             first=first,
             sections=shown,
-            outputs=[output["name"] for output in contents["outputs"]["outputs"]],
+            outputs=[output["name"] for output in contents.get("outputs", {}).get("outputs", ())],
             scripts=page_scripts() if _charted(contents) or any(CHARTED in one["html"] for one in of_plugins) else None,
         ),
         Path(path),

@@ -94,6 +94,13 @@ def test_ticks_that_are_a_step_apart_differ_and_are_exact(node):
         assert len({len(text.partition(".")[2]) for text in found}) == 1 and found[3].strip("0.") == ""
 
 
+@pytest.mark.parametrize(("limit", "drawn"), [(2.9, True), (3.1, False), (-1.9, True), (-2.1, False), (0.5, True)])
+def test_a_limit_farther_than_twice_the_height_of_the_curves_is_not_drawn(node, limit, drawn):
+    lines = 'answer = limitsOf([{ lines: [{ values: [0, null, 1] }] }], [{ name: "a", value: given }]);'
+    found = node(["chart_model.js"], lines, limit)
+    assert len(found["limits" if drawn else "beyond"]) == 1 and not found["beyond" if drawn else "limits"]
+
+
 def test_the_vendored_library_is_whole_and_has_its_licence():
     vendor = files("uqmbd.report.live") / "vendor"
     stated = dict(re.findall(r"\| `([\w.]+)` \|.*\| `([0-9a-f]{64})` \|", (vendor / "README.md").read_text("utf-8")))

@@ -102,6 +102,15 @@ def test_the_data_hold_the_surrogate_and_its_statistics():
     )
 
 
+def test_the_input_that_matters_most_comes_first(make_chaos):
+    tree = study_tree([make_chaos("c", 3)], study="s", mechanism="m")
+    data = explorer_data(tree)
+    names = [one["name"] for one in data["histories"]["surrogate"]["inputs"]]
+    statistics = tree["c/statistics"].to_dataset().sel(output="slider_x")
+    weighted = (statistics["sobol_total"] * statistics["std"] ** 2).sum("time")
+    assert [names[k] for k in data["order"]] == weighted["input"].values[np.argsort(-weighted.values)].tolist()
+
+
 def test_without_a_surrogate_there_is_a_reason(study):
     assert "samples and no surrogate" in explorer_data(study)["reason"]
 

@@ -90,7 +90,8 @@ def number(text):
 
 def values(page):
     """Return the values in the fields of the inputs."""
-    return [float(field.input_value()) for field in page.locator(".input-row input.value").all()]
+    rows = [page.locator(f".input-row:has(#input-{k}) input.value") for k in range(2)]
+    return [float(field.input_value()) for field in rows]
 
 
 def picture(page):

@@ -3,6 +3,7 @@
 import json
 import re
 
+import chaospy
 import numpy as np
 import pytest
 import xarray as xr
@@ -10,6 +11,7 @@ import xarray as xr
 import uqmbd
 from tests.mechanisms import pendulum
 from uqmbd import report, results
+from uqmbd.report.overview.advice import advice
 from uqmbd.report.overview.asked import asked, in_view
 from uqmbd.report.overview.belief import belief
 from uqmbd.report.overview.influences import of_history
@@ -111,6 +113,28 @@ def test_what_a_method_with_few_samples_says_is_not_believed(count):
     lines = belief(StudyResult.of(results.study_tree([sampled(count=count)], study="s", mechanism="m")))
     # 1.96 standard errors of a standard deviation of normal samples are 1.39 of it over the root of their number
     assert {line.level for line in lines} == ({0} if count == 20 else {1})
+
+
+def test_a_method_that_is_alone_and_not_known_well_comes_with_what_would_help(make_chaos):
+    """It is not told to be used again as it was; nor is a requirement that was never violated by few samples."""
+    alone = StudyResult.of(results.study_tree([make_chaos("c", 1)], study="s", mechanism="m"))
+    (said,) = advice(alone)["words"]
+    assert min(line.level for line in belief(alone)) < 2 and "a higher order would lower it" in said
+    known = StudyResult.of(results.study_tree([make_chaos("c", 7)], study="s", mechanism="m"))
+    assert min(line.level for line in belief(known)) == 2 and advice(known)["words"] == []
+    never = required(sampled(count=100), [0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.03, 0.03, 0.03])
+    words = advice(StudyResult.of(results.study_tree([never], study="s", mechanism="m")))["words"]
+    assert "one, two: ten times as many realisations" in words[-1]
+
+
+def test_a_page_without_histories_has_no_section_of_them(tmp_path):
+    mechanism = uqmbd.Mechanism("fall", uqmbd.Translational(gravity=(0, -9.81)))
+    speed = uqmbd.RandomVariable("speed", chaospy.Normal(3, 0.2), units="m/s")
+    stone = mechanism.body("stone", mass=1, velocity=(0, speed))
+    mechanism.output("highest", uqmbd.maximum(stone.position[1]), units="m")
+    study = uqmbd.Study("s", mechanism, TIMES, [MonteCarlo(samples=8, seed=1)])
+    page = report.write_report(study.run(), tmp_path / "report.html").read_text(encoding="utf-8")
+    assert 'id="scalars"' in page and 'id="outputs"' not in page and 'href="#outputs"' not in page
 
 
 def test_outputs_before_and_after_a_calibration_stand_side_by_side():

@@ -207,6 +207,8 @@ def test_recommendation(exact: xr.DataTree) -> None:
     assert found.attrs["recommendation"] == "\n".join((lead, *others))
     alone = results.recommend(results.compare([nodes[0], nodes[3]]))
     assert alone[0].startswith("No other method agrees with monte-carlo")
+    unresolved = results.recommend(results.compare([nodes[0], nodes[2]]))
+    assert unresolved[0].startswith("No other method is resolved well enough to check monte-carlo")
     shown = agreement(StudyResult.of(results.study_tree(nodes, study="s", mechanism="m")))
     assert shown is not None and shown["lead"] == lead and len(shown["each"]) == 9
 

@@ -7,9 +7,9 @@ import { chartOptions, seriesData } from "./chart_options.js";
 import { button, element } from "./dom.js";
 import { fileName, pictureOf, saveBlob } from "./exports.js";
 import { onInputs, pageInputs } from "./inputs_bus.js";
-import { formatError, formatNumber, nearestIndex } from "./numbers.js";
+import { formatError, formatNumber, formatQuantity, nearestIndex } from "./numbers.js";
 import { onTheme, palette } from "./theme.js";
-import { announceTime, onTime, pageTime } from "./time_bus.js";
+import { announceTime, onTime, pageTime, proposeTime } from "./time_bus.js";
 
 const NARROW = 480;
 const papers = [];
@@ -44,6 +44,7 @@ export function makeChart(figure, model) {
   const described = figure.dataset.alt ?? figure.querySelector("img")?.alt ?? "";
   const small = figure.classList.contains("small");
   const whole = [model.time[0], model.time[model.time.length - 1]];
+  if (small && linked) proposeTime(model.time[model.start]);
   let index = !linked || pageTime() === null ? model.start : nearestIndex(model.time, pageTime());
 
   // the table of values, which is the legend, too
@@ -115,6 +116,10 @@ export function makeChart(figure, model) {
   );
   const reading = small ? element("p", { class: "now" }) : element("div", { class: "wide readout" }, table);
   const holder = element("div", { class: "chart", role: "group", "aria-label": described }, ...(small ? [reading, space, all] : [space, tools, reading]));
+  if (model.beyond.length) {
+    const list = model.beyond.map(({ name, value }) => `${name} (${formatQuantity(value, model.units)})`).join(", ");
+    holder.append(element("p", { class: "beyond" }, `Too far away to be drawn: the limit of ${list}.`));
+  }
   figure.prepend(holder);
   figure.classList.add("live");
 

@@ -42,13 +42,24 @@ export function chartModel(data) {
   }));
   const across = data.across ?? OVER_TIME;
   const at = numbersOf(data.time);
-  return { ...data, across, at, time: across.log ? at.map(Math.log10) : at, methods, chosen: chosenLine() };
+  return { ...data, ...limitsOf(methods, data.limits ?? []), across, at, time: across.log ? at.map(Math.log10) : at, methods, chosen: chosenLine() };
 }
 
 /** Where an index is, in words, with as many digits as the axis needs. */
 export function placeAt({ at, across }, index) {
   const spread = across.whole ? 1 : Math.abs(at[at.length - 1] - at[0]) / 10;
   return formatQuantity(at[index], across.told, spread);
+}
+
+/** How many times the height of what is drawn a limit may be away from it: farther ones would leave a flat line. */
+const REACH = 2;
+
+/** The limits that are drawn, and those that are too far away. */
+export function limitsOf(methods, limits) {
+  const drawn = methods.flatMap(({ lines }) => lines.flatMap(({ values }) => values)).filter((v) => v !== null);
+  const [low, high] = [drawn.reduce((a, b) => Math.min(a, b), Infinity), drawn.reduce((a, b) => Math.max(a, b), -Infinity)];
+  const far = ({ value }) => high > low && Math.max(value - high, low - value) > REACH * (high - low);
+  return { limits: limits.filter((limit) => !far(limit)), beyond: limits.filter(far) };
 }
 
 /** What a chart shows: its methods, and the line of the chosen inputs as one that has no bands. */

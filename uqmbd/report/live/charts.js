@@ -23,7 +23,8 @@ export function startCharts(part = document) {
     (entries) => entries.filter((entry) => entry.isIntersecting).forEach(({ target }) => make(target)),
     { rootMargin: "400px" },
   );
-  waiting.forEach((figure) => near.observe(figure));
+  // that of the first screen at once: the page begins at its time
+  waiting.forEach((figure) => (figure.classList.contains("small") ? make(figure) : near.observe(figure)));
   // paper has what the browser draws, what was far from the window, too
   window.addEventListener("beforeprint", () => {
     [...waiting].forEach(make);

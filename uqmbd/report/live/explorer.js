@@ -47,7 +47,8 @@ export function makeExplorer(panel, data) {
     docked,
   );
   const status = element("p", { class: "state", role: "status" });
-  const list = element("div", { class: "inputs-list" }, ...rows.map(({ row }) => row));
+  // what matters most comes first
+  const list = element("div", { class: "inputs-list" }, ...(data.order ?? rows.map((_, k) => k)).map((k) => rows[k].row));
   const box = element("div", { class: "chart inputs-box", role: "group", "aria-label": "Inputs" }, tools, list, status);
 
   // the outputs

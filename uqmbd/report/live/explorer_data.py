@@ -33,7 +33,8 @@ def explorer_data(tree: xr.DataTree, limits: Sequence[Mapping[str, object]] = ()
     dict
         ``method``, its label; ``histories`` and ``scalars``, outputs with and without a time: None where there are
         none, else ``surrogate`` as of `live_surrogate`, and ``mean`` and ``std`` (O, T); ``limits``, those of
-        these outputs; ``missing``, why one of them is not there.
+        these outputs; ``missing``, why one of them is not there; ``order``, the numbers of the inputs, that which
+        matters most first.
     """
     label = live_method(tree)
     if not label:
@@ -55,7 +56,26 @@ def explorer_data(tree: xr.DataTree, limits: Sequence[Mapping[str, object]] = ()
         return {"reason": " ".join(missing)}
     names = {o["name"] for one in found.values() if one for o in one["surrogate"]["outputs"]}
     known = [dict(one) for one in limits if one["output"] in names and one.get("end") in ("highest", "lowest")]
-    return {"method": label, **found, "limits": known, "missing": missing}
+    surrogates = [one["surrogate"] for one in found.values() if one]
+    order = _order(node, [one["name"] for one in surrogates[0]["inputs"]])
+    return {"method": label, **found, "limits": known, "missing": missing, "order": order}
+
+
+def _order(node: xr.DataTree, inputs: list[str]) -> list[int]:
+    """Return the numbers of inputs, that with the largest share in an output first; as they are where none is known."""
+    largest = dict.fromkeys(inputs, 0.0)
+    for part in (node, node.children.get("scalars")):
+        data = part.children["statistics"].to_dataset() if part is not None and "statistics" in part.children else None
+        if data is None or "sobol_total" not in data:
+            continue
+        total, variance = data["sobol_total"], data["std"] ** 2
+        if "time" in total.dims:
+            total = (total * variance).sum("time") / variance.sum("time")
+        shares = total.max([dim for dim in total.dims if dim != "input"])
+        for name, share in zip(shares["input"].values.tolist(), shares.values.tolist(), strict=True):
+            if share > largest.get(str(name), share):  # of what does not vary it is not a number
+                largest[str(name)] = share
+    return sorted(range(len(inputs)), key=lambda k: -largest[inputs[k]])
 
 
 def _statistics(node: xr.DataTree, outputs: list[str]) -> dict[str, Any]:

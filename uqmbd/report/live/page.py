@@ -10,8 +10,8 @@ from uqmbd.report.live.scripts import joined_modules
 
 __all__ = ["PageScripts", "page_scripts"]
 
-START = "\nstartPlayers();\nstartExplorers();\nstartCharts();\n"
-"""What the scripts do when the page is there."""
+START = "\nstartCharts();\nstartPlayers();\nstartExplorers();\n"
+"""What the scripts do when the page is there: the chart of the first screen says at which time the page begins."""
 
 
 @dataclass(frozen=True)

@@ -19,8 +19,13 @@ export function ownTime() {
 /** The time of the page, in seconds; null before anyone has announced one. */
 export const pageTime = () => latest;
 
-/** The time of the page; where nobody has announced one, it begins at this one. */
-export const beginAt = (time) => (latest ??= time);
+let proposed = null;
+
+/** Where the page is to begin, if anything in it moves. */
+export const proposeTime = (time) => (proposed ??= time);
+
+/** The time of the page; where nobody has announced one, it begins at the one that was proposed, or at this one. */
+export const beginAt = (time) => (latest ??= proposed ?? time);
 
 /** Tell all others that the page is at a time, in seconds; `source` is who says so. */
 export function announceTime(time, source) {

@@ -242,7 +242,7 @@ def with_motion(tree: xr.DataTree, study: Study) -> tuple[xr.DataTree, str]:
     Returns
     -------
     tree : xarray.DataTree
-        With the node, if it could be made.
+        With the node, if it could be made; else the attribute ``no_motion``, which says why, for the report.
     note : str
         Why it could not, or empty.
     """
@@ -253,7 +253,10 @@ def with_motion(tree: xr.DataTree, study: Study) -> tuple[xr.DataTree, str]:
         most = min(20.0, BUDGET / max(spent, 1e-3), STORED / max(alone["pose"].size, 1))
         data = motion(study, samples=int(most)) if most >= 1 and "input" in alone.coords else alone
     except Exception as error:  # noqa: BLE001 - studies and plugins may raise anything; the results must stand
-        return tree, f"{type(error).__name__}: {error}"
+        reason = f"{type(error).__name__}: {error}"
+        without = tree.copy()
+        without.attrs["no_motion"] = reason
+        return without, reason
     extended = tree.copy()
     extended["motion"] = xr.DataTree(data)
     return extended, ""

@@ -39,6 +39,7 @@ def content(result: StudyResult) -> Content:
         "picture": _picture(result, name),
         "in_view": name,
         "matters": None if found is None else _bars(found, of_what),
+        "untold": _untold(result, shown),
         "belief": [{"name": one.name, "level": one.level, "sign": one.sign, "word": one.word, "text": one.text}
                    for one in lines[:LINES]],
         "more_lines": max(len(lines) - LINES, 0),
@@ -64,6 +65,16 @@ def _influences(result: StudyResult, shown: Content, name: str) -> tuple[Influen
         if found := of_scalar(result, one):
             return found, one
     return None, name
+
+
+def _untold(result: StudyResult, shown: Content) -> str:
+    """Say why nothing is told of what matters, and what would tell."""
+    if not any("input" in method.node.children["statistics"].to_dataset().coords or method.samples is not None
+               for method in result.methods.values()):  # fmt: skip
+        return "The results do not tell: there are no inputs in them."
+    if shown["kind"] == "requirements":
+        return "The results do not tell: collocation and Galerkin do, and so does the method reliability."
+    return "The results do not tell: collocation and Galerkin do, and so do 30 samples, four for each input."
 
 
 def _bars(found: Influences, of_what: str) -> Content:

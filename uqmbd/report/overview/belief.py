@@ -23,7 +23,7 @@ from uqmbd.results.comparison import (
 from uqmbd.results.statistics import rtol_of
 from uqmbd.wording import format_count, format_percent
 
-__all__ = ["Line", "belief"]
+__all__ = ["RARE", "Line", "belief"]
 
 WELL, ROUGHLY = 0.05, COARSE
 """Stated errors, in shares of the standard deviation, up to which an output is known well, and roughly."""
@@ -51,12 +51,15 @@ class Line:
         Why.
     error : float
         By which lines of a level are sorted.
+    stated : str
+        The stated error of an output in words; empty for others, and where it is not known.
     """
 
     name: str
     level: int
     text: str
     error: float = 0.0
+    stated: str = ""
 
     @property
     def sign(self) -> str:
@@ -128,7 +131,8 @@ def _line(result: StudyResult, label: str, name: str, known: _Known) -> Line:
         else "compared with nothing"
     )
     text = f"{said}; {words.get(kind, kind) or alone}"
-    return Line(name, level, text, error if math.isfinite(error) else ROUGHLY)
+    known_error = math.isfinite(error)
+    return Line(name, level, text, error if known_error else ROUGHLY, said if known_error else "")
 
 
 @dataclass(frozen=True)

@@ -25,7 +25,8 @@ def mechanism_picture(result: StudyResult) -> Content | None:
     """
     data = result.motion
     if data is None:
-        return None
+        reason = str(result.tree.attrs.get("no_motion", ""))
+        return {"problem": reason} if reason else None
     try:
         times, bodies = data["time"].values, ", ".join(map(str, data["body"].values))
         count = data.sizes["realisation"] - 1

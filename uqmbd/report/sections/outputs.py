@@ -29,8 +29,8 @@ FULL = 6
 """Outputs of which all figures are drawn; of those beyond, the bands, folded.  A browser takes some 15 ms an image."""
 
 
-def outputs(result: StudyResult) -> Content:
-    """Return what the section says and shows.
+def outputs(result: StudyResult) -> Content | None:
+    """Return what the section says and shows; None where no output is a history over time.
 
     Returns
     -------
@@ -39,6 +39,8 @@ def outputs(result: StudyResult) -> Content:
         is not drawn, or empty; ``statistics``: a table of all.
     """
     names = result.histories
+    if not names:
+        return None
     full = most_uncertain(result)
     found = [_output(result, name, name in full) for name in sorted(names, key=lambda n: n not in full)]
     if len(full) == len(names):

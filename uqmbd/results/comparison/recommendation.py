@@ -132,10 +132,16 @@ def recommend(comparison: xr.Dataset) -> tuple[str, ...]:
     elif not equal:
         holed = any(_unknown(comparison, m) for m in methods)
         whole = ", and knows its statistics at all times" if holed else ""
-        lead = (
-            f"No other method agrees with {reference}, the reference{_known(comparison, reference)}{whole}: rely on "
-            "none of them before the reasons below are understood."
-        )
+        if any(found[m][0] == DIFFERS for m in methods) or holed:
+            lead = (
+                f"No other method agrees with {reference}, the reference{_known(comparison, reference)}{whole}: rely "
+                "on none of them before the reasons below are understood."
+            )
+        else:
+            lead = (
+                f"No other method is resolved well enough to check {reference}, the reference"
+                f"{_known(comparison, reference)}: rely on it as far as its stated error allows, and not on the others."
+            )
     elif not best:
         lead = (
             f"{_listed(methods, 'and')} are the same: equal results from equal numbers of realisations. Nothing speaks "

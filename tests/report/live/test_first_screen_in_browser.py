@@ -1,0 +1,113 @@
+"""The first screen and the sliders, in a browser: one time, nothing hidden, no hole, and all of it by keys alone."""
+
+import chaospy
+import numpy as np
+import pytest
+
+import uqmbd
+from uqmbd import report
+from uqmbd_collocation import Collocation
+from uqmbd_joints import Revolute
+from uqmbd_montecarlo import MonteCarlo
+
+pytestmark = pytest.mark.slow
+
+FACTORS = ("a", "b", "c", "d", "e", "f", "last")
+"""Inputs; the spread of each is four times that of the one before, so that the last one matters most."""
+
+
+def swinging():
+    """A pendulum of seven inputs, which has to stay above a floor that it reaches, and one that is far below."""
+    mechanism = uqmbd.Mechanism("pendulum", uqmbd.Planar(gravity=(0, -9.81)))
+    inputs = [
+        uqmbd.RandomVariable(name, chaospy.Normal(0.0, 0.03 * 4.0 ** (k - 6)), units="m")
+        for k, name in enumerate(FACTORS)
+    ]
+    length = 0.5 + sum(inputs)
+    rod = mechanism.body("rod", mass=1.0, inertia=0.1, position=(length, 0))
+    mechanism.add(Revolute("pivot", mechanism.ground, rod, (0, 0), (-length, 0)))
+    mechanism.output("height", rod.position[1], units="m")
+    mechanism.output("way", rod.position[0] / 1000, units="m")
+    mechanism.require("floor", rod.position[1] >= -0.53)
+    mechanism.require("cellar", rod.position[1] >= -50.0)
+    methods = [MonteCarlo(samples=40, seed=1), Collocation(order=1)]
+    return uqmbd.Study("swing", mechanism, np.linspace(0, 1, 51), methods)
+
+
+@pytest.fixture(scope="module")
+def made():
+    study = swinging()
+    tree, problem = report.with_motion(study.run(), study)
+    assert not problem
+    return tree
+
+
+@pytest.fixture(scope="module")
+def page_file(made, tmp_path_factory):
+    return report.write_report(made, tmp_path_factory.mktemp("first") / "report.html")
+
+
+def test_player_and_chart_begin_where_the_output_in_view_is_most_uncertain(opened, page_file, made):
+    page = opened(page_file)
+    std = made["collocation/statistics/std"].sel(output="height")
+    expected = float(std["time"][int(std.values.argmax())])
+    assert page.locator("#in-view .now").inner_text().startswith(f"{expected:.4g} s.")
+    assert float(page.locator("#mechanism .clock").inner_text().removesuffix(" s")) == expected
+    assert f"At {expected:.4g} s" in page.locator(".explorer > .readout caption").inner_text()
+
+
+@pytest.mark.parametrize("width", [390, 1200])
+def test_all_sliders_are_seen_and_what_matters_most_comes_first(opened, page_file, width):
+    page = opened(page_file, width=width)
+    assert page.locator(".input-row label").all_inner_texts() == list(reversed(FACTORS))
+    # nothing lies in a box of its own that scrolls
+    hidden = "(box) => box.scrollHeight - box.clientHeight"
+    assert page.locator(".inputs-list").evaluate(hidden) <= 1 and page.locator(".inputs-box").evaluate(hidden) <= 1
+
+
+def test_a_limit_that_is_far_away_is_told_and_leaves_the_curve_its_height(opened, page_file):
+    page = opened(page_file)
+    assert page.locator("#in-view .beyond").inner_text() == "Too far away to be drawn: the limit of cellar (−50 m)."
+    figure = page.locator("#in-view")
+    rows = figure.locator("canvas").evaluate(
+        """(canvas) => {
+            const { data, width, height } = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
+            const rows = new Set();
+            for (let k = 0; k < data.length; k += 4) // the blue of the first method
+                if (Math.abs(data[k] - 0x00) + Math.abs(data[k + 1] - 0x72) + Math.abs(data[k + 2] - 0xb2) < 12)
+                    rows.add(Math.floor(k / 4 / width));
+            return rows.size / height;
+        }"""
+    )
+    assert rows > 0.4
+
+
+def test_without_poses_the_chart_has_the_width_and_the_reason_is_told(opened, made, tmp_path):
+    page = opened(report.write_report(made.drop_nodes("motion"), tmp_path / "report.html"))
+    assert "--no-report" in page.locator(".pictures > .soft").inner_text()
+    box, whole = page.locator("#in-view canvas").bounding_box(), page.locator(".pictures").bounding_box()
+    assert box["width"] > 0.9 * whole["width"]
+
+
+def test_everything_is_reached_by_keys_alone(opened, page_file):
+    """Tab goes once through all that can be used, in the order of the page, and what has the focus shows it."""
+    page = opened(page_file)
+    reached = []
+    for _ in range(200):
+        page.keyboard.press("Tab")
+        found = page.evaluate(
+            """() => {
+                const one = document.activeElement;
+                if (one === document.body) return null;
+                const look = getComputedStyle(one);
+                const shown = look.outlineStyle !== "none" || look.boxShadow !== "none";
+                return [one.id || one.className || one.textContent.trim().slice(0, 30), shown,
+                        one.getBoundingClientRect().top + scrollY];
+            }"""
+        )
+        if found is None:
+            break
+        reached.append(found)
+    names = [name for name, _, _ in reached]
+    assert {f"input-{k}" for k in range(7)} <= set(names) and names.count("plot") >= 3 and "▶ Play" in names
+    assert [name for name, shown, _ in reached if not shown] == []
